@@ -1,0 +1,22 @@
+"""Optimal-transport losses for surfaces, from points on a line to the cortex."""
+
+from meshot.loss.chamfer import chamfer
+from meshot.loss.directions import quasi_directions, random_directions
+from meshot.loss.sliced import sliced_wasserstein
+from meshot.loss.wasserstein import wasserstein
+from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
+from meshot.mesh.mesh import Contour, Mesh
+
+__all__ = [
+    "Contour",
+    "DiscreteMeasure",
+    "Mesh",
+    "chamfer",
+    "empirical",
+    "quasi_directions",
+    "random_directions",
+    "sliced_wasserstein",
+    "varifold",
+    "wasserstein",
+]
+__version__ = "0.1.0"

@@ -1,0 +1,114 @@
+"""Checks at the door: each raises a ``ValueError`` that says what came, what is needed and how to mend it."""
+
+import torch
+
+from meshot.types import Tensor
+
+
+def as_floating(values: object, name: str) -> Tensor:
+    """A finite, floating-point tensor from anything that ``torch.as_tensor`` takes.
+
+    Raises
+    ------
+    ValueError
+        If the values are not numbers, not floating point, or not finite.
+    """
+    try:
+        tensor = torch.as_tensor(values)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise ValueError(
+            f"{name} cannot be made a tensor ({error}); pass an array of floating-point numbers"
+        ) from error
+    if not tensor.is_floating_point():
+        raise ValueError(
+            f"{name} has dtype {tensor.dtype}; floating point is needed: convert with .double() or .float()"
+        )
+    require_finite(tensor, name)
+    return tensor
+
+
+def as_indices(values: object, name: str, n_items: int) -> Tensor:
+    """An int64 tensor of indices in ``[0, n_items)``.
+
+    Raises
+    ------
+    ValueError
+        If the values are not integers or point outside the range.
+    """
+    try:
+        tensor = torch.as_tensor(values)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise ValueError(f"{name} cannot be made a tensor ({error}); pass an array of integers") from error
+    if tensor.is_floating_point() or tensor.is_complex() or tensor.dtype == torch.bool:
+        raise ValueError(f"{name} has dtype {tensor.dtype}; integers are needed: convert with .long()")
+    tensor = tensor.to(torch.int64)
+    if tensor.numel() and (int(tensor.min()) < 0 or int(tensor.max()) >= n_items):
+        raise ValueError(
+            f"{name} holds indices from {int(tensor.min())} to {int(tensor.max())}, but there are {n_items} vertices: "
+            f"indices must lie in [0, {n_items - 1}] (files that count from 1 need a shift by one)"
+        )
+    return tensor
+
+
+def require_shape(tensor: Tensor, name: str, columns: int | None) -> None:
+    """Require a matrix with at least one row and, unless None, ``columns`` columns.
+
+    Raises
+    ------
+    ValueError
+        If the tensor has another shape or no rows.
+    """
+    wanted = f"(n, {columns if columns is not None else 'd'})"
+    if tensor.ndim != 2 or (columns is not None and tensor.shape[1] != columns):
+        raise ValueError(f"{name} has shape {tuple(tensor.shape)}; {wanted} is needed: one row per item")
+    if tensor.shape[0] == 0 or tensor.shape[1] == 0:
+        raise ValueError(f"{name} is empty (shape {tuple(tensor.shape)}); at least one row and one column are needed")
+
+
+def require_finite(tensor: Tensor, name: str) -> None:
+    """Require that no entry is NaN or infinite.
+
+    Raises
+    ------
+    ValueError
+        With the number of bad entries and the index of the first.
+    """
+    bad = ~torch.isfinite(tensor.detach())
+    if bool(bad.any()):
+        first = tuple(int(i) for i in bad.nonzero()[0])
+        raise ValueError(
+            f"{name} has {int(bad.sum())} entries that are NaN or infinite, the first at index {first}: "
+            "remove them, or look for the step that made them"
+        )
+
+
+def require_same_space(source: Tensor, target: Tensor) -> None:
+    """Require that two point sets have the same dimension, dtype and device.
+
+    Raises
+    ------
+    ValueError
+        If one of them differs.
+    """
+    if source.shape[-1] != target.shape[-1]:
+        raise ValueError(
+            f"source lives in R^{source.shape[-1]} and target in R^{target.shape[-1]}; both must live in the same space: "
+            "encode both meshes in the same way"
+        )
+    if source.dtype != target.dtype or source.device != target.device:
+        raise ValueError(
+            f"source is {source.dtype} on {source.device}, target {target.dtype} on {target.device}; both must agree: "
+            "convert one with .to(...)"
+        )
+
+
+def require_positive_integer(value: object, name: str) -> None:
+    """Require an integer of at least one.
+
+    Raises
+    ------
+    ValueError
+        For anything else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise ValueError(f"{name} is {value!r}; an integer >= 1 is needed")

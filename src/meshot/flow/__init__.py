@@ -1,0 +1,1 @@
+"""Motion: descent of free points, velocity fields, their integration, and fitting."""

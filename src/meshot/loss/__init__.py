@@ -1,0 +1,1 @@
+"""Losses between measures, differentiable in the supports and in the weights."""

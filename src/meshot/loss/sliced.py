@@ -1,0 +1,82 @@
+"""The sliced Wasserstein loss: transport along lines, averaged over directions."""
+
+import torch
+
+from meshot.errors import require_same_space
+from meshot.loss.directions import require_directions
+from meshot.measure.discrete import DiscreteMeasure
+from meshot.types import Float, Tensor
+
+
+def sliced_wasserstein(
+    source: DiscreteMeasure, target: DiscreteMeasure, directions: Float[Tensor, "L d"], p: float = 2
+) -> Float[Tensor, ""]:
+    """The Monte Carlo sliced Wasserstein loss SW_p^p: the mean over directions of the 1D transport cost W_p^p.
+
+    Both measures are projected on the same directions. Along each one, optimal transport is monotone: the cost is
+    ∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz between the two quantile functions. Differentiable in points and weights; the gradient
+    in the weights is a Kantorovich potential, defined up to a constant.
+
+    Parameters
+    ----------
+    source, target : DiscreteMeasure
+        Any numbers of supports, any weights.
+    directions : tensor
+        Unit rows; see :func:`meshot.random_directions`.
+    p : float
+        The exponent, at least 1.
+
+    Returns
+    -------
+    tensor
+        SW_p^p, in (units of the points)^p; take the p-th root for a distance.
+
+    Raises
+    ------
+    ValueError
+        If the measures live in different spaces, the directions do not fit, or ``p`` < 1.
+
+    Notes
+    -----
+    O(L (n log n + m log m)) time, O(L (n + m)) memory.
+
+    References
+    ----------
+    Bonneel et al., *Sliced and Radon Wasserstein Barycenters of Measures*, 2015; Le et al., ICLR 2024, Equation 5.
+    """
+    require_same_space(source.points, target.points)
+    directions = require_directions(directions, source.points)
+    if not p >= 1:
+        raise ValueError(f"p is {p!r}; a number >= 1 is needed (below one, sorting is not optimal)")
+    cost = quantile_cost(directions @ source.points.T, source.weights, directions @ target.points.T, target.weights, p)
+    return cost.mean()
+
+
+def quantile_cost(
+    source: Float[Tensor, "L n"],
+    source_weights: Float[Tensor, " n"],
+    target: Float[Tensor, "L m"],
+    target_weights: Float[Tensor, " m"],
+    p: float = 2,
+) -> Float[Tensor, " L"]:
+    """W_p^p between weighted points on a line, for every row: ∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz.
+
+    The quantile functions are steps; merging their jumps cuts [0, 1] into cells on which both are constant.
+    """
+    source, source_order = source.sort(dim=1)
+    target, target_order = target.sort(dim=1)
+    source_mass = source_weights[source_order].cumsum(dim=1)  # (L, n): where each step of F⁻¹ ends
+    target_mass = target_weights[target_order].cumsum(dim=1)
+    cell_ends = torch.cat([source_mass, target_mass], dim=1).sort(dim=1).values  # (L, n + m)
+    source_step = torch.searchsorted(source_mass.detach(), cell_ends.detach()).clamp(max=source.shape[1] - 1)
+    target_step = torch.searchsorted(target_mass.detach(), cell_ends.detach()).clamp(max=target.shape[1] - 1)
+    gap = source.gather(1, source_step) - target.gather(1, target_step)
+    cell_mass = torch.diff(cell_ends, dim=1, prepend=torch.zeros_like(cell_ends[:, :1]))
+    return (power(gap, p) * cell_mass).sum(dim=1)
+
+
+def power(gap: Tensor, p: float) -> Tensor:
+    """|gap|^p; the square without a root or a logarithm, so that gradients stay finite at zero."""
+    if p == 2:
+        return gap.square()
+    return gap.abs() if p == 1 else gap.abs().pow(p)

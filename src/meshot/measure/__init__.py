@@ -1,0 +1,1 @@
+"""Probability measures made from shapes."""

@@ -1,0 +1,129 @@
+"""A triangle mesh and its 2D counterpart, as plain data."""
+
+import dataclasses
+
+import torch
+
+from meshot.errors import as_floating, as_indices, require_shape
+from meshot.types import Float, Int64, Tensor
+
+
+def _validated(vertices: object, cells: object, dimension: int, corners: int, kind: str) -> tuple[Tensor, Tensor]:
+    vertices = as_floating(vertices, "vertices")
+    require_shape(vertices, "vertices", dimension)
+    cells = as_indices(cells, kind, vertices.shape[0]).to(vertices.device)
+    require_shape(cells, kind, corners)
+    repeated = (cells == cells.roll(1, dims=1)).any(dim=1)
+    if bool(repeated.any()):
+        raise ValueError(
+            f"{kind} has {int(repeated.sum())} rows that name a vertex twice, the first is row "
+            f"{int(repeated.nonzero()[0])}: remove them"
+        )
+    return vertices, cells
+
+
+class _Shape:
+    """What a mesh and a contour share: vertices that may be replaced while the cells stay."""
+
+    def with_vertices(self, vertices: Tensor):
+        """The same connectivity with other vertices; only the shape is checked, the rest is known.
+
+        Raises
+        ------
+        ValueError
+            If the number or the dimension of the vertices differs.
+        """
+        if vertices.shape != self.vertices.shape:
+            raise ValueError(
+                f"vertices has shape {tuple(vertices.shape)}; {tuple(self.vertices.shape)} is needed, one row for each "
+                "vertex that the cells name"
+            )
+        other = object.__new__(type(self))
+        for field in dataclasses.fields(self):
+            object.__setattr__(other, field.name, getattr(self, field.name))
+        object.__setattr__(other, "vertices", vertices)
+        return other
+
+    def to(self, *args, **kwargs):
+        """The same shape with vertices of another dtype or on another device (arguments as ``torch.Tensor.to``)."""
+        vertices = self.vertices.to(*args, **kwargs)
+        cells = {
+            field.name: getattr(self, field.name).to(vertices.device)
+            for field in dataclasses.fields(self)
+            if field.name != "vertices"
+        }
+        return type(self)(vertices, **cells)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Mesh(_Shape):
+    """A triangle mesh in R³, validated once, at the door.
+
+    Parameters
+    ----------
+    vertices : tensor or array
+        Floating point, one row per vertex; in mm wherever the mesh comes from a scan.
+    faces : tensor or array
+        Integers, one row per triangle; counter-clockwise seen from outside, so that normals point outward.
+
+    Raises
+    ------
+    ValueError
+        If an array is empty, has another shape or dtype, holds NaN, names a vertex that does not exist, or a
+        triangle names a vertex twice.
+    """
+
+    vertices: Float[Tensor, "V 3"]
+    faces: Int64[Tensor, "F 3"]
+
+    def __post_init__(self):
+        vertices, faces = _validated(self.vertices, self.faces, 3, 3, "faces")
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", faces)
+
+    def __repr__(self) -> str:
+        return f"Mesh({self.vertices.shape[0]} vertices, {self.faces.shape[0]} faces, {self.vertices.dtype})"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Contour(_Shape):
+    """A polygonal line in R², open or closed, validated once: the 2D counterpart of :class:`Mesh`.
+
+    Parameters
+    ----------
+    vertices : tensor or array
+        Floating point, one row per vertex.
+    edges : tensor or array
+        Integers, one row per edge; counter-clockwise around the inside, so that normals point outward.
+
+    Raises
+    ------
+    ValueError
+        As :class:`Mesh`.
+    """
+
+    vertices: Float[Tensor, "V 2"]
+    edges: Int64[Tensor, "E 2"]
+
+    def __post_init__(self):
+        vertices, edges = _validated(self.vertices, self.edges, 2, 2, "edges")
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "edges", edges)
+
+    def __repr__(self) -> str:
+        return f"Contour({self.vertices.shape[0]} vertices, {self.edges.shape[0]} edges, {self.vertices.dtype})"
+
+
+def closed_contour(vertices: Float[Tensor, "V 2"]) -> Contour:
+    """The contour that joins consecutive vertices and closes at the end.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three vertices.
+    """
+    n_vertices = len(vertices)
+    if n_vertices < 3:
+        raise ValueError(f"vertices has {n_vertices} rows; a closed contour needs at least three")
+    first = torch.arange(n_vertices)
+    return Contour(vertices, torch.stack([first, first.roll(-1)], dim=1))

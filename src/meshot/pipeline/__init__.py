@@ -1,0 +1,1 @@
+"""From a scan to surfaces, step by step."""

@@ -1,0 +1,1 @@
+"""Results with their provenance, numbers as they are printed, and the ledger of claims."""

@@ -1,0 +1,1 @@
+"""Images with an affine: reading, topology, and surfaces of constant value."""
