@@ -92,8 +92,8 @@ def require_same_space(source: Tensor, target: Tensor) -> None:
     """
     if source.shape[-1] != target.shape[-1]:
         raise ValueError(
-            f"source lives in R^{source.shape[-1]} and target in R^{target.shape[-1]}; both must live in the same space: "
-            "encode both meshes in the same way"
+            f"source lives in R^{source.shape[-1]} and target in R^{target.shape[-1]}; both must live in the "
+            "same space: encode both meshes in the same way"
         )
     if source.dtype != target.dtype or source.device != target.device:
         raise ValueError(

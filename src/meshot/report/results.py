@@ -46,8 +46,9 @@ def write_results(path: str | Path, results: dict, config: dict, command: str, d
         "seconds": round(seconds, 1),
         "commit": _commit(Path(__file__).parent),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
-        "versions": {"python": platform.python_version()} | {name: _version(name) for name in RECORDED},
-        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, {torch.backends.cpu.get_cpu_capability()}",
+        "versions": {"python": platform.python_version()} | {name: package_version(name) for name in RECORDED},
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, "
+        f"{torch.backends.cpu.get_cpu_capability()}",
     }
     try:
         text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
@@ -91,7 +92,8 @@ def provenance_lines(record: dict) -> str:
     )
 
 
-def _version(name: str) -> str:
+def package_version(name: str) -> str:
+    """The installed version of a distribution, or "not installed"."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

@@ -1,0 +1,27 @@
+"""What every test stands on: checked annotations, pinned threads, a display for VTK."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+from jaxtyping import config, install_import_hook
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "book"))
+
+if not os.environ.get("MESHOT_UNCHECKED"):
+    install_import_hook("meshot", "beartype.beartype")
+
+
+@pytest.fixture
+def unchecked():
+    """Switch jaxtyping's checks off, so that a test of bad input reaches the door of the function itself."""
+    config.update("jaxtyping_disable", True)
+    yield
+    config.update("jaxtyping_disable", False)
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The top folder of the checkout."""
+    return Path(__file__).resolve().parent.parent
