@@ -1,5 +1,6 @@
 """The sliced Wasserstein loss: transport along lines, averaged over directions."""
 
+import numpy as np
 import torch
 
 from meshot.errors import require_same_space
@@ -48,8 +49,30 @@ def sliced_wasserstein(
     directions = require_directions(directions, source.points)
     if not p >= 1:
         raise ValueError(f"p is {p!r}; a number >= 1 is needed (below one, sorting is not optimal)")
-    cost = quantile_cost(directions @ source.points.T, source.weights, directions @ target.points.T, target.weights, p)
-    return cost.mean()
+    projected, projected_target = directions @ source.points.T, directions @ target.points.T
+    if _same_equal_masses(source.weights, target.weights):
+        return paired_cost(projected, projected_target, p).mean()
+    return quantile_cost(projected, source.weights, projected_target, target.weights, p).mean()
+
+
+def _same_equal_masses(weights: Tensor, others: Tensor) -> bool:
+    """Whether every point of both measures carries the same fixed mass, so that transport pairs sorted points."""
+    if weights.shape != others.shape or weights.requires_grad or others.requires_grad:
+        return False
+    return bool((weights == weights[0]).all()) and bool((others == weights[0]).all())
+
+
+def paired_cost(source: Float[Tensor, "L n"], target: Float[Tensor, "L n"], p: float = 2) -> Float[Tensor, " L"]:
+    """W_p^p between equally many points of equal mass on a line, for every row: the mean over sorted pairs."""
+    gap = source.gather(1, _row_order(source)) - target.gather(1, _row_order(target))
+    return power(gap, p).mean(dim=1)
+
+
+def _row_order(values: Tensor) -> Tensor:
+    # On a CPU, NumPy sorts several times faster than torch.
+    if values.device.type == "cpu" and values.dtype in (torch.float32, torch.float64):
+        return torch.from_numpy(np.argsort(values.detach().numpy(), axis=1))
+    return values.detach().argsort(dim=1)
 
 
 def quantile_cost(
