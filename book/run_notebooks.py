@@ -71,9 +71,8 @@ def main(arguments: list[str] | None = None) -> int:
     sources = [NOTEBOOKS / f"{Path(name).stem}.md" for name in options.names] or sorted(NOTEBOOKS.glob("[0-9]*.md"))
     missing = [source.name for source in sources if not source.is_file()]
     if missing:
-        print(
-            f"no such notebook: {', '.join(missing)}; there are {', '.join(p.stem for p in NOTEBOOKS.glob('[0-9]*.md'))}"
-        )
+        known = ", ".join(path.stem for path in sorted(NOTEBOOKS.glob("[0-9]*.md")))
+        print(f"no such notebook: {', '.join(missing)}; there are {known}")
         return 1
     os.environ.update(KERNEL_ENVIRONMENT)
     into = NOTEBOOKS if options.mode == "store" else ROOT / "build" / "notebooks"

@@ -1,0 +1,73 @@
+# Two commands do everything: make book, make test.
+# PYTHON       the Python that makes the environment (3.11 or newer)
+# TORCH_INDEX  a wheel index to take torch from, for the CPU build or another CUDA: make book TORCH_INDEX=https://...
+# VENV         where the environment lives; VENV= (empty) uses the active one, as conda users do
+PYTHON ?= python3
+TORCH_INDEX ?=
+VENV ?= .venv
+BIN := $(if $(VENV),$(VENV)/bin/,)
+READY := $(if $(VENV),$(VENV)/.ready,)
+RUN := $(BIN)python
+PIP := $(BIN)pip install -q --disable-pip-version-check
+
+.PHONY: help book test html notebooks ledger lab lint lock clean distclean
+
+help:
+	@echo "make book       make the environment, run every notebook, render the book from those runs"
+	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
+	@echo "make html       render the book from the stored outputs (seconds)"
+	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
+	@echo "make ledger     write the claims ledger from the committed results"
+	@echo "make lab        open the notebooks in JupyterLab"
+	@echo "make lint       check style"
+	@echo "make lock       solve requirements.lock anew from pyproject.toml"
+	@echo "make clean      remove what was built (make distclean: the environment too)"
+
+ifneq ($(VENV),)
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) tools/preflight.py python
+	$(PYTHON) -m venv $(VENV)
+	$(if $(TORCH_INDEX),$(PIP) --index-url $(TORCH_INDEX) $$(grep '^torch==' requirements.lock))
+	$(PIP) -r requirements.lock
+	$(PIP) --no-deps --no-build-isolation -e .
+	@touch $@
+endif
+
+book: $(READY)
+	@$(RUN) tools/preflight.py python display
+	@$(RUN) book/run_notebooks.py fresh
+	@$(RUN) book/build.py fresh
+
+html: $(READY)
+	@$(RUN) book/build.py stored
+
+notebooks: $(READY)
+	@$(RUN) tools/preflight.py python display
+	@$(RUN) book/run_notebooks.py store $(NAME)
+
+ledger: $(READY)
+	@$(RUN) book/make_ledger.py
+
+test: $(READY)
+	@$(RUN) tools/preflight.py python display browser
+	@$(MAKE) --no-print-directory lint
+	$(RUN) -m pytest
+	$(RUN) tests/check_notebooks.py
+
+lint: $(READY)
+	$(BIN)ruff check .
+	$(BIN)ruff format --check .
+
+lab: $(READY)
+	$(BIN)jupyter lab notebooks
+
+lock:
+	$(PIP) uv
+	$(RUN) tools/solve_lock.py
+
+clean:
+	rm -rf build .pytest_cache .ruff_cache .hypothesis src/*.egg-info
+	find book data_synth experiments notebooks src tests tools -name __pycache__ -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf .venv

@@ -1,0 +1,83 @@
+"""Put the book's source together and render it with Sphinx.
+
+``stored``  from the outputs beside the notebooks, which nbval verifies (``make html``)
+``fresh``   from the runs in ``build/notebooks`` (``make book``)
+"""
+
+import argparse
+import importlib.metadata
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+MATHJAX = "static/mathjax/"
+MATHJAX_FILES = ("tex-chtml.js", "output/chtml/fonts/woff-v2/")
+
+
+def assemble(notebooks: Path, source: Path) -> None:
+    """Collect pages, notebooks and MathJax in one folder for Sphinx.
+
+    Raises
+    ------
+    ValueError
+        If a text source has no executed notebook.
+    """
+    shutil.rmtree(source, ignore_errors=True)
+    shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "claims.yaml"))
+    shutil.copy(ROOT / "book" / "conf.py", source)
+    for text in sorted((ROOT / "notebooks").glob("[0-9]*.md")):
+        notebook = notebooks / f"{text.stem}.ipynb"
+        if not notebook.is_file():
+            raise ValueError(f"{notebook} does not exist; run the notebooks first: make notebooks")
+        shutil.copy(notebook, source)
+
+    copy_mathjax(source / "_static" / "mathjax")
+
+
+def copy_mathjax(into: Path) -> None:
+    """Copy the one MathJax file that is needed, and its fonts, out of the Python package that carries all of it."""
+    for file in importlib.metadata.files("sphinx-mathjax-offline"):
+        _, found, inside = file.as_posix().partition(MATHJAX)
+        if found and inside.startswith(MATHJAX_FILES):
+            (into / inside).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(file.locate(), into / inside)
+    if not (into / MATHJAX_FILES[0]).is_file():
+        raise ValueError("sphinx-mathjax-offline holds no tex-chtml.js; install the locked version")
+
+
+def render(source: Path, html: Path) -> int:
+    """Run Sphinx, every warning an error; the exit status."""
+    shutil.rmtree(html, ignore_errors=True)
+    command = [sys.executable, "-m", "sphinx", "-n", "-W", "--keep-going", "-q", "-b", "html"]
+    return subprocess.run(
+        [*command, "-d", str(html.parent / "doctrees"), str(source), str(html)], check=False
+    ).returncode
+
+
+def build(mode: str, into: Path) -> int:
+    """Assemble and render the book into ``into/html``; the exit status."""
+    notebooks = ROOT / "notebooks" if mode == "stored" else ROOT / "build" / "notebooks"
+    try:
+        assemble(notebooks, into / "source")
+    except ValueError as error:
+        print(error)
+        return 1
+    status = render(into / "source", into / "html")
+    if status == 0:
+        print(f"open {into / 'html' / 'index.html'}")
+    return status
+
+
+def main() -> int:
+    """Build from the command line; the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("mode", choices=("stored", "fresh"))
+    parser.add_argument("--into", type=Path, default=ROOT / "build")
+    options = parser.parse_args()
+    return build(options.mode, options.into.resolve())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

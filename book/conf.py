@@ -1,0 +1,60 @@
+"""Sphinx configuration. The source folder is put together by ``book/build.py``."""
+
+project = "Meshes as Measures"
+author = "The Meshes as Measures authors"
+copyright = "2026, the authors. Text CC BY 4.0, code MIT"
+language = "en"
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "sphinx_togglebutton",
+    "sphinxcontrib.bibtex",
+]
+
+nb_execution_mode = "off"
+myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath", "smartquotes"]
+myst_heading_anchors = 3
+nb_code_prompt_show = "Show {type}"
+nb_code_prompt_hide = "Hide {type}"
+nb_merge_streams = True
+
+bibtex_bibfiles = ["references.bib"]
+bibtex_default_style = "alpha"
+
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_use_param = False
+napoleon_use_ivar = True
+nitpick_ignore_regex = [("py:.*", r"(numpy|torch|pathlib|jaxtyping|matplotlib|pyvista)\..*")]
+
+# One JavaScript file and its fonts, copied from a Python package by book/build.py: nothing comes from a network.
+mathjax_path = "mathjax/tex-chtml.js"
+mathjax3_config = {
+    "chtml": {"fontURL": "_static/mathjax/output/chtml/fonts/woff-v2"},
+    "options": {"enableMenu": False},
+    "tex": {"macros": {"SW": r"\mathrm{SW}", "W": r"\mathrm{W}", "CD": r"\mathrm{CD}", "R": r"\mathbb{R}"}},
+}
+
+html_theme = "sphinx_book_theme"
+html_title = "Meshes as Measures"
+html_static_path = ["_static"]
+html_css_files = ["book.css"]
+html_copy_source = True
+html_sourcelink_suffix = ""
+html_theme_options = {
+    "use_download_button": True,
+    "use_fullscreen_button": False,
+    "use_repository_button": False,
+    "navbar_persistent": [],
+    "show_toc_level": 2,
+    "toc_title": "On this page",
+}
+html_last_updated_fmt = None
+suppress_warnings = ["myst.domains"]

@@ -1,0 +1,60 @@
+"""Look before anything is installed or drawn: each missing piece is one line with its remedy.
+
+Run as ``python3 book/preflight.py [python] [display] [browser]``. Kept to syntax that an old Python can read.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+
+
+def missing_python():
+    """What is wrong with this Python, or None."""
+    if sys.version_info < (3, 11):
+        found = ".".join(str(part) for part in sys.version_info[:3])
+        return "Python {} is too old, 3.11 or newer is needed: install one and say, for example, make book PYTHON=python3.11".format(found)
+    try:
+        import ensurepip  # noqa: F401
+        import venv  # noqa: F401
+    except ImportError:
+        return "this Python cannot make environments: sudo apt-get install python3-venv"
+    return None
+
+
+def missing_display():
+    """Why VTK could not draw here, or None; asked in a second process, since VTK may crash."""
+    asked = subprocess.run([sys.executable, "-m", "meshot.figures.display"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    return None if asked.returncode == 0 else asked.stdout.decode().strip() or "VTK cannot draw here: sudo apt-get install libegl1 libgl1-mesa-dri"
+
+
+def browser():
+    """The browser that the tests drive: MESHOT_BROWSER, or the first of the usual names on the path, or None."""
+    named = os.environ.get("MESHOT_BROWSER")
+    return named or next((path for path in map(shutil.which, BROWSERS) if path), None)
+
+
+def missing_browser():
+    """What to do about a missing browser, or None."""
+    if browser():
+        return None
+    return "the tests open every page in a browser and found none: sudo apt-get install chromium, or set MESHOT_BROWSER=/path/to/chrome"
+
+
+CHECKS = {"python": missing_python, "display": missing_display, "browser": missing_browser}
+
+
+def main(names):
+    """Print the first missing piece of those named; the exit status."""
+    for name in names or sorted(CHECKS):
+        trouble = CHECKS[name]()
+        if trouble:
+            print(trouble)
+            return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
