@@ -1,0 +1,167 @@
+"""What the stored notebooks must be: run, paired, described, and watched by nbval."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+from run_notebooks import source_notebook
+
+from meshot.report.environment import KERNEL_ENVIRONMENT
+
+ROOT = Path(__file__).resolve().parent.parent
+STORED = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
+LONGEST_CELL = 15
+IGNORED_BUDGET = 2  # cells a chapter: the environment card, and one picture that moves
+IGNORED = {"nbval-ignore-output", "nbval-skip", "nbval-raises-exception"}
+
+
+def read(path: Path) -> nbformat.NotebookNode:
+    return nbformat.read(path, as_version=4)
+
+
+def tags(cell: nbformat.NotebookNode) -> set[str]:
+    return set(cell.metadata.get("tags", []))
+
+
+def code_cells(notebook: nbformat.NotebookNode) -> list[nbformat.NotebookNode]:
+    return [cell for cell in notebook.cells if cell.cell_type == "code" and cell.source.strip()]
+
+
+def text_of(cell: nbformat.NotebookNode) -> str:
+    streams = [o.text for o in cell.outputs if o.output_type == "stream"]
+    return "".join(streams + [o.data.get("text/plain", "") for o in cell.outputs if "data" in o])
+
+
+def pictures_without_words(notebook: nbformat.NotebookNode) -> list[str]:
+    """Cells that show a picture without alternative text of at least a sentence."""
+    bare = []
+    for cell in code_cells(notebook):
+        shows = any(key.startswith("image/") for o in cell.outputs for key in o.get("data", {}))
+        alt = cell.metadata.get("mystnb", {}).get("image", {}).get("alt", "")
+        if shows and len(alt.split()) < 6:
+            bare.append(cell.source[:60])
+    return bare
+
+
+def exercises(notebook: nbformat.NotebookNode) -> list[tuple[str, str]]:
+    """For each exercise the verdict on its stub and the verdict on its solution."""
+    pairs, waiting = [], None
+    for cell in code_cells(notebook):
+        printed = text_of(cell).strip()
+        if "solution" in tags(cell):
+            pairs.append((waiting or "", printed))
+            waiting = None
+        elif printed.startswith(("✓", "✗")):
+            waiting = printed
+    return pairs
+
+
+chapters = pytest.mark.parametrize("path", STORED, ids=lambda path: path.stem)
+
+
+def test_every_source_is_stored_and_every_stored_notebook_has_a_source():
+    sources = {path.stem for path in (ROOT / "notebooks").glob("[0-9]*.md")}
+    assert sources == {path.stem for path in STORED}
+    assert sources
+
+
+@chapters
+def test_pair_agrees(path):
+    source, stored = source_notebook(path.with_suffix(".md")), read(path)
+    assert [(c.cell_type, c.source) for c in source.cells] == [(c.cell_type, c.source) for c in stored.cells]
+    assert [c.metadata for c in source.cells] == [c.metadata for c in stored.cells]
+
+
+@chapters
+def test_every_cell_was_run_in_order_without_error(path):
+    cells = code_cells(read(path))
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    assert not [o for cell in cells for o in cell.outputs if o.output_type == "error" or o.get("name") == "stderr"]
+
+
+@chapters
+def test_cells_are_short_unless_they_are_what_is_taught(path):
+    long = [
+        c.source[:60]
+        for c in code_cells(read(path))
+        if c.source.count("\n") >= LONGEST_CELL and "taught" not in tags(c)
+    ]
+    assert long == []
+
+
+@chapters
+def test_pictures_have_words(path):
+    assert pictures_without_words(read(path)) == []
+
+
+@chapters
+def test_ignored_cells_stay_within_their_budget(path):
+    ignored = [cell for cell in code_cells(read(path)) if tags(cell) & IGNORED]
+    assert 1 <= len(ignored) <= IGNORED_BUDGET, [cell.source[:60] for cell in ignored]
+
+
+@chapters
+def test_solutions_pass_and_stubs_fail(path):
+    pairs = exercises(read(path))
+    assert len(pairs) >= 3
+    for stub, solution in pairs:
+        assert stub.startswith("✗"), stub
+        assert solution.startswith("✓"), solution
+
+
+@chapters
+def test_nothing_is_installed_and_no_machine_is_named(path):
+    text = path.read_text(encoding="utf-8")
+    assert not re.search(r"pip install|conda install", "".join(c.source for c in code_cells(read(path))))
+    assert not re.search(r"/(home|root|work|tmp|Users)/\w", text)
+
+
+def test_a_picture_without_words_is_seen():
+    picture = nbformat.v4.new_output("display_data", data={"image/png": "iVBO"})
+    cell = nbformat.v4.new_code_cell("plot()", outputs=[picture])
+    assert pictures_without_words(nbformat.v4.new_notebook(cells=[cell])) == ["plot()"]
+
+
+def run_nbval(path: Path) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--nbval", "--nbval-current-env"]
+    environment = os.environ | KERNEL_ENVIRONMENT
+    return subprocess.run(
+        [*command, "-c", os.devnull, "--rootdir", str(path.parent), "--nbval-cell-timeout=120", str(path)],
+        capture_output=True, text=True, env=environment, cwd=path.parent, check=False,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def opening(tmp_path_factory) -> Path:
+    """A copy of chapter 01 up to its first printed number."""
+    notebook = read(STORED[0])
+    numbered = next(i for i, c in enumerate(notebook.cells) if c.cell_type == "code" and re.search(r"\d", text_of(c)))
+    notebook.cells = notebook.cells[: numbered + 1]
+    path = tmp_path_factory.mktemp("nbval") / "opening.ipynb"
+    nbformat.write(notebook, path)
+    return path
+
+
+def test_nbval_passes_an_unaltered_copy(opening):
+    result = run_nbval(opening)
+    assert result.returncode == 0, result.stdout
+
+
+def test_nbval_sees_one_altered_number(opening):
+    notebook = json.loads(opening.read_text())
+    output = notebook["cells"][-1]["outputs"][0]
+    holder = output if "text" in output else output["data"]
+    key = "text" if "text" in output else "text/plain"
+    before = "".join(holder[key])
+    holder[key] = re.sub(r"\d", lambda digit: str((int(digit[0]) + 1) % 10), before, count=1)
+    assert holder[key] != before
+    altered = opening.with_name("altered.ipynb")
+    altered.write_text(json.dumps(notebook))
+    result = run_nbval(altered)
+    assert result.returncode == 1
+    assert "mismatch" in result.stdout
