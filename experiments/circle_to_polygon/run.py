@@ -1,0 +1,75 @@
+"""Sweep the toy: polygons, samplings, reductions, redrawn or fixed directions, regularisers, numbers of points.
+
+Run as ``python experiments/circle_to_polygon/run.py``. Finished runs are kept in ``partial.jsonl`` until the whole
+sweep is done, so that a run that was stopped goes on where it ended.
+"""
+
+import json
+import time
+from pathlib import Path
+
+import torch
+import yaml
+from summary import floors, summarise
+from toy import run_once
+from tqdm import tqdm
+
+from meshot.report.results import write_results
+
+HERE = Path(__file__).parent
+
+
+def sweep_runs(config: dict) -> list[dict]:
+    """Every run of the sweep: what to set, apart from the seed."""
+    base = {"n_points": config["n_points"], "sampling": "even"}
+    main = [
+        {"part": "summary", **base, "polygon": polygon, "sampling": sampling, **variant}
+        for polygon in config["polygons"]
+        for sampling in config["samplings"]
+        for variant in config["variants"]
+    ]
+    plain = config["variants"][0]
+    held = [
+        {"part": "regularisers", **base, "polygon": polygon, **plain, "regulariser": name, "weight": weight}
+        for polygon in config["regularisers"]["polygons"]
+        for name, weights in config["regularisers"]["weights"].items()
+        for weight in weights
+    ]
+    star = next(iter(config["polygons"]))
+    sliced_mean, sliced_sum = config["variants"][3], config["variants"][5]
+    sizes = [
+        {"part": "sizes", **base, "polygon": star, "n_points": n_points, **variant}
+        for n_points in config["sizes"]
+        for variant in (plain, sliced_mean, sliced_sum)
+    ]
+    return main + held + sizes
+
+
+def main() -> None:
+    """Do the runs that are missing, then write the summary."""
+    torch.set_num_threads(1)
+    started = time.perf_counter()
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    partial = HERE / "partial.jsonl"
+    lines = partial.read_text(encoding="utf-8").splitlines() if partial.exists() else []
+    done = {line["key"]: line for line in map(json.loads, lines)}
+    todo = [(run, seed) for run in sweep_runs(config) for seed in config["seeds"]]
+    for run, seed in tqdm(todo):
+        key = json.dumps([run, seed], sort_keys=True)
+        if key in done:
+            continue
+        before = time.perf_counter()
+        values = run_once(run, seed, config)
+        done[key] = {"key": key, "run": run, "seed": seed, "values": values, "seconds": time.perf_counter() - before}
+        with partial.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(done[key]) + "\n")
+    rows = [done[json.dumps([run, seed], sort_keys=True)] for run, seed in todo]
+    results = summarise(rows) | {"floors": floors(config)}
+    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
+    command = "python experiments/circle_to_polygon/run.py"
+    write_results(HERE / "results.json", results, config, command, "synthetic polygons", seconds)
+    partial.unlink()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""One run of the toy: points of a circle descend to a polygon under one loss."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from meshot import DiscreteMeasure, chamfer, quasi_directions, random_directions, sliced_wasserstein
+from meshot.flow.descent import descend
+from meshot.loss import regularity
+from meshot.mesh import contours
+from meshot.mesh.geometry import edge_lengths
+from meshot.mesh.mesh import Contour, closed_contour
+from meshot.mesh.sampling import even_points, sample_points
+from meshot.metrics.spread import coverage, distance_to_contour, evenness, exact_distance
+from meshot.types import Tensor
+
+
+def polygon(settings: dict) -> Contour:
+    """The polygon that a row of the configuration describes."""
+    settings = dict(settings)
+    return getattr(contours, settings.pop("shape"))(**settings)
+
+
+def draw_points(contour: Contour, n_points: int, sampling: str, generator: np.random.Generator) -> Tensor:
+    """Even points from a random offset on, or independent ones."""
+    if sampling == "even":
+        return even_points(contour, n_points, generator.random())
+    return sample_points(contour, n_points, generator)
+
+
+def run_once(run: dict, seed: int, config: dict) -> dict:
+    """Descend once and judge where the points end."""
+    shape = polygon(config["polygons"][run["polygon"]])
+    # Every variant of one seed starts from the same points and aims at the same target: differences are paired.
+    place = np.random.default_rng([seed, 0])
+    start = draw_points(contours.circle(), run["n_points"], run["sampling"], place)
+    target = DiscreteMeasure(draw_points(shape, run["n_points"], run["sampling"], place))
+    loss = make_loss(run, target, config["n_directions"], np.random.default_rng([seed, 1]))
+    end = descend(loss, start, config["n_steps"], run["learning_rate"], config["momentum"]).points
+    return judged(end, target, shape)
+
+
+def make_loss(run: dict, target: DiscreteMeasure, n_directions: int, generator: np.random.Generator) -> Callable:
+    """The loss of free points that a row of the sweep describes."""
+    factor = run["n_points"] if run["reduction"] == "sum" else 1
+    if run["loss"] == "sliced":
+        fixed = random_directions(n_directions, 2, generator)
+
+        def loss(points: Tensor) -> Tensor:
+            directions = random_directions(n_directions, 2, generator) if run["redraw"] else fixed
+            return factor * sliced_wasserstein(DiscreteMeasure(points), target, directions)
+
+        return loss
+    if "regulariser" not in run:
+        return lambda points: factor * chamfer(DiscreteMeasure(points), target)
+    penalty = getattr(regularity, run["regulariser"])
+    return lambda points: chamfer(DiscreteMeasure(points), target) + run["weight"] * penalty(closed_contour(points))
+
+
+def judged(points: Tensor, target: DiscreteMeasure, shape: Contour) -> dict:
+    """The ruler: exact W₂ to the target points, how the contour is filled, and both losses."""
+    spacing = float(edge_lengths(shape).sum()) / len(points)
+    measure = DiscreteMeasure(points)
+    return {
+        "w2": exact_distance(points, target.points),
+        "coverage": coverage(points, shape),
+        "coverage_3": coverage(points, shape, radius=3 * spacing),
+        "evenness": evenness(points, shape),
+        "off_contour": distance_to_contour(points, shape),
+        "chamfer": float(chamfer(measure, target)),
+        "sw": float(sliced_wasserstein(measure, target, quasi_directions(360, 2))),
+    }

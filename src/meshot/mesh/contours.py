@@ -1,0 +1,142 @@
+"""Closed 2D shapes with known lengths: what the toy of the first chapter deforms, and into what."""
+
+import math
+
+import numpy as np
+import torch
+
+from meshot.errors import require_positive_integer
+from meshot.mesh.mesh import Contour, closed_contour
+from meshot.rng import Generator, numpy_generator
+from meshot.types import Float, Tensor
+
+
+def regular_polygon(n_corners: int, radius: float = 1.0) -> Contour:
+    """A polygon with equal sides and angles, counter-clockwise, its first corner straight above the origin.
+
+    Parameters
+    ----------
+    n_corners : int
+        At least three; the perimeter is 2 · n_corners · radius · sin(π / n_corners).
+    radius : float
+        Distance of every corner from the origin.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three corners, or the radius is not positive.
+    """
+    _require_corners(n_corners, "n_corners", 3)
+    return closed_contour(_polar(np.full(n_corners, _positive(radius, "radius")), _even_angles(n_corners)))
+
+
+def circle(radius: float = 1.0, n_corners: int = 720) -> Contour:
+    """A circle as a fine regular polygon; at 720 corners it is 3 parts in a million shorter than 2π · radius.
+
+    Raises
+    ------
+    ValueError
+        As :func:`regular_polygon`.
+    """
+    return regular_polygon(n_corners, radius)
+
+
+def star(n_tips: int, outer_radius: float = 1.0, inner_radius: float = 0.4) -> Contour:
+    """A star with ``n_tips`` equal tips: corners on two circles in turn, the first tip straight above the origin.
+
+    Parameters
+    ----------
+    n_tips : int
+        At least two.
+    outer_radius, inner_radius : float
+        Of the tips, and of the notches between them; the smaller the inner one, the more acute the tips.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two tips, or not 0 < ``inner_radius`` < ``outer_radius``.
+    """
+    _require_corners(n_tips, "n_tips", 2)
+    if not 0 < inner_radius < outer_radius:
+        raise ValueError(
+            f"inner_radius is {inner_radius!r} and outer_radius {outer_radius!r}; 0 < inner_radius < outer_radius is "
+            "needed: swap them, or use regular_polygon where they are equal"
+        )
+    return closed_contour(_polar(np.tile([outer_radius, inner_radius], n_tips), _even_angles(2 * n_tips)))
+
+
+def near_regular_polygon(n_corners: int, jitter: float, generator: Generator, radius: float = 1.0) -> Contour:
+    """A regular polygon whose corners are moved in and out by up to ``jitter`` · ``radius``, at random.
+
+    Parameters
+    ----------
+    n_corners : int
+        At least three.
+    jitter : float
+        In [0, 1): each corner's distance from the origin is uniform in ``radius`` · [1 − jitter, 1 + jitter].
+    generator : numpy.random.Generator, torch.Generator or int
+        Who holds the randomness; an integer is a seed.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three corners, the radius is not positive, or ``jitter`` is outside [0, 1).
+    """
+    _require_corners(n_corners, "n_corners", 3)
+    if not 0 <= jitter < 1:
+        raise ValueError(f"jitter is {jitter!r}; a number in [0, 1) is needed, as a share of the radius")
+    radii = _positive(radius, "radius") * (1 + jitter * numpy_generator(generator).uniform(-1, 1, n_corners))
+    return closed_contour(_polar(radii, _even_angles(n_corners)))
+
+
+def letter_e(width: float = 1.4, height: float = 2.0, stroke: float = 0.3) -> Contour:
+    """The outline of a capital E with three bars of equal thickness, centred on the origin: not convex, twelve corners.
+
+    Parameters
+    ----------
+    width, height : float
+        Of the box around the letter; the perimeter is 2 · height + 6 · width − 4 · stroke.
+    stroke : float
+        Thickness of the stem and of the bars; less than a third of the height and less than the width.
+
+    Raises
+    ------
+    ValueError
+        If the bars would touch, or a length is not positive.
+    """
+    if not (0 < stroke < width and 3 * stroke < height):
+        raise ValueError(
+            f"width is {width!r}, height {height!r}, stroke {stroke!r}; 0 < stroke < width and 3 stroke < height are "
+            "needed, so that there is room between the bars"
+        )
+    right, top, stem, half = width / 2, height / 2, stroke - width / 2, stroke / 2
+    outline = [
+        (-right, -top),
+        (right, -top),
+        (right, stroke - top),
+        (stem, stroke - top),
+        (stem, -half),
+        (right, -half),
+    ]
+    mirrored = [(x, -y) for x, y in reversed(outline)]
+    return closed_contour(torch.tensor(outline + mirrored, dtype=torch.float64))
+
+
+def _even_angles(n_corners: int) -> np.ndarray:
+    return math.pi / 2 + 2 * math.pi * np.arange(n_corners) / n_corners
+
+
+def _polar(radii: np.ndarray, angles: np.ndarray) -> Float[Tensor, "n 2"]:
+    return torch.from_numpy(np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1))
+
+
+def _require_corners(count: int, name: str, least: int) -> None:
+    require_positive_integer(count, name)
+    if count < least:
+        raise ValueError(f"{name} is {count}; at least {least} are needed to enclose an area")
+
+
+def _positive(length: float, name: str) -> float:
+    if not 0 < length < math.inf:
+        raise ValueError(f"{name} is {length!r}; a positive length is needed")
+    return length
