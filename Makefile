@@ -26,10 +26,11 @@ help:
 ifneq ($(VENV),)
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) tools/preflight.py python
-	$(PYTHON) -m venv $(VENV)
-	$(if $(TORCH_INDEX),$(PIP) --index-url $(TORCH_INDEX) $$(grep '^torch==' requirements.lock))
-	$(PIP) -r requirements.lock
-	$(PIP) --no-deps --no-build-isolation -e .
+	@echo "making the environment in $(VENV): some 3 GB, a few minutes"
+	@$(PYTHON) -m venv $(VENV)
+	@$(if $(TORCH_INDEX),$(PIP) --no-deps --index-url $(TORCH_INDEX) $$(grep '^torch==' requirements.lock))
+	@$(PIP) -r requirements.lock
+	@$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
 endif
 
@@ -62,7 +63,7 @@ lab: $(READY)
 	$(BIN)jupyter lab notebooks
 
 lock:
-	$(PIP) uv
+	@$(PIP) uv
 	$(RUN) tools/solve_lock.py
 
 clean:

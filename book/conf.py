@@ -56,5 +56,5 @@ html_theme_options = {
     "show_toc_level": 2,
     "toc_title": "On this page",
 }
-html_last_updated_fmt = None
+html_context = {"default_mode": "auto"}
 suppress_warnings = ["myst.domains"]

@@ -15,7 +15,7 @@ def sliced_wasserstein(
     """The Monte Carlo sliced Wasserstein loss SW_p^p: the mean over directions of the 1D transport cost W_p^p.
 
     Both measures are projected on the same directions. Along each one, optimal transport is monotone: the cost is
-    ∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz between the two quantile functions. Differentiable in points and weights; the gradient
+    ``∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz`` between the two quantile functions. Differentiable in points and weights; the gradient
     in the weights is a Kantorovich potential, defined up to a constant.
 
     Parameters

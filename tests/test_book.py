@@ -1,0 +1,109 @@
+"""The rendered book in a browser without a network: every page, its formulas, links, search, theme and width."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from browser import offline_browser, raw_tex, troubles_of, watched_page
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
+import build  # noqa: E402
+from preflight import browser as browser_path  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def html(tmp_path_factory) -> Path:
+    """The book, rendered from the stored outputs with every warning an error."""
+    into = tmp_path_factory.mktemp("book")
+    assert build.build("stored", into) == 0
+    return into / "html"
+
+
+@pytest.fixture(scope="module")
+def context():
+    with offline_browser(browser_path()) as found:
+        yield found
+
+
+def pages(html: Path) -> list[Path]:
+    return sorted(html.glob("*.html"))
+
+
+def test_every_page_is_whole_without_a_network(html, context, capsys):
+    troubles = {file.name: troubles_of(context, file) for file in pages(html)}
+    with capsys.disabled():
+        print(f"\nopened {len(troubles)} pages offline: {', '.join(troubles)}")
+    assert {name: found for name, found in troubles.items() if found} == {}
+    chapters = {path.stem for path in (build.ROOT / "notebooks").glob("[0-9]*.md")}
+    assert chapters | {"index", "ledger", "search", "api", "references"} <= {file.stem for file in pages(html)}
+
+
+def test_formulas_are_set(html, context):
+    with watched_page(context, html / "notation.html") as (page, _):
+        assert page.locator("mjx-container").count() > 10
+
+
+def test_search_finds_a_page(html, context):
+    with watched_page(context, html / "search.html") as (page, troubles):
+        page.goto((html / "search.html").as_uri() + "?q=wasserstein")
+        page.wait_for_selector("ul.search li", timeout=10_000)
+        assert page.locator("ul.search li").count() >= 2
+        assert troubles == []
+
+
+def test_dark_mode_darkens(html, context):
+    with watched_page(context, html / "index.html") as (page, _):
+        brightness = "() => getComputedStyle(document.body).backgroundColor.match(/[0-9]+/g).slice(0, 3).map(Number)"
+        page.evaluate("() => document.documentElement.dataset.theme = 'light'")
+        light = sum(page.evaluate(brightness))
+        for _ in range(3):
+            page.locator("button.theme-switch-button:visible").first.click()
+            if page.evaluate("() => document.documentElement.dataset.theme") == "dark":
+                break
+        assert page.evaluate("() => document.documentElement.dataset.theme") == "dark"
+        assert sum(page.evaluate(brightness)) < light - 300
+
+
+def test_a_chapter_can_be_downloaded_as_a_notebook(html, context):
+    with watched_page(context, html / "01_circle_to_polygon.html") as (page, _):
+        (reference,) = set(page.eval_on_selector_all("a[href$='.ipynb']", "e => e.map(x => x.getAttribute('href'))"))
+    notebook = json.loads((html / reference).read_text(encoding="utf-8"))
+    stored = build.ROOT / "notebooks" / "01_circle_to_polygon.ipynb"
+    assert notebook == json.loads(stored.read_text(encoding="utf-8"))
+
+
+def test_no_page_is_wider_than_a_telephone(html):
+    with offline_browser(browser_path(), width=400) as narrow:
+        for file in pages(html):
+            with watched_page(narrow, file) as (page, _):
+                assert page.evaluate("() => document.documentElement.scrollWidth") <= 400, file.name
+
+
+@pytest.mark.parametrize(
+    ("body", "seen"),
+    [
+        ('<img src="https://example.org/a.png">', "request leaves"),
+        ("<script>console.error('no')</script>", "console: no"),
+        ("<script>undefined_function()</script>", "script error"),
+        ("<p>The cost $$x^{2}$$ is unset</p>", "raw TeX"),
+        ('<a href="nowhere.html">x</a>', "broken link"),
+        ('<a href="#nowhere">x</a>', "link to no place"),
+        ('<img src="lost.png">', "request failed"),
+    ],
+)
+def test_each_trouble_is_seen(tmp_path, context, body, seen):
+    file = tmp_path / "page.html"
+    file.write_text(f"<!doctype html><html><body><article>{body}</article></body></html>")
+    assert any(seen in trouble for trouble in troubles_of(context, file))
+
+
+def test_a_good_page_has_no_trouble(tmp_path, context):
+    file = tmp_path / "page.html"
+    file.write_text('<!doctype html><html><body><article id="a"><a href="#a">up</a> costs 5 $</article></body></html>')
+    assert troubles_of(context, file) == []
+
+
+def test_set_formulas_are_not_raw_tex(html, context):
+    with watched_page(context, html / "notation.html") as (page, _):
+        assert raw_tex(page) == []
