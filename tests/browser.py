@@ -56,14 +56,22 @@ def watched_page(context: BrowserContext, file: Path) -> Iterator[tuple[Page, li
 def raw_tex(page: Page) -> list[str]:
     """Formulas that were not set, and those that MathJax could not read."""
     text = page.evaluate(VISIBLE_TEXT)
-    found = [f"raw TeX {mark!r}: …{text[max(0, text.find(mark) - 30) : text.find(mark) + 30]}…" for mark in RAW_TEX if mark in text]
-    return found + [f"MathJax error: {m}" for m in page.eval_on_selector_all("mjx-merror", "e => e.map(x => x.textContent)")]
+    found = [
+        f"raw TeX {mark!r}: …{text[max(0, text.find(mark) - 30) : text.find(mark) + 30]}…"
+        for mark in RAW_TEX
+        if mark in text
+    ]
+    return found + [
+        f"MathJax error: {m}" for m in page.eval_on_selector_all("mjx-merror", "e => e.map(x => x.textContent)")
+    ]
 
 
 def broken_links(page: Page, file: Path) -> list[str]:
     """Links and pictures of a page that lead to no file, or to no place within one."""
     troubles = []
-    references = page.eval_on_selector_all("a[href], img[src]", "e => e.map(x => x.getAttribute('href') || x.getAttribute('src'))")
+    references = page.eval_on_selector_all(
+        "a[href], img[src]", "e => e.map(x => x.getAttribute('href') || x.getAttribute('src'))"
+    )
     for reference in sorted(set(references)):
         parts = urlsplit(reference)
         if parts.scheme:
@@ -71,7 +79,11 @@ def broken_links(page: Page, file: Path) -> list[str]:
         other = (file.parent / unquote(parts.path)).resolve() if parts.path else file
         if not other.is_file():
             troubles.append(f"broken link: {reference}")
-        elif parts.fragment and other.suffix == ".html" and f'id="{unquote(parts.fragment)}"' not in other.read_text("utf-8"):
+        elif (
+            parts.fragment
+            and other.suffix == ".html"
+            and f'id="{unquote(parts.fragment)}"' not in other.read_text("utf-8")
+        ):
             troubles.append(f"link to no place: {reference}")
     return troubles
 

@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 from jaxtyping import config, install_import_hook
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "book"))
+ROOT = Path(__file__).resolve().parent.parent
+for folder in ("book", "tools", "tests"):
+    sys.path.insert(0, str(ROOT / folder))
 
 if not os.environ.get("MESHOT_UNCHECKED"):
-    install_import_hook("meshot", "beartype.beartype")
+    install_import_hook("meshot", "typechecker.check")
 
 
 @pytest.fixture
@@ -24,4 +26,4 @@ def unchecked():
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The top folder of the checkout."""
-    return Path(__file__).resolve().parent.parent
+    return ROOT

@@ -1,15 +1,12 @@
 """The rendered book in a browser without a network: every page, its formulas, links, search, theme and width."""
 
 import json
-import sys
 from pathlib import Path
 
+import build
 import pytest
 from browser import offline_browser, raw_tex, troubles_of, watched_page
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
-import build  # noqa: E402
-from preflight import browser as browser_path  # noqa: E402
+from preflight import browser as browser_path
 
 
 @pytest.fixture(scope="session")

@@ -19,8 +19,8 @@ def test_every_claim_has_a_row(root):
 
 
 RECORD = {
-    "results": {"gain": 2.0}, "config": {}, "command": "python experiments/x/run.py", "data": "synthetic", "seconds": 1.0,
-    "commit": "abc", "date": "2026-01-01", "versions": {}, "machine": "x86_64",
+    "results": {"gain": 2.0}, "config": {}, "command": "python experiments/x/run.py", "data": "synthetic",
+    "seconds": 1.0, "commit": "abc", "date": "2026-01-01", "versions": {}, "machine": "x86_64",
 }  # fmt: skip
 
 

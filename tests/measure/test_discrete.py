@@ -1,0 +1,88 @@
+"""The encodings: what they are on shapes known by hand, and their gradients."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from meshot import Contour, DiscreteMeasure, Mesh, empirical, varifold
+from meshot.mesh.mesh import closed_contour
+from meshot.mesh.shapes import icosphere
+
+
+def triangle() -> Mesh:
+    """A triangle of area 2 in the plane z = 1, and one of area 6 in the plane x = 0, far away."""
+    vertices = [[0.0, 0, 1], [2, 0, 1], [0, 2, 1], [0, 10, 0], [0, 13, 0], [0, 10, 4]]
+    return Mesh(torch.tensor(vertices, dtype=torch.float64), torch.tensor([[0, 1, 2], [3, 4, 5]]))
+
+
+def test_varifold_by_hand():
+    measure = varifold(triangle(), normal_scale=5.0)
+    expected = torch.tensor([[2 / 3, 2 / 3, 1, 0, 0, 5], [0, 11, 4 / 3, 5, 0, 0]], dtype=torch.float64)
+    assert torch.allclose(measure.points, expected)
+    assert torch.allclose(measure.weights, torch.tensor([0.25, 0.75], dtype=torch.float64))
+
+
+def test_varifold_of_a_square():
+    measure = varifold(closed_contour(torch.tensor([[0.0, 0], [3, 0], [3, 1], [0, 1]], dtype=torch.float64)))
+    assert torch.equal(measure.points[0], torch.tensor([1.5, 0, 0, -1], dtype=torch.float64))
+    assert torch.allclose(measure.weights, torch.tensor([3.0, 1, 3, 1], dtype=torch.float64) / 8)
+
+
+def test_varifold_of_a_sphere_points_outward():
+    sphere = icosphere(3, 2.0)
+    measure = varifold(sphere)
+    places, normals = measure.points.split(3, dim=1)
+    cosine = (places / places.norm(dim=1, keepdim=True) * normals).sum(dim=1)
+    assert float(cosine.min()) > 0.99
+
+
+def test_empirical_has_equal_masses_on_the_shape():
+    measure = empirical(triangle(), 400, 0)
+    assert torch.equal(measure.weights, torch.full((400,), 1 / 400, dtype=torch.float64))
+    on_first = (measure.points[:, 2] == 1) & (measure.points[:, 0] + measure.points[:, 1] <= 2 + 1e-12)
+    share = float(on_first.double().mean())
+    assert abs(share - 0.25) < 4 * math.sqrt(0.25 * 0.75 / 400)
+
+
+def test_gradients_of_the_varifold():
+    mesh = triangle()
+    vertices = mesh.vertices + 0.1 * torch.from_numpy(np.random.default_rng(0).standard_normal((6, 3)))
+
+    def encoded(v):
+        measure = varifold(mesh.with_vertices(v), 0.7)
+        return measure.points, measure.weights
+
+    assert torch.autograd.gradcheck(encoded, vertices.requires_grad_())
+
+
+def test_weights_can_be_detached():
+    vertices = triangle().vertices.requires_grad_()
+    mesh = triangle().with_vertices(vertices)
+    assert varifold(mesh).weights.requires_grad
+    assert not varifold(mesh, detach_weights=True).weights.requires_grad
+    assert varifold(mesh, detach_weights=True).points.requires_grad
+
+
+def test_float32_stays_float32():
+    measure = varifold(icosphere(3).to(torch.float32))
+    assert measure.points.dtype == measure.weights.dtype == torch.float32
+
+
+def test_shapes_without_size_are_refused():
+    flat = Mesh(torch.zeros(3, 3), torch.tensor([[0, 1, 2]]))
+    with pytest.raises(ValueError, match="positive size"):
+        varifold(flat)
+    with pytest.raises(ValueError, match="positive size"):
+        empirical(flat, 3, 0)
+    with pytest.raises(ValueError, match="normal_scale"):
+        varifold(triangle(), normal_scale=-1)
+    with pytest.raises(ValueError, match="positive size"):
+        varifold(Contour(torch.zeros(2, 2), torch.tensor([[0, 1]])))
+
+
+def test_equal_masses_by_default():
+    measure = DiscreteMeasure(torch.zeros(8, 3))
+    assert torch.equal(measure.weights, torch.full((8,), 0.125))
+    assert "8 points in R^3" in repr(measure)

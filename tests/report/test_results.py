@@ -1,0 +1,68 @@
+"""Results files are whole, finite, and say where they come from; numbers print alike everywhere."""
+
+import json
+import math
+
+import pytest
+
+from meshot.report.environment import environment_card
+from meshot.report.numbers import digits, mean_and_deviation, table
+from meshot.report.results import FIELDS, package_version, provenance_lines, read_results, write_results
+
+
+@pytest.fixture
+def written(tmp_path):
+    path = tmp_path / "results.json"
+    write_results(path, {"w2": [0.1, 0.2]}, {"seed": 3}, "python experiments/x/run.py", "synthetic", 12.34)
+    return path
+
+
+def test_results_come_back_with_provenance(written):
+    record = read_results(written)
+    assert record["results"] == {"w2": [0.1, 0.2]}
+    assert set(record) == set(FIELDS)
+    lines = provenance_lines(record)
+    assert "python experiments/x/run.py" in lines
+    assert f"torch {record['versions']['torch']}" in lines
+
+
+def test_bad_results_are_refused(tmp_path, written):
+    with pytest.raises(ValueError, match="does not exist"):
+        read_results(tmp_path / "none.json")
+    half = tmp_path / "half.json"
+    half.write_text(written.read_text()[:-40])
+    with pytest.raises(ValueError, match="not whole JSON"):
+        read_results(half)
+    poor = tmp_path / "poor.json"
+    poor.write_text(json.dumps({"results": {}}))
+    with pytest.raises(ValueError, match="lacks config, command"):
+        read_results(poor)
+    with pytest.raises(ValueError, match="as JSON"):
+        write_results(written, {"w2": math.nan}, {}, "", "", 0.0)
+    assert read_results(written)["results"] == {"w2": [0.1, 0.2]}
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(math.pi, "3.142"), (-0.0, "0"), (1234567.0, "1.235e+06"), (2.0, "2"), (1e-9, "1e-09"), (math.inf, "inf")],
+)
+def test_four_digits(value, text):
+    assert digits(value) == text
+
+
+def test_tables_align():
+    rows = [{"loss": "Chamfer", "W2": 0.47123}, {"loss": "SW", "W2": 12.0}]
+    assert table(rows) == "loss         W2\nChamfer  0.4712\nSW           12"
+    assert table([]) == "(no rows)"
+
+
+def test_mean_and_deviation():
+    assert mean_and_deviation([1.0, 2.0, 3.0]) == "2 ± 1"
+    assert mean_and_deviation([0.5]) == "0.5 ± 0"
+
+
+def test_the_card_names_what_ran():
+    card = environment_card(0.0, 7)
+    assert "seed 7" in card
+    assert f"torch {package_version('torch')}" in card
+    assert package_version("no-such-package") == "not installed"
