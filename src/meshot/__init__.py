@@ -1,5 +1,6 @@
 """Optimal-transport losses for surfaces, from points on a line to the cortex."""
 
+from meshot.flow.integrate import integrate
 from meshot.loss.chamfer import chamfer
 from meshot.loss.directions import quasi_directions, random_directions
 from meshot.loss.sliced import sliced_wasserstein
@@ -13,6 +14,7 @@ __all__ = [
     "Mesh",
     "chamfer",
     "empirical",
+    "integrate",
     "quasi_directions",
     "random_directions",
     "sliced_wasserstein",

@@ -1,0 +1,115 @@
+"""Cubic B-spline interpolation of a vector field on a lattice, forward and backward, in numba.
+
+A point reads 4 × 4 × 4 coefficients of three components. The last two axes are contiguous, so that a point reads 16
+rows of 12 numbers; everything inside the loops over rows is arithmetic on such rows, which the compiler vectorises.
+Places are clipped to the box where all four nodes around exist along every axis. The caller cuts the points into
+chunks, one per thread: the kernels release the GIL.
+"""
+
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+_options = {"cache": True, "nogil": True, "fastmath": {"contract", "reassoc"}}
+
+
+@njit(inline="always")
+@no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
+def _clipped(place, n_nodes):
+    """The cell that holds the nearest place in [1, n − 2], and the offset in it."""
+    place = min(place if place > 1 else 1, n_nodes - 2)  # NaN must not become an index
+    cell = min(int(place), n_nodes - 3)
+    return cell, place - cell
+
+
+@njit(inline="always")
+@no_type_check
+def _weigh(t, weights):
+    """The four cubic B-spline weights at offset ``t`` in [0, 1)."""
+    s = 1 - t
+    weights[0] = s * s * s / 6
+    weights[1] = 2 / 3 - t * t * (1 - t / 2)
+    weights[2] = 2 / 3 - s * s * (1 - s / 2)
+    weights[3] = t * t * t / 6
+
+
+@njit(inline="always")
+@no_type_check
+def _slope(t, slopes):
+    """The derivatives of the four weights."""
+    s = 1 - t
+    slopes[0] = -s * s / 2
+    slopes[1] = t * (3 * t / 2 - 2)
+    slopes[2] = s * (2 - 3 * s / 2)
+    slopes[3] = t * t / 2
+
+
+@njit(**_options)
+@no_type_check
+def interpolate(coefficients, places, values):
+    """Write the spline at ``places``, in units of the lattice, to ``values``."""
+    nx, ny, nz, _ = coefficients.shape
+    flat = coefficients.reshape(-1)
+    weights, row = np.empty((3, 4), places.dtype), np.empty(12, places.dtype)
+    for i in range(len(places)):
+        (x, u), (y, v), (z, w) = _clipped(places[i, 0], nx), _clipped(places[i, 1], ny), _clipped(places[i, 2], nz)
+        _weigh(u, weights[0])
+        _weigh(v, weights[1])
+        _weigh(w, weights[2])
+        row[:] = 0
+        for a in range(4):
+            for b in range(4):
+                start = 3 * (((x - 1 + a) * ny + y - 1 + b) * nz + z - 1)
+                weight = weights[0, a] * weights[1, b]
+                for m in range(12):
+                    row[m] += weight * flat[start + m]
+        for k in range(3):
+            values[i, k] = 0
+            for c in range(4):
+                values[i, k] += weights[2, c] * row[3 * c + k]
+
+
+@njit(**_options)
+@no_type_check
+def interpolate_backward(coefficients, places, pull, to_coefficients, to_places):
+    """Add the gradient in the coefficients to one buffer, write the gradient in the places to another."""
+    nx, ny, nz, _ = coefficients.shape
+    flat, to_flat = coefficients.reshape(-1), to_coefficients.reshape(-1)
+    weights, slopes = np.empty((3, 4), places.dtype), np.empty((3, 4), places.dtype)
+    rows = np.empty((4, 12), places.dtype)
+    along_x, along_y, along_z, share = rows[0], rows[1], rows[2], rows[3]
+    for i in range(len(places)):
+        (x, u), (y, v), (z, w) = _clipped(places[i, 0], nx), _clipped(places[i, 1], ny), _clipped(places[i, 2], nz)
+        _weigh(u, weights[0])
+        _weigh(v, weights[1])
+        _weigh(w, weights[2])
+        _slope(u, slopes[0])
+        _slope(v, slopes[1])
+        _slope(w, slopes[2])
+        for c in range(4):
+            for k in range(3):
+                share[3 * c + k] = weights[2, c] * pull[i, k]
+        along_x[:], along_y[:], along_z[:] = 0, 0, 0
+        for a in range(4):
+            for b in range(4):
+                start = 3 * (((x - 1 + a) * ny + y - 1 + b) * nz + z - 1)
+                weight = weights[0, a] * weights[1, b]
+                slope_x, slope_y = slopes[0, a] * weights[1, b], weights[0, a] * slopes[1, b]
+                for m in range(12):
+                    coefficient = flat[start + m]
+                    along_x[m] += slope_x * coefficient
+                    along_y[m] += slope_y * coefficient
+                    along_z[m] += weight * coefficient
+                    to_flat[start + m] += weight * share[m]
+        to_places[i] = 0
+        inside_x, inside_y, inside_z = (
+            1 <= places[i, 0] <= nx - 2,
+            1 <= places[i, 1] <= ny - 2,
+            1 <= places[i, 2] <= nz - 2,
+        )
+        for c in range(4):
+            for k in range(3):
+                to_places[i, 0] += inside_x * share[3 * c + k] * along_x[3 * c + k]
+                to_places[i, 1] += inside_y * share[3 * c + k] * along_y[3 * c + k]
+                to_places[i, 2] += inside_z * slopes[2, c] * pull[i, k] * along_z[3 * c + k]

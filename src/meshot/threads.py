@@ -1,0 +1,23 @@
+"""Work cut into chunks, one per thread, for kernels that release the GIL."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import torch
+
+Result = TypeVar("Result")
+
+
+def in_chunks(work: Callable[[int, int], Result], n_items: int, smallest: int = 1) -> list[Result]:
+    """The results of ``work(start, stop)`` on contiguous chunks that cover ``range(n_items)``, in order.
+
+    The number of chunks is ``torch.get_num_threads()``, less where a chunk would fall below ``smallest`` items: it
+    depends on nothing else, so that sums over chunks are the same in every run with the same number of threads.
+    """
+    n_chunks = max(1, min(torch.get_num_threads(), n_items // smallest))
+    bounds = [n_items * i // n_chunks for i in range(n_chunks + 1)]
+    if n_chunks == 1:
+        return [work(0, n_items)]
+    with ThreadPoolExecutor(n_chunks) as pool:
+        return list(pool.map(work, bounds[:-1], bounds[1:]))
