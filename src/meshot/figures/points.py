@@ -1,5 +1,6 @@
 """Pictures of points on their way to a contour: the process, the forces, the curves."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
@@ -12,6 +13,7 @@ from meshot.mesh.mesh import Contour
 from meshot.types import Float, Tensor
 
 Limits = tuple[float, float, float, float]
+LONGEST_ARROW = 0.45
 
 
 def draw_contour(ax: Axes, contour: Contour, **options: object) -> None:
@@ -70,12 +72,13 @@ def force_figure(
 ) -> Figure:
     """Where points are pulled (coloured arrows) and where one more point would be (grey arrows), side by side.
 
-    Arrows on points are to scale; those on probes all have one length, because only their direction is of interest.
+    Arrows on points are stretched by one factor per panel, so that directions can be seen where pulls are weak, and cut
+    where a few would cross the whole picture; a point that is not pulled has none. Arrows on probes have one length.
 
     Parameters
     ----------
     points, forces : mapping
-        By title; the titles of a row of panels each name a loss or a moment.
+        By title; a title that begins with the name of a loss gets its colour. Say lengths in the title.
     probes : tensor
         Test places, the same for all panels.
     probe_forces : mapping
@@ -90,30 +93,38 @@ def force_figure(
         _draw_directions(ax, probes.numpy(), probe_forces[title].numpy())
         colour = next((c for name, c in LOSS_COLOURS.items() if title.startswith(name)), BLACK)
         draw_points(ax, points[title], colour, s=5)
-        _draw_arrows(ax, points[title][::every].numpy(), forces[title][::every].numpy(), colour)
+        arrows = forces[title].numpy()
+        _draw_arrows(ax, points[title][::every].numpy(), arrows[::every], colour, _arrow_scale(arrows))
         ax.set_title(title)
     for ax in list(axes.flat)[len(points) :]:
         ax.set_visible(False)
     return figure
 
 
-def _draw_arrows(ax: Axes, places: np.ndarray, arrows: np.ndarray, colour: str) -> None:
+def _draw_arrows(ax: Axes, places: np.ndarray, arrows: np.ndarray, colour: str, scale: float) -> None:
     lines = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.006, "headwidth": 3.5, "headlength": 4}
-    # An arrow that is shorter than a pixel would be drawn as a dot of its own.
-    seen = np.linalg.norm(arrows, axis=1) > 0.01
-    ax.quiver(*places[seen].T, *arrows[seen].T, color=colour, zorder=4, **lines)
+    lengths = np.linalg.norm(arrows, axis=1)
+    # A point at rest would be drawn as a dot of its own.
+    seen = lengths > 1e-3
+    drawn = arrows[seen] * (np.minimum(lengths[seen] * scale, LONGEST_ARROW) / lengths[seen])[:, None]
+    ax.quiver(*places[seen].T, *drawn.T, color=colour, zorder=4, **lines)
+
+
+def _arrow_scale(arrows: np.ndarray) -> float:
+    """What makes most arrows of a panel a third of a unit long or shorter."""
+    return 0.3 / max(float(np.quantile(np.linalg.norm(arrows, axis=1), 0.9)), 1e-3)
 
 
 def _draw_directions(ax: Axes, places: np.ndarray, arrows: np.ndarray) -> None:
     lengths = np.linalg.norm(arrows, axis=1, keepdims=True)
     directions = arrows / np.where(lengths > 0, lengths, 1)
-    ax.quiver(*places.T, *directions.T, color="0.72", zorder=0, pivot="mid", scale=24, width=0.005)
+    ax.quiver(*places.T, *directions.T, color="0.72", zorder=0, pivot="mid", scale=26, width=0.005)
 
 
 def curves_figure(
     curves: Mapping[str, Mapping[str, tuple[Sequence[float], Sequence[float]]]],
     x_label: str,
-    floors: Mapping[str, tuple[float, str]] | None = None,
+    marks: Mapping[str, Mapping[str, float]] | None = None,
     scales: tuple[str, str] = ("symlog", "log"),
 ) -> Figure:
     """One panel under another, each with a curve for every loss.
@@ -124,8 +135,8 @@ def curves_figure(
         Label of the vertical axis (with its unit) → name of the loss → (x, y).
     x_label : str
         With its unit.
-    floors : mapping, optional
-        Label of the vertical axis → a height to mark and what it is.
+    marks : mapping, optional
+        Label of the vertical axis → what it is → a height to mark by a thin line.
     scales : tuple of str
         Of the horizontal and the vertical axes, as matplotlib names them.
     """
@@ -133,16 +144,14 @@ def curves_figure(
     figure, axes = plt.subplots(len(curves), 1, **options)
     for ax, (label, lines) in zip(axes[:, 0], curves.items()):
         for name, (x, y) in lines.items():
-            ax.plot(x, y, label=name, **loss_line(name))
-        if floors and label in floors:
-            height, text = floors[label]
-            ax.axhline(height, color=TARGET, linewidth=1.2, linestyle=":", label=text)
+            ax.plot(x, y, label=name, **(loss_line(name) if name in LOSS_COLOURS else {"marker": "o"}))
+        for (text, height), dashes in zip((marks or {}).get(label, {}).items(), itertools.cycle((":", "--"))):
+            ax.axhline(height, color=TARGET, linewidth=1.4, linestyle=dashes, label=text)
         ax.set(ylabel=label, yscale=scales[1])
-        if scales[0] == "symlog":
-            ax.set_xscale("symlog", linthresh=1)
+        ax.set_xscale(scales[0], **({"linthresh": 1} if scales[0] == "symlog" else {}))
     axes[-1, 0].set_xlabel(x_label)
     handles, names = axes[-1, 0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=min(len(names), 3))
+    figure.legend(handles, names, loc="outside upper center", ncols=2 if len(names) > 3 else len(names))
     return figure
 
 
