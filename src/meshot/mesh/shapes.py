@@ -12,7 +12,10 @@ from meshot.types import Float, Int64, Tensor
 
 
 def icosphere(
-    subdivisions: int, radius: float = 1.0, centre: tuple[float, float, float] = (0.0, 0.0, 0.0), dtype=torch.float64
+    subdivisions: int,
+    radius: float = 1.0,
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    dtype: torch.dtype = torch.float64,
 ) -> Mesh:
     """A sphere made of an icosahedron whose faces are cut into four ``subdivisions`` times: 20 · 4ˢ faces.
 
@@ -44,7 +47,7 @@ def icosphere(
     return Mesh((radius * points + shift).to(dtype), faces)
 
 
-def ellipsoid(subdivisions: int, radii: tuple[float, float, float], dtype=torch.float64) -> Mesh:
+def ellipsoid(subdivisions: int, radii: tuple[float, float, float], dtype: torch.dtype = torch.float64) -> Mesh:
     """An icosphere stretched along the axes, centred at the origin.
 
     Parameters
@@ -67,7 +70,7 @@ def ellipsoid(subdivisions: int, radii: tuple[float, float, float], dtype=torch.
 
 
 def folded_sphere(
-    subdivisions: int, radius: float = 40.0, depth: float = 6.0, n_folds: int = 5, dtype=torch.float64
+    subdivisions: int, radius: float = 40.0, depth: float = 6.0, n_folds: int = 5, dtype: torch.dtype = torch.float64
 ) -> Mesh:
     """A star-shaped surface with gyri and sulci: an icosphere whose radius varies with its direction.
 
@@ -101,7 +104,7 @@ def folded_sphere(
     return sphere.with_vertices((radius + depth * profile)[:, None] * sphere.vertices).to(dtype)
 
 
-def cube(side: float = 1.0, dtype=torch.float64) -> Mesh:
+def cube(side: float = 1.0, dtype: torch.dtype = torch.float64) -> Mesh:
     """The surface of a cube centred at the origin: 8 vertices, 12 triangles.
 
     Raises
