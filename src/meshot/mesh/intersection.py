@@ -1,0 +1,40 @@
+"""Faces of a mesh that cross other faces of the same mesh."""
+
+import igl.predicates
+import numpy as np
+import torch
+
+from meshot.mesh.mesh import Mesh
+from meshot.types import Int64, Tensor
+
+
+def self_intersecting_faces(mesh: Mesh) -> Int64[Tensor, " n"]:
+    """The faces that cross, touch or overlap another face beyond the edge or corner that the two share.
+
+    Each face counts once, however many others it meets. Vertices at the same place are merged first, so that
+    neighbours in a soup of triangles do not count merely for touching.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Decided in double precision with exact predicates.
+
+    Returns
+    -------
+    tensor
+        Indices into ``mesh.faces``, ascending.
+
+    Notes
+    -----
+    libigl's ``find_self_intersections``; about 1 s for 330 000 faces.
+    """
+    vertices = mesh.vertices.detach().double().cpu().numpy()
+    merged, index = np.unique(vertices, axis=0, return_inverse=True)
+    faces = index.reshape(-1)[mesh.faces.cpu().numpy()]
+    # A face whose corners fall together has no inside that could cross anything.
+    kept = np.flatnonzero((faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0]))
+    if not len(kept):
+        return torch.zeros(0, dtype=torch.int64, device=mesh.faces.device)
+    pairs = igl.predicates.find_self_intersections(merged, np.ascontiguousarray(faces[kept]))[1]
+    found = kept[np.unique(np.asarray(pairs, dtype=np.int64))]
+    return torch.from_numpy(found.astype(np.int64)).to(mesh.faces.device)

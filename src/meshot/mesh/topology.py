@@ -1,0 +1,81 @@
+"""Counts that do not change when vertices move."""
+
+import dataclasses
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
+import torch
+
+from meshot.mesh.mesh import Mesh
+from meshot.types import Int64, Tensor
+
+
+def euler_number(mesh: Mesh) -> int:
+    """V − E + F: 2 for a sphere, 2 − 2g for one closed surface with g handles; vertices without a face do not count."""
+    return len(torch.unique(mesh.faces)) - len(_edge_counts(mesh)[0]) + len(mesh.faces)
+
+
+def boundary_edges(mesh: Mesh) -> Int64[Tensor, "E 2"]:
+    """The edges of only one face: none if the mesh is closed."""
+    edges, counts = _edge_counts(mesh)
+    return edges[counts == 1]
+
+
+def nonmanifold_edges(mesh: Mesh) -> Int64[Tensor, "E 2"]:
+    """The edges of more than two faces."""
+    edges, counts = _edge_counts(mesh)
+    return edges[counts > 2]
+
+
+def component_labels(mesh: Mesh) -> Int64[Tensor, " F"]:
+    """For every face, which piece of the mesh it belongs to (pieces hang together by vertices), from 0."""
+    faces = mesh.faces.cpu().numpy()
+    n_vertices = len(mesh.vertices)
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    graph = scipy.sparse.coo_matrix((np.ones(len(pairs), dtype=bool), pairs.T), shape=(n_vertices, n_vertices))
+    labels = scipy.sparse.csgraph.connected_components(graph, directed=False)[1][faces[:, 0]]
+    return torch.from_numpy(np.unique(labels, return_inverse=True)[1].astype(np.int64)).to(mesh.faces.device)
+
+
+def is_consistently_oriented(mesh: Mesh) -> bool:
+    """Whether no two faces run along a shared edge in the same direction, so that normals agree on a side."""
+    directed = _directed_edges(mesh)
+    return len(torch.unique(directed[:, 0] * len(mesh.vertices) + directed[:, 1])) == len(directed)
+
+
+@dataclasses.dataclass(frozen=True)
+class Topology:
+    """The counts that say whether a mesh is a surface, and which."""
+
+    euler_number: int
+    n_components: int
+    n_boundary_edges: int
+    n_nonmanifold_edges: int
+    consistently_oriented: bool
+
+
+SPHERE = Topology(2, 1, 0, 0, True)
+
+
+def topology(mesh: Mesh) -> Topology:
+    """Euler number, pieces, boundary and non-manifold edges, and orientation; equal to ``SPHERE`` for a sphere."""
+    return Topology(
+        euler_number(mesh),
+        int(component_labels(mesh).max()) + 1,
+        len(boundary_edges(mesh)),
+        len(nonmanifold_edges(mesh)),
+        is_consistently_oriented(mesh),
+    )
+
+
+def _directed_edges(mesh: Mesh) -> Tensor:
+    return torch.cat([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+
+
+def _edge_counts(mesh: Mesh) -> tuple[Tensor, Tensor]:
+    # One number per edge sorts ten times faster than a row.
+    n_vertices = len(mesh.vertices)
+    edges = _directed_edges(mesh).sort(dim=1).values
+    keys, counts = torch.unique(edges[:, 0] * n_vertices + edges[:, 1], return_counts=True)
+    return torch.stack([keys // n_vertices, keys % n_vertices], dim=1), counts

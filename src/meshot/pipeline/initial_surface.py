@@ -1,0 +1,77 @@
+"""From a tissue probability to a closed surface without handles, as every flow needs it to start from."""
+
+import dataclasses
+
+from meshot.mesh.decimation import decimated
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.mesh import Mesh
+from meshot.mesh.smoothing import taubin_smoothing
+from meshot.mesh.topology import SPHERE, topology
+from meshot.volume.isosurface import isosurface, separated_field
+from meshot.volume.topology import filled_cavities, genus_zero, largest_component
+from meshot.volume.volume import Volume
+
+SMOOTHING_STEPS = (3, 6, 12, 24)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TissueSurface:
+    """A surface of a tissue and the stages it came through.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed, outward, χ = 2, no non-manifold edge, no self-intersecting face; in mm.
+    mask : Volume
+        Boolean: the tissue above ½, largest piece, cavities filled.
+    genus_zero_mask : Volume
+        Boolean: the part of it that has the topology of a ball.
+    """
+
+    mesh: Mesh
+    mask: Volume
+    genus_zero_mask: Volume
+
+
+def tissue_surface(probability: Volume, n_faces: int = 80_000) -> TissueSurface:
+    """The surface where a tissue probability crosses ½, made to have the topology of a sphere.
+
+    Threshold → largest piece → cavities filled → genus 0, voxels of low probability given up first → marching cubes,
+    between voxels where the probability says → light smoothing → decimation.
+
+    Parameters
+    ----------
+    probability : Volume
+        In [0, 1]; already restricted to what the surface shall enclose.
+    n_faces : int
+        About how many faces are wanted at most.
+
+    Raises
+    ------
+    ValueError
+        If nothing, or everything, lies above ½.
+    """
+    mask = filled_cavities(largest_component(probability.data > 0.5))
+    ball = genus_zero(mask, probability.data)
+    mesh = sphere_like_mesh(isosurface(separated_field(probability, ball)), n_faces)
+    return TissueSurface(mesh, probability.with_data(mask), probability.with_data(ball))
+
+
+def sphere_like_mesh(mesh: Mesh, n_faces: int) -> Mesh:
+    """A mesh after light smoothing and decimation, smoothed no more than it takes to keep faces from crossing.
+
+    Where no amount that is tried keeps them apart, the mesh is returned as it came.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is no topological sphere.
+    """
+    found = topology(mesh)
+    if found != SPHERE:
+        raise ValueError(f"the mesh is not a topological sphere ({found}); correct the mask with genus_zero first")
+    for n_steps in SMOOTHING_STEPS:
+        candidate = decimated(taubin_smoothing(mesh, n_steps), n_faces)
+        if topology(candidate) == SPHERE and not len(self_intersecting_faces(candidate)):
+            return candidate
+    return mesh

@@ -1,0 +1,113 @@
+"""The inner loop of the genus-0 correction: simple points, well-composedness, and the flood."""
+
+import heapq
+
+import numba
+import numpy as np
+
+OFFSETS = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.int64)
+CENTRE = 13
+
+
+def _adjacent_places(connectivity: int, allowed: np.ndarray) -> np.ndarray:
+    """Row i lists the places of the 3³ neighbourhood adjacent to place i, padded with -1."""
+    table = np.full((27, 26), -1, dtype=np.int64)
+    for i in range(27):
+        steps = np.abs(OFFSETS - OFFSETS[i])
+        near = (steps.max(axis=1) == 1) & (steps.sum(axis=1) <= {6: 1, 26: 3}[connectivity])
+        places = np.flatnonzero(near & allowed & allowed[i])
+        table[i, : len(places)] = places
+    return table
+
+
+_DISTANCE = np.abs(OFFSETS).sum(axis=1)
+_ADJACENT_26 = _adjacent_places(26, _DISTANCE > 0)
+_ADJACENT_6 = _adjacent_places(6, (_DISTANCE > 0) & (_DISTANCE < 3))
+_FACES = np.flatnonzero(_DISTANCE == 1)
+_ALL = np.flatnonzero(_DISTANCE > 0)
+
+
+@numba.njit(cache=True)
+def _components(values, wanted, seeds, adjacent):
+    """Number of components of the places with a wanted value that hold at least one of the seeds."""
+    seen = np.zeros(27, dtype=np.bool_)
+    stack = np.empty(27, dtype=np.int64)
+    count = 0
+    for seed in seeds:
+        if values[seed] != wanted or seen[seed]:
+            continue
+        count += 1
+        seen[seed] = True
+        stack[0] = seed
+        size = 1
+        while size:
+            size -= 1
+            place = stack[size]
+            for other in adjacent[place]:
+                if other < 0:
+                    break
+                if values[other] == wanted and not seen[other]:
+                    seen[other] = True
+                    stack[size] = other
+                    size += 1
+    return count
+
+
+@numba.njit(cache=True)
+def is_simple(values):
+    """Whether adding the centre keeps the topology: one 26-component of object around it, one 6-component beside."""
+    return _components(values, True, _ALL, _ADJACENT_26) == 1 and _components(values, False, _FACES, _ADJACENT_6) == 1
+
+
+@numba.njit(cache=True)
+def stays_well_composed(values):
+    """Whether neither object nor background gets voxels that meet only in an edge or a corner, once the centre joins."""
+    for i in (-1, 1):
+        for j in (-1, 1):
+            for k in (-1, 1):
+                x, y, z = 9 * i, 3 * j, k
+                a, b, c = values[13 + x], values[13 + y], values[13 + z]
+                ab, ac, bc = values[13 + x + y], values[13 + x + z], values[13 + y + z]
+                abc = values[13 + x + y + z]
+                if (ab and not a and not b) or (ac and not a and not c) or (bc and not b and not c):
+                    return False
+                if abc and not (a or b or c or ab or ac or bc):
+                    return False
+                # Two opposite corners missing from a cube that is otherwise full; the centre is one of the six.
+                total = int(a) + int(b) + int(c) + int(ab) + int(ac) + int(bc) + int(abc)
+                if total == 5 and ((not a and not bc) or (not b and not ac) or (not c and not ab)):
+                    return False
+    return True
+
+
+@numba.njit(cache=True)
+def flood(mask, priority, seed):
+    """Grow from a seed inside a mask, best priority first, by voxels that keep the topology of a ball.
+
+    ``mask`` and ``priority`` are flat views of a grid whose outermost layer is background; ``seed`` is an index triple.
+    """
+    shape = mask.shape
+    strides = np.array([shape[1] * shape[2], shape[2], 1])
+    steps = (OFFSETS * strides).sum(axis=1)
+    allowed, order = mask.ravel(), priority.ravel()
+    grown = np.zeros(allowed.size, dtype=np.bool_)
+    waiting = np.zeros(allowed.size, dtype=np.bool_)
+    values = np.zeros(27, dtype=np.bool_)
+    start = seed[0] * strides[0] + seed[1] * strides[1] + seed[2]
+    heap = [(order[start], start)]
+    first = True
+    while len(heap):
+        _, place = heapq.heappop(heap)
+        waiting[place] = False
+        for i in range(27):
+            values[i] = grown[place + steps[i]]
+        if not first and not (is_simple(values) and stays_well_composed(values)):
+            continue
+        first = False
+        grown[place] = True
+        for step in steps:
+            other = place + step
+            if allowed[other] and not grown[other] and not waiting[other]:
+                waiting[other] = True
+                heapq.heappush(heap, (order[other], other))
+    return grown.reshape(shape)

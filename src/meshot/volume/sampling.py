@@ -1,0 +1,97 @@
+"""Values of a volume between its voxels."""
+
+import numpy as np
+import torch
+
+from meshot.errors import require_positive_integer
+from meshot.types import Float, Tensor
+from meshot.volume.volume import Volume, mm_to_voxel
+
+
+def sample_volume(volume: Volume, points_mm: Float[Tensor, "n 3"], outside: float = 0.0) -> Float[Tensor, " n"]:
+    """Trilinear interpolation of a volume at points in scanner RAS, differentiable in the points.
+
+    Parameters
+    ----------
+    volume : Volume
+    points_mm : tensor
+        One row per point, in mm.
+    outside : float
+        The value of every voxel beyond the grid; towards it the image is continued linearly over one voxel.
+
+    Returns
+    -------
+    tensor
+        In the units of the volume and the dtype of the points.
+    """
+    places = mm_to_voxel(volume, points_mm) + 1
+    data = torch.as_tensor(np.pad(volume.data, 1, constant_values=outside)).to(points_mm)
+    last = places.new_tensor(data.shape) - 1
+    # Far points are pulled to the rim, which holds the outside value; a rim plus one layer keeps corners inside.
+    places = torch.minimum(places.clamp(min=0), last)
+    lower = torch.minimum(places.detach().floor(), last - 1).long()
+    fraction = places - lower
+    total = torch.zeros_like(places[:, 0])
+    for corner in np.ndindex(2, 2, 2):
+        step = lower.new_tensor(corner)
+        weight = torch.where(step.bool(), fraction, 1 - fraction).prod(dim=1)
+        total = total + weight * data[tuple((lower + step).unbind(dim=1))]
+    return total
+
+
+def resample(volume: Volume, spacing: float) -> Volume:
+    """The same image on a cubic grid of another spacing, by trilinear interpolation.
+
+    The new grid has the orientation of the old one and starts at its first voxel. No smoothing precedes, so a much
+    coarser grid aliases.
+
+    Parameters
+    ----------
+    volume : Volume
+    spacing : float
+        In mm, along all three axes.
+
+    Raises
+    ------
+    ValueError
+        If ``spacing`` is not positive.
+    """
+    if not spacing > 0:
+        raise ValueError(f"spacing is {spacing!r}; a positive number of mm is needed")
+    sizes = np.linalg.norm(volume.affine[:3, :3], axis=0)
+    shape = [int((n - 1) * size / spacing) + 1 for n, size in zip(volume.data.shape, sizes, strict=True)]
+    for n in shape:
+        require_positive_integer(n, "number of voxels")
+    affine = volume.affine @ np.diag([*(spacing / sizes), 1])
+    grid = torch.from_numpy(np.indices(shape).reshape(3, -1).T.astype(np.float64))
+    points = grid @ torch.from_numpy(affine[:3, :3].T) + torch.from_numpy(affine[:3, 3])
+    return Volume(sample_volume(volume, points).reshape(shape).numpy(), affine)
+
+
+def cropped(volume: Volume, points_mm: Float[Tensor, "n 3"], margin: int = 3) -> Volume:
+    """The smallest box of voxels around a set of points, with a margin, at its old place in the world.
+
+    Parameters
+    ----------
+    volume : Volume
+    points_mm : tensor
+        What the box must hold, in scanner RAS.
+    margin : int
+        Voxels to add on each side, as far as the volume goes.
+
+    Raises
+    ------
+    ValueError
+        If none of the volume lies around the points: they may be in another space.
+    """
+    places = mm_to_voxel(volume, points_mm.detach().double()).numpy()
+    low = np.clip(np.floor(places.min(axis=0)).astype(int) - margin, 0, None)
+    high = np.minimum(np.ceil(places.max(axis=0)).astype(int) + margin + 1, volume.data.shape)
+    if (high <= low).any():
+        raise ValueError(
+            f"the points span {places.min(axis=0).round(1).tolist()} to {places.max(axis=0).round(1).tolist()} in "
+            f"voxels, the volume {list(volume.data.shape)}: they do not overlap; are both in scanner RAS?"
+        )
+    affine = volume.affine.copy()
+    affine[:3, 3] += affine[:3, :3] @ low
+    return Volume(volume.data[tuple(slice(a, b) for a, b in zip(low, high, strict=True))], affine)
