@@ -7,6 +7,7 @@ from meshot.loss.sliced import sliced_wasserstein
 from meshot.loss.wasserstein import wasserstein
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
 from meshot.mesh.mesh import Contour, Mesh
+from meshot.metrics.evaluate import evaluate
 
 __all__ = [
     "Contour",
@@ -14,6 +15,7 @@ __all__ = [
     "Mesh",
     "chamfer",
     "empirical",
+    "evaluate",
     "integrate",
     "quasi_directions",
     "random_directions",

@@ -1,0 +1,67 @@
+"""What an evaluation is: numbers with their units, definitions and floors."""
+
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True)
+class Metric:
+    """One number of the ruler.
+
+    Parameters
+    ----------
+    name : str
+    value : float
+    unit : str
+        "mm", "%", or what is counted; empty for a pure number.
+    definition : str
+        One sentence that leaves nothing open.
+    floor : float
+        What the target scores against itself, from two independent samples of the same size: a perfect prediction
+        would do no better.
+    """
+
+    name: str
+    value: float
+    unit: str
+    definition: str
+    floor: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluation:
+    """How close a surface is to a target surface; ``print`` it for a table, see ``definitions`` for what was measured.
+
+    Lengths are in the units of the vertices, taken to be mm.
+    """
+
+    emd: Metric
+    swd: Metric
+    assd: Metric
+    hausdorff: Metric
+    normals: Metric
+    signed_normals: Metric
+    intersecting_faces: Metric
+    intersecting_share: Metric
+    euler_number: Metric
+
+    def metrics(self) -> list[Metric]:
+        """All metrics, in the order in which they are printed."""
+        return [getattr(self, field.name) for field in dataclasses.fields(self)]
+
+    def as_dict(self) -> dict[str, dict[str, float | str]]:
+        """Everything as plain numbers and strings, for JSON."""
+        return {name: dataclasses.asdict(getattr(self, name)) for name in self.__dataclass_fields__}
+
+    def definitions(self) -> str:
+        """One line per metric: its name and what it is."""
+        width = max(len(metric.name) for metric in self.metrics())
+        return "\n".join(f"{metric.name.ljust(width)}  {metric.definition}" for metric in self.metrics())
+
+    def __repr__(self) -> str:
+        rows = [(m.name, f"{m.value:.4g}", m.unit, f"{m.floor:.4g}") for m in self.metrics()]
+        head = ("metric", "value", "unit", "floor")
+        name, value, unit, floor = (max(map(len, column)) for column in zip(head, *rows, strict=True))
+        return "\n".join(
+            f"{n.ljust(name)}  {v.rjust(value)}  {u.ljust(unit)}  {f.rjust(floor)}".rstrip()
+            for n, v, u, f in [head, *rows]
+        )

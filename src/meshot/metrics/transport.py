@@ -1,0 +1,68 @@
+"""Transport distances between equally many points, in NumPy and by POT: none of this is shared with the losses."""
+
+import math
+import warnings
+
+import numpy as np
+import ot
+
+from meshot.errors import require_positive_integer
+from meshot.types import Array, Float
+
+
+def earth_movers_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"]) -> float:
+    """EMD: W₂ = (min over pairings of the mean squared distance)^½, exactly, in the units of the points.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of points differ, or the solver does not finish.
+
+    Notes
+    -----
+    POT's network simplex: about 1 s for 2 000 points, 8 s for 5 000, half a minute for 10 000; O(n²) memory.
+    """
+    _require_equal_counts(points, others)
+    masses = np.full(len(points), 1 / len(points))
+    cost = ot.dist(points, others, metric="sqeuclidean")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        squared = ot.emd2(masses, masses, cost, numItermax=100 * len(points) ** 2)
+    if caught:
+        raise ValueError(f"the transport solver did not finish ({caught[0].message}): use fewer points")
+    return math.sqrt(max(0.0, float(squared)))
+
+
+def sliced_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], n_directions: int = 200) -> float:
+    """SWD: SW₂ = (the mean over directions of the squared W₂ of the projections)^½, in the units of the points.
+
+    The directions are a spiral on the half sphere, the same in every call.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of points differ, or there are no directions.
+    """
+    _require_equal_counts(points, others)
+    require_positive_integer(n_directions, "n_directions")
+    total = 0.0
+    for direction in half_sphere(n_directions):
+        gap = np.sort(points @ direction) - np.sort(others @ direction)
+        total += float(np.mean(gap * gap))
+    return math.sqrt(total / n_directions)
+
+
+def half_sphere(n: int) -> Float[Array, "n 3"]:
+    """Unit vectors of positive height, evenly spread: equal steps of height, turned by the golden angle each."""
+    height = (np.arange(n) + 0.5) / n
+    angle = math.pi * (3 - math.sqrt(5)) * np.arange(n)
+    radius = np.sqrt(1 - height**2)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+
+
+def _require_equal_counts(points: Array, others: Array) -> None:
+    if len(points) != len(others) or not len(points):
+        raise ValueError(
+            f"there are {len(points)} and {len(others)} points; equally many are needed, at least one: all carry "
+            "the same mass"
+        )
