@@ -1,7 +1,5 @@
 """Chapter 01: pulls of both losses, and the step that momentum allows."""
 
-from collections.abc import Callable
-
 import numpy as np
 import torch
 
@@ -9,7 +7,7 @@ from meshot.teach.verdict import Case, Mistake, judge
 from meshot.types import Float, Tensor
 
 
-def nearest_pull(function: Callable) -> None:
+def nearest_pull(function: object) -> None:
     """Check ``function(points, target)``: for every point, the vector to the nearest target point."""
     mistakes = [
         Mistake(lambda x, y: -_to_nearest(x, y), "the arrows point away from the target; which end comes first?"),
@@ -49,7 +47,7 @@ def _unit_pull(points: Float[Tensor, "n d"], target: Float[Tensor, "m d"]) -> Fl
     return arrows / torch.where(lengths > 0, lengths, torch.ones_like(lengths))
 
 
-def line_pull(function: Callable) -> None:
+def line_pull(function: object) -> None:
     """Check ``function(points, target, direction)``: the pull of transport along one direction on every point."""
     mistakes = [
         Mistake(lambda x, y, u: -_along(x, y, u), "the arrows point away from the target; which end comes first?"),
@@ -96,7 +94,7 @@ def _along(
     return ((target @ direction).sort().values[ranks] - points @ direction)[:, None] * direction
 
 
-def largest_rate(function: Callable) -> None:
+def largest_rate(function: object) -> None:
     """Check ``function(n_calls, momentum)``: from which learning rate on summed Chamfer is unstable."""
     mistakes = [
         Mistake(lambda k, b: 1 / (1 + k), "that is the bound without momentum; momentum lets larger steps pass"),

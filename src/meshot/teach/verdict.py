@@ -51,7 +51,7 @@ class Mistake:
     hint: str
 
 
-def judge(function: Callable, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake], name: str) -> None:
+def judge(function: object, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake], name: str) -> None:
     """Print one line that begins with ✓ or ✗.
 
     Parameters
@@ -70,7 +70,7 @@ def judge(function: Callable, truth: Callable, cases: Sequence[Case], mistakes: 
     print(f"✓ {name}: right on all {len(cases)} cases" if complaint is None else f"✗ {name}: {complaint}")
 
 
-def _complaint(function: Callable, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake]) -> str | None:
+def _complaint(function: object, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake]) -> str | None:
     if not callable(function):
         return f"a function is needed, but a {type(function).__name__} came; hand over the function without calling it"
     answers, trouble = [], None
