@@ -1,6 +1,8 @@
 """Stills show what is there: silhouettes, sides, colours, scale."""
 
 import hashlib
+import subprocess
+import sys
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -171,3 +173,13 @@ def test_one_value_everywhere_still_makes_a_picture():
     triangle = Mesh(torch.tensor([[0.0, 0, 0], [0, 1, 0], [0, 0, 1]]), torch.tensor([[0, 1, 2]]))
     figure = surface_figure(triangle, np.full(3, 2.0), views=("right",), resolution=50)
     assert figure.axes[-1].get_xlim() == (1.5, 2.5)
+
+
+def test_the_first_picture_in_a_notebook_brings_no_warning():
+    code = (
+        "from ipykernel.zmqshell import ZMQInteractiveShell; ZMQInteractiveShell.instance(); "
+        "from meshot.figures.surface import surface_image; from meshot.figures.view import view_from; "
+        "from meshot.mesh.shapes import icosphere; surface_image(icosphere(0), view_from('left'), size=(40, 30))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == ""

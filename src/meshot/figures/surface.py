@@ -1,7 +1,9 @@
 """Stills of surfaces: shaded, coloured by a value at each vertex, to scale."""
 
 import itertools
+import warnings
 from collections.abc import Mapping, Sequence
+from types import ModuleType
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -59,15 +61,13 @@ def surface_image(
     RuntimeError
         If there is no OpenGL here.
     """
-    require_display()
-    import pyvista  # after the check: VTK without OpenGL crashes
-
+    pyvista = _drawing_library()
     if centre is None or half_height is None:
         centre, half_height = framing([mesh], [view], size[0] / size[1])
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="none")
     try:
         plotter.add_light(pyvista.Light(light_type="headlight"))
-        plotter.add_mesh(_polygons(mesh, values), **_material(values, limits, colour_map))
+        plotter.add_mesh(_polygons(pyvista, mesh, values), **_material(values, limits, colour_map))
         plotter.enable_anti_aliasing("ssaa")
         _, up, towards = view.axes
         distance = 10 * half_height
@@ -80,9 +80,17 @@ def surface_image(
         plotter.close()
 
 
-def _polygons(mesh: Mesh, values: Values | None):
-    import pyvista
+def _drawing_library() -> ModuleType:
+    """pyvista, after the check that VTK will not crash."""
+    require_display()
+    with warnings.catch_warnings():
+        # In a notebook tqdm, which pyvista imports, misses widgets that nothing here uses, and says so with a path.
+        warnings.filterwarnings("ignore", message="IProgress not found")
+        import pyvista
+    return pyvista
 
+
+def _polygons(pyvista: ModuleType, mesh: Mesh, values: Values | None) -> object:
     vertices = mesh.vertices.detach().cpu().numpy()
     polygons = pyvista.PolyData.from_regular_faces(vertices, mesh.faces.cpu().numpy())
     if values is not None:
@@ -168,7 +176,7 @@ def surface_figure(
         for view, ax in zip(sights[name], line):
             image = surface_image(mesh, view, values.get(name), limits, colour_map, size, centre, half_height)
             _draw_panel(ax, image, half_height, view.letters() if sides.get(name) else ())
-            ax.set_title(f"{name}, {view.name}" if name else view.name, fontsize=9)
+            ax.set_title(f"{name}, {view.name}" if name else view.name, fontsize=11)
     _draw_scale(axes[-1, 0], half_height, length_unit)
     if values:
         colours = ScalarMappable(Normalize(*limits), colour_map)
@@ -178,7 +186,7 @@ def surface_figure(
 
 
 def _panels(n_rows: int, n_columns: int, inches: tuple[float, float], resolution: int, bar: bool) -> tuple:
-    titles, bar_inches = 0.25 * n_rows, 0.65 * bar
+    titles, bar_inches = 0.3 * n_rows, 0.75 * bar
     return plt.subplots(
         n_rows,
         n_columns,
@@ -197,7 +205,7 @@ def _draw_panel(ax: Axes, image: np.ndarray, half_height: float, letters: Sequen
     places = [(0.01, 0.5), (0.99, 0.5), (0.5, 0.01), (0.5, 0.99)]
     sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
     for letter, place, (across, along) in zip(letters, places, sides):
-        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, fontsize=8, color="0.35")
+        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, fontsize=10, color="0.3")
 
 
 def _draw_scale(ax: Axes, half_height: float, unit: str) -> None:
@@ -207,4 +215,4 @@ def _draw_scale(ax: Axes, half_height: float, unit: str) -> None:
     right, bottom = ax.get_xlim()[1], -0.97 * half_height
     ax.plot([0.97 * right - length, 0.97 * right], [bottom, bottom], color="0.2", linewidth=2, solid_capstyle="butt")
     text = f"{length:g} {unit}".strip()
-    ax.text(0.97 * right - length / 2, bottom + 0.03 * half_height, text, ha="center", va="bottom", fontsize=7)
+    ax.text(0.97 * right - length / 2, bottom + 0.03 * half_height, text, ha="center", va="bottom", fontsize=9)
