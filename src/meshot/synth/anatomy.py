@@ -10,6 +10,7 @@ from typing import Literal
 import nilearn.datasets
 import nilearn.surface
 import numpy as np
+import torch
 
 from meshot.mesh.mesh import Mesh
 from meshot.volume.volume import Volume
@@ -51,7 +52,8 @@ def fsaverage5_surface(kind: Literal["white", "pial"], hemisphere: Hemisphere) -
         raise ValueError(f"no surface {kind!r} {hemisphere!r}; kind is white or pial, hemisphere left or right")
     path = Path(nilearn.datasets.__file__).parent / "data" / "fsaverage5" / f"{kind}_{hemisphere}.gii.gz"
     surface = nilearn.surface.load_surf_mesh(str(path))
-    return Mesh(np.asarray(surface.coordinates, dtype=np.float64), np.asarray(surface.faces, dtype=np.int64))
+    vertices, faces = np.array(surface.coordinates, dtype=np.float64), np.array(surface.faces, dtype=np.int64)
+    return Mesh(torch.from_numpy(vertices), torch.from_numpy(faces))
 
 
 def _volume(image: object) -> Volume:

@@ -1,9 +1,10 @@
 """The inner loop of the genus-0 correction: simple points, well-composedness, and the flood."""
 
 import heapq
+from typing import no_type_check
 
-import numba
 import numpy as np
+from numba import njit
 
 OFFSETS = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.int64)
 CENTRE = 13
@@ -27,7 +28,8 @@ _FACES = np.flatnonzero(_DISTANCE == 1)
 _ALL = np.flatnonzero(_DISTANCE > 0)
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
+@no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
 def _components(values, wanted, seeds, adjacent):
     """Number of components of the places with a wanted value that hold at least one of the seeds."""
     seen = np.zeros(27, dtype=np.bool_)
@@ -53,15 +55,17 @@ def _components(values, wanted, seeds, adjacent):
     return count
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
+@no_type_check
 def is_simple(values):
     """Whether adding the centre keeps the topology: one 26-component of object around it, one 6-component beside."""
     return _components(values, True, _ALL, _ADJACENT_26) == 1 and _components(values, False, _FACES, _ADJACENT_6) == 1
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
+@no_type_check
 def stays_well_composed(values):
-    """Whether neither object nor background gets voxels that meet only in an edge or a corner, once the centre joins."""
+    """Whether neither object nor background gets voxels that meet only in an edge or corner when the centre joins."""
     for i in (-1, 1):
         for j in (-1, 1):
             for k in (-1, 1):
@@ -80,7 +84,8 @@ def stays_well_composed(values):
     return True
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
+@no_type_check
 def flood(mask, priority, seed):
     """Grow from a seed inside a mask, best priority first, by voxels that keep the topology of a ball.
 

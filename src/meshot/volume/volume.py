@@ -99,3 +99,9 @@ def mm_to_voxel(volume: Volume, points_mm: Float[Tensor, "n 3"]) -> Float[Tensor
 def voxel_sizes(volume: Volume) -> Float[Array, " 3"]:
     """The spacing of the grid along its three axes, in mm."""
     return np.linalg.norm(volume.affine[:3, :3], axis=0)
+
+
+def centre_ras(volume: Volume) -> tuple[float, float, float]:
+    """FreeSurfer's c_ras: the centre of the volume in scanner RAS, in mm, at half the count of voxels."""
+    x, y, z = volume.affine[:3, :3] @ (np.array(volume.data.shape) / 2) + volume.affine[:3, 3]
+    return float(x), float(y), float(z)

@@ -1,0 +1,187 @@
+"""Meshes from files and into files; in memory always scanner RAS, in mm."""
+
+import gzip
+import os
+import warnings
+from pathlib import Path
+
+import nibabel
+import nibabel.freesurfer
+import numpy as np
+import torch
+import trimesh
+
+from meshot.files import whole_file
+from meshot.mesh.mesh import Mesh
+from meshot.types import Array
+
+PLAIN_FORMATS = ("ply", "obj", "off", "stl")
+FREESURFER_NAMES = ("white", "pial", "orig", "smoothwm", "inflated", "sphere", "surf")
+_SCANNER, _UNKNOWN = 1, 0
+# Columns: where the first, second and third voxel axis of FreeSurfer's own ("tkregister") space point.
+_SURFACE_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+
+
+def read_mesh(path: str | os.PathLike, c_ras: tuple[float, float, float] | None = None) -> Mesh:
+    """A mesh from PLY, OBJ, OFF, STL, GIfTI or a FreeSurfer surface, float64, vertices in scanner RAS (mm).
+
+    The format is told by the suffix, or else by the content. FreeSurfer stores surface RAS: the volume information at
+    the end of the file leads to the scanner. GIfTI's own matrix is applied if it leads from an unknown space to the
+    scanner. The other formats say nothing about space and are taken as they are. The corners of an STL file, which has
+    only loose triangles, are merged where they coincide.
+
+    Parameters
+    ----------
+    path : path
+    c_ras : three numbers, optional
+        Where the centre of a FreeSurfer surface's volume lies in the scanner, if the file does not say.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, truncated, of no known format, or no triangle mesh; if a FreeSurfer surface does not
+        say where it lies and ``c_ras`` is not given.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist or is no file")
+    kind = _format_of_name(path) or _format_of_content(path)
+    if kind is None:
+        raise ValueError(
+            f"{path} is no mesh: neither its suffix nor its content is PLY, OBJ, OFF, STL, GIfTI, FreeSurfer"
+        )
+    try:
+        if kind == "freesurfer":
+            vertices, faces = _read_freesurfer(path, c_ras)
+        else:
+            vertices, faces = _read_gifti(path) if kind == "gifti" else _read_plain(path, kind)
+        return Mesh(torch.from_numpy(np.array(vertices, np.float64)), torch.from_numpy(np.array(faces, np.int64)))
+    except Exception as error:  # three libraries' parsers, each with its own ways to fail
+        raise ValueError(f"{path} cannot be read as a {kind} mesh: {error}") from error
+
+
+def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+    """Write a mesh, in the format of the suffix; vertices are given in scanner RAS (mm).
+
+    GIfTI (``.gii``, ``.gii.gz``) is written in scanner RAS and says so. FreeSurfer surfaces (``lh.…``, ``rh.…``, or a
+    suffix such as ``.white``) are written in the surface RAS of the cube of 256 mm to which FreeSurfer conforms a
+    scan, with volume information. All but OBJ and OFF hold 32-bit numbers: about 1e-5 mm at 100 mm.
+
+    Parameters
+    ----------
+    path : path
+    mesh : Mesh
+    c_ras : three numbers
+        Used for FreeSurfer surfaces only: the centre of the scan in scanner RAS, see
+        :func:`meshot.volume.volume.centre_ras`.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is unknown, or ``c_ras`` is not three finite numbers.
+    """
+    path, kind = Path(path), _format_of_name(Path(path))
+    if kind is None:
+        raise ValueError(f"{path.name} names no format; use .ply .obj .off .stl .gii .gii.gz, lh.NAME or rh.NAME")
+    centre = np.asarray(c_ras, dtype=np.float64)
+    if centre.shape != (3,) or not np.isfinite(centre).all():
+        raise ValueError(f"c_ras is {c_ras!r}; three finite numbers are needed, in mm")
+    vertices = mesh.vertices.detach().double().cpu().numpy()
+    faces = mesh.faces.cpu().numpy()
+    with whole_file(path) as temporary:
+        if kind == "gifti":
+            nibabel.save(_gifti_image(vertices, faces), temporary)
+        elif kind == "freesurfer":
+            nibabel.freesurfer.write_geometry(
+                temporary, vertices - centre, faces, create_stamp="created by meshot", volume_info=_volume_info(centre)
+            )
+        else:
+            trimesh.Trimesh(vertices, faces, process=False).export(temporary, file_type=kind)
+
+
+def _format_of_name(path: Path) -> str | None:
+    name = path.name.lower().removesuffix(".gz")
+    suffix = name.rsplit(".", 1)[-1]
+    if suffix == "gii":
+        return "gifti"
+    if suffix in PLAIN_FORMATS and name == path.name.lower():
+        return suffix
+    return "freesurfer" if name.startswith(("lh.", "rh.")) or suffix in FREESURFER_NAMES else None
+
+
+def _format_of_content(path: Path) -> str | None:
+    with path.open("rb") as file:
+        head = file.read(4096)
+    if head[:3] in (b"\xff\xff\xfe", b"\xff\xff\xff", b"\xff\xff\xfd"):
+        return "freesurfer"
+    if b"<GIFTI" in head or b"gifti.dtd" in head:
+        return "gifti"
+    start = head.lstrip().lower()
+    for kind, mark in (("ply", b"ply"), ("off", b"off"), ("stl", b"solid")):
+        if start.startswith(mark):
+            return kind
+    if any(line.split()[:1] == [b"v"] for line in head.splitlines()):
+        return "obj"
+    n_triangles = int.from_bytes(head[80:84], "little")
+    return "stl" if len(head) >= 84 and path.stat().st_size == 84 + 50 * n_triangles else None
+
+
+def _read_plain(path: Path, kind: str) -> tuple[Array, Array]:
+    with path.open("rb") as file:
+        mesh = trimesh.load_mesh(file, file_type=kind, process=False)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if kind != "stl":
+        return vertices, faces
+    vertices, index = np.unique(vertices, axis=0, return_inverse=True)
+    return vertices, index.reshape(-1)[faces]
+
+
+def _read_gifti(path: Path) -> tuple[Array, Array]:
+    content = path.read_bytes()
+    image = nibabel.GiftiImage.from_bytes(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
+    points, triangles = (image.get_arrays_from_intent(f"NIFTI_INTENT_{name}") for name in ("POINTSET", "TRIANGLE"))
+    if len(points) != 1 or len(triangles) != 1:
+        raise ValueError(f"it holds {len(points)} point sets and {len(triangles)} triangle sets; one of each is needed")
+    vertices, system = np.asarray(points[0].data, dtype=np.float64), points[0].coordsys
+    if system is not None and system.dataspace == _UNKNOWN and system.xformspace == _SCANNER:
+        vertices = vertices @ system.xform[:3, :3].T + system.xform[:3, 3]
+    return vertices, triangles[0].data
+
+
+def _gifti_image(vertices: Array, faces: Array) -> nibabel.GiftiImage:
+    system = nibabel.gifti.GiftiCoordSystem(_SCANNER, _SCANNER, np.eye(4))
+    arrays = [
+        nibabel.gifti.GiftiDataArray(vertices.astype(np.float32), intent="NIFTI_INTENT_POINTSET", coordsys=system),
+        nibabel.gifti.GiftiDataArray(faces.astype(np.int32), intent="NIFTI_INTENT_TRIANGLE"),
+    ]
+    return nibabel.GiftiImage(darrays=arrays)
+
+
+def _read_freesurfer(path: Path, c_ras: tuple[float, float, float] | None) -> tuple[Array, Array]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # nibabel warns of missing volume information; here that is an error
+        vertices, faces, info = nibabel.freesurfer.read_geometry(path, read_metadata=True)
+    known = "cras" in info and str(info.get("valid", "1")).strip().startswith("1")
+    if not known and c_ras is None:
+        raise ValueError("it does not say where it lies in the scanner; pass c_ras, (0, 0, 0) for surface RAS as it is")
+    if not known:
+        return vertices + np.asarray(c_ras, dtype=np.float64), faces
+    # The identity for a volume in FreeSurfer's standard orientation; a reflection for one of the other handedness.
+    axes = np.column_stack([info[name] for name in ("xras", "yras", "zras")]) @ _SURFACE_AXES.T
+    vertices = vertices @ axes.T + np.asarray(info["cras"], dtype=np.float64)
+    return vertices, faces[:, ::-1] if np.linalg.det(axes) < 0 else faces
+
+
+def _volume_info(centre: Array) -> dict:
+    x_ras, y_ras, z_ras = _SURFACE_AXES.T
+    return {
+        "head": np.array([2, 0, 20]),
+        "valid": "1  # volume info valid",
+        "filename": "scan",
+        "volume": np.array([256, 256, 256]),
+        "voxelsize": np.ones(3),
+        "xras": x_ras,
+        "yras": y_ras,
+        "zras": z_ras,
+        "cras": centre,
+    }

@@ -1,0 +1,84 @@
+"""Counts against shapes whose topology is known."""
+
+import pytest
+import torch
+
+from meshot.mesh.mesh import Mesh
+from meshot.mesh.shapes import icosphere
+from meshot.mesh.topology import (
+    SPHERE,
+    boundary_edges,
+    component_labels,
+    euler_number,
+    is_consistently_oriented,
+    nonmanifold_edges,
+    topology,
+)
+
+
+def joined(first: Mesh, second: Mesh) -> Mesh:
+    return Mesh(
+        torch.cat([first.vertices, second.vertices]), torch.cat([first.faces, second.faces + len(first.vertices)])
+    )
+
+
+def test_a_sphere_is_a_sphere():
+    assert topology(icosphere(2)) == SPHERE
+
+
+def torus(n: int, m: int) -> Mesh:
+    i, j = torch.meshgrid(torch.arange(n), torch.arange(m), indexing="ij")
+    angle, turn = 2 * torch.pi * i.double() / n, 2 * torch.pi * j.double() / m
+    ring = 3 + turn.cos()
+    vertices = torch.stack([ring * angle.cos(), ring * angle.sin(), turn.sin()], dim=-1).reshape(-1, 3)
+    here, right = i * m + j, (i + 1) % n * m + j
+    up, both = i * m + (j + 1) % m, (i + 1) % n * m + (j + 1) % m
+    quads = [torch.stack([here, right, both], dim=-1), torch.stack([here, both, up], dim=-1)]
+    return Mesh(vertices, torch.cat(quads).reshape(-1, 3))
+
+
+def test_a_torus_has_euler_number_zero_and_is_no_sphere():
+    mesh = torus(20, 12)
+    assert euler_number(mesh) == 0
+    assert topology(mesh) != SPHERE
+
+
+def test_two_spheres_have_two_pieces_and_euler_number_four():
+    found = topology(joined(icosphere(1), icosphere(1, centre=(5, 0, 0))))
+    assert (found.euler_number, found.n_components) == (4, 2)
+
+
+def test_labels_number_the_pieces_per_face():
+    labels = component_labels(joined(icosphere(0), icosphere(1, centre=(5, 0, 0))))
+    assert labels.tolist() == [0] * 20 + [1] * 80
+
+
+def test_a_missing_face_leaves_its_three_edges_open():
+    sphere = icosphere(1)
+    mesh = Mesh(sphere.vertices, sphere.faces[1:])
+    assert {tuple(e) for e in boundary_edges(mesh).tolist()} == {
+        tuple(sorted(pair)) for pair in zip(sphere.faces[0].tolist(), sphere.faces[0].roll(1).tolist(), strict=True)
+    }
+    assert euler_number(mesh) == 1
+
+
+def test_three_faces_on_one_edge_are_not_manifold():
+    vertices = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]])
+    mesh = Mesh(vertices, torch.tensor([[0, 1, 2], [1, 0, 3], [0, 1, 4]]))
+    assert nonmanifold_edges(mesh).tolist() == [[0, 1]]
+    assert not is_consistently_oriented(mesh)
+
+
+def test_a_face_turned_round_is_seen():
+    sphere = icosphere(1)
+    faces = sphere.faces.clone()
+    faces[3] = faces[3].flip(0)
+    assert is_consistently_oriented(sphere)
+    assert not is_consistently_oriented(Mesh(sphere.vertices, faces))
+
+
+@pytest.mark.parametrize("extra", [1, 7])
+def test_vertices_without_a_face_do_not_count(extra):
+    sphere = icosphere(1)
+    mesh = Mesh(torch.cat([sphere.vertices, torch.zeros(extra, 3, dtype=torch.float64)]), sphere.faces)
+    assert euler_number(mesh) == 2
