@@ -72,13 +72,13 @@ def force_figure(
 ) -> Figure:
     """Where points are pulled (coloured arrows) and where one more point would be (grey arrows), side by side.
 
-    Arrows on points are stretched by one factor per panel, so that directions can be seen where pulls are weak, and cut
-    where a few would cross the whole picture; a point that is not pulled has none. Arrows on probes have one length.
+    Arrows on points are stretched by one factor per loss, so that a weak loss can be seen and its moments compared, and
+    cut where a few would cross the whole picture; a point at rest has none. Arrows on probes all have one length.
 
     Parameters
     ----------
     points, forces : mapping
-        By title; a title that begins with the name of a loss gets its colour. Say lengths in the title.
+        By title: the name of a loss, which sets the colour, a comma, and anything else.
     probes : tensor
         Test places, the same for all panels.
     probe_forces : mapping
@@ -88,13 +88,13 @@ def force_figure(
         Draw the arrow of every so-manieth point only.
     """
     figure, axes = _panels((len(points) + 1) // 2, 2, contour)
+    scales = _arrow_scales(forces)
     for ax, title in zip(axes.flat, points):
         draw_contour(ax, contour, alpha=0.35)
         _draw_directions(ax, probes.numpy(), probe_forces[title].numpy())
         colour = next((c for name, c in LOSS_COLOURS.items() if title.startswith(name)), BLACK)
         draw_points(ax, points[title], colour, s=5)
-        arrows = forces[title].numpy()
-        _draw_arrows(ax, points[title][::every].numpy(), arrows[::every], colour, _arrow_scale(arrows))
+        _draw_arrows(ax, points[title][::every].numpy(), forces[title][::every].numpy(), colour, scales[title])
         ax.set_title(title)
     for ax in list(axes.flat)[len(points) :]:
         ax.set_visible(False)
@@ -110,9 +110,13 @@ def _draw_arrows(ax: Axes, places: np.ndarray, arrows: np.ndarray, colour: str, 
     ax.quiver(*places[seen].T, *drawn.T, color=colour, zorder=4, **lines)
 
 
-def _arrow_scale(arrows: np.ndarray) -> float:
-    """What makes most arrows of a panel a third of a unit long or shorter."""
-    return 0.3 / max(float(np.quantile(np.linalg.norm(arrows, axis=1), 0.9)), 1e-3)
+def _arrow_scales(forces: Mapping[str, Tensor]) -> dict[str, float]:
+    """For every title what makes most arrows of its loss a third of a unit long or shorter, at whatever moment."""
+    large: dict[str, float] = {}
+    for title, arrows in forces.items():
+        loss = title.split(",")[0]
+        large[loss] = max(large.get(loss, 1e-3), float(np.quantile(arrows.norm(dim=1).numpy(), 0.9)))
+    return {title: 0.3 / large[title.split(",")[0]] for title in forces}
 
 
 def _draw_directions(ax: Axes, places: np.ndarray, arrows: np.ndarray) -> None:

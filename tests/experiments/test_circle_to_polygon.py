@@ -1,0 +1,94 @@
+"""The sweep of chapter 01: its committed results belong to its configuration, and its parts compute what they say."""
+
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy import stats
+
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "circle_to_polygon"
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    return importlib.import_module
+
+
+@pytest.fixture(scope="module")
+def config():
+    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+
+
+def test_committed_results_are_whole(part, config):
+    record = read_results(FOLDER / "results.json")
+    assert record["config"] == config
+    runs = part("run").sweep_runs(config)
+    for name in ("summary", "regularisers", "sizes"):
+        assert len(record["results"][name]) == sum(run["part"] == name for run in runs)
+    assert len(config["seeds"]) >= 5
+    for row in record["results"]["summary"]:
+        assert row["w2_mean"] == pytest.approx(np.mean(row["w2_seeds"]), rel=1e-4)
+        assert row["w2_sd"] == pytest.approx(np.std(row["w2_seeds"], ddof=1), rel=1e-3, abs=1e-20)
+
+
+def test_committed_intervals_are_those_of_a_paired_t_test(config):
+    results = read_results(FOLDER / "results.json")["results"]
+    row = results["differences"][0]
+    keys = {"polygon": row["polygon"], "sampling": row["sampling"], "reduction": "mean", "learning_rate": 1.0}
+    found = [r for r in results["summary"] if all(r[name] == value for name, value in keys.items())]
+    trapped = next(r for r in found if r["loss"] == "chamfer")
+    rival = next(r for r in found if r["loss"] == "sliced" and r["redraw"] == row["redraw"])
+    interval = stats.ttest_rel(trapped["w2_seeds"], rival["w2_seeds"]).confidence_interval(0.95)
+    assert (row["w2_low"], row["w2_high"]) == pytest.approx(tuple(interval), rel=1e-3)
+
+
+def test_runs_are_repeatable_and_paired(part, config):
+    toy = part("toy")
+    small = config | {"n_steps": 15, "n_directions": 10}
+    run = {"n_points": 40, "sampling": "random", "polygon": "letter_e", "reduction": "sum", "learning_rate": 0.5}
+    sliced = run | {"loss": "sliced", "redraw": True}
+    first = toy.run_once(sliced, 3, small)
+    assert first == toy.run_once(sliced, 3, small)
+    assert first != toy.run_once(sliced, 4, small)
+    assert first["w2"] < toy.run_once(sliced, 3, small | {"n_steps": 1})["w2"]
+
+
+def test_sum_is_n_times_the_mean(part, config):
+    toy = part("toy")
+    run = {"n_points": 30, "sampling": "even", "polygon": "acute_star", "loss": "chamfer"}
+    small = config | {"n_steps": 5}
+    summed = toy.run_once(run | {"reduction": "sum", "learning_rate": 0.01}, 0, small)
+    mean = toy.run_once(run | {"reduction": "mean", "learning_rate": 0.3}, 0, small)
+    assert summed["w2"] == pytest.approx(mean["w2"], rel=1e-9)
+
+
+def test_each_regulariser_moves_the_points(part, config):
+    toy = part("toy")
+    small = config | {"n_steps": 5}
+    run = {"n_points": 30, "sampling": "even", "polygon": "acute_star", "loss": "chamfer", "reduction": "mean"}
+    run["learning_rate"] = 1.0
+    plain = toy.run_once(run, 0, small)["w2"]
+    for name in config["regularisers"]["weights"]:
+        held = toy.run_once(run | {"regulariser": name, "weight": 0.1}, 0, small)["w2"]
+        assert abs(held - plain) > 1e-6
+
+
+def test_summary_of_known_numbers(part):
+    summary = part("summary")
+    run = {"part": "summary", "polygon": "p", "sampling": "even", "reduction": "mean"}
+    rows = []
+    for loss, values in (("chamfer", (3.0, 5.0)), ("sliced", (1.0, 2.0))):
+        setting = run | {"loss": loss} | ({"redraw": True} if loss == "sliced" else {})
+        rows += [{"run": setting, "values": dict.fromkeys(summary.MEASURED, value)} for value in values]
+    results = json.loads(json.dumps(summary.summarise(rows)))
+    assert [row["w2_mean"] for row in results["summary"]] == [4, 1.5]
+    (difference,) = results["differences"]
+    half = stats.t.ppf(0.975, 1) * np.std([2, 3], ddof=1) / np.sqrt(2)
+    assert (difference["w2_mean"], difference["w2_low"]) == (2.5, pytest.approx(2.5 - half, rel=1e-5))
