@@ -22,8 +22,8 @@ def judge_toy(record: dict) -> Verdict:
         ours=_toy_sentence(record["results"]["summary"], differences, further, barer),
         tolerance=(
             "reproduced if in every setting (polygon × sampling × directions redrawn or fixed) the 95 % interval over "
-            "seeds of Chamfer minus sliced Wasserstein lies above zero in W₂ and below zero in coverage; with a condition "
-            "if W₂ does so in some"
+            "seeds of Chamfer minus sliced Wasserstein lies above zero in W₂ and below zero in coverage; with a "
+            "condition if W₂ does so in some"
         ),
         numbers=_toy_table(record["results"]),
     )
