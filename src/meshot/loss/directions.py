@@ -105,7 +105,7 @@ def require_directions(directions: Tensor, like: Tensor) -> Tensor:
     """
     directions = as_floating(directions, "directions")
     require_shape(directions, "directions", like.shape[-1])
-    lengths = torch.linalg.vector_norm(directions, dim=1)
+    lengths = torch.linalg.vector_norm(directions.detach(), dim=1)
     if float((lengths - 1).abs().max()) > 1e-4:
         raise ValueError(
             f"directions has a row of length {float(lengths[(lengths - 1).abs().argmax()]):.6g}; unit rows are needed: "

@@ -1,0 +1,168 @@
+"""The fused kernel against its plain twin, and its sort against NumPy's."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from meshot.loss._kernel_sliced import sort
+from meshot.loss.directions import random_directions
+from meshot.loss.sliced import plain_sliced_wasserstein, sliced_wasserstein
+from meshot.measure.discrete import DiscreteMeasure
+
+
+def weighted(rng, n, zeros=0):
+    weights = rng.random(n) + 0.05
+    weights[:zeros] = 0
+    return weights / weights.sum()
+
+
+def case(name, rng):
+    """Points and weights of both sides."""
+    n, m, d = {"one by one": (1, 1, 2), "one by n": (1, 9, 3), "n by one": (9, 1, 3)}.get(name, (40, 60, 6))
+    x, y, a, b = rng.normal(size=(n, d)), rng.normal(size=(m, d)), weighted(rng, n), weighted(rng, m)
+    if name == "zero weights":
+        a, b = weighted(rng, n, 15), weighted(rng, m, 59)
+    if name == "equal masses":
+        y, a, b = y[:n], np.full(n, 1 / n), np.full(n, 1 / n)
+    if name == "ties":
+        x, y = rng.integers(0, 2, (n, d)).astype(float), rng.integers(0, 2, (m, d)).astype(float)
+    if name == "identical":
+        y, b = x.copy(), a.copy()
+    if name == "far outlier":
+        x[3] = 1e4
+    return x, a, y, b
+
+
+CASES = ("generic", "one by one", "one by n", "n by one", "zero weights", "equal masses", "identical", "far outlier")
+
+
+def both(arrays, p, dtype=torch.float64, directions=7):
+    """Value and gradients of kernel and twin; those in the weights, known up to a constant, from the first."""
+    found = []
+    for loss in (sliced_wasserstein, plain_sliced_wasserstein):
+        x, a, y, b = (torch.from_numpy(array).to(dtype).requires_grad_() for array in arrays)
+        lines = random_directions(directions, x.shape[1], 0, dtype)
+        value = loss(DiscreteMeasure(x, a), DiscreteMeasure(y, b), lines, p)
+        to_x, to_a, to_y, to_b = torch.autograd.grad(value, (x, a, y, b))
+        found.append((value, to_x, to_a - to_a[0], to_y, to_b - to_b[0]))
+    return zip(*found)
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("p", [1, 1.5, 2, 3])
+def test_kernel_agrees_with_its_twin(name, p):
+    arrays = case(name, np.random.default_rng(0))
+    for found, expected in both(arrays, p):
+        scale = max(1.0, float(expected.detach().abs().max()))
+        torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-10 * scale)
+
+
+@pytest.mark.parametrize("name", ["generic", "one by n"])
+def test_single_precision(name):
+    for found, expected in both(case(name, np.random.default_rng(0)), 2, torch.float32):
+        assert found.dtype == torch.float32
+        torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("p", [1, 2])
+def test_ties(p):
+    # Points at one place are interchangeable: only the sum of what they are pulled is determined.
+    arrays = case("ties", np.random.default_rng(0))
+    value, *gradients = both(arrays, p)
+    torch.testing.assert_close(*value)
+    for array, (found, expected) in zip((arrays[0], None, arrays[2]), gradients[:3:1]):
+        if array is not None:
+            _, place = np.unique(array, axis=0, return_inverse=True)
+            sums = [
+                torch.zeros(64, 6).double().index_add(0, torch.from_numpy(place.ravel()), g) for g in (found, expected)
+            ]
+            torch.testing.assert_close(*sums)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_potentials_are_dual(name):
+    x, a, y, b = (torch.from_numpy(array).requires_grad_() for array in case(name, np.random.default_rng(0)))
+    value = sliced_wasserstein(DiscreteMeasure(x, a), DiscreteMeasure(y, b), random_directions(7, x.shape[1], 0), 1.5)
+    to_a, to_b = torch.autograd.grad(value, (a, b))
+    torch.testing.assert_close((a * to_a).sum() + (b * to_b).sum(), value)
+
+
+def test_gradcheck():
+    x, a, y, b = (torch.from_numpy(array).requires_grad_() for array in case("generic", np.random.default_rng(1)))
+    lines = random_directions(3, 6, 0)
+
+    def loss(x, a, y, b):
+        return sliced_wasserstein(DiscreteMeasure(x, a / a.sum()), DiscreteMeasure(y, b / b.sum()), lines)
+
+    assert torch.autograd.gradcheck(loss, (x[:6], a[:6], y[:5], b[:5]))
+
+
+def test_only_the_gradients_that_are_wanted():
+    x, a, y, b = (torch.from_numpy(array) for array in case("generic", np.random.default_rng(1)))
+    lines = random_directions(3, 6, 0)
+    value = sliced_wasserstein(DiscreteMeasure(x.requires_grad_(), a), DiscreteMeasure(y, b), lines)
+    (pull,) = torch.autograd.grad(3 * value, x)
+    (once,) = torch.autograd.grad(plain_sliced_wasserstein(DiscreteMeasure(x, a), DiscreteMeasure(y, b), lines), x)
+    torch.testing.assert_close(pull, 3 * once)
+    with torch.no_grad():
+        assert float(sliced_wasserstein(DiscreteMeasure(x, a), DiscreteMeasure(y, b), lines)) == float(value.detach())
+
+
+def test_gradient_in_the_directions_takes_the_plain_path():
+    x, a, y, b = (torch.from_numpy(array) for array in case("generic", np.random.default_rng(1)))
+    lines = random_directions(3, 6, 0).requires_grad_()
+    sliced_wasserstein(DiscreteMeasure(x, a), DiscreteMeasure(y, b), lines).backward()
+    assert float(lines.grad.abs().max()) > 0
+
+
+def test_threads():
+    arrays = case("generic", np.random.default_rng(2))
+    threads, gradients = torch.get_num_threads(), {}
+    try:
+        for n in (1, 2, 3, 8):
+            torch.set_num_threads(n)
+            once, again = ([pair[0] for pair in both(arrays, 2)] for _ in "ab")
+            assert all(torch.equal(g, h) for g, h in zip(once, again))
+            gradients[n] = once
+    finally:
+        torch.set_num_threads(threads)
+    for n in (2, 3, 8):
+        for g, h in zip(gradients[n], gradients[1]):
+            torch.testing.assert_close(g, h)
+
+
+SORTED = {
+    "gaussian": lambda rng: rng.normal(size=5000),
+    "ties": lambda rng: rng.integers(0, 9, 500).astype(float),
+    "constant": lambda rng: np.full(20, 3.5),
+    "single": lambda rng: np.array([1.0]),
+    "outlier": lambda rng: np.append(rng.normal(size=3000), 1e12),
+    "subnormal range": lambda rng: rng.integers(0, 9, 50) * 5e-324,
+    "widest range": lambda rng: np.append(rng.normal(size=50), [-1.7e308, 1.7e308]),
+    "overflow": lambda rng: np.array([1.0, np.inf, -np.inf, 0.0, np.inf]),
+    "descending": lambda rng: np.arange(3000.0)[::-1].copy(),
+}
+
+
+@pytest.mark.parametrize("name", SORTED)
+def test_sort_is_numpys_stable_sort(name):
+    values = SORTED[name](np.random.default_rng(0))
+    n = len(values)
+    ascending, order = np.empty(n), np.empty(n, np.int32)
+    sort(values, ascending, order, np.empty(n, np.uint64), np.empty(n, np.uint64))
+    np.testing.assert_array_equal(order, np.argsort(values, kind="stable"))
+    np.testing.assert_array_equal(ascending, np.sort(values))
+
+
+def test_translation_of_a_large_cloud():
+    rng = np.random.default_rng(0)
+    x, a, shift = rng.normal(size=(20_000, 3)), weighted(rng, 20_000), np.array([3.0, -2.0, 1.0])
+    lines = random_directions(50, 3, 0)
+    source = DiscreteMeasure(torch.from_numpy(x), torch.from_numpy(a))
+    value = float(
+        sliced_wasserstein(source, DiscreteMeasure(source.points + torch.from_numpy(shift), source.weights), lines)
+    )
+    assert value == pytest.approx(float((lines @ torch.from_numpy(shift)).square().mean()), rel=1e-12)
+    assert math.isfinite(value)
