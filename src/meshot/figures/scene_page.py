@@ -10,7 +10,8 @@ STYLE = """
 .surface-scene .stage { position: relative; aspect-ratio: 4 / 3; }
 .surface-scene .stage > * { position: absolute; inset: 0; width: 100%; height: 100%; }
 .surface-scene .start { padding: 0; border: 0; background: none; color: inherit; font: inherit; cursor: pointer; }
-.surface-scene .start:focus-visible, .surface-scene canvas:focus-visible { outline: 3px solid #0072B2; }
+.surface-scene .start:focus-visible, .surface-scene canvas:focus-visible {
+  outline: 3px solid #0072B2; outline-offset: -3px; }
 .surface-scene img { width: 100%; height: 100%; object-fit: contain; margin: 0; background: none !important; }
 .surface-scene .hint { position: absolute; left: 50%; bottom: .5rem; transform: translateX(-50%); width: max-content;
   max-width: 95%; padding: .2rem .7rem; border-radius: 1rem; background: #222c; color: #fff; font-size: .85rem; }
@@ -34,7 +35,7 @@ PAGE = """
 <figcaption>@TITLE@</figcaption>
 <div class="stage">
 <button type="button" class="start"><img class="dark-light" alt="@ALT@" src="data:image/webp;base64,@STILL@"
-><span class="hint">click, or press Enter, to turn it</span></button>
+><span class="hint">run the cell to turn it</span></button>
 </div>
 <fieldset class="names" hidden></fieldset>
 @BAR@

@@ -197,6 +197,7 @@ SCRIPT = r"""
     canvas.focus({ preventScroll: true });
     draw();
   }
+  hint.textContent = "click, or press Enter, to turn it";
   start.addEventListener("click", open);
   find(".back").addEventListener("click", () => stop && stop());
   if (data.items.length > 1) {
