@@ -11,7 +11,7 @@ from meshot.volume.isosurface import isosurface, separated_field
 from meshot.volume.topology import filled_cavities, genus_zero, largest_component
 from meshot.volume.volume import Volume
 
-SMOOTHING_STEPS = (3, 6, 12, 24)
+SMOOTHING_STEPS = (5, 10, 20)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
