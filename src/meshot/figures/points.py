@@ -7,6 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from meshot.figures.style import BLACK, LOSS_COLOURS, TARGET, WIDTH, loss_line
 from meshot.mesh.mesh import Contour
@@ -147,16 +148,28 @@ def curves_figure(
     options = {"figsize": (WIDTH, 2.5 * len(curves)), "layout": "constrained", "sharex": True, "squeeze": False}
     figure, axes = plt.subplots(len(curves), 1, **options)
     for ax, (label, lines) in zip(axes[:, 0], curves.items()):
+        markers = itertools.cycle("os^Dv")
         for name, (x, y) in lines.items():
-            ax.plot(x, y, label=name, **(loss_line(name) if name in LOSS_COLOURS else {"marker": "o"}))
+            ax.plot(x, y, label=name, **(loss_line(name) if name in LOSS_COLOURS else {"marker": next(markers)}))
         for (text, height), dashes in zip((marks or {}).get(label, {}).items(), itertools.cycle((":", "--"))):
             ax.axhline(height, color=TARGET, linewidth=1.4, linestyle=dashes, label=text)
         ax.set(ylabel=label, yscale=scales[1])
+        if scales[1] == "log":
+            _label_decades(ax)
         ax.set_xscale(scales[0], **({"linthresh": 1} if scales[0] == "symlog" else {}))
     axes[-1, 0].set_xlabel(x_label)
     handles, names = axes[-1, 0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=2 if len(names) > 3 else len(names))
     return figure
+
+
+def _label_decades(ax: Axes) -> None:
+    """Few labels in plain numbers, also where an axis spans less than a decade."""
+    low, high = ax.get_ylim()
+    steps = (1.0,) if high / low > 30 else (1.0, 2.0, 5.0)
+    ax.yaxis.set_major_locator(LogLocator(subs=steps))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _panels(n_rows: int, n_columns: int, contour: Contour) -> tuple[Figure, np.ndarray]:

@@ -33,7 +33,7 @@ def use_style() -> None:
             "axes.titlesize": 12,
             "axes.spines.top": False,
             "axes.spines.right": False,
-            "axes.prop_cycle": plt.cycler(color=[BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY]),
+            "axes.prop_cycle": plt.cycler(color=[ORANGE, SKY, PURPLE, GREEN, BLACK]),
             "legend.frameon": False,
             "legend.fontsize": 11,
             "image.cmap": "viridis",

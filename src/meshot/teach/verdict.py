@@ -17,6 +17,7 @@ import torch
 from meshot.types import Tensor
 
 TOLERANCE = 1e-6
+UNWRITTEN = "nothing is written yet; replace the line that raises NotImplementedError"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ def _complaint(function: object, truth: Callable, cases: Sequence[Case], mistake
         if trouble is None:
             trouble = _wrong_form(answer, truth(*case.arguments))
         if trouble is not None:
-            trouble = f"{trouble} (on {case.name})"
+            trouble = trouble if trouble == UNWRITTEN else f"{trouble} (on {case.name})"
             break
         answers.append(_as_tensor(answer))
     tried = list(zip(cases, answers))
@@ -103,7 +104,7 @@ def _try(function: Callable, case: Case) -> tuple[object, str | None]:
             warnings.simplefilter("ignore")
             answer = function(*given)
     except NotImplementedError:
-        return None, "nothing is written yet; replace the line that raises NotImplementedError"
+        return None, UNWRITTEN
     except (Exception, SystemExit) as error:
         said = str(error).strip().splitlines()
         return None, f"it raised {type(error).__name__}{': ' + said[0][:100] if said else ''}"
