@@ -45,7 +45,7 @@ class DiscreteMeasure:
         require_shape(points, "points", None)
         weights = points.new_full((len(points),), 1 / len(points)) if self.weights is None else self.weights
         weights = as_floating(weights, "weights")
-        _require_probabilities(weights, points)
+        require_probabilities(weights, points, len(points))
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "weights", weights)
 
@@ -54,9 +54,18 @@ class DiscreteMeasure:
         return f"DiscreteMeasure({n} points in R^{d}, {self.points.dtype})"
 
 
-def _require_probabilities(weights: Tensor, points: Tensor) -> None:
-    if weights.shape != points.shape[:1]:
-        raise ValueError(f"weights has shape {tuple(weights.shape)}; ({len(points)},) is needed, one for each point")
+def require_probabilities(weights: Tensor, points: Tensor, n_items: int) -> None:
+    """Require ``n_items`` masses, each at least zero, that sum to one, of the dtype and on the device of the points.
+
+    Raises
+    ------
+    ValueError
+        If one of these does not hold.
+    """
+    if weights.shape != (n_items,):
+        raise ValueError(
+            f"weights has shape {tuple(weights.shape)}; ({n_items},) is needed, one for each point or cell"
+        )
     if weights.dtype != points.dtype or weights.device != points.device:
         raise ValueError(
             f"weights is {weights.dtype} on {weights.device}, points {points.dtype} on {points.device}: convert one"

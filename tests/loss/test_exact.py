@@ -1,0 +1,305 @@
+"""The exact sliced loss of surfaces: slow twins, closed forms, invariances, faces seen edge-on, gradients, doors."""
+
+import math
+
+import numpy as np
+import oracles
+import oracles_exact
+import problems
+import pytest
+import torch
+
+from meshot import Mesh, random_directions, varifold
+from meshot.loss.exact import exact_sliced_wasserstein
+from meshot.measure.surface import SurfaceMeasure, surface
+from meshot.mesh.mesh import closed_contour
+from meshot.mesh.shapes import cube, folded_sphere, icosphere, split_in_four, tetrahedron
+
+both = pytest.mark.parametrize("p", [1, 2])
+
+
+def soup(seed: int, n_vertices: int, n_cells: int, d: int, corners: int = 3, shift: float = 0.0) -> SurfaceMeasure:
+    """Random cells on random vertices: crossing, sharing, leaving gaps."""
+    generator = np.random.default_rng(seed)
+    cells = np.stack([generator.choice(n_vertices, corners, replace=False) for _ in range(n_cells)])
+    weights = generator.random(n_cells) + 0.1
+    vertices = torch.from_numpy(generator.standard_normal((n_vertices, d))) + shift
+    return SurfaceMeasure(vertices, torch.from_numpy(cells), torch.from_numpy(weights / weights.sum()))
+
+
+def moved(mesh: Mesh, shift: torch.Tensor) -> Mesh:
+    return mesh.with_vertices(mesh.vertices + shift)
+
+
+def block(seed: int, d: int = 3) -> torch.Tensor:
+    """Orthogonal directions: the mean of ⟨t, θ⟩² over them is |t|²/d."""
+    return torch.from_numpy(np.linalg.qr(np.random.default_rng(seed).standard_normal((d, d)))[0])
+
+
+PAIRS = {
+    "tetrahedron and cube": (surface(tetrahedron()), surface(cube(1.3))),
+    "sphere and folds": (surface(icosphere(1)), surface(folded_sphere(1, 1.0, 0.2))),
+    "triangle soups": (soup(1, 9, 14, 3), soup(2, 11, 9, 3)),
+    "far apart": (soup(3, 5, 4, 3), soup(3, 5, 4, 3, shift=5.0)),
+    "one triangle each": (soup(4, 3, 1, 3), soup(5, 3, 1, 3)),
+    "segments in the plane": (soup(6, 9, 9, 2, corners=2), soup(7, 7, 12, 2, corners=2)),
+    "segments and triangles in four dimensions": (soup(8, 9, 9, 4, corners=2), soup(9, 7, 12, 4)),
+}
+
+
+@both
+@pytest.mark.parametrize("name", PAIRS)
+def test_value_of_the_slow_twin(name, p):
+    source, target = PAIRS[name]
+    d = source.vertices.shape[1]
+    directions = torch.cat([random_directions(2, d, 0), torch.eye(d, dtype=torch.float64)[:1]])
+    expected = oracles_exact.sliced_cost(source, target, directions, p)
+    assert float(exact_sliced_wasserstein(source, target, directions, p)) == pytest.approx(expected, rel=1e-12)
+
+
+@both
+def test_spheres_reach_their_closed_form_at_second_order(p):
+    """A projected sphere is uniform on an interval: W_p^p = |r − s|^p / (p + 1)."""
+    exact, directions = 0.5**p / (p + 1), random_directions(6, 3, 0)
+    pairs = [(surface(icosphere(s)), surface(icosphere(s, 1.5))) for s in (1, 2, 3, 4)]
+    errors = [exact - float(exact_sliced_wasserstein(*pair, directions, p)) for pair in pairs]
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert errors[-1] < 3e-4
+    assert np.allclose(ratios[1:], 4, atol=0.1)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_translation(size):
+    shift = size * torch.tensor([0.3, -0.2, 0.5], dtype=torch.float64)
+    sphere, directions = folded_sphere(3, 1.0, 0.2), block(0)
+    pair = surface(sphere), surface(moved(sphere, shift))
+    squared = float(shift.square().sum())
+    assert float(exact_sliced_wasserstein(*pair, directions)) == pytest.approx(squared / 3, rel=1e-11)
+    for theta in directions:
+        along = float(shift @ theta)
+        assert float(exact_sliced_wasserstein(*pair, theta[None])) == pytest.approx(along**2, rel=1e-11)
+        assert float(exact_sliced_wasserstein(*pair, theta[None], 1)) == pytest.approx(abs(along), rel=1e-11)
+
+
+def test_translation_with_normals_moves_three_of_six_coordinates():
+    shift, sphere = torch.tensor([0.3, -0.2, 0.5], dtype=torch.float64), icosphere(2)
+    pair = surface(sphere, 0.7), surface(moved(sphere, shift), 0.7)
+    value = exact_sliced_wasserstein(*pair, block(0, 6))
+    assert float(value) == pytest.approx(float(shift.square().sum()) / 6, rel=1e-11)
+
+
+@both
+def test_distance_to_itself_is_zero(p):
+    sphere, directions = folded_sphere(3, 1.0, 0.2), random_directions(6, 3, 0)
+    assert float(exact_sliced_wasserstein(surface(sphere), surface(sphere), directions, p)) == 0
+    generator = np.random.default_rng(0)
+    names = torch.from_numpy(generator.permutation(len(sphere.vertices)))
+    faces = torch.argsort(names)[sphere.faces][torch.from_numpy(generator.permutation(len(sphere.faces)))]
+    renamed = surface(Mesh(sphere.vertices[names], faces))
+    assert float(exact_sliced_wasserstein(surface(sphere), renamed, directions, p)) < 1e-14**p
+
+
+@both
+@pytest.mark.parametrize("shape", [cube(), tetrahedron(), icosphere(1)], ids=repr)
+def test_cutting_flat_faces_changes_nothing(shape, p):
+    finer = Mesh(*split_in_four(*split_in_four(shape.vertices, shape.faces)))
+    other, directions = surface(folded_sphere(2, 1.0, 0.2)), torch.cat([block(1), torch.eye(3, dtype=torch.float64)])
+    coarse = float(exact_sliced_wasserstein(surface(shape), other, directions, p))
+    assert float(exact_sliced_wasserstein(surface(finer), other, directions, p)) == pytest.approx(coarse, abs=1e-13)
+
+
+@both
+@pytest.mark.parametrize("n_cuts", [0, 3])
+@pytest.mark.parametrize("tilt", [0.0, 1e-300, 1e-16, 1e-12, 1e-8])
+def test_faces_seen_edge_on(tilt, n_cuts, p):
+    """Along an axis a cube of side s is two atoms of 1/6 and a uniform law; sides 1 and 2 differ by |x|.
+
+    A tilt of ε changes places by less than ε, and the cost by its square: the whole is a dilation by two.
+    """
+    vertices, faces = cube().vertices, cube().faces
+    for _ in range(n_cuts):
+        vertices, faces = split_in_four(vertices, faces)
+    source, target = surface(Mesh(vertices, faces)), surface(cube(2.0))
+    exact = (1 / 3) * 0.5**p + (2 / 3) * 0.5**p / (p + 1)
+    theta = torch.tensor([[1.0, tilt, 0.0]], dtype=torch.float64)
+    assert float(exact_sliced_wasserstein(source, target, theta, p)) == pytest.approx(exact, abs=1e-13)
+
+
+def test_faces_seen_edge_on_up_to_roundoff():
+    rotation = block(3)
+    pair = [surface(mesh.with_vertices(mesh.vertices @ rotation.T)) for mesh in (cube(), cube(2.0))]
+    value = exact_sliced_wasserstein(*pair, rotation.T.contiguous())
+    assert float(value) == pytest.approx(1 / 12 + 1 / 18, abs=1e-13)
+
+
+@both
+def test_symmetric_and_homogeneous(p):
+    source, target, directions = soup(1, 9, 14, 3), soup(2, 11, 9, 3), random_directions(5, 3, 0)
+    value = float(exact_sliced_wasserstein(source, target, directions, p))
+    assert float(exact_sliced_wasserstein(target, source, directions, p)) == pytest.approx(value, rel=1e-13)
+    assert float(exact_sliced_wasserstein(target, source, -directions, p)) == pytest.approx(value, rel=1e-13)
+    larger = [SurfaceMeasure(1e3 * m.vertices, m.cells, m.weights) for m in (source, target)]
+    assert float(exact_sliced_wasserstein(*larger, directions, p)) == pytest.approx(1e3**p * value, rel=1e-13)
+
+
+@both
+def test_many_samples_come_near(p):
+    """A mean of 4·10⁵ draws of cell and barycentric weights, sorted: the error is of order n^(−1/2)."""
+    generator, directions = np.random.default_rng(0), random_directions(3, 3, 0)
+    draws = []
+    for measure in PAIRS["triangle soups"]:
+        chosen = generator.choice(len(measure.cells), 400_000, p=measure.weights.numpy())
+        corners = measure.vertices.numpy()[measure.cells.numpy()[chosen]]
+        points = np.einsum("ncd,nc->nd", corners, generator.dirichlet(np.ones(3), len(chosen)))
+        draws.append(np.sort(points @ directions.numpy().T, axis=0))
+    expected = float((np.abs(draws[0] - draws[1]) ** p).mean())
+    value = float(exact_sliced_wasserstein(*PAIRS["triangle soups"], directions, p))
+    assert value == pytest.approx(expected, rel=1e-2)
+
+
+@both
+def test_points_as_atoms(p):
+    source, target = problems.cloud(0, 30, 3, weighted=True), problems.cloud(1, 21, 3, weighted=True)
+    directions = random_directions(10, 3, 0)
+    expected = oracles.sliced_wasserstein(source, target, directions.numpy(), p)
+    assert float(exact_sliced_wasserstein(source, target, directions, p)) == pytest.approx(expected, rel=1e-12)
+
+
+@both
+def test_points_against_a_surface(p):
+    """A point is a triangle whose corners coincide."""
+    points, mesh, directions = varifold(icosphere(0), 0.5), surface(tetrahedron(), 0.5), random_directions(5, 6, 0)
+    corners = torch.arange(3 * len(points.points)).view(-1, 3)
+    collapsed = SurfaceMeasure(points.points.repeat_interleave(3, dim=0), corners, points.weights)
+    expected = oracles_exact.sliced_cost(collapsed, mesh, directions, p)
+    for measure in (points, collapsed):
+        assert float(exact_sliced_wasserstein(measure, mesh, directions, p)) == pytest.approx(expected, rel=1e-12)
+
+
+def encoded_pairs(seed: int):
+    """Encodings as functions of vertices, with the vertices at which to differentiate."""
+    generator = np.random.default_rng(seed)
+    first, second = tetrahedron(torch.from_numpy(generator.standard_normal((4, 3)))), icosphere(0)
+    second = moved(second, 0.1 * torch.from_numpy(generator.standard_normal((12, 3))))
+    line, loop = (closed_contour(torch.from_numpy(generator.standard_normal((n, 2)))) for n in (5, 7))
+    return {
+        "surfaces": (first, surface, second, surface, 3),
+        "surfaces with normals": (first, lambda s: surface(s, 0.7), second, lambda s: surface(s, 0.7), 6),
+        "surface and points": (first, lambda s: surface(s, 0.7), second, lambda s: varifold(s, 0.7), 6),
+        "contours": (line, surface, loop, surface, 2),
+    }
+
+
+@both
+@pytest.mark.parametrize("name", encoded_pairs(0))
+def test_gradients(name, p):
+    first, encode, second, encode_other, d = encoded_pairs(0)[name]
+    directions = random_directions(4, d, 0)
+
+    def loss(v, w):
+        pair = encode(first.with_vertices(v)), encode_other(second.with_vertices(w))
+        return exact_sliced_wasserstein(*pair, directions, p)
+
+    vertices = [shape.vertices.clone().requires_grad_() for shape in (first, second)]
+    assert torch.autograd.gradcheck(loss, vertices, eps=1e-6, atol=1e-8, rtol=1e-6)
+
+
+@both
+def test_gradient_in_the_weights_needs_no_normalisation(p):
+    """The loss divides by the total mass itself, so that its gradient is the potential of mean zero."""
+    source, target, directions = soup(1, 9, 14, 3), problems.cloud(0, 8, 3, weighted=True), random_directions(4, 3, 0)
+    weights = [m.weights.clone().requires_grad_() for m in (source, target)]
+    pair = SurfaceMeasure(source.vertices, source.cells, weights[0]), type(target)(target.points, weights[1])
+    exact_sliced_wasserstein(*pair, directions, p).backward()
+    assert all(abs(float(w.grad @ w.detach())) < 1e-13 for w in weights)
+
+    def loss(a, b):
+        pair = SurfaceMeasure(source.vertices, source.cells, a / a.sum()), type(target)(target.points, b / b.sum())
+        return exact_sliced_wasserstein(*pair, directions, p)
+
+    assert torch.autograd.gradcheck(loss, weights, eps=1e-6, atol=1e-8, rtol=1e-6)
+
+
+@both
+def test_gradient_by_small_steps_on_a_mesh(p):
+    """Steps far below the edge length, at which kinks would show."""
+    mesh, target, directions = folded_sphere(2, 1.0, 0.2), surface(icosphere(2, 1.3)), random_directions(8, 3, 0)
+    vertices = mesh.vertices.clone().requires_grad_()
+    exact_sliced_wasserstein(surface(mesh.with_vertices(vertices)), target, directions, p).backward()
+    for seed in range(4):
+        step = 1e-5 * torch.from_numpy(np.random.default_rng(seed).standard_normal(mesh.vertices.shape))
+        ends = [surface(moved(mesh, sign * step)) for sign in (1, -1)]
+        forward, backward = (float(exact_sliced_wasserstein(end, target, directions, p)) for end in ends)
+        assert float((vertices.grad * step).sum()) == pytest.approx((forward - backward) / 2, rel=1e-6, abs=1e-13)
+
+
+@both
+@pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-12, 1e-8])
+def test_gradient_of_moving_and_growing_edge_on(tilt, p):
+    """Sums that are known whatever the tilt: a cube against itself moved along the line, and against its double."""
+    theta = torch.tensor([1.0, tilt, 0.0], dtype=torch.float64)
+    vertices = cube().vertices.clone().requires_grad_()
+    source = surface(cube().with_vertices(vertices), detach_weights=True)
+    loss = exact_sliced_wasserstein(source, surface(moved(cube(), 0.3 * theta)), theta[None], p)
+    (gradient,) = torch.autograd.grad(loss, vertices)
+    assert float(gradient.sum(dim=0) @ theta) == pytest.approx({1: -1, 2: -0.6}[p], rel=1e-12)
+    loss = exact_sliced_wasserstein(source, surface(cube(2.0)), theta[None], p)
+    (gradient,) = torch.autograd.grad(loss, vertices)
+    exact = -p * ((1 / 3) * 0.5**p + (2 / 3) * 0.5**p / (p + 1))
+    assert float((gradient * cube().vertices).sum()) == pytest.approx(exact, rel=1e-12)
+
+
+def test_no_pull_where_both_laws_agree():
+    """p = 1 has a kink where F = G: an identical far piece is not pulled, though roundoff separates the two."""
+    near, far = soup(1, 6, 5, 3), soup(2, 6, 5, 3, shift=20.0)
+    cells, weights = torch.cat([near.cells, far.cells + 6]), torch.cat([near.weights, far.weights]) / 2
+    vertices = torch.cat([near.vertices, far.vertices]).requires_grad_()
+    other = torch.cat([near.vertices + 1, far.vertices]).detach()
+    theta = torch.full((1, 3), math.sqrt(1 / 3), dtype=torch.float64)
+    pair = SurfaceMeasure(vertices, cells, weights), SurfaceMeasure(other.flip(0), 11 - cells, weights)
+    exact_sliced_wasserstein(*pair, theta, 1).backward()
+    assert float(vertices.grad[6:].abs().max()) < 1e-15
+    assert float(vertices.grad[:6].abs().min()) > 1e-3
+
+
+@pytest.fixture
+def threads():
+    before = torch.get_num_threads()
+    yield torch.set_num_threads
+    torch.set_num_threads(before)
+
+
+def test_threads_share_the_directions(threads):
+    target, directions, found = surface(icosphere(2, 1.3)), random_directions(7, 3, 0), []
+    for n_threads in (1, 2, 2):
+        threads(n_threads)
+        vertices = folded_sphere(2, 1.0, 0.2).vertices.requires_grad_()
+        value = exact_sliced_wasserstein(surface(icosphere(2).with_vertices(vertices)), target, directions)
+        value.backward()
+        found.append((value.detach(), vertices.grad))
+    (one, gradient), (two, gradient_two), (again, gradient_again) = found
+    assert torch.equal(two, again)
+    assert torch.equal(gradient_two, gradient_again)
+    assert torch.allclose(one, two, rtol=1e-14)
+    assert torch.allclose(gradient, gradient_two, rtol=1e-12, atol=1e-16)
+
+
+def test_single_precision_in_and_out():
+    sphere, directions = icosphere(2, dtype=torch.float32), random_directions(6, 3, 0, dtype=torch.float32)
+    vertices = sphere.vertices.clone().requires_grad_()
+    target = surface(icosphere(2, 1.5, dtype=torch.float32))
+    value = exact_sliced_wasserstein(surface(sphere.with_vertices(vertices)), target, directions)
+    value.backward()
+    assert value.dtype == vertices.grad.dtype == torch.float32
+    double = exact_sliced_wasserstein(surface(icosphere(2)), surface(icosphere(2, 1.5)), directions.double())
+    assert float(value) == pytest.approx(float(double), rel=1e-5)
+
+
+def test_doors():
+    sphere, eye = surface(icosphere(0)), torch.eye(3, dtype=torch.float64)
+    with pytest.raises(ValueError, match=r"p is 3; .* p = 1 and 2"):
+        exact_sliced_wasserstein(sphere, sphere, eye, 3)
+    with pytest.raises(ValueError, match="same space"):
+        exact_sliced_wasserstein(sphere, surface(icosphere(0), 1.0), eye)
+    with pytest.raises(ValueError, match="unit rows"):
+        exact_sliced_wasserstein(sphere, sphere, 2 * eye)
