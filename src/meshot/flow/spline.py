@@ -1,5 +1,7 @@
 """Vector-valued cubic B-splines on a lattice: their values, and the same spline on a lattice twice as fine."""
 
+import functools
+
 import torch
 from torch.autograd.function import once_differentiable
 
@@ -66,16 +68,22 @@ def refined(coefficients: Float[Tensor, "*batch nx ny nz 3"]) -> Float[Tensor, "
     A cubic B-spline is the sum of five of half its width, with weights (1, 4, 6, 4, 1)/8 (two-scale relation). So a
     sum of splines at several spacings is one spline at the finest, exactly.
     """
-    for axis in (-4, -3, -2):
-        n = coefficients.shape[axis]
-        left, right = coefficients.narrow(axis, 0, n - 1), coefficients.narrow(axis, 1, n - 1)
-        between = (left + right) / 2
-        at = (between.narrow(axis, 0, n - 2) + between.narrow(axis, 1, n - 2)) / 4 + coefficients.narrow(
-            axis, 1, n - 2
-        ) / 2
-        pairs = torch.stack([between.narrow(axis, 0, n - 2), at], dim=axis).flatten(axis - 1, axis)
-        coefficients = torch.cat([pairs, between.narrow(axis, n - 2, 1)], dim=axis)
+    # Along the last axis first, while the arrays are small; along the first it is one large matrix product.
+    for axis in (-2, -3, -4):
+        shape = coefficients.shape[axis + 1 :]
+        halves = two_scale_matrix(coefficients.shape[axis]).to(coefficients)
+        coefficients = (halves @ coefficients.flatten(axis + 1)).unflatten(-1, shape)
     return coefficients
+
+
+@functools.cache
+def two_scale_matrix(n_nodes: int) -> Float[Tensor, "m n"]:
+    """What takes n coefficients to the 2n − 3 of the same spline at half the spacing, node 1 staying where it is."""
+    matrix = torch.zeros(2 * n_nodes - 3, n_nodes, dtype=torch.float64)
+    for row in range(2 * n_nodes - 3):
+        weights = (1 / 2, 1 / 2) if row % 2 == 0 else (1 / 8, 6 / 8, 1 / 8)
+        matrix[row, row // 2 : row // 2 + len(weights)] = torch.tensor(weights, dtype=torch.float64)
+    return matrix
 
 
 class _Spline(torch.autograd.Function):
