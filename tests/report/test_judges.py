@@ -29,7 +29,7 @@ def record():
 def test_reproduced_where_every_interval_agrees(record):
     verdict = judge_toy(record)
     assert verdict.status == ledger.REPRODUCED
-    assert "0.223 (Chamfer) against 0.014 (sliced Wasserstein, redrawn)" in verdict.ours
+    assert "0.223 and 90% (Chamfer), against 0.014 and 90% (sliced Wasserstein, redrawn)" in verdict.ours
     assert "2 of 2 settings" in verdict.ours
     assert verdict.numbers.count("\n") == 4
 

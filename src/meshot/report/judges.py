@@ -1,7 +1,6 @@
 """From results to verdicts: the rule for each tested claim."""
 
 from meshot.report.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Judge, Verdict
-from meshot.report.numbers import digits
 
 
 def judge_toy(record: dict) -> Verdict:
@@ -32,12 +31,15 @@ def judge_toy(record: dict) -> Verdict:
 def _toy_sentence(summary: list[dict], differences: list[dict], further: list[dict], barer: list[dict]) -> str:
     """Where the claim holds, and the headline setting: the first polygon, even sampling, directions redrawn."""
     first = [r for r in summary if r["reduction"] == "mean" and r["sampling"] == "even"][:2]
-    ends = " against ".join(f"{digits(row['w2_mean'], 3)} ({_loss_name(row)})" for row in first)
+    ends = ", against ".join(
+        f"{row['w2_mean']:.3f} and {row['coverage_mean']:.0%} ({_loss_name(row)})" for row in first
+    )
     others = sorted({row["polygon"].replace("_", " ") for row in further if row not in barer})
     condition = f"; the exceptions in coverage are on: {', '.join(others)}" if others else ""
     return (
-        f"W₂ to the target {ends} on the {first[0]['polygon'].replace('_', ' ')}; Chamfer ends further away in "
-        f"{len(further)} of {len(differences)} settings, and leaves more of the target bare in {len(barer)}{condition}"
+        f"W₂ to the target and coverage: {ends}, on the {first[0]['polygon'].replace('_', ' ')}; Chamfer ends further "
+        f"away in {len(further)} of {len(differences)} settings, and leaves more of the target bare in "
+        f"{len(barer)}{condition}"
     )
 
 
@@ -63,8 +65,8 @@ def _toy_table(results: dict) -> str:
 
 def _toy_line(row: dict, name: str) -> str:
     cells = [row["polygon"].replace("_", " "), row["sampling"], name]
-    for quantity in ("w2", "coverage", "evenness"):
-        cells.append(f"{digits(row[f'{quantity}_mean'], 3)} ± {digits(row[f'{quantity}_sd'], 2)}")
+    cells.append(f"{row['w2_mean']:.4f} ± {row['w2_sd']:.4f}")
+    cells += [f"{row[f'{share}_mean']:.3f} ± {row[f'{share}_sd']:.3f}" for share in ("coverage", "evenness")]
     return "| " + " | ".join([*cells, str(row["n_seeds"])]) + " |"
 
 
