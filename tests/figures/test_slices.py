@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.backend_bases import MouseEvent
 from matplotlib.collections import LineCollection
 
 from meshot.figures.slices import slice_figure, slice_image
@@ -91,6 +92,20 @@ def test_axes_say_mm_and_sides_and_the_legend_names_the_surfaces():
         assert letters["L"] < 0.5 < letters["R"]
         assert not ax.xaxis_inverted()
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["initial", "fitted"]
+
+
+def test_what_is_drawn_at_a_place_is_what_the_volume_has_there():
+    slope = np.array([1.0, 100.0, 10_000.0])
+    figure = slice_figure(linear_volume(slope, oblique_affine()), None, CENTRE)
+    figure.draw_without_rendering()
+    for ax, axis in zip(figure.axes, (2, 1, 0)):
+        place = CENTRE + np.array([9.0, -8.0, 10.0])
+        place[axis] = CENTRE[axis]
+        x, y = ax.transData.transform(np.delete(place, axis))
+        pointer = MouseEvent("motion_notify_event", figure.canvas, x, y)
+        value = ax.images[0].get_cursor_data(pointer)
+        # Half a pixel of the slice and one of the screen make less than 1.5 mm along each axis.
+        assert abs(value - place @ slope) <= 1.5 * np.delete(slope, axis).sum()
 
 
 def test_a_millimetre_is_equally_long_in_all_panels():

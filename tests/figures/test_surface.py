@@ -130,14 +130,16 @@ def test_a_figure_has_a_row_for_each_mesh_one_scale_and_a_bar_with_its_unit():
     assert any(text.get_text() == "10 mm" for ax in panels for text in ax.texts)
 
 
-def test_the_scale_bar_has_its_length():
-    figure = surface_figure(icosphere(2, 20.0), views=("left",), resolution=60)
+@pytest.mark.parametrize(("radius", "length"), [(20.0, 10.0), (100.0, 50.0), (0.45, 0.2)])
+def test_the_scale_bar_has_its_length(radius, length):
+    figure = surface_figure(icosphere(2, radius), views=("left",), resolution=60)
     (ax,) = figure.axes
     (line,) = ax.lines
-    assert np.ptp(line.get_xdata()) == pytest.approx(10.0)
+    assert np.ptp(line.get_xdata()) == pytest.approx(length)
+    assert ax.texts[-1].get_text() == f"{length:g} mm"
     left, right = ax.get_xlim()
     seen = np.asarray(ax.images[0].get_array())[..., 3] > 127
-    assert seen.any(axis=0).mean() * (right - left) == pytest.approx(40.0, rel=0.02)
+    assert seen.any(axis=0).mean() * (right - left) == pytest.approx(2 * radius, rel=0.02)
 
 
 @pytest.mark.parametrize(
