@@ -28,4 +28,7 @@ def decimated(mesh: Mesh, n_faces: int) -> Mesh:
     if len(mesh.faces) <= n_faces:
         return mesh
     vertices, faces = igl.decimate(mesh.vertices.detach().double().cpu().numpy(), mesh.faces.cpu().numpy(), n_faces)[:2]
-    return Mesh(torch.from_numpy(vertices).to(mesh.vertices), torch.from_numpy(faces.astype(np.int64)))
+    return Mesh(
+        torch.from_numpy(np.ascontiguousarray(vertices)).to(mesh.vertices),
+        torch.from_numpy(np.ascontiguousarray(faces, dtype=np.int64)),
+    )

@@ -34,7 +34,7 @@ class HemisphereRegion:
 
 
 def hemisphere_region(
-    grid: Volume, white: Mesh, pial: Mesh, side: str, margin: float = 1.5, depth: float = 4.0
+    grid: Volume, white: Mesh, pial: Mesh, side: str, margin: float = 1.5, depth: float = 3.0
 ) -> HemisphereRegion:
     """The region of one hemisphere, from a guide that need only be roughly right (a few mm).
 

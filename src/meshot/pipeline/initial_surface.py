@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import scipy.ndimage
+
 from meshot.mesh.decimation import decimated
 from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.mesh import Mesh
@@ -12,6 +14,7 @@ from meshot.volume.topology import filled_cavities, genus_zero, largest_componen
 from meshot.volume.volume import Volume
 
 SMOOTHING_STEPS = (5, 10, 20)
+DEPTH_WEIGHT = 0.02  # of probability, per voxel
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -52,7 +55,9 @@ def tissue_surface(probability: Volume, n_faces: int = 80_000) -> TissueSurface:
         If nothing, or everything, lies above ½.
     """
     mask = filled_cavities(largest_component(probability.data > 0.5))
-    ball = genus_zero(mask, probability.data)
+    # Where tissue is equally sure, depth decides: else fronts meet in the middle of white matter, and wide cuts stay.
+    depth = scipy.ndimage.distance_transform_edt(mask)
+    ball = genus_zero(mask, probability.data + DEPTH_WEIGHT * depth)
     mesh = sphere_like_mesh(isosurface(separated_field(probability, ball)), n_faces)
     return TissueSurface(mesh, probability.with_data(mask), probability.with_data(ball))
 
@@ -71,7 +76,10 @@ def sphere_like_mesh(mesh: Mesh, n_faces: int) -> Mesh:
     if found != SPHERE:
         raise ValueError(f"the mesh is not a topological sphere ({found}); correct the mask with genus_zero first")
     for n_steps in SMOOTHING_STEPS:
-        candidate = decimated(taubin_smoothing(mesh, n_steps), n_faces)
+        smoothed = taubin_smoothing(mesh, n_steps)
+        # Rounded, so that the last bit, which differs between CPUs, does not decide which edge is the shortest.
+        smoothed = smoothed.with_vertices((smoothed.vertices * 2**20).round() / 2**20)
+        candidate = decimated(smoothed, n_faces)
         if topology(candidate) == SPHERE and not len(self_intersecting_faces(candidate)):
             return candidate
     return mesh
