@@ -70,11 +70,11 @@ def test_a_chapter_can_be_downloaded_as_a_notebook(html, context):
     assert notebook == json.loads(stored.read_text(encoding="utf-8"))
 
 
-def test_no_page_is_wider_than_a_telephone(html):
-    with offline_browser(browser_path(), width=400) as narrow:
-        for file in pages(html):
-            with watched_page(narrow, file) as (page, _):
-                assert page.evaluate("() => document.documentElement.scrollWidth") <= 400, file.name
+def test_no_page_is_wider_than_a_telephone(html, context):
+    for file in pages(html):
+        with watched_page(context, file) as (page, _):
+            page.set_viewport_size({"width": 400, "height": 900})
+            assert page.evaluate("() => document.documentElement.scrollWidth") <= 400, file.name
 
 
 @pytest.mark.parametrize(
