@@ -5,7 +5,13 @@ import torch
 
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import cube, folded_sphere, icosphere
-from meshot.metrics.surface import Surface, average_surface_distance, hausdorff_distance, normal_agreement
+from meshot.metrics.surface import (
+    Surface,
+    average_surface_distance,
+    hausdorff_distance,
+    normal_agreement,
+    vertex_distances,
+)
 
 
 def both_ways(one, other, n_points=4000, seeds=(0, 1)):
@@ -84,3 +90,8 @@ def test_doors():
             hausdorff_distance(there, back, quantile)
     with pytest.raises(ValueError, match="n_points is 0"):
         Surface(square(0.0)).sample(0, 0)
+
+
+def test_distances_of_vertices_from_a_larger_sphere():
+    inner, outer = icosphere(2, 1.0), icosphere(5, 2.0)
+    assert vertex_distances(inner, outer) == pytest.approx(np.ones(162), abs=2e-3)

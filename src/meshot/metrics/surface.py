@@ -76,3 +76,9 @@ def normal_agreement(there: Offsets, back: Offsets, signed: bool = False) -> flo
     """Chamfer normals: the mean of the two mean cosines between normals, in absolute value unless ``signed``."""
     cosines = [x.cosines if signed else np.abs(x.cosines) for x in (there, back)]
     return float(cosines[0].mean() + cosines[1].mean()) / 2
+
+
+def vertex_distances(mesh: Mesh, target: Mesh) -> Float[Array, " V"]:
+    """The distance of every vertex from the nearest point on the faces of another surface, to colour a picture by."""
+    points = mesh.vertices.detach().double().cpu().numpy()
+    return Surface(target).offsets(SurfaceSample(points, np.zeros_like(points))).distances
