@@ -234,6 +234,19 @@ def test_gradient_by_small_steps_on_a_mesh(p):
 
 
 @both
+def test_gradients_add_up(p):
+    """Moving both measures changes nothing, and scaling both scales the cost: Σ g = 0 and Σ ⟨g, x⟩ = p·W (Euler)."""
+    meshes = folded_sphere(3, 1.0, 0.2), moved(icosphere(3, 1.3), torch.tensor([0.1, 0.2, 0.3], dtype=torch.float64))
+    vertices = [mesh.vertices.clone().requires_grad_() for mesh in meshes]
+    pair = [surface(mesh.with_vertices(v)) for mesh, v in zip(meshes, vertices, strict=True)]
+    cost = exact_sliced_wasserstein(*pair, random_directions(5, 3, 0), p)
+    cost.backward()
+    assert float(sum(v.grad.sum(dim=0) for v in vertices).abs().max()) < 1e-14
+    growth = sum(float((v.grad * v.detach()).sum()) for v in vertices)
+    assert growth == pytest.approx(p * float(cost.detach()), rel=1e-11)
+
+
+@both
 @pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-12, 1e-8])
 def test_gradient_of_moving_and_growing_edge_on(tilt, p):
     """Sums that are known whatever the tilt: a cube against itself moved along the line, and against its double."""

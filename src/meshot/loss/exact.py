@@ -131,6 +131,7 @@ class _Line:
         self.law = tuple(np.empty(n_cells) for _ in range(4))
         self.rank = np.empty(n_places, np.int64)
         self.tree = np.empty((n_nodes, 2))
+        self.jumps = np.empty((n_places, 2))
         self.moments = np.zeros((n_cells if side.wanted else 1, 3))
         self.moment_tree = np.zeros((n_nodes if side.wanted else 0, 3))
         self.potential = np.empty(n_cells)
@@ -147,7 +148,7 @@ class _Line:
             _kernel_exact_law.lay_points(projected, self.order, self.side.weights, *self.law)
         else:
             _kernel_exact_law.lay_surface(
-                projected, self.order, self.side.cells, self.side.weights, self.rank, self.tree, *self.law
+                projected, self.order, self.side.cells, self.side.weights, self.rank, self.tree, self.jumps, *self.law
             )
 
     def pull(self, direction: Float[Array, " d"]) -> None:
