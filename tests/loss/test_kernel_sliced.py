@@ -30,12 +30,24 @@ def case(name, rng):
         x, y = rng.integers(0, 2, (n, d)).astype(float), rng.integers(0, 2, (m, d)).astype(float)
     if name == "identical":
         y, b = x.copy(), a.copy()
+    if name == "uneven totals":  # within what a measure may err; the excess goes to the last step of the other side
+        a, y, b = a * (1 + 9e-9), y[:5], b[:5] / b[:5].sum()
     if name == "far outlier":
         x[3] = 1e4
     return x, a, y, b
 
 
-CASES = ("generic", "one by one", "one by n", "n by one", "zero weights", "equal masses", "identical", "far outlier")
+CASES = (
+    "generic",
+    "one by one",
+    "one by n",
+    "n by one",
+    "zero weights",
+    "equal masses",
+    "identical",
+    "far outlier",
+    "uneven totals",
+)
 
 
 def both(arrays, p, dtype=torch.float64, directions=7):
@@ -142,6 +154,7 @@ SORTED = {
     "subnormal range": lambda rng: rng.integers(0, 9, 50) * 5e-324,
     "widest range": lambda rng: np.append(rng.normal(size=50), [-1.7e308, 1.7e308]),
     "overflow": lambda rng: np.array([1.0, np.inf, -np.inf, 0.0, np.inf]),
+    "not a number": lambda rng: np.append(rng.normal(size=50), np.nan),
     "descending": lambda rng: np.arange(3000.0)[::-1].copy(),
 }
 
