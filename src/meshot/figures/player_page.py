@@ -3,10 +3,11 @@
 PAGE = """
 <div id="@ID@" class="point-player" role="group" aria-label="@LABEL@">
 <style>
-.point-player { max-width: 44rem; color: inherit; }
+.point-player { max-width: 44rem; padding: .5rem; border-radius: 4px; background: #fff; color: #1a1a1a; }
 .point-player [hidden] { display: none !important; }
 .point-player .panels { display: flex; gap: .5rem; }
 .point-player figure { flex: 1; margin: 0; min-width: 0; }
+.point-player figcaption, .point-player output { color: #1a1a1a; }
 .point-player figcaption { font-size: .95rem; text-align: center; }
 .point-player canvas { width: 100%; display: block; }
 .point-player img { max-width: 100%; background: #fff; }

@@ -166,7 +166,7 @@ def curves_figure(
 def _label_decades(ax: Axes) -> None:
     """Few labels in plain numbers, also where an axis spans less than a decade."""
     low, high = ax.get_ylim()
-    steps = (1.0,) if high / low > 30 else (1.0, 2.0, 5.0)
+    steps = (1.0,) if high / low > 200 else (1.0, 2.0, 5.0)
     ax.yaxis.set_major_locator(LogLocator(subs=steps))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.yaxis.set_minor_formatter(NullFormatter())

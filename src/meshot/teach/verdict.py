@@ -17,7 +17,7 @@ import torch
 from meshot.types import Tensor
 
 TOLERANCE = 1e-6
-UNWRITTEN = "nothing is written yet; replace the line that raises NotImplementedError"
+UNWRITTEN = "nothing is written yet; replace `raise NotImplementedError`"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
