@@ -53,6 +53,20 @@ def test_same_seed_same_field_other_seed_another():
     assert not torch.equal(weights(fits[0]), weights(fits[2]))
 
 
+def test_every_iteration_draws_anew_and_every_check_the_same():
+    draws = {True: [], False: []}
+
+    def loss(mesh, n_directions, generator):
+        draws[torch.is_grad_enabled()].append(int(generator.integers(2**60)))
+        return mesh.vertices.square().mean()
+
+    fit_flow(quick_field(), SOURCE, loss, QUICK)
+    assert len(set(draws[True])) == 12
+    assert len(draws[False]) == 3
+    assert len(set(draws[False])) == 1
+    assert not set(draws[False]) & set(draws[True])
+
+
 @pytest.mark.parametrize("stop", [3, 4, 7, 11])
 def test_killed_and_resumed_ends_in_the_same_field(tmp_path, stop):
     def kill(iteration, loss):
