@@ -6,6 +6,7 @@ from meshot.loss.directions import quasi_directions, random_directions
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.loss.wasserstein import wasserstein
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
+from meshot.measure.surface import SurfaceMeasure, surface
 from meshot.mesh.mesh import Contour, Mesh
 from meshot.metrics.evaluate import evaluate
 
@@ -13,6 +14,7 @@ __all__ = [
     "Contour",
     "DiscreteMeasure",
     "Mesh",
+    "SurfaceMeasure",
     "chamfer",
     "empirical",
     "evaluate",
@@ -20,6 +22,7 @@ __all__ = [
     "quasi_directions",
     "random_directions",
     "sliced_wasserstein",
+    "surface",
     "varifold",
     "wasserstein",
 ]

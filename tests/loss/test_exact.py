@@ -9,9 +9,9 @@ import problems
 import pytest
 import torch
 
-from meshot import Mesh, random_directions, varifold
+from meshot import Mesh, random_directions, sliced_wasserstein, surface, varifold
 from meshot.loss.exact import exact_sliced_wasserstein
-from meshot.measure.surface import SurfaceMeasure, surface
+from meshot.measure.surface import SurfaceMeasure
 from meshot.mesh.mesh import closed_contour
 from meshot.mesh.shapes import cube, folded_sphere, icosphere, split_in_four, tetrahedron
 
@@ -316,3 +316,13 @@ def test_doors():
         exact_sliced_wasserstein(sphere, surface(icosphere(0), 1.0), eye)
     with pytest.raises(ValueError, match="unit rows"):
         exact_sliced_wasserstein(sphere, sphere, 2 * eye)
+    with pytest.raises(ValueError, match=r"pass directions.detach\(\)"):
+        exact_sliced_wasserstein(sphere, sphere, eye.requires_grad_())
+
+
+def test_the_sliced_loss_takes_continuous_measures():
+    sphere, points, directions = surface(icosphere(1)), problems.cloud(0, 9, 3), random_directions(4, 3, 0)
+    for pair in ((sphere, sphere), (sphere, points), (points, sphere)):
+        assert torch.equal(sliced_wasserstein(*pair, directions, 1), exact_sliced_wasserstein(*pair, directions, 1))
+    with pytest.raises(ValueError, match=r"p is 1.5; .* p = 1 and 2"):
+        sliced_wasserstein(points, sphere, directions, 1.5)

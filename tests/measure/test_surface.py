@@ -3,8 +3,7 @@
 import pytest
 import torch
 
-from meshot import Contour, Mesh
-from meshot.measure.surface import SurfaceMeasure, surface
+from meshot import Contour, Mesh, SurfaceMeasure, surface
 from meshot.mesh.mesh import closed_contour
 from meshot.mesh.shapes import icosphere
 

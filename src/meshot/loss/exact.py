@@ -45,7 +45,8 @@ def exact_sliced_wasserstein(
     Raises
     ------
     ValueError
-        If the measures live in different spaces, the directions do not fit, or ``p`` is neither 1 nor 2.
+        If the measures live in different spaces, the directions do not fit or require a gradient, or ``p`` is neither
+        1 nor 2.
 
     Notes
     -----
@@ -56,6 +57,11 @@ def exact_sliced_wasserstein(
     places, other = _places(source), _places(target)
     require_same_space(places, other)
     directions = require_directions(directions, places)
+    if directions.requires_grad:
+        raise ValueError(
+            "directions requires a gradient; the exact loss has none in the directions: pass directions.detach(), or "
+            "sample both surfaces with meshot.empirical"
+        )
     if p not in (1, 2):
         raise ValueError(
             f"p is {p!r}; between continuous measures transport is computed exactly for p = 1 and 2: take one of "

@@ -7,13 +7,18 @@ from torch.autograd.function import once_differentiable
 from meshot.errors import require_same_space
 from meshot.loss._kernel_sliced import add_directions
 from meshot.loss.directions import require_directions
+from meshot.loss.exact import exact_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
+from meshot.measure.surface import SurfaceMeasure
 from meshot.threads import in_chunks
 from meshot.types import Float, Tensor
 
 
 def sliced_wasserstein(
-    source: DiscreteMeasure, target: DiscreteMeasure, directions: Float[Tensor, "L d"], p: float = 2
+    source: DiscreteMeasure | SurfaceMeasure,
+    target: DiscreteMeasure | SurfaceMeasure,
+    directions: Float[Tensor, "L d"],
+    p: float = 2,
 ) -> Float[Tensor, ""]:
     """The Monte Carlo sliced Wasserstein loss SW_p^p: the mean over directions of the 1D transport cost W_p^p.
 
@@ -23,12 +28,13 @@ def sliced_wasserstein(
 
     Parameters
     ----------
-    source, target : DiscreteMeasure
-        Any numbers of supports, any weights.
+    source, target : DiscreteMeasure or SurfaceMeasure
+        Any numbers of supports, any weights; one of each kind will do. With a continuous measure the cost along every
+        direction is exact, without sampling: see :func:`meshot.loss.exact.exact_sliced_wasserstein`.
     directions : tensor
         Unit rows; see :func:`meshot.random_directions`.
     p : float
-        The exponent, at least 1.
+        The exponent, at least 1; 1 or 2 with a continuous measure.
 
     Returns
     -------
@@ -38,7 +44,8 @@ def sliced_wasserstein(
     Raises
     ------
     ValueError
-        If the measures live in different spaces, the directions do not fit, or ``p`` < 1.
+        If the measures live in different spaces, the directions do not fit, ``p`` < 1, or p is neither 1 nor 2 and a
+        measure is continuous.
 
     Notes
     -----
@@ -50,6 +57,8 @@ def sliced_wasserstein(
     ----------
     Bonneel et al., *Sliced and Radon Wasserstein Barycenters of Measures*, 2015; Le et al., ICLR 2024, Equation 5.
     """
+    if isinstance(source, SurfaceMeasure) or isinstance(target, SurfaceMeasure):
+        return exact_sliced_wasserstein(source, target, directions, p)
     require_same_space(source.points, target.points)
     directions = require_directions(directions, source.points)
     if not p >= 1:
