@@ -30,7 +30,7 @@ def sliced_wasserstein(
     ----------
     source, target : DiscreteMeasure or SurfaceMeasure
         Any numbers of supports, any weights; one of each kind will do. With a continuous measure the cost along every
-        direction is exact, without sampling: see :func:`meshot.loss.exact.exact_sliced_wasserstein`.
+        direction is exact, without sampling: see ``meshot.loss.exact``.
     directions : tensor
         Unit rows; see :func:`meshot.random_directions`.
     p : float
