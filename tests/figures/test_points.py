@@ -69,6 +69,7 @@ def test_force_figure_keeps_directions():
     pulled, resting = ([c for c in ax.collections if hasattr(c, "U")] for ax in figure.axes)
     arrows = np.stack([pulled[1].U, pulled[1].V], axis=1)
     assert (np.linalg.norm(arrows, axis=1) < 0.46).all()
+    assert np.quantile(np.linalg.norm(arrows, axis=1), 0.9) == pytest.approx(0.3)
     np.testing.assert_allclose(
         np.cross(np.pad(arrows, ((0, 0), (0, 1))), np.pad(POINTS.numpy(), ((0, 0), (0, 1)))), 0, atol=1e-12
     )
