@@ -8,6 +8,7 @@ from meshot.loss.wasserstein import wasserstein
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
 from meshot.measure.surface import SurfaceMeasure, surface
 from meshot.mesh.mesh import Contour, Mesh
+from meshot.mesh.polygons import triangulate
 from meshot.metrics.evaluate import evaluate
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "random_directions",
     "sliced_wasserstein",
     "surface",
+    "triangulate",
     "varifold",
     "wasserstein",
 ]
