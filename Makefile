@@ -45,6 +45,7 @@ html: $(READY)
 notebooks: $(READY)
 	@$(RUN) tools/preflight.py python display
 	@$(RUN) book/run_notebooks.py store $(NAME)
+	@$(RUN) tools/readme_picture.py
 
 ledger: $(READY)
 	@$(RUN) book/make_ledger.py
