@@ -1,6 +1,6 @@
 """Look before anything is installed or drawn: each missing piece is one line with its remedy.
 
-Run as ``python3 book/preflight.py [python] [display] [browser]``. Kept to syntax that an old Python can read.
+Run as ``python3 tools/preflight.py [python] [display] [browser]``. Kept to syntax that an old Python can read.
 """
 
 import os
@@ -15,7 +15,7 @@ def missing_python():
     """What is wrong with this Python, or None."""
     if sys.version_info < (3, 11):
         found = ".".join(str(part) for part in sys.version_info[:3])
-        return "Python {} is too old, 3.11 or newer is needed: install one and say, for example, make book PYTHON=python3.11".format(found)
+        return f"Python {found} is too old, 3.11 or newer is needed: install one, then add PYTHON=python3.11 to make"
     try:
         import ensurepip  # noqa: F401
         import venv  # noqa: F401
@@ -26,8 +26,11 @@ def missing_python():
 
 def missing_display():
     """Why VTK could not draw here, or None; asked in a second process, since VTK may crash."""
-    asked = subprocess.run([sys.executable, "-m", "meshot.figures.display"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    return None if asked.returncode == 0 else asked.stdout.decode().strip() or "VTK cannot draw here: sudo apt-get install libegl1 libgl1-mesa-dri"
+    command = [sys.executable, "-m", "meshot.figures.display"]
+    asked = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    if asked.returncode == 0:
+        return None
+    return asked.stdout.decode().strip() or "VTK cannot draw here: sudo apt-get install libegl1 libgl1-mesa-dri"
 
 
 def browser():
@@ -40,7 +43,8 @@ def missing_browser():
     """What to do about a missing browser, or None."""
     if browser():
         return None
-    return "the tests open every page in a browser and found none: sudo apt-get install chromium, or set MESHOT_BROWSER=/path/to/chrome"
+    remedy = "sudo apt-get install chromium, or set MESHOT_BROWSER=/path/to/chrome"
+    return "the tests open every page in a browser and found none: " + remedy
 
 
 CHECKS = {"python": missing_python, "display": missing_display, "browser": missing_browser}

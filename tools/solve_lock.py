@@ -20,7 +20,12 @@ def main() -> None:
     command = [sys.executable, "-m", "uv", "pip", "compile", "--universal", "--fork-strategy", "fewest", "--quiet"]
     command += ["--python-version", "3.11", "--extra", "book", "--extra", "test", "--no-header", "--no-annotate"]
     solved = subprocess.run(
-        [*command, "--constraint", "-", "pyproject.toml"], cwd=ROOT, input=TORCH, capture_output=True, text=True, check=True
+        [*command, "--constraint", "-", "pyproject.toml"],
+        cwd=ROOT,
+        input=TORCH,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     lines = [line for line in solved.stdout.splitlines() if not LEFT_OUT.match(line)]
     with whole_file(ROOT / "requirements.lock") as temporary:
