@@ -102,17 +102,21 @@ def fit(side: str, field: GridVelocity, stage: int, config: dict) -> tuple[GridV
     )  # fmt: skip
     checkpoint = PARTIAL / f"{side}_stage{stage}.safetensors"
     with tqdm(total=settings.n_iterations, desc=f"{side}, {n_faces} faces") as bar:
+        clock = PARTIAL / f"{side}_stage{stage}_seconds.json"
+        spent = json.loads(clock.read_text(encoding="utf-8")) if clock.exists() else 0.0
+        started = time.perf_counter()
 
         def report(done: int, value: float) -> None:
             bar.update(done - bar.n)
             bar.set_postfix(loss=f"{value:.4g}")
+            if done % settings.save_every == 0 or done == settings.n_iterations:
+                with whole_file(clock) as temporary:
+                    temporary.write_text(json.dumps(spent + time.perf_counter() - started), encoding="utf-8")
 
-        started = time.perf_counter()
         fitted = fit_flow(field, initial, loss, settings, checkpoint, report)
-        seconds = time.perf_counter() - started
     history = {k: fitted.history[k] for k in ("checked_iteration", "checked_loss")}
-    record = kept(f"{side}_stage{stage}_time", lambda: seconds)
-    return fitted.field, history | {"best_iteration": fitted.best_iteration, "seconds": record["value"]}
+    seconds = json.loads(clock.read_text(encoding="utf-8"))
+    return fitted.field, history | {"best_iteration": fitted.best_iteration, "seconds": seconds}
 
 
 def hemisphere(side: str, config: dict) -> dict:

