@@ -7,10 +7,13 @@ and the section at u runs from the point u on the edge p₁p₂ to the point u·
 of b over it are linear in u; likewise with v from 0 to 1 between p₃ and p₂. Hence all that is needed are M₁ = ∫φ′u dx
 and M₂ = ∫φ′u² dx over both pieces, and by parts E[φ] = φ(p₂) + (J/2)(h₂·M₂(v) − h₁·M₂(u)).
 
-Differences of antiderivatives of φ would lose these moments on short pieces. They are gathered from the binary tree
-over the cells that also laid the densities: O(log V) nodes a piece, sums of positive weights again.
+Differences of antiderivatives of φ would lose these moments on short pieces, by a factor of 1/h² or 1/h³. They are
+looked up in a disjoint sparse table instead. Where the first and the last interval of a piece first differ in a binary
+digit, there is a multiple of that power of two, its pivot, between them; moments summed outward from all such pivots
+give those of the piece as two entries, and no sum ever left the piece. One level of the table is held at a time.
 """
 
+import math
 from typing import no_type_check
 
 import numpy as np
@@ -21,78 +24,134 @@ _options = {"cache": True, "nogil": True, "error_model": "numpy"}
 
 @njit(inline="always")
 @no_type_check
-def _collect(tree, size, x, n):
-    """The moments over every node from those over its two children."""
-    width = 2
-    while width <= size:
-        half = width >> 1
-        node = size // width
-        for start in range(0, n, width):
-            if start + width <= n:
-                low, middle, high = x[start], x[start + half], x[start + width]
-                share = (middle - low) / (high - low) if high > low else 0.5
-                rest, left, right = 1 - share, tree[2 * node], tree[2 * node + 1]
-                tree[node, 0] = left[0] + right[0]
-                tree[node, 1] = share * (left[1] + right[0]) + rest * right[1]
-                tree[node, 2] = (
-                    share * share * (left[2] + right[0]) + 2 * share * rest * right[1] + rest * rest * right[2]
-                )
-            node += 1
-        width <<= 1
+def _split(x, rank, cells, ends):
+    """Write the first and the last rank of both pieces of every cell: rising and falling, or the only one twice."""
+    for k in range(len(cells)):
+        low, high = rank[cells[k, 0]], rank[cells[k, 1]]
+        low, high = min(low, high), max(low, high)
+        middle = high
+        if cells.shape[1] == 3:
+            other = rank[cells[k, 2]]
+            low, middle, high = min(low, other), max(low, min(high, other)), max(high, other)
+        ends[2 * k, 0], ends[2 * k, 1] = low, middle
+        ends[2 * k + 1, 0], ends[2 * k + 1, 1] = (low, high) if cells.shape[1] == 2 else (middle, high)
 
 
 @njit(inline="always")
 @no_type_check
-def _gather(tree, size, x, first, last, centre, scale):
-    """∫φ′u dx and ∫φ′u² dx over the intervals [first, last), u = (x − centre)·scale."""
-    low, high, width = first + size, last + size, 1
-    one, two = 0.0, 0.0
-    while low < high:
-        if low & 1:
-            start, step = (x[first] - centre) * scale, (x[first + width] - x[first]) * scale
-            one += start * tree[low, 0] + step * tree[low, 1]
-            two += start * (start * tree[low, 0] + 2 * step * tree[low, 1]) + step * step * tree[low, 2]
-            first += width
-            low += 1
-        if high & 1:
-            high -= 1
-            start, step = (x[last - width] - centre) * scale, (x[last] - x[last - width]) * scale
-            one += start * tree[high, 0] + step * tree[high, 1]
-            two += start * (start * tree[high, 0] + 2 * step * tree[high, 1]) + step * step * tree[high, 2]
-            last -= width
-        low >>= 1
-        high >>= 1
-        width <<= 1
-    return one, two
+def _level(first, last):
+    """The number of binary digits up to the one in which the first and the last interval differ."""
+    return math.frexp(float(first ^ (last - 1)))[1]
 
 
 @njit(inline="always")
 @no_type_check
-def _pull_triangle(tree, size, x, i, j, m, weight, pull):
+def _by_level(x, ends, order, starts, longest):
+    """Pieces that have an extent, ordered by level (a counting sort), and the longest of each level in intervals."""
+    starts[:] = 0
+    longest[:] = 0
+    for piece in range(len(ends)):
+        first, last = ends[piece]
+        if x[last] > x[first]:
+            level = _level(first, last)
+            starts[level + 2] += 1
+            longest[level] = max(longest[level], last - first)
+    for level in range(len(starts) - 1):
+        starts[level + 1] += starts[level]
+    for piece in range(len(ends)):
+        first, last = ends[piece]
+        if x[last] > x[first]:
+            level = _level(first, last)
+            order[starts[level + 1]] = piece
+            starts[level + 1] += 1
+
+
+@njit(inline="always")
+@no_type_check
+def _sum_outward(x, extent, moments, pivot, start, stop, step, table):
+    """Write ∫φ′|x − x_pivot|ᵏ dx from the pivot out to the far end of each interval from ``start`` on."""
+    zero, one, two = 0.0, 0.0, 0.0
+    for i in range(start, stop, step):
+        width = extent[i] * step
+        if width != 0:
+            offset = (x[i] - x[pivot]) * step
+            zero += moments[i, 0]
+            one += offset * moments[i, 0] + width * moments[i, 1]
+            two += offset * offset * moments[i, 0] + 2 * offset * width * moments[i, 1] + width * width * moments[i, 2]
+        table[i, 0], table[i, 1], table[i, 2] = zero, one, two
+
+
+@njit(inline="always")
+@no_type_check
+def _fill(x, extent, moments, level, reach, table):
+    """One level of the table; at level zero every interval stands for itself."""
+    n = len(x) - 1
+    half = 1 << (level - 1) if level > 0 else 1
+    if level == 0:
+        for i in range(n):
+            _sum_outward(x, extent, moments, i, i, i + 1, 1, table)
+    else:
+        for pivot in range(half, n, 2 * half):
+            _sum_outward(x, extent, moments, pivot, pivot - 1, pivot - 1 - min(half, reach), -1, table)
+            _sum_outward(x, extent, moments, pivot, pivot, min(pivot + min(half, reach), n), 1, table)
+
+
+@njit(inline="always")
+@no_type_check
+def _look_up(x, ends, pieces, level, table, sums):
+    """Write ∫φ′u dx and ∫φ′u² dx of some pieces of one level: u rises on even pieces and falls on odd ones."""
+    for piece in pieces:
+        first, last = ends[piece]
+        scale = 1 / (x[last] - x[first]) if piece & 1 == 0 else -1 / (x[last] - x[first])
+        centre = x[first] if piece & 1 == 0 else x[last]
+        right = table[last - 1]
+        zero, one, two = right[0], right[1], right[2]
+        pivot = first
+        if level > 0:
+            pivot = ((last - 1) >> (level - 1)) << (level - 1)
+            left = table[first]
+            zero, one, two = zero + left[0], one - left[1], two + left[2]
+        u = (x[pivot] - centre) * scale
+        sums[piece, 0] = u * zero + scale * one
+        sums[piece, 1] = u * (u * zero + 2 * scale * one) + scale * scale * two
+
+
+@njit(inline="always")
+@no_type_check
+def _sum_pieces(law, moments, rank, cells, ends, order, starts, longest, table, sums):
+    x, extent = law[0], law[1]
+    _split(x, rank, cells, ends)
+    _by_level(x, ends, order, starts, longest)
+    sums[:] = 0
+    for level in range(len(longest)):
+        if starts[level + 1] > starts[level]:
+            _fill(x, extent, moments, level, longest[level], table)
+            _look_up(x, ends, order[starts[level] : starts[level + 1]], level, table, sums)
+
+
+@njit(inline="always")
+@no_type_check
+def _pull_triangle(x, i, j, m, rising, falling, weight, pull):
     """Write w·E[bφ′] for the corners in order, and return E[φ] − φ(p₂)."""
-    up, down, height = x[j] - x[i], x[m] - x[j], x[m] - x[i]
-    one, two, other_one, other_two = 0.0, 0.0, 0.0, 0.0
-    if up > 0:
-        one, two = _gather(tree, size, x, i, j, x[i], 1 / up)
-    if down > 0:
-        other_one, other_two = _gather(tree, size, x, j, m, x[m], -1 / down)
-    tent = weight / height  # half the peak J
-    low, high = two * (up / height), other_two * (down / height)
-    pull[0] = tent * (2 * one - two - low + high)
-    pull[1] = tent * (two + other_two)
-    pull[2] = tent * (low + 2 * other_one - other_two - high)
-    return (down * other_two - up * two) / height
+    height = x[m] - x[i]
+    up, down, tent = (x[j] - x[i]) / height, (x[m] - x[j]) / height, weight / height  # tent: half the peak J
+    low, high = rising[1] * up, falling[1] * down
+    pull[0] = tent * (2 * rising[0] - rising[1] - low + high)
+    pull[1] = tent * (rising[1] + falling[1])
+    pull[2] = tent * (low + 2 * falling[0] - falling[1] - high)
+    return high - low
 
 
 @njit(inline="always")
 @no_type_check
-def _pull_segment(tree, size, x, i, j, weight, pull):
-    """As for a triangle, for a box; E[φ] − φ of the upper end."""
-    length = x[j] - x[i]
-    toward_upper, _ = _gather(tree, size, x, i, j, x[i], 1 / length)
-    toward_lower, _ = _gather(tree, size, x, i, j, x[j], -1 / length)
-    pull[0], pull[1] = weight * toward_lower / length, weight * toward_upper / length
-    return -toward_upper
+def _in_order(cell, rank, at):
+    """Write the corners of a cell from left to right."""
+    for c in range(len(cell)):
+        at[c] = cell[c]
+    for c in range(len(cell) * (len(cell) - 1) // 2):  # compare 0 and 1, then 1 and 2, then 0 and 1
+        left = c & 1
+        if rank[at[left]] > rank[at[left + 1]]:
+            at[left], at[left + 1] = at[left + 1], at[left]
 
 
 @njit(inline="always")
@@ -106,36 +165,31 @@ def _potential(moments, extent, potential):
 
 @njit(**_options)
 @no_type_check
-def pull_surface(law, moments, cells, weights, rank, tree, potential, to_projected, to_weights):
+def pull_surface(law, moments, cells, weights, rank, work, to_projected, to_weights):
     """Write the gradient in the projected vertices, and add that in the weights, of one direction.
 
     Where a cell is perpendicular to the direction its mass may be split among several places, and transport has a kink:
     it is given the mean of φ′ over its mass, which lies between the one-sided derivatives.
     """
     x, extent, mass, _ = law
-    n, size, corners = len(x) - 1, len(tree) // 2, cells.shape[1]
-    for i in range(n):
-        for k in range(3):
-            tree[size + i, k] = moments[i, k] if extent[i] > 0 else 0.0
-    _collect(tree, size, x, n)
+    ends, order, starts, longest, table, sums, potential = work
+    corners = cells.shape[1]
+    _sum_pieces(law, moments, rank, cells, ends, order, starts, longest, table, sums)
     _potential(moments, extent, potential)
     to_projected[:] = 0
     total, mean, pull, at = weights.sum(), 0.0, np.empty(3), np.empty(3, np.int64)
     for k in range(len(cells)):
-        for c in range(corners):
-            at[c] = cells[k, c]
-        for c in range(corners * (corners - 1) // 2):  # sorted by rank: compare 0-1, 1-2, 0-1
-            if rank[at[c & 1]] > rank[at[(c & 1) + 1]]:
-                at[c & 1], at[(c & 1) + 1] = at[(c & 1) + 1], at[c & 1]
-        first, middle, last = rank[at[0]], rank[at[corners - 2]], rank[at[corners - 1]]
-        value = potential[rank[at[1]]]
-        share = weights[k] / total
+        _in_order(cells[k], rank, at)
+        first, middle, last = rank[at[0]], rank[at[1]], rank[at[corners - 1]]
+        value, share = potential[middle], weights[k] / total
         if x[first] == x[last]:
             pull[:] = share * moments[first, 0] / mass[first] / corners if mass[first] > 0 else 0.0
         elif corners == 3:
-            value += _pull_triangle(tree, size, x, first, middle, last, share, pull)
+            value += _pull_triangle(x, first, middle, last, sums[2 * k], sums[2 * k + 1], share, pull)
         else:
-            value += _pull_segment(tree, size, x, first, last, share, pull)
+            length = x[last] - x[first]
+            pull[0], pull[1] = share * sums[2 * k + 1, 0] / length, share * sums[2 * k, 0] / length
+            value -= sums[2 * k, 0]
         for c in range(corners):
             to_projected[at[c]] += pull[c]
         to_weights[k] += value / total

@@ -139,8 +139,7 @@ class _Line:
         self.tree = np.empty((n_nodes, 2))
         self.jumps = np.empty((n_places, 2))
         self.moments = np.zeros((n_cells if side.wanted else 1, 3))
-        self.moment_tree = np.zeros((n_nodes if side.wanted else 0, 3))
-        self.potential = np.empty(n_cells)
+        self.work = _gradient_buffers(side, n_cells) if side.wanted else ()
         self.to_projected = np.empty(n_places)
         self.to_places = np.zeros_like(side.places)
         self.to_weights = np.zeros_like(side.weights)
@@ -161,20 +160,23 @@ class _Line:
         """Add the gradient of this direction."""
         if self.side.cells is None:
             _kernel_exact_pull.pull_points(
-                self.law,
-                self.moments,
-                self.order,
-                self.side.weights,
-                self.potential,
-                self.to_projected,
-                self.to_weights,
+                self.law, self.moments, self.order, self.side.weights, *self.work, self.to_projected, self.to_weights
             )
         else:
             _kernel_exact_pull.pull_surface(
-                self.law, self.moments, self.side.cells, self.side.weights, self.rank, self.moment_tree,
-                self.potential, self.to_projected, self.to_weights,
+                self.law, self.moments, self.side.cells, self.side.weights, self.rank, self.work,
+                self.to_projected, self.to_weights,
             )  # fmt: skip
         self.to_places += direction[:, None] * self.to_projected
+
+
+def _gradient_buffers(side: _Side, n_cells: int) -> tuple[Array, ...]:
+    """The potential; for a surface, what its pieces, levels and sparse table take before it."""
+    if side.cells is None:
+        return (np.empty(n_cells),)
+    n_pieces, n_levels = 2 * len(side.cells), n_cells.bit_length() + 1
+    integers = [np.empty(shape, np.int64) for shape in ((n_pieces, 2), n_pieces, n_levels + 2, n_levels)]
+    return *integers, np.empty((n_cells, 3)), np.empty((n_pieces, 2)), np.empty(n_cells)
 
 
 def _costs(source: _Side, target: _Side, directions: Float[Array, "L d"], p: int) -> tuple[Array, ...]:
