@@ -7,6 +7,7 @@ from meshot.loss.sliced import sliced_wasserstein
 from meshot.loss.wasserstein import wasserstein
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
 from meshot.measure.surface import SurfaceMeasure, surface
+from meshot.mesh.io import read_mesh, write_mesh
 from meshot.mesh.mesh import Contour, Mesh
 from meshot.mesh.polygons import triangulate
 from meshot.metrics.evaluate import evaluate
@@ -22,10 +23,12 @@ __all__ = [
     "integrate",
     "quasi_directions",
     "random_directions",
+    "read_mesh",
     "sliced_wasserstein",
     "surface",
     "triangulate",
     "varifold",
     "wasserstein",
+    "write_mesh",
 ]
 __version__ = "0.1.0"

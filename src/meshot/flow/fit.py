@@ -114,8 +114,8 @@ def fit_flow(
         Where to start from, such as :func:`meshot.flow.grid.grid_around`.
     mesh : Mesh
     loss : callable of (mesh, n_directions, generator)
-        Any differentiable loss of the carried mesh on any encoding; :func:`sliced_loss` makes one. Losses without
-        directions ignore the last two.
+        Any differentiable loss of the carried mesh on any encoding; :func:`meshot.flow.fit.sliced_loss` makes one.
+        Losses without directions ignore the last two.
     settings : FitSettings, optional
     checkpoint : path, optional
         A safetensors file, written whole every ``save_every`` iterations. If it is there already, the fit goes on from
@@ -152,7 +152,7 @@ def fit_flow(
 
 
 def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
-    """The sliced Wasserstein loss to ``target`` for :func:`fit_flow`, along fresh quasi-random directions.
+    """The sliced Wasserstein loss to ``target`` for :func:`meshot.flow.fit.fit_flow`, along fresh quasi-random directions.
 
     Parameters
     ----------

@@ -51,7 +51,8 @@ def sliced_wasserstein(
     -----
     On a CPU a compiled kernel takes the directions one by one on ``torch.get_num_threads()`` threads: O(L (n + m)) time
     for spread-out points, memory for one direction per thread, the same result in every run with as many threads. Its
-    gradient can be taken once. Elsewhere, and where the directions need a gradient, :func:`plain_sliced_wasserstein`.
+    gradient can be taken once. Elsewhere, and where the directions need a gradient, it is
+    :func:`meshot.loss.sliced.plain_sliced_wasserstein`.
 
     References
     ----------
@@ -73,7 +74,7 @@ def sliced_wasserstein(
 def plain_sliced_wasserstein(
     source: DiscreteMeasure, target: DiscreteMeasure, directions: Float[Tensor, "L d"], p: float = 2
 ) -> Float[Tensor, ""]:
-    """What :func:`sliced_wasserstein` computes, in plain torch, on any device, any number of times differentiable.
+    """What :func:`meshot.sliced_wasserstein` computes, in plain torch, on any device, any number of times differentiable.
 
     Notes
     -----
