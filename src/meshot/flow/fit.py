@@ -152,7 +152,7 @@ def fit_flow(
 
 
 def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
-    """The sliced Wasserstein loss to ``target`` for :func:`meshot.flow.fit.fit_flow`, along fresh quasi-random directions.
+    """The sliced Wasserstein loss to ``target`` along fresh directions, for :func:`meshot.flow.fit.fit_flow`.
 
     Parameters
     ----------

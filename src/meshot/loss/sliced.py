@@ -74,7 +74,7 @@ def sliced_wasserstein(
 def plain_sliced_wasserstein(
     source: DiscreteMeasure, target: DiscreteMeasure, directions: Float[Tensor, "L d"], p: float = 2
 ) -> Float[Tensor, ""]:
-    """What :func:`meshot.sliced_wasserstein` computes, in plain torch, on any device, any number of times differentiable.
+    """What :func:`meshot.sliced_wasserstein` computes, in plain torch: on any device, differentiable again and again.
 
     Notes
     -----
