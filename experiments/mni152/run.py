@@ -161,6 +161,8 @@ def main() -> None:
     """Both hemispheres, then the results."""
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     torch.set_num_threads(config["n_threads"])
+    # Without this, torch adds gradients of shared corners in whatever order its threads arrive.
+    torch.use_deterministic_algorithms(True)
     PARTIAL.mkdir(exist_ok=True)
     results = {side: hemisphere(side, config) for side in HEMISPHERES}
     seconds = sum(
