@@ -28,6 +28,8 @@ def share_below(places, corners, weights, x):
 def breakpoints(places, corners, weights):
     """The ends of the intervals on which F is quadratic, and F at them and at the midpoints between."""
     x = np.unique(places[corners])
+    if len(x) == 1:
+        x = np.append(x, x + 1)  # an interval to point at, without mass
     before = share_below(places, corners, weights, np.nextafter(x, -np.inf))
     at = share_below(places, corners, weights, x)
     return x, before, at, share_below(places, corners, weights, (x[1:] + x[:-1]) / 2)
@@ -42,8 +44,7 @@ def quantile(law, z):
     rest = np.clip(z - f0, 0, f1 - f0)
     with np.errstate(invalid="ignore", divide="ignore"):
         u = 2 * rest / (b + np.sqrt(np.maximum(b * b + 4 * a * rest, 0)))
-    # Without mass between two atoms, whatever is more than the first is the second.
-    inside = x[k] + np.clip(np.nan_to_num(u, nan=1.0), 0, 1) * (x[k + 1] - x[k])
+    inside = x[k] + np.where(z < f1, np.clip(u, 0, 1), 1) * (x[k + 1] - x[k])
     return np.where(z <= at[0], x[0], inside)
 
 
@@ -72,14 +73,15 @@ def absolute_cost(source, target):
     ends = np.unique(np.concatenate([source[0][source[1]].ravel(), target[0][target[1]].ravel()]))
     total = 0.0
     for low, high in itertools.pairwise(ends):
-        inner = low + (high - low) * np.array([0.25, 0.5, 0.75])
-        difference = np.polynomial.Polynomial.fit(
-            inner, share_below(*source, inner) - share_below(*target, inner), 2, domain=[low, high]
-        )
+        u = np.array([0.25, 0.5, 0.75])
+        inner = low + (high - low) * u
+        gaps = share_below(*source, inner) - share_below(*target, inner)
+        difference = np.polynomial.Polynomial.fit(u, gaps, 2, domain=[0, 1])
         roots = difference.trim(1e-13).roots()  # a leading coefficient of roundoff would spoil the other root
-        cuts = np.sort([low, high, *(r.real for r in roots if abs(r.imag) < 1e-12 and low < r.real < high)])
+        cuts = np.sort([0, 1, *(root.real for root in roots if abs(root.imag) < 1e-12 and 0 < root.real < 1)])
         for a, b in itertools.pairwise(cuts):
-            total += (b - a) * abs(difference(a) + 4 * difference((a + b) / 2) + difference(b)) / 6
+            sixth = difference(a) + 4 * difference((a + b) / 2) + difference(b)
+            total += (high - low) * (b - a) * abs(sixth) / 6
     return float(total)
 
 

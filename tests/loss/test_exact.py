@@ -57,6 +57,56 @@ def test_value_of_the_slow_twin(name, p):
     assert float(exact_sliced_wasserstein(source, target, directions, p)) == pytest.approx(expected, rel=1e-12)
 
 
+def awkward(generator: np.random.Generator, d: int) -> SurfaceMeasure:
+    """A few cells on vertices that may tie exactly or nearly, or lie close together; masses of many sizes."""
+    corners, n_cells = int(generator.integers(2, 4)), int(generator.integers(1, 9))
+    n_vertices = int(generator.integers(corners, 9))
+    grid = generator.integers(0, 4, (n_vertices, d)).astype(float)
+    free, small = generator.standard_normal((2, n_vertices, d))
+    tenth = 10.0 ** -generator.integers(3, 16)
+    vertices = [grid, grid + tenth * small, free, tenth * free][generator.integers(4)]
+    weights = (generator.random(n_cells) + 1e-3) ** generator.choice([1, 6])
+    cells = np.stack([generator.choice(n_vertices, corners, replace=False) for _ in range(n_cells)])
+    return SurfaceMeasure(*(torch.from_numpy(a) for a in (vertices, cells, weights / weights.sum())))
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_awkward_cells(seed):
+    """The slow twin's value, and gradients that add up as those of a translation and of a dilation must."""
+    generator = np.random.default_rng(seed)
+    d = int(generator.integers(1, 4))
+    pair = [awkward(generator, d), awkward(generator, d)]
+    directions = torch.cat([random_directions(1, d, generator), torch.eye(d, dtype=torch.float64)[:1]])
+    for p in (1, 2):
+        vertices = [m.vertices.clone().requires_grad_() for m in pair]
+        ends = [SurfaceMeasure(v, m.cells, m.weights) for v, m in zip(vertices, pair, strict=True)]
+        cost = exact_sliced_wasserstein(*ends, directions, p)
+        cost.backward()
+        expected, scale = (
+            oracles_exact.sliced_cost(*pair, directions, p),
+            max(float(m.vertices.abs().max()) for m in pair),
+        )
+        assert float(cost.detach()) == pytest.approx(expected, abs=1e-12 * scale**p)
+        growth = sum(float((v.grad * v.detach()).sum()) for v in vertices)
+        assert growth == pytest.approx(p * expected, abs=1e-11 * scale**p)
+        assert float(sum(v.grad.sum(dim=0) for v in vertices).abs().max()) < 1e-11 * scale ** (p - 1)
+
+
+@both
+def test_a_density_that_falls_to_almost_nothing(p):
+    """Two corners 1e-8 apart at the end of a law leave 1e-16 of the mass behind them, where digits may cancel."""
+    x = torch.tensor([-0.55, 0.4, -0.2, -0.08, 0.4 - 1e-8, -0.54], dtype=torch.float64)[:, None]
+    cells = torch.tensor([[2, 3, 5], [4, 3, 0], [5, 4, 0], [5, 3, 4], [2, 1, 3], [0, 2, 5]])
+    target = SurfaceMeasure(x, cells, torch.full((6,), 1 / 6, dtype=torch.float64))
+    point = torch.tensor([[-7e-9], [-4e-10], [1.1e-8]], dtype=torch.float64)
+    one = torch.ones(1, 1, dtype=torch.float64)
+    for low in (0.3, 0.37, 0.6):
+        weights = torch.tensor([low, 1 - low], dtype=torch.float64)
+        source = SurfaceMeasure(torch.cat([point, point + 1e-8]), torch.tensor([[0, 1, 2], [3, 4, 5]]), weights)
+        expected = oracles_exact.sliced_cost(source, target, one, p)
+        assert float(exact_sliced_wasserstein(source, target, one, p)) == pytest.approx(expected, rel=1e-13)
+
+
 @both
 def test_spheres_reach_their_closed_form_at_second_order(p):
     """A projected sphere is uniform on an interval: W_p^p = |r − s|^p / (p + 1)."""

@@ -18,13 +18,10 @@ import numpy as np
 from numba import njit
 
 _options = {"cache": True, "nogil": True, "error_model": "numpy"}
-_FLAT, _STEEP = 1e-3, 0.1  # up to which change of density three and six nodes reach roundoff
+_FLAT, _STEEP = 4e-3, 0.1  # up to which change of density four and eight nodes reach roundoff
 _HALVINGS = 14  # at a density that starts at zero, 2⁻¹⁴ of the extent holds 2⁻²⁸ of the mass
-_THREE, _SIX = (
-    ((np.polynomial.legendre.leggauss(n)[0] + 1) / 2, np.polynomial.legendre.leggauss(n)[1] / 2) for n in (3, 6)
-)
-_NODES_3, _WEIGHTS_3 = _THREE
-_NODES_6, _WEIGHTS_6 = _SIX
+_NODES_4, _WEIGHTS_4 = (1 + np.polynomial.legendre.leggauss(4)[0]) / 2, np.polynomial.legendre.leggauss(4)[1] / 2
+_NODES_8, _WEIGHTS_8 = (1 + np.polynomial.legendre.leggauss(8)[0]) / 2, np.polynomial.legendre.leggauss(8)[1] / 2
 
 
 @njit(inline="always")
@@ -38,14 +35,21 @@ def _place(change, share):
 
 @njit(inline="always")
 @no_type_check
-def _piece(share, next_share, last, change, density, at):
-    """The piece of a cell between two shares of its mass: its extent and change, and where the next one starts."""
+def _piece(step, share, left, last, change, density, at):
+    """The piece of a cell that holds a ``step`` of its mass: its extent and change, and where the next one starts.
+
+    A density that falls to zero is known from what is ``left`` behind the piece, one that rises from zero by the
+    ``share`` before its end: the other way round all digits cancel.
+    """
     if last:
         next_density, extent = 1 + change, 1 - at
+    elif change == 0:
+        return min(step, 1 - at), 0.0, 1.0
     else:
-        next_density = np.sqrt(max((1 - change) ** 2 + 4 * change * next_share, 0.0))
+        squared = (1 - change) ** 2 + 4 * change * share if change > 0 else (1 + change) ** 2 - 4 * change * left
+        next_density = np.sqrt(squared)
         total = density + next_density
-        extent = min(2 * (next_share - share) / total, 1 - at) if total > 0 else 0.0
+        extent = min(2 * step / total, 1 - at) if total > 0 else 0.0
     total = density + next_density
     inner = min(max(2 * change * extent / total, -1.0), 1.0) if total > 0 else 0.0
     return extent, inner, next_density
@@ -112,7 +116,7 @@ def _squared_halved(piece, atoms, wanted, moments, moments_target):
         piece, done = waiting.pop(), halvings.pop()
         a, b = piece[3], piece[4]
         if done == _HALVINGS or max(abs(a), abs(b)) <= _STEEP:
-            cost += _squared(piece, _NODES_6, _WEIGHTS_6, atoms, wanted, moments, moments_target)
+            cost += _squared(piece, _NODES_8, _WEIGHTS_8, atoms, wanted, moments, moments_target)
         else:
             for half in _cut(piece, 0.5 - (a if abs(a) > abs(b) else b) / 4):
                 waiting.append(half)
@@ -196,11 +200,14 @@ def walk(power, source, target, wanted, moments, moments_target):
     while i < len(x) - 1 or j < len(y) - 1:
         last, last_target = left <= left_target, left_target <= left
         dz = min(left, left_target)
-        next_share = share + dz / mass[i] if mass[i] > 0 else 1.0
-        part, a, density = _piece(share, next_share, last, change[i], density, at)
-        next_target = share_target + dz / mass_target[j] if mass_target[j] > 0 else 1.0
+        left, left_target = left - dz, left_target - dz
+        step = dz / mass[i] if mass[i] > 0 else 1.0
+        share += step
+        part, a, density = _piece(step, share, left / mass[i], last, change[i], density, at)
+        step = dz / mass_target[j] if mass_target[j] > 0 else 1.0
+        share_target += step
         part_target, b, density_target = _piece(
-            share_target, next_target, last_target, change_target[j], density_target, at_target
+            step, share_target, left_target / mass_target[j], last_target, change_target[j], density_target, at_target
         )
         d = x[i] + dx[i] * at - y[j] - dy[j] * at_target
         piece = (d, dx[i] * part, dy[j] * part_target, a, b, dz, at, part, at_target, part_target)
@@ -208,11 +215,10 @@ def walk(power, source, target, wanted, moments, moments_target):
         if power == 1:
             cost += _absolute(piece, tie, atoms, wanted, moments[i], moments_target[j])
         elif max(abs(a), abs(b)) <= _FLAT:
-            cost += _squared(piece, _NODES_3, _WEIGHTS_3, atoms, wanted, moments[i], moments_target[j])
+            cost += _squared(piece, _NODES_4, _WEIGHTS_4, atoms, wanted, moments[i], moments_target[j])
         else:
             cost += _squared_halved(piece, atoms, wanted, moments[i], moments_target[j])
-        left, share, at = left - dz, next_share, at + part
-        left_target, share_target, at_target = left_target - dz, next_target, at_target + part_target
+        at, at_target = at + part, at_target + part_target
         if last:
             i += 1
             left, share, at, density = mass[i], 0.0, 0.0, 1 - change[i]

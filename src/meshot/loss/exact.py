@@ -138,7 +138,7 @@ class _Line:
         self.rank = np.empty(n_places, np.int64)
         self.tree = np.empty((n_nodes, 2))
         self.jumps = np.empty((n_places, 2))
-        self.moments = np.zeros((n_cells if side.wanted else 1, 3))
+        self.moments = np.zeros((n_cells, 3))
         self.work = _gradient_buffers(side, n_cells) if side.wanted else ()
         self.to_projected = np.empty(n_places)
         self.to_places = np.zeros_like(side.places)
