@@ -78,7 +78,7 @@ def slice_figure(
     through_mm: Values | None = None,
     planes: Sequence[str] = ("axial", "coronal", "sagittal"),
     limits: tuple[float, float] | None = None,
-    width_inches: float = 10.0,
+    width_inches: float = 8.0,
 ) -> Figure:
     """Slices through one point, with the lines in which surfaces meet them; the right side is on the right.
 
