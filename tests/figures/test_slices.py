@@ -128,3 +128,10 @@ def test_a_millimetre_is_equally_long_in_all_panels():
 def test_bad_places_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
         slice_figure(Volume(np.zeros((5, 5, 5)), np.eye(4)), **change)
+
+
+def test_a_surface_beyond_the_volume_does_not_widen_the_picture():
+    volume = Volume(np.random.default_rng(0).random((10, 10, 10)), np.eye(4))
+    figure = slice_figure(volume, {"wide": icosphere(2, 40.0)}, through_mm=(5.0, 5.0, 5.0))
+    assert figure.axes[0].get_xlim() == (-0.5, 9.5)
+    plt.close(figure)

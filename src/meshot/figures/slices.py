@@ -150,7 +150,8 @@ def _middle(volume: Volume, meshes: Mapping[str, Mesh]) -> np.ndarray:
 def _draw_contours(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: float, shown: tuple[int, int]) -> None:
     for (name, mesh), colour in zip(meshes.items(), itertools.cycle(LINE_COLOURS)):
         segments = plane_section(mesh, axis, position)[:, :, list(shown)].detach().cpu().numpy()
-        ax.add_collection(LineCollection(segments, colors=colour, linewidths=1.2, label=name, capstyle="round"))
+        lines = LineCollection(segments, colors=colour, linewidths=1.2, label=name, capstyle="round")
+        ax.add_collection(lines, autolim=False)  # the picture ends where the volume does
 
 
 def _label(ax: Axes, plane: str, axis: int, position: float, shown: tuple[int, int], letters: Sequence[str]) -> None:
