@@ -45,6 +45,7 @@ def run_notebook(source: Path, bar: tqdm) -> nbformat.NotebookNode:
         notebook,
         timeout=CELL_TIMEOUT,
         kernel_name="python3",
+        extra_arguments=["--log-level=40"],
         record_timing=False,
         resources={"metadata": {"path": str(NOTEBOOKS)}},
         on_cell_executed=lambda cell, cell_index, execute_reply: bar.update(),
