@@ -46,6 +46,8 @@ html_theme = "sphinx_book_theme"
 html_title = "Meshes as Measures"
 html_static_path = ["_static"]
 html_css_files = ["book.css"]
+# Summaries would be fetched from the pages, which a browser forbids on file://.
+html_show_search_summary = False
 html_copy_source = True
 html_sourcelink_suffix = ""
 html_theme_options = {
