@@ -1,6 +1,7 @@
 """The three lists of dependencies agree: every dependency, every range."""
 
 import re
+import sys
 import tomllib
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from test_layers import imported_modules
 
 #: What conda-forge calls a distribution by another name than PyPI.
 CONDA_NAMES = {"torch": "pytorch-cpu", "libigl": "igl"}
@@ -64,6 +66,23 @@ def test_lock_names_no_host_and_no_cuda(root):
     text = (root / "requirements.lock").read_text()
     assert not re.search(r"://|--|@ ", text)
     assert not re.search(r"^(nvidia|cuda|triton)", text, re.MULTILINE)
+
+
+#: What is imported by another name than it is installed.
+IMPORT_NAMES = {"pot": "ot", "libigl": "igl", "scikit-image": "skimage", "pyyaml": "yaml"}
+#: What needs no declaration: Python's own, ourselves, and VTK, which is pyvista's.
+STANDARD = sys.stdlib_module_names | {"meshot", "vtkmodules"}
+
+
+def test_the_package_imports_what_it_declares_and_nothing_else(root):
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    names = [canonicalize_name(Requirement(line).name) for line in project["dependencies"]]
+    wanted = {IMPORT_NAMES.get(name, name) for name in names}
+    used = set()
+    for file in (root / "src").rglob("*.py"):
+        used |= {name.split(".")[0] for name in imported_modules(file.read_text(encoding="utf-8"))}
+    assert used - STANDARD - wanted == set(), "imported, but not declared"
+    assert wanted - used - {"tqdm"} == set(), "declared, but not imported"
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from meshot.flow.integrate import integrate
 from meshot.loss.chamfer import chamfer
 from meshot.loss.directions import quasi_directions, random_directions
+from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.loss.wasserstein import wasserstein
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
@@ -24,6 +25,7 @@ __all__ = [
     "quasi_directions",
     "random_directions",
     "read_mesh",
+    "sinkhorn_divergence",
     "sliced_wasserstein",
     "surface",
     "triangulate",

@@ -129,6 +129,11 @@ def fit_flow(
         If the checkpoint belongs to other settings or another field.
     FloatingPointError
         If the loss or a gradient is not finite; it names the iteration. The checkpoint then holds the last good state.
+
+    Notes
+    -----
+    On one thread a fit repeats bit for bit. On several, torch may add the gradients of shared corners in another order
+    each time; after ``torch.use_deterministic_algorithms(True)`` it repeats there too.
     """
     settings = settings or FitSettings()
     field = copy.deepcopy(field)

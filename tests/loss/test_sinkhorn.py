@@ -1,0 +1,65 @@
+"""The Sinkhorn divergence: near exact transport for a small blur, POT's value for a large one, gradients, doors."""
+
+import numpy as np
+import ot
+import problems
+import pytest
+import torch
+
+from meshot import DiscreteMeasure, sinkhorn_divergence, wasserstein
+
+
+@pytest.mark.parametrize(("p", "tolerance"), [(1, 2e-4), (2, 1e-9)])
+def test_two_points_cost_their_distance(p, tolerance):
+    """At p = 1 GeomLoss keeps distances from zero by 1e-4, so that they can be differentiated there."""
+    problem = problems.two_diracs(3, p)
+    found = float(sinkhorn_divergence(problem.source, problem.target, p))
+    assert found == pytest.approx(problem.wasserstein, rel=tolerance)
+
+
+@pytest.mark.parametrize("p", [1, 2])
+def test_a_small_blur_comes_near_exact_transport(p):
+    source, target = problems.cloud(0, 40, 3, weighted=True), problems.cloud(1, 50, 3, weighted=True)
+    exact = float(wasserstein(source, target, p))
+    near, far = (float(sinkhorn_divergence(source, target, p, blur=blur, scaling=0.95)) for blur in (0.02, 2.0))
+    assert abs(near - exact) < 0.02 * exact
+    assert abs(far - exact) > 0.1 * exact
+
+
+def test_a_large_blur_agrees_with_another_library():
+    """GeomLoss regularises half the squared distance by blur², POT the whole: ε = 2 blur²."""
+    source, target = problems.cloud(0, 30, 2, weighted=True), problems.cloud(1, 20, 2, weighted=True)
+    epsilon = 2 * 0.8**2
+
+    def regularised(a: DiscreteMeasure, b: DiscreteMeasure) -> float:
+        cost = ot.dist(a.points.numpy(), b.points.numpy())
+        masses = a.weights.numpy(), b.weights.numpy()
+        plan = ot.sinkhorn(*masses, cost, reg=epsilon, stopThr=1e-13, numItermax=20_000)
+        return float((plan * (cost + epsilon * np.log(plan / np.outer(*masses)))).sum())
+
+    expected = regularised(source, target) - (regularised(source, source) + regularised(target, target)) / 2
+    found = float(sinkhorn_divergence(source, target, blur=0.8, scaling=0.99))
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
+def test_zero_between_equal_measures():
+    measure = problems.cloud(0, 30, 3, weighted=True)
+    assert abs(float(sinkhorn_divergence(measure, measure))) < 1e-12
+
+
+def test_the_gradient_of_a_translation_is_twice_the_shift():
+    problem = problems.translation(0, 20, 3)
+    points = problem.source.points.clone().requires_grad_()
+    moved = DiscreteMeasure(points, problem.source.weights)
+    sinkhorn_divergence(moved, problem.target, blur=0.01, scaling=0.9).backward()
+    shift = (problem.target.points - problem.source.points)[0]
+    assert torch.allclose(points.grad.sum(dim=0), -2 * shift, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"), [({"p": 3}, "p is 3"), ({"blur": 0.0}, "blur"), ({"scaling": 1.0}, "scaling")]
+)
+def test_doors(change, message):
+    measure = problems.cloud(0, 3, 2)
+    with pytest.raises(ValueError, match=message):
+        sinkhorn_divergence(measure, measure, **change)
