@@ -76,6 +76,31 @@ def test_no_page_is_wider_than_a_telephone(html, context):
             assert page.evaluate("() => document.documentElement.scrollWidth") <= 400, file.name
 
 
+def test_a_surface_of_the_book_can_be_turned(html, context):
+    with watched_page(context, html / "36_a_real_scan.html") as (page, troubles):
+        page.locator(".surface-scene .start").first.click()
+        canvas = page.locator(".surface-scene canvas").first
+        canvas.wait_for(timeout=20_000)
+        before = canvas.screenshot()
+        for _ in range(8):
+            canvas.press("ArrowLeft")
+        page.wait_for_timeout(300)
+        assert canvas.screenshot() != before
+        assert troubles == []
+
+
+def test_the_points_of_the_book_can_be_played(html, context):
+    with watched_page(context, html / "01_circle_to_polygon.html") as (page, troubles):
+        slider = page.locator("input[type=range]").first
+        canvas = page.locator("canvas").first
+        slider.focus()
+        before = canvas.screenshot()
+        slider.press("Home")
+        page.wait_for_timeout(200)
+        assert canvas.screenshot() != before
+        assert troubles == []
+
+
 @pytest.mark.parametrize(
     ("body", "seen"),
     [
