@@ -3,8 +3,9 @@
 import json
 from pathlib import Path
 
-import build
 import pytest
+
+import build
 from browser import offline_browser, raw_tex, troubles_of, watched_page
 from preflight import browser as browser_path
 

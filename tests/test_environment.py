@@ -9,6 +9,7 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+
 from test_layers import imported_modules
 
 #: What conda-forge calls a distribution by another name than PyPI.

@@ -3,8 +3,8 @@
 import json
 
 import pytest
-from make_ledger import PAGE, ledger_page
 
+from make_ledger import PAGE, ledger_page
 from meshot.report import ledger
 from meshot.report.judges import JUDGES
 

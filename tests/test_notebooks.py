@@ -9,9 +9,9 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from run_notebooks import source_notebook
 
 from meshot.report.environment import KERNEL_ENVIRONMENT
+from run_notebooks import source_notebook
 
 ROOT = Path(__file__).resolve().parent.parent
 STORED = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))

@@ -4,8 +4,9 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
-import preflight
 import pytest
+
+import preflight
 
 
 def test_nothing_is_missing_here():

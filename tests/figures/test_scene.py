@@ -13,8 +13,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 import torch
-from browser import offline_browser, watched_page
 
+from browser import offline_browser, watched_page
 from meshot.figures.scene import interactive
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import folded_sphere, icosphere

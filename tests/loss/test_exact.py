@@ -3,12 +3,12 @@
 import math
 
 import numpy as np
-import oracles
-import oracles_exact
-import problems
 import pytest
 import torch
 
+import oracles
+import oracles_exact
+import problems
 from meshot import Mesh, random_directions, sliced_wasserstein, surface, varifold
 from meshot.loss.exact import exact_sliced_wasserstein
 from meshot.measure.surface import SurfaceMeasure

@@ -2,10 +2,10 @@
 
 import numpy as np
 import ot
-import problems
 import pytest
 import torch
 
+import problems
 from meshot import DiscreteMeasure, sinkhorn_divergence, wasserstein
 
 

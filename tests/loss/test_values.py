@@ -1,12 +1,12 @@
 """Chamfer, exact and sliced Wasserstein: closed forms, POT, slow twins, gradients and doors."""
 
 import numpy as np
-import oracles
 import ot
-import problems
 import pytest
 import torch
 
+import oracles
+import problems
 from meshot import DiscreteMeasure, chamfer, quasi_directions, random_directions, sliced_wasserstein, wasserstein
 
 CASES = [

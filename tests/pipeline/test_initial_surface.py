@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.ndimage
 import torch
-from affines import FLIPPED, OBLIQUE
 
+from affines import FLIPPED, OBLIQUE
 from meshot.mesh.geometry import signed_volume
 from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.io import read_mesh, write_mesh

@@ -3,8 +3,8 @@
 import nibabel
 import numpy as np
 import pytest
-from affines import FLIPPED, OBLIQUE
 
+from affines import FLIPPED, OBLIQUE
 from meshot.volume.io import read_volume, write_volume
 from meshot.volume.volume import Volume
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 import torch
-from affines import FLIPPED, OBLIQUE
 
+from affines import FLIPPED, OBLIQUE
 from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.topology import SPHERE, topology
 from meshot.volume.isosurface import isosurface, separated_field

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from affines import FLIPPED, OBLIQUE
 
+from affines import FLIPPED, OBLIQUE
 from meshot.volume.sampling import cropped, resample, sample_volume
 from meshot.volume.volume import Volume, centre_ras, mm_to_voxel, transform_points, voxel_sizes, voxel_to_mm
 

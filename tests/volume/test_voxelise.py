@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from affines import FLIPPED, OBLIQUE
 
+from affines import FLIPPED, OBLIQUE
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import icosphere
 from meshot.volume.volume import Volume

@@ -129,7 +129,9 @@ def _details(row: dict, verdict: Verdict, record: dict) -> str:
         "",
         f"Chapter\n: [](<project:{row['chapter']}.ipynb>)",
         "",
+        ":::{div} numbers",
         verdict.numbers,
+        ":::",
         "",
     ]
     return "\n".join(lines)
