@@ -19,7 +19,7 @@ from meshot.volume.sampling import sample_volume
 from meshot.volume.volume import Volume, mm_to_voxel, voxel_sizes, voxel_to_mm
 
 # Those bright enough to be seen on a grey image, the most unlike first.
-LINE_COLOURS = (ORANGE, SKY, YELLOW, VERMILLION, PURPLE, GREEN)
+LINE_COLOURS = (VERMILLION, SKY, YELLOW, GREEN, PURPLE, ORANGE)
 # The axis across the slice, the axes of the picture, and the letters at its left, right, bottom and top.
 PLANES = {
     "axial": (2, (0, 1), ("L", "R", "P", "A")),
