@@ -6,7 +6,7 @@ import math
 import pytest
 
 from meshot.report.environment import environment_card
-from meshot.report.numbers import digits, mean_and_deviation, table
+from meshot.report.numbers import digits, table
 from meshot.report.results import FIELDS, package_version, provenance_lines, read_results, write_results
 
 
@@ -54,11 +54,6 @@ def test_tables_align():
     rows = [{"loss": "Chamfer", "W2": 0.47123}, {"loss": "SW", "W2": 12.0}]
     assert table(rows) == "loss         W2\nChamfer  0.4712\nSW           12"
     assert table([]) == "(no rows)"
-
-
-def test_mean_and_deviation():
-    assert mean_and_deviation([1.0, 2.0, 3.0]) == "2 ± 1"
-    assert mean_and_deviation([0.5]) == "0.5 ± 0"
 
 
 def test_the_card_names_what_ran():

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from affines import FLIPPED, OBLIQUE
-from meshot.volume.sampling import cropped, resample, sample_volume
+from meshot.volume.sampling import cropped, sample_volume
 from meshot.volume.volume import Volume, centre_ras, mm_to_voxel, transform_points, voxel_sizes, voxel_to_mm
 
 
@@ -72,16 +72,6 @@ def test_the_gradient_in_the_points(ramp):
     points = voxel_to_mm(ramp, torch.rand(5, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) * 7)
     volume = ramp.with_data(np.sin(ramp.data))
     torch.autograd.gradcheck(lambda p: sample_volume(volume, p), points.requires_grad_())
-
-
-def test_resampling_a_linear_function_is_exact(ramp):
-    finer = resample(ramp, 0.5)
-    assert voxel_sizes(finer) == pytest.approx([0.5] * 3)
-    places = torch.tensor([[3.0, 4, 5]]).double()
-    point = voxel_to_mm(finer, places)
-    assert finer.data[3, 4, 5] == pytest.approx(float(point @ point.new_tensor([1.0, -2.0, 0.5]) + 3))
-    with pytest.raises(ValueError, match="spacing"):
-        resample(ramp, 0.0)
 
 
 def test_cropping_leaves_everything_in_place(ramp):

@@ -31,10 +31,3 @@ def table(rows: list[dict], n_digits: int = 4) -> str:
 
 def _cell(value: object, n_digits: int) -> str:
     return digits(value, n_digits) if isinstance(value, float) else str(value)
-
-
-def mean_and_deviation(values: list[float], n_digits: int = 3) -> str:
-    """``mean ± sd`` of a sample (n − 1 in the denominator)."""
-    mean = math.fsum(values) / len(values)
-    deviation = math.sqrt(math.fsum((v - mean) ** 2 for v in values) / max(1, len(values) - 1))
-    return f"{digits(mean, n_digits)} ± {digits(deviation, max(1, n_digits - 1))}"

@@ -3,7 +3,6 @@
 import numpy as np
 import torch
 
-from meshot.errors import require_positive_integer
 from meshot.types import Float, Tensor
 from meshot.volume.volume import Volume, mm_to_voxel
 
@@ -37,35 +36,6 @@ def sample_volume(volume: Volume, points_mm: Float[Tensor, "n 3"], outside: floa
         weight = torch.where(step.bool(), fraction, 1 - fraction).prod(dim=1)
         total = total + weight * data[tuple((lower + step).unbind(dim=1))]
     return total
-
-
-def resample(volume: Volume, spacing: float) -> Volume:
-    """The same image on a cubic grid of another spacing, by trilinear interpolation.
-
-    The new grid has the orientation of the old one and starts at its first voxel. No smoothing precedes, so a much
-    coarser grid aliases.
-
-    Parameters
-    ----------
-    volume : Volume
-    spacing : float
-        In mm, along all three axes.
-
-    Raises
-    ------
-    ValueError
-        If ``spacing`` is not positive.
-    """
-    if not spacing > 0:
-        raise ValueError(f"spacing is {spacing!r}; a positive number of mm is needed")
-    sizes = np.linalg.norm(volume.affine[:3, :3], axis=0)
-    shape = [int((n - 1) * size / spacing) + 1 for n, size in zip(volume.data.shape, sizes, strict=True)]
-    for n in shape:
-        require_positive_integer(n, "number of voxels")
-    affine = volume.affine @ np.diag([*(spacing / sizes), 1])
-    grid = torch.from_numpy(np.indices(shape).reshape(3, -1).T.astype(np.float64))
-    points = grid @ torch.from_numpy(affine[:3, :3].T) + torch.from_numpy(affine[:3, 3])
-    return Volume(sample_volume(volume, points).reshape(shape).numpy(), affine)
 
 
 def cropped(volume: Volume, points_mm: Float[Tensor, "n 3"], margin: int = 3) -> Volume:
