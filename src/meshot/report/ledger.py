@@ -74,7 +74,11 @@ def ledger_page(claims: Path, experiments: Path, judges: dict[int, Judge]) -> st
     return "\n".join(parts)
 
 
-_HEAD = """# Claims ledger
+_HEAD = """---
+html_theme.sidebar_secondary.remove: true
+---
+
+# Claims ledger
 
 One row for each claim of the paper {cite:p}`le2024ddot`: what it says, what we found, and by which rule the status
 follows from the numbers. Nothing on this page is written by hand: it is generated from the result files in
@@ -101,13 +105,13 @@ def _counts(verdicts: list[Verdict]) -> str:
 def _table(judged: list[tuple[dict, Verdict, dict | None]]) -> str:
     lines = [
         ":::{div} ledger",
-        "| | claim | where | the paper's number | ours | status | data |",
+        "| | claim | status | the paper's number | ours | where | data |",
         "|---|---|---|---|---|---|---|",
     ]
     for row, verdict, record in judged:
         link = f"[{verdict.status}](#claim-{row['id']})" if record else verdict.status
         data = record["data"] if record else "–"
-        cells = [str(row["id"]), row["claim"], row["where"], row["paper"], verdict.ours, link, data]
+        cells = [str(row["id"]), row["claim"], link, row["paper"], verdict.ours, row["where"], data]
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join([*lines, ":::", ""])
 
