@@ -6,7 +6,7 @@ import math
 import pytest
 
 from meshot.report.environment import environment_card
-from meshot.report.numbers import digits, table
+from meshot.report.numbers import digits, markdown_table, table
 from meshot.report.results import FIELDS, package_version, provenance_lines, read_results, write_results
 
 
@@ -54,6 +54,12 @@ def test_tables_align():
     rows = [{"loss": "Chamfer", "W2": 0.47123}, {"loss": "SW", "W2": 12.0}]
     assert table(rows) == "loss         W2\nChamfer  0.4712\nSW           12"
     assert table([]) == "(no rows)"
+
+
+def test_a_markdown_table_has_a_rule_and_four_digits():
+    assert markdown_table([{"m": 10, "error": 1 / 3}, {"m": 20}]).splitlines() == [
+        "| m | error |", "| --- | --- |", "| 10 | 0.3333 |", "| 20 |  |",
+    ]  # fmt: skip
 
 
 def test_the_card_names_what_ran():

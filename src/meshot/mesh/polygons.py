@@ -8,10 +8,10 @@ import torch
 
 from meshot.errors import as_floating, require_shape
 from meshot.mesh.mesh import Mesh
-from meshot.types import Array, Float, Tensor
+from meshot.types import Array, Float, Int, Tensor
 
 
-def triangulate(vertices: Float[Tensor, "V 3"], polygons: Iterable[Iterable[int]]) -> Mesh:
+def triangulate(vertices: Float[Tensor, "V 3"], polygons: Iterable[Iterable[int] | Int[Tensor, " c"]]) -> Mesh:
     """The mesh of polygonal faces, each cut into triangles that cover it once: area and measure stay the same.
 
     A polygon with n corners becomes n − 2 triangles with the same orientation: a fan around its first corner where all

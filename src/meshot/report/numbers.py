@@ -29,5 +29,12 @@ def table(rows: list[dict], n_digits: int = 4) -> str:
     )
 
 
+def markdown_table(rows: list[dict], n_digits: int = 4) -> str:
+    """Rows as a Markdown table, floats in ``n_digits`` significant digits; the keys of the first row lead."""
+    names = list(rows[0])
+    lines = [names, ["---"] * len(names), *([_cell(row.get(name, ""), n_digits) for name in names] for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
 def _cell(value: object, n_digits: int) -> str:
     return digits(value, n_digits) if isinstance(value, float) else str(value)

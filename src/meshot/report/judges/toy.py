@@ -1,6 +1,6 @@
-"""From results to verdicts: the rule for each tested claim."""
+"""Claim 1: the toy of chapter 01."""
 
-from meshot.report.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Judge, Verdict
+from meshot.report.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Verdict
 
 
 def judge_toy(record: dict) -> Verdict:
@@ -68,6 +68,3 @@ def _toy_line(row: dict, name: str) -> str:
     cells.append(f"{row['w2_mean']:.4f} ± {row['w2_sd']:.4f}")
     cells += [f"{row[f'{share}_mean']:.3f} ± {row[f'{share}_sd']:.3f}" for share in ("coverage", "evenness")]
     return "| " + " | ".join([*cells, str(row["n_seeds"])]) + " |"
-
-
-JUDGES: dict[int, Judge] = {1: judge_toy}

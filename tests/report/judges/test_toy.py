@@ -5,7 +5,7 @@ import copy
 import pytest
 
 from meshot.report import ledger
-from meshot.report.judges import judge_toy
+from meshot.report.judges.toy import judge_toy
 
 
 def row(polygon, loss, w2, **more):
