@@ -4,7 +4,7 @@ from meshot.flow.integrate import integrate
 from meshot.loss.chamfer import chamfer
 from meshot.loss.directions import quasi_directions, random_directions
 from meshot.loss.sinkhorn import sinkhorn_divergence
-from meshot.loss.sliced import sliced_wasserstein
+from meshot.loss.sliced import slice_costs, sliced_wasserstein
 from meshot.loss.wasserstein import wasserstein
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
 from meshot.measure.surface import SurfaceMeasure, surface
@@ -26,6 +26,7 @@ __all__ = [
     "random_directions",
     "read_mesh",
     "sinkhorn_divergence",
+    "slice_costs",
     "sliced_wasserstein",
     "surface",
     "triangulate",

@@ -17,8 +17,8 @@ _options = {"cache": True, "nogil": True}
 
 @njit(**_options)
 @no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
-def add_directions(source, source_weights, target, target_weights, directions, p, to_source, to_target, masses):
-    """Add up W_p^p over directions, and its gradients in the buffers.
+def add_directions(source, source_weights, target, target_weights, directions, p, costs, to_source, to_target, masses):
+    """W_p^p along every direction, in ``costs``, and the sums of its gradients over the directions, in the buffers.
 
     ``source``, ``target`` and their gradients are (d, n): one row per coordinate, so that projecting is d long
     additions. ``masses`` holds the gradients in the weights of both sides. A buffer without entries is not wanted.
@@ -28,11 +28,11 @@ def add_directions(source, source_weights, target, target_weights, directions, p
     y, y_ends, y_pull, y_drop = np.empty(m + 1), np.empty(m + 1), np.empty(m + 1), np.empty(m + 1)
     x_order, y_order, values = np.empty(n, np.int32), np.empty(m, np.int32), np.empty(max(n, m))
     keys, spare = np.empty(max(n, m), np.uint64), np.empty(max(n, m), np.uint64)
-    total = 0.0
-    for direction in directions:
+    for line in range(len(directions)):
+        direction = directions[line]
         _quantiles(source, source_weights, direction, values[:n], x, x_order, x_ends, keys, spare)
         _quantiles(target, target_weights, direction, values[:m], y, y_order, y_ends, keys, spare)
-        total += _walk(x, x_ends, y, y_ends, p, x_pull, y_pull, x_drop, y_drop)
+        costs[line] = _walk(x, x_ends, y, y_ends, p, x_pull, y_pull, x_drop, y_drop)
         if to_source.size:
             _spread(x_pull, x_order, direction, values[:n], to_source)
         if to_target.size:
@@ -40,7 +40,6 @@ def add_directions(source, source_weights, target, target_weights, directions, p
         if masses.size:
             _add_potential(x_drop, x_order, masses[:n])
             _add_potential(y_drop, y_order, masses[n:])
-    return total
 
 
 @njit(**_options)

@@ -54,6 +54,31 @@ def exact_sliced_wasserstein(
     Where a face is exactly perpendicular to a direction its mass is an atom, at which transport has a kink: the
     gradient is then a value between the one-sided derivatives. Where x = y on a set of positive mass and p = 1, sign 0.
     """
+    directions, cells = _checked(source, target, directions, p)
+    return _ExactCost.apply(_places(source), source.weights, _places(target), target.weights, cells, directions, int(p))
+
+
+def exact_slice_costs(
+    source: SurfaceMeasure | DiscreteMeasure,
+    target: SurfaceMeasure | DiscreteMeasure,
+    directions: Float[Tensor, "L d"],
+    p: float = 2,
+) -> Float[Tensor, " L"]:
+    """The exact cost W_p^p along every direction: values only, without a gradient.
+
+    Takes and raises what :func:`meshot.loss.exact.exact_sliced_wasserstein` does, of which this is the inside.
+    """
+    directions, cells = _checked(source, target, directions, p)
+    sides = [_side(_places(m).detach(), m.weights.detach(), c, False) for m, c in zip((source, target), cells)]
+    rows = _array(directions)
+    parts = in_chunks(lambda start, stop: _costs(*sides, rows[start:stop], int(p))[0], len(rows))
+    return torch.from_numpy(np.concatenate(parts)).to(_places(source))
+
+
+def _checked(
+    source: SurfaceMeasure | DiscreteMeasure, target: SurfaceMeasure | DiscreteMeasure, directions: Tensor, p: float
+) -> tuple[Tensor, list[Tensor | None]]:
+    """The directions as they are needed, and the cells of both sides."""
     places, other = _places(source), _places(target)
     require_same_space(places, other)
     directions = require_directions(directions, places)
@@ -68,7 +93,7 @@ def exact_sliced_wasserstein(
             "these, or sample both surfaces with meshot.empirical for another exponent"
         )
     cells = [measure.cells if isinstance(measure, SurfaceMeasure) else None for measure in (source, target)]
-    return _ExactCost.apply(places, source.weights, other, target.weights, cells, directions, int(p))
+    return directions, cells
 
 
 def _places(measure: SurfaceMeasure | DiscreteMeasure) -> Tensor:

@@ -1,5 +1,7 @@
 """The sliced Wasserstein loss: transport along lines, averaged over directions."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
@@ -7,7 +9,7 @@ from torch.autograd.function import once_differentiable
 from meshot.errors import require_same_space
 from meshot.loss._kernel_sliced import add_directions
 from meshot.loss.directions import require_directions
-from meshot.loss.exact import exact_sliced_wasserstein
+from meshot.loss.exact import exact_slice_costs, exact_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
 from meshot.measure.surface import SurfaceMeasure
 from meshot.threads import in_chunks
@@ -60,15 +62,56 @@ def sliced_wasserstein(
     """
     if isinstance(source, SurfaceMeasure) or isinstance(target, SurfaceMeasure):
         return exact_sliced_wasserstein(source, target, directions, p)
-    require_same_space(source.points, target.points)
-    directions = require_directions(directions, source.points)
-    if not p >= 1:
-        raise ValueError(f"p is {p!r}; a number >= 1 is needed (below one, sorting is not optimal)")
+    directions = _checked_directions(source, target, directions, p)
     if _for_kernel(source.points) and not directions.requires_grad:
         return _FusedSliced.apply(
             source.points, source.weights, target.points, target.weights, directions.detach(), float(p)
         )
     return plain_sliced_wasserstein(source, target, directions, p)
+
+
+def slice_costs(
+    source: DiscreteMeasure | SurfaceMeasure,
+    target: DiscreteMeasure | SurfaceMeasure,
+    directions: Float[Tensor, "L d"],
+    p: float = 2,
+) -> Float[Tensor, " L"]:
+    """The transport cost W_p^p along every direction, of which :func:`meshot.sliced_wasserstein` is the mean.
+
+    What an error bar is made of: over independent directions these are independent, and the standard deviation of
+    their mean is their own, divided by the root of L. Takes what :func:`meshot.sliced_wasserstein` takes.
+
+    Returns
+    -------
+    tensor
+        One cost for each direction, in (units of the points)^p. Differentiable between discrete measures; with a
+        continuous measure these are values only, cut off from the gradient (the mean,
+        :func:`meshot.sliced_wasserstein`, has one).
+
+    Raises
+    ------
+    ValueError
+        As :func:`meshot.sliced_wasserstein`.
+
+    Notes
+    -----
+    Where a gradient is wanted it is taken in plain torch, with memory O(L (n + m)) rather than for one direction.
+    """
+    if isinstance(source, SurfaceMeasure) or isinstance(target, SurfaceMeasure):
+        return exact_slice_costs(source, target, directions, p)
+    directions = _checked_directions(source, target, directions, p)
+    tensors = (source.points, source.weights, target.points, target.weights, directions)
+    wanted = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
+    if _for_kernel(source.points) and not wanted:
+        return torch.from_numpy(_fused(tensors, (False,) * 4, float(p))[0]).to(source.points)
+    return _plain_costs(source, target, directions, p)
+
+
+def _checked_directions(source: DiscreteMeasure, target: DiscreteMeasure, directions: Tensor, p: float) -> Tensor:
+    require_same_space(source.points, target.points)
+    if not p >= 1:
+        raise ValueError(f"p is {p!r}; a number >= 1 is needed (below one, sorting is not optimal)")
+    return require_directions(directions, source.points)
 
 
 def plain_sliced_wasserstein(
@@ -80,10 +123,14 @@ def plain_sliced_wasserstein(
     -----
     O(L (n log n + m log m)) time, O(L (n + m)) memory.
     """
+    return _plain_costs(source, target, directions, p).mean()
+
+
+def _plain_costs(source: DiscreteMeasure, target: DiscreteMeasure, directions: Tensor, p: float) -> Tensor:
     projected, projected_target = directions @ source.points.T, directions @ target.points.T
     if _same_equal_masses(source.weights, target.weights):
-        return paired_cost(projected, projected_target, p).mean()
-    return quantile_cost(projected, source.weights, projected_target, target.weights, p).mean()
+        return paired_cost(projected, projected_target, p)
+    return quantile_cost(projected, source.weights, projected_target, target.weights, p)
 
 
 def _for_kernel(points: Tensor) -> bool:
@@ -95,27 +142,35 @@ class _FusedSliced(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, source, source_weights, target, target_weights, directions, p):
-        arrays = [x.detach().double().numpy() for x in (source, source_weights, target, target_weights, directions)]
-        x, a, y, b, lines = (np.ascontiguousarray(x.T if i in (0, 2) else x) for i, x in enumerate(arrays))
-        need_x, need_a, need_y, need_b = ctx.needs_input_grad[:4]
-
-        def share(start: int, stop: int) -> list:
-            to_x, to_y = np.zeros_like(x if need_x else x[:, :0]), np.zeros_like(y if need_y else y[:, :0])
-            masses = np.zeros((len(a) + len(b)) if need_a or need_b else 0)
-            return [add_directions(x, a, y, b, lines[start:stop], p, to_x, to_y, masses), to_x, to_y, masses]
-
-        total, to_x, to_y, masses = (sum(parts) for parts in zip(*in_chunks(share, len(lines))))
-        gradients = (to_x.T, masses[: len(a)], to_y.T, masses[len(a) :])
+        tensors = (source, source_weights, target, target_weights, directions)
+        costs, *gradients = _fused(tensors, ctx.needs_input_grad[:4], p)
         ctx.gradients = [
-            torch.from_numpy(g / len(lines)).to(source.dtype) if needed else None
+            torch.from_numpy(g / len(directions)).to(source.dtype) if needed else None
             for g, needed in zip(gradients, ctx.needs_input_grad)
         ]
-        return source.new_tensor(total / len(lines))
+        return source.new_tensor(costs.mean())
 
     @staticmethod
     @once_differentiable
     def backward(ctx, pull):
         return *(None if g is None else pull * g for g in ctx.gradients), None, None
+
+
+def _fused(tensors: tuple[Tensor, ...], wanted: Sequence[bool], p: float) -> list[np.ndarray]:
+    """The cost along every direction; the gradients of their sum in points and weights, empty where not wanted."""
+    arrays = [x.detach().double().numpy() for x in tensors]
+    x, a, y, b, lines = (np.ascontiguousarray(x.T if i in (0, 2) else x) for i, x in enumerate(arrays))
+    need_x, need_a, need_y, need_b = wanted
+    costs = np.empty(len(lines))
+
+    def share(start: int, stop: int) -> list:
+        to_x, to_y = np.zeros_like(x if need_x else x[:, :0]), np.zeros_like(y if need_y else y[:, :0])
+        masses = np.zeros((len(a) + len(b)) if need_a or need_b else 0)
+        add_directions(x, a, y, b, lines[start:stop], p, costs[start:stop], to_x, to_y, masses)
+        return [to_x, to_y, masses]
+
+    to_x, to_y, masses = (sum(parts) for parts in zip(*in_chunks(share, len(lines))))
+    return [costs, to_x.T, masses[: len(a)], to_y.T, masses[len(a) :]]
 
 
 def _same_equal_masses(weights: Tensor, others: Tensor) -> bool:
