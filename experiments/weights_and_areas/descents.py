@@ -1,0 +1,99 @@
+"""One descent of a mesh under the sliced loss, and what its gradients look like before it starts."""
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from meshes import start_mesh, target_mesh
+
+from meshot import DiscreteMeasure, Mesh, SurfaceMeasure, quasi_directions, random_directions, sliced_wasserstein
+from meshot import surface, varifold
+from meshot.flow.descent import descend
+from meshot.mesh.geometry import edge_lengths, face_area_vectors
+from meshot.metrics.surface import Surface, average_surface_distance
+from meshot.types import Tensor
+
+DIMENSIONS = {"surface": 3, "varifold": 6}
+
+
+def encoded(mesh: Mesh, encoding: str, config: dict, detach: bool = False) -> DiscreteMeasure | SurfaceMeasure:
+    """A mesh as the measure that a run compares."""
+    if encoding == "surface":
+        return surface(mesh, detach_weights=detach)
+    return varifold(mesh, config["normal_scale"], detach_weights=detach)
+
+
+def run_once(run: dict, seed: int, config: dict) -> dict:
+    """Descend once and judge the mesh at the end; a rate at which the mesh collapses is a result too."""
+    goal = target_mesh(config["targets"][run["target"]])
+    # Variants of one seed start alike and see the same directions: differences are paired.
+    start = start_mesh(config["source"], np.random.default_rng([seed, 0]))
+    loss = _mesh_loss(run, start, goal, config, np.random.default_rng([seed, 1]))
+    try:
+        end = descend(loss, start.vertices, config["n_steps"], run["learning_rate"], config["momentum"]).points
+    except ValueError:
+        return {"collapsed": True}
+    return {"collapsed": False} | judged(start.with_vertices(end), goal, config)
+
+
+def _mesh_loss(run: dict, start: Mesh, goal: Mesh, config: dict, generator: np.random.Generator) -> Callable:
+    encoding, detach = run["encoding"], run["detach_weights"]
+    target = encoded(goal, encoding, config)
+
+    def loss(vertices: Tensor) -> Tensor:
+        directions = random_directions(config["n_directions"], DIMENSIONS[encoding], generator)
+        source = encoded(start.with_vertices(vertices), encoding, config, detach)
+        # Times the number of vertices: the pull on one of them does not depend on how many there are.
+        return len(vertices) * sliced_wasserstein(source, target, directions)
+
+    return loss
+
+
+def judged(end: Mesh, goal: Mesh, config: dict) -> dict:
+    """How near the mesh is to its target, by what its descent did not minimise as well, and how even its edges are."""
+    values = {}
+    for encoding, d in DIMENSIONS.items():
+        directions = quasi_directions(config["n_judging_directions"], d)
+        cost = sliced_wasserstein(encoded(end, encoding, config), encoded(goal, encoding, config), directions)
+        values[f"sw_{encoding}"] = float(cost) ** 0.5
+    one, other = Surface(end), Surface(goal)
+    samples = [s.sample(config["n_judging_points"], np.random.default_rng(0)) for s in (one, other)]
+    values["assd"] = average_surface_distance(other.offsets(samples[0]), one.offsets(samples[1]))
+    edges = edge_lengths(end)
+    return values | {"edge_variation": float(edges.std() / edges.mean())}
+
+
+def gradients_at_start(target: str, encoding: str, seed: int, config: dict) -> dict:
+    """The gradient with and without the areas: the angle between them, their tangential parts, finite differences."""
+    generator = np.random.default_rng([seed, 0])
+    start = start_mesh(config["source"], generator)
+    goal = encoded(target_mesh(config["targets"][target]), encoding, config)
+    directions = quasi_directions(config["n_judging_directions"], DIMENSIONS[encoding])
+
+    def loss(vertices: Tensor, detach: bool) -> Tensor:
+        return sliced_wasserstein(encoded(start.with_vertices(vertices), encoding, config, detach), goal, directions)
+
+    full, stopped = (_gradient(lambda x, d=detach: loss(x, d), start.vertices) for detach in (False, True))
+    step = 1e-6 * torch.from_numpy(generator.standard_normal(start.vertices.shape))
+    with torch.no_grad():
+        slope = float(loss(start.vertices + step, False) - loss(start.vertices - step, False)) / 2
+    cosine = torch.nn.functional.cosine_similarity(full.flatten(), stopped.flatten(), dim=0)
+    found = {"cosine": float(cosine), "length_ratio": float(stopped.norm() / full.norm())}
+    for name, gradient in (("full", full), ("stopped", stopped)):
+        found[f"tangential_{name}"] = tangential_share(start, gradient)
+        found[f"slope_error_{name}"] = abs(float((gradient * step).sum()) - slope) / abs(slope)
+    return found
+
+
+def _gradient(loss: Callable, vertices: Tensor) -> Tensor:
+    moving = vertices.clone().requires_grad_()
+    return torch.autograd.grad(loss(moving), moving)[0]
+
+
+def tangential_share(mesh: Mesh, gradient: Tensor) -> float:
+    """Which share of the squared length of the gradient lies along the surface: area-weighted vertex normals."""
+    normals = torch.zeros_like(mesh.vertices)
+    normals = normals.index_add(0, mesh.faces.flatten(), face_area_vectors(mesh).repeat_interleave(3, dim=0))
+    normals = torch.nn.functional.normalize(normals, dim=1)
+    across = (gradient * normals).sum(dim=1).square().sum()
+    return float(1 - across / gradient.square().sum())

@@ -1,0 +1,62 @@
+"""Weights and areas: merging against other libraries, descents with and without gradients through the areas.
+
+Run as ``python experiments/weights_and_areas/run.py``, on one thread. Finished descents are kept in ``partial.jsonl``
+until all are done, so that a run that was stopped goes on where it ended.
+"""
+
+import json
+import time
+from pathlib import Path
+
+import torch
+import yaml
+from checks import forgotten_areas, merging_errors
+from descents import run_once
+from summary import gradient_rows, summarise
+from tqdm import tqdm
+
+from meshot.report.results import write_results
+
+HERE = Path(__file__).parent
+
+
+def planned_runs(config: dict) -> list[dict]:
+    """Every descent, apart from its seed."""
+    return [
+        {"target": target, "encoding": encoding, "detach_weights": detach, "learning_rate": rate}
+        for target in config["targets"]
+        for encoding in config["encodings"]
+        for detach in (False, True)
+        for rate in config["learning_rates"]
+    ]
+
+
+def main() -> None:
+    """Do the descents that are missing, then everything that is quick, and write the results."""
+    torch.set_num_threads(1)
+    started = time.perf_counter()
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    partial = HERE / "partial.jsonl"
+    lines = partial.read_text(encoding="utf-8").splitlines() if partial.exists() else []
+    done = {line["key"]: line for line in map(json.loads, lines)}
+    todo = [(run, seed) for run in planned_runs(config) for seed in config["seeds"]]
+    for run, seed in tqdm(todo):
+        key = json.dumps([run, seed], sort_keys=True)
+        if key in done:
+            continue
+        before = time.perf_counter()
+        values = run_once(run, seed, config)
+        done[key] = {"key": key, "run": run, "seed": seed, "values": values, "seconds": time.perf_counter() - before}
+        with partial.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(done[key]) + "\n")
+    rows = [done[json.dumps([run, seed], sort_keys=True)] for run, seed in todo]
+    results = summarise(rows) | {"gradients": gradient_rows(config)}
+    results |= {"merging": merging_errors(config["merging"]), "areas": forgotten_areas(config)}
+    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
+    command = "python experiments/weights_and_areas/run.py"
+    write_results(HERE / "results.json", results, config, command, "synthetic surfaces", seconds)
+    partial.unlink()
+
+
+if __name__ == "__main__":
+    main()
