@@ -2,7 +2,7 @@
 
 from meshot.flow.integrate import integrate
 from meshot.loss.chamfer import chamfer
-from meshot.loss.directions import quasi_directions, random_directions
+from meshot.loss.directions import orthogonal_directions, quasi_directions, random_directions
 from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import slice_costs, sliced_wasserstein
 from meshot.loss.wasserstein import wasserstein
@@ -22,6 +22,7 @@ __all__ = [
     "empirical",
     "evaluate",
     "integrate",
+    "orthogonal_directions",
     "quasi_directions",
     "random_directions",
     "read_mesh",

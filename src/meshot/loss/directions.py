@@ -6,8 +6,12 @@ import numpy as np
 import torch
 
 from meshot.errors import as_floating, require_positive_integer, require_shape
+from meshot.loss.quasi_sets import CONSTRUCTIONS, Construction, orthonormal_blocks, unit_rows
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
+
+#: The construction that ``quasi_directions`` takes where none is named; elsewhere, the Sobol sequence.
+DEFAULTS = {2: "equal angles", 3: "spiral"}
 
 
 def random_directions(
@@ -30,29 +34,70 @@ def random_directions(
     require_positive_integer(n, "n")
     require_positive_integer(d, "d")
     gaussian = numpy_generator(generator).standard_normal((n, d))
-    return torch.from_numpy(_unit(gaussian)).to(device=device, dtype=dtype)
+    return torch.from_numpy(unit_rows(gaussian)).to(device=device, dtype=dtype)
+
+
+def orthogonal_directions(
+    n: int, d: int, generator: Generator, dtype: torch.dtype = torch.float64, device: str | torch.device = "cpu"
+) -> Float[Tensor, "n d"]:
+    """Directions in blocks of d at right angles: each one uniform on the sphere, the blocks independent.
+
+    A block of d orthonormal rows is uniform on the orthogonal group. Within whole blocks the mean of θθᵀ is I/d
+    exactly; then a translation by t costs |t|²/d for p = 2, without error, and SW₂ ≤ W₂/√d. Where ``n`` is no multiple
+    of ``d`` the last block is cut.
+
+    Parameters
+    ----------
+    n, d : int
+        How many, and in what dimension.
+    generator : numpy.random.Generator, torch.Generator or int
+        Who holds the randomness; an integer is a seed.
+
+    Raises
+    ------
+    ValueError
+        If ``n`` or ``d`` is not a positive integer.
+
+    References
+    ----------
+    Rowland et al., *Orthogonal Estimation of Wasserstein Distances*, AISTATS 2019.
+    """
+    require_positive_integer(n, "n")
+    require_positive_integer(d, "d")
+    gaussian = numpy_generator(generator).standard_normal((math.ceil(n / d), d, d))
+    rows = orthonormal_blocks(gaussian).reshape(-1, d)[:n]
+    return torch.from_numpy(rows.copy()).to(device=device, dtype=dtype)
 
 
 def quasi_directions(
-    n: int, d: int, seed: int = 0, dtype: torch.dtype = torch.float64, device: str | torch.device = "cpu"
+    n: int,
+    d: int,
+    seed: int = 0,
+    dtype: torch.dtype = torch.float64,
+    device: str | torch.device = "cpu",
+    method: str | None = None,
 ) -> Float[Tensor, "n d"]:
-    """Directions spread more evenly than chance: equal angles, a Fibonacci spiral, or a scrambled Sobol sequence.
+    """Directions spread more evenly than chance.
 
-    In R² the angles are equal on the half circle; in R³ the points are a spherical Fibonacci spiral; elsewhere they
-    are a scrambled Sobol sequence mapped through the Gaussian quantile function. Each set is turned by a random
-    rotation drawn from ``seed``, so that the mean over seeds is unbiased.
+    Each set is turned by a random rotation drawn from ``seed``, so that every row is uniform on the sphere and the mean
+    of the loss over seeds is unbiased.
 
     Parameters
     ----------
     n, d : int
         How many, and in what dimension.
     seed : int
-        Of the rotation (and of the scrambling).
+        Of the rotation (and of the scrambling or shift, where there is one).
+    method : str, optional
+        ``"equal angles"`` (R² only), ``"spiral"`` and ``"half spiral"`` (R³ only, Fibonacci), ``"lattice"``
+        (Kronecker), ``"sobol"`` (scrambled, through the Gaussian quantile function), ``"sobol frames"`` (the same in
+        orthonormal blocks), ``"repelling"`` (lines of least energy, O(n²)). None takes equal angles in R², the spiral
+        in R³, and the Sobol sequence elsewhere.
 
     Raises
     ------
     ValueError
-        If ``n`` or ``d`` is not a positive integer.
+        If ``n`` or ``d`` is not a positive integer, or the method is not known or not for this dimension.
 
     References
     ----------
@@ -62,37 +107,23 @@ def quasi_directions(
 
     require_positive_integer(n, "n")
     require_positive_integer(d, "d")
+    construct = _construction(method, d)
     if d == 1:
         return torch.ones(n, 1, dtype=dtype, device=device)
-    constructed = {2: _equal_angles, 3: _fibonacci_spiral}.get(d, lambda count: _sobol_gaussian(count, d, seed))(n)
     rotation = ortho_group.rvs(d, random_state=np.random.default_rng(seed))
-    return torch.from_numpy(_unit(constructed @ rotation.T)).to(device=device, dtype=dtype)
+    rows = unit_rows(construct(n, d, seed) @ rotation.T)
+    return torch.from_numpy(rows).to(device=device, dtype=dtype)
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-def _equal_angles(n: int) -> np.ndarray:
-    # θ and −θ project alike up to a reflection, so that half a circle is enough.
-    angles = math.pi * np.arange(n) / n
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
-
-
-def _fibonacci_spiral(n: int) -> np.ndarray:
-    index = np.arange(n) + 0.5
-    height = 1 - 2 * index / n
-    angle = math.pi * (1 + math.sqrt(5)) * index
-    radius = np.sqrt(1 - height**2)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
-
-
-def _sobol_gaussian(n: int, d: int, seed: int) -> np.ndarray:
-    from scipy.special import ndtri
-    from scipy.stats.qmc import Sobol
-
-    points = Sobol(d, scramble=True, rng=np.random.default_rng(seed)).random_base2(max(0, math.ceil(math.log2(n))))[:n]
-    return ndtri(np.clip(points, 1e-12, 1 - 1e-12))
+def _construction(method: str | None, d: int) -> Construction:
+    if method is None:
+        method = DEFAULTS.get(d, "sobol")
+    if method not in CONSTRUCTIONS:
+        raise ValueError(f"method is {method!r}; one of {', '.join(map(repr, CONSTRUCTIONS))} is needed, or None")
+    construct, only = CONSTRUCTIONS[method]
+    if only not in (None, d):
+        raise ValueError(f"method {method!r} lives in R^{only}, and d is {d}: take 'sobol', or None for the default")
+    return construct
 
 
 def require_directions(directions: Tensor, like: Tensor) -> Tensor:
