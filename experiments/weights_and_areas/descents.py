@@ -6,8 +6,16 @@ import numpy as np
 import torch
 from meshes import start_mesh, target_mesh
 
-from meshot import DiscreteMeasure, Mesh, SurfaceMeasure, quasi_directions, random_directions, sliced_wasserstein
-from meshot import surface, varifold
+from meshot import (
+    DiscreteMeasure,
+    Mesh,
+    SurfaceMeasure,
+    quasi_directions,
+    random_directions,
+    sliced_wasserstein,
+    surface,
+    varifold,
+)
 from meshot.flow.descent import descend
 from meshot.mesh.geometry import edge_lengths, face_area_vectors
 from meshot.metrics.surface import Surface, average_surface_distance

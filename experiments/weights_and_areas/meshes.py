@@ -34,7 +34,7 @@ def doubled(mesh: Mesh) -> Mesh:
 
 
 def pleated_square(n_pleats: int, slope: float) -> Mesh:
-    """The unit square folded ``n_pleats`` times along x, up and down with the given slope: √(1 + slope²) times its area."""
+    """The unit square in pleats along x, up and down with the given slope: √(1 + slope²) times its area."""
     n = 2 * n_pleats
     x = torch.linspace(0, 1, n + 1, dtype=torch.float64)
     height = slope / n * (torch.arange(n + 1) % 2).double()
