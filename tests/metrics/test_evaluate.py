@@ -1,6 +1,7 @@
 import dataclasses
 import functools
 import json
+import math
 
 import pytest
 import torch
@@ -9,6 +10,7 @@ from meshot import evaluate
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import folded_sphere, icosphere
 from meshot.metrics.evaluation import Metric
+from meshot.metrics.triangles import edge_length_variation, face_area_variation, smallest_angles
 
 FEW = {"n_points": 4000, "n_emd_points": 300}
 
@@ -65,17 +67,40 @@ def test_crossing_spheres():
     assert (found.intersecting_faces.floor, found.euler_number.floor) == (0, 2)
 
 
+def test_size_and_triangles():
+    found = spheres()
+    assert found.area.value == pytest.approx(4 * math.pi * 38**2, rel=5e-3)
+    assert found.volume.floor == pytest.approx(4 / 3 * math.pi * 40**3, rel=5e-3)
+    assert found.edge_variation.value == pytest.approx(edge_length_variation(icosphere(4)))
+    assert found.area_variation.floor == pytest.approx(face_area_variation(icosphere(4)))
+    assert found.smallest_angle.value == pytest.approx(smallest_angles(icosphere(4)).mean())
+
+
+def test_blurred_transport_is_labelled_and_close():
+    blurred = evaluate(icosphere(4, 38.0), icosphere(4, 40.0), **FEW, emd_blur=1.0).emd
+    assert blurred.value == pytest.approx(spheres().emd.value, rel=0.05)
+    assert "blur of 1.0 mm between 300 points" in blurred.definition
+
+
+def test_surfaces_in_other_spaces():
+    sphere = icosphere(2, 10.0)
+    with pytest.raises(ValueError, match=r"do not overlap.*scanner RAS"):
+        evaluate(sphere, icosphere(2, 10.0, centre=(0.0, 25.0, 0.0)), **FEW)
+    with pytest.warns(UserWarning, match=r"share 4\d%.*same hemisphere"):
+        evaluate(sphere, icosphere(2, 10.0, centre=(0.0, 14.0, 0.0)), **FEW)
+
+
 def test_table_and_definitions_say_everything():
     found = spheres()
     lines = repr(found).splitlines()
     assert lines[0].split() == ["metric", "value", "unit", "floor"]
-    assert len(lines) == 10
+    assert len(lines) == 15
     assert "average symmetric surface distance  " in repr(found)
     assert f"{found.assd.value:.4g}" in lines[3]
     assert "300 points" in found.emd.definition
     assert "4000 points" in found.definitions()
     assert "{" not in found.definitions()
-    assert all(metric.unit in ("mm", "%", "faces", "") for metric in found.metrics())
+    assert all(metric.unit in ("mm", "mm²", "mm³", "%", "faces", "degrees", "") for metric in found.metrics())
 
 
 def test_is_plain_data():

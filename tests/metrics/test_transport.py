@@ -6,7 +6,12 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from meshot.metrics.transport import earth_movers_distance, half_sphere, sliced_distance
+from meshot.metrics.transport import (
+    earth_movers_distance,
+    half_sphere,
+    sinkhorn_distance,
+    sliced_distance,
+)
 
 
 def cloud(seed, n=200):
@@ -23,6 +28,17 @@ def test_emd_against_the_assignment_solver():
     cost = cdist(cloud(1), cloud(2), "sqeuclidean")
     rows, columns = linear_sum_assignment(cost)
     assert earth_movers_distance(cloud(1), cloud(2)) == pytest.approx(math.sqrt(cost[rows, columns].mean()))
+
+
+def test_blurred_transport():
+    points, shift = cloud(0), np.array([3.0, -4.0, 12.0])
+    assert sinkhorn_distance(points, points + shift, 0.1) == pytest.approx(13, rel=1e-3)
+    assert sinkhorn_distance(points, points, 1.0) == pytest.approx(0, abs=1e-6)
+    # A blur beyond the size of everything leaves the distance between the means.
+    means = np.linalg.norm(cloud(1).mean(axis=0) - cloud(2).mean(axis=0))
+    assert sinkhorn_distance(cloud(1), cloud(2), 1e3) == pytest.approx(means, rel=1e-3)
+    with pytest.raises(ValueError, match="blur is 0"):
+        sinkhorn_distance(points, points, 0.0)
 
 
 def test_swd_against_transport_on_lines():

