@@ -3,6 +3,7 @@
 from meshot.flow.integrate import integrate
 from meshot.loss.chamfer import chamfer
 from meshot.loss.directions import orthogonal_directions, quasi_directions, random_directions
+from meshot.loss.error_bar import SlicedEstimate, sliced_wasserstein_estimate
 from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import slice_costs, sliced_wasserstein
 from meshot.loss.wasserstein import wasserstein
@@ -17,6 +18,7 @@ __all__ = [
     "Contour",
     "DiscreteMeasure",
     "Mesh",
+    "SlicedEstimate",
     "SurfaceMeasure",
     "chamfer",
     "empirical",
@@ -29,6 +31,7 @@ __all__ = [
     "sinkhorn_divergence",
     "slice_costs",
     "sliced_wasserstein",
+    "sliced_wasserstein_estimate",
     "surface",
     "triangulate",
     "varifold",
