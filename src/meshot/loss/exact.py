@@ -75,6 +75,19 @@ def exact_slice_costs(
     return torch.from_numpy(np.concatenate(parts)).to(_places(source))
 
 
+def laid_law(
+    measure: SurfaceMeasure | DiscreteMeasure, direction: Float[Tensor, " d"]
+) -> tuple[Float[Array, " n"], ...]:
+    """The cells of a projected measure as the kernels walk them: start, extent, mass, relative change of the density.
+
+    The last one is a sentinel. :func:`meshot.loss.projection.projected_law` makes it readable.
+    """
+    cells = measure.cells if isinstance(measure, SurfaceMeasure) else None
+    line = _Line(_side(_places(measure), measure.weights, cells, False))
+    line.lay(_array(direction))
+    return line.law
+
+
 def _checked(
     source: SurfaceMeasure | DiscreteMeasure, target: SurfaceMeasure | DiscreteMeasure, directions: Tensor, p: float
 ) -> tuple[Tensor, list[Tensor | None]]:

@@ -5,16 +5,9 @@ import dataclasses
 import torch
 
 from meshot.errors import as_floating, require_shape
-from meshot.mesh.geometry import (
-    edge_lengths,
-    edge_midpoints,
-    edge_normals,
-    face_areas,
-    face_barycentres,
-    face_normals,
-)
+from meshot.measure.coordinates import Extras, cell_shares, cells_of
 from meshot.mesh.mesh import Contour, Mesh
-from meshot.mesh.sampling import sample_points
+from meshot.mesh.sampling import sample_locations
 from meshot.rng import Generator
 from meshot.types import Float, Tensor
 
@@ -77,27 +70,21 @@ def require_probabilities(weights: Tensor, points: Tensor, n_items: int) -> None
         raise ValueError(f"weights sum to {total:.9g}; a probability measure needs 1: divide by weights.sum()")
 
 
-def normalised(sizes: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
-    """Areas or lengths divided by their total.
-
-    Raises
-    ------
-    ValueError
-        If the total is zero: a shape without area carries no measure.
-    """
-    total = sizes.sum()
-    if not float(total.detach()) > 0:
-        raise ValueError(
-            f"the total area or length is {float(total.detach()):.3g}; a measure needs a shape of positive size"
-        )
-    return sizes / total
-
-
-def empirical(shape: Mesh | Contour, n_points: int, generator: Generator) -> DiscreteMeasure:
+def empirical(
+    shape: Mesh | Contour,
+    n_points: int,
+    generator: Generator,
+    normal_scale: float = 0.0,
+    features: Float[Tensor, "V k"] | None = None,
+    face_features: Float[Tensor, "F j"] | None = None,
+    feature_scale: float = 1.0,
+    detach_weights: bool = True,
+) -> DiscreteMeasure:
     """The empirical measure of an i.i.d. sample: ``n_points`` equal masses, drawn uniformly by area (or length).
 
-    The points are differentiable in the vertices at fixed draws, which leaves out how the face probabilities change
-    with the vertices: the gradient of an expectation over samples is therefore biased wherever areas change.
+    By default the points are differentiable in the vertices at fixed draws, which leaves out how the face
+    probabilities change with the vertices: wherever areas change, the gradient of an expectation over samples is
+    biased, however many points are drawn.
 
     Parameters
     ----------
@@ -106,47 +93,75 @@ def empirical(shape: Mesh | Contour, n_points: int, generator: Generator) -> Dis
         The number m of supports.
     generator : numpy.random.Generator, torch.Generator or int
         Who holds the randomness; an integer is a seed.
+    normal_scale : float
+        The length given to the unit normal of the face that a point was drawn from, in units of the vertices: an
+        oriented sample. At zero, the default, there are no such coordinates.
+    features, face_features, feature_scale
+        As :func:`meshot.surface`: interpolated where a point was drawn.
+    detach_weights : bool
+        False lets the masses carry the missing part of the gradient: each stays 1/m in value, and changes as the
+        probability of the face that its point was drawn from (relative to the others drawn), so that the gradient of
+        an expectation is right up to O(1/m).
 
     Raises
     ------
     ValueError
-        If ``n_points`` < 1, or the shape has no area.
+        If ``n_points`` < 1, a scale is negative, features do not fit, or the shape has no area.
 
     References
     ----------
-    Le et al., *Diffeomorphic Mesh Deformation via Efficient Optimal Transport*, ICLR 2024, Section 3.1.
+    Le et al., *Diffeomorphic Mesh Deformation via Efficient Optimal Transport*, ICLR 2024, Section 3.1. Mohamed et al.,
+    *Monte Carlo Gradient Estimation in Machine Learning*, JMLR 2020, on the two parts of such a gradient.
     """
-    return DiscreteMeasure(sample_points(shape, n_points, generator))
+    extras = Extras(shape, normal_scale, features, face_features, feature_scale)
+    drawn, barycentric = sample_locations(shape, n_points, generator)
+    corners = cells_of(shape)[drawn]
+
+    def interpolate(values: Tensor) -> Tensor:
+        return (barycentric[:, :, None] * values[corners]).sum(dim=1)
+
+    points = extras.at(interpolate, drawn, with_normals=normal_scale > 0)
+    if detach_weights:
+        return DiscreteMeasure(points)
+    shares = cell_shares(shape)[drawn]
+    changes = shares / shares.detach()  # one in value, d log(probability) in derivative
+    return DiscreteMeasure(points, changes / changes.sum())
 
 
-def varifold(shape: Mesh | Contour, normal_scale: float = 1.0, detach_weights: bool = False) -> DiscreteMeasure:
+def varifold(
+    shape: Mesh | Contour,
+    normal_scale: float = 1.0,
+    detach_weights: bool = False,
+    features: Float[Tensor, "V k"] | None = None,
+    face_features: Float[Tensor, "F j"] | None = None,
+    feature_scale: float = 1.0,
+) -> DiscreteMeasure:
     """The oriented varifold: barycentre ‖ ``normal_scale`` · unit normal, weighted by relative area (or length).
 
     Parameters
     ----------
     shape : Mesh or Contour
-        A mesh gives supports in R⁶, a contour in R⁴.
+        A mesh gives supports in R⁶, a contour in R⁴, and features further coordinates.
     normal_scale : float
         The length given to a unit normal, in units of the vertices: with vertices in mm and a scale of 10, turning a
-        face around costs as much as moving it by 20 mm. Zero keeps the constant coordinates; they change no distance.
+        face around costs as much as moving it by 20 mm. Zero keeps the constant coordinates: they change no Wasserstein
+        distance, but directions point into them too, which makes SW₂² the smaller by a factor of d/(d + 3).
     detach_weights : bool
         Stop the gradient through the areas, so that only barycentres and normals carry it.
+    features, face_features, feature_scale
+        As :func:`meshot.surface`; features of the vertices are averaged over the corners of the face.
 
     Raises
     ------
     ValueError
-        If ``normal_scale`` is negative, or the shape has no area.
+        If a scale is negative, features do not fit, or the shape has no area.
 
     References
     ----------
     Le et al., ICLR 2024, Section 3.1; Kaltenmark, Charlier and Charon, CVPR 2017.
     """
-    if not normal_scale >= 0:
-        raise ValueError(f"normal_scale is {normal_scale!r}; a number >= 0 in units of the vertices is needed")
-    if isinstance(shape, Contour):
-        places, normals, sizes = edge_midpoints(shape), edge_normals(shape), edge_lengths(shape)
-    else:
-        places, normals, sizes = face_barycentres(shape), face_normals(shape), face_areas(shape)
-    weights = normalised(sizes)
-    points = torch.cat([places, normal_scale * normals], dim=1)
+    extras = Extras(shape, normal_scale, features, face_features, feature_scale)
+    cells, weights = cells_of(shape), cell_shares(shape)
+    every = torch.arange(len(cells), device=cells.device)
+    points = extras.at(lambda values: values[cells].mean(dim=1), every, with_normals=True)
     return DiscreteMeasure(points, weights.detach() if detach_weights else weights)
