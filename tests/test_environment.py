@@ -70,7 +70,7 @@ def test_lock_names_no_host_and_no_cuda(root):
 
 
 #: What is imported by another name than it is installed.
-IMPORT_NAMES = {"pot": "ot", "libigl": "igl", "scikit-image": "skimage", "pyyaml": "yaml"}
+IMPORT_NAMES = {"simpleitk": "SimpleITK", "pot": "ot", "libigl": "igl", "scikit-image": "skimage", "pyyaml": "yaml"}
 #: What needs no declaration: Python's own, ourselves, and VTK, which is pyvista's.
 STANDARD = sys.stdlib_module_names | {"meshot", "vtkmodules"}
 

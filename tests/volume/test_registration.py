@@ -1,0 +1,101 @@
+"""Registration finds a motion that was planted; what lies on the standard grid finds its way home."""
+
+import functools
+
+import numpy as np
+import pytest
+import torch
+from scipy.ndimage import affine_transform
+from scipy.spatial.transform import Rotation
+
+from meshot.synth.anatomy import mni152_t1
+from meshot.volume.registration import register_affine
+from meshot.volume.sampling import sample_volume
+from meshot.volume.standard import SHAPE, place_on_grid, standard_scan
+from meshot.volume.volume import Volume, transform_points, voxel_sizes, voxel_to_mm
+
+TO_STANDARD = np.eye(4)
+TO_STANDARD[:3, :3] = Rotation.from_euler("xyz", [-6, 7, 10], degrees=True).as_matrix() @ np.diag([1.06, 0.95, 1.03])
+TO_STANDARD[:3, 3] = [15, -30, 22]
+
+
+@functools.cache
+def template(factor=4):
+    """The MNI152 average in voxels of some mm."""
+    volume = mni152_t1()
+    shape = [n // factor * factor for n in volume.data.shape]
+    blocks = volume.data[tuple(slice(n) for n in shape)].reshape([n for s in shape for n in (s // factor, factor)])
+    affine = volume.affine @ np.diag([factor, factor, factor, 1.0])
+    affine[:3, 3] += volume.affine[:3, :3] @ np.full(3, (factor - 1) / 2)
+    return Volume(blocks.mean(axis=(1, 3, 5)), affine)
+
+
+@functools.cache
+def scan(factor=4):
+    """The same brain elsewhere: oblique, one axis flipped, other voxels, another contrast, noise."""
+    fixed, shape = template(factor), np.array([200, 220, 200]) // factor
+    affine = np.eye(4)
+    affine[:3, :3] = (
+        Rotation.from_euler("xyz", [8, -5, 12], degrees=True).as_matrix() @ np.diag([-1.1, 1, 1.2]) * factor
+    )
+    affine[:3, 3] = (np.linalg.inv(TO_STANDARD) @ [0, -18, 10, 1])[:3] - affine[:3, :3] @ (shape / 2)
+    to_fixed = np.linalg.inv(fixed.affine) @ TO_STANDARD @ affine
+    data = affine_transform(fixed.data, to_fixed[:3, :3], to_fixed[:3, 3], tuple(shape), order=1)
+    return Volume(100 * data**0.8 + np.random.default_rng(0).normal(0, 2, data.shape), affine)
+
+
+def brain_points(volume):
+    return voxel_to_mm(volume, torch.from_numpy(np.argwhere(volume.data > 0.2)[::50]).double())
+
+
+def test_finds_a_planted_motion():
+    points = brain_points(template())
+    at_home = transform_points(np.linalg.inv(TO_STANDARD), points)
+    assert (at_home - points).norm(dim=1).mean() > 40
+    found = transform_points(register_affine(scan(), template()), at_home)
+    assert (found - points).norm(dim=1).mean() < 0.5
+    assert (found - points).norm(dim=1).max() < 1.0
+
+
+def test_the_result_repeats():
+    first, again = (register_affine(scan(8), template(8)) for _ in range(2))
+    np.testing.assert_array_equal(first, again)
+
+
+def test_the_standard_grid():
+    standard = place_on_grid(scan(), TO_STANDARD, np.array([0.0, -18.0, 10.0]))
+    assert standard.volume.data.shape == SHAPE
+    np.testing.assert_allclose(voxel_sizes(standard.volume), [1.5, 208 / 144, 1.5])
+    assert (standard.volume.data.min(), standard.volume.data.max()) == (0, 1)
+    corners = voxel_to_mm(standard.volume, torch.tensor([[-0.5] * 3, [127.5, 143.5, 127.5]], dtype=torch.float64))
+    np.testing.assert_allclose(corners, [[-96, -122, -86], [96, 86, 106]])
+    # A voxel of the grid holds what the scan shows at the same place.
+    values = sample_volume(scan(), standard.to_scanner(brain_points(template())))
+    on_grid = sample_volume(standard.volume, brain_points(template()))
+    assert np.corrcoef(values, on_grid)[0, 1] > 0.99
+
+
+def test_surfaces_return_to_the_scanner():
+    standard = place_on_grid(scan(), TO_STANDARD, np.zeros(3))
+    points = brain_points(template()).float()
+    assert (standard.to_scanner(standard.from_scanner(points)) - points).norm(dim=1).max() < 0.01
+    np.testing.assert_allclose(
+        standard.from_scanner(points), transform_points(TO_STANDARD, points.double()).float(), atol=1e-3
+    )
+
+
+def test_from_scan_to_grid_at_once():
+    standard = standard_scan(scan(8), template(8))
+    points = brain_points(template(8))
+    on_grid = sample_volume(standard.volume, points)
+    assert np.corrcoef(on_grid, sample_volume(template(8), points))[0, 1] > 0.9
+
+
+def test_doors():
+    blank = Volume(np.full((9, 9, 9), 3.0), np.eye(4))
+    with pytest.raises(ValueError, match=r"the moving image is 3.0 everywhere"):
+        register_affine(blank, template(8))
+    with pytest.raises(ValueError, match="the fixed image"):
+        register_affine(template(8), blank)
+    with pytest.raises(ValueError, match="all over the standard grid"):
+        place_on_grid(template(8), np.eye(4), np.array([1e4, 0.0, 0.0]))
