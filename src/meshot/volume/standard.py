@@ -9,7 +9,7 @@ from meshot.types import Array, Float, Tensor
 from meshot.volume.registration import register_affine
 from meshot.volume.volume import Volume, transform_points
 
-#: The extent of the grid in mm (crop or pad to as many voxels of 1 mm) and its final shape: voxels of 1.5 × 1.444 × 1.5.
+#: The extent of the grid in mm (crop or pad to as many voxels of 1 mm), and its shape: voxels of 1.5 × 1.444 × 1.5 mm.
 EXTENT_MM = (192, 208, 192)
 SHAPE = (128, 144, 128)
 
