@@ -1,0 +1,69 @@
+"""What the divergence tends to: exact transport for a small blur, the energy distance for a large one."""
+
+import numpy as np
+import ot
+import torch
+from fitting import make_pair
+
+from meshot import DiscreteMeasure, Mesh, sinkhorn_divergence, varifold, wasserstein
+from meshot.types import Array, Tensor
+
+
+def limit_rows(config: dict) -> list[dict]:
+    """Value and gradient over the blur, for both exponents and annealings, between start and target of one seed."""
+    start, target = make_pair(config["seeds"][0], config)
+    scale = config["normal_scale_mm"]
+    measures = varifold(start, scale), varifold(target, scale)
+    rows = []
+    for p in config["limits"]["exponents"]:
+        exact, energy = exact_cost(*measures, p), energy_distance(*measures, p)
+        transport_pull = vertex_gradient(start, lambda m, p=p: wasserstein(m, measures[1], p), scale)
+        for scaling in config["limits"]["scalings"]:
+            for blur in config["limits"]["blurs_mm"]:
+                settings = {"p": p, "blur": blur, "scaling": scaling}
+                value = float(sinkhorn_divergence(*measures, **settings))
+                pull = vertex_gradient(start, lambda m, s=settings: sinkhorn_divergence(m, measures[1], **s), scale)
+                rows.append(
+                    settings
+                    | {"value": value, "exact": exact, "energy": energy}
+                    | {"off_exact": value / exact - 1, "off_energy": value / energy - 1}
+                    | {"cosine_to_exact": _cosine(pull, transport_pull), "uniformity": _uniformity(pull)}
+                )
+    return rows
+
+
+def exact_cost(source: DiscreteMeasure, target: DiscreteMeasure, p: int) -> float:
+    """W_p^p by POT."""
+    cost = ot.dist(source.points.numpy(), target.points.numpy(), metric="euclidean") ** p
+    return float(ot.emd2(source.weights.numpy(), target.weights.numpy(), cost, numItermax=10_000_000))
+
+
+def energy_distance(source: DiscreteMeasure, target: DiscreteMeasure, p: int) -> float:
+    """E|X − Y|^p − ½ E|X − X'|^p − ½ E|Y − Y'|^p: for p = 2 the squared distance between the two means."""
+
+    def mean_cost(a: DiscreteMeasure, b: DiscreteMeasure) -> float:
+        cost = ot.dist(a.points.numpy(), b.points.numpy(), metric="euclidean") ** p
+        return float(a.weights.numpy() @ cost @ b.weights.numpy())
+
+    return mean_cost(source, target) - (mean_cost(source, source) + mean_cost(target, target)) / 2
+
+
+def vertex_gradient(mesh: Mesh, loss: object, normal_scale: float) -> Array:
+    """The gradient of a loss between varifolds in the barycentres and normals of the moving side, per unit of mass."""
+    measure = varifold(mesh, normal_scale)
+    points = measure.points.detach().clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(loss(DiscreteMeasure(points, measure.weights)), points)
+    return _per_mass(gradient, measure.weights)
+
+
+def _per_mass(gradient: Tensor, weights: Tensor) -> Array:
+    return (gradient / weights[:, None]).numpy()
+
+
+def _cosine(a: Array, b: Array) -> float:
+    return float((a * b).sum() / np.sqrt((a * a).sum() * (b * b).sum()))
+
+
+def _uniformity(pull: Array) -> float:
+    """|mean pull|² / mean |pull|²: one if every face is pulled alike, so that only a translation is left."""
+    return float(np.square(pull.mean(axis=0)).sum() / np.square(pull).sum(axis=1).mean())
