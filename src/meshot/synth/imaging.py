@@ -1,0 +1,160 @@
+"""How a T1-weighted image comes to be: tissue in every voxel, its signal, the scanner's faults, noise.
+
+Every step is a function from arrays to an array, so that a reader can turn one knob at a time.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.interpolate
+import scipy.ndimage
+
+from meshot.mesh.mesh import Mesh
+from meshot.rng import Generator, numpy_generator
+from meshot.types import Array, Float
+from meshot.volume.volume import Volume, voxel_sizes
+from meshot.volume.voxelise import enclosed_fractions
+
+TISSUES = ("white", "grey", "fluid", "skull", "scalp")
+FWHM = 2 * np.sqrt(2 * np.log(2))
+
+
+@dataclasses.dataclass(frozen=True)
+class Appearance:
+    """The knobs of an image: what a tissue emits, and what the scanner does to it.
+
+    Parameters
+    ----------
+    signal : mapping
+        Mean signal of each of ``TISSUES``, in arbitrary units; air is 0.
+    texture, texture_mm : float
+        Standard deviation of the signal within a tissue, as a part of its mean, and over which length it varies, in mm.
+    bias, bias_mm : float
+        Standard deviation of the logarithm of the bias field, and its length, in mm.
+    blur_mm : float
+        Full width at half maximum of the point spread, in mm.
+    noise : float
+        Standard deviation of the noise in each of the two channels of the receiver, in units of the signal.
+    """
+
+    signal: dict[str, float]
+    texture: float = 0.03
+    texture_mm: float = 3.0
+    bias: float = 0.1
+    bias_mm: float = 60.0
+    blur_mm: float = 1.2
+    noise: float = 3.0
+
+    def __post_init__(self):
+        if set(self.signal) != set(TISSUES):
+            raise ValueError(f"signal names {sorted(self.signal)}; each of {sorted(TISSUES)} is needed once")
+        sizes = [*self.signal.values(), self.texture, self.bias, self.blur_mm, self.noise]
+        if not all(np.isfinite(x) and x >= 0 for x in sizes) or min(self.texture_mm, self.bias_mm) <= 0:
+            raise ValueError(f"{self} is not possible: signals and strengths are >= 0, lengths of variation > 0")
+
+
+def tissue_fractions(
+    white: Sequence[Mesh], pial: Sequence[Mesh], grid: Volume, head_mm: Sequence[float] = (), n_lines: int = 3
+) -> dict[str, Float[Array, "X Y Z"]]:
+    """Which part of every voxel is white matter, grey matter, fluid, skull and scalp; what is left is air.
+
+    Parameters
+    ----------
+    white, pial : sequence of Mesh
+        Closed, one for each hemisphere, in scanner RAS.
+    grid : Volume
+        Whose grid to use; its data do not matter.
+    head_mm : sequence of float
+        How thick fluid, skull and scalp are around the pial surfaces; empty for a brain in air, with fluid only in the
+        sulci narrower than 4 mm.
+    n_lines : int
+        Lines across each voxel, see :func:`meshot.volume.voxelise.enclosed_fractions`.
+
+    Raises
+    ------
+    ValueError
+        If ``head_mm`` has neither three numbers nor none, or a mesh has no inside.
+    """
+    if len(head_mm) not in (0, 3) or any(not thickness > 0 for thickness in head_mm):
+        raise ValueError(f"head_mm is {list(head_mm)}; three thicknesses > 0 (fluid, skull, scalp) or none are needed")
+    inside_white = sum(enclosed_fractions(mesh, grid, n_lines) for mesh in white)
+    inside_pial = sum(enclosed_fractions(mesh, grid, n_lines) for mesh in pial)
+    inside_white = np.clip(inside_white, 0, 1)
+    inside_pial = np.clip(np.maximum(inside_pial, inside_white), 0, 1)
+    layers = _shells(inside_pial, voxel_sizes(grid), head_mm)
+    around = 1 - inside_pial
+    return {"white": inside_white, "grey": inside_pial - inside_white} | {
+        tissue: layer * around for tissue, layer in zip(TISSUES[2:], layers, strict=True)
+    }
+
+
+def _shells(inside: Array, sizes: Array, head_mm: Sequence[float]) -> list[Array]:
+    """Fluid, skull and scalp, each 0 to 1 with an edge one voxel wide."""
+    sampling = sizes.tolist()
+    # From the centre of the nearest voxel inside to the surface it is half a voxel.
+    distance = scipy.ndimage.distance_transform_edt(inside < 0.5, sampling=sampling) - sizes.mean() / 2
+    if not len(head_mm):
+        closed = scipy.ndimage.distance_transform_edt(distance <= 2.0, sampling=sampling)
+        return [_below(2.0 - closed, 0.0, sizes), np.zeros_like(distance), np.zeros_like(distance)]
+    ends = [_below(distance, end, sizes) for end in np.cumsum(head_mm)]
+    return [ends[0], ends[1] - ends[0], ends[2] - ends[1]]
+
+
+def _below(distance: Array, end: float, sizes: Array) -> Array:
+    return np.clip(0.5 + (end - distance) / float(sizes.mean()), 0, 1)
+
+
+def t1_image(
+    fractions: dict[str, Float[Array, "X Y Z"]], grid: Volume, appearance: Appearance, generator: Generator
+) -> Volume:
+    """A T1-weighted magnitude image: signal by partial volume, texture, bias field, point spread, Rician noise.
+
+    Parameters
+    ----------
+    fractions : dict
+        See :func:`meshot.synth.imaging.tissue_fractions`.
+    grid : Volume
+        The grid they are on.
+    appearance : Appearance
+    generator : generator or int
+        Who holds the randomness.
+    """
+    rng, sizes = numpy_generator(generator), voxel_sizes(grid)
+    shape = grid.data.shape
+    signal = np.zeros(shape)
+    for tissue in TISSUES:
+        varied = 1 + appearance.texture * smooth_noise(shape, appearance.texture_mm / sizes, rng)
+        signal += appearance.signal[tissue] * fractions[tissue] * varied
+    signal *= np.exp(appearance.bias * smooth_noise(shape, appearance.bias_mm / sizes, rng))
+    signal = scipy.ndimage.gaussian_filter(signal, appearance.blur_mm / FWHM / sizes)
+    return grid.with_data(rician_noise(signal, appearance.noise, rng).astype(np.float32))
+
+
+def smooth_noise(shape: Sequence[int], length: Float[Array, " 3"], generator: Generator) -> Float[Array, "X Y Z"]:
+    """A random field of mean 0 and standard deviation 1 over the grid, smooth over some voxels along each axis.
+
+    Independent normal numbers on knots ``length`` voxels apart, interpolated by cubic splines: long lengths cost
+    no more than short ones.
+    """
+    rng = numpy_generator(generator)
+    step = np.maximum(np.asarray(length, dtype=np.float64), 1.0)
+    knots = rng.standard_normal(tuple(np.ceil(np.array(shape) / step).astype(int) + 4))
+    for axis, (count, width) in enumerate(zip(shape, step, strict=True)):
+        places = 1.5 + np.arange(count) / width
+        knots = scipy.interpolate.CubicSpline(np.arange(knots.shape[axis]), knots, axis=axis)(places)
+    return (knots - knots.mean()) / knots.std()
+
+
+def rician_noise(signal: Float[Array, "*shape"], sigma: float, generator: Generator) -> Float[Array, "*shape"]:
+    """The magnitude of a signal with normal noise of standard deviation ``sigma`` in both channels of the receiver.
+
+    Where there is no signal the values follow a Rayleigh distribution with mean σ √(π/2).
+
+    References
+    ----------
+    Gudbjartsson and Patz, *The Rician distribution of noisy MRI data*, Magnetic Resonance in Medicine, 1995.
+    """
+    rng = numpy_generator(generator)
+    real = signal + sigma * rng.standard_normal(signal.shape)
+    return np.hypot(real, sigma * rng.standard_normal(signal.shape))
