@@ -1,0 +1,62 @@
+"""The fine print: two spheres, further and further apart; nothing changes but the distance between the supports."""
+
+import numpy as np
+from pairs import frames, sampled_costs, spheres
+from sizes import named_slope, short
+
+from meshot.report.slopes import averages, fitted_slope
+
+
+def distance_runs(config: dict) -> list[dict]:
+    """Every number of points at every distance between the centres."""
+    settings = config["distance"]
+    return [
+        {"part": "distance", "n_points": m, "apart": apart} for m in settings["points"] for apart in settings["apart"]
+    ]
+
+
+def distance_errors(run: dict, config: dict) -> dict:
+    """Sampled minus true SW_p^p for every exponent, over repetitions; the same draws at every distance."""
+    settings = config["distance"]
+    exponents, directions = settings["exponents"], frames(settings["n_directions"], 3, config["seed"])
+    pair = spheres(*settings["radii"], run["apart"])
+    truth = np.array([pair.true_costs(directions, p).mean() for p in exponents])
+    errors = []
+    for repetition in range(settings["n_repetitions"]):
+        generator = np.random.default_rng([config["seed"], 6, repetition])
+        points, others = pair.draw_source(run["n_points"], generator), pair.draw_target(run["n_points"], generator)
+        errors.append(sampled_costs(points, others, directions.numpy(), exponents).mean(axis=1) - truth)
+    return {"errors": np.transpose(errors).tolist(), "truth": truth.tolist()}
+
+
+def distance_summary(rows: list[dict], config: dict) -> dict:
+    """Mean errors over the distance, their ratio to the concentric one with an interval, and the slope far away."""
+    settings, found = config["distance"], []
+    for n_points in settings["points"]:
+        same = [row for row in rows if row["run"]["n_points"] == n_points]
+        for index, p in enumerate(settings["exponents"]):
+            errors = np.abs([row["values"]["errors"][index] for row in same])
+            # Draws are shared, so that repetitions are drawn anew for all distances at once.
+            pick = np.random.default_rng([config["seed"], 7]).integers(errors.shape[1], size=(2000, errors.shape[1]))
+            means = errors[:, pick].mean(axis=2)
+            low, high = np.quantile(means / means[0], [0.025, 0.975], axis=1)
+            found.append(
+                {"n_points": n_points, "p": p, "apart": settings["apart"]}
+                | {"error": [short(value) for value in averages(errors)]}
+                | {
+                    "sharper": [
+                        short(sharper_bound(settings["radii"], apart, n_points, p)) for apart in settings["apart"]
+                    ]
+                }
+                | {"truth": [short(row["values"]["truth"][index]) for row in same]}
+                | {"ratio": [short(value) for value in errors.mean(axis=1) / errors[0].mean()]}
+                | {"ratio_low": [short(value) for value in low], "ratio_high": [short(value) for value in high]}
+                | named_slope(fitted_slope(settings["apart"][2:], errors[2:]))
+            )
+    return {"distance": found}
+
+
+def sharper_bound(radii: list[float], apart: float, n_points: int, p: float) -> float:
+    """p·D^(p−1)·(R₁ + R₂)/(2√m) for two spheres: diameters R, and D that of both together."""
+    joint = max(2 * max(radii), apart + sum(radii))
+    return p * joint ** (p - 1) * 2 * sum(radii) / (2 * n_points**0.5)

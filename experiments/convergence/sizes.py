@@ -1,0 +1,108 @@
+"""The error over the number of points: both sides sampled, the same fixed directions as the exact value."""
+
+import functools
+
+import numpy as np
+from pairs import frames, make_pair, sampled_costs
+
+from meshot.report.slopes import averages, fitted_slope
+from meshot.types import Array
+
+
+def size_runs(config: dict) -> list[dict]:
+    """Every pair at every number of points."""
+    settings, runs = config["sizes"], []
+    for name, pair in settings["pairs"].items():
+        counts = [(n_points, settings["n_repetitions"]) for n_points in settings["points"]]
+        largest = settings["largest"]
+        if pair["d"] == largest["dimension"]:
+            counts.append((largest["points"], largest["n_repetitions"]))
+        plain = {"part": "sizes", "name": name, "n_directions": settings["n_directions"]} | pair
+        runs += [plain | {"n_points": m, "n_repetitions": n} for m, n in counts]
+    return runs
+
+
+@functools.cache
+def _truth(pair: str, d: int, n_directions: int, seed: int, exponents: tuple) -> tuple[Array, Array]:
+    directions = frames(n_directions, d, seed)
+    known = make_pair(pair, d)
+    return directions.numpy(), np.array([known.true_costs(directions, p).mean() for p in exponents])
+
+
+def size_errors(run: dict, config: dict) -> dict:
+    """Sampled minus exact SW_p^p: for each exponent a list over repetitions, each with random numbers of its own."""
+    exponents = config["exponents"]
+    pair = make_pair(run["pair"], run["d"])
+    directions, truth = _truth(run["pair"], run["d"], run["n_directions"], config["seed"], tuple(exponents))
+    errors = []
+    for repetition in range(run["n_repetitions"]):
+        generator = np.random.default_rng([config["seed"], run["n_points"], repetition])
+        points = pair.draw_source(run["n_points"], generator)
+        others = pair.draw_target(run["n_points"], generator)
+        errors.append(sampled_costs(points, others, directions, exponents).mean(axis=1) - truth)
+    return {"errors": np.transpose(errors).tolist(), "truth": truth.tolist()}
+
+
+def size_summary(rows: list[dict], config: dict) -> dict:
+    """For every pair and exponent the mean errors and slopes; for every family the error over the dimension."""
+    slopes, at_one_size = [], {}
+    for name, pair in config["sizes"]["pairs"].items():
+        found = [row for row in rows if row["run"]["name"] == name]
+        (at_one_size[name],) = [row for row in found if row["run"]["n_points"] == config["dimension"]["points"]]
+        for index, p in enumerate(config["exponents"]):
+            slopes.append({"pair": name, "d": pair["d"], "p": p} | _slopes(found, index))
+    over = [
+        {"family": family, "p": p} | _over_dimension([at_one_size[name] for name in names], index)
+        for family, names in config["dimension"]["families"].items()
+        for index, p in enumerate(config["exponents"])
+    ]
+    return {"sizes": slopes, "dimension": over}
+
+
+def _slopes(found: list[dict], index: int) -> dict:
+    counts = [row["run"]["n_points"] for row in found]
+    errors = [row["values"]["errors"][index] for row in found]
+    half = len(counts) // 2
+    means = averages(errors)
+    whole, upper = fitted_slope(counts, errors), fitted_slope(counts[half:], errors[half:])
+    # The bound itself, sqrt(log m / m), is no exact power law: its slope over the same sizes is what to compare with.
+    bound = fitted_slope(counts, [[np.sqrt(np.log(m) / m)] * len(e) for m, e in zip(counts, errors)], n_draws=2).slope
+    return (
+        {
+            "truth": short(found[0]["values"]["truth"][index]),
+            "points": counts,
+            "n_repetitions": [len(row) for row in errors],
+            "error": [short(value) for value in means],
+            "error_sd": [short(np.abs(row).std(ddof=1)) for row in errors],
+            "bias": [short(np.mean(row)) for row in errors],
+            "bound_slope": short(bound),
+        }
+        | named_slope(whole)
+        | named_slope(upper, "upper_")
+    )
+
+
+def _over_dimension(found: list[dict], index: int) -> dict:
+    """Slopes of the error in d, and of the error relative to the true value where that is not zero."""
+    dimensions = [row["run"]["d"] for row in found]
+    errors = [row["values"]["errors"][index] for row in found]
+    truths = [row["values"]["truth"][index] for row in found]
+    # What grows like the root of d + 1 has this slope over the same dimensions.
+    bound = fitted_slope(dimensions, [[np.sqrt(d + 1)] * 2 for d in dimensions], n_draws=2).slope
+    row = {"d": dimensions, "error": [short(value) for value in averages(errors)], "bound_slope": short(bound)}
+    row |= named_slope(fitted_slope(dimensions, errors))
+    if min(truths) > 1e-9:
+        relative = [np.array(error) / truth for error, truth in zip(errors, truths)]
+        row |= {"relative": [short(value) for value in averages(relative)]}
+        row |= named_slope(fitted_slope(dimensions, relative), "relative_")
+    return row
+
+
+def named_slope(found: tuple[float, float, float], prefix: str = "") -> dict:
+    """A slope and its interval as entries of a row."""
+    return {f"{prefix}{key}": short(value) for key, value in zip(("slope", "low", "high"), found)}
+
+
+def short(value: float) -> float:
+    """Six significant digits, so that the committed file stays small."""
+    return float(f"{value:.6g}")
