@@ -7,11 +7,13 @@ import torch
 from meshot.flow.field import euler_is_injective
 from meshot.flow.grid import GridVelocity, grid_around
 from meshot.flow.integrate import integrate
+from meshot.flow.jacobian import sampled_lipschitz
 from meshot.flow.spline import spline_values
 
 
-def random_field(spacings=(8.0, 4.0, 2.0), n_pieces=3, size=1.0, seed=0):
-    field = GridVelocity(torch.full((3,), -5.0).double(), torch.full((3,), 20.0).double(), spacings, n_pieces)
+def random_field(spacings=(8.0, 4.0, 2.0), n_pieces=3, size=1.0, seed=0, interpolation="cubic"):
+    box = (torch.full((3,), -5.0).double(), torch.full((3,), 20.0).double())
+    field = GridVelocity(*box, spacings, n_pieces, interpolation)
     generator = np.random.default_rng(seed)
     for level in field.levels:
         level.data = size * torch.from_numpy(generator.standard_normal(level.shape))
@@ -29,11 +31,12 @@ def test_starts_at_rest():
     assert float(field.lipschitz_bound()) == 0
 
 
-def test_is_the_sum_of_its_levels():
-    field, points = random_field(), random_points(100)
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_is_the_sum_of_its_levels(interpolation):
+    field, points = random_field(interpolation=interpolation), random_points(100)
     for piece, time in enumerate((0.1, 0.5, 0.9)):
         parts = [
-            spline_values(level[piece], (points - field.lower) / spacing + 1)
+            spline_values(level[piece], (points - field.lower) / spacing + 1, interpolation)
             for level, spacing in zip(field.levels, field.spacings, strict=True)
         ]
         torch.testing.assert_close(field(torch.tensor(time).double(), points), sum(parts))
@@ -54,14 +57,24 @@ def test_outside_the_box_the_nearest_point_speaks():
     torch.testing.assert_close(field(time, outside), field(time, torch.tensor([[-5.0, 3.0, 27.0]]).double()))
 
 
-def test_lipschitz_bound_holds_and_is_not_far_off():
-    field, time = random_field(), torch.tensor(0.0).double()
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_lipschitz_bound_holds_and_is_not_far_off(interpolation):
+    field, time = random_field(interpolation=interpolation), torch.tensor(0.0).double()
     points = random_points(4000, seed=5)
     near = points + 1e-5 * random_points(4000, seed=6)
     slopes = torch.linalg.vector_norm(field(time, points) - field(time, near), dim=1).detach()
     steepest = float((slopes / torch.linalg.vector_norm(points - near, dim=1)).max())
     bound = float(field.lipschitz_bound())
     assert steepest <= bound < 6 * steepest
+    assert steepest * 0.7 < float(sampled_lipschitz(field, points)) <= bound
+    assert field.is_lipschitz
+
+
+def test_one_piece_of_time_is_stationary():
+    field, points = random_field(n_pieces=1), random_points(5)
+    at = [field(torch.tensor(t).double(), points) for t in (0.0, 0.4, 1.0)]
+    assert torch.equal(at[0], at[1])
+    assert torch.equal(at[0], at[2])
 
 
 def test_lipschitz_bound_of_a_linear_field():
@@ -76,8 +89,9 @@ def test_lipschitz_bound_of_a_linear_field():
     assert not euler_is_injective(field, 3)
 
 
-def test_gradcheck_through_the_flow():
-    field, points = random_field((8.0, 4.0), 2, size=0.5), random_points(4).requires_grad_()
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_gradcheck_through_the_flow(interpolation):
+    field, points = random_field((8.0, 4.0), 2, 0.5, interpolation=interpolation), random_points(4).requires_grad_()
     levels = list(field.levels)
 
     def flow(points, *_):
@@ -103,6 +117,7 @@ def test_order_survives_jumps_in_time(method, order):
         ({"spacings": ()}, "each half the one before"),
         ({"spacings": (-1.0,)}, "positive"),
         ({"n_pieces": 0}, "n_pieces is 0"),
+        ({"interpolation": "quintic"}, "one of linear, cubic"),
         ({"margin": -1.0}, "margin is -1.0"),
         ({"margin": math.nan}, "margin is nan"),
     ],

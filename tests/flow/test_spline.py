@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import torch
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, RegularGridInterpolator
 
 from meshot.flow.spline import plain_spline_values, refined, spline_values, spline_weights
 
@@ -71,12 +71,27 @@ def test_weights_are_a_partition_of_one():
     assert float(weights.min()) >= 0
 
 
-def test_refining_changes_nothing():
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_refining_changes_nothing(interpolation):
     coarse, where = lattice(5, 4, 6), places(200, -1, 6)
-    fine = refined(coarse)
+    fine = refined(coarse, interpolation)
     assert fine.shape == (7, 5, 9, 3)
     inside = where.clamp(min=1).minimum(torch.tensor([3.0, 2.0, 4.0]))
-    torch.testing.assert_close(spline_values(fine, 2 * inside - 1), spline_values(coarse, where))
+    torch.testing.assert_close(
+        spline_values(fine, 2 * inside - 1, interpolation), spline_values(coarse, where, interpolation)
+    )
+
+
+def test_linear_against_scipy():
+    coefficients, where = lattice(6, 7, 5), places(40, -1, 7)
+    scipy = RegularGridInterpolator([np.arange(n) for n in (6, 7, 5)], coefficients.numpy())
+    inside = where.clamp(min=1).minimum(torch.tensor([4.0, 5.0, 3.0]))
+    np.testing.assert_allclose(spline_values(coefficients, where, "linear"), scipy(inside.numpy()), atol=1e-13)
+
+
+def test_gradcheck_linear():
+    coefficients, where = lattice(4, 5, 4).requires_grad_(), places(9, -0.5, 4.5).requires_grad_()
+    assert torch.autograd.gradcheck(lambda c, w: spline_values(c, w, "linear"), (coefficients, where))
 
 
 def test_too_small_a_lattice():

@@ -44,6 +44,14 @@ def test_there_and_back(tmp_path, field, points):
     assert float((integrate(again, points, 4) - integrate(field, points, 4)).detach().abs().max()) < 0.1
 
 
+def test_linear_stays_linear(tmp_path, points):
+    field = GridVelocity(torch.zeros(3).double(), torch.full((3,), 20.0).double(), (4.0,), 1, "linear")
+    field.levels[0].data = torch.from_numpy(np.random.default_rng(3).integers(-9, 9, field.levels[0].shape)).double()
+    write_velocity(tmp_path / "v.safetensors.gz", field)
+    again, moment = read_velocity(tmp_path / "v.safetensors.gz"), torch.tensor(0.5).double()
+    assert torch.equal(again(moment, points), field(moment, points))
+
+
 def test_the_same_field_gives_the_same_bytes(tmp_path, field):
     for name in ("a", "b"):
         write_velocity(tmp_path / f"{name}.safetensors.gz", field)

@@ -9,18 +9,27 @@ import safetensors.torch
 import torch
 
 from meshot.files import whole_file
-from meshot.flow.field import VelocityField
+from meshot.flow.field import LearnedVelocity
 from meshot.types import Tensor
 
-HISTORY = ("iteration", "loss", "n_directions", "checked_iteration", "checked_loss")
+HISTORY = (
+    "iteration",
+    "loss",
+    "n_directions",
+    "checked_iteration",
+    "checked_loss",
+    "checked_crossings",
+    "retreat_iteration",
+)
 
 
 class FitState:
     """Where a fit stands: the field, its optimiser, how far it came, and the best so far."""
 
-    def __init__(self, field: VelocityField, optimiser: torch.optim.Adam):
+    def __init__(self, field: LearnedVelocity, optimiser: torch.optim.Adam, n_steps: int):
         self.field, self.optimiser = field, optimiser
         self.iteration, self.best_iteration, self.best_loss = 0, 0, math.inf
+        self.n_steps, self.rate_factor = n_steps, 1.0  # what a guard may change on the way
         self.best: dict[str, Tensor] = {}
         self.history: dict[str, list[float]] = {name: [] for name in HISTORY}
         self.keep_as_best(math.inf)
@@ -28,11 +37,12 @@ class FitState:
     def keep_as_best(self, loss: float) -> None:
         """Remember the field as it is now."""
         self.best = {name: value.detach().clone() for name, value in self.field.state_dict().items()}
-        self.best_iteration, self.best_loss = self.iteration, loss
+        self.best_iteration, self.best_loss, self.best_n_steps = self.iteration, loss, self.n_steps
 
     def restore_best(self) -> None:
-        """Put the field back to the best state."""
+        """Put the field and the number of steps back to the best state."""
         self.field.load_state_dict(self.best)
+        self.n_steps = self.best_n_steps
 
 
 def write_state(path: str | os.PathLike, state: FitState, settings: dict) -> None:
@@ -46,6 +56,10 @@ def write_state(path: str | os.PathLike, state: FitState, settings: dict) -> Non
         "iteration": state.iteration,
         "best_iteration": state.best_iteration,
         "best_loss": state.best_loss.hex(),
+        "n_steps": state.n_steps,
+        "best_n_steps": state.best_n_steps,
+        "rate_factor": state.rate_factor.hex(),
+        "kind": str(state.field),
         "history": state.history,
     }
     with whole_file(path) as temporary:
@@ -62,7 +76,8 @@ def read_state(path: str | os.PathLike, state: FitState, settings: dict) -> None
         If the file is not such a checkpoint, or was made with other settings or another kind of field.
     """
     header, tensors = _read(path)
-    changed = sorted(k for k, v in json.loads(json.dumps(settings)).items() if header["settings"].get(k) != v)
+    now = json.loads(json.dumps(settings))
+    changed = sorted(k for k in now.keys() | header["settings"] if header["settings"].get(k) != now.get(k))
     if changed:
         raise ValueError(
             f"the checkpoint {path} was made with other settings ({', '.join(changed)}): use those, or remove the file"
@@ -72,7 +87,8 @@ def read_state(path: str | os.PathLike, state: FitState, settings: dict) -> None
         part, key = name.split("/", 1)
         parts[part][key] = value
     shapes = {name: tuple(value.shape) for name, value in state.field.state_dict().items()}
-    if shapes != {name: tuple(value.shape) for name, value in parts["field"].items()}:
+    same_shapes = shapes == {name: tuple(value.shape) for name, value in parts["field"].items()}
+    if not same_shapes or header["kind"] != str(state.field):
         raise ValueError(f"the checkpoint {path} holds a field of another kind or size: remove the file to start anew")
     state.field.load_state_dict(parts["field"])
     moments: dict[int, dict[str, Tensor]] = {}
@@ -82,6 +98,8 @@ def read_state(path: str | os.PathLike, state: FitState, settings: dict) -> None
     state.optimiser.load_state_dict({"state": moments, "param_groups": state.optimiser.state_dict()["param_groups"]})
     state.best, state.best_loss = parts["best"], float.fromhex(header["best_loss"])
     state.iteration, state.best_iteration = header["iteration"], header["best_iteration"]
+    state.n_steps, state.best_n_steps = header["n_steps"], header["best_n_steps"]
+    state.rate_factor = float.fromhex(header["rate_factor"])
     state.history = header["history"]
 
 

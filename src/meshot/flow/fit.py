@@ -2,17 +2,17 @@
 
 import copy
 import dataclasses
-import math
+import itertools
 import os
 from collections.abc import Callable
 
 import numpy as np
 import torch
 
-from meshot.errors import require_positive_integer
 from meshot.flow.checkpoint import FitState, read_state, write_state
-from meshot.flow.field import VelocityField
-from meshot.flow.integrate import integrate
+from meshot.flow.field import LearnedVelocity
+from meshot.flow.retreat import carried, passes, require_no_crossings, retreat
+from meshot.flow.settings import FitSettings, Guard
 from meshot.loss.directions import quasi_directions
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
@@ -24,84 +24,30 @@ Encoding = Callable[[Mesh], DiscreteMeasure]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class FitSettings:
-    """How a flow is fitted.
-
-    Parameters
-    ----------
-    n_iterations : int
-        Of Adam.
-    learning_rate : float
-        At the start, in mm per unit of time: about how far a coefficient moves in one iteration. It falls to zero
-        along half a cosine.
-    n_steps, method
-        As in :func:`meshot.integrate`.
-    n_directions : pair of int
-        How many directions the loss is given at the start and at the end; the number doubles in equal stretches.
-    check_every : int
-        The fit is judged by the loss with the most directions, always the same, every so many iterations.
-    save_every : int
-        Iterations between checkpoints, if a file for them is given.
-    seed : int
-        Of everything random; iteration i draws from (seed, i), so that a resumed fit draws what it would have drawn.
-
-    Raises
-    ------
-    ValueError
-        If a count is not a positive integer, the directions decrease, or the learning rate is not positive.
-    """
-
-    n_iterations: int = 1000
-    learning_rate: float = 0.3
-    n_steps: int = 12
-    method: str = "euler"
-    n_directions: tuple[int, int] = (16, 64)
-    check_every: int = 25
-    save_every: int = 100
-    seed: int = 0
-
-    def __post_init__(self):
-        for name in ("n_iterations", "n_steps", "check_every", "save_every"):
-            require_positive_integer(getattr(self, name), name)
-        for count in self.n_directions:
-            require_positive_integer(count, "n_directions")
-        if not 0 < self.learning_rate < math.inf:
-            raise ValueError(f"learning_rate is {self.learning_rate!r}; a finite number > 0 is needed, in mm")
-        if len(self.n_directions) != 2 or self.n_directions[0] > self.n_directions[1]:
-            raise ValueError(f"n_directions is {self.n_directions}; two counts that do not decrease are needed")
-
-    def learning_rate_at(self, iteration: int) -> float:
-        """Half a cosine from ``learning_rate`` to zero."""
-        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * iteration / self.n_iterations))
-
-    def n_directions_at(self, iteration: int) -> int:
-        """First · 2^k, in equal stretches, up to the last."""
-        first, last = self.n_directions
-        n_stretches = math.ceil(math.log2(last / first)) + 1
-        return min(last, first * 2 ** (iteration * n_stretches // self.n_iterations))
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
 class Fit:
     """A fitted flow: the best field, the mesh it makes, and how it came about.
 
-    ``history`` holds ``iteration``, ``loss`` and ``n_directions`` for every iteration, ``checked_iteration`` and
-    ``checked_loss`` (always the same directions) for every check; ``best_iteration`` is the check the field is from.
+    ``history`` holds ``iteration``, ``loss`` and ``n_directions`` for every iteration; ``checked_iteration`` and
+    ``checked_loss`` (always the same directions) for every check; with a guard, ``checked_crossings`` (faces) for every
+    check and ``retreat_iteration`` for every time the fit backed off. ``best_iteration`` is the check the field is
+    from, and ``n_steps`` how many steps carried the mesh there.
     """
 
-    field: VelocityField
+    field: LearnedVelocity
     mesh: Mesh
     history: dict[str, list[float]]
     best_iteration: int
+    n_steps: int
 
 
 def fit_flow(
-    field: VelocityField,
+    field: LearnedVelocity,
     mesh: Mesh,
     loss: FitLoss,
     settings: FitSettings | None = None,
     checkpoint: str | os.PathLike | None = None,
     report: Callable[[int, float], None] | None = None,
+    guard: Guard | None = None,
 ) -> Fit:
     """Fit a velocity field so that the flow carries ``mesh`` to where ``loss`` is least.
 
@@ -110,8 +56,8 @@ def fit_flow(
 
     Parameters
     ----------
-    field : VelocityField
-        Where to start from, such as :func:`meshot.flow.grid.grid_around`.
+    field : LearnedVelocity
+        Where to start from, such as :func:`meshot.flow.grid.grid_around` or a network.
     mesh : Mesh
     loss : callable of (mesh, n_directions, generator)
         Any differentiable loss of the carried mesh on any encoding; :func:`meshot.flow.fit.sliced_loss` makes one.
@@ -121,12 +67,15 @@ def fit_flow(
         A safetensors file, written whole every ``save_every`` iterations. If it is there already, the fit goes on from
         it and ends with the same field as if it had never stopped.
     report : callable of (iterations done, loss), optional
-        Called after every iteration, for a progress bar.
+        Called after every iteration; :func:`meshot.flow.progress.fit_progress` makes one that draws a bar.
+    guard : Guard, optional
+        Count the faces that cross at every check, and back off when there are any.
 
     Raises
     ------
     ValueError
-        If the checkpoint belongs to other settings or another field.
+        If the checkpoint belongs to other settings or another field, or there is a guard and faces cross from the
+        start.
     FloatingPointError
         If the loss or a gradient is not finite; it names the iteration. The checkpoint then holds the last good state.
 
@@ -137,23 +86,24 @@ def fit_flow(
     """
     settings = settings or FitSettings()
     field = copy.deepcopy(field)
-    optimiser = torch.optim.Adam(field.parameters(), lr=settings.learning_rate)
-    state = FitState(field, optimiser)
+    state = FitState(field, torch.optim.Adam(field.parameters(), lr=settings.learning_rate), settings.n_steps)
+    kept = dataclasses.asdict(settings) | {"guard": None if guard is None else dataclasses.asdict(guard)}
     if checkpoint is not None and os.path.exists(checkpoint):
-        read_state(checkpoint, state, dataclasses.asdict(settings))
-    while state.iteration < settings.n_iterations:
+        read_state(checkpoint, state, kept)
+    elif guard is not None:
+        require_no_crossings(carried(state, mesh, settings), guard)
+    while not _is_done(state, settings, guard):
         value = _iterate(state, mesh, loss, settings)
         if state.iteration % settings.check_every == 0 or state.iteration == settings.n_iterations:
-            _check(state, mesh, loss, settings)
-        done = state.iteration == settings.n_iterations
-        if checkpoint is not None and (done or state.iteration % settings.save_every == 0):
-            write_state(checkpoint, state, dataclasses.asdict(settings))
+            _check(state, mesh, loss, settings, guard)
+        if checkpoint is not None and (_is_done(state, settings, guard) or state.iteration % settings.save_every == 0):
+            write_state(checkpoint, state, kept)
         if report is not None:
             report(state.iteration, value)
     state.restore_best()
     with torch.no_grad():
-        carried = _carried(field, mesh, settings)
-    return Fit(field, carried, state.history, state.best_iteration)
+        result = carried(state, mesh, settings)
+    return Fit(field, result, state.history, state.best_iteration, state.n_steps)
 
 
 def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
@@ -176,22 +126,28 @@ def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
     return loss
 
 
-def _carried(field: VelocityField, mesh: Mesh, settings: FitSettings) -> Mesh:
-    return mesh.with_vertices(integrate(field, mesh.vertices, settings.n_steps, settings.method))
+def _is_done(state: FitState, settings: FitSettings, guard: Guard | None) -> bool:
+    fruitless = sum(i > state.best_iteration for i in state.history["checked_iteration"])
+    given_up = guard is not None and len(state.history["retreat_iteration"]) >= guard.max_retreats
+    out_of_patience = settings.patience is not None and fruitless >= settings.patience
+    return state.iteration >= settings.n_iterations or given_up or out_of_patience
 
 
 def _iterate(state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings) -> float:
     i = state.iteration
     n_directions, generator = settings.n_directions_at(i), np.random.default_rng([settings.seed, i])
     state.optimiser.zero_grad(set_to_none=True)
-    value = loss(_carried(state.field, mesh, settings), n_directions, generator)
+    value = loss(carried(state, mesh, settings), n_directions, generator)
     _require_finite_step(value.detach(), f"the loss of iteration {i}")
     value.backward()
     for name, parameter in state.field.named_parameters():
         if parameter.grad is not None:
             _require_finite_step(parameter.grad, f"the gradient in {name} of iteration {i}")
+    stages = state.field.stages()
+    for parameter in itertools.chain(*stages[settings.n_stages_at(i, len(stages)) :]):
+        parameter.grad = None  # Adam leaves it where it is
     for group in state.optimiser.param_groups:
-        group["lr"] = settings.learning_rate_at(i)
+        group["lr"] = settings.learning_rate_at(i) * state.rate_factor
     state.optimiser.step()
     state.iteration = i + 1
     for key, entry in (("iteration", i), ("loss", float(value.detach())), ("n_directions", n_directions)):
@@ -206,11 +162,14 @@ def _require_finite_step(values: Tensor, name: str) -> None:
         )
 
 
-@torch.no_grad()
-def _check(state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings) -> None:
+def _check(state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings, guard: Guard | None) -> None:
     generator = np.random.default_rng([settings.seed, settings.n_iterations])
-    value = float(loss(_carried(state.field, mesh, settings), settings.n_directions[1], generator))
+    with torch.no_grad():
+        moved = carried(state, mesh, settings)
+        value = float(loss(moved, settings.n_directions[1], generator))
     state.history["checked_iteration"].append(state.iteration)
     state.history["checked_loss"].append(value)
-    if value < state.best_loss:
+    if guard is not None and not passes(state, moved, guard):
+        retreat(state, mesh, settings, guard)
+    elif value < state.best_loss:
         state.keep_as_best(value)

@@ -6,16 +6,17 @@ import torch
 from torch import nn
 
 from meshot.errors import as_floating, require_positive_integer, require_shape
-from meshot.flow.field import Velocity, VelocityField
-from meshot.flow.spline import refined, spline_values
+from meshot.flow.field import LearnedVelocity, Prepared
+from meshot.flow.spline import INTERPOLATIONS, refined, spline_values
 from meshot.types import Float, Tensor
 
 
-class GridVelocity(VelocityField):
-    """A sum of cubic B-splines on nested grids over a box, constant on equal pieces of time; zero at the start.
+class GridVelocity(LearnedVelocity):
+    """A sum of B-splines on nested grids over a box, constant on equal pieces of time; zero at the start.
 
-    Twice continuously differentiable in the box. Outside, the velocity is that of the nearest point of the box, which
-    keeps the Lipschitz constant.
+    Cubic splines are twice continuously differentiable in the box; linear ones are only continuous, with kinks on the
+    faces of the cells. Both are Lipschitz. Outside the box, the velocity is that of its nearest point, which keeps the
+    Lipschitz constant. With one piece of time the field is stationary.
 
     Parameters
     ----------
@@ -26,20 +27,30 @@ class GridVelocity(VelocityField):
         needs 64 coefficients, not 64 per level.
     n_pieces : int
         Of time, equal, on [0, 1]. Steps should not straddle them: take a multiple as the number of steps.
+    interpolation : str
+        "cubic" (B-spline: the velocity at a node is a mean of nearby coefficients) or "linear" (it is the coefficient).
 
     Raises
     ------
     ValueError
-        If the box is empty, the spacings do not halve, or ``n_pieces`` < 1.
+        If the box is empty, the spacings do not halve, ``n_pieces`` < 1, or the interpolation is unknown.
     """
 
     def __init__(
-        self, lower: Tensor, upper: Tensor, spacings: tuple[float, ...] = (24.0, 12.0, 6.0, 3.0), n_pieces: int = 4
+        self,
+        lower: Tensor,
+        upper: Tensor,
+        spacings: tuple[float, ...] = (24.0, 12.0, 6.0, 3.0),
+        n_pieces: int = 4,
+        interpolation: str = "cubic",
     ):
         super().__init__()
         lower, upper = _require_box(lower, upper)
         _require_halving(spacings)
         require_positive_integer(n_pieces, "n_pieces")
+        if interpolation not in INTERPOLATIONS:
+            raise ValueError(f"interpolation is {interpolation!r}; one of {', '.join(INTERPOLATIONS)} is needed")
+        self.interpolation = interpolation
         self.spacings, self.n_pieces = tuple(float(s) for s in spacings), n_pieces
         self.register_buffer("lower", lower)
         n_cells = [int(n) for n in torch.ceil((upper - lower) / spacings[0] - 1e-6).clamp(min=1)]
@@ -51,21 +62,31 @@ class GridVelocity(VelocityField):
         """The coefficients of the whole field on the finest grid, in mm per unit of time."""
         total = self.levels[0]
         for level in list(self.levels)[1:]:
-            total = refined(total) + level
+            total = refined(total, self.interpolation) + level
         return total
 
-    def prepared(self) -> Velocity:
+    def extra_repr(self) -> str:
+        """What the shapes of the levels do not tell."""
+        return f"spacings={self.spacings}, n_pieces={self.n_pieces}, interpolation={self.interpolation}"
+
+    def stages(self) -> list[list[nn.Parameter]]:
+        """One level after another, coarse to fine."""
+        return [[level] for level in self.levels]
+
+    def prepared(self) -> Prepared:
         """The field as one spline per piece of time."""
-        pieces = self.coefficients().unbind(dim=0)
+        coefficients = self.coefficients()
+        pieces = coefficients.unbind(dim=0)
         starts = torch.arange(self.n_pieces, dtype=torch.float64, device=self.lower.device) / self.n_pieces
         finest = self.spacings[-1]
         first = self.lower - finest  # every level has one node before the box and one after it
 
         def velocity(time: Tensor, points: Tensor) -> Tensor:
             piece = int(torch.searchsorted(starts.to(time.dtype), time, right=True)) - 1
-            return spline_values(pieces[min(max(piece, 0), len(pieces) - 1)], (points - first) / finest)
+            nearest = pieces[min(max(piece, 0), len(pieces) - 1)]
+            return spline_values(nearest, (points - first) / finest, self.interpolation)
 
-        return velocity
+        return Prepared(velocity, (coefficients,))
 
     def forward(self, time: Float[Tensor, ""], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
         """The velocity of every point at one time, in mm per unit of time."""
@@ -75,8 +96,9 @@ class GridVelocity(VelocityField):
     def lipschitz_bound(self) -> Float[Tensor, ""]:
         """A bound of the Lipschitz constant over space and time, per unit of time.
 
-        The derivative of a cubic B-spline along an axis is a convex combination of differences of neighbouring
-        coefficients over the spacing: ‖Dv‖ ≤ √(Σ_axes max ‖Δc‖²) / spacing. Differences tighten as the grid refines.
+        The derivative of a B-spline, linear or cubic, along an axis is a convex combination of differences of
+        neighbouring coefficients over the spacing: ‖Dv‖ ≤ √(Σ_axes max ‖Δc‖²) / spacing. Differences tighten as the
+        grid refines.
         """
         coefficients = self.coefficients()
         steepest = [
@@ -90,6 +112,7 @@ def grid_around(
     margin: float = 12.0,
     spacings: tuple[float, ...] = (24.0, 12.0, 6.0, 3.0),
     n_pieces: int = 4,
+    interpolation: str = "cubic",
 ) -> GridVelocity:
     """A velocity on grids over the box that holds all the points, and ``margin`` mm more on every side; zero so far.
 
@@ -101,7 +124,8 @@ def grid_around(
     if not margin >= 0:
         raise ValueError(f"margin is {margin!r}; a number >= 0 is needed, in mm")
     everything = torch.cat([p.detach() for p in points])
-    return GridVelocity(everything.amin(dim=0) - margin, everything.amax(dim=0) + margin, spacings, n_pieces)
+    lower, upper = everything.amin(dim=0) - margin, everything.amax(dim=0) + margin
+    return GridVelocity(lower, upper, spacings, n_pieces, interpolation)
 
 
 def _require_box(lower: Tensor, upper: Tensor) -> tuple[Tensor, Tensor]:
