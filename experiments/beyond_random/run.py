@@ -1,0 +1,100 @@
+"""Compare ways to choose directions, and control variates, by the error of SW₂² over the number of directions.
+
+Run as ``python experiments/beyond_random/run.py``. Finished pairs are kept in ``partial.jsonl`` until all is done, so
+that a run that was stopped goes on where it ended.
+"""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+import yaml
+from estimators import METHODS, Controls, drawn_directions, least_directions
+from summary import summarise
+from tqdm import tqdm
+
+from meshot import DiscreteMeasure, Mesh, varifold
+from meshot.loss.sliced import slice_costs
+from meshot.mesh.decimation import decimated
+from meshot.mesh.shapes import ellipsoid, folded_sphere
+from meshot.report.results import write_results
+from meshot.synth.anatomy import fsaverage5_surface
+
+HERE = Path(__file__).parent
+
+
+def measures(pair: str, d: int, config: dict) -> tuple[DiscreteMeasure, DiscreteMeasure]:
+    """Two varifolds, or their positions alone in R³."""
+    settings = config["pairs"][pair]
+    if pair == "cortex":
+        meshes = [decimated(fsaverage5_surface(kind, "left"), settings["n_faces"]) for kind in ("white", "pial")]
+    else:
+        folded, smooth = folded_sphere(config["subdivisions"], 1.0, 0.15, 5), ellipsoid(2, (1.1, 0.9, 0.8))
+        meshes = [folded, smooth.with_vertices(smooth.vertices + torch.tensor(settings["shift"], dtype=torch.float64))]
+    return tuple(_encoded(mesh, d, settings["normal_scale"]) for mesh in meshes)
+
+
+def _encoded(mesh: Mesh, d: int, normal_scale: float) -> DiscreteMeasure:
+    encoded = varifold(mesh, normal_scale)
+    return DiscreteMeasure(encoded.points[:, :d].contiguous(), encoded.weights)
+
+
+def estimates(task: dict, config: dict) -> dict[str, list[float]]:
+    """For one pair, space, way to draw and L: the estimates of every method that draws so, set by set."""
+    source, target = measures(task["pair"], task["d"], config)
+    controls = Controls(source, target)
+    methods = {
+        name: estimate
+        for name, (way, estimate) in METHODS.items()
+        if way == task["way"] and task["n_directions"] >= least_directions(name, task["d"])
+    }
+    found: dict[str, list[float]] = {name: [] for name in methods}
+    for k in range(task["n_sets"]):
+        seed = int(np.random.SeedSequence([config["seed"], task["n_directions"], k]).generate_state(1)[0])
+        directions = drawn_directions(task["way"], task["n_directions"], task["d"], seed)
+        costs = slice_costs(source, target, directions).numpy()
+        for name, estimate in methods.items():
+            found[name].append(float(f"{estimate(costs, directions.numpy(), controls):.8g}"))
+    return found
+
+
+def tasks(config: dict) -> list[dict]:
+    """Every pair, space, way to draw and L."""
+    return [
+        {"pair": pair, "d": d, "way": way, "n_directions": n_directions, "n_sets": n_sets}
+        for n_directions, n_sets in zip(config["sizes"], config["n_sets"], strict=True)
+        for pair in config["pairs"]
+        for d in config["dimensions"]
+        for way in dict.fromkeys(way for way, _ in METHODS.values())
+    ]
+
+
+def main() -> None:
+    """Do the tasks that are missing, then write the summary."""
+    torch.set_num_threads(1)
+    started = time.perf_counter()
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    partial = HERE / "partial.jsonl"
+    lines = partial.read_text(encoding="utf-8").splitlines() if partial.exists() else []
+    done = {line["key"]: line for line in map(json.loads, lines)}
+    for task in tqdm(tasks(config)):
+        key = json.dumps(task, sort_keys=True)
+        if key in done:
+            continue
+        before = time.process_time()
+        done[key] = {"key": key, "task": task, "values": estimates(task, config)}
+        done[key]["seconds"] = time.process_time() - before
+        with partial.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(done[key]) + "\n")
+    rows = [done[json.dumps(task, sort_keys=True)] for task in tasks(config)]
+    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
+    command = "python experiments/beyond_random/run.py"
+    data = "synthetic surfaces; FreeSurfer's fsaverage5, left hemisphere"
+    write_results(HERE / "results.json", summarise(rows, config), config, command, data, seconds)
+    partial.unlink()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""Root mean square errors over L, their slopes, and the factor saved at one L."""
+
+import numpy as np
+from estimators import METHODS
+
+from meshot.report.slopes import fitted_slope
+
+
+def summarise(rows: list[dict], config: dict) -> dict:
+    """``methods``: for each pair, space and method the relative errors, the slope, the factor saved; intervals 95 %."""
+    groups: dict[tuple, dict[int, dict[str, list[float]]]] = {}
+    for row in rows:
+        task = row["task"]
+        sizes = groups.setdefault((task["pair"], task["d"]), {})
+        sizes.setdefault(task["n_directions"], {}).update(row["values"])
+    found = []
+    for (pair, d), sizes in groups.items():
+        truth = reference(sizes)
+        errors = {
+            method: {n: np.array(sizes[n][method]) / truth - 1 for n in sizes if method in sizes[n]}
+            for method in METHODS
+        }
+        for method in METHODS:
+            common = {"pair": pair, "d": d, "method": method, "truth": _short(truth)}
+            found.append(common | _line(errors[method], errors["random"], config))
+    return {"methods": found}
+
+
+def reference(sizes: dict[int, dict[str, list[float]]]) -> float:
+    """The value that errors are taken against: the mean over all estimates at the largest L of unbiased methods.
+
+    Weighted by the inverse of their variances; the methods that fit coefficients are biased by O(1/L), and left out.
+    """
+    last = {name: np.array(values) for name, values in sizes[max(sizes)].items() if "fitted" not in name}
+    weights = {name: len(values) / values.var(ddof=1) for name, values in last.items()}
+    return float(sum(weights[name] * values.mean() for name, values in last.items()) / sum(weights.values()))
+
+
+def _line(errors: dict[int, np.ndarray], random: dict[int, np.ndarray], config: dict) -> dict:
+    fitted = [n for n in sorted(errors) if n >= config["fit_from"]]
+    slope, low, high = fitted_slope(fitted, [errors[n] for n in fitted], statistic="rms")
+    at = config["compare_at"]
+    return {
+        "sizes": sorted(errors),
+        "rmse": [_short(np.sqrt(np.mean(errors[n] ** 2))) for n in sorted(errors)],
+        "bias": [_short(errors[n].mean()) for n in sorted(errors)],
+        "slope": _short(slope),
+        "low": _short(low),
+        "high": _short(high),
+        "saved": factor_saved(random[at], errors[at]),
+    }
+
+
+def factor_saved(random: np.ndarray, errors: np.ndarray, n_draws: int = 2000) -> dict:
+    """The root mean square of one list of errors over that of another, with its 95 % interval (bootstrap)."""
+    generator = np.random.default_rng(0)
+
+    def drawn(values: np.ndarray) -> np.ndarray:
+        again = values[generator.integers(len(values), size=(n_draws, len(values)))]
+        return np.sqrt(np.mean(again**2, axis=1))
+
+    low, high = np.quantile(drawn(random) / drawn(errors), [0.025, 0.975])
+    factor = np.sqrt(np.mean(random**2) / np.mean(errors**2))
+    return {"factor": _short(factor), "low": _short(low), "high": _short(high)}
+
+
+def _short(value: float) -> float:
+    """Six significant digits, so that the committed file stays small."""
+    return float(f"{value:.6g}")

@@ -1,0 +1,108 @@
+"""Slopes in the edge length, and varifold against samples with as many points."""
+
+import numpy as np
+
+from meshot.report.slopes import fitted_slope
+
+QUANTITIES = ("other", "own")
+
+
+def summarise(rows: list[dict], config: dict) -> dict:
+    """``rates``: for each family, space, exponent, encoding and quantity the errors by level and their slope.
+
+    ``duels``: at every level the ratio of the mean error of samples to that of the varifold, with its interval.
+    """
+    groups: dict[tuple, list[dict]] = {}
+    for row in (row for row in rows if row["task"]["part"] == "levels"):
+        groups.setdefault((row["task"]["family"], row["task"]["d"]), []).append(row)
+    rates, duels = [], []
+    for (family, d), group in groups.items():
+        group = sorted(group, key=lambda row: row["task"]["level"])
+        first = [row["task"]["level"] for row in group].index(config["families"][family]["fit_from"])
+        for p in map(str, config["exponents"]):
+            encodings = {rule: [row["found"]["atoms"][rule][p] for row in group] for rule in group[0]["found"]["atoms"]}
+            encodings["samples"] = [row["found"]["samples"][p] for row in group]
+            common = {"family": family, "d": d, "p": int(p)}
+            for quantity in QUANTITIES:
+                for encoding, lists in encodings.items():
+                    named = common | {"encoding": encoding, "quantity": quantity}
+                    rates.append(named | _rate([one[quantity] for one in lists], group, p, first))
+                pairs = zip(encodings["samples"], encodings["barycentres"], strict=True)
+                for row, (samples, varifold) in zip(group, pairs, strict=True):
+                    sizes = {"level": row["task"]["level"], "n_faces": row["found"]["n_faces"]}
+                    duel = ratio_of_means(samples[quantity], varifold[quantity])
+                    duels.append(common | sizes | {"quantity": quantity} | duel)
+    return {"rates": rates, "duels": duels}
+
+
+def _rate(errors: list[list[float]], group: list[dict], p: str, first: int) -> dict:
+    edges = [row["found"]["edge"] for row in group]
+    slope, low, high = fitted_slope(edges[first:], errors[first:])
+    return {
+        "n_faces": [row["found"]["n_faces"] for row in group],
+        "edge": [_short(edge) for edge in edges],
+        "exact": [row["found"]["exact"][p] for row in group],
+        "error": [_short(np.abs(one).mean()) for one in errors],
+        "one_sign": [bool((np.array(one) > 0).all() or (np.array(one) < 0).all()) for one in errors],
+        "slope": _short(slope),
+        "low": _short(low),
+        "high": _short(high),
+    }
+
+
+def ratio_of_means(samples: list[float], varifold: list[float], n_draws: int = 2000) -> dict:
+    """Mean absolute error of samples over that of the varifold, with its 95 % interval (percentile bootstrap)."""
+    top, bottom = np.abs(samples), np.abs(varifold)
+    generator = np.random.default_rng(0)
+    drawn = top[generator.integers(len(top), size=(n_draws, len(top)))].mean(axis=1)
+    drawn /= bottom[generator.integers(len(bottom), size=(n_draws, len(bottom)))].mean(axis=1)
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return {"ratio": _short(top.mean() / bottom.mean()), "low": _short(low), "high": _short(high)}
+
+
+def summarise_clock(rows: list[dict]) -> list[dict]:
+    """For each pair the ways with median seconds and root-mean-square relative error, and where they cross."""
+    found = []
+    for row in (row for row in rows if row["task"]["part"] == "clock"):
+        lines = [
+            {
+                "way": line["way"],
+                "size": line["size"],
+                "seconds": line["seconds"],
+                "error": _short(np.sqrt(np.mean(np.square(line["errors"])))),
+                "bias": _short(np.mean(line["errors"])),
+            }
+            for line in row["found"]["rows"]
+        ]
+        pair = {"pair": row["task"]["pair"], "truth": row["found"]["truth"]}
+        found.append(pair | {"rows": lines, "crossings": crossings(lines)})
+    return found
+
+
+def crossings(lines: list[dict]) -> dict:
+    """What samples reach in the seconds of the exact value, and what they would need for the varifold's error.
+
+    Interpolated on logarithmic axes; beyond the largest sample extrapolated along the fitted line, and said so.
+    """
+    found = {}
+    exact = next(line for line in lines if line["way"] == "exact")
+    varifold = next(line for line in lines if line["way"] == "varifold" and line["size"] == exact["size"])
+    for way in ("samples", "samples, same draws"):
+        series = [line for line in lines if line["way"] == way]
+        seconds = np.log([line["seconds"] for line in series])
+        errors = np.log([line["error"] for line in series])
+        slope, height = np.polyfit(seconds[-5:], errors[-5:], 1)
+        needed = float(np.exp((np.log(varifold["error"]) - height) / slope))
+        found[way] = {
+            "error_in_the_time_of_exact": _short(np.exp(np.interp(np.log(exact["seconds"]), seconds, errors))),
+            "slope_in_seconds": _short(slope),
+            "seconds_for_the_error_of_varifold": _short(needed),
+            "times_slower_than_varifold": _short(needed / varifold["seconds"]),
+            "extrapolated": bool(needed > series[-1]["seconds"]),
+        }
+    return found
+
+
+def _short(value: float) -> float:
+    """Six significant digits, so that the committed file stays small."""
+    return float(f"{value:.6g}")

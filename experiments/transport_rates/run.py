@@ -1,0 +1,62 @@
+"""Measure how fast plug-in estimates of W, of sliced Wasserstein and of Chamfer come near their limits.
+
+Run as ``python experiments/transport_rates/run.py``. Finished repetitions are kept in ``partial.jsonl`` until all is
+done, so that a run that was stopped goes on where it ended.
+"""
+
+import json
+import time
+from pathlib import Path
+
+import torch
+import yaml
+from limits import chamfer_limit
+from measured import MEASURES, errors
+from summary import summarise
+from tqdm import tqdm
+
+from meshot.report.results import write_results
+
+HERE = Path(__file__).parent
+
+
+def tasks(config: dict) -> list[dict]:
+    """Every (estimate, pair, size), the dear ones last."""
+    found = []
+    for estimate in MEASURES:
+        settings = config[estimate]
+        for pair in settings.get("pairs", config["pairs"]):
+            for n_points, n_repetitions in zip(settings["sizes"], settings["repetitions"], strict=True):
+                found.append({"estimate": estimate, **pair, "n_points": n_points, "n_repetitions": n_repetitions})
+    return sorted(found, key=lambda task: task["n_points"])
+
+
+def main() -> None:
+    """Do the tasks that are missing, then write the summary."""
+    torch.set_num_threads(1)
+    started = time.perf_counter()
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    partial = HERE / "partial.jsonl"
+    lines = partial.read_text(encoding="utf-8").splitlines() if partial.exists() else []
+    done = {line["key"]: line for line in map(json.loads, lines)}
+    limits = [chamfer_limit(pair, config) for pair in config["chamfer"]["pairs"]]
+    for task in tqdm(tasks(config)):
+        key = json.dumps(task, sort_keys=True)
+        if key in done:
+            continue
+        before = time.process_time()
+        done[key] = {"key": key, "task": task, "values": errors(task, limits, config)}
+        done[key]["seconds"] = time.process_time() - before
+        with partial.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(done[key]) + "\n")
+    rows = [done[json.dumps(task, sort_keys=True)] for task in tasks(config)]
+    results = summarise(rows, config) | {"limits": limits}
+    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
+    command = "python experiments/transport_rates/run.py"
+    data = "synthetic clouds and surfaces with known distances"
+    write_results(HERE / "results.json", results, config, command, data, seconds)
+    partial.unlink()
+
+
+if __name__ == "__main__":
+    main()
