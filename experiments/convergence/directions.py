@@ -67,7 +67,7 @@ def translation_mean(d: int, p: float) -> float:
 
 def _costs(run: dict, directions: Float[Tensor, "L d"], config: dict) -> list[Array]:
     """For every exponent the cost along every direction."""
-    pair = make_pair("generic", run["d"], 2)
+    pair = make_pair("generic", run["d"], run["subdivisions"])
     if run["case"] == "generic":
         return [pair.true_costs(directions, p) for p in config["exponents"]]
     generator = np.random.default_rng([config["seed"], 4])

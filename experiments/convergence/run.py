@@ -21,10 +21,10 @@ from meshot.report.results import write_results
 HERE = Path(__file__).parent
 #: Part → its runs, what a run finds, and what the part's rows are told as.
 PARTS = {
-    "bounds": (bound_runs, bound_values, bound_summary),
     "distance": (distance_runs, distance_errors, distance_summary),
-    "directions": (direction_runs, direction_errors, direction_summary),
+    "bounds": (bound_runs, bound_values, bound_summary),
     "sizes": (size_runs, size_errors, size_summary),
+    "directions": (direction_runs, direction_errors, direction_summary),
 }
 
 

@@ -14,11 +14,9 @@ def size_runs(config: dict) -> list[dict]:
     settings, runs = config["sizes"], []
     for name, pair in settings["pairs"].items():
         counts = [(n_points, settings["n_repetitions"]) for n_points in settings["points"]]
-        largest = settings["largest"]
-        if pair["d"] == largest["dimension"]:
-            counts.append((largest["points"], largest["n_repetitions"]))
-        plain = {"part": "sizes", "name": name, "n_directions": settings["n_directions"]} | pair
-        runs += [plain | {"n_points": m, "n_repetitions": n} for m, n in counts]
+        if pair.get("to_largest"):
+            counts.append(tuple(settings["largest"].values()))
+        runs += [{"part": "sizes", "name": name} | pair | {"n_points": m, "n_repetitions": n} for m, n in counts]
     return runs
 
 
