@@ -1,6 +1,26 @@
 """The checkers of the exercises, by name: ``check.NAME(your_function)`` prints one line."""
 
+from meshot.teach.convergence_exercises import mean_gap, points_needed, wrong_curve
 from meshot.teach.descent_exercises import largest_rate, line_pull, nearest_pull
+from meshot.teach.line_exercises import quantiles, transport_cost, weight_gradient
+from meshot.teach.measure_exercises import face_weights, is_inside_out, scale_for_share, tent_density
 from meshot.teach.scan_exercises import handles, is_simple, surface_ras
 
-__all__ = ["handles", "is_simple", "largest_rate", "line_pull", "nearest_pull", "surface_ras"]
+__all__ = [
+    "face_weights",
+    "handles",
+    "is_inside_out",
+    "is_simple",
+    "largest_rate",
+    "line_pull",
+    "mean_gap",
+    "nearest_pull",
+    "points_needed",
+    "quantiles",
+    "scale_for_share",
+    "surface_ras",
+    "tent_density",
+    "transport_cost",
+    "weight_gradient",
+    "wrong_curve",
+]
