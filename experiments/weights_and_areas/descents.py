@@ -68,7 +68,13 @@ def judged(end: Mesh, goal: Mesh, config: dict) -> dict:
     samples = [s.sample(config["n_judging_points"], np.random.default_rng(0)) for s in (one, other)]
     values["assd"] = average_surface_distance(other.offsets(samples[0]), one.offsets(samples[1]))
     edges = edge_lengths(end)
-    return values | {"edge_variation": float(edges.std() / edges.mean())}
+    values["edge_variation"] = float(edges.std() / edges.mean())
+    return {name: short(value) for name, value in values.items()}
+
+
+def short(value: float) -> float:
+    """Six significant digits, so that committed files stay small."""
+    return float(f"{value:.6g}")
 
 
 def gradients_at_start(target: str, encoding: str, seed: int, config: dict) -> dict:

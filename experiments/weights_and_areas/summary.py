@@ -1,7 +1,7 @@
 """Means, deviations and paired intervals over seeds."""
 
 import numpy as np
-from descents import gradients_at_start
+from descents import gradients_at_start, short
 from scipy import stats
 
 MEASURED = ("sw_surface", "sw_varifold", "assd", "edge_variation")
@@ -29,8 +29,8 @@ def _statistics(group: list[dict]) -> dict:
     found: dict = {"n_seeds": len(group), "n_collapsed": len(group) - len(ended)}
     for name in MEASURED if len(ended) > 1 else ():
         values = np.array([row[name] for row in ended])
-        found[f"{name}_mean"], found[f"{name}_sd"] = _short(values.mean()), _short(values.std(ddof=1))
-        found[f"{name}_seeds"] = [_short(value) for value in values]
+        found[f"{name}_mean"], found[f"{name}_sd"] = short(values.mean()), short(values.std(ddof=1))
+        found[f"{name}_seeds"] = values.tolist()
     return found
 
 
@@ -42,8 +42,8 @@ def _difference(full: dict, stopped: dict) -> dict:
         gaps = np.array(stopped[f"{name}_seeds"]) - np.array(full[f"{name}_seeds"])
         half = stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / np.sqrt(len(gaps))
         found[f"{name}_full"], found[f"{name}_stopped"] = full[f"{name}_mean"], stopped[f"{name}_mean"]
-        found[f"{name}_gap"] = _short(gaps.mean())
-        found[f"{name}_low"], found[f"{name}_high"] = _short(gaps.mean() - half), _short(gaps.mean() + half)
+        found[f"{name}_gap"] = short(gaps.mean())
+        found[f"{name}_low"], found[f"{name}_high"] = short(gaps.mean() - half), short(gaps.mean() + half)
     return found | {"n_seeds": full["n_seeds"]}
 
 
@@ -56,11 +56,6 @@ def gradient_rows(config: dict) -> list[dict]:
             row = {"target": target, "encoding": encoding, "n_seeds": len(found)}
             for name in found[0]:
                 values = np.array([entry[name] for entry in found])
-                row[f"{name}_mean"], row[f"{name}_sd"] = _short(values.mean()), _short(values.std(ddof=1))
+                row[f"{name}_mean"], row[f"{name}_sd"] = short(values.mean()), short(values.std(ddof=1))
             rows.append(row)
     return rows
-
-
-def _short(value: float) -> float:
-    """Six significant digits, so that the committed file stays small."""
-    return float(f"{value:.6g}")
