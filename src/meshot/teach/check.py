@@ -2,11 +2,13 @@
 
 from meshot.teach.convergence_exercises import mean_gap, points_needed, wrong_curve
 from meshot.teach.descent_exercises import largest_rate, line_pull, nearest_pull
+from meshot.teach.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot.teach.line_exercises import quantiles, transport_cost, weight_gradient
 from meshot.teach.measure_exercises import face_weights, is_inside_out, scale_for_share, tent_density
 from meshot.teach.scan_exercises import handles, is_simple, surface_ras
 
 __all__ = [
+    "euler_flow",
     "face_weights",
     "handles",
     "is_inside_out",
@@ -15,12 +17,14 @@ __all__ = [
     "line_pull",
     "mean_gap",
     "nearest_pull",
+    "pieces_needed",
     "points_needed",
     "quantiles",
     "scale_for_share",
     "surface_ras",
     "tent_density",
     "transport_cost",
+    "undo_step",
     "weight_gradient",
     "wrong_curve",
 ]
