@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.loss._kernel_sliced import sort
+from meshot.loss import fused
+from meshot.loss._kernel_sort import SMALL, sort, sort_scratch
 from meshot.loss.directions import random_directions
 from meshot.loss.sliced import plain_sliced_wasserstein, sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
@@ -129,20 +130,43 @@ def test_gradient_in_the_directions_takes_the_plain_path():
     assert float(lines.grad.abs().max()) > 0
 
 
-def test_threads():
+def test_threads_change_nothing_to_the_bit(monkeypatch):
+    monkeypatch.setattr(fused, "_ALONE", 1)
     arrays = case("generic", np.random.default_rng(2))
-    threads, gradients = torch.get_num_threads(), {}
+    threads, found = torch.get_num_threads(), []
     try:
         for n in (1, 2, 3, 8):
             torch.set_num_threads(n)
-            once, again = ([pair[0] for pair in both(arrays, 2)] for _ in "ab")
-            assert all(torch.equal(g, h) for g, h in zip(once, again))
-            gradients[n] = once
+            for group in (1 << 19, 200, 1):
+                monkeypatch.setattr(fused, "_GROUP", group)
+                found.append([pair[0] for pair in both(arrays, 2)])
     finally:
         torch.set_num_threads(threads)
-    for n in (2, 3, 8):
-        for g, h in zip(gradients[n], gradients[1]):
-            torch.testing.assert_close(g, h)
+    for others in found[1:]:
+        assert all(torch.equal(g, h) for g, h in zip(others, found[0]))
+
+
+@pytest.mark.parametrize("sizes", [(SMALL + 900, 500), (300, SMALL + 1), (SMALL + 50, SMALL + 7)])
+@pytest.mark.parametrize("d", [2, 6])
+def test_large_measures_are_laid_out_otherwise_and_give_the_same(sizes, d):
+    """Beyond ``SMALL`` points are kept along a curve, values dealt into ranges, and projections lie elsewhere."""
+    rng = np.random.default_rng(d)
+    n, m = sizes
+    arrays = rng.normal(size=(n, d)), weighted(rng, n), rng.normal(size=(m, d)) + 0.2, weighted(rng, m)
+    for found, expected in both(arrays, 2, directions=2):
+        torch.testing.assert_close(found, expected, rtol=1e-8, atol=1e-13)
+    x, a, y, b = (torch.from_numpy(array) for array in arrays)
+    lines = random_directions(2, d, 0)
+    for wanted in ((x,), (b,), (a, y)):
+        for tensor in (x, a, y, b):
+            tensor.requires_grad_(any(tensor is w for w in wanted))
+        one, twin = (
+            torch.autograd.grad(loss(DiscreteMeasure(x, a), DiscreteMeasure(y, b), lines), wanted)
+            for loss in (sliced_wasserstein, plain_sliced_wasserstein)
+        )
+        for found, expected, tensor in zip(one, twin, wanted):
+            shift = (expected - found).mean() if tensor.dim() == 1 else 0
+            torch.testing.assert_close(found + shift, expected, rtol=1e-8, atol=1e-12)
 
 
 SORTED = {
@@ -156,6 +180,11 @@ SORTED = {
     "overflow": lambda rng: np.array([1.0, np.inf, -np.inf, 0.0, np.inf]),
     "not a number": lambda rng: np.append(rng.normal(size=50), np.nan),
     "descending": lambda rng: np.arange(3000.0)[::-1].copy(),
+    "many": lambda rng: rng.normal(size=SMALL + 5000),
+    "many ties": lambda rng: rng.integers(0, 300, SMALL + 1000).astype(float),
+    "many, one far away": lambda rng: np.append(rng.normal(size=SMALL + 10), 1e9),
+    "many, all the same": lambda rng: np.full(SMALL + 1, 2.5),
+    "many, not all numbers": lambda rng: np.append(rng.normal(size=SMALL + 10), [np.inf, np.nan]),
 }
 
 
@@ -163,8 +192,8 @@ SORTED = {
 def test_sort_is_numpys_stable_sort(name):
     values = SORTED[name](np.random.default_rng(0))
     n = len(values)
-    ascending, order = np.empty(n), np.empty(n, np.int32)
-    sort(values, ascending, order, np.empty(n, np.uint64), np.empty(n, np.uint64))
+    ascending, order = np.empty(n), np.empty(n, np.uint32)
+    sort(values, ascending, order, sort_scratch(n))
     np.testing.assert_array_equal(order, np.argsort(values, kind="stable"))
     np.testing.assert_array_equal(ascending, np.sort(values))
 

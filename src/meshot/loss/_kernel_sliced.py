@@ -1,8 +1,8 @@
-"""Sliced transport along one direction at a time, value and gradient in one pass, in numba.
+"""Sliced transport, value and gradient in one pass over each direction, in numba.
 
-For every direction: project both measures, sort, walk both quantile functions at once, and leave the gradients where
-the points came from. Memory is that of one direction, whatever their number. The caller gives each thread its share
-of the directions: the kernels release the GIL. Everything is in double precision.
+For every direction: project both measures, sort, walk both quantile functions at once, and leave the pulls where the
+points came from. The caller gives each thread its share of the directions: the kernels release the GIL. Everything is
+in double precision.
 """
 
 from typing import no_type_check
@@ -10,157 +10,69 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-_DIGIT_BITS = 11
-_DIGITS = 1 << _DIGIT_BITS
+from meshot.loss._kernel_sort import sort
+
+_BLOCK = 512  # points whose coordinates stay in the first cache while several directions use them
 _options = {"cache": True, "nogil": True}
 
 
 @njit(**_options)
 @no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
-def add_directions(source, source_weights, target, target_weights, directions, p, costs, to_source, to_target, masses):
-    """W_p^p along every direction, in ``costs``, and the sums of its gradients over the directions, in the buffers.
+def walk_lines(directions, p, x, y, costs, tops):
+    """W_p^p along every direction, in ``costs``, and its gradients in the positions and weights along each.
 
-    ``source``, ``target`` and their gradients are (d, n): one row per coordinate, so that projecting is d long
-    additions. ``masses`` holds the gradients in the weights of both sides. A buffer without entries is not wanted.
+    A side is (columns, weights, values, steps, ends, order, pulls, drops, scratch): the points as (d, n), one row per
+    coordinate; then room. A row of ``pulls`` is the gradient in the positions along one direction, and what ``tops``
+    says less a row of ``drops`` is the one in the weights; a side without such rows is not wanted.
     """
-    n, m = source.shape[1], target.shape[1]
-    x, x_ends, x_pull, x_drop = np.empty(n + 1), np.empty(n + 1), np.empty(n + 1), np.empty(n + 1)
-    y, y_ends, y_pull, y_drop = np.empty(m + 1), np.empty(m + 1), np.empty(m + 1), np.empty(m + 1)
-    x_order, y_order, values = np.empty(n, np.int32), np.empty(m, np.int32), np.empty(max(n, m))
-    keys, spare = np.empty(max(n, m), np.uint64), np.empty(max(n, m), np.uint64)
+    _project(x[0], directions, x[2])
+    _project(y[0], directions, y[2])
+    nowhere = np.empty(0)
     for line in range(len(directions)):
-        direction = directions[line]
-        _quantiles(source, source_weights, direction, values[:n], x, x_order, x_ends, keys, spare)
-        _quantiles(target, target_weights, direction, values[:m], y, y_order, y_ends, keys, spare)
-        costs[line] = _walk(x, x_ends, y, y_ends, p, x_pull, y_pull, x_drop, y_drop)
-        if to_source.size:
-            _spread(x_pull, x_order, direction, values[:n], to_source)
-        if to_target.size:
-            _spread(y_pull, y_order, direction, values[:m], to_target)
-        if masses.size:
-            _add_potential(x_drop, x_order, masses[:n])
-            _add_potential(y_drop, y_order, masses[n:])
+        wanted_x, wanted_y = len(x[6]) > 0, len(y[6]) > 0
+        _quantiles(y[2][line], y[1], y[3], y[5], y[4], y[8])
+        _quantiles(x[2][line], x[1], x[3], x[5], x[4], x[8])
+        pulls_x, drops_x = (x[6][line], x[7][line]) if wanted_x else (nowhere, nowhere)
+        pulls_y, drops_y = (y[6][line], y[7][line]) if wanted_y else (nowhere, nowhere)
+        costs[line], last = _walk(x[3], x[4], x[5], y[3], y[4], y[5], p, pulls_x, drops_x, pulls_y, drops_y)
+        if wanted_x:
+            tops[line, 0] = _close(pulls_x, drops_x, x[5]) + last / 2
+        if wanted_y:
+            tops[line, 1] = _close(pulls_y, drops_y, y[5]) + last / 2
+
+
+@njit(fastmath={"contract"}, **_options)
+@no_type_check
+def _project(columns, directions, values):
+    """⟨direction, point⟩ for all, block by block, so that coordinates are read once for all directions."""
+    d, n = columns.shape
+    for start in range(0, n, _BLOCK):
+        stop = min(start + _BLOCK, n)
+        for line in range(len(directions)):
+            row = values[line, start:stop]
+            row[:] = directions[line, 0] * columns[0, start:stop]
+            for k in range(1, d):
+                column, share = columns[k, start:stop], directions[line, k]
+                for i in range(len(row)):
+                    row[i] += share * column[i]
 
 
 @njit(**_options)
 @no_type_check
-def _quantiles(columns, weights, direction, values, steps, order, ends, keys, spare):
-    """The quantile function of a projected measure: its steps in ascending order, and where in [0, 1] each ends."""
-    n = len(values)
-    _project(columns, direction, values)
-    sort(values, steps[:n], order, keys, spare)
-    steps[n] = steps[n - 1]
+def _quantiles(values, weights, steps, order, ends, scratch):
+    """The quantile function of a projected measure: its steps in ascending order, and where in [0, 1] each ends.
+
+    The last entry of every array is a step beyond the end: it repeats the last position, and takes the mass that
+    rounding leaves over on the other side. ``values`` may lie in ``ends``: they are done with when these are filled.
+    """
+    n = len(weights)
+    sort(values[:n], steps[:n], order[:n], scratch)
+    steps[n], order[n] = steps[n - 1], n
     mass = 0.0
     for i in range(n):
         mass += weights[order[i]]
         ends[i] = mass
     ends[n] = np.inf
-
-
-@njit(fastmath={"contract"}, **_options)
-@no_type_check
-def _project(columns, direction, out):
-    out[:] = direction[0] * columns[0]
-    for k in range(1, len(direction)):
-        for i in range(len(out)):
-            out[i] += direction[k] * columns[k, i]
-
-
-@njit(fastmath={"contract"}, **_options)
-@no_type_check
-def _spread(pull, order, direction, values, columns):
-    """Add ``pull`` · ``direction`` to the points that the sorted entries came from."""
-    n = len(order)
-    pull[n - 1] += pull[n]
-    for i in range(n):
-        values[order[i]] = pull[i]
-    for k in range(len(direction)):
-        for i in range(n):
-            columns[k, i] += direction[k] * values[i]
-
-
-@njit(**_options)
-@no_type_check
-def _add_potential(drop, order, masses):
-    n = len(order)
-    for i in range(n):
-        masses[order[i]] += drop[n] - drop[i]
-
-
-@njit(**_options)
-@no_type_check
-def sort(values, ascending, order, keys, spare):
-    """A stable sort: radix on 22 bits of the range, then insertion for what shares a key.
-
-    Where values crowd in few keys (an outlier stretches the range), insertion is abandoned for a merge sort.
-    """
-    n = len(values)
-    low, high, finite = values[0], values[0], True
-    for i in range(n):
-        low, high = min(low, values[i]), max(high, values[i])
-        finite &= abs(values[i]) < np.inf
-    scale = (_DIGITS * _DIGITS - 1) / (high - low) if high > low else 0.0
-    # What overflowed has no key; neither does a range so small, or so large, that the scale leaves the numbers.
-    if finite and scale < np.inf and high - low < np.inf:
-        _radix(values, low, scale, ascending, order, keys, spare)
-        if _insertion(ascending, order, 8 * n):
-            return
-    order[:] = np.argsort(values, kind="mergesort")
-    ascending[:] = values[order]
-
-
-@njit(**_options)
-@no_type_check
-def _radix(values, low, scale, ascending, order, keys, spare):
-    n = len(values)
-    first, second = np.zeros(_DIGITS, np.int64), np.zeros(_DIGITS, np.int64)
-    for i in range(n):
-        key = np.int64((values[i] - low) * scale)
-        first[key & (_DIGITS - 1)] += 1
-        second[key >> _DIGIT_BITS] += 1
-        keys[i] = (key << 32) | i
-    _to_starts(first)
-    _to_starts(second)
-    for i in range(n):
-        digit = np.int64(keys[i] >> 32) & (_DIGITS - 1)
-        spare[first[digit]] = keys[i]
-        first[digit] += 1
-    for i in range(n):
-        digit = np.int64(spare[i] >> (32 + _DIGIT_BITS))
-        keys[second[digit]] = spare[i]
-        second[digit] += 1
-    for i in range(n):
-        index = np.int64(keys[i] & 0xFFFFFFFF)
-        order[i] = index
-        ascending[i] = values[index]
-
-
-@njit(**_options)
-@no_type_check
-def _to_starts(counts):
-    start = 0
-    for digit in range(len(counts)):
-        count = counts[digit]
-        counts[digit] = start
-        start += count
-
-
-@njit(**_options)
-@no_type_check
-def _insertion(ascending, order, budget):
-    """Sort in place what is nearly sorted; False if more than ``budget`` moves would be needed."""
-    for i in range(1, len(ascending)):
-        value = ascending[i]
-        if ascending[i - 1] > value:
-            index, j = order[i], i
-            while j > 0 and ascending[j - 1] > value:
-                ascending[j], order[j] = ascending[j - 1], order[j - 1]
-                j -= 1
-            ascending[j], order[j] = value, index
-            budget -= i - j
-            if budget < 0:
-                return False
-    return True
 
 
 @njit(inline="always")
@@ -177,30 +89,66 @@ def _power(gap, p):
 
 @njit(fastmath={"contract"}, **_options)
 @no_type_check
-def _walk(x, x_ends, y, y_ends, p, x_pull, y_pull, x_drop, y_drop):
+def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_pulls, x_drops, y_pulls, y_drops):
     """W_p^p on a line: one cell of [0, 1] after the other, each ending where a step of F⁻¹ or of G⁻¹ ends.
 
-    The last entry of every array is a step beyond the end: it repeats the last position, and takes the mass that
-    rounding leaves over on the other side. Leaves the gradient in the positions in the pulls. The gradient in the
-    weights is a potential: it drops by c − c′ where a step of its own side ends and the cost goes from c to c′; the
-    sum of these drops up to each step is left in the drops. Which side ends is a coin toss that no processor can
-    predict, so that there is no branch on it.
+    Leaves the gradient in the positions in the pulls. The gradient in the weights is a potential: it drops by c − c′
+    where a step of its own side ends and the cost goes from c to c′; the sum of these drops up to each step is left in
+    the drops. Both go straight to the points, again for every cell of a step: the last writing counts. Which side ends
+    is a coin toss that no processor can predict, so that there is no branch on it; each step waits for the comparison
+    of the step before, which is why ends are compared as integers: those of floats ≥ 0 are in the same order, sooner.
     """
-    i, j, done, total = 0, 0, 0.0, 0.0
-    x_dropped, y_dropped, before, x_took, y_took = 0.0, 0.0, 0.0, 0, 0
-    x_pull[:], y_pull[:] = 0.0, 0.0
-    for _ in range(len(x) + len(y) - 2):
+    one = np.uint64(1)
+    i, j, x_took, y_took = np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(0)
+    done, before, total, x_pull, y_pull, x_drop, y_drop = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    x_bits, y_bits = x_ends.view(np.int64), y_ends.view(np.int64)
+    x_wanted, y_wanted = len(x_pulls) > 0, len(y_pulls) > 0
+    x_pulls[-1:], y_pulls[-1:] = 0.0, 0.0  # the step beyond the end may not be reached
+    for _ in range(len(x_order) + len(y_order) - 2):
         cost, slope = _power(x[i] - y[j], p)
-        x_dropped += x_took * (before - cost)
-        y_dropped += y_took * (before - cost)
-        x_drop[i], y_drop[j] = x_dropped, y_dropped
-        x_took = int(x_ends[i] <= y_ends[j])
-        y_took = 1 - x_took
+        x_takes = np.uint64(x_bits[i] <= y_bits[j])
         end = min(x_ends[i], y_ends[j])
-        total += (end - done) * cost
-        x_pull[i] += (end - done) * slope
-        y_pull[j] -= (end - done) * slope
+        mass = end - done
+        total += mass * cost
+        if x_wanted:
+            x_drop += x_took * (before - cost)
+            x_pull += mass * slope
+            x_pulls[x_order[i]], x_drops[x_order[i]] = x_pull, x_drop
+            x_pull *= one - x_takes
+        if y_wanted:
+            y_drop += y_took * (before - cost)
+            y_pull -= mass * slope
+            y_pulls[y_order[j]], y_drops[y_order[j]] = y_pull, y_drop
+            y_pull *= x_takes
+        x_took, y_took = x_takes, one - x_takes
         i, j, done, before = i + x_took, j + y_took, end, cost
-    # The cost at the top is shared, so that masses times potentials sum to the whole cost, as duality has it.
-    x_drop[-1], y_drop[-1] = x_drop[-2] + before / 2, y_drop[-2] + before / 2
-    return total
+    return total, before
+
+
+@njit(**_options)
+@no_type_check
+def _close(pulls, drops, order):
+    """Give the last point what the step beyond the end was pulled; returns how far the potential drops in all.
+
+    To this the caller adds half of the cost at the top: shared so, masses times potentials sum to the whole cost, as
+    duality has it.
+    """
+    n = len(order) - 1
+    pulls[order[n - 1]] += pulls[n]
+    return drops[order[n - 1]]
+
+
+@njit(fastmath={"contract"}, **_options)
+@no_type_check
+def spread(pulls, drops, directions, start, stop, columns, masses):
+    """Add up, for the points from ``start`` to ``stop``, the gradients of all directions, one after the other."""
+    for left in range(start, stop, _BLOCK):
+        right = min(left + _BLOCK, stop)
+        for line in range(len(directions)):
+            row = pulls[line, left:right]
+            for k in range(len(columns)):
+                column, share = columns[k, left:right], directions[line, k]
+                for i in range(len(row)):
+                    column[i] += share * row[i]
+            if len(masses):
+                masses[left:right] -= drops[line, left:right]

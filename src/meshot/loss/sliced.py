@@ -1,15 +1,13 @@
 """The sliced Wasserstein loss: transport along lines, averaged over directions."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
 from meshot.errors import require_same_space
-from meshot.loss._kernel_sliced import add_directions
 from meshot.loss.directions import require_directions
 from meshot.loss.exact import exact_slice_costs, exact_sliced_wasserstein
+from meshot.loss.fused import fused_slices
 from meshot.measure.discrete import DiscreteMeasure
 from meshot.measure.surface import SurfaceMeasure
 from meshot.threads import in_chunks
@@ -103,7 +101,7 @@ def slice_costs(
     tensors = (source.points, source.weights, target.points, target.weights, directions)
     wanted = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
     if _for_kernel(source.points) and not wanted:
-        return torch.from_numpy(_fused(tensors, (False,) * 4, float(p))[0]).to(source.points)
+        return torch.from_numpy(fused_slices(tensors[:4], directions, p, (False,) * 4)[0]).to(source.points)
     return _plain_costs(source, target, directions, p)
 
 
@@ -142,35 +140,15 @@ class _FusedSliced(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, source, source_weights, target, target_weights, directions, p):
-        tensors = (source, source_weights, target, target_weights, directions)
-        costs, *gradients = _fused(tensors, ctx.needs_input_grad[:4], p)
-        ctx.gradients = [
-            torch.from_numpy(g / len(directions)).to(source.dtype) if needed else None
-            for g, needed in zip(gradients, ctx.needs_input_grad)
-        ]
+        tensors = (source, source_weights, target, target_weights)
+        costs, gradients = fused_slices(tensors, directions, p, ctx.needs_input_grad[:4])
+        ctx.gradients = [None if g is None else torch.from_numpy(g).to(source.dtype) for g in gradients]
         return source.new_tensor(costs.mean())
 
     @staticmethod
     @once_differentiable
     def backward(ctx, pull):
         return *(None if g is None else pull * g for g in ctx.gradients), None, None
-
-
-def _fused(tensors: tuple[Tensor, ...], wanted: Sequence[bool], p: float) -> list[np.ndarray]:
-    """The cost along every direction; the gradients of their sum in points and weights, empty where not wanted."""
-    arrays = [x.detach().double().numpy() for x in tensors]
-    x, a, y, b, lines = (np.ascontiguousarray(x.T if i in (0, 2) else x) for i, x in enumerate(arrays))
-    need_x, need_a, need_y, need_b = wanted
-    costs = np.empty(len(lines))
-
-    def share(start: int, stop: int) -> list:
-        to_x, to_y = np.zeros_like(x if need_x else x[:, :0]), np.zeros_like(y if need_y else y[:, :0])
-        masses = np.zeros((len(a) + len(b)) if need_a or need_b else 0)
-        add_directions(x, a, y, b, lines[start:stop], p, costs[start:stop], to_x, to_y, masses)
-        return [to_x, to_y, masses]
-
-    to_x, to_y, masses = (sum(parts) for parts in zip(*in_chunks(share, len(lines))))
-    return [costs, to_x.T, masses[: len(a)], to_y.T, masses[len(a) :]]
 
 
 def _same_equal_masses(weights: Tensor, others: Tensor) -> bool:

@@ -1,0 +1,183 @@
+"""A stable sort of floats, with the order it found, in numba: by two digits of a key."""
+
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+#: What one digit sort takes: beyond it, the values are first dealt into ranges, so that all work stays in the cache.
+SMALL = 1 << 17
+_RANGES = 256
+_MAX_BITS = 11
+_options = {"cache": True, "nogil": True}
+
+
+def sort_scratch(n: int) -> tuple[np.ndarray, ...]:
+    """Room for sorting ``n`` values: keys, keys again, values, indices, and counts."""
+    size = min(n, SMALL)
+    keys, spare = np.empty(size, np.uint64), np.empty(size, np.uint64)
+    return keys, spare, np.empty(size), np.empty(size, np.uint32), np.empty((2, 1 << _MAX_BITS), np.uint32)
+
+
+@njit(**_options)
+@no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
+def sort(values, ascending, order, scratch):
+    """Fill ``ascending`` and ``order`` (uint32) with what NumPy's stable sort would say of ``values``."""
+    if len(values) <= SMALL:
+        _sort_small(values, ascending, order, scratch)
+        return
+    low, high = _extremes(values)
+    scale = (_RANGES - 1) / (high - low) if high > low else 0.0
+    if not (_all_finite(values) and scale < np.inf and high - low < np.inf):
+        _sort_any(values, ascending, order)
+        return
+    stops = _deal(values, low, scale, ascending, order)
+    start = 0
+    for stop in stops:
+        _sort_range(ascending[start:stop], order[start:stop], scratch)
+        start = stop
+
+
+@njit(**_options)
+@no_type_check
+def _deal(values, low, scale, dealt, indices):
+    """Copy values and their indices range by range, in the order they come; returns where each range stops."""
+    places = np.zeros(_RANGES, np.uint64)
+    for value in values:
+        places[np.uint64((value - low) * scale)] += np.uint64(1)
+    _to_starts(places)
+    for i in range(len(values)):
+        range_of = np.uint64((values[i] - low) * scale)
+        place = places[range_of]
+        places[range_of] = place + np.uint64(1)
+        dealt[place] = values[i]
+        indices[place] = i
+    return places.astype(np.int64)
+
+
+@njit(**_options)
+@no_type_check
+def _sort_range(values, indices, scratch):
+    """Sort one range in place, its indices with it."""
+    n = len(values)
+    if n <= SMALL:
+        copied, copied_indices = scratch[2][:n], scratch[3][:n]
+        copied[:], copied_indices[:] = values, indices
+        _sort_small(copied, values, indices, scratch)
+    else:
+        copied, copied_indices = values.copy(), indices.copy()
+        _sort_any(copied, values, indices)
+    for i in range(n):
+        indices[i] = copied_indices[indices[i]]
+
+
+@njit(**_options)
+@no_type_check
+def _sort_small(values, ascending, order, scratch):
+    """Sort by two digits, then by insertion what shares a key.
+
+    Where values crowd in few keys (an outlier stretches the range), insertion is abandoned for a merge sort. What
+    overflowed has no key; neither does a range so small, or so large, that the scale leaves the numbers.
+    """
+    n = len(values)
+    if n == 0:
+        return
+    bits = 4
+    while bits < _MAX_BITS and (1 << (2 * bits - 3)) < n:
+        bits += 1
+    low, high = _extremes(values)
+    scale = ((1 << (2 * bits)) - 1) / (high - low) if high > low else 0.0
+    if _all_finite(values) and scale < np.inf and high - low < np.inf:
+        _digits(values, low, scale, bits, order, scratch)
+        for i in range(n):
+            ascending[i] = values[order[i]]
+        if _insertion(ascending, order, 8 * n):
+            return
+    _sort_any(values, ascending, order)
+
+
+@njit(**_options)
+@no_type_check
+def _sort_any(values, ascending, order):
+    order[:] = np.argsort(values, kind="mergesort")
+    for i in range(len(values)):
+        ascending[i] = values[order[i]]
+
+
+@njit(**_options)
+@no_type_check
+def _digits(values, low, scale, bits, order, scratch):
+    """The order by a key of two digits of ``bits`` each: the place in the range. Unsigned indices need no wrapping."""
+    keys, spare, counts = scratch[0], scratch[1], scratch[4]
+    first, second = counts[0, : 1 << bits], counts[1, : 1 << bits]
+    first[:], second[:] = 0, 0
+    mask, digit, one = np.uint64((1 << bits) - 1), np.uint64(bits), np.uint32(1)
+    for i in range(len(values)):
+        key = np.uint64(np.uint32((values[i] - low) * scale))
+        first[key & mask] += one
+        second[key >> digit] += one
+        keys[i] = (key << np.uint64(32)) | np.uint64(i)
+    _to_starts(first)
+    _to_starts(second)
+    for i in range(len(values)):
+        entry = keys[i]
+        column = (entry >> np.uint64(32)) & mask
+        spare[first[column]] = entry
+        first[column] += one
+    for i in range(len(values)):
+        entry = spare[i]
+        column = entry >> (np.uint64(32) + digit)
+        order[second[column]] = np.uint32(entry)
+        second[column] += one
+
+
+@njit(**_options)
+@no_type_check
+def _to_starts(counts):
+    start = counts[0] - counts[0]
+    for digit in range(len(counts)):
+        count = counts[digit]
+        counts[digit] = start
+        start += count
+
+
+@njit(**_options)
+@no_type_check
+def _insertion(ascending, order, budget):
+    """Sort in place what is nearly sorted; False if more than ``budget`` moves would be needed."""
+    for i in range(1, len(ascending)):
+        value = ascending[i]
+        if ascending[i - 1] > value:
+            index, j = order[i], i
+            while j > 0 and ascending[j - 1] > value:
+                ascending[j], order[j] = ascending[j - 1], order[j - 1]
+                j -= 1
+            ascending[j], order[j] = value, index
+            budget -= i - j
+            if budget < 0:
+                return False
+    return True
+
+
+@njit(fastmath={"nnan", "nsz"}, **_options)
+@no_type_check
+def _extremes(values):
+    """Least and greatest value, four at a time: a single minimum would wait for itself at every step."""
+    a = b = c = d = values[0]
+    e = f = g = h = values[0]
+    n = len(values)
+    for i in range(0, n - 3, 4):
+        a, b, c, d = min(a, values[i]), min(b, values[i + 1]), min(c, values[i + 2]), min(d, values[i + 3])
+        e, f, g, h = max(e, values[i]), max(f, values[i + 1]), max(g, values[i + 2]), max(h, values[i + 3])
+    for i in range(n - n % 4, n):
+        a, e = min(a, values[i]), max(e, values[i])
+    return min(min(a, b), min(c, d)), max(max(e, f), max(g, h))
+
+
+@njit(fastmath={"reassoc", "nsz"}, **_options)
+@no_type_check
+def _all_finite(values):
+    probe = 0.0
+    for value in values:
+        probe += value * 0.0
+    return probe == 0.0

@@ -1,0 +1,189 @@
+"""The sliced loss by its kernels: how work, memory and points are laid out for them."""
+
+import contextlib
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import torch
+
+from meshot.loss._kernel_sliced import spread, walk_lines
+from meshot.loss._kernel_sort import SMALL, sort_scratch
+from meshot.types import Array, Float, Tensor
+
+_GROUP = 1 << 19  # floats in the rows that a thread fills before all add them up
+_ALONE = 1 << 16  # projected points below which a second thread is not worth its start
+
+
+def fused_slices(
+    measures: Sequence[Tensor], directions: Float[Tensor, "L d"], p: float, wanted: Sequence[bool]
+) -> tuple[Float[Array, " L"], list[Array | None]]:
+    """The transport cost along every direction, and the gradients of its mean.
+
+    Parameters
+    ----------
+    measures : tensors
+        Points and weights of the source, then of the target.
+    directions : tensor
+        Unit rows.
+    p : float
+        The exponent, at least 1.
+    wanted : four bools
+        Which gradients are wanted; None is returned for the others.
+
+    Notes
+    -----
+    Every thread walks some directions and leaves the pulls on the points in rows, one for each direction; then every
+    thread adds up all rows for some of the points, direction by direction. So there is one gradient, whatever the
+    number of threads, and the same one to the bit.
+    """
+    lines = _array(directions)
+    sides = [_side(*measures[k : k + 2], *wanted[k : k + 2]) for k in (0, 2)]
+    size = max(side.n for side in sides)
+    n_threads = max(1, min(torch.get_num_threads(), len(lines), len(lines) * size // _ALONE))
+    per_thread = -(-len(lines) // n_threads)
+    n_rounds = -(-per_thread // max(1, _GROUP // size))
+    group = -(-per_thread // n_rounds)
+    costs, tops = np.empty(len(lines)), np.zeros((len(lines), 2))
+    _run(sides, lines, float(p), costs, tops, n_threads, group)
+    gradients = []
+    for side, top in zip(sides, tops.sum(axis=0)):
+        gradients += _finished(side, top, len(lines))
+    return costs, gradients
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Side:
+    """One measure as the kernels read it, and the gradients in it, empty where not wanted."""
+
+    columns: Float[Array, "d n"]
+    weights: Float[Array, " n"]
+    places: Array | None
+    to_columns: Array
+    to_weights: Array
+
+    @property
+    def n(self) -> int:
+        return len(self.weights)
+
+    @property
+    def wanted(self) -> bool:
+        return self.to_columns.size > 0 or self.to_weights.size > 0
+
+
+def _side(points: Tensor, weights: Tensor, wants_points: bool, wants_weights: bool) -> _Side:
+    rows, masses, places = _array(points), _array(weights), None
+    if len(rows) > SMALL:
+        # Neighbours in space are neighbours along every direction: kept together, they stay in the cache together.
+        places = _along_a_curve(rows)
+        columns, masses = np.empty(rows.shape[::-1]), masses[places]
+        for column, values in zip(columns, rows.T):
+            np.take(values, places, out=column)
+    else:
+        columns = np.ascontiguousarray(rows.T)
+    to_columns = np.zeros(columns.shape if wants_points else (0, 0))
+    return _Side(columns, masses, places, to_columns, np.zeros(len(masses) if wants_weights else 0))
+
+
+def _array(values: Tensor) -> Array:
+    return np.ascontiguousarray(values.detach().double().numpy())
+
+
+def _along_a_curve(rows: Float[Array, "n d"]) -> Array:
+    """The order of points along a Morton curve through their three widest coordinates."""
+    spread_of = rows.max(axis=0) - rows.min(axis=0)
+    code = np.zeros(len(rows), np.int64)
+    for axis, k in enumerate(np.argsort(-spread_of)[:3]):
+        scale = 1023 / spread_of[k] if 0 < spread_of[k] < np.inf else 0.0
+        cells = ((rows[:, k] - rows[:, k].min()) * scale).astype(np.int64)
+        # Two zeros between any two of ten bits.
+        for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
+            cells = (cells | cells << shift) & mask
+        code |= cells << axis
+    return np.argsort(code).astype(np.int32)
+
+
+def _run(
+    sides: list[_Side],
+    lines: Float[Array, "L d"],
+    p: float,
+    costs: Float[Array, " L"],
+    tops: Float[Array, "L 2"],
+    n_threads: int,
+    group: int,
+) -> None:
+    """All directions in rounds of ``n_threads`` times ``group``: walk, then add up."""
+    rows = [_rows(side, n_threads * group) for side in sides]
+    rooms = [_room(sides, group) for _ in range(n_threads)]
+    with _threads(n_threads) as each:
+        for start in range(0, len(lines), n_threads * group):
+            block = slice(start, start + n_threads * group)
+            n_lines = len(lines[block])
+
+            def walk(k: int, block: slice = block, n_lines: int = n_lines) -> None:
+                own = slice(n_lines * k // n_threads, n_lines * (k + 1) // n_threads)
+                laid = [_laid(*parts, own) for parts in zip(sides, rooms[k], rows)]
+                walk_lines(lines[block][own], p, *laid, costs[block][own], tops[block][own])
+
+            def add(k: int, block: slice = block) -> None:
+                for side, (pulls, drops) in zip(sides, rows):
+                    if side.wanted:
+                        bounds = side.n * k // n_threads, side.n * (k + 1) // n_threads
+                        spread(pulls, drops, lines[block], *bounds, side.to_columns, side.to_weights)
+
+            each(walk)
+            each(add)
+
+
+@contextlib.contextmanager
+def _threads(n_threads: int) -> Iterator[Callable[[Callable[[int], None]], object]]:
+    """What runs ``work(0)``, ``work(1)``, ... on as many threads, and waits for all."""
+    if n_threads == 1:
+        yield lambda work: work(0)
+        return
+    with ThreadPoolExecutor(n_threads) as pool:
+        yield lambda work: list(pool.map(work, range(n_threads)))
+
+
+def _rows(side: _Side, n_lines: int) -> tuple[Array, Array]:
+    """Room for pulls and drops along ``n_lines`` directions; a step beyond the end has a place of its own."""
+    shape = (n_lines, side.n + 1) if side.wanted else (0, 0)
+    return np.empty(shape), np.empty(shape)
+
+
+def _room(sides: list[_Side], group: int) -> list[tuple]:
+    """What one thread works in: steps, ends, order, values, and the scratch of the sort, for both sides."""
+    longest = max(side.n for side in sides)
+    shared, scratch = np.empty(longest + 1, np.uint32), sort_scratch(longest)
+    rooms = []
+    for side in sides:
+        steps, ends = np.empty(side.n + 1), np.empty(side.n + 1)
+        # The target is sorted first; if nobody asks where its points came from, the source may have its order's place.
+        order = np.empty(side.n + 1, np.uint32) if side is sides[1] and side.wanted else shared[: side.n + 1]
+        values = ends[None] if group == 1 else np.empty((0 if side.wanted else group, side.n + 1))
+        rooms.append((steps, ends, order, values, scratch))
+    return rooms
+
+
+def _laid(side: _Side, room: tuple, rows: tuple[Array, Array], own: slice) -> tuple:
+    """One side as the kernel takes it; projections lie where the pulls will."""
+    steps, ends, order, values, scratch = room
+    pulls, drops = rows[0][own], rows[1][own]
+    return side.columns, side.weights, values if len(values) else pulls, steps, ends, order, pulls, drops, scratch
+
+
+def _finished(side: _Side, top: float, n_lines: int) -> list[Array | None]:
+    """The mean gradients in points and weights, in the order of the points."""
+    points = weights = None
+    if side.to_columns.size:
+        side.to_columns[:] /= n_lines
+        points = side.to_columns.T
+        if side.places is not None:
+            points = np.empty((side.n, len(side.columns)))
+            points[side.places] = side.to_columns.T
+    if side.to_weights.size:
+        weights = (top + side.to_weights) / n_lines
+        if side.places is not None:
+            weights[side.places] = weights.copy()
+    return [points, weights]
