@@ -6,8 +6,11 @@ from meshot.teach.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot.teach.line_exercises import quantiles, transport_cost, weight_gradient
 from meshot.teach.measure_exercises import face_weights, is_inside_out, scale_for_share, tent_density
 from meshot.teach.scan_exercises import handles, is_simple, surface_ras
+from meshot.teach.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
+    "blur_in_coordinates",
+    "debiased",
     "euler_flow",
     "face_weights",
     "handles",
@@ -21,9 +24,11 @@ __all__ = [
     "points_needed",
     "quantiles",
     "scale_for_share",
+    "smallest_flip",
     "surface_ras",
     "tent_density",
     "transport_cost",
+    "trap",
     "undo_step",
     "weight_gradient",
     "wrong_curve",
