@@ -1,12 +1,13 @@
 """The errors of one estimate on one pair at one size, repetition by repetition."""
 
 import json
+import warnings
 import zlib
 
 import numpy as np
+import ot
 import torch
 from pairs import draw_pair, known_distance, known_slices
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from meshot import DiscreteMeasure, chamfer, quasi_directions
@@ -31,9 +32,20 @@ def errors(task: dict, limits: list[dict], config: dict) -> dict[str, list[float
 
 
 def optimal_cost(points: np.ndarray, others: np.ndarray, p: int) -> float:
-    """W_p^p between equally many points of equal mass, exactly, as an assignment (SciPy)."""
+    """W_p^p between equally many points of equal mass, exactly (POT's network simplex).
+
+    For p = 2 the means go their own way: W₂² is the squared distance of the means plus W₂² of what is left after each
+    is taken off, which is solved several times faster where the measures are far apart.
+    """
+    apart = 0.0
+    if p == 2:
+        means = points.mean(axis=0), others.mean(axis=0)
+        points, others, apart = points - means[0], others - means[1], float(np.sum((means[0] - means[1]) ** 2))
     cost = cdist(points, others, "sqeuclidean" if p == 2 else "euclidean")
-    return float(cost[linear_sum_assignment(cost)].mean())
+    with warnings.catch_warnings():
+        # A solver that stops early only warns: let that end the run.
+        warnings.simplefilter("error")
+        return float(ot.emd2([], [], cost, numItermax=10**9)) + apart
 
 
 def _transport(pair: dict, points: np.ndarray, others: np.ndarray, _: list, config: dict) -> dict[str, float]:

@@ -1,0 +1,102 @@
+"""Encodings: meshes refine as they say, rules are exact where they must be, committed numbers repeat."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from meshot.mesh.geometry import face_areas
+from meshot.mesh.shapes import cube
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "encoding_rates"
+CONFIG = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name; other experiments have modules of the same names."""
+    names = [file.stem for file in FOLDER.glob("*.py")]
+    others = {name: sys.modules.pop(name) for name in names if name in sys.modules}
+    monkeypatch.syspath_prepend(str(FOLDER))
+    yield importlib.import_module
+    for name in names:
+        sys.modules.pop(name, None)
+    sys.modules.update(others)
+
+
+@pytest.mark.parametrize("family", ["cube", "uneven_cube"])
+def test_refining_a_polyhedron_keeps_its_surface(part, family):
+    for mesh in part("families").pair_of_meshes(family, 2, CONFIG):
+        coarse = part("families").pair_of_meshes(family, 0, CONFIG)
+        areas = face_areas(mesh)
+        assert any(float(areas.sum()) == pytest.approx(float(face_areas(other).sum()), rel=1e-12) for other in coarse)
+        spread = float(areas.max() / areas.min())
+        assert spread < 2 if family == "cube" else spread >= 15
+
+
+def test_a_refined_side_is_one_side(part):
+    mesh = part("families").refined_on_one_side(cube(), 1)
+    small = mesh.vertices[mesh.faces[face_areas(mesh) < 0.2]].reshape(-1, 3)
+    assert len(mesh.faces) == 10 + 8
+    assert int(((small == small[0]).all(dim=0)).sum()) == 1
+
+
+@pytest.mark.parametrize(("rule", "degree"), [("barycentres", 1), ("midpoints", 2), ("vertices", 1)])
+def test_rules_integrate_polynomials_to_their_degree(part, rule, degree):
+    """Over a turned box, against a rule of degree two on a fine subdivision."""
+    box = part("families").turned_box()
+    encoded = part("stand_ins").atoms(box, rule, 0.0)
+    assert float(encoded.weights.sum()) == pytest.approx(1)
+    fine = part("stand_ins").atoms(part("families").refined(box, 5), "midpoints", 0.0)
+    for power in (1, 2, 4):  # odd powers about the centre of a symmetric box would vanish for every rule
+        values = [float(m.weights @ m.points[:, 0] ** power) for m in (encoded, fine)]
+        assert (values[0] == pytest.approx(values[1], rel=1e-6)) == (power <= degree)
+
+
+def test_samples_lie_on_their_faces_with_their_normals(part):
+    drawn = part("stand_ins").sample(cube(), 500, 0.5, np.random.default_rng(0)).points.numpy()
+    assert np.allclose((drawn[:, :3] * drawn[:, 3:]).sum(axis=1), 0.25)
+    assert len(np.unique(drawn[:, 3:], axis=0)) == 6
+
+
+def test_ratio_of_means(part):
+    found = part("summary").ratio_of_means([2.0, -2.0, 2.0], [0.5, 0.5])
+    assert found == {"ratio": 4.0, "low": 4.0, "high": 4.0}
+
+
+def test_crossings_are_read_off_power_laws(part):
+    lines = [{"way": "exact", "size": 100, "seconds": 1.0, "error": 0.0}]
+    lines += [{"way": "varifold", "size": 100, "seconds": 0.1, "error": 1e-4}]
+    for way in ("samples", "samples, same draws"):
+        times = np.geomspace(1e-3, 10, 8)
+        lines += [{"way": way, "size": 1, "seconds": t, "error": 0.01 * t**-0.5} for t in times]
+    found = part("summary").crossings(lines)["samples"]
+    assert found["error_in_the_time_of_exact"] == pytest.approx(0.01, rel=1e-4)
+    assert found["slope_in_seconds"] == pytest.approx(-0.5)
+    assert found["seconds_for_the_error_of_varifold"] == pytest.approx(1e4, rel=1e-4)
+    assert found["times_slower_than_varifold"] == pytest.approx(1e5, rel=1e-4)
+    assert found["extrapolated"] is True
+
+
+def test_committed_results_belong_to_the_configuration():
+    record = read_results(FOLDER / "results.json")
+    assert record["config"] == CONFIG
+    families = CONFIG["families"]
+    n_levels = sum(len(settings["levels"]) for settings in families.values())
+    assert len(record["results"]["duels"]) == n_levels * 2 * 2 * len(CONFIG["exponents"])
+    assert {row["family"] for row in record["results"]["rates"]} == set(families)
+    assert [row["pair"] for row in record["results"]["clock"]] == ["white to pial", "tiny deformation"]
+
+
+@pytest.mark.parametrize(("family", "d"), [("cube", 3), ("sphere", 6)])
+def test_a_small_part_repeats_the_committed_numbers(part, family, d):
+    rates = read_results(FOLDER / "results.json")["results"]["rates"]
+    level = CONFIG["families"][family]["levels"][0]
+    found = part("measured").measure_level({"family": family, "d": d, "level": level}, CONFIG)
+    for row in (row for row in rates if (row["family"], row["d"]) == (family, d)):
+        lists = found["samples"] if row["encoding"] == "samples" else found["atoms"][row["encoding"]]
+        assert np.abs(lists[str(row["p"])][row["quantity"]]).mean() == pytest.approx(row["error"][0], rel=1e-5)
