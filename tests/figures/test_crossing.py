@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 
 from browser import offline_browser, watched_page
 from meshot.figures.crossing import FIELDS, crossing_figure, crossing_player, outlines, two_triangles
-from meshot.flow.counterexample import crossing_time
+from meshot.flow.counterexample import crossing_sides, crossing_time
 
 SETTINGS = [
     (name, time, steps, exponent)
@@ -62,7 +62,9 @@ def test_the_page_counts_what_python_counts(tmp_path):
             for control, value in (("time", time), ("steps", steps), ("pieces", exponent)):
                 set_to(page, control, value)
             found = page.eval_on_selector(".crossing-player", "e => ({ ...e.dataset })")
-            wanted = crossing_pairs(outlines(FIELDS[name], corners, time, steps, 2**exponent))
+            moved = outlines(FIELDS[name], corners, time, steps, 2**exponent)
+            wanted = crossing_pairs(moved)
+            assert crossing_sides(moved) == wanted
             assert int(found["pairs"]) == wanted
             bound = time / steps * float(FIELDS[name].lipschitz_bound())
             assert float(found["bound"]) == pytest.approx(bound)

@@ -21,7 +21,7 @@ from meshot.types import Float, Tensor
 
 LOWER = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]]
 #: What the page offers to move the triangles, by the names that its buttons have.
-FIELDS: dict[str, AnalyticField] = {"push": Push(-1.0, 0.3), "whirl": Vortex(8.0, 0.5)}
+FIELDS: dict[str, AnalyticField] = {"push": Push(-1.0, 0.3), "whirl": Vortex(6.0, 0.5)}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -4,8 +4,10 @@ import math
 
 import torch
 
+from meshot.errors import as_floating
 from meshot.flow.analytic import Push
 from meshot.mesh.mesh import Mesh
+from meshot.types import Float, Tensor
 
 
 def tip_over_face(gap: float = 0.3) -> Mesh:
@@ -43,3 +45,27 @@ def crossing_time(gap: float, push: Push) -> float:
     if not push.strength < 0:
         raise ValueError(f"strength is {push.strength!r}; a push downward, < 0, is needed to reach the face")
     return gap / (-push.strength * (1 - math.exp(-1 / (2 * push.width**2))))
+
+
+def crossing_sides(outlines: Float[Tensor, "k m 2"]) -> int:
+    """How many pairs of straight sides of closed outlines in the plane cross, within one outline or between two.
+
+    Sides that only touch, as neighbours do, do not count. Every pair is looked at.
+
+    Raises
+    ------
+    ValueError
+        If the outlines are not finite floating-point numbers.
+    """
+    outlines = as_floating(outlines, "outlines")
+    starts, ends = outlines.flatten(0, 1), outlines.roll(-1, dims=1).flatten(0, 1)
+    first, second = torch.triu_indices(len(starts), len(starts), offset=1)
+    a, b, c, d = starts[first], ends[first], starts[second], ends[second]
+    apart = (_turn(a, b, c) * _turn(a, b, d) < 0) & (_turn(c, d, a) * _turn(c, d, b) < 0)
+    return int(apart.sum())
+
+
+def _turn(a: Tensor, b: Tensor, c: Tensor) -> Float[Tensor, " n"]:
+    """Whether a → b → c turns left (1), right (−1) or not at all."""
+    along, across = b - a, c - a
+    return (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]).sign()
