@@ -9,7 +9,7 @@ matplotlib.use("agg")
 
 import matplotlib.pyplot as plt
 
-from meshot.figures.flow import bent_grid_figure, cell_areas, share_figure, steps_figure, trajectory_figure
+from meshot.figures.flow import bent_grid_figure, cell_areas, map_figure, share_figure, steps_figure, trajectory_figure
 
 AXIS = torch.linspace(-1, 1, 5, dtype=torch.float64)
 LATTICE = torch.stack(torch.meshgrid(AXIS, AXIS, indexing="ij"), dim=-1)
@@ -55,3 +55,12 @@ def test_lines_over_steps():
 def test_shares_are_written_in_their_fields():
     figure = share_figure({"one": np.array([[0.0, 12.5], [3.0, 100.0]])}, ["a", "b"], ["c", "d"], "x", "y")
     assert [text.get_text() for text in figure.axes[0].texts] == ["0", "12", "3", "1e+02"]
+
+
+def test_maps_have_x_to_the_right():
+    values = torch.zeros(3, 2)
+    values[2, 0] = 5.0  # large x, small y
+    figure = map_figure({"a": values}, 1.5, "value (units)")
+    shown = figure.axes[0].images[0].get_array()
+    assert shown.shape == (2, 3)
+    assert float(shown[0, 2]) == 5

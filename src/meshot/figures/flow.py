@@ -77,6 +77,31 @@ def _draw_lattice(ax: Axes, lattice: Tensor) -> None:
     ax.add_collection(PolyCollection(corners, facecolors=VERMILLION, alpha=0.55, zorder=3))
 
 
+def map_figure(maps: Mapping[str, Float[Tensor, "rows columns"]], extent: float, label: str) -> Figure:
+    """Values over the square from −``extent`` to ``extent``, two maps in a row, each with its own scale of colours.
+
+    Parameters
+    ----------
+    maps : mapping
+        By title; rows run along x, columns along y.
+    extent : float
+        In units of the points.
+    label : str
+        What is coloured, with its unit.
+    """
+    n_rows = -(-len(maps) // 2)
+    options = {"figsize": (WIDTH, 2.7 * n_rows), "layout": "constrained", "squeeze": False}
+    figure, axes = plt.subplots(n_rows, 2, sharex=True, sharey=True, **options)
+    for ax, (title, values) in zip(axes.flat, maps.items()):
+        image = ax.imshow(values.T, origin="lower", extent=(-extent, extent, -extent, extent), vmin=0)
+        figure.colorbar(image, ax=ax, label=label)
+        ax.set(title=title, xlabel="$x$ (units)", ylabel="$y$ (units)")
+        ax.label_outer()
+    for ax in list(axes.flat)[len(maps) :]:
+        ax.set_visible(False)
+    return figure
+
+
 def trajectory_figure(
     panels: Mapping[str, tuple[Float[Tensor, " k"], Float[Tensor, "k n"]]],
     y_label: str = "$x$ (units)",
@@ -129,7 +154,7 @@ def steps_figure(
         ax.xaxis.set_major_formatter(ScalarFormatter())
         ax.xaxis.set_minor_formatter(NullFormatter())
     handles, names = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=min(3, len(names)))
+    figure.legend(handles, names, loc="outside upper center", ncols=2)
     return figure
 
 
