@@ -20,3 +20,12 @@ def test_lines_have_the_slopes_that_are_written():
     names = [text.get_text() for text in ax.legend().get_texts()]
     assert names == ["a: −1.00 [−1.10, −0.90]", "bound", "b: 1.00 [0.50, 1.50]"]
     plt.close(figure)
+
+
+@pytest.mark.parametrize(("top", "seen"), [(4.0, True), (1e4, False)])
+def test_short_axes_are_labelled_between_decades(top, seen):
+    figure, ax = plt.subplots()
+    draw_slopes(ax, {"a": ([1, 10], [1.2, top], (1.0, 0.9, 1.1))})
+    figure.canvas.draw()
+    assert ("2" in [label.get_text() for label in ax.get_yticklabels()]) == seen
+    plt.close(figure)

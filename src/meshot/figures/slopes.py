@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from meshot.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 
@@ -39,3 +41,12 @@ def draw_slopes(ax: Axes, curves: Mapping[str, Curve]) -> None:
         ax.plot(x, line, color=colour, linewidth=1.4, zorder=2)
         text = f"{name}: {slope:.2f} [{low:.2f}, {high:.2f}]".replace("-", "−")
         ax.plot(x, y, marker, color=colour, markersize=6, zorder=3, label=text)
+    _label_short(ax.yaxis, *ax.get_ylim())
+
+
+def _label_short(axis: Axis, low: float, high: float) -> None:
+    """Labels between the decades, in plain numbers, where an axis spans little more than one."""
+    if high / low < 30:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
