@@ -6,6 +6,7 @@ from meshot.teach.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot.teach.line_exercises import quantiles, transport_cost, weight_gradient
 from meshot.teach.measure_exercises import face_weights, is_inside_out, scale_for_share, tent_density
 from meshot.teach.scan_exercises import handles, is_simple, surface_ras
+from meshot.teach.slicing_exercises import ghost_pair, lines_needed, sliced_cost
 from meshot.teach.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
@@ -13,17 +14,20 @@ __all__ = [
     "debiased",
     "euler_flow",
     "face_weights",
+    "ghost_pair",
     "handles",
     "is_inside_out",
     "is_simple",
     "largest_rate",
     "line_pull",
+    "lines_needed",
     "mean_gap",
     "nearest_pull",
     "pieces_needed",
     "points_needed",
     "quantiles",
     "scale_for_share",
+    "sliced_cost",
     "smallest_flip",
     "surface_ras",
     "tent_density",
