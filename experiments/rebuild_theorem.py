@@ -1,0 +1,35 @@
+"""Rebuild every number and figure of chapter 11 from nothing: four experiments, the ledger, the chapter.
+
+Run as ``python experiments/rebuild_theorem.py``: about an hour on one idle core (the seconds of every part are in its
+``results.json``, and are printed first). Stopped and started again, each experiment goes on where it was.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from meshot.report.results import read_results
+
+HERE = Path(__file__).parent
+EXPERIMENTS = ("convergence", "transport_rates", "encoding_rates", "beyond_random")
+CHAPTER = "11_convergence"
+
+
+def main() -> int:
+    """Run all in order; the exit status is that of the first that fails."""
+    seconds = {name: read_results(HERE / name / "results.json")["seconds"] for name in EXPERIMENTS}
+    print(", ".join(f"{name} {value / 60:.0f} min" for name, value in seconds.items()), "as recorded;")
+    print(f"all together {sum(seconds.values()) / 60:.0f} min, and one minute for the chapter", flush=True)
+    steps = [[str(HERE / name / "run.py")] for name in EXPERIMENTS]
+    steps += [[str(HERE.parent / "book" / "make_ledger.py")]]
+    steps += [[str(HERE.parent / "book" / "run_notebooks.py"), "store", CHAPTER]]
+    for step in steps:
+        print("python", *(Path(part).name for part in step), flush=True)
+        status = subprocess.run([sys.executable, *step], check=False).returncode
+        if status:
+            return status
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
