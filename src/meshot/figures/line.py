@@ -11,6 +11,7 @@ from meshot.figures.style import BLACK, BLUE, GREY, TARGET, VERMILLION, WIDTH
 from meshot.loss.line import MonotonePlan
 from meshot.types import Array, Float, Tensor
 
+BEHIND_TEXT = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none"}
 Pairs = Sequence[tuple[int, int, float]]
 
 
@@ -118,7 +119,7 @@ def cells_figure(
     for _, height, cuts, texts, colour in rows:
         for left, right, text in zip(cuts[:-1], cuts[1:], texts, strict=True):
             ax.barh(height, right - left, left=left, height=0.62, color=colour, alpha=0.25, edgecolor=colour)
-            ax.text((left + right) / 2, height, text, ha="center", va="center", fontsize=11)
+            ax.text((left + right) / 2, height, text, ha="center", va="center", fontsize=11, bbox=BEHIND_TEXT)
     for cut in rows[-1][2][1:-1]:
         ax.axvline(cut, color=BLACK, linewidth=0.8, linestyle=":", zorder=0)
     ax.set(xlim=(0, 1), xlabel="share of mass $z$", yticks=[2, 1, 0], yticklabels=[row[0] for row in rows])

@@ -1,8 +1,10 @@
 """From results to verdicts: the rule for each tested claim, by its number."""
 
 from meshot.report.judges.toy import judge_toy
+from meshot.report.judges.weights import judge_weights
 from meshot.report.ledger import Judge
 
 JUDGES: dict[int, Judge] = {
     1: judge_toy,
+    9: judge_weights,
 }

@@ -1,0 +1,131 @@
+"""Weights and areas: committed results belong to their configuration, and a slice rebuilds what they say."""
+
+import importlib
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from scipy import stats
+
+from meshot.mesh.geometry import face_areas
+from meshot.mesh.shapes import icosphere
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "weights_and_areas"
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name, free of namesakes in other experiments."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    own = [path.stem for path in FOLDER.glob("*.py")]
+    for name in own:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    yield importlib.import_module
+    for name in own:
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return read_results(FOLDER / "results.json")
+
+
+@pytest.fixture(scope="module")
+def config():
+    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+
+
+def test_committed_results_are_whole(part, record, config):
+    assert record["config"] == config
+    results, runs = record["results"], part("run").planned_runs(config)
+    assert len(results["descents"]) == len(runs)
+    assert len(config["seeds"]) >= 5
+    assert len(results["differences"]) == len(config["targets"]) * len(config["encodings"])
+    for row in results["descents"]:
+        assert row["n_seeds"] == len(config["seeds"])
+        assert row["sw_surface_mean"] == pytest.approx(np.mean(row["sw_surface_seeds"]), rel=1e-4)
+
+
+def test_committed_differences_are_paired_and_at_the_best_rate_of_each(record):
+    results = record["results"]
+    for row in results["differences"]:
+        sides = []
+        for detach, rate in ((False, row["rate_full"]), (True, row["rate_stopped"])):
+            keys = {"target": row["target"], "encoding": row["encoding"], "detach_weights": detach}
+            found = [r for r in results["descents"] if all(r[k] == v for k, v in keys.items())]
+            best = min(found, key=lambda r: r[f"sw_{row['encoding']}_mean"])
+            assert best["learning_rate"] == rate
+            sides.append(best["sw_surface_seeds"])
+        interval = stats.ttest_rel(sides[1], sides[0]).confidence_interval(0.95)
+        assert (row["sw_surface_low"], row["sw_surface_high"]) == pytest.approx(tuple(interval), rel=1e-3)
+
+
+def test_a_descent_rebuilds_its_committed_number(part, record, config):
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        row = next(r for r in record["results"]["descents"] if r["target"] == "cube" and r["encoding"] == "varifold")
+        run = {key: row[key] for key in ("target", "encoding", "detach_weights", "learning_rate")}
+        found = part("descents").run_once(run, 0, config)
+    finally:
+        torch.set_num_threads(threads)
+    for name in ("sw_surface", "sw_varifold", "assd", "edge_variation"):
+        assert found[name] == pytest.approx(row[f"{name}_seeds"][0], rel=0.02)
+
+
+def test_gradients_rebuild_and_only_the_full_one_is_the_slope(part, record, config):
+    found = part("descents").gradients_at_start("cube", "surface", 0, config)
+    assert found["slope_error_full"] < 1e-6
+    assert found["slope_error_stopped"] > 0.1
+    assert found["tangential_full"] < 0.01 < found["tangential_stopped"]
+    for row in record["results"]["gradients"]:
+        assert row["tangential_full_mean"] < row["tangential_stopped_mean"]
+
+
+def test_a_rate_that_destroys_the_mesh_is_a_result(part, config):
+    run = {"target": "cube", "encoding": "surface", "detach_weights": False, "learning_rate": 1e6}
+    assert part("descents").run_once(run, 0, config | {"n_steps": 5}) == {"collapsed": True}
+
+
+def test_meshes_have_the_areas_they_are_said_to_have(part, record):
+    meshes = part("meshes")
+    sphere = icosphere(2)
+    assert float(face_areas(meshes.doubled(sphere)).sum() / face_areas(sphere).sum()) == pytest.approx(2)
+    for count in (1, 3):
+        pleated = meshes.pleated_square(count, 0.75)
+        assert float(face_areas(pleated).sum()) == pytest.approx(1.25)
+        assert float(pleated.vertices[:, 2].max()) == pytest.approx(0.75 / 2 / count)
+    assert record["results"]["areas"][0]["sw_surface"] < 1e-12
+
+
+def test_merging_errors_are_roundoff_and_a_wrong_cost_is_seen(part, config, monkeypatch):
+    checks = part("checks")
+    small = config["merging"] | {"n_cases": 20, "exponents": [1]}
+    (row,) = checks.merging_errors(small)
+    assert max(row["pot_sorting"], row["pot_linear_program"], row["scipy"]) < 1e-13
+    monkeypatch.setattr(checks, "quantile_cost", lambda *arguments: torch.tensor(0.0))
+    (row,) = checks.merging_errors(small)
+    assert min(row["pot_sorting"], row["pot_linear_program"], row["scipy"]) > 0.1
+
+
+def test_summary_chooses_by_its_own_loss_and_counts_the_collapsed(part):
+    summary = part("summary")
+    rows = []
+    for detach in (False, True):
+        for rate, own, other in ((0.1, 2.0, 1.0), (0.3, 1.0, 3.0)):
+            run = {"target": "t", "encoding": "varifold", "detach_weights": detach, "learning_rate": rate}
+            values = {"collapsed": False, "sw_varifold": own + detach, "sw_surface": other, "assd": 1.0}
+            for k in (0.0, 0.5):
+                rows.append({"run": run, "values": values | {"edge_variation": k}})
+    run = {"target": "t", "encoding": "varifold", "detach_weights": False, "learning_rate": 1.0}
+    rows += [{"run": run, "values": {"collapsed": True}}] * 2
+    results = json.loads(json.dumps(summary.summarise(rows)))
+    assert results["descents"][-1]["n_collapsed"] == 2
+    (difference,) = results["differences"]
+    assert difference["rate_full"] == difference["rate_stopped"] == 0.3
+    assert (difference["sw_varifold_gap"], difference["sw_surface_full"]) == (1, 3)
