@@ -94,11 +94,12 @@ def map_figure(maps: Mapping[str, Float[Tensor, "rows columns"]], extent: float,
     figure, axes = plt.subplots(n_rows, 2, sharex=True, sharey=True, **options)
     for ax, (title, values) in zip(axes.flat, maps.items()):
         image = ax.imshow(values.T, origin="lower", extent=(-extent, extent, -extent, extent), vmin=0)
-        figure.colorbar(image, ax=ax, label=label)
+        figure.colorbar(image, ax=ax)
         ax.set(title=title, xlabel="$x$ (units)", ylabel="$y$ (units)")
         ax.label_outer()
     for ax in list(axes.flat)[len(maps) :]:
         ax.set_visible(False)
+    figure.suptitle(label)
     return figure
 
 
