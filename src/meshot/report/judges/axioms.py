@@ -25,8 +25,8 @@ def judge_axioms(record: dict) -> ledger.Verdict:
         ours=_sentence(found, broken, ghosts, results["ghosts"], kept, weak, chamfer_blind),
         tolerance=(
             "reproduced if, on p-th roots, no drawn or climbed triangle of SW and W has a side longer than the two "
-            f"others by more than a share of {record['config']['tolerance']:g}, Sinkhorn and Chamfer have one that is 1 % "
-            "longer or more, SW tends to zero along those bounded sequences that converge weakly and no others, and "
+            f"others by more than a share of {record['config']['tolerance']:g}, Sinkhorn and Chamfer have one longer "
+            "by 1 % or more, SW tends to zero along those bounded sequences that converge weakly and no others, and "
             "Chamfer does so along another; with a condition if different measures were found at SW zero over the "
             "directions taken"
         ),
