@@ -32,7 +32,7 @@ def monotone_plan(
     target: Float[Tensor, " m"],
     target_weights: Float[Tensor, " m"],
 ) -> MonotonePlan:
-    """The optimal plan between two discrete measures on a line, for every cost |x − y|^p with p ≥ 1 at once.
+    """The optimal plan between two discrete measures on a line, for every cost ``|x − y|^p`` with p ≥ 1 at once.
 
     Whoever comes first on one side sends to whoever comes first on the other, until one of the two has nothing left.
     At most n + m − 1 cells carry mass, and only these are kept; the masses are differentiable in the weights, where no
@@ -45,7 +45,7 @@ def monotone_plan(
 
     Notes
     -----
-    O(n log n + m log m) time. The plan behind :func:`meshot.loss.sliced.quantile_cost`, which does not keep it.
+    O(n log n + m log m) time. The plan behind ``meshot.loss.sliced.quantile_cost``, which does not keep it.
 
     References
     ----------

@@ -29,7 +29,7 @@ def record():
 def test_reproduced_where_the_choice_does_not_matter(record):
     verdict = judge_weights(record)
     assert verdict.status == ledger.REPRODUCED
-    assert "agree with POT and SciPy to 3e-15 in 60 cases" in verdict.ours
+    assert "Merged costs agree with POT and SciPy to 3e-15 in 60 cases" in verdict.ours
     assert "varifold: nearer on 0, farther on 0 of 1 targets" in verdict.ours
     assert "0.1% of the full gradient lies along the surface, 25% of the stopped one" in verdict.ours
     assert verdict.numbers.count("\n") == 3

@@ -46,7 +46,7 @@ def _sentence(results: dict, worst: float, better: list[dict], worse: list[dict]
     ]
     blind = results["areas"][0]
     return (
-        f"merged costs agree with POT and SciPy to {worst:.0e} in {cases} cases. With gradients through the areas, "
+        f"Merged costs agree with POT and SciPy to {worst:.0e} in {cases} cases. With gradients through the areas, "
         f"descents end ({'; '.join(counts)}) than with gradients stopped there. On average {shares[0]:.1%} of the full "
         f"gradient lies along the surface, {shares[1]:.0%} of the stopped one. Normalised areas forget their total: "
         f"{blind['surface']}, {blind['area_ratio']:.2g} times the area, is at distance {blind['sw_surface']:.0e}"
