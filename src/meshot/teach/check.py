@@ -1,6 +1,7 @@
 """The checkers of the exercises, by name: ``check.NAME(your_function)`` prints one line."""
 
 from meshot.teach.convergence_exercises import mean_gap, points_needed, wrong_curve
+from meshot.teach.cost_exercises import blocked_chamfer, growth_exponent, merged_cells
 from meshot.teach.descent_exercises import largest_rate, line_pull, nearest_pull
 from meshot.teach.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot.teach.line_exercises import quantiles, transport_cost, weight_gradient
@@ -10,11 +11,13 @@ from meshot.teach.slicing_exercises import ghost_pair, lines_needed, sliced_cost
 from meshot.teach.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
+    "blocked_chamfer",
     "blur_in_coordinates",
     "debiased",
     "euler_flow",
     "face_weights",
     "ghost_pair",
+    "growth_exponent",
     "handles",
     "is_inside_out",
     "is_simple",
@@ -22,6 +25,7 @@ __all__ = [
     "line_pull",
     "lines_needed",
     "mean_gap",
+    "merged_cells",
     "nearest_pull",
     "pieces_needed",
     "points_needed",
