@@ -12,6 +12,7 @@ PAGE = """
 .crossing-player label, .crossing-player legend, .crossing-player output, .crossing-player p { color: #1a1a1a; }
 .crossing-player .choice { grid-column: 1 / -1; display: flex; gap: 1rem; flex-wrap: wrap; border: 0; padding: 0;
   margin: 0; }
+.crossing-player legend { font-size: inherit; margin: 0; padding: 0; }
 .crossing-player input[type=range] { width: 100%; min-width: 5rem; }
 .crossing-player output { font-variant-numeric: tabular-nums; }
 .crossing-player .verdict { margin: .5rem 0 0; min-height: 3.2em; }

@@ -66,7 +66,7 @@ class Affine(AnalyticField):
 
 
 def rotation(angle: float) -> Affine:
-    """The rotation of the plane by ``angle`` radians in unit time; Lipschitz constant |angle|."""
+    """The rotation of the plane by ``angle`` radians in unit time; Lipschitz constant ``|angle|``."""
     return spiral(angle, 0.0)
 
 
@@ -76,7 +76,7 @@ def spiral(angle: float, growth: float) -> Affine:
 
 
 def shear(rate: float) -> Affine:
-    """(x, y) ↦ (x + rate · y, y) in unit time; Lipschitz constant |rate|. One Euler step is already exact."""
+    """(x, y) ↦ (x + rate · y, y) in unit time; Lipschitz constant ``|rate|``. One Euler step is already exact."""
     return Affine(torch.tensor([[0.0, rate], [0.0, 0.0]], dtype=torch.float64))
 
 
@@ -84,7 +84,8 @@ def shear(rate: float) -> Affine:
 class Vortex(AnalyticField):
     """A whirl about an axis: angular velocity ω(r) = strength · exp(−r² / (2 radius²)) in the first two coordinates.
 
-    Every circle turns as one, so that the flow is known; ‖Dv‖ = max(|ω|, |ω + r ω′|) ≤ |strength|, reached at the axis.
+    Every circle turns as one, so that the flow is known; ``‖Dv‖ = max(|ω|, |ω + r ω′|) ≤ |strength|``,
+    reached at the axis.
 
     Parameters
     ----------
@@ -120,7 +121,7 @@ class Vortex(AnalyticField):
         return torch.cat([cosines * x - sines * y, sines * x + cosines * y, points[:, 2:]], dim=1)
 
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """|strength|, which is the constant itself."""
+        """``|strength|``, which is the constant itself."""
         return torch.tensor(abs(self.strength), dtype=torch.float64)
 
 
@@ -135,7 +136,7 @@ class Push(AnalyticField):
     strength : float
         Velocity at the axis.
     width : float
-        In units of the points; the Lipschitz constant is |strength| e^{−1/2} / width.
+        In units of the points; the Lipschitz constant is ``|strength| e^{−1/2} / width``.
 
     Raises
     ------
@@ -163,7 +164,7 @@ class Push(AnalyticField):
         return points + (end - start) * self(points.new_tensor(start), points)
 
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """|strength| e^{−1/2} / width, which is the constant itself."""
+        """``|strength| e^{−1/2} / width``, which is the constant itself."""
         return torch.tensor(abs(self.strength) * math.exp(-0.5) / self.width, dtype=torch.float64)
 
 

@@ -99,7 +99,7 @@ def inspect_paths(
 def crossings_along(field: VelocityField | Velocity, mesh: Mesh, n_steps: int = 12, method: str = "euler") -> list[int]:
     """How many faces cross others of the mesh before the first step and after each, counted exactly.
 
-    As :func:`meshot.mesh.intersection.self_intersecting_faces`; about 1 s per step for 330 000 faces.
+    As ``self_intersecting_faces`` of ``meshot.mesh.intersection``; about 1 s per step for 330 000 faces.
 
     Raises
     ------

@@ -77,10 +77,10 @@ class Drifting(AnalyticField):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RootSink(AnalyticField):
-    """v = −2 sign(x) √|x| in every coordinate: continuous but not Lipschitz at zero, where trajectories meet.
+    """``v = −2 sign(x) √|x|`` in every coordinate: continuous but not Lipschitz at zero, where trajectories meet.
 
-    A coordinate x is (√|x| − t)² until it reaches zero at t = √|x|, and stays there. Backwards there is no telling when
-    it came.
+    A coordinate x is ``(√|x| − t)²`` until it reaches zero at ``t = √|x|``, and stays there. Backwards there is no
+    telling when it came.
     """
 
     is_lipschitz = False
