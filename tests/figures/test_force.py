@@ -39,6 +39,13 @@ def test_long_arrows_are_cut_and_marked(field):
     np.testing.assert_allclose(marked[0], [[20, 0]])
 
 
+def test_every_second_arrow(field):
+    figure = force_panels({"Chamfer": field}, LIMITS, every=2)
+    np.testing.assert_allclose(arrows(figure.axes[0]), [[0, 3], [0, -40]])
+    figure = force_panels({"Chamfer": field}, LIMITS, every=3)
+    np.testing.assert_allclose(arrows(figure.axes[0]), [[0, 3]])
+
+
 def test_doors(field):
     with pytest.raises(ValueError, match="fields is empty"):
         force_panels({}, LIMITS)

@@ -35,7 +35,12 @@ class ForceField:
 
 
 def force_panels(
-    fields: Mapping[str, ForceField], limits: Limits, longest: float = np.inf, columns: int = 2, bar: float = 20.0
+    fields: Mapping[str, ForceField],
+    limits: Limits,
+    longest: float = np.inf,
+    columns: int = 2,
+    bar: float = 20.0,
+    every: int = 1,
 ) -> Figure:
     """One panel for every force field, at equal scale, arrows at their true length.
 
@@ -51,13 +56,17 @@ def force_panels(
         Panels in a row.
     bar : float
         The length of the scale bar at the lower left, in mm.
+    every : int
+        Draw the arrow of every so-manieth point only.
 
     Raises
     ------
     ValueError
-        If there is nothing to show, ``columns`` is not a positive integer, or ``longest`` is not above zero.
+        If there is nothing to show, ``columns`` or ``every`` is not a positive integer, or ``longest`` is not above
+        zero.
     """
     require_positive_integer(columns, "columns")
+    require_positive_integer(every, "every")
     if not fields:
         raise ValueError("fields is empty; at least one force field is needed")
     if not longest > 0:
@@ -72,16 +81,17 @@ def force_panels(
         ax.set_axis_off()
     for ax, (title, field) in zip(axes.flat, fields.items()):
         colour = next((c for name, c in LOSS_COLOURS.items() if title.startswith(name)), BLACK)
-        _draw_field(ax, field, colour, longest)
+        _draw_field(ax, field, colour, longest, every)
         ax.set_title(title, fontsize=11)
     _draw_bar(axes[-1, 0], limits, bar)
     return figure
 
 
-def _draw_field(ax: Axes, field: ForceField, colour: str, longest: float) -> None:
+def _draw_field(ax: Axes, field: ForceField, colour: str, longest: float, every: int) -> None:
     points, forces, target = (x.detach().cpu().numpy() for x in (field.points, field.forces, field.target))
     ax.scatter(*target.T, s=22, color=TARGET, marker="s", linewidths=0, alpha=0.6, zorder=1)
     ax.scatter(*points.T, s=9, color=colour, linewidths=0, zorder=3)
+    points, forces = points[::every], forces[::every]
     lengths = np.linalg.norm(forces, axis=1)
     cut = lengths > longest
     ax.scatter(*points[cut].T, s=70, facecolors="none", edgecolors=colour, zorder=3)

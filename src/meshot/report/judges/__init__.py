@@ -1,12 +1,20 @@
 """From results to verdicts: the rule for each tested claim, by its number."""
 
 from meshot.report.judges.axioms import judge_axioms
+from meshot.report.judges.encodings import judge_continuous, judge_normal_scale, judge_sample_gradient
+from meshot.report.judges.ground_cost import judge_ground_cost
+from meshot.report.judges.sinkhorn import judge_blur
 from meshot.report.judges.toy import judge_toy
 from meshot.report.judges.weights import judge_weights
 from meshot.report.ledger import Judge
 
 JUDGES: dict[int, Judge] = {
     1: judge_toy,
+    6: judge_continuous,
+    8: judge_normal_scale,
     9: judge_weights,
     11: judge_axioms,
+    18: judge_blur,
+    23: judge_sample_gradient,
+    24: judge_ground_cost,
 }

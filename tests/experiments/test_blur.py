@@ -1,0 +1,92 @@
+"""The sweep of Sinkhorn's blur: committed numbers belong to the configuration, and a small slice makes them again."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from scipy import stats
+
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "blur"
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name, forgotten afterwards."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    for name in ("run", "fitting", "limits"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    return importlib.import_module
+
+
+@pytest.fixture(scope="module")
+def record():
+    return read_results(FOLDER / "results.json")
+
+
+def test_committed_results_are_whole(record):
+    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+    assert record["config"] == config
+    fits = record["results"]["fits"]
+    assert [{k: v for k, v in row.items() if k in ("loss", "blur_mm", "scaling")} for row in fits] == config["losses"]
+    assert all(row["n_seeds"] == len(config["seeds"]) >= 5 for row in fits)
+    limits = config["limits"]
+    sizes = [len(limits[name]) for name in ("blurs_mm", "scalings", "exponents")]
+    assert len(record["results"]["limits"]) == np.prod(sizes)
+
+
+def test_committed_intervals_are_those_of_a_paired_t_test(record):
+    fits = record["results"]["fits"]
+    row = next(r for r in record["results"]["differences"] if r.get("blur_mm") == 5)
+    rival = next(r for r in fits if r.get("blur_mm") == 5)
+    interval = stats.ttest_rel(rival["assd_seeds"], fits[0]["assd_seeds"]).confidence_interval(0.95)
+    assert (row["assd_low"], row["assd_high"]) == pytest.approx(tuple(interval), rel=1e-3)
+
+
+def test_the_committed_fit_by_slices_is_made_again(part, record):
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        fitting = part("fitting")
+        mesh = fitting.fit({"loss": "sliced"}, 0, record["config"])
+    finally:
+        torch.set_num_threads(threads)
+    scale = record["config"]["normal_scale_mm"]
+    _, target = fitting.make_pair(0, record["config"])
+    found = fitting.exact_distance(fitting.varifold(mesh, scale), fitting.varifold(target, scale))
+    # Two hundred steps amplify a last bit that another order of sums, or another CPU, leaves.
+    assert found == pytest.approx(record["results"]["fits"][0]["w2_varifold_seeds"][0], rel=0.005)
+
+
+def test_one_row_of_the_limits_is_made_again(part, record):
+    limits = {"blurs_mm": [1000.0], "scalings": [0.5], "exponents": [1, 2]}
+    rows = part("limits").limit_rows(record["config"] | {"limits": limits})
+    for row in rows:
+        keys = ("p", "blur", "scaling")
+        (stored,) = [r for r in record["results"]["limits"] if all(r[k] == row[k] for k in keys)]
+        assert {k: row[k] for k in ("value", "exact", "energy")} == pytest.approx(
+            {k: stored[k] for k in ("value", "exact", "energy")}, rel=1e-4
+        )
+
+
+def test_the_energy_distance_of_squares_is_that_of_the_means(part):
+    limits, fitting = part("limits"), part("fitting")
+    generator = np.random.default_rng(0)
+    x, y = (fitting.DiscreteMeasure(torch.from_numpy(generator.normal(size=(n, 3)))) for n in (5, 8))
+    between = (x.points.mean(dim=0) - y.points.mean(dim=0)).square().sum()
+    assert limits.energy_distance(x, y, 2) == pytest.approx(float(between))
+
+
+@pytest.mark.parametrize("run", [{"loss": "exact"}, {"loss": "sinkhorn", "blur_mm": 5.0, "scaling": 0.5}])
+def test_few_steps_come_nearer(part, record, run):
+    fitting = part("fitting")
+    small = record["config"] | {"subdivisions": 1, "n_steps": 10, "n_emd_points": 50, "n_surface_points": 500}
+    start, target = fitting.make_pair(3, small)
+    before, after = fitting.judged(start, target, small), fitting.run_once(run, 3, small)
+    assert after["w2_varifold"] < before["w2_varifold"]
+    assert after["sw2_surface"] < before["sw2_surface"]

@@ -1,0 +1,68 @@
+"""The two ground costs: committed numbers belong to the configuration, and a small slice makes them again."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ground_cost"
+
+
+@pytest.fixture
+def costs(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    monkeypatch.delitem(sys.modules, "costs", raising=False)
+    return importlib.import_module("costs")
+
+
+@pytest.fixture(scope="module")
+def record():
+    return read_results(FOLDER / "results.json")
+
+
+def test_committed_results_are_whole(record):
+    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+    assert record["config"] == config
+    assert [row["p"] for row in record["results"]["summary"]] == config["exponents"]
+    assert all(row["n_seeds"] == len(config["seeds"]) >= 5 for row in record["results"]["summary"])
+
+
+def test_the_committed_means_are_made_again(costs, record):
+    small = record["config"] | {"n_turns": 1}
+    rows = [costs.transport_row(seed, 1, small) for seed in small["seeds"]]
+    for name in ("ratio", "other_partner", "mean_angle_degrees"):
+        mean = np.mean([row[name] for row in rows])
+        assert mean == pytest.approx(record["results"]["summary"][0][f"{name}_mean"], rel=1e-4)
+
+
+def test_two_points_by_hand(costs):
+    here, there = np.zeros((1, 3)), np.array([[3.0, 4.0, 0.0]])
+    assert costs.cost_matrix(here, there, 3, costs.EUCLIDEAN)[0, 0] == pytest.approx(125)
+    assert costs.cost_matrix(here, there, 3, costs.COORDINATES)[0, 0] == pytest.approx(27 + 64)
+
+
+def test_the_pull_of_coordinates_is_minus_the_gradient(costs):
+    step = np.array([[1.0, 2.0, -0.5]])
+    shift = 1e-6 * np.eye(3)
+    slope = [
+        costs.cost_matrix(shift[k : k + 1], step, 3, costs.COORDINATES)[0, 0]
+        - costs.cost_matrix(-shift[k : k + 1], step, 3, costs.COORDINATES)[0, 0]
+        for k in range(3)
+    ]
+    pull = -np.array(slope) / np.linalg.norm(slope)
+    np.testing.assert_allclose(costs._pull(np.zeros((1, 3)), step, 3, costs.COORDINATES)[0], pull, atol=1e-6)
+
+
+def test_for_squares_the_minimisers_are_both_the_mean(costs, record):
+    assert costs.minimiser_row(0, 2, record["config"])["minimisers_apart_mm"] < 1e-5
+
+
+def test_every_loss_is_euclidean(costs, record):
+    for row in costs.asked_rows(record["config"]):
+        assert row["diagonal_over_axis"] == pytest.approx(1, abs=0.01), row["loss"]
+    assert len(record["results"]["asked"]) == 11
