@@ -1,0 +1,99 @@
+"""The search for broken triangles: committed triples break what they are said to break, ghosts are ghosts."""
+
+import importlib
+import math
+from pathlib import Path
+
+import numpy as np
+import ot
+import pytest
+import torch
+import yaml
+
+from meshot.measure.discrete import DiscreteMeasure
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "axioms"
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name; other experiments have modules of these names, too."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    for name in ("run", "losses", "triangles", "ghosts", "sequences"):
+        monkeypatch.delitem(importlib.import_module("sys").modules, name, raising=False)
+    return importlib.import_module
+
+
+@pytest.fixture(scope="module")
+def config():
+    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def results():
+    return read_results(FOLDER / "results.json")["results"]
+
+
+def test_committed_results_are_whole(config, results):
+    assert read_results(FOLDER / "results.json")["config"] == config
+    assert [row["loss"] for row in results["triangles"]] == list(config["losses"])
+    assert len(results["ghosts"]) == 14
+    assert all(row["n_triples"] >= 300 for row in results["triangles"])
+
+
+def test_committed_triples_have_these_sides(part, config, results):
+    losses = part("losses")
+    for row in results["triangles"]:
+        triple = [(np.array([side["points"]]), np.array([side["weights"]])) for side in row["triple"]]
+        assert all(weights.sum() == pytest.approx(1, abs=1e-9) for _, weights in triple)
+        sides = losses.sides(triple, config["losses"][row["loss"]], config, 3000)[:, 0]
+        assert sides == pytest.approx(row["sides"], rel=1e-4)
+        assert part("triangles").longest_share(sides[:, None])[0] == pytest.approx(row["largest_found"], rel=1e-4)
+        if "largest_by_package" in row:
+            assert row["largest_by_package"] == pytest.approx(row["largest_found"], rel=1e-3)
+
+
+def test_the_solver_agrees_with_pot(part, config):
+    """OT_ε of POT for the cost over p, its entropy against the product measure as in GeomLoss."""
+    generator = np.random.default_rng(0)
+    (x, a), (y, b) = ((generator.normal(size=(4, 2)), generator.dirichlet(np.ones(4))) for _ in range(2))
+    for p, blur in ((1, 0.7), (2, 1.0)):
+        cost, epsilon = np.linalg.norm(x[:, None] - y, axis=2) ** p / p, blur**p
+        plan = ot.sinkhorn(a, b, cost, epsilon, method="sinkhorn_log", numItermax=20_000, stopThr=1e-13)
+        expected = p * ((plan * cost).sum() + epsilon * (plan * np.log(plan / np.outer(a, b))).sum())
+        found = part("losses")._entropic_cost((x[None], a[None]), (y[None], b[None]), p, blur, 3000)[0]
+        assert found == pytest.approx(expected, rel=1e-8)
+
+
+def test_a_search_finds_what_it_should(part, config):
+    small = config | {"n_triples": 40, "n_climbs": 12, "n_neighbours": 8}
+    triangles = part("triangles")
+    metric = triangles.search("W", {"kind": "transport", "p": 2, "root": True}, small)
+    square = triangles.search("W²", {"kind": "transport", "p": 2, "root": False}, small)
+    assert metric["n_broken"] == 0
+    assert metric["largest_drawn"] - 1e-3 <= metric["largest_found"] <= 1 + 1e-9
+    assert square["n_broken"] > 5
+    assert square["largest_found"] > square["largest_drawn"] - 1e-3
+
+
+def test_ghosts_again(part, results):
+    assert part("ghosts").measured(4, 2, 0) == pytest.approx(results["ghosts"][3], abs=1e-9)
+    first, second = part("ghosts").ghost_pair(np.array([[0.0, 1.0], [1.0, 0.0]]))
+    assert {tuple(x) for x in first.points.tolist()} == {(0, 0), (1, 1)}
+    assert {tuple(x) for x in second.points.tolist()} == {(0, 1), (1, 0)}
+
+
+def test_sequences_end_where_they_should(part, config):
+    sequences = part("sequences")
+    w2 = {"kind": "transport", "p": 2, "root": True}
+    walked = sequences.followed("a point walks in", "W₂", w2, config)
+    assert walked["values"] == pytest.approx([1 / k for k in config["sequence"]], rel=1e-5)
+    assert walked["tends_to_zero"]
+    wrong = sequences.followed("a feather of the wrong weight", "W₂", w2, config)
+    assert wrong["values"] == pytest.approx([math.sqrt(0.5 - 1 / k) for k in config["sequence"]], rel=1e-5)
+    assert not wrong["tends_to_zero"]
+    comb, target = sequences.pair("a comb gets finer", 4)
+    assert isinstance(comb, DiscreteMeasure)
+    assert torch.equal(comb.points[:, 0], torch.tensor([0.125, 0.375, 0.625, 0.875]).double())
+    assert len(target.points) == 1024
