@@ -21,8 +21,9 @@ def draw_density(ax: Axes, law: ProjectedLaw, colour: str = BLUE, points: Float[
     if points is not None:
         ax.hist(points, bins=80, density=True, color=ORANGE, alpha=0.55, label=f"{len(points):,} points")
     wide = law.extents > 0
-    x = np.stack([law.starts, law.starts + law.extents], axis=1)[wide]
-    ax.plot(x.reshape(-1), law.densities[wide].reshape(-1), color=colour, label="exact density")
+    x = np.stack([law.starts, law.starts + law.extents], axis=1)[wide].reshape(-1)
+    heights = np.pad(law.densities[wide].reshape(-1), 1)  # down to zero at either end
+    ax.plot(np.pad(x, 1, mode="edge"), heights, color=colour, label="exact density")
     top = max(float(law.densities.max(initial=0)), 1e-9) * 1.25
     for place, mass in zip(*law.atoms):
         if mass > FIRST_ATOM:
