@@ -63,3 +63,15 @@ def test_doors(change, message):
     measure = problems.cloud(0, 3, 2)
     with pytest.raises(ValueError, match=message):
         sinkhorn_divergence(measure, measure, **change)
+
+
+def test_hasty_annealing_may_go_below_zero_and_patience_mends_it():
+    """A circle of 120 points, one of them moved far out: what the docstring warns of."""
+    angles = 2 * torch.pi * torch.arange(120).double() / 120
+    points = 40 * torch.stack([angles.cos(), angles.sin()], dim=1)
+    stray = points.clone()
+    stray[0] = torch.tensor([120.0, 0.0])
+    pair = DiscreteMeasure(points), DiscreteMeasure(stray)
+    hasty, patient = (float(sinkhorn_divergence(*pair, blur=5.0, scaling=s)) for s in (0.5, 0.99))
+    assert hasty < 0
+    assert patient == pytest.approx(float(wasserstein(*pair)), rel=0.02)

@@ -98,8 +98,8 @@ def _draw_field(ax: Axes, field: ForceField, colour: str, longest: float, every:
     # A point at rest would be drawn as a dot of its own.
     seen = lengths > 1e-3
     drawn = forces[seen] * (np.minimum(lengths[seen], longest) / lengths[seen])[:, None]
-    arrow = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.007, "headwidth": 3.5, "headlength": 4}
-    ax.quiver(*points[seen].T, *drawn.T, color=colour, zorder=4, **arrow)
+    arrow = {"angles": "xy", "scale_units": "xy", "scale": 1, "headwidth": 3.5, "headlength": 4}
+    ax.quiver(*points[seen].T, *drawn.T, color=colour, zorder=4, units="inches", width=0.02, **arrow)
 
 
 def _draw_bar(ax: Axes, limits: Limits, bar: float) -> None:

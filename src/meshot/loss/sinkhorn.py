@@ -30,7 +30,9 @@ def sinkhorn_divergence(
     Returns
     -------
     tensor
-        In (units of the points)^p; at least zero, and zero between equal measures. Not a metric, nor is a root of it.
+        In (units of the points)^p; zero between equal measures, and at least zero once ``scaling`` is near enough to
+        one: at .5 the three terms may stop at different distances from their limits, and the value may come out tens
+        of per cent low, or negative (chapter 04 shows a case). Not a metric, nor is a root of it.
 
     Raises
     ------
