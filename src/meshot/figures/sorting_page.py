@@ -3,11 +3,11 @@
 PAGE = """
 <div id="@ID@" class="sorting" role="group" aria-label="@LABEL@">
 <style>
-.sorting { max-width: 44rem; padding: .5rem; border-radius: 4px; background: #fff; color: #1a1a1a; }
+.sorting { color-scheme: light; max-width: 44rem; padding: .5rem; border-radius: 4px; background: #fff; color: #1a1a1a; }
 .sorting [hidden] { display: none !important; }
 .sorting img { max-width: 100%; background: #fff; }
 .sorting svg { width: 100%; display: block; background: #fff; }
-.sorting svg text { font: 20px sans-serif; fill: #1a1a1a; }
+.sorting svg text { font: 24px sans-serif; fill: #1a1a1a; }
 .sorting .grain { cursor: grab; }
 .sorting .grain:focus { outline: none; }
 .sorting .grain .ring { fill: transparent; stroke: none; }
@@ -78,8 +78,8 @@ BEHAVIOUR = """
   ticks(rows.source, false);
   ticks(rows.target, true);
   make("text", { x: margin, y: 24 }, svg).textContent = "source";
-  make("text", { x: margin, y: rows.target + 60 }, svg).textContent = "target";
-  const title = make("text", { x: width / 2, y: rows.target + 60, "text-anchor": "middle" }, svg);
+  make("text", { x: margin, y: rows.target + 66 }, svg).textContent = "target";
+  const title = make("text", { x: width / 2, y: rows.target + 66, "text-anchor": "middle" }, svg);
   title.textContent = "position on the line (units)";
   const lines = make("g", { "stroke-linecap": "round" }, svg);
   for (const name of ["source", "target"]) {
