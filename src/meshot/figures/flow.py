@@ -93,7 +93,9 @@ def map_figure(maps: Mapping[str, Float[Tensor, "rows columns"]], extent: float,
     options = {"figsize": (WIDTH, 2.7 * n_rows), "layout": "constrained", "squeeze": False}
     figure, axes = plt.subplots(n_rows, 2, sharex=True, sharey=True, **options)
     for ax, (title, values) in zip(axes.flat, maps.items()):
-        image = ax.imshow(values.T, origin="lower", extent=(-extent, extent, -extent, extent), vmin=0)
+        image = ax.imshow(
+            values.detach().cpu().numpy().T, origin="lower", extent=(-extent, extent, -extent, extent), vmin=0
+        )
         figure.colorbar(image, ax=ax)
         ax.set(title=title, xlabel="$x$ (units)", ylabel="$y$ (units)")
         ax.label_outer()
