@@ -3,7 +3,8 @@
 PAGE = """
 <div id="@ID@" class="sorting" role="group" aria-label="@LABEL@">
 <style>
-.sorting { color-scheme: light; max-width: 44rem; padding: .5rem; border-radius: 4px; background: #fff; color: #1a1a1a; }
+.sorting { color-scheme: light; }
+.sorting { max-width: 44rem; padding: .5rem; border-radius: 4px; background: #fff; color: #1a1a1a; }
 .sorting [hidden] { display: none !important; }
 .sorting img { max-width: 100%; background: #fff; }
 .sorting svg { width: 100%; display: block; background: #fff; }
