@@ -120,7 +120,7 @@ def test_turning_by_keyboard_hand_and_button(file, context):
         assert shown(page)["cost"] == pytest.approx(costs([34])[0], rel=1e-9)
         box = page.locator(".turning svg").bounding_box()
         scale = box["width"] / 700
-        middle = (box["x"] + 175 * scale, box["y"] + 180 * scale)
+        middle = (box["x"] + 175 * scale, box["y"] + 175 * scale)
         page.mouse.move(middle[0] + 60 * scale, middle[1])
         page.mouse.down()
         page.mouse.move(middle[0], middle[1] - 70 * scale, steps=3)

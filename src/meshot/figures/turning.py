@@ -30,11 +30,11 @@ def turning_figure(source: Float[Tensor, "n 2"], target: Float[Tensor, "n 2"], a
     degrees = np.arange(180)
     costs = line_costs(x, y, degrees)
     curve.plot(degrees, costs, color=BLACK)
-    curve.axhline(costs.mean(), color=GREY, linestyle="--", label="mean over all angles")
+    curve.axhline(costs.mean(), color=GREY, linestyle="--")
+    curve.set_title("dashed: mean over all angles", fontsize=11)
     curve.plot([angle], line_costs(x, y, np.array([angle])), "o", color=BLACK, markersize=8)
     curve.set(xlabel="angle of the line (degrees)", ylabel="$W_2^2$ on the line (units²)", ylim=(0, None))
     curve.set_xticks([0, 45, 90, 135, 180])
-    curve.legend(loc="lower right")
     return figure
 
 
@@ -64,6 +64,6 @@ def _draw_plane(ax: Axes, source: Array, target: Array, angle: float) -> None:
         ax.scatter(*foot.T, color=colour, marker=marker, s=14, zorder=3)
     for pair in zip(*feet):
         ax.plot(*np.stack(pair).T, color=BLACK, linewidth=1, zorder=2)
-    limit = 1.65 * radius
+    limit = 1.9 * radius
     ax.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal", xlabel="$x$ (units)", ylabel="$y$ (units)")
     ax.legend(loc="upper left", fontsize=9, handletextpad=0.1)

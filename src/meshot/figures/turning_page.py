@@ -7,7 +7,7 @@ PAGE = """
 .turning [hidden] { display: none !important; }
 .turning img { max-width: 100%; background: #fff; }
 .turning svg { width: 100%; display: block; background: #fff; }
-.turning svg text { font: 17px sans-serif; fill: #1a1a1a; }
+.turning svg text { font: 17px sans-serif; fill: #1a1a1a; stroke: #fff; stroke-width: 4px; paint-order: stroke; }
 .turning .plane { cursor: grab; touch-action: none; }
 .turning .controls { display: flex; gap: .5rem .75rem; align-items: center; margin-top: .3rem; flex-wrap: wrap; }
 .turning button { padding: .3rem .6rem; font: inherit; cursor: pointer; }
@@ -16,7 +16,7 @@ PAGE = """
 .turning p { margin: .4rem 0; font-variant-numeric: tabular-nums; }
 </style>
 <img alt="@LABEL@" src="data:image/png;base64,@STILL@">
-<svg viewBox="0 0 700 370" hidden></svg>
+<svg viewBox="0 0 700 400" hidden></svg>
 <p role="status" hidden></p>
 <div class="controls" hidden>
 <input type="range" min="0" max="179" step="1" value="@ANGLE@" aria-label="angle of the line in degrees">
@@ -72,7 +72,7 @@ BEHAVIOUR = """
   const calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   const colours = { source: "#0072B2", target: "#E69F00" }, names = ["source", "target"];
   const radius = Math.max(...names.flatMap((name) => data[name].map(([x, y]) => Math.hypot(x, y))));
-  const middle = [175, 180], unit = 100 / radius, random = generator(1);
+  const middle = [175, 175], unit = 92 / radius, random = generator(1);
   const costs = Array.from({ length: 180 }, (_, degrees) => costAt(data.source, data.target, degrees));
   const mean = average(costs), highest = 1.08 * Math.max(...costs);
   let drawn = [], playing = false;
@@ -87,14 +87,14 @@ BEHAVIOUR = """
     ? make("circle", { cx: x, cy: y, r: size, fill: colours.source }, parent)
     : make("rect", { x: x - size, y: y - size, width: 2 * size, height: 2 * size, fill: colours.target }, parent);
   const plane = make("g", { class: "plane" });
-  make("rect", { x: 0, y: 0, width: 350, height: 370, fill: "#fff" }, plane);
+  make("rect", { x: 0, y: 0, width: 350, height: 400, fill: "#fff" }, plane);
   const moving = make("g", {}, plane);
   for (const name of names) {
     for (const [x, y] of data[name]) { dot(name, middle[0] + unit * x, middle[1] - unit * y, 4.5, plane); }
   }
-  dot("source", 14, 20, 5); write("source", 26, 26);
-  dot("target", 104, 20, 5); write("target", 116, 26);
-  const box = { left: 430, right: 690, top: 40, bottom: 300 };
+  dot("source", 14, 388, 5); write("source", 26, 394);
+  dot("target", 104, 388, 5); write("target", 116, 394);
+  const box = { left: 430, right: 675, top: 40, bottom: 310 };
   const across = (degrees) => box.left + degrees / 180 * (box.right - box.left);
   const up = (cost) => box.bottom - cost / highest * (box.bottom - box.top);
   make("path", { d: `M${box.left} ${box.top}V${box.bottom}H${box.right}`, fill: "none", stroke: "#1a1a1a" });
@@ -107,9 +107,9 @@ BEHAVIOUR = """
   for (const cost of [0, mean]) { write(cost.toPrecision(2) * 1, box.left - 8, up(cost) + 6, flush); }
   const dashes = { stroke: "#8c8c8c", "stroke-width": 2, "stroke-dasharray": "7 5" };
   make("path", { d: `M${box.left} ${up(mean)}H${box.right}`, ...dashes });
-  write("mean", box.right, up(mean) - 7, flush);
   const path = [...costs, costs[0]].map((cost, degrees) => `${across(degrees).toFixed(1)} ${up(cost).toFixed(1)}`);
   make("path", { d: "M" + path.join("L"), fill: "none", stroke: "#1a1a1a", "stroke-width": 2.5 });
+  write("mean", box.right, up(mean) - 7, flush);
   const samples = make("g", {}), marker = make("circle", { r: 7, fill: "#D55E00", stroke: "#fff" });
 
   function draw(degrees) {
