@@ -2,7 +2,6 @@
 
 import itertools
 import re
-import shutil
 
 import matplotlib
 import numpy as np
@@ -16,6 +15,7 @@ import matplotlib.pyplot as plt
 from browser import offline_browser, watched_page
 from meshot.figures.crossing import FIELDS, crossing_figure, crossing_player, outlines, two_triangles
 from meshot.flow.counterexample import crossing_sides, crossing_time
+from preflight import browser as browser_path
 
 SETTINGS = [
     (name, time, steps, exponent)
@@ -47,14 +47,11 @@ def set_to(page, name, value):
 
 
 def test_the_page_counts_what_python_counts(tmp_path):
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    if chromium is None:
-        pytest.skip("no Chromium on this machine")
     file = tmp_path / "page.html"
     body = crossing_player("two triangles")._repr_html_()
     file.write_text(f"<!doctype html><meta charset='utf-8'><body>{body}</body>", encoding="utf-8")
     corners, seen = two_triangles(), set()
-    with offline_browser(chromium, 400) as context, watched_page(context, file) as (page, troubles):
+    with offline_browser(browser_path(), 400) as context, watched_page(context, file) as (page, troubles):
         assert page.is_visible("canvas")
         assert not page.is_visible("img")
         for name, time, steps, exponent in SETTINGS:

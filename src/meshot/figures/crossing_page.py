@@ -3,7 +3,8 @@
 PAGE = """
 <div id="@ID@" class="crossing-player" role="group" aria-label="@LABEL@">
 <style>
-.crossing-player { max-width: 40rem; padding: .5rem; border-radius: 4px; background: #fff; color: #1a1a1a; }
+.crossing-player { color-scheme: light; max-width: 40rem; padding: .5rem; border-radius: 4px; background: #fff;
+  color: #1a1a1a; }
 .crossing-player [hidden] { display: none !important; }
 .crossing-player canvas { width: 100%; max-width: 30rem; display: block; margin: 0 auto; }
 .crossing-player img { max-width: 100%; background: #fff; }
