@@ -7,7 +7,7 @@ PAGE = """
 .turning [hidden] { display: none !important; }
 .turning img { max-width: 100%; background: #fff; }
 .turning svg { width: 100%; display: block; background: #fff; }
-.turning svg text { font: 17px sans-serif; fill: #1a1a1a; stroke: #fff; stroke-width: 4px; paint-order: stroke; }
+.turning svg text { font: 20px sans-serif; fill: #1a1a1a; stroke: #fff; stroke-width: 4px; paint-order: stroke; }
 .turning .plane { cursor: grab; touch-action: none; }
 .turning .controls { display: flex; gap: .5rem .75rem; align-items: center; margin-top: .3rem; flex-wrap: wrap; }
 .turning button { padding: .3rem .6rem; font: inherit; cursor: pointer; }
