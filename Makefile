@@ -10,7 +10,7 @@ READY := $(if $(VENV),$(VENV)/.ready,)
 RUN := $(BIN)python
 PIP := $(BIN)pip install -q --disable-pip-version-check
 
-.PHONY: help book test html notebooks ledger lab lint lock clean distclean
+.PHONY: help book test html notebooks ledger lab lint lock benchmark clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -18,6 +18,7 @@ help:
 	@echo "make html       render the book from the stored outputs (seconds)"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make ledger     write the claims ledger from the committed results"
+	@echo "make benchmark  install the peers of the benchmark in build/peers, run it (15 minutes), write its table into README"
 	@echo "make lab        open the notebooks in JupyterLab"
 	@echo "make lint       check style"
 	@echo "make lock       solve requirements.lock anew from pyproject.toml"
@@ -62,6 +63,11 @@ lint: $(READY)
 
 lab: $(READY)
 	$(BIN)jupyter lab notebooks
+
+benchmark: $(READY)
+	@$(PIP) --no-deps --upgrade --target build/peers -r benchmarks/requirements.txt
+	$(RUN) benchmarks/losses.py
+	@$(RUN) benchmarks/readme_table.py
 
 lock:
 	@$(PIP) uv

@@ -1,141 +1,141 @@
-"""How long a loss and its gradient take, side by side in one process: ours, POT, k-d-tree Chamfer, and bare sorting.
+"""Time and memory of the losses side by side: ours, POT, GeomLoss, OTT, Chamfer by brute force and by a k-d tree.
 
-Run on an otherwise idle machine::
+Run on an otherwise idle machine, after ``make benchmark`` has installed the peers that nothing else needs::
 
-    python benchmarks/losses.py
+    python benchmarks/losses.py            # some 15 minutes; stopped and started again it goes on where it was
+    python benchmarks/losses.py --quick    # small sizes, one round, nothing written
 
-prints a table and writes ``benchmarks/losses.json``. Weighted measures on folded surfaces, points in R³ and points with
-normals in R⁶, the same directions for all, float64, two threads; every peer in turn, several rounds, medians.
+It prints a table and writes ``experiments/cost/results.json``. Weighted measures on folded surfaces, points in R³ and
+points with normals in R⁶, value and gradient, the same directions for all, float64, two threads; every peer in turn,
+several rounds, medians. A peer is left out from the size on at which it would take too long or too much memory.
 """
 
 import argparse
-import statistics
+import hashlib
+import json
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-import ot
+import peers
+import summary
+import timing
 import torch
+import yaml
 from tqdm import tqdm
 
-from meshot import DiscreteMeasure, chamfer, random_directions, sliced_wasserstein
-from meshot.mesh.geometry import face_normals
-from meshot.mesh.mesh import Mesh
-from meshot.mesh.sampling import sample_locations
-from meshot.mesh.shapes import folded_sphere
 from meshot.report.numbers import table
-from meshot.report.results import write_results
-from meshot.threads import in_chunks
+from meshot.report.results import package_version, write_results
 
-CONFIG = {
-    "sizes": [10_000, 100_000],
-    "dimensions": [3, 6],
-    "n_directions": 100,
-    "n_rounds": 5,
-    "n_threads": 2,
-    "seed": 0,
-}
-OURS = "fused"
+FOLDER = Path(__file__).resolve().parent.parent / "experiments" / "cost"
+PARTIAL = FOLDER / "partial.jsonl"
+QUICK = {"sizes": [1000, 3000, 10_000], "memory_sizes": [10_000], "n_rounds": 1, "longest": 3.0}
 
 
-def surface_measure(mesh: Mesh, n: int, d: int, seed: int) -> DiscreteMeasure:
-    """Points of a surface, with normals scaled to 10 mm if d is 6, and random weights."""
-    cells, barycentric = sample_locations(mesh, n, seed)
-    points = (barycentric[:, :, None] * mesh.vertices[mesh.faces[cells]]).sum(dim=1)
-    if d == 6:
-        points = torch.cat([points, 10 * face_normals(mesh)[cells]], dim=1)
-    weights = torch.from_numpy(np.random.default_rng(seed).uniform(0.5, 1.5, n))
-    return DiscreteMeasure(points, weights / weights.sum())
+def run(config: dict, partial: Path | None) -> dict:
+    """Every case that is not done yet; ``partial`` keeps what is."""
+    lines = partial.read_text(encoding="utf-8").splitlines() if partial and partial.exists() else []
+    done = {line["key"]: line["found"] for line in map(json.loads, lines)}
+
+    of_config = hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()[:8]
+
+    def once(key: str, work: Callable[[], dict]) -> dict:
+        key = f"{of_config} {key}"
+        if key not in done:
+            started = time.perf_counter()
+            done[key] = work() | {"seconds": time.perf_counter() - started}
+            if partial:
+                with partial.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"key": key, "found": done[key]}) + "\n")
+        return done[key]
+
+    missing = peers.prepare()
+    results = {"cases": [], "memory": [], "stopped": [{"peer": p, "why": why} for p, why in missing.items()]}
+    pairs = [(d, m) for d in config["dimensions"] for m in config["sizes"]]
+    with tqdm(pairs, unit="size") as progress:
+        for d, m in progress:
+            names = _able(m, d, results, missing, config)
+            found = once(f"time {d} {m}", lambda m=m, d=d, names=names: _compared(m, d, names, config))
+            results["cases"] += found["cases"]
+            results["stopped"] += found["failed"]
+            if m in config["memory_sizes"]:
+                alive = [row["peer"] for row in found["cases"] if row["peer"] != peers.FLOOR]
+                for name in tqdm(alive, desc=f"d = {d}, m = {m}: memory", leave=False):
+                    key = f"memory {d} {m} {name}"
+                    row = once(key, lambda n=name, m=m, d=d: {"row": timing.measured_memory(n, m, d, config)})["row"]
+                    results["memory" if "bytes" in row else "stopped"].append(row)
+    results["seconds"] = sum(found["seconds"] for key, found in done.items() if key.startswith(of_config))
+    return results
 
 
-def peers(source: DiscreteMeasure, target: DiscreteMeasure, directions: torch.Tensor) -> dict[str, Callable[[], None]]:
-    """What is timed: each makes a value and its gradient in the points and weights of the source."""
-    x, a = source.points.requires_grad_(), source.weights.requires_grad_()
-
-    def with_gradient(loss: Callable[[], torch.Tensor]) -> Callable[[], None]:
-        return lambda: torch.autograd.grad(loss(), (x, a))
-
-    def pot() -> torch.Tensor:
-        distance = ot.sliced.sliced_wasserstein_distance
-        return distance(x, target.points, a, target.weights, projections=directions.T) ** 2
-
-    lines = directions.numpy()
-    sides = [points.detach().numpy() for points in (x, target.points)]
-
-    def bare_sorting() -> None:
-        projected = [np.ascontiguousarray(lines @ side.T) for side in sides]
-        started = time.perf_counter()
-        in_chunks(lambda i, j: [np.argsort(side[i:j], axis=1) for side in projected], len(lines))
-        bare_sorting.seconds = time.perf_counter() - started
-
-    return {
-        OURS: with_gradient(lambda: sliced_wasserstein(source, target, directions)),
-        "np.argsort of both sides": bare_sorting,
-        "k-d-tree Chamfer": with_gradient(lambda: chamfer(source, target)),
-        "POT": with_gradient(pot),
-    }
+def _able(m: int, d: int, results: dict, missing: dict, config: dict) -> list[str]:
+    """Who runs at this size; who does not any more is noted once."""
+    names, past = [], [row for row in results["cases"] if row["d"] == d]
+    out = {row["peer"] for row in results["stopped"] if row.get("d", d) == d} | set(missing)
+    for name in peers.PEERS:
+        size = timing.support_count(name, m, config)
+        if name in out or any(row["peer"] == name and row["m"] == size for row in past):
+            continue
+        why = timing.reason_to_stop(name, size, past, config)
+        if why:
+            results["stopped"].append({"peer": name, "d": d, "m": size, "why": why})
+        else:
+            names.append(name)
+    return names
 
 
-def timed(call: Callable[[], None]) -> float:
-    """Seconds of one call; of the sorting alone where the call says so itself."""
-    started = time.perf_counter()
-    call()
-    return getattr(call, "seconds", time.perf_counter() - started)
+def _compared(m: int, d: int, names: list[str], config: dict) -> dict:
+    cases, failed = timing.compare(m, d, names, config)
+    return {"cases": cases, "failed": failed}
 
 
-def compare(n: int, d: int, config: dict, progress: tqdm) -> dict:
-    """Median seconds of every peer, round by round so that all see the same disturbances."""
-    measures = [
-        surface_measure(folded_sphere(6, depth=depth), n, d, config["seed"] + i) for i, depth in enumerate((4.0, 8.0))
-    ]
-    calls = peers(*measures, random_directions(config["n_directions"], d, config["seed"]))
-    seconds: dict[str, list[float]] = {name: [] for name in calls}
-    for turn in range(config["n_rounds"] + 1):
-        for name, call in calls.items():
-            elapsed = timed(call)
-            progress.update()
-            if turn:  # the first turn compiles and warms up
-                seconds[name].append(elapsed)
-    medians = {name: statistics.median(times) for name, times in seconds.items()}
-    return {
-        "n": n,
-        "d": d,
-        "seconds": medians,
-        "spread": {name: [min(times), max(times)] for name, times in seconds.items()},
-        "ratio_to_fused": {name: median / medians[OURS] for name, median in medians.items()},
-    }
+def printed(results: dict) -> str:
+    """Seconds of every peer by size, and the targets."""
+    parts = []
+    for d in sorted({row["d"] for row in results["cases"]}):
+        by_peer: dict[str, dict] = {}
+        for row in results["cases"]:
+            if row["d"] == d:
+                by_peer.setdefault(row["peer"], {"peer": row["peer"]})[str(row["m"])] = row["seconds"]
+        sizes = sorted({int(size) for row in by_peer.values() for size in row if size != "peer"})
+        rows = [{"peer": n} | {str(size): row.get(str(size), "") for size in sizes} for n, row in by_peer.items()]
+        parts.append(f"seconds, d = {d}, by supports on each side\n" + table(rows, 3))
+    rows = [{k: "–" if v is None else v for k, v in row.items()} for row in results["targets"]]
+    return "\n\n".join([*parts, table(rows, 3), table(results["stopped"])])
 
 
 def main() -> None:
     """Run, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output", type=Path, default=Path(__file__).parent / "losses.json")
-    parser.add_argument("--sizes", type=int, nargs="+", default=CONFIG["sizes"])
-    parser.add_argument("--rounds", type=int, default=CONFIG["n_rounds"])
+    parser.add_argument("--quick", action="store_true", help="small sizes, one round, nothing written")
+    parser.add_argument("--rounds", type=int, help="instead of the configured number")
+    parser.add_argument("--longest", type=float, help="seconds that a peer may take, instead of the configured ones")
+    parser.add_argument("--memory", choices=list(peers.PEERS), help=argparse.SUPPRESS)
+    for name in ("size", "dimension", "directions", "threads"):
+        parser.add_argument(f"--{name}", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    config = CONFIG | {"sizes": arguments.sizes, "n_rounds": arguments.rounds}
+    warnings.simplefilter("ignore")
+    if arguments.memory:
+        torch.set_num_threads(arguments.threads)
+        peers.prepare()
+        timing.print_memory(arguments.memory, arguments.size, arguments.dimension, arguments.directions)
+        return
+    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+    config |= QUICK if arguments.quick else {}
+    config |= {"n_rounds": arguments.rounds} if arguments.rounds else {}
+    config |= {"longest": arguments.longest} if arguments.longest else {}
     torch.set_num_threads(config["n_threads"])
-    started = time.perf_counter()
-    cases = [(n, d) for n in config["sizes"] for d in config["dimensions"]]
-    with tqdm(total=4 * (config["n_rounds"] + 1) * len(cases), unit="call") as progress:
-        results = [compare(n, d, config, progress) for n, d in cases]
-    rows = [
-        {
-            "n": r["n"],
-            "d": r["d"],
-            "peer": name,
-            "seconds": r["seconds"][name],
-            "times fused": r["ratio_to_fused"][name],
-        }
-        for r in results
-        for name in r["seconds"]
-    ]
-    print(table(rows))
-    seconds = time.perf_counter() - started
-    write_results(
-        arguments.output, {"cases": results}, config, "python benchmarks/losses.py", "folded spheres, sampled", seconds
-    )
+    results = run(config, None if arguments.quick else PARTIAL)
+    results["exponents"] = summary.exponents(results["cases"], results["memory"])
+    results["targets"] = summary.targets(results["cases"], results["memory"])
+    seconds = results.pop("seconds")
+    results["peers"] = {name: package_version(name) for name in ("ott-jax", "jax", "pykeops", "POT", "geomloss")}
+    print(printed(results))
+    if not arguments.quick:
+        write = FOLDER / "results.json", results, config, "python benchmarks/losses.py"
+        write_results(*write, "folded spheres, sampled", seconds)
+        PARTIAL.unlink()
 
 
 if __name__ == "__main__":

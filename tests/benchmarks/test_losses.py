@@ -1,0 +1,126 @@
+"""The benchmark: what it says of its numbers, one small case of it, its pins, and the table in README."""
+
+import importlib
+import math
+import re
+import sys
+import tomllib
+
+import pytest
+import yaml
+from packaging.requirements import Requirement
+
+from meshot.report.results import read_results
+
+
+@pytest.fixture
+def part(root, monkeypatch):
+    """A module of the benchmark by name."""
+    folder = root / "benchmarks"
+    names = [file.stem for file in folder.glob("*.py")]
+    others = {name: sys.modules.pop(name) for name in names if name in sys.modules}
+    monkeypatch.syspath_prepend(str(folder))
+    yield importlib.import_module
+    for name in names:
+        sys.modules.pop(name, None)
+    sys.modules.update(others)
+
+
+@pytest.fixture
+def config(root):
+    return yaml.safe_load((root / "experiments" / "cost" / "config.yaml").read_text(encoding="utf-8"))
+
+
+def test_our_own_peers_run(part, config):
+    peers, timing = part("peers"), part("timing")
+    ours = [
+        name for name in peers.PEERS if "GeomLoss lazy" not in name and "multiscale" not in name and "OTT" not in name
+    ]
+    small = config | {"n_directions": 3, "n_rounds": 2, "faces": {60: 1280}}
+    cases, failed = timing.compare(60, 6, ours, small)
+    assert failed == []
+    assert [row["peer"] for row in cases] == ours
+    assert all(row["low"] <= row["seconds"] <= row["high"] for row in cases)
+
+
+def test_a_peer_that_fails_is_noted(part, config, monkeypatch):
+    peers, timing = part("peers"), part("timing")
+
+    def broken(*_):
+        raise RuntimeError("no such kernel")
+
+    monkeypatch.setitem(peers.PEERS, peers.DENSE, peers.Peer(broken))
+    cases, failed = timing.compare(50, 3, [peers.DENSE], config)
+    assert cases == []
+    assert failed[0]["why"] == "RuntimeError: no such kernel"
+
+
+def test_who_would_take_too_long_or_too_much_is_left_out(part, config):
+    peers, timing = part("peers"), part("timing")
+    past = [{"peer": peers.BRUTE, "m": m, "seconds": 1e-7 * m**2} for m in (1000, 10_000)]
+    assert timing.reason_to_stop(peers.BRUTE, 11_000, past, config) == ""
+    assert timing.reason_to_stop(peers.BRUTE, 20_000, past, config).startswith("time: 40 s")
+    assert timing.reason_to_stop(peers.DENSE, 3000, [], config) == ""
+    assert timing.reason_to_stop(peers.DENSE, 100_000, [], config).startswith("memory")
+
+
+def test_exponents_and_targets(part):
+    peers, summary = part("peers"), part("summary")
+    growth = {peers.OURS: (1e-6, 1.1), peers.POT: (4e-5, 1.1), peers.TREE: (1e-6, 1.1), peers.FLOOR: (1e-6, 1.1)}
+    cases = [
+        {"peer": peer, "d": d, "m": m, "seconds": factor * m**power}
+        for peer, (factor, power) in growth.items()
+        for d in (3, 6)
+        for m in (1000, 10_000, 100_000, 1_000_000)
+    ]
+    memory = [{"peer": peers.OURS, "d": 6, "m": 1_000_000, "bytes": 290e6}]
+    found = summary.exponents(cases, memory)
+    assert all(row["exponent"] == pytest.approx(1.1) and row["from"] == 10_000 for row in found)
+    by_name = {row["what"]: row for row in summary.targets(cases, memory)}
+    assert by_name["times faster than POT, m = 10000, d = 3"]["found"] == pytest.approx(40)
+    assert by_name["times faster than POT, m = 100000, d = 6"]["met"]
+    assert by_name["time over k-d-tree Chamfer, m = 100000, d = 3"]["met"]
+    assert by_name["time over k-d-tree Chamfer, m = 100000, d = 6"]["met"] is False
+    assert by_name["growth of time from m = 10000 to 1000000, exponent, d = 6"]["found"] == pytest.approx(1.1)
+    assert by_name["memory above the inputs, m = 1000000, d = 6"]["found"] == pytest.approx(290)
+    assert by_name[f"{peers.VALUE}, 20480 faces each side, d = 3"]["met"] is None
+
+
+def test_the_torus_is_a_mesh_of_as_many_vertices(part):
+    data = part("data")
+    source, _ = data.measures(60, 3, 0)
+    mesh = data.mesh_of(source)
+    assert (len(mesh.vertices), len(mesh.faces)) == (60, 120)
+    assert set(mesh.faces.flatten().bincount().tolist()) == {6}
+
+
+def test_pins_are_exact_and_outside_the_lock(root):
+    lines = (root / "benchmarks" / "requirements.txt").read_text().splitlines()
+    pinned = [Requirement(line) for line in lines if line and not line.startswith("#")]
+    assert {"ott-jax", "jax", "jaxlib", "pykeops"} <= {requirement.name for requirement in pinned}
+    assert all(re.fullmatch(r"==[\d.]+", str(requirement.specifier)) for requirement in pinned)
+    locked = (root / "requirements.lock").read_text().lower()
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    for requirement in pinned:
+        assert f"\n{requirement.name.lower()}==" not in locked
+        assert not any(Requirement(line).name == requirement.name for line in project["dependencies"])
+
+
+def test_readme_shows_the_committed_results(root, part):
+    readme_table = part("readme_table")
+    text = (root / "README.md").read_text(encoding="utf-8")
+    block = readme_table.benchmark_block(read_results(readme_table.RESULTS))
+    assert block in text, "README.md disagrees with experiments/cost/results.json: python benchmarks/readme_table.py"
+    assert readme_table.with_block(text, block) == text
+    with pytest.raises(ValueError, match="no <!-- benchmark -->"):
+        readme_table.with_block("nothing", block)
+
+
+def test_committed_results_have_what_was_asked_for(root, part):
+    peers = part("peers")
+    record = read_results(root / "experiments" / "cost" / "results.json")
+    found = {(row["peer"], row["d"], row["m"]) for row in record["results"]["cases"]}
+    for d in (3, 6):
+        assert {(peers.OURS, d, m) for m in record["config"]["sizes"]} <= found
+        assert {name for name, own, _ in found if own == d} >= {peers.POT, peers.TREE, peers.BRUTE, peers.DENSE}
+    assert all(math.isfinite(row["seconds"]) and row["seconds"] > 0 for row in record["results"]["cases"])
