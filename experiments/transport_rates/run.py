@@ -18,8 +18,6 @@ from tqdm import tqdm
 from meshot.report.results import write_results
 
 HERE = Path(__file__).parent
-#: Exact transport between more points than this takes longer than all the rest, and is left for the end.
-LARGE = 2048
 
 
 def tasks(config: dict) -> list[dict]:
@@ -30,9 +28,7 @@ def tasks(config: dict) -> list[dict]:
         for pair in settings.get("pairs", config["pairs"]):
             for n_points, n_repetitions in zip(settings["sizes"], settings["repetitions"], strict=True):
                 found.append({"estimate": estimate, **pair, "n_points": n_points, "n_repetitions": n_repetitions})
-    return sorted(
-        found, key=lambda task: (task["n_points"] > LARGE and task["estimate"] == "transport", task["n_points"])
-    )
+    return sorted(found, key=lambda task: task["n_points"])
 
 
 def main() -> None:

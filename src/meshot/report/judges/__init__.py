@@ -3,14 +3,19 @@
 from meshot.report.judges.axioms import judge_axioms
 from meshot.report.judges.encodings import judge_continuous, judge_normal_scale, judge_sample_gradient
 from meshot.report.judges.ground_cost import judge_ground_cost
+from meshot.report.judges.rates import judge_chamfer_rate, judge_transport_rate
 from meshot.report.judges.sinkhorn import judge_blur
 from meshot.report.judges.toy import judge_toy
+from meshot.report.judges.varifold import judge_varifold
 from meshot.report.judges.weights import judge_weights
 from meshot.report.ledger import Judge
 
 JUDGES: dict[int, Judge] = {
     1: judge_toy,
+    3: judge_transport_rate,
+    4: judge_chamfer_rate,
     6: judge_continuous,
+    7: judge_varifold,
     8: judge_normal_scale,
     9: judge_weights,
     11: judge_axioms,
