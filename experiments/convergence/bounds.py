@@ -3,6 +3,7 @@
 import functools
 
 import numpy as np
+import torch
 from pairs import Pair, frames, make_pair, sampled_costs
 from sizes import short
 
@@ -31,7 +32,7 @@ def bound_values(run: dict, config: dict) -> dict:
         means.append(np.abs(gaps.mean(axis=1)))
         slices.append(np.abs(gaps).mean(axis=1))
         both = [
-            slice_costs(DiscreteMeasure(cloud), measure, directions, 1).numpy()
+            slice_costs(DiscreteMeasure(torch.from_numpy(cloud)), measure, directions, 1).numpy()
             for cloud, measure in ((points, pair.source), (others, pair.target))
         ]
         sides.append(sum(costs.mean() for costs in both))

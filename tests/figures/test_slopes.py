@@ -10,7 +10,7 @@ from meshot.figures.slopes import draw_slopes
 def test_lines_have_the_slopes_that_are_written():
     x = np.array([1.0, 10, 100])
     figure, ax = plt.subplots()
-    draw_slopes(ax, {"a": (x, 3 / x, (-1.0, -1.1, -0.9)), "bound": (x, 9 / x, None), "b": (x, x, (1.0, 0.5, 1.5))})
+    draw_slopes(ax, {"a": (x, 3 / x, (-1.0, -1.1, -0.9)), "bound": (x, 9 / x, None), "b": (x, x, (1.0, 0.996, 1.004))})
     fitted, points, bound, other, _ = ax.lines
     assert fitted.get_ydata() == pytest.approx(3 / x)
     assert points.get_ydata() == pytest.approx(3 / x)
@@ -18,7 +18,7 @@ def test_lines_have_the_slopes_that_are_written():
     assert fitted.get_color() != other.get_color()
     assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
     names = [text.get_text() for text in ax.legend().get_texts()]
-    assert names == ["a: −1.00 [−1.10, −0.90]", "bound", "b: 1.00 [0.50, 1.50]"]
+    assert names == ["a: −1.00 [−1.10, −0.90]", "bound", "b: 1.000 [0.996, 1.004]"]
     plt.close(figure)
 
 

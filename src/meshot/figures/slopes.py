@@ -39,7 +39,8 @@ def draw_slopes(ax: Axes, curves: Mapping[str, Curve]) -> None:
         slope, low, high = fit
         line = np.exp(np.median(np.log(y) - slope * np.log(x))) * x**slope
         ax.plot(x, line, color=colour, linewidth=1.4, zorder=2)
-        text = f"{name}: {slope:.2f} [{low:.2f}, {high:.2f}]".replace("-", "−")
+        places = 2 if high - low >= 0.02 else 3
+        text = f"{name}: {slope:.{places}f} [{low:.{places}f}, {high:.{places}f}]".replace("-", "−")
         ax.plot(x, y, marker, color=colour, markersize=6, zorder=3, label=text)
     _label_short(ax.yaxis, *ax.get_ylim())
 
