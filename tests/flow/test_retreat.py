@@ -95,11 +95,16 @@ def test_killed_and_resumed_backs_off_in_the_same_way(tmp_path, stop):
 def test_more_steps_where_the_steps_are_at_fault(max_steps, slope, n_steps):
     velocity = field()
     state = FitState(velocity, torch.optim.Adam(velocity.parameters()), 1)
+    for level in velocity.levels:
+        level.grad = torch.zeros_like(level)
+    state.optimiser.step()
+    assert state.optimiser.state
     nodes = torch.arange(velocity.levels[1].shape[1]).double()
     velocity.levels[1].data[..., 0] = 0.5 * slope * nodes[:, None, None]  # v = slope · x, up to a constant
     retreat(state, PAIR, QUICK, Guard(max_steps=max_steps, slow_down=0.25))
     assert state.n_steps == n_steps
     assert state.rate_factor == 0.25
+    assert not state.optimiser.state  # momentum that led to the crossing is forgotten
     assert not velocity.levels[1].any()
     assert state.history["retreat_iteration"] == [0]
 
