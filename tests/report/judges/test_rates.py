@@ -37,7 +37,7 @@ def test_an_interval_holds_what_lies_a_little_beyond_its_ends():
 def test_rates_as_stated_are_reproduced(transport):
     verdict = judge_transport_rate(transport)
     assert verdict.status == ledger.REPRODUCED
-    assert "on 2 of 2 pairs (cube in R^3 equal, cube in R^6 equal), is faster on 0 (none)" in verdict.ours
+    assert "in 2 of 2 cases, pair × p (cube in R^3 equal, cube in R^6 equal), is faster in 0 (none)" in verdict.ours
     assert verdict.numbers.count("\n") == 3
 
 
@@ -48,7 +48,7 @@ def test_a_pair_that_is_faster_or_slower_is_a_condition(transport):
         record["results"][kind] += [row("two_cubes", 3, "equal", 2, -0.25, None)]
     verdict = judge_transport_rate(record)
     assert verdict.status == ledger.CONDITION
-    assert "faster on 1 (ellipsoid in R^6 equal), and slower on 1 (two cubes in R^3 equal)" in verdict.ours
+    assert "faster in 1 (ellipsoid in R^6 equal), and slower in 1 (two cubes in R^3 equal)" in verdict.ours
 
 
 def test_a_sliced_slope_that_knows_the_dimension_is_a_failure(transport):

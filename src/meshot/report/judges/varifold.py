@@ -36,8 +36,8 @@ def _sentence(results: dict, won: list[dict], lost: list[dict]) -> str:
     largest = max(results["duels"], key=lambda row: row["low"])
     text = (
         f"the varifold wins {len(won)} of {n_duels} duels, loses {len(lost)}, and {n_duels - len(won) - len(lost)} are "
-        f"open; SW_p to its own mesh falls with the edge length h as h to the {own}, that of samples as h to the "
-        f"{sampled}; the largest advantage is a factor of {digits(largest['ratio'], 2)} "
+        f"open; SW_p to its own mesh falls with the edge length h like {own}, that of samples like {sampled}; the "
+        f"largest advantage is a factor of {digits(largest['ratio'], 2)} "
         f"({_name(largest)}, {largest['n_faces']} supports)"
     )
     if lost:
@@ -51,7 +51,7 @@ def _name(row: dict) -> str:
 
 def _range(rows: list[dict]) -> str:
     slopes = sorted(row["slope"] for row in rows)
-    return f"{slopes[0]:.2f} to {slopes[-1]:.2f}"
+    return f"h^{slopes[0]:.2f} to h^{slopes[-1]:.2f}"
 
 
 def _rate_table(rates: list[dict]) -> str:
