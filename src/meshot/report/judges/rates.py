@@ -47,8 +47,8 @@ def _transport_sentence(transport: list[dict], sliced: list[dict], right: list[d
     return (
         (
             f"SW_p: slopes from {low:.2f} to {high:.2f} in 2, 3 and 6 dimensions ({agreed} of {len(sliced)} agree with "
-            f"−½); W_p follows m^(-1/d) in {len(right)} of {len(transport)} cases, pair × p ({_names(right)}), is faster "
-            f"in {len(faster)} ({_names(faster)}), and slower in {len(slower)} ({_names(slower)})"
+            f"−½); W_p follows m^(-1/d) in {len(right)} of {len(transport)} cases, pair × p ({_names(right)}), is "
+            f"faster in {len(faster)} ({_names(faster)}), and slower in {len(slower)} ({_names(slower)})"
         )
         .replace("slopes from -", "slopes from −")
         .replace(" to -", " to −")
