@@ -43,8 +43,8 @@ def orthogonal_directions(
     """Directions in blocks of d at right angles: each one uniform on the sphere, the blocks independent.
 
     A block of d orthonormal rows is uniform on the orthogonal group. Within whole blocks the mean of θθᵀ is I/d
-    exactly; then a translation by t costs |t|²/d for p = 2, without error, and SW₂ ≤ W₂/√d. Where ``n`` is no multiple
-    of ``d`` the last block is cut.
+    exactly; then a translation by t costs ``|t|²/d`` for p = 2, without error, and SW₂ ≤ W₂/√d. Where ``n`` is no
+    multiple of ``d`` the last block is cut.
 
     Parameters
     ----------

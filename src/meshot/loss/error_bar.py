@@ -174,8 +174,8 @@ def _log_moment(q: float, d: int) -> float:
 def directions_for_translation(relative_error: float, d: int, p: float = 2) -> int:
     """How many random directions bring the relative standard error for a translation down to ``relative_error``.
 
-    A first guess of L before anything is computed; :meth:`SlicedEstimate.directions_needed` knows the pair at hand. In
-    R³ and for p = 2, 1 % takes 8000 directions, 10 % takes 80.
+    A first guess of L before anything is computed; :meth:`meshot.SlicedEstimate.directions_needed` knows the pair at
+    hand. In R³ and for p = 2, 1 % takes 8000 directions, 10 % takes 80.
 
     Raises
     ------
