@@ -79,7 +79,7 @@ PROXIES = {
 
 
 def times(config: dict) -> dict:
-    """CPU seconds of one thread, medians over rounds in which all take turns; ratios to the exact value and gradient."""
+    """CPU seconds of one thread, medians over rounds in which all take turns; ratios to exact value and gradient."""
     settings = config["time"]
     source, target = (folded_sphere(settings["subdivisions"], 40.0, depth) for depth in (6.0, 4.0))
     directions = quasi_directions(config["n_directions"], 3)
