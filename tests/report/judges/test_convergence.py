@@ -13,8 +13,8 @@ SIZE = {
 }  # fmt: skip
 BOUND = {"slice_error": 1.0, "sharper": 2.0}
 DISTANCE = {
-    "n_points": 1000, "p": 2, "apart": [0, 1000], "error": [1.0, 1.1], "sharper": [5.0, 9.0],
-    "ratio": [1.0, 1.1], "ratio_low": [1.0, 0.9], "ratio_high": [1.0, 1.3],
+    "n_points": 1000, "p": 2, "apart": [0, 10, 1000], "error": [1.0, 1.0, 1.1], "sharper": [5.0, 6.0, 9.0],
+    "ratio": [1.0, 1.0, 1.1], "ratio_low": [1.0, 0.9, 0.9], "ratio_high": [1.0, 1.2, 1.3],
 }  # fmt: skip
 DIRECTION = {
     "case": "translation, d = 3", "p": 2, "mean": 48.0, "variance": 1843.2, "counts": [1, 10, 100],
@@ -36,10 +36,10 @@ def test_theorem_as_it_stands(theorem):
 
 
 def test_a_constant_that_grows_is_a_condition(theorem):
-    theorem["results"]["distance"][0] |= {"ratio_low": [1.0, 2.1], "ratio": [1.0, 3.0]}
+    theorem["results"]["distance"][0] |= {"ratio_low": [1.0, 1.1, 2.1], "ratio": [1.0, 1.5, 3.0]}
     verdict = judge_theorem(theorem)
     assert verdict.status == CONDITION
-    assert "1000 mm apart err 3 times" in verdict.ours
+    assert "1000 mm apart err 3 times as much as concentric ones, and 2 times as much as 10 mm apart" in verdict.ours
     theorem["results"]["distance"][0]["p"] = 1
     assert judge_theorem(theorem).status == REPRODUCED
 
@@ -49,7 +49,9 @@ def test_a_slope_that_may_be_too_flat_refutes(theorem):
     assert judge_theorem(theorem).status == NOT_REPRODUCED
 
 
-@pytest.mark.parametrize(("part", "change"), [("bounds", {"slice_error": 2.1}), ("distance", {"error": [1.0, 9.1]})])
+@pytest.mark.parametrize(
+    ("part", "change"), [("bounds", {"slice_error": 2.1}), ("distance", {"error": [1.0, 1.0, 9.1]})]
+)
 def test_a_broken_bound_refutes(theorem, part, change):
     theorem["results"][part][0] |= change
     verdict = judge_theorem(theorem)

@@ -1,6 +1,7 @@
 """From results to verdicts: the rule for each tested claim, by its number."""
 
 from meshot.report.judges.axioms import judge_axioms
+from meshot.report.judges.convergence import judge_directions, judge_theorem
 from meshot.report.judges.encodings import judge_continuous, judge_normal_scale, judge_sample_gradient
 from meshot.report.judges.ground_cost import judge_ground_cost
 from meshot.report.judges.rates import judge_chamfer_rate, judge_transport_rate
@@ -12,8 +13,10 @@ from meshot.report.ledger import Judge
 
 JUDGES: dict[int, Judge] = {
     1: judge_toy,
+    2: judge_theorem,
     3: judge_transport_rate,
     4: judge_chamfer_rate,
+    5: judge_directions,
     6: judge_continuous,
     7: judge_varifold,
     8: judge_normal_scale,

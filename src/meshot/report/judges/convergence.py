@@ -48,7 +48,9 @@ def _theorem_sentence(results: dict, slower: list[dict], grown: list[dict], abov
         most = max((row for row in grown if row["p"] == 2), key=lambda row: row["ratio"][-1], default=grown[0])
         text += (
             f"; the constant depends on more than R: spheres {most['apart'][-1]} mm apart err "
-            f"{digits(most['ratio'][-1], 3)} times as much as concentric ones (p = {most['p']}, m = {most['n_points']})"
+            f"{digits(most['ratio'][-1], 3)} times as much as concentric ones, and "
+            f"{digits(most['ratio'][-1] / most['ratio'][1], 3)} times as much as {most['apart'][1]} mm apart "
+            f"(p = {most['p']}, m = {most['n_points']})"
         )
     bound = "p·D^(p−1)·(R₁ + R₂)/(2√m), D the joint diameter, without logarithm and d,"
     return text + (f"; {bound} holds throughout" if not above else f"; {bound} is exceeded {len(above)} times")
