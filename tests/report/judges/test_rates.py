@@ -80,6 +80,11 @@ def test_a_rate_on_every_surface_refutes_the_claim(chamfer):
     assert verdict.numbers.count("\n") == 4
 
 
+def test_an_interval_must_end_below_the_mark_not_only_begin_there(chamfer):
+    chamfer["results"]["chamfer"][1] |= {"slope": -0.45, "low": -0.5, "high": -0.4}
+    assert judge_chamfer_rate(chamfer).status == ledger.CONDITION
+
+
 def test_a_slow_surface_is_a_condition_and_slow_ones_only_bear_the_claim_out(chamfer):
     chamfer["results"]["chamfer"][1] |= {"slope": -0.3, "low": -0.31, "high": -0.29}
     assert judge_chamfer_rate(chamfer).status == ledger.CONDITION
