@@ -1,8 +1,8 @@
 """Rebuild every number and figure of chapter 11 from nothing: four experiments, the ledger, the chapter.
 
-Run as ``python experiments/rebuild_theorem.py``, on one thread. The recorded seconds of every part are printed first: two
-and a half hours in all, on a machine that had other work to do; ``convergence`` alone takes thirteen minutes of an idle
-core. Stopped and started again, each experiment goes on where it was.
+Run as ``python experiments/rebuild_theorem.py``, on one thread. The recorded seconds of every part are printed first:
+two and a half hours in all, on a machine that had other work to do; ``convergence`` alone takes thirteen minutes of an
+idle core. Stopped and started again, each experiment goes on where it was.
 """
 
 import subprocess
