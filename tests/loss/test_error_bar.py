@@ -112,6 +112,7 @@ def test_intervals_widen_with_doubt_and_stop_at_zero():
     few, many = SlicedEstimate(1.0, 0.1, 3, 3), SlicedEstimate(1.0, 0.1, 300, 300)
     assert few.interval()[1] > many.interval()[1] > many.interval(0.5)[1]
     assert many.interval()[1] == pytest.approx(1 + 1.968 * 0.1, abs=1e-4)
+    assert few.interval()[1] == pytest.approx(1 + 4.302653 * 0.1, abs=1e-6)  # two degrees of freedom
     assert few.interval(0.999)[0] == 0
 
 
