@@ -147,3 +147,12 @@ def test_a_small_slice_of_the_directions(part, config):
         for row in directions.direction_summary(rows, small)["directions"]:
             assert row["slope"] == pytest.approx(-0.5, abs=0.02)
             assert row["constant"] == pytest.approx([1.0] * 3, abs=0.08)
+
+
+def test_one_command_names_all_that_the_chapter_reads(root, monkeypatch):
+    monkeypatch.syspath_prepend(str(root / "experiments"))
+    rebuild = importlib.import_module("rebuild_theorem")
+    chapter = (root / "notebooks" / f"{rebuild.CHAPTER}.md").read_text(encoding="utf-8")
+    for name in rebuild.EXPERIMENTS:
+        assert (root / "experiments" / name / "run.py").is_file()
+        assert f'"{name}"' in chapter

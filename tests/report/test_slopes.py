@@ -16,6 +16,12 @@ def test_exact_power_laws(exponent, statistic):
     assert found == pytest.approx((exponent,) * 3, rel=1e-9)
 
 
+def test_the_two_statistics_differ_where_the_law_changes():
+    errors = [[1.0] * 40, [0.0] * 30 + [2.0] * 10]
+    assert fitted_slope([1, 2], errors).slope == pytest.approx(-1, rel=1e-9)
+    assert fitted_slope([1, 2], errors, "rms").slope == pytest.approx(0, abs=1e-9)
+
+
 def test_more_repetitions_weigh_more():
     by_hand = np.polyfit(np.log(SIZES), np.log([1.0, 2, 4, 3]), 1, w=np.sqrt([1, 5, 2, 7]))[0]
     rows = [[height] * count for height, count in zip([1.0, 2, 4, 3], [1, 5, 2, 7])]
