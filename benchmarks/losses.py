@@ -51,7 +51,12 @@ def run(config: dict, partial: Path | None) -> dict:
         return done[key]
 
     missing = peers.prepare()
-    results = {"cases": [], "memory": [], "stopped": [{"peer": p, "why": why} for p, why in missing.items()]}
+    results = {
+        "cases": [],
+        "memory": [],
+        "not weighed": [],
+        "stopped": [{"peer": p, "why": why} for p, why in missing.items()],
+    }
     pairs = [(d, m) for d in config["dimensions"] for m in config["sizes"]]
     with tqdm(pairs, unit="size") as progress:
         for d, m in progress:
@@ -64,7 +69,7 @@ def run(config: dict, partial: Path | None) -> dict:
                 for name in tqdm(alive, desc=f"d = {d}, m = {m}: memory", leave=False):
                     key = f"memory {d} {m} {name}"
                     row = once(key, lambda n=name, m=m, d=d: {"row": timing.measured_memory(n, m, d, config)})["row"]
-                    results["memory" if "bytes" in row else "stopped"].append(row)
+                    results["memory" if "bytes" in row else "not weighed"].append(row)
     results["seconds"] = sum(found["seconds"] for key, found in done.items() if key.startswith(of_config))
     return results
 

@@ -62,6 +62,9 @@ def prepare() -> dict[str, str]:
     for name, peers in {"ott": (OTT_SLICED, OTT_DENSE, OTT_LAZY), "pykeops": (LAZY, MULTISCALE)}.items():
         try:
             __import__(name)
+            # GeomLoss looks for KeOps when it is imported, and meshot has imported it already.
+            for module in [module for module in sys.modules if module.split(".")[0] == "geomloss"]:
+                del sys.modules[module]
         except ImportError as error:
             missing |= dict.fromkeys(peers, f"{name} is not installed ({error}): run make benchmark")
     return missing

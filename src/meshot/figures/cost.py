@@ -100,6 +100,12 @@ def _name_ends(ax: Axes, lines: Mapping[str, np.ndarray], looks: Mapping[str, di
             fontsize=9,
             va="center",
             color=looks[name]["color"],
-            arrowprops={"arrowstyle": "-", "color": looks[name]["color"], "linewidth": 0.5, "alpha": 0.6},
+            arrowprops={
+                "arrowstyle": "-",
+                "relpos": (0, 0.5),
+                "color": looks[name]["color"],
+                "linewidth": 0.5,
+                "alpha": 0.6,
+            },
             annotation_clip=False,
         )
