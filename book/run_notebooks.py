@@ -47,6 +47,7 @@ def run_notebook(source: Path, bar: tqdm) -> nbformat.NotebookNode:
         kernel_name="python3",
         extra_arguments=["--log-level=40"],
         record_timing=False,
+        coalesce_streams=True,  # a busy machine may hand over one print in two pieces
         resources={"metadata": {"path": str(NOTEBOOKS)}},
         on_cell_executed=lambda cell, cell_index, execute_reply: bar.update(),
     )

@@ -11,8 +11,8 @@ from pathlib import Path
 from meshot.report.environment import KERNEL_ENVIRONMENT
 
 NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
-#: Run a second time with torch's plain code path instead of the vectorised one (three chapters, once there are three).
-ON_AN_OLDER_CPU = ("01_circle_to_polygon", "36_a_real_scan")
+#: Run a second time with torch's plain code path instead of the vectorised one: points, meshes, a real image.
+ON_AN_OLDER_CPU = ("01_circle_to_polygon", "10_mesh_as_measure", "36_a_real_scan")
 
 
 def compare(names: list[str], extra: dict[str, str]) -> int:
