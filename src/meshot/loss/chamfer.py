@@ -9,7 +9,7 @@ from meshot.types import Float, Int64, Tensor
 
 #: How nearest neighbours are found; the value is the same.
 NEIGHBOURS = ("tree", "brute")
-_BLOCK = 1 << 22  # distances held at once by brute force
+_BLOCK = 1 << 23  # distances held at once by brute force: so large that their memory goes back, not into a heap
 
 
 def chamfer(source: DiscreteMeasure, target: DiscreteMeasure, neighbours: str = "tree") -> Float[Tensor, ""]:

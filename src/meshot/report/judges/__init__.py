@@ -2,6 +2,7 @@
 
 from meshot.report.judges.axioms import judge_axioms
 from meshot.report.judges.convergence import judge_directions, judge_theorem
+from meshot.report.judges.cost import judge_memory, judge_speed
 from meshot.report.judges.encodings import judge_continuous, judge_normal_scale, judge_sample_gradient
 from meshot.report.judges.ground_cost import judge_ground_cost
 from meshot.report.judges.rates import judge_chamfer_rate, judge_transport_rate
@@ -21,8 +22,10 @@ JUDGES: dict[int, Judge] = {
     7: judge_varifold,
     8: judge_normal_scale,
     9: judge_weights,
+    10: judge_speed,
     11: judge_axioms,
     18: judge_blur,
+    21: judge_memory,
     23: judge_sample_gradient,
     24: judge_ground_cost,
 }
