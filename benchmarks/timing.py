@@ -56,6 +56,7 @@ def compare(m: int, d: int, names: list[str], config: dict) -> tuple[list[dict],
     for name in tqdm(names, desc=f"d = {d}, m = {m}: warming up", leave=False):
         size = support_count(name, m, config)
         try:
+            compile_for(name, d, config["n_directions"])
             call = peers.PEERS[name].make(size, d, config["n_directions"], config["seed"])
             first = timed(call)
         except Exception as error:  # a peer that fails is a finding, not the end
@@ -78,6 +79,12 @@ def compare(m: int, d: int, names: list[str], config: dict) -> tuple[list[dict],
     return found, failed
 
 
+def compile_for(name: str, d: int, n_directions: int) -> None:
+    """Run a peer on a few supports, so that what is compiled once is compiled before anything is measured."""
+    small = 1280 if name in (peers.EXACT, peers.VALUE) else 300
+    peers.PEERS[name].make(small, d, n_directions, 0)()
+
+
 def measured_memory(name: str, m: int, d: int, config: dict) -> dict:
     """Peak memory of one call above its inputs, in a fresh process."""
     size = support_count(name, m, config)
@@ -91,8 +98,7 @@ def measured_memory(name: str, m: int, d: int, config: dict) -> dict:
 
 def print_memory(name: str, m: int, d: int, n_directions: int) -> None:
     """What :func:`measured_memory` asks the fresh process for: load and compile on few supports, then measure."""
-    small = 1280 if name in (peers.EXACT, peers.VALUE) else 300
-    peers.PEERS[name].make(small, d, n_directions, 0)()
+    compile_for(name, d, n_directions)
     call = peers.PEERS[name].make(m, d, n_directions, 0)
     gc.collect()
     ctypes.CDLL("libc.so.6").malloc_trim(0)  # else the call may live on what making the inputs has left behind
