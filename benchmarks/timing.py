@@ -34,8 +34,8 @@ def foretold_seconds(name: str, m: int, past: list[dict]) -> float:
     if not own:
         return 0.0
     exponent = 1.0
-    if len(own) > 1:
-        a, b = own[-2:]
+    a, b = own[max(-2, -len(own))], own[-1]
+    if a["m"] < b["m"]:  # two sizes may share a number of faces
         exponent = max(1.0, math.log(b["seconds"] / a["seconds"]) / math.log(b["m"] / a["m"]))
     return own[-1]["seconds"] * (m / own[-1]["m"]) ** exponent
 
