@@ -13,10 +13,10 @@ import yaml
 from fitting import judged, make_pair, run_once
 from limits import limit_rows
 from scipy import stats
-from tqdm import tqdm
 
 from meshot.mesh.geometry import face_areas
 from meshot.report.results import write_results
+from meshot.report.resume import finished
 
 HERE = Path(__file__).resolve().parent
 MEASURED = ("w2_varifold", "sw2_surface", "assd", "emd")
@@ -28,21 +28,11 @@ def main() -> None:
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    lines = partial.read_text(encoding="utf-8").splitlines() if partial.exists() else []
-    done = {line["key"]: line for line in map(json.loads, lines)}
     todo = [(run, seed) for seed in config["seeds"] for run in config["losses"]]
-    for run, seed in tqdm(todo):
-        key = json.dumps([run, seed], sort_keys=True)
-        if key in done:
-            continue
-        before = time.perf_counter()
-        values = run_once(run, seed, config)
-        done[key] = {"key": key, "run": run, "seed": seed, "values": values, "seconds": time.perf_counter() - before}
-        with partial.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(done[key]) + "\n")
-    rows = [done[json.dumps([run, seed], sort_keys=True)] for run, seed in todo]
+    found = finished(todo, lambda task: run_once(*task, config), partial)
+    rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
     results = summarise(rows) | {"limits": limit_rows(config)} | yardsticks(config)
-    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
+    seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)
     write_results(HERE / "results.json", _short(results), config, "python experiments/blur/run.py", "synthetic folded "
                   "spheres", seconds)  # fmt: skip
     partial.unlink()

@@ -4,7 +4,6 @@ Run as ``python experiments/transport_rates/run.py``. Finished repetitions are k
 done, so that a run that was stopped goes on where it ended.
 """
 
-import json
 import time
 from pathlib import Path
 
@@ -13,9 +12,9 @@ import yaml
 from limits import chamfer_limit
 from measured import MEASURES, errors
 from summary import summarise
-from tqdm import tqdm
 
 from meshot.report.results import write_results
+from meshot.report.resume import finished
 
 HERE = Path(__file__).parent
 
@@ -37,19 +36,9 @@ def main() -> None:
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    lines = partial.read_text(encoding="utf-8").splitlines() if partial.exists() else []
-    done = {line["key"]: line for line in map(json.loads, lines)}
     limits = [chamfer_limit(pair, config) for pair in config["chamfer"]["pairs"]]
-    for task in tqdm(tasks(config)):
-        key = json.dumps(task, sort_keys=True)
-        if key in done:
-            continue
-        before = time.process_time()
-        done[key] = {"key": key, "task": task, "values": errors(task, limits, config)}
-        done[key]["seconds"] = time.process_time() - before
-        with partial.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(done[key]) + "\n")
-    rows = [done[json.dumps(task, sort_keys=True)] for task in tasks(config)]
+    rows = finished(tasks(config), lambda task: errors(task, limits, config), partial, time.process_time)
+    rows = [row | {"values": row["found"]} for row in rows]
     results = summarise(rows, config) | {"limits": limits}
     seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
     command = "python experiments/transport_rates/run.py"

@@ -4,7 +4,6 @@ Run as ``python experiments/weights_and_areas/run.py``, on one thread. Finished 
 until all are done, so that a run that was stopped goes on where it ended.
 """
 
-import json
 import time
 from pathlib import Path
 
@@ -13,9 +12,9 @@ import yaml
 from checks import forgotten_areas, merging_errors
 from descents import run_once
 from summary import gradient_rows, summarise
-from tqdm import tqdm
 
 from meshot.report.results import write_results
+from meshot.report.resume import finished
 
 HERE = Path(__file__).parent
 
@@ -37,22 +36,12 @@ def main() -> None:
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    lines = partial.read_text(encoding="utf-8").splitlines() if partial.exists() else []
-    done = {line["key"]: line for line in map(json.loads, lines)}
     todo = [(run, seed) for run in planned_runs(config) for seed in config["seeds"]]
-    for run, seed in tqdm(todo):
-        key = json.dumps([run, seed], sort_keys=True)
-        if key in done:
-            continue
-        before = time.perf_counter()
-        values = run_once(run, seed, config)
-        done[key] = {"key": key, "run": run, "seed": seed, "values": values, "seconds": time.perf_counter() - before}
-        with partial.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(done[key]) + "\n")
-    rows = [done[json.dumps([run, seed], sort_keys=True)] for run, seed in todo]
+    found = finished(todo, lambda task: run_once(*task, config), partial)
+    rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
     results = summarise(rows) | {"gradients": gradient_rows(config)}
     results |= {"merging": merging_errors(config["merging"]), "areas": forgotten_areas(config)}
-    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
+    seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)
     command = "python experiments/weights_and_areas/run.py"
     write_results(HERE / "results.json", results, config, command, "synthetic surfaces", seconds)
     partial.unlink()
