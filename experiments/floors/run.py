@@ -1,0 +1,115 @@
+"""Measure the floors of EMD, SWD and ASSD, and carry them to the paper's number of points.
+
+Stopped and started again, it goes on where it was: every finished pair of samples is a line of ``partial.jsonl``.
+"""
+
+import itertools
+import time
+from pathlib import Path
+
+import torch
+import yaml
+from extrapolation import Groups, matching_law, power_law, slope_of, with_interval
+from samples import measured, surface_of
+
+from meshot.mesh.geometry import face_areas
+from meshot.report.results import write_results
+from meshot.report.resume import finished
+
+HERE = Path(__file__).resolve().parent
+DIRECT = ("sw2", "point_to_point", "point_to_face")
+
+
+def main() -> None:
+    """Do the measurements that are missing, then write the summary."""
+    torch.set_num_threads(1)
+    started = time.process_time()
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    partial = HERE / "partial.jsonl"
+    rows = finished(all_tasks(config), measured, partial, time.process_time)
+    results = summarise(rows, config)
+    seconds = max(sum(row["seconds"] for row in rows), time.process_time() - started)
+    command, data = "python experiments/floors/run.py", "fsaverage5 white and pial surfaces (group averages)"
+    write_results(HERE / "results.json", rounded(results), config, command, data, seconds)
+    partial.unlink()
+
+
+def all_tasks(config: dict) -> list[dict]:
+    """Every pair of samples to be measured, the quick ones first."""
+    counts, tasks = config["repetitions"], []
+    every, white = config["surfaces"], [s for s in config["surfaces"] if s[0] == "white"]
+    for metric in DIRECT:
+        tasks += _tasks({"metric": metric}, every, counts[metric])
+    tasks += _tasks({"metric": "exact_w2"}, every, counts["exact_w2"])
+    tasks += _tasks({"metric": "exact_w1"}, every[:1], counts["exact_w1"])
+    for setting in config["sinkhorn"]["settings"]:
+        kind = {"metric": "sinkhorn", "setting": setting, "scaling": config["sinkhorn"]["scaling"]}
+        tasks += _tasks(kind, every[:1], config["sinkhorn"]["repetitions"])
+    return tasks + _tasks({"metric": "exact_w2"}, white, counts["exact_w2_largest"])
+
+
+def _tasks(kind: dict, surfaces: list, counts: dict[int, int]) -> list[dict]:
+    pairs = itertools.product(surfaces, counts.items())
+    return [kind | {"surface": surface, "m": m, "seed": seed} for surface, (m, n) in pairs for seed in range(n)]
+
+
+def summarise(rows: list[dict], config: dict) -> dict:
+    """Means and deviations over m, slopes, and what is to be expected at the paper's number of points."""
+    found: dict[tuple, Groups] = {}
+    for row in rows:
+        task = row["task"]
+        key = (task["metric"], tuple(task["surface"]), tuple(sorted(task.get("setting", {}).items())))
+        found.setdefault(key, {}).setdefault(task["m"], []).append(row["found"])
+    return {
+        "areas_mm2": {" ".join(s): area_of(s) for s in config["surfaces"]},
+        "floors": [floor_row(*key, groups, config) for key, groups in found.items()],
+        "seconds": seconds_of(rows),
+    }
+
+
+def area_of(surface: list[str]) -> float:
+    """Total area in mm²."""
+    return float(face_areas(surface_of(*surface).mesh).sum())
+
+
+def floor_row(metric: str, surface: tuple, setting: tuple, groups: Groups, config: dict) -> dict:
+    """One metric on one surface: what was measured, how it falls, and what it comes to."""
+    target, options = config["target_m"], (config["n_draws"], config["seed"])
+    groups = dict(sorted(groups.items()))
+    row = {"metric": metric, "surface": " ".join(surface), "setting": dict(setting)}
+    row["measured"] = [{"m": m, "values": values} for m, values in groups.items()]
+    late = {m: values for m, values in groups.items() if m >= config["from_m"] or metric in DIRECT}
+    laws = {}
+    if metric not in DIRECT:
+        laws["power law"] = with_interval(power_law, late, target, *options)
+    if metric == "exact_w2":
+        laws["matching law"] = with_interval(matching_law(area_of(surface)), late, target, *options)
+    if len(late) > 1:
+        row["slope"] = slope_of(late, *options)
+    return row | {"at_target": laws or {"measured": spread(groups[target])}}
+
+
+def spread(values: list[float]) -> dict:
+    """The mean of what was measured at the target, and its extremes."""
+    return {"value": sum(values) / len(values), "low": min(values), "high": max(values)}
+
+
+def seconds_of(rows: list[dict]) -> list[dict]:
+    """CPU seconds of one exact EMD over the number of points, the mean over repetitions."""
+    exact = [row for row in rows if row["task"]["metric"] == "exact_w2"]
+    sizes = sorted({row["task"]["m"] for row in exact})
+    means = {m: [row["seconds"] for row in exact if row["task"]["m"] == m] for m in sizes}
+    return [{"m": m, "cpu_seconds": sum(values) / len(values)} for m, values in means.items()]
+
+
+def rounded(value: object) -> object:
+    """Six significant digits, so that the committed file stays small."""
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [rounded(item) for item in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+if __name__ == "__main__":
+    main()
