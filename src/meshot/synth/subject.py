@@ -3,7 +3,6 @@
 import dataclasses
 from typing import Literal
 
-
 from meshot.mesh.geometry import safe_norm
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import split_in_four
