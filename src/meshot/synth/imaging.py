@@ -12,6 +12,7 @@ import scipy.ndimage
 
 from meshot.mesh.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
+from meshot.synth.structures import Structure, add_structures
 from meshot.types import Array, Float
 from meshot.volume.volume import Volume, voxel_sizes
 from meshot.volume.voxelise import enclosed_fractions
@@ -55,7 +56,12 @@ class Appearance:
 
 
 def tissue_fractions(
-    white: Sequence[Mesh], pial: Sequence[Mesh], grid: Volume, head_mm: Sequence[float] = (), n_lines: int = 3
+    white: Sequence[Mesh],
+    pial: Sequence[Mesh],
+    grid: Volume,
+    head_mm: Sequence[float] = (),
+    n_lines: int = 3,
+    structures: Sequence[Structure] = (),
 ) -> dict[str, Float[Array, "X Y Z"]]:
     """Which part of every voxel is white matter, grey matter, fluid, skull and scalp; what is left is air.
 
@@ -70,6 +76,8 @@ def tissue_fractions(
         sulci narrower than 4 mm.
     n_lines : int
         Lines across each voxel, see :func:`meshot.volume.voxelise.enclosed_fractions`.
+    structures : sequence of Structure
+        What else is in the head, in the place of white matter or below the brain.
 
     Raises
     ------
@@ -82,11 +90,13 @@ def tissue_fractions(
     inside_pial = sum(enclosed_fractions(mesh, grid, n_lines) for mesh in pial)
     inside_white = np.clip(inside_white, 0, 1)
     inside_pial = np.clip(np.maximum(inside_pial, inside_white), 0, 1)
-    layers = _shells(inside_pial, voxel_sizes(grid), head_mm)
-    around = 1 - inside_pial
-    return {"white": inside_white, "grey": inside_pial - inside_white} | {
-        tissue: layer * around for tissue, layer in zip(TISSUES[2:], layers, strict=True)
-    }
+    fractions = {"white": inside_white, "grey": inside_pial - inside_white, "fluid": np.zeros(grid.data.shape)}
+    if structures:
+        fractions = add_structures(fractions, inside_pial, grid, structures)
+    covered = sum(fractions.values())
+    around = 1 - covered
+    fluid, skull, scalp = (layer * around for layer in _shells(covered, voxel_sizes(grid), head_mm))
+    return fractions | {"fluid": fractions["fluid"] + fluid, "skull": skull, "scalp": scalp}
 
 
 def _shells(inside: Array, sizes: Array, head_mm: Sequence[float]) -> list[Array]:
