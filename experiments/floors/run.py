@@ -10,6 +10,7 @@ from pathlib import Path
 import torch
 import yaml
 from extrapolation import Groups, matching_law, power_law, slope_of, with_interval
+from readings import emd_readings, paper_number
 from samples import measured, surface_of
 
 from meshot.mesh.geometry import face_areas
@@ -60,9 +61,12 @@ def summarise(rows: list[dict], config: dict) -> dict:
         task = row["task"]
         key = (task["metric"], tuple(task["surface"]), tuple(sorted(task.get("setting", {}).items())))
         found.setdefault(key, {}).setdefault(task["m"], []).append(row["found"])
+    floors = [floor_row(*key, groups, config) for key, groups in found.items()]
     return {
+        "number_mm": paper_number(),
+        "readings": emd_readings(floors, config["from_m"]),
         "areas_mm2": {" ".join(s): area_of(s) for s in config["surfaces"]},
-        "floors": [floor_row(*key, groups, config) for key, groups in found.items()],
+        "floors": floors,
         "seconds": seconds_of(rows),
     }
 

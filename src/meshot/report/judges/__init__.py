@@ -6,6 +6,7 @@ from meshot.report.judges.cost import judge_memory, judge_speed
 from meshot.report.judges.encodings import judge_continuous, judge_normal_scale, judge_sample_gradient
 from meshot.report.judges.ground_cost import judge_ground_cost
 from meshot.report.judges.rates import judge_chamfer_rate, judge_transport_rate
+from meshot.report.judges.ruler import judge_counts, judge_floor, judge_table
 from meshot.report.judges.sinkhorn import judge_blur
 from meshot.report.judges.toy import judge_toy
 from meshot.report.judges.varifold import judge_varifold
@@ -24,6 +25,9 @@ JUDGES: dict[int, Judge] = {
     9: judge_weights,
     10: judge_speed,
     11: judge_axioms,
+    14: judge_table,
+    15: judge_floor,
+    16: judge_counts,
     18: judge_blur,
     21: judge_memory,
     23: judge_sample_gradient,
