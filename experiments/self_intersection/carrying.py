@@ -1,0 +1,72 @@
+"""Meshes of several resolutions carried by a field, given or fitted, in several ways of stepping."""
+
+import torch
+from fitting import fitted_flow, turned_sphere
+
+from meshot import Mesh
+from meshot.flow.analytic import Vortex
+from meshot.flow.field import Velocity
+from meshot.flow.guard import inspect_paths
+from meshot.flow.integrate import integrate, trajectory
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.shapes import icosphere
+
+
+def ways(config: dict) -> list[tuple[str, int]]:
+    """Method and number of steps."""
+    return [("euler", n) for n in config["steps"]] + [("rk4", config["rk4_steps"])]
+
+
+def count(mesh: Mesh, vertices: torch.Tensor) -> int:
+    """How many faces cross others once the vertices are there."""
+    return len(self_intersecting_faces(mesh.with_vertices(vertices)))
+
+
+def given_row(task: dict, config: dict) -> list[dict]:
+    """One whirl and one resolution: faces that cross after every way of stepping, and after the exact flow."""
+    given = config["given"]
+    field = Vortex(task["strength"], given["offset"])
+    mesh = icosphere(task["level"], given["sphere_radius"], (given["offset"], 0.0, 0.0))
+    looked = icosphere(given["inspected_level"], given["sphere_radius"], (given["offset"], 0.0, 0.0)).vertices
+    rows = [{"way": "exact", "steps": 0, "crossing": count(mesh, field.flow(mesh.vertices)), "flips": 0}]
+    for method, n_steps in ways(config):
+        moved = integrate(field, mesh.vertices, n_steps, method)
+        flips = inspect_paths(field, looked, n_steps, method).n_flips
+        rows.append({"way": method, "steps": n_steps, "crossing": count(mesh, moved), "flips": flips})
+    return rows
+
+
+def carried_row(task: dict, config: dict) -> list[dict]:
+    """One fitted field times each factor: local Lipschitz constants, flips, and crossing faces by resolution."""
+    carried, field = config["carried"], fitted_flow(task, config)
+    levels = carried["levels"] + ([carried["extra_level"]] if task["seed"] == config["fits"]["seeds"][0] else [])
+    looked = turned_sphere(task, config, carried["inspected_level"]).vertices
+    rows = []
+    for factor in carried["factors"]:
+        velocity = scaled(field.prepared(), factor)
+        reports = [(*way, inspect_paths(velocity, looked, way[1], way[0])) for way in ways(config)]
+        for method, n_steps, report in reports:
+            row = {"factor": factor, "way": method, "steps": n_steps, "flips": report.n_flips}
+            row |= {"lipschitz": report.steepest, "step_times_lipschitz": report.step_times_lipschitz}
+            rows.append(row | {"levels": crossing_by_level(velocity, method, n_steps, levels, task, config)})
+    return rows
+
+
+def scaled(velocity: Velocity, factor: float) -> Velocity:
+    """The field at another strength: its Lipschitz constant is multiplied by the factor."""
+    return lambda time, points: factor * velocity(time, points)
+
+
+@torch.no_grad()
+def crossing_by_level(
+    velocity: Velocity, method: str, n_steps: int, levels: list[int], task: dict, config: dict
+) -> dict[str, dict[str, int]]:
+    """For each resolution: faces that cross at the end, and the most at a few times on the way."""
+    found = {}
+    for level in levels:
+        mesh = turned_sphere(task, config, level)
+        places = trajectory(velocity, mesh.vertices, n_steps, method)
+        looks = torch.linspace(0, n_steps, config["carried"]["n_looks"] + 1).round().long().unique().tolist()
+        along = [count(mesh, places[k]) for k in looks]
+        found[str(level)] = {"end": along[-1], "most": max(along)}
+    return found
