@@ -86,6 +86,30 @@ def test_killed_and_resumed_ends_in_the_same_field(tmp_path, stop):
     assert torch.equal(weights(fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, path)), weights(whole))
 
 
+def test_what_is_watched_is_kept_through_a_kill(tmp_path):
+    def watch(mesh):
+        return {"width": float(mesh.vertices[:, 0].amax() - mesh.vertices[:, 0].amin())}
+
+    def kill(iteration, loss):
+        if iteration == 9:  # the checkpoint at 8 holds the check at 5
+            raise Killed
+
+    whole = fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, watch=watch)
+    assert whole.history["checked_iteration"] == [5, 10, 12]
+    assert len(whole.history["width"]) == 3
+    assert whole.history["width"][-1] == watch(whole.mesh)["width"] > 20.1
+    assert torch.equal(weights(whole), weights(fit_flow(quick_field(), SOURCE, quick_loss(), QUICK)))
+    path = tmp_path / "fit.safetensors"
+    with pytest.raises(Killed):
+        fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, checkpoint=path, report=kill, watch=watch)
+    assert fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, checkpoint=path, watch=watch).history == whole.history
+
+
+def test_what_is_watched_must_not_hide_the_history():
+    with pytest.raises(ValueError, match="'loss', which the history holds"):
+        fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, watch=lambda mesh: {"loss": 1.0})
+
+
 def test_best_state_is_kept():
     def worsening(mesh, n_directions, generator):
         count.append(1)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from meshot.flow.checkpoint import FitState, read_state, write_state
+from meshot.flow.checkpoint import HISTORY, FitState, read_state, write_state
 from meshot.flow.field import LearnedVelocity
 from meshot.flow.retreat import carried, passes, require_no_crossings, retreat
 from meshot.flow.settings import FitSettings, Guard
@@ -21,6 +21,7 @@ from meshot.types import Tensor
 
 FitLoss = Callable[[Mesh, int, np.random.Generator], Tensor]
 Encoding = Callable[[Mesh], DiscreteMeasure]
+Watch = Callable[[Mesh], dict[str, float]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -29,8 +30,8 @@ class Fit:
 
     ``history`` holds ``iteration``, ``loss`` and ``n_directions`` for every iteration; ``checked_iteration`` and
     ``checked_loss`` (always the same directions) for every check; with a guard, ``checked_crossings`` (faces) for every
-    check and ``retreat_iteration`` for every time the fit backed off. ``best_iteration`` is the check the field is
-    from, and ``n_steps`` how many steps carried the mesh there.
+    check and ``retreat_iteration`` for every time the fit backed off; and what else was watched, for every check.
+    ``best_iteration`` is the check the field is from, and ``n_steps`` how many steps carried the mesh there.
     """
 
     field: LearnedVelocity
@@ -48,6 +49,7 @@ def fit_flow(
     checkpoint: str | os.PathLike | None = None,
     report: Callable[[int, float], None] | None = None,
     guard: Guard | None = None,
+    watch: Watch | None = None,
 ) -> Fit:
     """Fit a velocity field so that the flow carries ``mesh`` to where ``loss`` is least.
 
@@ -70,12 +72,15 @@ def fit_flow(
         Called after every iteration; :func:`meshot.flow.progress.fit_progress` makes one that draws a bar.
     guard : Guard, optional
         Count the faces that cross at every check, and back off when there are any.
+    watch : callable of (mesh), optional
+        Measures the carried mesh at every check: names and numbers, such as distances, which go into the history and
+        change nothing else.
 
     Raises
     ------
     ValueError
-        If the checkpoint belongs to other settings or another field, or there is a guard and faces cross from the
-        start.
+        If the checkpoint belongs to other settings or another field, there is a guard and faces cross from the start,
+        or what is watched has the name of something that the history holds anyway.
     FloatingPointError
         If the loss or a gradient is not finite; it names the iteration. The checkpoint then holds the last good state.
 
@@ -95,7 +100,7 @@ def fit_flow(
     while not _is_done(state, settings, guard):
         value = _iterate(state, mesh, loss, settings)
         if state.iteration % settings.check_every == 0 or state.iteration == settings.n_iterations:
-            _check(state, mesh, loss, settings, guard)
+            _check(state, mesh, loss, settings, guard, watch)
         if checkpoint is not None and (_is_done(state, settings, guard) or state.iteration % settings.save_every == 0):
             write_state(checkpoint, state, kept)
         if report is not None:
@@ -162,13 +167,21 @@ def _require_finite_step(values: Tensor, name: str) -> None:
         )
 
 
-def _check(state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings, guard: Guard | None) -> None:
+def _check(
+    state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings, guard: Guard | None, watch: Watch | None
+) -> None:
     generator = np.random.default_rng([settings.seed, settings.n_iterations])
     with torch.no_grad():
         moved = carried(state, mesh, settings)
         value = float(loss(moved, settings.n_directions[1], generator))
     state.history["checked_iteration"].append(state.iteration)
     state.history["checked_loss"].append(value)
+    for name, number in ({} if watch is None else watch(moved)).items():
+        if name in HISTORY:
+            raise ValueError(
+                f"what is watched is called {name!r}, which the history holds anyway; give it another name"
+            )
+        state.history.setdefault(name, []).append(float(number))
     if guard is not None and not passes(state, moved, guard):
         retreat(state, mesh, settings, guard)
     elif value < state.best_loss:
