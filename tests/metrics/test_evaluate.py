@@ -53,7 +53,8 @@ def test_the_seed_decides():
 
 def test_inside_out():
     sphere = icosphere(3, 10.0)
-    found = evaluate(Mesh(sphere.vertices, sphere.faces.flip(1)), sphere, **FEW)
+    with pytest.warns(UserWarning, match="predicted mesh is inside out"):
+        found = evaluate(Mesh(sphere.vertices, sphere.faces.flip(1)), sphere, **FEW)
     assert found.signed_normals.value == pytest.approx(-1, abs=1e-6)
     assert found.normals.value == pytest.approx(1, abs=1e-6)
 
@@ -90,6 +91,47 @@ def test_surfaces_in_other_spaces():
         evaluate(sphere, icosphere(2, 10.0, centre=(0.0, 14.0, 0.0)), **FEW)
 
 
+def test_other_units_are_refused_or_warned_of():
+    sphere = icosphere(2, 40.0)
+    with pytest.raises(ValueError, match=r"extend over 0.1386 and 138.6; .* in mm"):
+        evaluate(icosphere(2, 0.04), sphere, **FEW)
+    with pytest.warns(UserWarning, match=r"extend over 138.6 and 55.43"):
+        evaluate(sphere, icosphere(2, 16.0), **FEW)
+
+
+DAMAGED = {
+    "is open": lambda m: Mesh(m.vertices, m.faces[5:]),
+    "of more than two faces": lambda m: Mesh(
+        torch.cat([m.vertices, m.vertices[:1] * 2]), torch.cat([m.faces, torch.tensor([[*m.faces[0, :2], 162]])])
+    ),
+    "look to opposite sides": lambda m: Mesh(m.vertices, torch.cat([m.faces[:1].flip(1), m.faces[1:]])),
+}
+
+
+@pytest.mark.parametrize("words", DAMAGED)
+def test_damaged_meshes_are_measured_with_a_warning(words):
+    sphere = icosphere(2, 10.0)
+    with pytest.warns(UserWarning, match=f"predicted mesh .*{words}.* distances hold"):
+        found = evaluate(DAMAGED[words](sphere), sphere, **FEW)
+    assert found.assd.value < 0.3
+    with pytest.warns(UserWarning, match=f"target mesh .*{words}"):
+        evaluate(sphere, DAMAGED[words](sphere), **FEW)
+
+
+def test_vertices_that_are_not_numbers_are_refused():
+    sphere = icosphere(1)
+    gone = sphere.with_vertices(sphere.vertices.clone().index_fill(0, torch.tensor([4]), torch.nan))
+    for pair in ((gone, sphere), (sphere, gone)):
+        with pytest.raises(ValueError, match=r"NaN or infinite, the first at index \(4, 0\)"):
+            evaluate(*pair, **FEW)
+
+
+def test_a_surface_without_area_is_refused():
+    flat = Mesh(torch.zeros(3, 3, dtype=torch.float64), torch.tensor([[0, 1, 2]]))
+    with pytest.raises(ValueError, match="extend over 0 and"):
+        evaluate(flat, icosphere(1), **FEW)
+
+
 def test_table_and_definitions_say_everything():
     found = spheres()
     lines = repr(found).splitlines()
@@ -98,6 +140,8 @@ def test_table_and_definitions_say_everything():
     assert "average symmetric surface distance  " in repr(found)
     assert f"{found.assd.value:.4g}" in lines[3]
     assert "300 points" in found.emd.definition
+    assert "p = 2" in found.swd.definition
+    assert "point to face" in found.assd.definition
     assert "4000 points" in found.definitions()
     assert "{" not in found.definitions()
     assert all(metric.unit in ("mm", "mm²", "mm³", "%", "faces", "degrees", "") for metric in found.metrics())

@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 import pyvista
 import torch
+import trimesh
+from scipy.optimize import nnls
 
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import cube, folded_sphere, icosphere
@@ -95,3 +97,42 @@ def test_doors():
 def test_distances_of_vertices_from_a_larger_sphere():
     inner, outer = icosphere(2, 1.0), icosphere(5, 2.0)
     assert vertex_distances(inner, outer) == pytest.approx(np.ones(162), abs=2e-3)
+
+
+def nearest_by_least_squares(point, corners):
+    """The distance to a triangle as a problem of non-negative least squares: weights that sum to one."""
+    heavy = 1e6
+    matrix = np.vstack([corners.T, np.full(3, heavy)])
+    weights = nnls(matrix, np.append(point, heavy))[0]
+    return np.linalg.norm(weights / weights.sum() @ corners - point)
+
+
+def test_offsets_against_a_slow_twin():
+    mesh = folded_sphere(1)
+    points = Surface(icosphere(1, 43.0)).sample(6, 0)
+    found = Surface(mesh).offsets(points).distances
+    corners = mesh.vertices[mesh.faces].numpy()
+    slow = [min(nearest_by_least_squares(point, triangle) for triangle in corners) for point in points.points]
+    np.testing.assert_allclose(found, slow, atol=1e-6)
+
+
+def test_offsets_against_trimesh():
+    one, other = Surface(folded_sphere(2)), icosphere(2, 41.0)
+    sample = one.sample(200, 1)
+    twin = trimesh.Trimesh(other.vertices.numpy(), other.faces.numpy(), process=False)
+    places = trimesh.triangles.closest_point(
+        np.repeat(twin.triangles[None], 200, axis=0).reshape(-1, 3, 3),
+        np.repeat(sample.points, len(twin.faces), axis=0),
+    )
+    apart = np.linalg.norm(places.reshape(200, -1, 3) - sample.points[:, None], axis=2).min(axis=1)
+    np.testing.assert_allclose(Surface(other).offsets(sample).distances, apart, atol=1e-9)
+
+
+def test_parallel_planes_are_as_far_apart_as_they_were_shifted():
+    """Shifted within themselves the planes agree but for a margin; across, by the shift: closed forms for squares."""
+    plane = square(0.0)
+    beside = plane.with_vertices(plane.vertices + torch.tensor([0.25, 0.0, 0.0]))
+    there, back = both_ways(plane, beside, 200_000)
+    # A quarter of each square sticks out, by 0 to 0.25.
+    assert average_surface_distance(there, back) == pytest.approx(0.25**2 / 2, rel=0.02)
+    assert hausdorff_distance(there, back) == pytest.approx(0.15, abs=0.003)

@@ -46,6 +46,20 @@ def test_swd_against_transport_on_lines():
     assert sliced_distance(cloud(1), cloud(2), 7) == pytest.approx(math.sqrt(np.mean(costs)))
 
 
+def test_swd_against_pot_in_space():
+    ours = sliced_distance(cloud(1), cloud(2), 50)
+    theirs = ot.sliced_wasserstein_distance(cloud(1), cloud(2), projections=half_sphere(50).T)
+    assert ours == pytest.approx(theirs)
+
+
+def test_emd_of_shifted_planes_and_of_grown_spheres():
+    """The gradient of a convex function moves optimally: both pairings are known."""
+    sheet = np.random.default_rng(3).uniform(size=(150, 3)) * [10, 10, 0]
+    assert earth_movers_distance(sheet, sheet + np.array([0, 0, 0.7])) == pytest.approx(0.7)
+    sphere = half_sphere(300) * np.where(np.arange(300) % 2, 1, -1)[:, None]
+    assert earth_movers_distance(38 * sphere, 40 * sphere) == pytest.approx(2)
+
+
 def test_concentric_spheres():
     # A uniform sphere projects to a uniform interval: SW₂² = (r − s)²/3.
     sphere = half_sphere(20_000) * np.where(np.arange(20_000) % 2, 1, -1)[:, None]

@@ -15,32 +15,33 @@ ROWS = {
     "emd": Row(
         "earth mover's distance",
         "mm",
-        "Exact W2, root taken: the root of the least mean squared Euclidean distance over all pairings of "
-        "{n_emd_points} points of one surface with as many of the other, drawn uniformly by area; no regularisation.",
+        "Exact W2 (p = 2, root taken): the root of the least mean squared Euclidean distance over all pairings of "
+        "{n_emd_points} points of one surface with as many of the other, drawn uniformly by area; no blur, hence "
+        "nothing to debias.",
     ),
     "swd": Row(
         "sliced Wasserstein distance",
         "mm",
-        "SW2, root taken: the root of the mean over {n_directions} even directions of the squared W2 between the "
-        "projections of {n_points} points of each surface, drawn uniformly by area.",
+        "SW2 (p = 2, root taken): the root of the mean over {n_directions} even directions of the squared W2 between "
+        "the projections of {n_points} points of each surface, drawn uniformly by area.",
     ),
     "assd": Row(
         "average symmetric surface distance",
         "mm",
-        "The mean distance from {n_points} points of each surface to the nearest point on the faces of the other, "
-        "averaged over the two sides.",
+        "The mean distance from {n_points} points of each surface to the nearest point on the faces of the other "
+        "(point to face, not to a sampled point or a vertex), averaged over the two sides.",
     ),
     "hausdorff": Row(
         "Hausdorff distance at 90 %",
         "mm",
         "The 90 % quantile of the distances from {n_points} points of one surface to the faces of the other; the "
-        "larger of the two sides.",
+        "larger of the two sides, as DeepCSR and CortexODE report it (the two are not pooled).",
     ),
     "normals": Row(
         "Chamfer normals, absolute",
         "",
         "The mean absolute cosine between the normal at {n_points} points of each surface and the normal of the "
-        "nearest face of the other, averaged over the two sides; 1 is best.",
+        "nearest face of the other, averaged over the two sides; normals of faces, not interpolated; 1 is best.",
     ),
     "signed_normals": Row(
         "Chamfer normals, signed",
@@ -88,6 +89,6 @@ ROWS = {
 }
 #: The definition of EMD where it is taken by Sinkhorn's algorithm.
 BLURRED_EMD = (
-    "Root of the debiased Sinkhorn divergence with squared Euclidean cost and a blur of {emd_blur} mm between "
-    "{n_emd_points} points of each surface, drawn uniformly by area; GeomLoss, scaling 0.95."
+    "Root of the debiased Sinkhorn divergence with squared Euclidean cost (p = 2; twice what GeomLoss returns) and a "
+    "blur of {emd_blur} mm between {n_emd_points} points of each surface, drawn uniformly by area; scaling 0.95."
 )

@@ -1,7 +1,5 @@
 """The ruler: how close a predicted surface is to its target."""
 
-import warnings
-
 import numpy as np
 
 from meshot.errors import require_positive_integer
@@ -10,6 +8,7 @@ from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.topology import euler_number
 from meshot.metrics.definitions import BLURRED_EMD, ROWS
+from meshot.metrics.doors import require_same_space, warn_of_defects
 from meshot.metrics.evaluation import Evaluation, Metric
 from meshot.metrics.surface import (
     Surface,
@@ -55,12 +54,15 @@ def evaluate(
     Raises
     ------
     ValueError
-        If a count, the seed or the blur does not fit, a surface has no area, or the surfaces do not overlap.
+        If a count, the seed or the blur does not fit, a vertex is NaN, a surface has no area, the surfaces do not
+        overlap, or one is more than ten times as large as the other (metres beside millimetres).
 
     Warns
     -----
     UserWarning
-        If the boxes around the surfaces share less than half of the smaller one.
+        If the boxes around the surfaces share less than half of the smaller one, or one is twice the other; if a mesh
+        is open, non-manifold, not consistently oriented, or inside out: distances hold all the same, volume, Euler
+        number or signed normals do not.
 
     Notes
     -----
@@ -72,14 +74,17 @@ def evaluate(
     if n_emd_points > n_points:
         raise ValueError(f"n_emd_points is {n_emd_points}, above n_points = {n_points}; lower it, or draw more points")
     surfaces = Surface(predicted), Surface(target)
-    _require_overlap(*surfaces)
+    require_same_space(*surfaces)
+    of_the_meshes = _of_the_mesh(predicted), _of_the_mesh(target)
+    for mesh, name, numbers in zip((predicted, target), ("predicted", "target"), of_the_meshes, strict=True):
+        warn_of_defects(mesh, name, numbers["volume"])
     streams = np.random.SeedSequence(seed).spawn(2)
     of_predicted, of_target, of_target_again = (
         surface.sample(n_points, np.random.default_rng(stream))
         for surface, stream in zip((*surfaces, surfaces[1]), (*streams, streams[0]), strict=True)
     )
-    values = _compare(*surfaces, of_predicted, of_target) | _of_the_mesh(predicted)
-    floors = _compare(surfaces[1], surfaces[1], of_target_again, of_target) | _of_the_mesh(target)
+    values = _compare(*surfaces, of_predicted, of_target) | of_the_meshes[0]
+    floors = _compare(surfaces[1], surfaces[1], of_target_again, of_target) | of_the_meshes[1]
     for numbers, sample in ((values, of_predicted), (floors, of_target_again)):
         numbers["emd"] = _emd(sample.points[:n_emd_points], of_target.points[:n_emd_points], emd_blur)
     definitions = {key: row.definition for key, row in ROWS.items()} | ({"emd": BLURRED_EMD} if emd_blur else {})
@@ -95,21 +100,6 @@ def evaluate(
             for key, row in ROWS.items()
         }
     )
-
-
-def _require_overlap(predicted: Surface, target: Surface) -> None:
-    """Surfaces in different spaces give large numbers without meaning: refuse, or at least warn."""
-    boxes = [(s.vertices.min(axis=0), s.vertices.max(axis=0)) for s in (predicted, target)]
-    margin = 0.05 * max(np.linalg.norm(high - low) for low, high in boxes)
-    boxes = [(low - margin, high + margin) for low, high in boxes]
-    shared = np.minimum(boxes[0][1], boxes[1][1]) - np.maximum(boxes[0][0], boxes[1][0])
-    where = " and ".join(f"{low.round(1).tolist()} to {high.round(1).tolist()}" for low, high in boxes)
-    remedy = "are both in scanner RAS, in mm, and of the same hemisphere?"
-    if (shared <= 0).any():
-        raise ValueError(f"the surfaces do not overlap: they fill the boxes {where}; {remedy}")
-    share = np.prod(shared) / min(np.prod(high - low) for low, high in boxes)
-    if share < 0.5:
-        warnings.warn(f"the boxes {where} around the surfaces share {share:.0%} of the smaller; {remedy}", stacklevel=3)
 
 
 def _emd(points: Array, others: Array, blur: float | None) -> float:

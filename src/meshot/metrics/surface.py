@@ -5,7 +5,7 @@ import dataclasses
 import igl
 import numpy as np
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_finite, require_positive_integer
 from meshot.mesh.geometry import face_normals
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.sampling import sample_locations
@@ -30,9 +30,16 @@ class Offsets:
 
 
 class Surface:
-    """A mesh with the search tree of its faces: double precision, ready to be asked for nearest points."""
+    """A mesh with the search tree of its faces: double precision, ready to be asked for nearest points.
+
+    Raises
+    ------
+    ValueError
+        If a vertex is NaN or infinite, which ``with_vertices`` lets pass.
+    """
 
     def __init__(self, mesh: Mesh):
+        require_finite(mesh.vertices, "vertices")
         self.mesh = mesh.with_vertices(mesh.vertices.detach().double().cpu())
         self.vertices = np.ascontiguousarray(self.mesh.vertices.numpy())
         self.faces = np.ascontiguousarray(mesh.faces.cpu().numpy())
