@@ -200,6 +200,7 @@ SCRIPT = r"""
   hint.textContent = "click, or press Enter, to turn it";
   start.addEventListener("click", open);
   find(".back").addEventListener("click", () => stop && stop());
+  root.showItem = (i) => { shown = i; show(); };  // for pages that bring controls of their own
   if (data.items.length > 1) {
     names.hidden = false;
     data.items.forEach((item, i) => {
