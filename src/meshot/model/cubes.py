@@ -1,0 +1,145 @@
+"""What an image looks like around a point: cubes of voxels at several scales, convolved to a few numbers."""
+
+import dataclasses
+
+import numpy as np
+import torch
+from torch import nn
+
+from meshot.errors import require_positive_integer
+from meshot.rng import Generator, numpy_generator
+from meshot.types import Float, Tensor
+from meshot.volume.pyramid import volume_pyramid
+from meshot.volume.sampling import sample_volume
+from meshot.volume.volume import Volume, mm_to_voxel
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FeatureMap:
+    """Features at the voxels of an image, and where these are.
+
+    Parameters
+    ----------
+    values : tensor
+        One row of features for every voxel, the last axis running fastest. The outermost voxels hold zeros.
+    shape : tuple of int
+        Voxels along the three axes.
+    image : Volume
+        Whose features they are.
+    margin : int
+        By how many voxels the map goes beyond the image, on each side.
+    """
+
+    values: Float[Tensor, "voxels features"]
+    shape: tuple[int, int, int]
+    image: Volume
+    margin: int
+
+    def at(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
+        """The features at points in mm, trilinear between voxels, zero beyond the map; differentiable in both."""
+        last = points.new_tensor(self.shape) - 1
+        places = torch.minimum((mm_to_voxel(self.image, points) + self.margin).clamp(min=0), last)
+        lower = torch.minimum(places.detach().floor(), last - 1)
+        fraction = places - lower
+        corners = torch.tensor(list(np.ndindex(2, 2, 2)), device=points.device)  # (8, 3)
+        weights = torch.where(corners.bool(), fraction[:, None], 1 - fraction[:, None]).prod(dim=2)  # (n, 8)
+        _, ny, nz = self.shape
+        rows = (lower.long()[:, None] + corners) @ torch.tensor([ny * nz, nz, 1], device=points.device)
+        return nn.functional.embedding_bag(rows, self.values, per_sample_weights=weights, mode="sum")
+
+    @torch.no_grad()
+    def lipschitz_bound(self) -> Float[Tensor, ""]:
+        """A bound of how fast the features change, per mm: their greatest differences between neighbouring voxels."""
+        grid = self.values.unflatten(0, self.shape)
+        steps = torch.stack([grid.diff(dim=axis).norm(dim=-1).max() for axis in range(3)])
+        per_mm = np.linalg.norm(np.linalg.inv(self.image.affine[:3, :3]), ord=2)
+        return steps.norm() * float(per_mm)
+
+
+class CubeConvolution(nn.Module):
+    """One 3D convolution over the cubes of voxels around a point, one cube for every scale of an image.
+
+    z(x) = b + Σ_s Σ_o w_s[o] · I_s(x + o), where o runs over the ``size``³ steps of whole voxels of scale s around the
+    point and I_s is trilinear between voxels and zero beyond the image. Because the steps are whole voxels, cutting the
+    cubes out at every point and convolving them is the same as convolving the image once and interpolating the result:
+    both are here, and agree to rounding in values and gradients, also those with respect to the points.
+
+    Parameters
+    ----------
+    n_features : int
+    n_scales : int
+        Images at 1, 2, 4, ... times the size of the voxels.
+    size : int
+        Voxels along the sides of a cube, odd.
+    generator : generator or int
+        Of the initial weights: normal with standard deviation 1/√(inputs), the bias zero.
+
+    Raises
+    ------
+    ValueError
+        If a count is not a positive integer, or ``size`` is even.
+
+    References
+    ----------
+    Le et al., ICLR 2024, appendix (network architecture); Ma et al., *CortexODE*, IEEE TMI 2022.
+    """
+
+    def __init__(self, n_features: int = 128, n_scales: int = 3, size: int = 5, generator: Generator = 0):
+        super().__init__()
+        for name, count in (("n_features", n_features), ("n_scales", n_scales), ("size", size)):
+            require_positive_integer(count, name)
+        if size % 2 == 0:
+            raise ValueError(f"size is {size}; an odd number is needed, so that the cube has a voxel in its middle")
+        shape = (n_features, n_scales, size, size, size)
+        weight = numpy_generator(generator).standard_normal(shape) / np.sqrt(n_scales * size**3)
+        self.weight = nn.Parameter(torch.from_numpy(weight))
+        self.bias = nn.Parameter(torch.zeros(n_features, dtype=torch.float64))
+
+    def images(self, volume: Volume) -> tuple[Volume, ...]:
+        """The volume at as many scales as there are weights for."""
+        return volume_pyramid(volume, self.weight.shape[1])
+
+    def maps(self, images: tuple[Volume, ...]) -> tuple[FeatureMap, ...]:
+        """Every image convolved once: what :meth:`at` needs.
+
+        Raises
+        ------
+        ValueError
+            If there are more or fewer images than scales.
+        """
+        self._require_scales(images)
+        half = self.weight.shape[-1] // 2
+        padding = 2 * half + 1  # wherever a cube touches the image, and one rim of zeros around
+        maps = []
+        for image, kernel in zip(images, self.weight.unbind(dim=1)):
+            data = torch.as_tensor(image.data).to(kernel)
+            values = nn.functional.conv3d(data[None, None], kernel[:, None], padding=padding)[0].permute(1, 2, 3, 0)
+            maps.append(FeatureMap(values.flatten(0, 2), tuple(values.shape[:3]), image, half + 1))
+        return tuple(maps)
+
+    def at(self, maps: tuple[FeatureMap, ...], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
+        """The features at points in mm, from images that were convolved before."""
+        return self.bias + sum(level.at(points) for level in maps)
+
+    def cut(self, images: tuple[Volume, ...], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
+        """The same, word for word: cubes cut out around every point, then convolved. Slow where points are many.
+
+        Raises
+        ------
+        ValueError
+            If there are more or fewer images than scales.
+        """
+        self._require_scales(images)
+        size = self.weight.shape[-1]
+        steps = points.new_tensor(list(np.ndindex(size, size, size))) - size // 2  # (size³, 3)
+        cubes = []
+        for image in images:
+            places = points[:, None] + steps @ points.new_tensor(image.affine[:3, :3]).T
+            cubes.append(sample_volume(image, places.flatten(0, 1)).unflatten(0, (len(points), len(steps))))
+        return self.bias + torch.einsum("nsk,csk->nc", torch.stack(cubes, dim=1), self.weight.flatten(2))
+
+    def _require_scales(self, images: tuple[Volume, ...]) -> None:
+        if len(images) != self.weight.shape[1]:
+            raise ValueError(
+                f"{len(images)} images came, {self.weight.shape[1]} are needed: see CubeConvolution.images"
+            )

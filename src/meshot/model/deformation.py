@@ -1,0 +1,165 @@
+"""The deformation network: the velocity of a vertex from where it is and from what the image looks like there."""
+
+import itertools
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import torch
+from torch import nn
+
+from meshot.errors import require_positive_integer
+from meshot.flow.field import LearnedVelocity, Prepared
+from meshot.model.cubes import CubeConvolution
+from meshot.rng import Generator, numpy_generator
+from meshot.types import Float, Tensor
+from meshot.volume.volume import Volume
+
+SLOPE = 0.2  # of the leaky rectifier for negative values
+
+
+class DeformationNetwork(nn.Module):
+    """Position → features, image around it → features, both together → velocity.
+
+    The position goes through a linear layer, the cubes of voxels around it at several scales through one convolution
+    and a linear layer; what both give, side by side, goes through a multilayer perceptron with leaky rectifiers. The
+    network knows no subject: :meth:`velocity_in` makes the velocity field in one image.
+
+    Parameters
+    ----------
+    width : int
+        Features of the position, and as many of the image.
+    hidden : sequence of int
+        Neurons in the hidden layers of the perceptron.
+    n_scales, size : int
+        See :class:`meshot.model.cubes.CubeConvolution`.
+    extent : float
+        In mm. Positions are divided by it before they enter.
+    generator : generator or int
+        Of the initial weights. Those of the last layer are zero: the flow starts as the identity.
+
+    Raises
+    ------
+    ValueError
+        If a count is not a positive integer, or ``extent`` is not positive.
+
+    Notes
+    -----
+    The paper gives the width (128) and the cubes (5³ voxels), but neither the number of scales, nor the layers of the
+    perceptron, nor its activation. Ours follow CortexODE, which the paper builds on.
+
+    References
+    ----------
+    Le et al., ICLR 2024, appendix (network architecture); Ma et al., *CortexODE*, IEEE TMI 2022.
+    """
+
+    def __init__(
+        self,
+        width: int = 128,
+        hidden: Sequence[int] = (512, 256),
+        n_scales: int = 3,
+        size: int = 5,
+        extent: float = 100.0,
+        generator: Generator = 0,
+    ):
+        super().__init__()
+        for name, count in [("width", width), *(("hidden", n) for n in hidden)]:
+            require_positive_integer(count, name)
+        if not extent > 0:
+            raise ValueError(f"extent is {extent!r}; a positive length is needed, in mm")
+        random = numpy_generator(generator)
+        self.extent = float(extent)
+        self.of_position = _linear(3, width, random)
+        self.cubes = CubeConvolution(width, n_scales, size, random)
+        self.of_image = _linear(width, width, random)
+        sizes = [2 * width, *hidden]
+        self.perceptron = nn.ModuleList(_linear(*counts, random) for counts in itertools.pairwise(sizes))
+        self.to_velocity = _linear(sizes[-1], 3, random)
+        nn.init.zeros_(self.to_velocity.weight)
+
+    def forward(
+        self, points: Float[Tensor, "n 3"], image_features: Float[Tensor, "n features"]
+    ) -> Float[Tensor, "n 3"]:
+        """The velocity of every point, in mm per unit of time."""
+        values = torch.cat([self.of_position(points / self.extent), self.of_image(image_features)], dim=1)
+        for layer in self.perceptron:
+            values = layer(nn.functional.leaky_relu(values, SLOPE))
+        return self.to_velocity(nn.functional.leaky_relu(values, SLOPE))
+
+    def velocity_in(self, image: Volume, path: Literal["convolved", "cut"] = "convolved") -> "ImageVelocity":
+        """The velocity field in one image; the network may learn through it, the image stays outside of the network."""
+        return ImageVelocity(self, image, path)
+
+    @property
+    def n_parameters(self) -> int:
+        """How many numbers are learned."""
+        return sum(parameter.numel() for parameter in self.parameters())
+
+
+class ImageVelocity(LearnedVelocity):
+    """The velocity field that a network makes in one image; stationary, Lipschitz, in mm per unit of time.
+
+    Parameters
+    ----------
+    network : DeformationNetwork
+        Shared, not copied.
+    image : Volume
+        In the space that the points are in, and on the scale that the network learned with.
+    path : str
+        "convolved": the image is convolved once per flow, then interpolated; "cut": cubes are cut out at every step.
+        The values are the same.
+
+    Raises
+    ------
+    ValueError
+        If ``path`` is another word.
+    """
+
+    def __init__(self, network: DeformationNetwork, image: Volume, path: Literal["convolved", "cut"] = "convolved"):
+        super().__init__()
+        if path not in ("convolved", "cut"):
+            raise ValueError(f"path is {path!r}; 'convolved' or 'cut' is needed")
+        self.network, self.path = network, path
+        self.images = network.cubes.images(image)
+
+    def prepared(self) -> Prepared:
+        """The field with its image convolved."""
+        network, images = self.network, self.images
+        if self.path == "cut":
+            parameters = tuple(network.parameters())
+            return Prepared(lambda _, points: network(points, network.cubes.cut(images, points)), parameters)
+        maps = network.cubes.maps(images)
+        # The maps stand for the weight that they were made with; named beside them, it would be counted twice.
+        others = [parameter for parameter in network.parameters() if parameter is not network.cubes.weight]
+        tensors = (*others, *(level.values for level in maps))
+        return Prepared(lambda _, points: network(points, network.cubes.at(maps, points)), tensors)
+
+    def forward(self, time: Float[Tensor, ""], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """The velocity of every point."""
+        return self.prepared()(time, points)
+
+    @torch.no_grad()
+    def lipschitz_bound(self) -> Float[Tensor, ""]:
+        """The product of the spectral norms of the layers and of the slopes of the features, per unit of time. Loose.
+
+        A leaky rectifier has slope at most one. The features of the image change by at most the sum, over the scales,
+        of their greatest differences between neighbouring voxels.
+        """
+        network = self.network
+        of_image = sum(level.lipschitz_bound() for level in network.cubes.maps(self.images))
+        entering = torch.stack([_norm(network.of_position) / network.extent, _norm(network.of_image) * of_image]).norm()
+        layers = [*network.perceptron, network.to_velocity]
+        return entering * torch.stack([_norm(layer) for layer in layers]).prod()
+
+
+def _norm(layer: nn.Linear) -> Float[Tensor, ""]:
+    return torch.linalg.matrix_norm(layer.weight, ord=2)
+
+
+def _linear(n_in: int, n_out: int, random: np.random.Generator) -> nn.Linear:
+    """Weights normal with standard deviation 1/√(inputs), biases uniform in ± the same; float64."""
+    layer = nn.utils.skip_init(nn.Linear, n_in, n_out, dtype=torch.float64)
+    with torch.no_grad():
+        layer.weight.copy_(torch.from_numpy(random.standard_normal((n_out, n_in)) / n_in**0.5))
+        layer.bias.copy_(torch.from_numpy(random.uniform(-1, 1, n_out) / n_in**0.5))
+    return layer

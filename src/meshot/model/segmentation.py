@@ -1,0 +1,129 @@
+"""The network that says where white matter is: a plain 3D U-Net."""
+
+import numpy as np
+import torch
+from torch import nn
+
+from meshot.errors import require_positive_integer
+from meshot.rng import Generator, numpy_generator
+from meshot.types import Float, Tensor
+
+#: What the channels of the output stand for, in this order.
+CLASSES = ("background", "left", "right")
+_KERNEL = 3
+
+
+class SegmentationNetwork(nn.Module):
+    """A 3D U-Net from a T1 to logits of background, left and right white matter.
+
+    On every level two 3 × 3 × 3 convolutions, each followed by instance normalisation and ReLU; maximum over 2 × 2 × 2
+    voxels on the way down, nearest-neighbour upsampling on the way up, and what was there on the way down is put
+    beside it. Channels double from level to level.
+
+    Parameters
+    ----------
+    width : int
+        Channels on the first level.
+    depth : int
+        Number of levels.
+    fold : int
+        The first level works on blocks of ``fold``³ voxels, whose values are stacked as channels, and every output
+        block is unfolded again. Nothing is lost on the way in; 2 saves nearly seven eighths of the work.
+    generator : numpy.random.Generator, torch.Generator or int
+        Of the initial weights: normal with variance 2 / (number of inputs), biases zero.
+
+    Raises
+    ------
+    ValueError
+        If a count is not a positive integer.
+
+    References
+    ----------
+    Çiçek et al., *3D U-Net: learning dense volumetric segmentation from sparse annotation*, MICCAI 2016; He et al.,
+    *Delving deep into rectifiers*, ICCV 2015 (initial weights).
+    """
+
+    def __init__(self, width: int = 16, depth: int = 4, fold: int = 1, generator: Generator = 0):
+        super().__init__()
+        for name, count in (("width", width), ("depth", depth), ("fold", fold)):
+            require_positive_integer(count, name)
+        self.width, self.depth, self.fold = width, depth, fold
+        widths = [width * 2**level for level in range(depth)]
+        first = fold**3
+        self.down = nn.ModuleList(_block(n_in, n_out) for n_in, n_out in zip([first, *widths], widths))
+        self.up = nn.ModuleList(_block(n + 2 * n, n) for n in widths[:-1])
+        self.head = nn.Conv3d(width, len(CLASSES) * first, _KERNEL, padding=1)
+        _initialise(self, generator)
+        self.to(memory_format=torch.channels_last_3d)
+
+    @property
+    def multiple(self) -> int:
+        """Every axis of an image must be a multiple of this many voxels."""
+        return self.fold * 2 ** (self.depth - 1)
+
+    def config(self) -> dict[str, int]:
+        """The arguments that make a network of this form."""
+        return {"width": self.width, "depth": self.depth, "fold": self.fold}
+
+    def forward(self, image: Float[Tensor, "b 1 x y z"]) -> Float[Tensor, "b 3 x y z"]:
+        """Logits; softmax over the channels gives probabilities.
+
+        Raises
+        ------
+        ValueError
+            If an axis is no multiple of what folding and pooling take, or the coarsest level is a single voxel.
+        """
+        self._require_shape(image)
+        values = folded(image, self.fold).contiguous(memory_format=torch.channels_last_3d)
+        levels = []
+        for block in self.down:
+            values = block(nn.functional.max_pool3d(values, 2) if levels else values)
+            levels.append(values)
+        for block, beside in zip(reversed(self.up), reversed(levels[:-1])):
+            values = block(torch.cat([beside, nn.functional.interpolate(values, scale_factor=2)], dim=1))
+        return unfolded(self.head(values), self.fold)
+
+    def _require_shape(self, image: Tensor) -> None:
+        shape = tuple(image.shape)
+        if len(shape) != 5 or shape[1] != 1:
+            raise ValueError(f"image has shape {shape}; (batch, 1, x, y, z) is needed: add axes with image[None, None]")
+        if any(n % self.multiple for n in shape[2:]) or np.prod(shape[2:]) <= self.multiple**3:
+            raise ValueError(
+                f"image has {shape[2:]} voxels; each axis must be a multiple of {self.multiple} (fold {self.fold}, depth "
+                f"{self.depth}), and one longer than that: pad or crop it, or take a network of less depth"
+            )
+
+
+def folded(values: Float[Tensor, "b c x y z"], fold: int) -> Float[Tensor, "b d i j k"]:
+    """Blocks of ``fold``³ voxels as channels: ``d = c · fold³`` and every axis divided by ``fold``."""
+    b, c, *shape = values.shape
+    i, j, k = (n // fold for n in shape)
+    blocks = values.reshape(b, c, i, fold, j, fold, k, fold).permute(0, 1, 3, 5, 7, 2, 4, 6)
+    return blocks.reshape(b, c * fold**3, i, j, k)
+
+
+def unfolded(values: Float[Tensor, "b d i j k"], fold: int) -> Float[Tensor, "b c x y z"]:
+    """The inverse of :func:`meshot.model.segmentation.folded`."""
+    b, d, i, j, k = values.shape
+    blocks = values.reshape(b, d // fold**3, fold, fold, fold, i, j, k).permute(0, 1, 5, 2, 6, 3, 7, 4)
+    return blocks.reshape(b, d // fold**3, i * fold, j * fold, k * fold)
+
+
+def _block(n_in: int, n_out: int) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    for channels in (n_in, n_out):
+        # A constant added here would be taken away again by the normalisation.
+        layers += [nn.Conv3d(channels, n_out, _KERNEL, padding=1, bias=False)]
+        layers += [nn.InstanceNorm3d(n_out, affine=True), nn.ReLU()]
+    return nn.Sequential(*layers)
+
+
+@torch.no_grad()
+def _initialise(network: nn.Module, generator: Generator) -> None:
+    random = numpy_generator(generator)
+    for layer in network.modules():
+        if isinstance(layer, nn.Conv3d):
+            scale = np.sqrt(2 / (layer.in_channels * _KERNEL**3))
+            layer.weight.copy_(torch.from_numpy(scale * random.standard_normal(tuple(layer.weight.shape))))
+            if layer.bias is not None:
+                layer.bias.zero_()
