@@ -39,7 +39,6 @@ def given_row(task: dict, config: dict) -> list[dict]:
 def carried_row(task: dict, config: dict) -> list[dict]:
     """One fitted field times each factor: local Lipschitz constants, flips, and crossing faces by resolution."""
     carried, field = config["carried"], fitted_flow(task, config)
-    levels = carried["levels"] + ([carried["extra_level"]] if task["seed"] == config["fits"]["seeds"][0] else [])
     looked = turned_sphere(task, config, carried["inspected_level"]).vertices
     rows = []
     for factor in carried["factors"]:
@@ -48,7 +47,7 @@ def carried_row(task: dict, config: dict) -> list[dict]:
         for method, n_steps, report in reports:
             row = {"factor": factor, "way": method, "steps": n_steps, "flips": report.n_flips}
             row |= {"lipschitz": report.steepest, "step_times_lipschitz": report.step_times_lipschitz}
-            rows.append(row | {"levels": crossing_by_level(velocity, method, n_steps, levels, task, config)})
+            rows.append(row | {"levels": crossing_by_level(velocity, method, n_steps, task, config)})
     return rows
 
 
@@ -59,11 +58,11 @@ def scaled(velocity: Velocity, factor: float) -> Velocity:
 
 @torch.no_grad()
 def crossing_by_level(
-    velocity: Velocity, method: str, n_steps: int, levels: list[int], task: dict, config: dict
+    velocity: Velocity, method: str, n_steps: int, task: dict, config: dict
 ) -> dict[str, dict[str, int]]:
     """For each resolution: faces that cross at the end, and the most at a few times on the way."""
     found = {}
-    for level in levels:
+    for level in config["carried"]["levels"]:
         mesh = turned_sphere(task, config, level)
         places = trajectory(velocity, mesh.vertices, n_steps, method)
         looks = torch.linspace(0, n_steps, config["carried"]["n_looks"] + 1).round().long().unique().tolist()

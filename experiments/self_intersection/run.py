@@ -40,10 +40,11 @@ def tasks(config: dict) -> list[dict]:
     for pair, spacings in fits["spacings"].items():
         arms = itertools.product([pair], fits["losses"], fits["encodings"], spacings, fits["seeds"])
         todo += [{"table": "fits"} | dict(zip(names, arm)) for arm in arms]
-    arms = itertools.product(carried["arms"], fits["seeds"])
-    return todo + [
-        {"table": "carried"} | dict(zip(names, (carried["pair"], *arm, carried["spacing"], seed))) for arm, seed in arms
-    ]
+    for arm, seed in itertools.product(carried["arms"], fits["seeds"]):
+        todo.append({"table": "fits"} | dict(zip(names, (carried["pair"], *arm, fits["finest"], seed))))
+    for arm, seed in itertools.product(carried["arms"], fits["seeds"]):
+        todo.append({"table": "carried"} | dict(zip(names, (carried["pair"], *arm, carried["spacing"], seed))))
+    return todo
 
 
 def main() -> None:

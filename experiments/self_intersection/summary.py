@@ -16,7 +16,7 @@ def differences(fits: list[dict]) -> list[dict]:
     found = []
     for (pair, loss, encoding, spacing), crossing in counts.items():
         row = {"pair": pair, "encoding": encoding, "spacing": spacing}
-        if loss == "chamfer":
+        if loss == "chamfer" and (pair, "sliced", encoding, spacing) in counts:
             rival = counts[pair, "sliced", encoding, spacing]
             found.append({"change": "loss"} | row | paired(crossing, rival))
         if spacing:
