@@ -2,6 +2,7 @@
 
 from meshot.teach.convergence_exercises import mean_gap, points_needed, wrong_curve
 from meshot.teach.cost_exercises import blocked_chamfer, growth_exponent, merged_cells
+from meshot.teach.deforming_exercises import edge_variation, equal_time, safe_steps
 from meshot.teach.descent_exercises import largest_rate, line_pull, nearest_pull
 from meshot.teach.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot.teach.line_exercises import quantiles, transport_cost, weight_gradient
@@ -14,6 +15,8 @@ __all__ = [
     "blocked_chamfer",
     "blur_in_coordinates",
     "debiased",
+    "edge_variation",
+    "equal_time",
     "euler_flow",
     "face_weights",
     "ghost_pair",
@@ -30,6 +33,7 @@ __all__ = [
     "pieces_needed",
     "points_needed",
     "quantiles",
+    "safe_steps",
     "scale_for_share",
     "sliced_cost",
     "smallest_flip",
