@@ -18,7 +18,15 @@ from meshot.synth.imaging import (
 )
 from meshot.volume.volume import Volume
 
-SIGNAL = {"white": 110.0, "grey": 80.0, "fluid": 30.0, "skull": 15.0, "scalp": 120.0}
+SIGNAL = {
+    "white": 110.0,
+    "grey": 80.0,
+    "deep grey": 95.0,
+    "hindbrain": 90.0,
+    "fluid": 30.0,
+    "skull": 15.0,
+    "scalp": 120.0,
+}
 PLAIN = Appearance(SIGNAL, texture=0.0, bias=0.0, blur_mm=0.0, noise=0.0)
 GRID = Volume(np.zeros((64, 60, 62)), np.diag([1.0, 1.0, 1.0, 1.0]))
 CENTRE = (31.0, 30.0, 30.0)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from meshot.synth.anatomy import mni152_t1
 from meshot.volume.registration import register_affine
-from meshot.volume.sampling import sample_volume
+from meshot.volume.sampling import block_means, sample_volume
 from meshot.volume.standard import SHAPE, place_on_grid, standard_scan
 from meshot.volume.volume import Volume, transform_points, voxel_sizes, voxel_to_mm
 
@@ -22,12 +22,7 @@ TO_STANDARD[:3, 3] = [15, -30, 22]
 @functools.cache
 def template(factor=4):
     """The MNI152 average in voxels of some mm."""
-    volume = mni152_t1()
-    shape = [n // factor * factor for n in volume.data.shape]
-    blocks = volume.data[tuple(slice(n) for n in shape)].reshape([n for s in shape for n in (s // factor, factor)])
-    affine = volume.affine @ np.diag([factor, factor, factor, 1.0])
-    affine[:3, 3] += volume.affine[:3, :3] @ np.full(3, (factor - 1) / 2)
-    return Volume(blocks.mean(axis=(1, 3, 5)), affine)
+    return block_means(mni152_t1(), factor)
 
 
 @functools.cache

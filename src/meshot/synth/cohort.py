@@ -37,9 +37,13 @@ SPLITS = ("train", "validation", "test")
 KINDS = ("template", "procedural")
 #: Values in the ``dseg`` of a scan; 0 is air. In the standard space only 1 and 2 occur.
 LABELS = {
-    "left white": 1, "right white": 2, "left grey": 3, "right grey": 4, "fluid": 5, "deep grey": 6, "cerebellum": 7,
+    "left white": 1, "right white": 2, "left grey": 3, "right grey": 4, "deep grey": 5, "hindbrain": 6, "fluid": 7,
     "skull": 8, "scalp": 9,
 }  # fmt: skip
+#: What the names of the files of a scan end in.
+T1, FACTS, TISSUE, SURFACE = "T1w.nii.gz", "T1w.json", "dseg.nii.gz", "hemi-{}_{}.surf.gii"
+STANDARD_T1, STANDARD_LABELS = "space-MNI152_desc-standard_T1w.nii.gz", "space-MNI152_desc-standard_dseg.nii.gz"
+TRANSFORM = "from-T1w_to-MNI152_mode-image_xfm.json"
 _STANDARD = Path("derivatives") / "standard"
 
 
@@ -94,27 +98,26 @@ class Subject:
         return "_".join(part for part in parts if part)
 
     @property
-    def folder(self) -> Path:
-        """Where the scan and its surfaces lie."""
-        return self.cohort / self._anat
-
-    @property
-    def standard_folder(self) -> Path:
-        """Where the standard scan lies."""
-        return self.cohort / _STANDARD / self._anat
-
-    @property
     def _anat(self) -> Path:
         session = [f"ses-{self.session}"] if self.session else []
         return Path(self.participant.participant_id, *session, "anat")
 
+    def file(self, ending: str, standard: bool = False) -> Path:
+        """The path of one of its files, such as that which ends in ``T1w.nii.gz``."""
+        return self.cohort / (_STANDARD if standard else "") / self._anat / f"{self.name}_{ending}"
+
+    def files(self) -> list[Path]:
+        """All its files that exist, in the order of their names."""
+        found = [p for standard in (False, True) for p in self.file("", standard).parent.glob(f"{self.name}_*")]
+        return sorted(found, key=lambda path: path.name)
+
     def scan(self) -> Volume:
         """The T1-weighted scan, in arbitrary units; its affine leads to scanner RAS."""
-        return read_volume(self.folder / f"{self.name}_T1w.nii.gz")
+        return read_volume(self.file(T1))
 
     def tissue(self) -> Volume:
         """The tissue that fills most of each voxel of the scan, see ``LABELS``."""
-        return _labels(self.folder / f"{self.name}_dseg.nii.gz")
+        return _labels(self.file(TISSUE))
 
     def surface(self, kind: Surface, hemisphere: Hemisphere, space: Space = "scanner") -> Mesh:
         """A true surface, in scanner RAS or in the standard space (MNI152), in mm.
@@ -129,28 +132,26 @@ class Subject:
                 f"no surface {kind!r} {hemisphere!r} in space {space!r}; white or pial, left or right, scanner or "
                 "standard"
             )
-        mesh = read_mesh(self.folder / f"{self.name}_hemi-{hemisphere[0].upper()}_{kind}.surf.gii")
+        mesh = read_mesh(self.file(SURFACE.format(hemisphere[0].upper(), kind)))
         if space == "scanner":
             return mesh
         return mesh.with_vertices(transform_points(self.to_standard(), mesh.vertices))
 
     def to_standard(self) -> Float[Array, "4 4"]:
         """The affine that takes scanner RAS to MNI152 space, in mm."""
-        path = self.standard_folder / f"{self.name}_from-T1w_to-MNI152_mode-image_xfm.json"
-        return np.array(_json(path)["matrix"], dtype=np.float64)
+        return np.array(_json(self.file(TRANSFORM, standard=True))["matrix"], dtype=np.float64)
 
     def standard(self) -> StandardScan:
         """The scan on the standard grid, with values in [0, 1], and the way back to the scanner."""
-        path = self.standard_folder / f"{self.name}_space-MNI152_desc-standard_T1w.nii.gz"
-        return StandardScan(read_volume(path), self.to_standard())
+        return StandardScan(read_volume(self.file(STANDARD_T1, standard=True)), self.to_standard())
 
     def standard_labels(self) -> Volume:
         """Standard grid: 1 inside the left white surface, 2 inside the right one, 0 elsewhere."""
-        return _labels(self.standard_folder / f"{self.name}_space-MNI152_desc-standard_dseg.nii.gz")
+        return _labels(self.file(STANDARD_LABELS, standard=True))
 
     def facts(self) -> dict:
         """How the scan was made: every knob as it was drawn, seeds, position (the sidecar of the scan)."""
-        return _json(self.folder / f"{self.name}_T1w.json")
+        return _json(self.file(FACTS))
 
 
 def participants(

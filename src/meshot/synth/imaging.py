@@ -17,7 +17,7 @@ from meshot.types import Array, Float
 from meshot.volume.volume import Volume, voxel_sizes
 from meshot.volume.voxelise import enclosed_fractions
 
-TISSUES = ("white", "grey", "fluid", "skull", "scalp")
+TISSUES = ("white", "grey", "deep grey", "hindbrain", "fluid", "skull", "scalp")
 FWHM = 2 * np.sqrt(2 * np.log(2))
 
 
@@ -63,7 +63,7 @@ def tissue_fractions(
     n_lines: int = 3,
     structures: Sequence[Structure] = (),
 ) -> dict[str, Float[Array, "X Y Z"]]:
-    """Which part of every voxel is white matter, grey matter, fluid, skull and scalp; what is left is air.
+    """Which part of every voxel is which of ``TISSUES``; what is left is air.
 
     Parameters
     ----------
@@ -90,12 +90,10 @@ def tissue_fractions(
     inside_pial = sum(enclosed_fractions(mesh, grid, n_lines) for mesh in pial)
     inside_white = np.clip(inside_white, 0, 1)
     inside_pial = np.clip(np.maximum(inside_pial, inside_white), 0, 1)
-    fractions = {"white": inside_white, "grey": inside_pial - inside_white, "fluid": np.zeros(grid.data.shape)}
-    if structures:
-        fractions = add_structures(fractions, inside_pial, grid, structures)
+    cortex = {"white": inside_white, "grey": inside_pial - inside_white}
+    fractions = add_structures(cortex, inside_pial, grid, structures)
     covered = sum(fractions.values())
-    around = 1 - covered
-    fluid, skull, scalp = (layer * around for layer in _shells(covered, voxel_sizes(grid), head_mm))
+    fluid, skull, scalp = (layer * (1 - covered) for layer in _shells(covered, voxel_sizes(grid), head_mm))
     return fractions | {"fluid": fractions["fluid"] + fluid, "skull": skull, "scalp": scalp}
 
 
@@ -133,7 +131,7 @@ def t1_image(
     rng, sizes = numpy_generator(generator), voxel_sizes(grid)
     shape = grid.data.shape
     signal = np.zeros(shape)
-    for tissue in TISSUES:
+    for tissue in (t for t in TISSUES if fractions[t].any()):
         varied = 1 + appearance.texture * smooth_noise(shape, appearance.texture_mm / sizes, rng)
         signal += appearance.signal[tissue] * fractions[tissue] * varied
     signal *= np.exp(appearance.bias * smooth_noise(shape, appearance.bias_mm / sizes, rng))

@@ -28,12 +28,6 @@ _PLACES = {
     "cerebellum": ((0.36, 0.24, 0.07), (0.370, 0.130, 0.140)),
     "brainstem": ((0.0, 0.444, 0.05), (0.165, 0.065, 0.217)),
 }
-_MIXTURES = {"thalamus": {"white": 0.5, "grey": 0.5}, "brainstem": {"white": 0.8, "grey": 0.2}} | {
-    "cerebellum": {"white": 0.35, "grey": 0.65},
-    "ventricle": {"fluid": 1.0},
-    "posterior horn": {"fluid": 1.0},
-}
-_DEEP_GREY = {"white": 0.25, "grey": 0.75}
 _VENTRICLES, _BELOW = ("ventricle", "posterior horn"), ("cerebellum", "brainstem")
 
 
@@ -43,9 +37,8 @@ class Structure:
 
     Parameters
     ----------
-    name : str
-    mixture : mapping
-        Which part of it is which tissue; the parts sum to one.
+    tissue : str
+        "deep grey", "fluid" or "hindbrain".
     centre_mm : array
     axes_mm : array
         The half axes, as columns.
@@ -54,8 +47,7 @@ class Structure:
         surfaces, and is cut off there.
     """
 
-    name: str
-    mixture: Mapping[str, float]
+    tissue: str
     centre_mm: Float[Array, " 3"]
     axes_mm: Float[Array, "3 3"]
     inside_white: bool
@@ -89,8 +81,8 @@ def structures_of(white: Mapping[str, Mesh], ventricles: float = 1.0, below: flo
             if side == "left":
                 place_in_box = place_in_box * [-1, 1, 1] + [1, 0, 0]
             centre = low + length * place_in_box
-            mixture = _MIXTURES.get(name, _DEEP_GREY)
-            found.append(Structure(name, mixture, centre, np.diag(scale * length * half), name not in _BELOW))
+            tissue = "fluid" if name in _VENTRICLES else "hindbrain" if name in _BELOW else "deep grey"
+            found.append(Structure(tissue, centre, np.diag(scale * length * half), name not in _BELOW))
     return [s for s in found if np.linalg.det(s.axes_mm) > 0]
 
 
@@ -123,29 +115,28 @@ def add_structures(
     grid: Volume,
     structures: Sequence[Structure],
 ) -> dict[str, Float[Array, "X Y Z"]]:
-    """Tissue fractions in which structures have replaced what was there before.
+    """Tissue fractions in which structures, one after another, have replaced what was there before.
 
     Parameters
     ----------
     fractions : mapping
-        Of "white", "grey" and "fluid" at least.
+        Of "white" and "grey".
     inside_pial : array
         Which part of every voxel lies inside the pial surfaces.
     grid : Volume
     structures : sequence of Structure
     """
-    fractions = {tissue: values.copy() for tissue, values in fractions.items()}
-    depth = None
+    empty = {tissue: np.zeros(grid.data.shape) for tissue in ("deep grey", "hindbrain", "fluid")}
+    fractions = {tissue: values.copy() for tissue, values in fractions.items()} | empty
+    depth = _depth(fractions["white"], voxel_sizes(grid)) if any(s.inside_white for s in structures) else None
     for structure in structures:
         box, part = structure_fraction(structure, grid)
         if structure.inside_white:
-            if depth is None:
-                depth = _depth(fractions["white"], voxel_sizes(grid))
             part = part * np.clip(0.5 + (depth[box] - DEPTH_MM) / voxel_sizes(grid).mean(), 0, 1)
         else:
             part = part * (1 - inside_pial[box])
         for tissue, values in fractions.items():
-            values[box] += part * (structure.mixture.get(tissue, 0.0) - values[box])
+            values[box] += part * ((tissue == structure.tissue) - values[box])
     return fractions
 
 

@@ -1,0 +1,210 @@
+"""One scan of one subject: from surfaces in head coordinates to an image, its truth, and both on the standard grid."""
+
+import dataclasses
+import functools
+import json
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+
+from meshot.files import whole_file
+from meshot.mesh.geometry import face_areas, signed_volume
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.io import write_mesh
+from meshot.mesh.mesh import Mesh
+from meshot.synth import cohort
+from meshot.synth.anatomy import mni152_t1
+from meshot.synth.imaging import Appearance, t1_image, tissue_fractions
+from meshot.synth.position import Position, head_position, scanner_grid
+from meshot.synth.structures import Structure, moved_structure, structures_of
+from meshot.synth.subject import CorticalSurfaces
+from meshot.types import Array, Float, Tensor
+from meshot.volume.io import write_volume
+from meshot.volume.sampling import block_means
+from meshot.volume.standard import StandardScan, standard_scan
+from meshot.volume.volume import Volume, transform_points
+from meshot.volume.voxelise import enclosed_fractions
+
+#: What is written is a multiple of these, so that last bits, in which CPUs differ, are gone: mm, and parts of one.
+VERTEX_STEP, STANDARD_STEP = 2.0**-14, 2.0**-12
+
+
+@dataclasses.dataclass(frozen=True)
+class Anatomy:
+    """The knobs of a head beside those of its surfaces.
+
+    Parameters
+    ----------
+    ventricles, below : float
+        See :func:`meshot.synth.structures.structures_of`.
+    head_mm : tuple
+        Fluid, skull and scalp, in mm; empty for none.
+    n_lines : int
+        Lines across each voxel for partial volume.
+    """
+
+    ventricles: float = 1.0
+    below: float = 1.0
+    head_mm: tuple[float, ...] = ()
+    n_lines: int = 3
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scan:
+    """A scan and its truth, in scanner RAS.
+
+    Parameters
+    ----------
+    image : Volume
+        T1-weighted, whole numbers in arbitrary units.
+    tissue : Volume
+        See :data:`meshot.synth.cohort.LABELS`.
+    surfaces : mapping
+        By ("white" or "pial", "left" or "right").
+    head_to_scanner : array
+        The rigid motion by which the head lies in the scanner.
+    """
+
+    image: Volume
+    tissue: Volume
+    surfaces: Mapping[tuple[str, str], Mesh]
+    head_to_scanner: Float[Array, "4 4"]
+
+
+def simulated_scan(
+    subject: CorticalSurfaces, anatomy: Anatomy, appearance: Appearance, position: Position, seed: list[int]
+) -> Scan:
+    """A head is placed in the scanner, its tissues are found in every voxel, and an image is formed.
+
+    Parameters
+    ----------
+    subject : CorticalSurfaces
+        In head coordinates.
+    anatomy : Anatomy
+    appearance : Appearance
+    position : Position
+    seed : list of int
+        Of the position, the grid, and the image.
+    """
+    rng = np.random.default_rng(seed)
+    corners = torch.cat([mesh.vertices.detach() for mesh in subject.pial.values()])
+    centre = ((corners.amin(dim=0) + corners.amax(dim=0)) / 2).double().numpy()
+    motion = head_position(position, centre, rng)
+    surfaces = {
+        (kind, side): _placed(mesh, motion)
+        for kind, meshes in (("white", subject.white), ("pial", subject.pial))
+        for side, mesh in meshes.items()
+    }
+    structures = [moved_structure(s, motion) for s in structures_of(subject.white, anatomy.ventricles, anatomy.below)]
+    grid = scanner_grid(_room(position, anatomy), _outermost(surfaces, structures), rng)
+    white, pial = ([surfaces[kind, side] for side in ("left", "right")] for kind in ("white", "pial"))
+    fractions = tissue_fractions(white, pial, grid, anatomy.head_mm, anatomy.n_lines, structures)
+    image = t1_image(fractions, grid, appearance, rng)
+    whole = image.with_data(np.clip(np.rint(image.data), 0, 32767).astype(np.int16))
+    return Scan(whole, _tissue_labels(fractions, pial, grid), surfaces, motion)
+
+
+def _placed(mesh: Mesh, motion: Float[Array, "4 4"]) -> Mesh:
+    moved = transform_points(motion, mesh.vertices.detach().double())
+    return Mesh((moved / VERTEX_STEP).round() * VERTEX_STEP, mesh.faces)
+
+
+def _room(position: Position, anatomy: Anatomy) -> Position:
+    return dataclasses.replace(position, margin_mm=position.margin_mm + sum(anatomy.head_mm))
+
+
+def _outermost(surfaces: Mapping[tuple[str, str], Mesh], structures: list[Structure]) -> Float[Tensor, "n 3"]:
+    """Points whose box holds all that is to be seen."""
+    ends = [s.centre_mm + sign * s.axes_mm.T[k] for s in structures for sign in (-1, 1) for k in range(3)]
+    vertices = [mesh.vertices for (kind, _), mesh in surfaces.items() if kind == "pial"]
+    return torch.cat([*vertices, *([torch.from_numpy(np.array(ends))] if ends else [])])
+
+
+def _tissue_labels(fractions: Mapping[str, Float[Array, "X Y Z"]], pial: list[Mesh], grid: Volume) -> Volume:
+    """Which tissue, or air, fills most of each voxel."""
+    left, right = (enclosed_fractions(mesh, grid, 1) for mesh in pial)
+    side = right > left
+    most, labels = 1 - sum(fractions.values()), np.zeros(grid.data.shape, dtype=np.uint8)
+    for tissue, part in fractions.items():
+        sided = tissue in ("white", "grey")
+        value = np.uint8(cohort.LABELS[f"left {tissue}" if sided else tissue])
+        labels = np.where(part > most, value + side if sided else value, labels)
+        most = np.maximum(part, most)
+    return Volume(labels, grid.affine)
+
+
+@functools.cache
+def _template(size: int) -> Volume:
+    return block_means(mni152_t1(), size)
+
+
+def standardised(scan: Scan, registration_mm: int = 1, seed: int = 0) -> tuple[StandardScan, Volume]:
+    """The scan on the standard grid (the paper's preprocessing), and its labels.
+
+    The labels come from the surfaces: 1 (left) or 2 (right) where the white surface encloses at least half of a voxel.
+
+    Parameters
+    ----------
+    scan : Scan
+    registration_mm : int
+        Voxel size of the average that the scan is registered to; above 1 it is faster and less exact.
+    seed : int
+        Of the registration.
+    """
+    placed = standard_scan(scan.image, _template(registration_mm), seed)
+    volume = placed.volume.with_data((np.rint(placed.volume.data / STANDARD_STEP) * STANDARD_STEP).astype(np.float32))
+    labels = np.zeros(volume.data.shape, dtype=np.uint8)
+    for label, side in enumerate(("left", "right"), start=1):
+        white = scan.surfaces["white", side]
+        inside = enclosed_fractions(white.with_vertices(placed.from_scanner(white.vertices)), volume) >= 0.5
+        labels[inside] = label
+    return dataclasses.replace(placed, volume=volume), volume.with_data(labels)
+
+
+def surface_facts(scan: Scan, subject: CorticalSurfaces) -> dict:
+    """Area (cm²), volume inside (ml) and crossing faces of every surface, and the thickness of the cortex in mm."""
+    facts = {}
+    for (kind, side), mesh in scan.surfaces.items():
+        facts[f"{side} {kind}"] = {
+            "area_cm2": rounded(float(face_areas(mesh).sum()) / 100),
+            "volume_ml": rounded(float(signed_volume(mesh)) / 1000),
+            "crossing_faces": len(self_intersecting_faces(mesh)),
+        }
+    for side in subject.white:
+        quantiles = np.quantile(subject.thickness(side)[~subject.wall[side]].numpy(), (0.05, 0.5, 0.95))
+        facts[f"{side} thickness_mm"] = {
+            name: rounded(q) for name, q in zip(("p5", "median", "p95"), quantiles, strict=True)
+        }
+    return facts
+
+
+def rounded(value: object) -> object:
+    """Numbers in six digits, in whatever they are packed: last bits differ between CPUs, and would change a hash."""
+    if isinstance(value, dict):
+        return {key: rounded(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(v) for v in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value
+
+
+def write_scan(place: cohort.Subject, scan: Scan, standard: tuple[StandardScan, Volume], facts: dict) -> None:
+    """Write all files of a scan where a reader of the cohort looks for them."""
+    write_volume(place.file(cohort.T1), scan.image)
+    write_volume(place.file(cohort.TISSUE), scan.tissue)
+    for (kind, side), mesh in scan.surfaces.items():
+        write_mesh(place.file(cohort.SURFACE.format(side[0].upper(), kind)), mesh)
+    placed, labels = standard
+    write_volume(place.file(cohort.STANDARD_T1, standard=True), placed.volume)
+    write_volume(place.file(cohort.STANDARD_LABELS, standard=True), labels)
+    about = {"from": "scanner RAS, mm", "to": "MNI152, mm", "matrix": placed.to_standard.tolist()}
+    _write_json(place.file(cohort.TRANSFORM, standard=True), about)
+    _write_json(place.file(cohort.FACTS), facts)
+
+
+def _write_json(path: object, content: dict) -> None:
+    with whole_file(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
