@@ -89,8 +89,8 @@ class SegmentationNetwork(nn.Module):
             raise ValueError(f"image has shape {shape}; (batch, 1, x, y, z) is needed: add axes with image[None, None]")
         if any(n % self.multiple for n in shape[2:]) or np.prod(shape[2:]) <= self.multiple**3:
             raise ValueError(
-                f"image has {shape[2:]} voxels; each axis must be a multiple of {self.multiple} (fold {self.fold}, depth "
-                f"{self.depth}), and one longer than that: pad or crop it, or take a network of less depth"
+                f"image has {shape[2:]} voxels; each axis must be a multiple of {self.multiple} (fold {self.fold}, "
+                f"depth {self.depth}), and one longer than that: pad or crop it, or take a network of less depth"
             )
 
 

@@ -1,0 +1,156 @@
+"""How the segmentation network is trained: the numbers, read from a YAML file."""
+
+import dataclasses
+import math
+import os
+from pathlib import Path
+
+import yaml
+
+from meshot.errors import require_positive_integer
+from meshot.model.segmentation import SegmentationNetwork
+
+SCHEDULES = ("constant", "cosine")
+PRECISIONS = ("float32", "bfloat16")
+
+
+@dataclasses.dataclass(frozen=True)
+class SegmentationSettings:
+    """How the segmentation network is trained.
+
+    Parameters
+    ----------
+    n_epochs : int
+        How often every training scan is seen.
+    learning_rate : float
+        Of Adam, at the start.
+    schedule : str
+        "constant", as in the paper, or "cosine": half a cosine from there to zero.
+    batch_size : int
+        Scans in one step.
+    dice_weight : float
+        Of the overlap beside the cross-entropy.
+    soft_labels : bool
+        Whether a voxel's target is the enclosed part of it, or which side its larger part is on.
+    flip : float
+        How often, in [0, 1], a scan is mirrored, left and right exchanged with it.
+    shift : int
+        By how many voxels along each axis it is moved at most.
+    intensity : float
+        By what part its contrast (gamma) and brightness vary at most, in [0, 1).
+    reduction : int
+        Voxels along each axis that are averaged into one before anything else.
+    validate_every, patience : int
+        In epochs; stop after ``patience`` validations in a row without a lower loss (None: never).
+    save_every : int
+        In steps.
+    seed : int
+        Of everything random; step i draws from (seed, i), so that a resumed training draws what it would have drawn.
+    precision : str
+        "float32"; "bfloat16" convolves in half the bits, which is faster only where the processor has units for it.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside its range or a name is unknown.
+    """
+
+    n_epochs: int = 100
+    learning_rate: float = 1e-4
+    schedule: str = "constant"
+    batch_size: int = 1
+    dice_weight: float = 1.0
+    soft_labels: bool = True
+    flip: float = 0.5
+    shift: int = 4
+    intensity: float = 0.2
+    reduction: int = 1
+    validate_every: int = 1
+    patience: int | None = None
+    save_every: int = 50
+    seed: int = 0
+    precision: str = "float32"
+
+    def __post_init__(self):
+        for name in ("n_epochs", "batch_size", "reduction", "validate_every", "save_every"):
+            require_positive_integer(getattr(self, name), name)
+        if self.patience is not None:
+            require_positive_integer(self.patience, "patience")
+        if not 0 < self.learning_rate < math.inf:
+            raise ValueError(f"learning_rate is {self.learning_rate!r}; a finite number > 0 is needed")
+        if not (0 <= self.dice_weight < math.inf and 0 <= self.flip <= 1 and 0 <= self.intensity < 1):
+            raise ValueError(
+                f"dice_weight is {self.dice_weight!r}, flip {self.flip!r}, intensity {self.intensity!r}; they must lie "
+                "in [0, ∞), [0, 1] and [0, 1)"
+            )
+        if self.shift < 0 or self.seed < 0:
+            raise ValueError(f"shift is {self.shift!r} and seed {self.seed!r}; integers >= 0 are needed")
+        for name, known in (("schedule", SCHEDULES), ("precision", PRECISIONS)):
+            if getattr(self, name) not in known:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; one of {', '.join(known)} is needed")
+
+    def learning_rate_at(self, step: int, n_steps: int) -> float:
+        """The learning rate of one step."""
+        if self.schedule == "constant":
+            return self.learning_rate
+        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * step / n_steps))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SegmentationConfig:
+    """A network's form and how it is trained, as a YAML file states them under ``network`` and ``training``."""
+
+    network: dict[str, int]
+    training: SegmentationSettings
+
+    def as_dict(self) -> dict:
+        """Plain numbers and words, for JSON."""
+        return {"network": dict(self.network), "training": dataclasses.asdict(self.training)}
+
+    def new_network(self) -> SegmentationNetwork:
+        """The network before training; its weights come from the seed."""
+        return SegmentationNetwork(**self.network, generator=self.training.seed)
+
+
+def read_segmentation_config(path: str | os.PathLike) -> SegmentationConfig:
+    """Read a configuration; what it leaves out has the value of the paper, where the paper gives one.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing or no YAML, names something unknown, or a value will not do.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist; experiments/segmentation holds tiny.yaml, small.yaml and paper.yaml")
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path} is no YAML ({error})") from error
+    return segmentation_config(content, str(path))
+
+
+def segmentation_config(content: object, name: str = "the configuration") -> SegmentationConfig:
+    """A configuration from nested dictionaries, as they stand in a YAML file.
+
+    Raises
+    ------
+    ValueError
+        If it names something unknown, or a value will not do.
+    """
+    known = {
+        "network": {"width", "depth", "fold"},
+        "training": {field.name for field in dataclasses.fields(SegmentationSettings)},
+    }
+    if not isinstance(content, dict) or not all(isinstance(part, dict) for part in content.values()):
+        raise ValueError(f"{name} holds {content!r}; two groups of settings, network and training, are needed")
+    strange = [key for key in content if key not in known]
+    strange += [f"{group}.{key}" for group in known for key in content.get(group, {}) if key not in known[group]]
+    if strange:
+        raise ValueError(f"{name} sets {', '.join(strange)}, which nothing reads; known are {known}")
+    try:
+        config = SegmentationConfig(content.get("network", {}), SegmentationSettings(**content.get("training", {})))
+        config.new_network()
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{name} will not do: {error}") from error
+    return config

@@ -1,0 +1,83 @@
+"""From the probability of white matter to the surface that a flow starts from."""
+
+import dataclasses
+
+import numpy as np
+import torch
+
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.mending import mended
+from meshot.mesh.mesh import Mesh
+from meshot.mesh.smoothing import taubin_smoothing
+from meshot.volume.distance import signed_distance
+from meshot.volume.isosurface import isosurface, separated_field
+from meshot.volume.sampling import cropped
+from meshot.volume.topology import filled_cavities, genus_zero, largest_component
+from meshot.volume.volume import Volume, voxel_sizes, voxel_to_mm
+
+SMOOTHING_STEPS = 5
+_MARGIN_VOXELS = 0.05
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SegmentedSurface:
+    """The initial surface of one hemisphere and the stages it came through; volumes are cropped to the hemisphere.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed, outward, χ = 2, no non-manifold edge, no self-intersecting face; in mm.
+    raw_mesh : Mesh
+        The same before smoothing.
+    distance : Volume
+        Signed distance from the ½ of the probability, in mm, negative inside.
+    mask : Volume
+        Boolean: the largest piece of what is inside, cavities filled.
+    genus_zero_mask : Volume
+        Boolean: the part of it that has the topology of a ball.
+    """
+
+    mesh: Mesh
+    raw_mesh: Mesh
+    distance: Volume
+    mask: Volume
+    genus_zero_mask: Volume
+
+
+def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -> SegmentedSurface:
+    """The surface where a probability crosses ½, made to have the topology of a sphere.
+
+    Largest piece above ½ → cavities filled → signed distance → genus 0, the voxels nearest to the outside given up
+    first → marching cubes on the distance → light smoothing. Distance knows how thin a bridge is, to a fraction of a
+    voxel: on the white surface of fsaverage5 half as many voxels are given up as with the probability as priority.
+
+    Parameters
+    ----------
+    probability : Volume
+        In [0, 1], of one hemisphere; its axes must be orthogonal.
+    n_smoothing : int
+        Steps of Taubin's smoothing.
+
+    Raises
+    ------
+    ValueError
+        If nothing, or everything, lies above ½, or the axes are not orthogonal.
+    """
+    places = np.argwhere(largest_component(probability.data > 0.5))
+    box = cropped(probability, voxel_to_mm(probability, torch.from_numpy(places).double()))
+    mask = filled_cavities(largest_component(box.data > 0.5))
+    distance = signed_distance(separated_field(box, mask, margin=0.0))
+    ball = genus_zero(mask, -distance.data)
+    margin = _MARGIN_VOXELS * float(voxel_sizes(box).min())
+    field = separated_field(box.with_data(-distance.data), ball, 0.0, margin)
+    raw = isosurface(field, 0.0)
+    mesh = _without_crossings(taubin_smoothing(raw, n_smoothing), raw)
+    return SegmentedSurface(mesh, raw, distance, box.with_data(mask), box.with_data(ball))
+
+
+def _without_crossings(smoothed: Mesh, raw: Mesh) -> Mesh:
+    """The smoothed mesh, mended where faces cross; if that fails, the raw one, in which none do."""
+    try:
+        return mended(smoothed)
+    except ValueError:
+        return raw if not len(self_intersecting_faces(raw)) else mended(raw)
