@@ -11,13 +11,13 @@ member of the family for each seed; "fsaverage5_left", "fsaverage5_right"), ``st
 
 ``results.json`` holds, under "results" (all lengths in mm, ``seconds`` CPU seconds of one thread, checks not counted):
 
-- ``arms``: each arm with its ``learning_rate``, the best on the tuning seed by ASSD, and ``tried`` [{learning_rate,
-  assd}];
+- ``rates``: loss, encoding, supports, ``learning_rate``, ``assd``, ``edge_variation``: what other learning rates than
+  the common one would have done, on a seed of their own, from the sphere to "folded";
 - ``settings``: target, start, seed, ``n_vertices``, ``n_faces``, ``floor`` {metric: what the target scores against
   itself}, ``begin`` {metric: what the start scores};
-- ``fits``: arm and setting; ``learning_rate``, ``n_iterations``, ``seconds``, ``lipschitz_per_step`` (bound of h·Lip),
-  ``end`` {metric: value after the last step}, ``curve`` {``iteration``, ``seconds`` and METRICS: lists over the start
-  and the twelve checks};
+- ``fits``: arm and setting; ``n_supports``, ``learning_rate``, ``n_iterations``, ``seconds``, ``lipschitz_per_step``
+  (bound of h·Lip), ``end`` {metric: value after the last step}, ``curve`` {``iteration``, ``seconds`` and METRICS:
+  lists over the start and the twelve checks};
 - ``summary``: target, start, arm, ``n_seeds``, ``at`` ("steps": after the last step of every arm; "seconds": when the
   first arm of the same setting and supports was done, linear between checks), and for each metric of the curves, and
   for ``seconds`` and ``iteration``, ``NAME_mean``, ``NAME_sd`` (null for one seed); at "steps" also for all of ``end``;
@@ -31,8 +31,169 @@ hausdorff, normals, signed_normals, intersecting_faces, intersecting_share, eule
 area_variation, smallest_angle). METRICS of the curves: assd, normals, intersecting_faces, edge_variation,
 area_variation, smallest_angle.
 
-``meshes.safetensors.gz`` (read by ``meshes.read_meshes``, which gives :class:`meshot.Mesh`) holds for seed 0 of every
-setting the start, the target and the end of every fit, named ``TARGET/START/begin``, ``TARGET/target``,
-``TARGET/START/LOSS_ENCODING_SUPPORTS``; for the sliced and the Chamfer loss on varifolds, from the sphere to "folded",
-also where the flow has them after each of its steps, named ``…/path``.
+``meshes.safetensors.gz`` (read by ``meshes.read_meshes``, which gives :class:`meshot.Mesh`) holds, for seed 0 and the
+arms that ``kept`` in the configuration names, the target, the start and the end of a fit, named ``TARGET/target``,
+``TARGET/START/begin`` and ``TARGET/START/LOSS_ENCODING_SUPPORTS``; for ``paths`` also where the best field has the mesh
+after each of its steps, named ``…/path/K``.
 """
+
+import argparse
+import json
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import safetensors.torch
+import torch
+import yaml
+from arms import n_supports, planned_arms
+from fitting import Ruler, fit_once
+from meshes import start_mesh, target_mesh, write_meshes
+from summary import differences, summarise
+
+from meshot import Mesh
+from meshot.files import whole_file
+from meshot.report.results import write_results
+from meshot.report.resume import finished
+
+HERE = Path(__file__).parent
+MESHES = HERE / "partial_meshes"
+ARM = ("loss", "encoding", "supports")
+SETTING = ("target", "start", "seed")
+
+
+def planned_settings(config: dict) -> list[dict]:
+    """Every target from every start under every seed."""
+    settings = []
+    for start in ("sphere", "smoothed"):
+        for target, of_target in config["targets"].items():
+            seeds = config["sphere_seeds"].get(target, of_target["seeds"]) if start == "sphere" else of_target["seeds"]
+            settings += [{"target": target, "start": start, "seed": seed} for seed in seeds]
+    return settings
+
+
+def planned_fits(config: dict) -> list[dict]:
+    """Every arm in every setting, in an order in which a run that is cut short has done what says most."""
+    rate = {"learning_rate": config["learning_rate"]}
+    fits = [setting | arm | rate for setting in planned_settings(config) for arm in planned_arms(config)]
+
+    def stage(fit: dict) -> tuple:
+        far, slow, full = fit["start"] == "sphere", fit["loss"] == "sinkhorn", fit["supports"] == "full"
+        if fit["target"] == "folded":
+            return (3 if not far else 1,) if slow else (0,)
+        if full:
+            return (5 if far else 2,)
+        return (4 if not far and fit["seed"] == 0 else 6,)
+
+    return sorted(fits, key=stage)
+
+
+def planned_rates(config: dict) -> list[dict]:
+    """Some arms under other learning rates, on a seed of its own."""
+    other = config["other_rates"]
+    arms = [arm for arm in planned_arms(config) if arm["loss"] in other["losses"] and arm["supports"] == "full"]
+    setting = {name: other[name] for name in SETTING}
+    return [setting | arm | {"learning_rate": rate} for arm in arms for rate in other["rates"]]
+
+
+def work(task: dict, config: dict) -> dict:
+    """One fit; what the chapter shows of its meshes goes into a file."""
+    found, meshes = fit_once(task, config)
+    goal = target_mesh(task["target"], task["seed"], config)
+    if is_kept(task, config):
+        tensors = {name: mesh.vertices.contiguous() for name, mesh in meshes.items()}
+        with whole_file(_kept_at(task)) as temporary:
+            safetensors.torch.save_file(tensors, temporary)
+    return {"n_supports": n_supports(task, goal)} | found
+
+
+def is_kept(task: dict, config: dict) -> bool:
+    """Whether the meshes of a fit are stored."""
+    arms = config["kept"].get(f"{task['target']}/{task['start']}", [])
+    return task["seed"] == 0 and _name(task) in arms and task["learning_rate"] == config["learning_rate"]
+
+
+def _name(task: dict) -> str:
+    return "_".join(str(task[part]) for part in ARM)
+
+
+def _kept_at(task: dict) -> Path:
+    return MESHES / ("_".join(str(task[name]) for name in (*SETTING, *ARM)) + ".safetensors")
+
+
+def describe(setting: dict, config: dict) -> dict:
+    """What the start of a setting scores, and what the target scores against itself."""
+    goal = target_mesh(setting["target"], setting["seed"], config)
+    begin = start_mesh(setting["start"], setting["target"], goal, config)
+    values, floors = Ruler(goal, config).all(begin)
+    counts = {"n_vertices": len(goal.vertices), "n_faces": len(goal.faces)}
+    return setting | counts | {"floor": floors, "begin": values}
+
+
+def stored_meshes(fits: list[dict], config: dict) -> Iterator[tuple[str, Mesh]]:
+    """Targets, starts, ends and paths, by name."""
+    for fit in (fit for fit in fits if is_kept(fit, config)):
+        place = f"{fit['target']}/{fit['start']}"
+        goal = target_mesh(fit["target"], 0, config)
+        begin = start_mesh(fit["start"], fit["target"], goal, config)
+        yield f"{fit['target']}/target", goal
+        yield f"{place}/begin", begin
+        tensors = safetensors.torch.load_file(_kept_at(fit))
+        name = f"{place}/{_name(fit)}"
+        yield name, begin.to(torch.float32).with_vertices(tensors["end"])
+        for k in range(config["fit"]["n_steps"] + 1) if name in config["paths"] else ():
+            yield f"{name}/path/{k}", begin.to(torch.float32).with_vertices(tensors[f"path/{k}"])
+
+
+def collect(rows: list[dict], rates: list[dict], config: dict) -> dict:
+    """Everything but the meshes."""
+    fits = [row["task"] | row["found"] for row in rows]
+    settings = [s for s in planned_settings(config) if any(all(f[k] == v for k, v in s.items()) for f in fits)]
+    tried = [{name: row["task"][name] for name in (*ARM, "learning_rate")} | _ends(row["found"]) for row in rates]
+    done = [row["task"] for row in rows]
+    return {
+        "rates": tried,
+        "settings": [describe(setting, config) for setting in settings],
+        "fits": fits,
+        "summary": summarise(fits),
+        "differences": differences(fits),
+        "missing": [task for task in planned_fits(config) if task not in done],
+    }
+
+
+def _ends(found: dict) -> dict:
+    return {name: found["end"][name] for name in ("assd", "edge_variation")}
+
+
+def main() -> None:
+    """Do the fits that are missing, unless only what is there is wanted, and write the results."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--early", action="store_true", help="write the results of the fits that are finished")
+    early = parser.parse_args().early
+    torch.set_num_threads(1)
+    started = time.perf_counter()
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    partial = HERE / "partial.jsonl"
+    MESHES.mkdir(exist_ok=True)
+    tasks, rates = planned_fits(config), planned_rates(config)
+    if early:
+        lines = [line for line in partial.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
+        done = {json.loads(line)["key"] for line in lines}
+        tasks, rates = ([t for t in kind if json.dumps(t, sort_keys=True) in done] for kind in (tasks, rates))
+    rows, of_rates = (
+        finished(kind, lambda task: work(task, config), partial, time.process_time) for kind in (tasks, rates)
+    )
+    results = collect(rows, of_rates, config)
+    meshes = dict(stored_meshes(results["fits"], config))
+    write_meshes(HERE / "meshes.safetensors.gz", meshes, config["vertex_step"])
+    seconds = max(sum(row["seconds"] for row in rows + of_rates), time.perf_counter() - started)
+    data = "analytic folded surfaces; fsaverage5 white surfaces (FreeSurfer)"
+    write_results(HERE / "results.json", results, config, "python experiments/deforming/run.py", data, seconds)
+    if not early:
+        partial.unlink()
+        shutil.rmtree(MESHES)
+
+
+if __name__ == "__main__":
+    main()

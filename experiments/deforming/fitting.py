@@ -1,0 +1,130 @@
+"""One fit: the mesh at every check, with the seconds until then, and what the ruler says of it."""
+
+import dataclasses
+import time
+
+import numpy as np
+import torch
+from arms import arm_loss
+from meshes import start_mesh, target_mesh
+
+from meshot import Mesh, evaluate
+from meshot.flow.fit import FitLoss, FitSettings, fit_flow
+from meshot.flow.grid import grid_around
+from meshot.flow.integrate import trajectory
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.metrics.surface import Surface, average_surface_distance, normal_agreement
+from meshot.metrics.triangles import edge_length_variation, face_area_variation, smallest_angles
+from meshot.types import Tensor
+
+CURVES = ("assd", "normals", "intersecting_faces", "edge_variation", "area_variation", "smallest_angle")
+
+
+class Watch:
+    """A loss that keeps the mesh of every check, and a clock of the iterations alone.
+
+    The fit takes the loss with gradients in an iteration, and without them in a check.
+    """
+
+    def __init__(self, loss: FitLoss):
+        self.loss = loss
+        self.meshes: list[Mesh] = []
+        self.checked_at: list[float] = []
+        self.begun, self.in_checks, self.until = 0.0, 0.0, 0.0
+
+    def start(self) -> None:
+        """Begin to count."""
+        self.begun = time.process_time()
+
+    def __call__(self, mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
+        """The loss; in a check, the mesh is kept, and the time is not counted."""
+        if torch.is_grad_enabled():
+            return self.loss(mesh, n_directions, generator)
+        entered = time.process_time()
+        self.checked_at.append(entered - self.begun - self.in_checks)
+        self.meshes.append(mesh)
+        value = self.loss(mesh, n_directions, generator)
+        self.in_checks += time.process_time() - entered
+        return value
+
+
+def fit_once(task: dict, config: dict) -> tuple[dict, dict[str, Mesh]]:
+    """Fit one arm in one setting: numbers, and the meshes at the end and along the flow."""
+    goal = target_mesh(task["target"], task["seed"], config)
+    begin = start_mesh(task["start"], task["target"], goal, config)
+    moving, fixed = begin.to(torch.float32), goal.to(torch.float32)
+    settings = fit_settings(task, config)
+    grid = config["grid"] | {"spacings": tuple(config["targets"][task["target"]]["spacings"])}
+    field = grid_around(moving.vertices, fixed.vertices, **grid)
+    watch = Watch(arm_loss(task, fixed, config))
+    fit_flow(field, moving, watch.loss, dataclasses.replace(settings, n_iterations=1))  # so that all is compiled
+    watch.start()
+    fitted = fit_flow(field, moving, watch, settings)
+    ruler = Ruler(goal, config)
+    rows = [ruler.curve(mesh) for mesh in [begin, *watch.meshes]]
+    curve = {"iteration": [0, *fitted.history["checked_iteration"]], "seconds": [0.0, *watch.checked_at]}
+    last = watch.meshes[-1]
+    found = {
+        "n_iterations": settings.n_iterations,
+        "seconds": short(watch.checked_at[-1]),
+        "lipschitz_per_step": short(float(fitted.field.lipschitz_bound()) / settings.n_steps),
+        "end": ruler.all(last)[0],
+        "curve": {name: [short(x) for x in entries] for name, entries in (curve | _columns(rows)).items()},
+    }
+    return found, {"end": last} | _path(fitted.field, moving, settings.n_steps)
+
+
+def fit_settings(task: dict, config: dict) -> FitSettings:
+    """What the package needs to know, the same for every arm."""
+    n_iterations = config["targets"][task["target"]]["n_iterations"]
+    return FitSettings(
+        n_iterations=n_iterations, check_every=n_iterations // config["n_checks"], learning_rate=task["learning_rate"],
+        seed=task["seed"], **config["fit"] | {"n_directions": tuple(config["fit"]["n_directions"])},
+    )  # fmt: skip
+
+
+def _columns(rows: list[dict]) -> dict[str, list[float]]:
+    return {name: [row[name] for row in rows] for name in CURVES}
+
+
+@torch.no_grad()
+def _path(field: torch.nn.Module, mesh: Mesh, n_steps: int) -> dict[str, Mesh]:
+    along = trajectory(field, mesh.vertices, n_steps)
+    return {f"path/{k}": mesh.with_vertices(vertices) for k, vertices in enumerate(along)}
+
+
+class Ruler:
+    """The metrics to one target, always from points of the same seed."""
+
+    def __init__(self, goal: Mesh, config: dict):
+        self.goal, self.config = goal, config
+        self.surface = Surface(goal)
+        self.streams = np.random.SeedSequence(config["judge_seed"]).spawn(2)
+        self.sample = self.surface.sample(config["n_points"], np.random.default_rng(self.streams[1]))
+
+    def all(self, mesh: Mesh) -> tuple[dict[str, float], dict[str, float]]:
+        """Every metric of the package, and the floors."""
+        config = self.config
+        counts = {"n_points": config["n_points"], "n_emd_points": config["n_emd_points"]}
+        found = evaluate(mesh, self.goal, seed=config["judge_seed"], **counts).as_dict()
+        values = {name: short(metric["value"]) for name, metric in found.items()}
+        return values, {name: short(metric["floor"]) for name, metric in found.items()}
+
+    def curve(self, mesh: Mesh) -> dict[str, float]:
+        """Those of the curves: the same numbers from the same points."""
+        moved = Surface(mesh)
+        drawn = moved.sample(self.config["n_points"], np.random.default_rng(self.streams[0]))
+        there, back = self.surface.offsets(drawn), moved.offsets(self.sample)
+        return {
+            "assd": average_surface_distance(there, back),
+            "normals": normal_agreement(there, back),
+            "intersecting_faces": len(self_intersecting_faces(mesh)),
+            "edge_variation": edge_length_variation(mesh),
+            "area_variation": face_area_variation(mesh),
+            "smallest_angle": float(smallest_angles(mesh).mean()),
+        }
+
+
+def short(value: float) -> float:
+    """Six significant digits, so that committed files stay small."""
+    return float(f"{value:.6g}")

@@ -1,0 +1,108 @@
+"""Means over seeds, after equal steps and after equal seconds, and Chamfer minus sliced Wasserstein."""
+
+from collections.abc import Callable
+
+import numpy as np
+from fitting import CURVES, short
+from scipy import stats
+
+READ = ("seconds", "iteration", *CURVES)
+
+
+def summarise(fits: list[dict]) -> list[dict]:
+    """Every arm over the seeds of a target and a start, when its steps are done and when the fastest arm is done."""
+    rows = []
+    for group in _groups(fits, ("target", "start", "loss", "encoding", "supports")):
+        kind = {name: group[0][name] for name in ("target", "start", "loss", "encoding", "supports")}
+        for at, read in (("steps", at_the_end), ("seconds", lambda fit: at_seconds(fit, shared_seconds(fit, fits)))):
+            values = [read(fit) for fit in group]
+            rows.append(kind | {"at": at, "n_seeds": len(group)} | _statistics(values))
+    return rows
+
+
+def at_the_end(fit: dict) -> dict[str, float]:
+    """All that was measured after the last step."""
+    return {name: fit["curve"][name][-1] for name in READ} | fit["end"]
+
+
+def shared_seconds(fit: dict, fits: list[dict]) -> float:
+    """When the first arm of the same setting and supports was done."""
+    same = ("target", "start", "seed", "supports")
+    return min(other["seconds"] for other in fits if all(other[name] == fit[name] for name in same))
+
+
+def at_seconds(fit: dict, seconds: float) -> dict[str, float]:
+    """The curves at that time, linear between checks."""
+    times = fit["curve"]["seconds"]
+    return {name: float(np.interp(seconds, times, fit["curve"][name])) for name in READ}
+
+
+def at_closeness(fit: dict, level: float) -> dict[str, float]:
+    """The curves where ASSD first comes down to a level, linear between checks."""
+    assd = np.array(fit["curve"]["assd"])
+    k = int(np.argmax(assd <= level))
+    if k == 0:
+        return {name: fit["curve"][name][0] for name in READ}
+    part = (assd[k - 1] - level) / (assd[k - 1] - assd[k])
+    pairs = {name: fit["curve"][name][k - 1 : k + 1] for name in READ}
+    return {name: float(before + part * (after - before)) for name, (before, after) in pairs.items()}
+
+
+def differences(fits: list[dict]) -> list[dict]:
+    """Chamfer minus sliced Wasserstein, paired over the seeds, at three kinds of equality."""
+    rows = []
+    for group in _groups(fits, ("target", "start", "encoding", "supports")):
+        sides = {loss: {f["seed"]: f for f in group if f["loss"] == loss} for loss in ("chamfer", "sliced")}
+        seeds = sorted(set(sides["chamfer"]) & set(sides["sliced"]))
+        pairs = [(sides["chamfer"][seed], sides["sliced"][seed]) for seed in seeds]
+        kind = {name: group[0][name] for name in ("target", "start", "encoding", "supports")}
+        for at, read in _EQUAL.items() if pairs else ():
+            read_pairs = [read(*pair, fits) for pair in pairs]
+            rows.append(kind | {"at": at, "n_seeds": len(pairs)} | _paired(read_pairs))
+    return rows
+
+
+def _equal_seconds(one: dict, other: dict, fits: list[dict]) -> tuple[dict, dict]:
+    seconds = min(one["seconds"], other["seconds"])
+    return at_seconds(one, seconds), at_seconds(other, seconds)
+
+
+def _equal_closeness(one: dict, other: dict, fits: list[dict]) -> tuple[dict, dict]:
+    level = max(min(one["curve"]["assd"]), min(other["curve"]["assd"]))
+    return at_closeness(one, level), at_closeness(other, level)
+
+
+_EQUAL: dict[str, Callable[[dict, dict, list[dict]], tuple[dict, dict]]] = {
+    "steps": lambda one, other, fits: (at_the_end(one), at_the_end(other)),
+    "seconds": _equal_seconds,
+    "closeness": _equal_closeness,
+}
+
+
+def _paired(pairs: list[tuple[dict, dict]]) -> dict:
+    found: dict = {}
+    for name in pairs[0][0]:
+        values = np.array([[one[name], other[name]] for one, other in pairs])
+        gaps = values[:, 0] - values[:, 1]
+        found[f"{name}_chamfer"], found[f"{name}_sliced"] = (short(x) for x in values.mean(axis=0))
+        found[f"{name}_gap"], found[f"{name}_low"], found[f"{name}_high"] = short(gaps.mean()), None, None
+        if len(gaps) > 1:
+            half = stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / np.sqrt(len(gaps))
+            found[f"{name}_low"], found[f"{name}_high"] = short(gaps.mean() - half), short(gaps.mean() + half)
+    return found
+
+
+def _statistics(values: list[dict]) -> dict:
+    found: dict = {}
+    for name in values[0]:
+        numbers = np.array([row[name] for row in values])
+        found[f"{name}_mean"] = short(numbers.mean())
+        found[f"{name}_sd"] = short(numbers.std(ddof=1)) if len(numbers) > 1 else None
+    return found
+
+
+def _groups(fits: list[dict], names: tuple[str, ...]) -> list[list[dict]]:
+    groups: dict[tuple, list[dict]] = {}
+    for fit in fits:
+        groups.setdefault(tuple(fit[name] for name in names), []).append(fit)
+    return list(groups.values())
