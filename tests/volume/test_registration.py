@@ -9,8 +9,9 @@ from scipy.ndimage import affine_transform
 from scipy.spatial.transform import Rotation
 
 from meshot.synth.anatomy import mni152_t1
+from meshot.volume.pyramid import volume_pyramid
 from meshot.volume.registration import register_affine
-from meshot.volume.sampling import block_means, sample_volume
+from meshot.volume.sampling import sample_volume
 from meshot.volume.standard import SHAPE, place_on_grid, standard_scan
 from meshot.volume.volume import Volume, transform_points, voxel_sizes, voxel_to_mm
 
@@ -22,7 +23,7 @@ TO_STANDARD[:3, 3] = [15, -30, 22]
 @functools.cache
 def template(factor=4):
     """The MNI152 average in voxels of some mm."""
-    return block_means(mni152_t1(), factor)
+    return volume_pyramid(mni152_t1(), factor.bit_length())[-1]
 
 
 @functools.cache

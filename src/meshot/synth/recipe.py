@@ -48,7 +48,7 @@ class Recipe:
     n_lines : int
         Lines across each voxel for partial volume.
     registration_mm : int
-        Voxel size of the MNI152 average that scans are registered to; above 1 for tests only.
+        Voxel size of the MNI152 average that scans are registered to: 1, or 2, 4, 8 for tests.
 
     Raises
     ------
@@ -73,10 +73,12 @@ class Recipe:
     registration_mm: int = 1
 
     def __post_init__(self):
-        for name in ("days", "scans_per_day", "n_lines", "registration_mm"):
+        for name in ("days", "scans_per_day", "n_lines"):
             require_positive_integer(getattr(self, name), name)
         for name in ("seed", "subjects", "procedural_subjects"):
             _require_count(getattr(self, name), name)
+        if self.registration_mm not in (1, 2, 4, 8):
+            raise ValueError(f"registration_mm is {self.registration_mm!r}; 1, 2, 4 or 8 is needed")
         _require_split(self.split)
         if len(self.head_mm) not in (0, 3) or not all(_is_number(x) and x > 0 for x in self.head_mm):
             raise ValueError(f"head_mm is {list(self.head_mm)}; three thicknesses > 0 or none are needed")

@@ -22,7 +22,7 @@ from meshot.synth.structures import Structure, moved_structure, structures_of
 from meshot.synth.subject import CorticalSurfaces
 from meshot.types import Array, Float, Tensor
 from meshot.volume.io import write_volume
-from meshot.volume.sampling import block_means
+from meshot.volume.pyramid import volume_pyramid
 from meshot.volume.standard import StandardScan, standard_scan
 from meshot.volume.volume import Volume, transform_points
 from meshot.volume.voxelise import enclosed_fractions
@@ -137,7 +137,7 @@ def _tissue_labels(fractions: Mapping[str, Float[Array, "X Y Z"]], pial: list[Me
 
 @functools.cache
 def _template(size: int) -> Volume:
-    return block_means(mni152_t1(), size)
+    return volume_pyramid(mni152_t1(), size.bit_length())[-1]
 
 
 def standardised(scan: Scan, registration_mm: int = 1, seed: int = 0) -> tuple[StandardScan, Volume]:
@@ -149,7 +149,7 @@ def standardised(scan: Scan, registration_mm: int = 1, seed: int = 0) -> tuple[S
     ----------
     scan : Scan
     registration_mm : int
-        Voxel size of the average that the scan is registered to; above 1 it is faster and less exact.
+        Voxel size of the average that the scan is registered to, a power of two; above 1 it is faster and less exact.
     seed : int
         Of the registration.
     """

@@ -3,7 +3,6 @@
 import numpy as np
 import torch
 
-from meshot.errors import require_positive_integer
 from meshot.types import Float, Tensor
 from meshot.volume.volume import Volume, mm_to_voxel
 
@@ -66,24 +65,3 @@ def cropped(volume: Volume, points_mm: Float[Tensor, "n 3"], margin: int = 3) ->
     affine = volume.affine.copy()
     affine[:3, 3] += affine[:3, :3] @ low
     return Volume(volume.data[tuple(slice(a, b) for a, b in zip(low, high, strict=True))], affine)
-
-
-def block_means(volume: Volume, size: int) -> Volume:
-    """The volume in voxels ``size`` times as large along each axis, each the mean of those in its place.
-
-    What does not fill a whole block at the far ends is left out.
-
-    Raises
-    ------
-    ValueError
-        If ``size`` is no positive integer, or the volume is smaller than one block.
-    """
-    require_positive_integer(size, "size")
-    counts = [n // size for n in volume.data.shape]
-    if min(counts) == 0:
-        raise ValueError(f"size is {size}, but the volume has shape {volume.data.shape}; not one block fits in")
-    whole = volume.data[tuple(slice(n * size) for n in counts)]
-    means = whole.reshape([n for count in counts for n in (count, size)]).mean(axis=(1, 3, 5))
-    affine = volume.affine @ np.diag([size, size, size, 1.0])
-    affine[:3, 3] += volume.affine[:3, :3] @ np.full(3, (size - 1) / 2)
-    return Volume(means, affine)
