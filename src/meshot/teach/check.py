@@ -7,6 +7,7 @@ from meshot.teach.descent_exercises import largest_rate, line_pull, nearest_pull
 from meshot.teach.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot.teach.line_exercises import quantiles, transport_cost, weight_gradient
 from meshot.teach.measure_exercises import face_weights, is_inside_out, scale_for_share, tent_density
+from meshot.teach.ruler_exercises import breaks_bound, pairs_left, two_sided, without_floor
 from meshot.teach.scan_exercises import handles, is_simple, surface_ras
 from meshot.teach.slicing_exercises import ghost_pair, lines_needed, sliced_cost
 from meshot.teach.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
@@ -14,6 +15,7 @@ from meshot.teach.zoo_exercises import blur_in_coordinates, debiased, smallest_f
 __all__ = [
     "blocked_chamfer",
     "blur_in_coordinates",
+    "breaks_bound",
     "debiased",
     "edge_variation",
     "equal_time",
@@ -30,6 +32,7 @@ __all__ = [
     "mean_gap",
     "merged_cells",
     "nearest_pull",
+    "pairs_left",
     "pieces_needed",
     "points_needed",
     "quantiles",
@@ -41,7 +44,9 @@ __all__ = [
     "tent_density",
     "transport_cost",
     "trap",
+    "two_sided",
     "undo_step",
     "weight_gradient",
+    "without_floor",
     "wrong_curve",
 ]
