@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot import Contour, DiscreteMeasure, Mesh, empirical, varifold
+from meshot import Contour, DiscreteMeasure, Mesh, empirical, random_directions, sliced_wasserstein, varifold
+from meshot.flow.memory import peak_saved_bytes
+from meshot.measure.discrete import varifold_sample
 from meshot.mesh.mesh import closed_contour
 from meshot.mesh.shapes import icosphere
 
@@ -86,3 +88,57 @@ def test_equal_masses_by_default():
     measure = DiscreteMeasure(torch.zeros(8, 3))
     assert torch.equal(measure.weights, torch.full((8,), 0.125))
     assert "8 points in R^3" in repr(measure)
+
+
+def test_a_sample_of_the_varifold_is_made_of_its_faces_in_proportion_to_their_areas():
+    whole, drawn = varifold(triangle(), normal_scale=5.0), varifold_sample(triangle(), 400, 0, normal_scale=5.0)
+    assert torch.equal(drawn.weights, torch.full((400,), 1 / 400, dtype=torch.float64))
+    is_first, is_second = ((drawn.points == row).all(dim=1) for row in whole.points)
+    assert bool((is_first | is_second).all())
+    assert abs(float(is_first.double().mean()) - 0.25) < 4 * math.sqrt(0.25 * 0.75 / 400)
+
+
+def test_a_sample_of_the_varifold_of_a_contour_and_with_features():
+    square = closed_contour(torch.tensor([[0.0, 0], [3, 0], [3, 1], [0, 1]], dtype=torch.float64))
+    assert set(map(tuple, varifold_sample(square, 50, 0).points.tolist())) <= set(
+        map(tuple, varifold(square).points.tolist())
+    )
+    of_faces = torch.tensor([[1.0], [2.0]], dtype=torch.float64)
+    drawn = varifold_sample(triangle(), 50, 0, face_features=of_faces, features=torch.zeros(6, 2).double())
+    assert drawn.points.shape == (50, 9)
+    assert torch.equal(drawn.points[:, 8] == 1, drawn.points[:, 2] == 1)
+    with pytest.raises(ValueError, match="face_features"):
+        varifold_sample(triangle(), 50, 0, face_features=of_faces[:1])
+
+
+def test_the_mean_gradient_of_varifold_samples_is_that_of_the_varifold():
+    def gradient(encode):
+        vertices = triangle().vertices.requires_grad_()
+        measure = encode(triangle().with_vertices(vertices))
+        value = measure.weights @ (measure.points @ torch.arange(1.0, 7, dtype=torch.float64)).square()
+        return torch.autograd.grad(value, vertices)[0]
+
+    def mean_gradient(detach):
+        return sum(gradient(lambda m, s=s: varifold_sample(m, 50, s, 3.0, detach)) for s in range(200)) / 200
+
+    whole, stopped = gradient(lambda m: varifold(m, 3.0)), gradient(lambda m: varifold(m, 3.0, detach_weights=True))
+    assert float((whole - stopped).norm() / whole.norm()) > 0.2  # there is something to tell apart
+    assert float((mean_gradient(False) - whole).norm() / whole.norm()) < 0.06
+    assert float((mean_gradient(True) - stopped).norm() / stopped.norm()) < 0.06
+    assert not varifold_sample(triangle(), 5, 0, detach_weights=True).weights.requires_grad
+
+
+def test_memory_for_a_sample_of_the_varifold_does_not_grow_with_the_mesh():
+    def held(subdivisions):
+        mesh = icosphere(subdivisions)
+        vertices = mesh.vertices.requires_grad_()
+        target = varifold(icosphere(1))
+
+        def step():
+            sliced_wasserstein(
+                varifold_sample(mesh.with_vertices(vertices), 100, 0), target, random_directions(4, 6, 0)
+            ).backward()
+
+        return peak_saved_bytes(step)
+
+    assert held(5) == held(3)

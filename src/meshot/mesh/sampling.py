@@ -56,9 +56,10 @@ def sample_locations(
     return torch.from_numpy(cells).to(vertices.device), torch.from_numpy(barycentric).to(vertices)
 
 
+@torch.no_grad()
 def _cell_sizes(shape: Mesh | Contour) -> np.ndarray:
     sizes = edge_lengths(shape) if isinstance(shape, Contour) else face_areas(shape)
-    return sizes.detach().double().cpu().numpy()
+    return sizes.double().cpu().numpy()
 
 
 def even_points(contour: Contour, n_points: int, offset: float = 0.5) -> Float[Tensor, "n 2"]:
