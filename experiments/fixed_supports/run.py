@@ -1,0 +1,111 @@
+"""A fixed number of supports: what it saves as the mesh grows, and where fits end with it.
+
+Run as ``python experiments/fixed_supports/run.py``, on one thread. Finished fits are kept in ``partial.jsonl``, so that
+a run that was stopped goes on where it ended.
+
+``results.json`` holds, under "results":
+
+- ``costs``: ``loss`` ("sliced", "chamfer"), ``variant`` ("all": the whole varifold; "drawn": a fixed number of faces
+  drawn from the mesh after the flow; "carried": drawn before it, and only their corners carried), ``n_faces``,
+  ``step_bytes`` and ``step_seconds`` of a step of a fit (flow, loss, gradient), ``loss_bytes`` and ``loss_seconds`` of
+  the loss and its gradient alone. Bytes are the most that autograd held at one time, seconds CPU seconds of one thread;
+- ``fits``: from a sphere to an analytic surface under the sliced loss: ``variant``, ``n_supports``, ``n_seeds``, and
+  mean, sd and single seeds of ``assd`` (mm), ``edge_variation`` and ``intersecting_faces``;
+- ``differences``: paired over seeds, a fixed number minus all: ``assd_gap``, ``assd_low``, ``assd_high`` (95 %).
+"""
+
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+import yaml
+from costs import cost_rows
+from scipy import stats
+from variants import fit_loss, pair_of_meshes
+
+from meshot import evaluate
+from meshot.flow.fit import FitSettings, fit_flow
+from meshot.flow.grid import grid_around
+from meshot.report.results import write_results
+from meshot.report.resume import finished
+
+HERE = Path(__file__).parent
+MEASURED = ("assd", "edge_variation", "intersecting_faces")
+
+
+def planned_fits(config: dict) -> list[dict]:
+    """All supports, and every fixed number, under every seed."""
+    fits = config["fits"]
+    n_faces = 20 * 4 ** fits["subdivisions"]
+    kinds = [("all", n_faces)] + [(variant, n) for variant, counts in fits["n_supports"].items() for n in counts]
+    return [{"variant": v, "n_supports": n, "seed": seed} for v, n in kinds for seed in fits["seeds"]]
+
+
+def fit_once(task: dict, config: dict) -> dict[str, float]:
+    """One fit, and how near and how even its mesh is."""
+    fits = config["fits"]
+    start, target = pair_of_meshes(fits["subdivisions"], task["seed"], config)
+    spacings = tuple(config["grid"]["spacings"])
+    field = grid_around(start.vertices, target.vertices, **config["grid"] | {"spacings": spacings})
+    settings = FitSettings(
+        n_iterations=fits["n_iterations"], learning_rate=fits["learning_rate"], n_steps=config["n_steps"],
+        n_directions=tuple(fits["n_directions"]), seed=task["seed"],
+    )  # fmt: skip
+    loss = fit_loss(task["variant"], task["n_supports"], start, target, config["normal_scale"])
+    values = evaluate(fit_flow(field, start, loss, settings).mesh, target, config["n_points"], n_emd_points=100)
+    return {name: short(getattr(values, name).value) for name in MEASURED}
+
+
+def short(value: float) -> float:
+    """Six significant digits, so that committed files stay small."""
+    return float(f"{value:.6g}")
+
+
+def summarise(rows: list[dict]) -> list[dict]:
+    """Every variant and number of supports over the seeds."""
+    groups: dict[tuple, list[dict]] = {}
+    for row in rows:
+        groups.setdefault((row["task"]["variant"], row["task"]["n_supports"]), []).append(row["found"])
+    summary = []
+    for (variant, n_supports), group in groups.items():
+        row = {"variant": variant, "n_supports": n_supports, "n_seeds": len(group)}
+        for name in MEASURED:
+            values = np.array([found[name] for found in group])
+            row |= {f"{name}_mean": short(values.mean()), f"{name}_sd": short(values.std(ddof=1))}
+            row[f"{name}_seeds"] = values.tolist()
+        summary.append(row)
+    return summary
+
+
+def differences(summary: list[dict]) -> list[dict]:
+    """A fixed number minus all, paired over seeds, with the 95 % interval (Student's t)."""
+    whole = next(row for row in summary if row["variant"] == "all")
+    rows = []
+    for row in (row for row in summary if row["variant"] != "all"):
+        gaps = np.array(row["assd_seeds"]) - np.array(whole["assd_seeds"])
+        half = stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / math.sqrt(len(gaps))
+        ends = {"gap": gaps.mean(), "low": gaps.mean() - half, "high": gaps.mean() + half}
+        kind = {"variant": row["variant"], "n_supports": row["n_supports"], "n_seeds": len(gaps)}
+        rows.append(kind | {f"assd_{name}": short(value) for name, value in ends.items()})
+    return rows
+
+
+def main() -> None:
+    """Do the fits that are missing, weigh and time the steps, and write the results."""
+    torch.set_num_threads(1)
+    began = time.process_time()
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    partial = HERE / "partial.jsonl"
+    rows = finished(planned_fits(config), lambda task: fit_once(task, config), partial, time.process_time)
+    summary, of_costs = summarise(rows), time.process_time()
+    results = {"costs": cost_rows(config), "fits": summary, "differences": differences(summary)}
+    seconds = max(sum(row["seconds"] for row in rows) + time.process_time() - of_costs, time.process_time() - began)
+    command = "python experiments/fixed_supports/run.py"
+    write_results(HERE / "results.json", results, config, command, "analytic folded surfaces", seconds)
+    partial.unlink()
+
+
+if __name__ == "__main__":
+    main()

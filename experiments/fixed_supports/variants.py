@@ -1,0 +1,71 @@
+"""A mesh under a loss: with all faces, or with a fixed number, drawn after the flow or before it."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import torch
+
+from meshot import DiscreteMeasure, Mesh, chamfer, quasi_directions, sliced_wasserstein, varifold
+from meshot.measure.discrete import varifold_sample
+from meshot.mesh.geometry import face_areas, signed_volume
+from meshot.mesh.sampling import sample_locations
+from meshot.mesh.shapes import folded_sphere, icosphere
+from meshot.types import Tensor
+
+#: all faces; faces drawn from the carried mesh; faces drawn from the start, so that only their corners are carried
+VARIANTS = ("all", "drawn", "carried")
+
+
+def pair_of_meshes(subdivisions: int, seed: int, config: dict) -> tuple[Mesh, Mesh]:
+    """A sphere, and the analytic target that the seed stretches and turns, with as many faces."""
+    shape = dict(config["shape"])
+    generator = np.random.default_rng([seed, 0])
+    stretch = 1 + shape.pop("stretch") * generator.uniform(-1, 1, 3)
+    turn = np.linalg.qr(generator.standard_normal((3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    folded = folded_sphere(subdivisions, **shape)
+    target = folded.with_vertices(folded.vertices @ torch.from_numpy(np.diag(stretch) @ turn.T))
+    radius = (3 * float(signed_volume(target)) / (4 * math.pi)) ** (1 / 3)
+    return icosphere(subdivisions, radius, dtype=torch.float32), target.to(torch.float32)
+
+
+def drawn_part(mesh: Mesh, n_faces: int, generator: np.random.Generator) -> Mesh:
+    """Faces drawn by area, with their corners and no other vertices."""
+    drawn, _ = sample_locations(mesh, n_faces, generator)
+    named, corners = mesh.faces[drawn].unique(return_inverse=True)
+    return Mesh(mesh.vertices[named], corners)
+
+
+def reweighted(part: Mesh, before: Mesh, normal_scale: float) -> DiscreteMeasure:
+    """Drawn faces after the flow: drawn by their areas before it, so that a mass is how much its face has grown."""
+    growth = face_areas(part) / face_areas(before)
+    return DiscreteMeasure(varifold(part, normal_scale).points, growth / growth.sum())
+
+
+def compare(loss: str, source: DiscreteMeasure, target: DiscreteMeasure, n_directions: int, seed: int) -> Tensor:
+    """One of the two losses between measures."""
+    if loss == "chamfer":
+        return chamfer(source, target)
+    directions = quasi_directions(n_directions, source.points.shape[1], seed).to(source.points)
+    return sliced_wasserstein(source, target, directions)
+
+
+def fit_loss(variant: str, n_supports: int, start: Mesh, target: Mesh, normal_scale: float) -> Callable:
+    """A loss of the carried mesh, for a fit; what is not drawn before the flow has no part in the third either."""
+    whole = varifold(target, normal_scale)
+
+    def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
+        seed = int(generator.integers(2**31))
+        if variant == "all":
+            return compare("sliced", varifold(mesh, normal_scale), whole, n_directions, seed)
+        goal = varifold_sample(target, n_supports, generator, normal_scale)
+        if variant == "drawn":
+            return compare(
+                "sliced", varifold_sample(mesh, n_supports, generator, normal_scale), goal, n_directions, seed
+            )
+        drawn, _ = sample_locations(start, n_supports, generator)
+        part, before = (Mesh(m.vertices, m.faces[drawn]) for m in (mesh, start))
+        return compare("sliced", reweighted(part, before, normal_scale), goal, n_directions, seed)
+
+    return loss
