@@ -29,6 +29,14 @@ def face_normals(mesh: Mesh) -> Float[Tensor, "F 3"]:
     return vectors / torch.where(lengths > 0, lengths, torch.ones_like(lengths))[:, None]
 
 
+def vertex_normals(mesh: Mesh) -> Float[Tensor, "V 3"]:
+    """The outward unit normal at every vertex: that of its faces, weighted by area; zero where they cancel."""
+    vectors = face_area_vectors(mesh).repeat_interleave(3, dim=0)
+    sums = torch.zeros_like(mesh.vertices).index_add(0, mesh.faces.flatten(), vectors)
+    lengths = safe_norm(sums)
+    return sums / torch.where(lengths > 0, lengths, torch.ones_like(lengths))[:, None]
+
+
 def face_barycentres(mesh: Mesh) -> Float[Tensor, "F 3"]:
     """The mean of the three corners of every face."""
     return face_corners(mesh).mean(dim=1)

@@ -1,32 +1,50 @@
 """The cortex of one synthetic subject: white and pial surfaces of both hemispheres, from a few knobs and a seed."""
 
 import dataclasses
+import math
 from typing import Literal
+
+import numpy as np
+import torch
 
 from meshot.mesh.geometry import safe_norm
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import split_in_four
-from meshot.rng import Generator
+from meshot.rng import Generator, numpy_generator
 from meshot.synth.anatomy import HEMISPHERES, Hemisphere, fsaverage5_surface
+from meshot.synth.folding import SUBDIVISIONS, template_cortex, template_thickness
+from meshot.synth.procedural import procedural_cortex
+from meshot.synth.separation import kept_apart
+from meshot.synth.warp import VARIATION_MM, random_sizes, randomly_warped, smooth_variation
 from meshot.types import Bool, Float, Tensor
 
 Kind = Literal["template", "procedural"]
+#: By how much the deformations of a subject are scaled down, one after another, while its surfaces cross.
+STRENGTHS = (1.0, 0.7, 0.4, 0.0)
+Cortex = tuple[Mesh, Mesh, Bool[Tensor, " V"]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class CorticalSurfaces:
     """The surfaces of one subject, in mm; x grows from left to right, y to the front, z upwards.
 
+    All four are closed, outward, χ = 2, and no two faces of any of them cross: so each white surface lies within its
+    pial one, and the hemispheres lie apart. Coordinates are multiples of 2⁻¹³ mm.
+
     Parameters
     ----------
     white, pial : dict
-        Of "left" and "right": closed, outward, χ = 2. Vertex i of the pial surface lies over vertex i of the white one,
-        and both have the same faces.
+        Of "left" and "right". Vertex i of the pial surface lies over vertex i of the white one, and both have the same
+        faces.
     wall : dict
         Of "left" and "right": which vertices belong to the medial wall, where there is no cortex and the two surfaces
-        lie almost on each other.
+        lie about .1 mm apart.
     strength : float
         By which the deformations of this subject had to be scaled down to keep its surfaces apart: 1 for nearly all.
+
+    Raises
+    ------
+    ValueError
+        If a hemisphere is missing, or the two surfaces of one differ in their faces.
     """
 
     white: dict[Hemisphere, Mesh]
@@ -34,9 +52,27 @@ class CorticalSurfaces:
     wall: dict[Hemisphere, Bool[Tensor, " V"]]
     strength: float = 1.0
 
+    def __post_init__(self):
+        for name in ("white", "pial", "wall"):
+            if set(getattr(self, name)) != set(HEMISPHERES):
+                raise ValueError(f"{name} has {sorted(getattr(self, name))}; left and right are needed")
+        for side in HEMISPHERES:
+            if not torch.equal(self.white[side].faces, self.pial[side].faces):
+                raise ValueError(f"the faces of the {side} white and pial surface differ; vertices must correspond")
+            if len(self.wall[side]) != len(self.white[side].vertices):
+                raise ValueError(
+                    f"the {side} wall names {len(self.wall[side])} vertices; the surface has "
+                    f"{len(self.white[side].vertices)}"
+                )
+
     def thickness(self, side: Hemisphere) -> Float[Tensor, " V"]:
-        """How far each white vertex is from its pial one, in mm."""
-        return safe_norm(self.pial[side].vertices - self.white[side].vertices)
+        """How far each white vertex is from its pial one, in mm; NaN on the medial wall, where there is no cortex."""
+        distances = safe_norm(self.pial[side].vertices - self.white[side].vertices)
+        return torch.where(self.wall[side], torch.full_like(distances, torch.nan), distances)
+
+    def meshes(self) -> list[Mesh]:
+        """Left white, left pial, right white, right pial."""
+        return [surfaces[side] for side in HEMISPHERES for surfaces in (self.white, self.pial)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,66 +84,144 @@ class Shape:
     kind : str
         "template": fsaverage5, folded and warped. "procedural": folds that come from no brain.
     subdivisions : int
-        Of an icosahedron: each surface has 10 · 4ˢ + 2 vertices, 40 962 at 6.
+        Of an icosahedron: each surface has 10 · 4ˢ + 2 vertices, 40 962 at 6; for the template 5, 6 or 7.
     size_sd : float
         Between subjects, of the logarithm of the size along each axis.
     warp_mm : tuple
-        Between subjects, of the displacement along each axis by a smooth diffeomorphism, in mm, one for each of its
-        scales, see ``WARP_SPACINGS``.
+        Between subjects, of the velocity along each axis of a smooth diffeomorphism in unit time, in mm, at scales of
+        48, 24, 12, … mm; empty for none.
     folding, folding_sd, folding_variation : float
-        How deep the folds are, 1 being the template's: mean over subjects, between subjects, and from place to place.
+        How deep the folds are, 1 being the template's: mean over subjects, between subjects, and (template only) from
+        place to place.
     thickness, thickness_sd, thickness_variation : float
-        The median thickness of the cortex in mm, between subjects in mm, and from place to place as a part of it.
+        The median thickness of the cortex before it is warped, in mm, between subjects in mm, and from place to place
+        as a part of it.
     atrophy, atrophy_sd : float
         How far the white surface has receded, in mm, the cortex with it, so that sulci are wider by twice as much.
+
+    Raises
+    ------
+    ValueError
+        If a knob is out of range.
     """
 
     kind: Kind = "template"
     subdivisions: int = 6
     size_sd: float = 0.04
-    warp_mm: tuple[float, ...] = (2.0, 1.5, 0.8)
-    folding: float = 1.0
+    warp_mm: tuple[float, ...] = (3.0, 2.0, 1.2, 0.5)
+    folding: float = 1.15
     folding_sd: float = 0.05
     folding_variation: float = 0.1
     thickness: float = 2.5
     thickness_sd: float = 0.1
-    thickness_variation: float = 0.08
+    thickness_variation: float = 0.06
     atrophy: float = 0.0
     atrophy_sd: float = 0.0
 
+    def __post_init__(self):
+        object.__setattr__(self, "warp_mm", tuple(float(size) for size in self.warp_mm))
+        if self.kind not in ("template", "procedural"):
+            raise ValueError(f"kind is {self.kind!r}; template or procedural is needed")
+        lowest = SUBDIVISIONS if self.kind == "template" else 4
+        if not isinstance(self.subdivisions, int) or not lowest <= self.subdivisions <= 7:
+            raise ValueError(f"subdivisions is {self.subdivisions!r}; an integer from {lowest} to 7 is needed")
+        numbers = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)[2:] if f.name != "warp_mm"}
+        for name, value in [*numbers.items(), *(("warp_mm", size) for size in self.warp_mm)]:
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} is {value!r}; a finite number >= 0 is needed")
+        for name, low, high in (("folding", 0.5, 1.4), ("thickness", 1.0, 4.0), ("atrophy", 0.0, 1.0)):
+            if not low <= numbers[name] <= high:
+                raise ValueError(f"{name} is {numbers[name]!r}; it must lie in [{low:g}, {high:g}]")
 
-def template_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
-    """A subject made from fsaverage5: its folds deepened or flattened, its cortex thickened or thinned, then warped."""
-    return mean_surfaces()
-
-
-def procedural_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
-    """A subject whose folds come from no brain."""
-    return mean_surfaces()
-
-
-def mean_surfaces(subdivisions: int = 6) -> CorticalSurfaces:
-    """The template itself, refined and mended: what a guess that knows no individual would say."""
-    meshes = {(kind, side): _refined(kind, side) for kind in ("white", "pial") for side in HEMISPHERES}
-    white, pial = ({side: meshes[kind, side] for side in HEMISPHERES} for kind in ("white", "pial"))
-    wall = {side: safe_norm(pial[side].vertices - white[side].vertices) < 0.3 for side in HEMISPHERES}
-    return CorticalSurfaces(white, pial, wall)
-
-
-def _refined(kind: Literal["white", "pial"], side: Hemisphere) -> Mesh:
-    mesh = fsaverage5_surface(kind, side)
-    return Mesh(*split_in_four(mesh.vertices, mesh.faces))
+    def without_variation(self) -> "Shape":
+        """The mean of all subjects: every random part switched off."""
+        still = {f.name: 0.0 for f in dataclasses.fields(self) if f.name.endswith(("_sd", "_variation"))}
+        return dataclasses.replace(self, warp_mm=(), **still)
 
 
 def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
-    """The subject of ``shape.kind``.
+    """The cortex of a subject: the same for the same shape and seed.
+
+    Both hemispheres are folded, then scaled and warped by one diffeomorphism, so that they cannot come to overlap;
+    where triangles cross after that, they are smoothed apart. If that fails, everything random is made weaker, see
+    ``CorticalSurfaces.strength``.
+
+    Parameters
+    ----------
+    shape : Shape
+    seed : generator or int
 
     Raises
     ------
     ValueError
-        If there is no such kind.
+        If the mean subject of this shape crosses itself.
     """
-    makers = {"template": template_subject, "procedural": procedural_subject}
-    if shape.kind not in makers:
-        raise ValueError(f"kind is {shape.kind!r}; one of {', '.join(makers)} is needed")
-    return makers[shape.kind](shape, seed)
+    child = int(numpy_generator(seed).integers(2**62))
+    for strength in STRENGTHS:
+        rng = np.random.default_rng(child)
+        cortices = _cortices(shape, strength, rng)
+        meshes = [mesh for white, pial, _ in cortices for mesh in (white, pial)]
+        sizes = random_sizes(strength * shape.size_sd, rng)
+        meshes = [mesh.with_vertices(mesh.vertices * sizes) for mesh in meshes]
+        if shape.warp_mm:
+            meshes = randomly_warped(meshes, tuple(strength * size for size in shape.warp_mm), rng)
+        apart = kept_apart(meshes)
+        if apart is not None:
+            walls = dict(zip(HEMISPHERES, (wall for _, _, wall in cortices), strict=True))
+            white, pial = (dict(zip(HEMISPHERES, apart[first::2], strict=True)) for first in (0, 1))
+            return CorticalSurfaces(white, pial, walls, strength)
+    raise ValueError(f"the surfaces of {shape} cross even without variation; lower folding, thickness or atrophy")
+
+
+def template_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
+    """A subject made from fsaverage5: see :func:`meshot.synth.subject.synthetic_subject`."""
+    return synthetic_subject(dataclasses.replace(shape, kind="template"), seed)
+
+
+def procedural_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
+    """A subject whose folds come from no brain: see :func:`meshot.synth.subject.synthetic_subject`."""
+    return synthetic_subject(dataclasses.replace(shape, kind="procedural"), seed)
+
+
+def mean_surfaces(shape: Shape | None = None) -> CorticalSurfaces:
+    """The mean subject of a shape, and fsaverage5, refined, if none is given: a guess that knows no individual.
+
+    Parameters
+    ----------
+    shape : Shape, optional
+        Its random parts are switched off.
+    """
+    shape = Shape(folding=1.0, thickness=template_thickness()) if shape is None else shape
+    return template_subject(shape.without_variation(), 0)
+
+
+def _cortices(shape: Shape, strength: float, rng: np.random.Generator) -> list[Cortex]:
+    """White surface, pial surface and wall of either side, before they are warped."""
+    folding, thickness, atrophy = (
+        mean + strength * sd * float(np.clip(rng.standard_normal(), -2, 2))
+        for mean, sd in (
+            (shape.folding, shape.folding_sd),
+            (shape.thickness, shape.thickness_sd),
+            (shape.atrophy, shape.atrophy_sd),
+        )
+    )
+    make = _template if shape.kind == "template" else _procedural
+    return [make(side, shape, strength, (folding, thickness, max(atrophy, 0.0)), rng) for side in HEMISPHERES]
+
+
+def _template(
+    side: Hemisphere, shape: Shape, strength: float, subject: tuple[float, float, float], rng: np.random.Generator
+) -> Cortex:
+    folding, thickness, atrophy = subject
+    fields = smooth_variation(fsaverage5_surface("white", side).vertices, VARIATION_MM, rng, 2)
+    depth = folding * (1 + strength * shape.folding_variation * fields[:, 0])
+    scale = thickness / template_thickness() * (1 + strength * shape.thickness_variation * fields[:, 1])
+    return template_cortex(side, shape.subdivisions, depth, scale, atrophy)
+
+
+def _procedural(
+    side: Hemisphere, shape: Shape, strength: float, subject: tuple[float, float, float], rng: np.random.Generator
+) -> Cortex:
+    folding, thickness, atrophy = subject
+    variation = strength * shape.thickness_variation
+    return procedural_cortex(side, shape.subdivisions, folding, thickness, variation, atrophy, rng)

@@ -1,0 +1,119 @@
+"""A folded hemisphere that comes from no brain: sulci along the zeros of seeded noise on a smooth, half-flat body."""
+
+import numpy as np
+import torch
+
+from meshot.flow.spline import spline_values
+from meshot.mesh.geometry import face_areas
+from meshot.mesh.mesh import Mesh
+from meshot.mesh.shapes import icosphere
+from meshot.rng import Generator, numpy_generator
+from meshot.synth.anatomy import Hemisphere
+from meshot.synth.folding import WALL_GAP, WALL_THICKNESS
+from meshot.synth.offset import offset_surface
+from meshot.synth.warp import VARIATION_MM, smooth_variation
+from meshot.types import Bool, Float, Tensor
+
+LATERAL, MEDIAL, LENGTH, HEIGHT = 50.0, 14.0, 80.0, 54.0  # mm, half-axes of the hull; medial is towards the other half
+_DEPTH = 13.0  # mm of the sulci, where folding is 1
+_MEDIAL_DEPTH = 0.55  # of it towards the other hemisphere, where the body is thin
+_DEEPEST = 19.0  # mm
+WAVELENGTH = 21.0  # mm; the zeros of a wave lie half of it apart, and so do sulci
+_BANDWIDTH = 0.18  # of the wave number
+_SULCUS = 0.6  # the value of the noise at which a bank is half-way up
+_SPACING = 3.0  # mm between the samples of the noise
+_SPREADING = 25  # rounds of moving vertices to where the surface is large
+_LARGEST_PULL = 6.0
+_APART = 1.5  # mm from the midline to the pial surface, at least
+
+
+def procedural_cortex(
+    side: Hemisphere,
+    subdivisions: int,
+    folding: float,
+    thickness: float,
+    thickness_variation: float,
+    atrophy: float,
+    generator: Generator,
+) -> tuple[Mesh, Mesh, Bool[Tensor, " V"]]:
+    """White surface, pial surface and medial wall of one hemisphere.
+
+    The white surface is a sphere mapped to a body whose half-axes shrink where the noise is near zero (the bodies are
+    nested, so it cannot cross itself); vertices are spread so that faces become more equal. It recedes by ``atrophy``;
+    the pial surface is the white one offset outwards by the thickness, less where a sulcus is too narrow.
+
+    Parameters
+    ----------
+    side : "left" or "right"
+    subdivisions : int
+        Of an icosahedron.
+    folding : float
+        Depth of the sulci, 1 being 13 mm.
+    thickness, thickness_variation : float
+        Of the cortex, in mm, and how it varies from place to place as a part of it (standard deviation).
+    atrophy : float
+        In mm.
+    generator : generator or int
+    """
+    rng = numpy_generator(generator)
+    body = _Body(side, min(folding * _DEPTH, _DEEPEST), _noise(rng))
+    sphere = icosphere(subdivisions)
+    directions = _spread(sphere, body)
+    outside = 1 - body.wall(directions)
+    white = sphere.with_vertices(body.surface(directions))
+    white = offset_surface(white, torch.full_like(outside, -atrophy))
+    varied = 1 + thickness_variation * smooth_variation(white.vertices, VARIATION_MM, rng)[:, 0]
+    pial = offset_surface(white, (thickness * varied * outside).clamp(min=WALL_GAP))
+    return white, pial, thickness * outside < WALL_THICKNESS
+
+
+class _Body:
+    """Where each direction of the unit sphere goes."""
+
+    def __init__(self, side: Hemisphere, depth: float, noise: tuple[Tensor, Tensor]):
+        self.outwards = -1.0 if side == "left" else 1.0
+        self.depth, (self.noise, self.lower) = depth, noise
+
+    def surface(self, directions: Float[Tensor, "V 3"]) -> Float[Tensor, "V 3"]:
+        """The white surface, in mm."""
+        middle = self._layer(directions, torch.full_like(directions[:, 0], 0.4 * self.depth))
+        noise = spline_values(self.noise, (middle - self.lower) / _SPACING)[:, 0]
+        height = noise.square() / (noise.square() + _SULCUS**2)
+        wall = self.wall(directions)
+        return self._layer(directions, self.depth * (1 - torch.lerp(height, torch.full_like(height, 0.5), wall)))
+
+    def wall(self, directions: Float[Tensor, "V 3"]) -> Float[Tensor, " V"]:
+        """From 0 where there are folds and cortex to 1 in the middle of the medial wall."""
+        x, y, z = (directions * directions.new_tensor([-self.outwards, LENGTH, HEIGHT])).unbind(dim=1)
+        ellipse = ((y + 5) / 34) ** 2 + ((z + 4) / 20) ** 2
+        return (3 * x).clamp(0, 1) * torch.exp(-ellipse.square())
+
+    def _layer(self, directions: Float[Tensor, "V 3"], inset: Float[Tensor, " V"]) -> Float[Tensor, "V 3"]:
+        x, y, z = directions.unbind(dim=1)
+        across = torch.where(self.outwards * x > 0, LATERAL - inset, MEDIAL - _MEDIAL_DEPTH * inset)
+        midline = self.outwards * (MEDIAL + _APART + 3.0)
+        return torch.stack([across * x + midline, (LENGTH - inset) * y, (HEIGHT - inset) * z], dim=1)
+
+
+def _noise(rng: np.random.Generator) -> tuple[Float[Tensor, "X Y Z 3"], Float[Tensor, " 3"]]:
+    """Noise whose wavelengths lie around ``WAVELENGTH``, as spline coefficients, and where the first node lies."""
+    lower = -np.array([LATERAL + MEDIAL + 16, LENGTH + 10, HEIGHT + 10])
+    shape = np.ceil(-2 * lower / _SPACING).astype(int)
+    waves = np.fft.fftn(rng.standard_normal(tuple(shape)))
+    frequencies = np.meshgrid(*[np.fft.fftfreq(n, _SPACING) for n in shape], indexing="ij")
+    numbers = WAVELENGTH * np.sqrt(sum(f**2 for f in frequencies))
+    band = np.fft.ifftn(waves * np.exp(-(((numbers - 1) / _BANDWIDTH) ** 2) / 2)).real
+    band = torch.from_numpy(band / (0.9 * band.std()))  # 0.9: what the spline leaves of a wave this long
+    return band[..., None].expand(-1, -1, -1, 3), torch.from_numpy(lower)
+
+
+def _spread(sphere: Mesh, body: _Body) -> Float[Tensor, "V 3"]:
+    """Directions that lie denser where the surface is larger: each moves to the mean of its faces, by area."""
+    directions, faces = sphere.vertices, sphere.faces
+    for _ in range(_SPREADING):
+        areas = face_areas(sphere.with_vertices(body.surface(directions)))
+        pulls = (areas / areas.mean()).clamp(max=_LARGEST_PULL)
+        centres = (pulls[:, None] * directions[faces].mean(dim=1)).repeat_interleave(3, dim=0)
+        sums = torch.zeros_like(directions).index_add(0, faces.flatten(), centres)
+        directions = sums / torch.linalg.vector_norm(sums, dim=1, keepdim=True)
+    return directions

@@ -1,0 +1,105 @@
+"""Smooth random fields in space, from seeded noise: what makes one subject differ from another."""
+
+import math
+
+import numpy as np
+import torch
+
+from meshot.flow.grid import GridVelocity, grid_around
+from meshot.flow.integrate import flow_meshes
+from meshot.flow.spline import spline_values
+from meshot.mesh.mesh import Mesh
+from meshot.rng import Generator, numpy_generator
+from meshot.types import Float, Tensor
+
+COARSEST = 48.0  # mm between the nodes of the coarsest grid; each other grid halves it
+STEEPEST = 12.0  # of the Lipschitz bound: it limits the number of steps
+#: Standard deviation of a cubic spline in space whose coefficients are independent with standard deviation 1:
+#: the mean of the squared weights along one axis is 151/315.
+SPREAD = (151 / 315) ** 1.5
+MARGIN = 16.0
+LARGEST = 2.5  # standard deviations
+VARIATION_MM = 30.0  # over which the depth of folds and the thickness of the cortex vary from place to place
+
+
+def random_velocity(*points: Float[Tensor, "_ 3"], warp_mm: tuple[float, ...], generator: Generator) -> GridVelocity:
+    """A smooth velocity around the points, constant in time, whose flow is a random diffeomorphism.
+
+    Parameters
+    ----------
+    points : tensor
+    warp_mm : tuple
+        Standard deviation of the velocity along each axis, in mm per unit of time, on grids with nodes 48, 24, 12, …
+        mm apart.
+    generator : generator or int
+
+    Raises
+    ------
+    ValueError
+        If there is no scale, or a standard deviation is negative.
+    """
+    if not warp_mm or not all(math.isfinite(size) and size >= 0 for size in warp_mm):
+        raise ValueError(f"warp_mm is {warp_mm}; one number >= 0 for each scale is needed, coarse to fine, in mm")
+    rng = numpy_generator(generator)
+    spacings = tuple(COARSEST / 2**level for level in range(len(warp_mm)))
+    field = grid_around(*points, margin=MARGIN, spacings=spacings, n_pieces=1).requires_grad_(False)
+    for level, size in zip(field.levels, warp_mm, strict=True):
+        level.copy_(torch.from_numpy(rng.standard_normal(tuple(level.shape))) * (size / SPREAD))
+    return field
+
+
+def randomly_warped(meshes: list[Mesh], warp_mm: tuple[float, ...], generator: Generator) -> list[Mesh]:
+    """Meshes carried together by the flow of one :func:`meshot.synth.warp.random_velocity`.
+
+    The steps (Runge–Kutta of order four) are so short that each is one-to-one: h·L ≤ ½ for the bound L of the
+    Lipschitz constant, and a step moves no two points closer than by a factor 2 − e^(h·L) > 0. Triangles whose corners
+    move may cross all the same where surfaces nearly touch.
+
+    Raises
+    ------
+    ValueError
+        If the velocity is so steep (L > 12) that it would tear rather than warp.
+    """
+    field = random_velocity(*[mesh.vertices for mesh in meshes], warp_mm=warp_mm, generator=generator)
+    steepness = float(field.lipschitz_bound())
+    if steepness > STEEPEST:
+        raise ValueError(
+            f"warp_mm = {warp_mm} gives a velocity with Lipschitz bound {steepness:.3g}; at most {STEEPEST:g} is "
+            "allowed: make the warp weaker, first at its finest scale"
+        )
+    return flow_meshes(field, meshes, max(1, math.ceil(2 * steepness)), "rk4")
+
+
+def smooth_variation(
+    points: Float[Tensor, "n 3"], length: float, generator: Generator, n_fields: int = 1
+) -> Float[Tensor, "n k"]:
+    """Smooth random fields at the points, each with mean 0 and standard deviation 1 over space, within ± 2.5.
+
+    Parameters
+    ----------
+    points : tensor
+        In mm.
+    length : float
+        Over which the fields vary, in mm: the distance between the nodes of a cubic spline.
+    generator : generator or int
+    n_fields : int
+        Independent ones, at most 3.
+
+    Raises
+    ------
+    ValueError
+        If ``length`` is not positive or ``n_fields`` not 1, 2 or 3.
+    """
+    if not length > 0 or n_fields not in (1, 2, 3):
+        raise ValueError(f"length is {length!r} and n_fields {n_fields!r}; a length > 0 and 1, 2 or 3 are needed")
+    rng = numpy_generator(generator)
+    lower = torch.floor(points.amin(dim=0) / length) - 1
+    n_nodes = [int(n) for n in torch.ceil(points.amax(dim=0) / length) - lower + 3]
+    coefficients = torch.from_numpy(rng.standard_normal((*n_nodes, 3))).to(points) / SPREAD
+    values = spline_values(coefficients, points / length - lower)[:, :n_fields]
+    return values.clamp(-LARGEST, LARGEST)
+
+
+def random_sizes(size_sd: float, generator: Generator) -> Float[Tensor, " 3"]:
+    """Factors along x, y and z whose logarithms have this standard deviation."""
+    return torch.from_numpy(np.exp(size_sd * numpy_generator(generator).standard_normal(3)))
