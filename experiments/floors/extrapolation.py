@@ -47,6 +47,11 @@ def with_interval(law: Callable[[Groups, int], float], groups: Groups, target_m:
     return {"value": law(groups, target_m), "low": float(low), "high": float(high)}
 
 
+def ratios_of(groups: Groups, exact: dict[tuple[int, int], float]) -> Groups:
+    """Each value over exact W₂ of the same pair of samples: much steadier than either, since both share the draw."""
+    return {m: [value / exact[m, seed] for seed, value in enumerate(values)] for m, values in groups.items()}
+
+
 def slope_of(groups: Groups, n_draws: int, seed: int) -> dict:
     """The exponent of the mean over the number of points, with its interval."""
     slope, low, high = fitted_slope(list(groups), list(groups.values()), "mean", n_draws, seed)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 import yaml
-from extrapolation import Groups, matching_law, power_law, slope_of, with_interval
+from extrapolation import Groups, matching_law, power_law, ratios_of, slope_of, with_interval
 from readings import emd_readings, paper_number
 from samples import measured, surface_of
 
@@ -61,7 +61,12 @@ def summarise(rows: list[dict], config: dict) -> dict:
         task = row["task"]
         key = (task["metric"], tuple(task["surface"]), tuple(sorted(task.get("setting", {}).items())))
         found.setdefault(key, {}).setdefault(task["m"], []).append(row["found"])
-    floors = [floor_row(*key, groups, config) for key, groups in found.items()]
+    exact = {
+        (tuple(row["task"]["surface"]), row["task"]["m"], row["task"]["seed"]): row["found"]
+        for row in rows
+        if row["task"]["metric"] == "exact_w2"
+    }
+    floors = [floor_row(*key, groups, exact, config) for key, groups in found.items()]
     return {
         "number_mm": paper_number(),
         "readings": emd_readings(floors, config["from_m"]),
@@ -76,18 +81,22 @@ def area_of(surface: list[str]) -> float:
     return float(face_areas(surface_of(*surface).mesh).sum())
 
 
-def floor_row(metric: str, surface: tuple, setting: tuple, groups: Groups, config: dict) -> dict:
+def floor_row(metric: str, surface: tuple, setting: tuple, groups: Groups, exact: dict, config: dict) -> dict:
     """One metric on one surface: what was measured, how it falls, and what it comes to."""
     target, options = config["target_m"], (config["n_draws"], config["seed"])
     groups = dict(sorted(groups.items()))
     row = {"metric": metric, "surface": " ".join(surface), "setting": dict(setting)}
     row["measured"] = [{"m": m, "values": values} for m, values in groups.items()]
     late = {m: values for m, values in groups.items() if m >= config["from_m"] or metric in DIRECT}
-    laws = {}
-    if metric not in DIRECT:
-        laws["power law"] = with_interval(power_law, late, target, *options)
+    laws = {} if metric in DIRECT else {"power law": with_interval(power_law, late, target, *options)}
     if metric == "exact_w2":
         laws["matching law"] = with_interval(matching_law(area_of(surface)), late, target, *options)
+    elif metric not in DIRECT:
+        own = {(m, seed): value for (name, m, seed), value in exact.items() if name == surface}
+        ratios = ratios_of(groups, own)
+        row["over_exact_w2"] = [{"m": m, "values": values} for m, values in ratios.items()]
+        late_ratios = {m: values for m, values in ratios.items() if m in late}
+        row["ratio_at_target"] = with_interval(power_law, late_ratios, target, *options)
     if len(late) > 1:
         row["slope"] = slope_of(late, *options)
     return row | {"at_target": laws or {"measured": spread(groups[target])}}
