@@ -3,6 +3,7 @@
 from meshot.report.judges.axioms import judge_axioms
 from meshot.report.judges.convergence import judge_directions, judge_theorem
 from meshot.report.judges.cost import judge_memory, judge_speed
+from meshot.report.judges.deforming import judge_evenness, judge_supports
 from meshot.report.judges.encodings import judge_continuous, judge_normal_scale, judge_sample_gradient
 from meshot.report.judges.ground_cost import judge_ground_cost
 from meshot.report.judges.rates import judge_chamfer_rate, judge_transport_rate
@@ -29,7 +30,9 @@ JUDGES: dict[int, Judge] = {
     15: judge_floor,
     16: judge_counts,
     18: judge_blur,
+    20: judge_supports,
     21: judge_memory,
+    22: judge_evenness,
     23: judge_sample_gradient,
     24: judge_ground_cost,
 }
