@@ -1,0 +1,223 @@
+"""Cohorts on disk: whole or absent, gone on with, read back as they were made; and what is refused.
+
+Anatomy is replaced by balls and the registration by a known affine, so that this is quick; the real ones are put
+together once, in parallel processes, by the command.
+"""
+
+import dataclasses
+import functools
+import json
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+
+from meshot.mesh.shapes import icosphere
+from meshot.synth import generation, scanning
+from meshot.synth.cohort import LABELS, participants, read_subject, scans
+from meshot.synth.generation import make_cohort, open_cohort, visits
+from meshot.synth.manifest import changed_files, content_hash
+from meshot.synth.recipe import Recipe, plan
+from meshot.synth.subject import CorticalSurfaces
+from meshot.volume.io import read_volume, write_volume
+from meshot.volume.standard import SHAPE, place_on_grid
+from meshot.volume.volume import voxel_sizes
+
+SIGNAL = {"white": 440, "grey": 310, "deep grey": 360, "hindbrain": 365, "fluid": 110, "skull": 60, "scalp": 480}
+POSITION = {"voxel_mm": [5.0, 5.0, 6.0], "oblique_degrees": 10.0, "orientation": "LAS"}
+RECIPE = Recipe("balls", 3, 2, 1, appearance={"signal": SIGNAL, "noise": [5, 15]}, position=POSITION, n_lines=2)
+
+
+def balls(shape, seed):
+    size = 1 + 0.1 * np.random.default_rng(seed).random()
+    white, pial = (
+        {side: icosphere(3, r * size, (x, -18.0, 14.0)) for side, x in (("left", -40.0), ("right", 40.0))}
+        for r in (31.0, 34.0)
+    )
+    wall = {side: torch.zeros(len(white[side].vertices), dtype=torch.bool) for side in white}
+    return CorticalSurfaces(white, pial, wall)
+
+
+def on_grid(scan, template, seed=0):
+    return place_on_grid(scan, np.linalg.inv(np.round(MOTION[-1], 6)), np.array([0.0, -18.0, 14.0]))
+
+
+MOTION = [np.eye(4)]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    def simulated(*arguments):
+        scan = scanning.simulated_scan(*arguments)
+        MOTION[-1] = scan.head_to_scanner
+        return scan
+
+    generation._surfaces.cache_clear()
+    monkeypatch.setattr(generation, "synthetic_subject", balls)
+    monkeypatch.setattr(generation, "simulated_scan", simulated)
+    monkeypatch.setattr(scanning, "standard_scan", on_grid)
+    monkeypatch.setattr(scanning, "_template", lambda size: None)
+    yield
+    generation._surfaces.cache_clear()
+
+
+def test_a_cohort_is_read_as_it_was_made(quick, tmp_path):
+    assert list(make_cohort(RECIPE, tmp_path / "c")) == ["sub-001", "sub-002", "sub-p01"]
+    assert participants(tmp_path / "c") == plan(RECIPE)
+    assert [p.participant_id for p in participants(tmp_path / "c", "test")] == ["sub-002", "sub-p01"]
+    subject = read_subject(tmp_path / "c", "sub-002")
+    scan, tissue, standard = subject.scan(), subject.tissue(), subject.standard()
+    assert subject.name == "sub-002"
+    assert scan.data.shape == tissue.data.shape
+    np.testing.assert_allclose(voxel_sizes(scan), [5, 5, 6], rtol=1e-6)
+    assert set(np.unique(tissue.data)) <= {0, *LABELS.values()}
+    assert standard.volume.data.shape == subject.standard_labels().data.shape == SHAPE
+    # The surfaces, carried to the standard space, lie where the labels are.
+    for label, side in enumerate(("left", "right"), start=1):
+        there = subject.surface("white", side, "standard").vertices
+        torch.testing.assert_close(standard.to_scanner(there), subject.surface("white", side).vertices)
+        labels = subject.standard_labels()
+        places = np.argwhere(labels.data == label) @ labels.affine[:3, :3].T + labels.affine[:3, 3]
+        np.testing.assert_allclose(places.mean(axis=0), there.mean(dim=0).numpy(), atol=0.1)
+    facts = subject.facts()
+    assert facts["participant"]["split"] == subject.participant.split
+    assert 5 <= facts["knobs"]["appearance"]["noise"] <= 15
+    np.testing.assert_allclose(np.linalg.inv(facts["head_to_scanner"]), subject.to_standard(), atol=2e-3)
+    assert changed_files(tmp_path / "c") == []
+
+
+def test_what_was_stopped_goes_on_and_ends_the_same(quick, tmp_path, monkeypatch):
+    list(make_cohort(RECIPE, tmp_path / "whole"))
+    made, write = [], scanning.write_scan
+
+    def dying(place, *rest):
+        write(place, *rest)
+        made.append(place.name)
+        if len(made) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(generation, "write_scan", dying)
+    with pytest.raises(KeyboardInterrupt):
+        list(make_cohort(RECIPE, tmp_path / "c"))
+    assert [p.participant_id for p in participants(tmp_path / "c")] == ["sub-001"]
+    assert len(participants(tmp_path / "c", unfinished=True)) == 3
+    assert not list((tmp_path / "c").glob(".making-*"))
+    with pytest.raises(ValueError, match="no finished scan sub-002"):
+        read_subject(tmp_path / "c", "sub-002")
+    with pytest.raises(ValueError, match="not finished"):
+        changed_files(tmp_path / "c")
+    # As a kill leaves it that even the clearing up does not survive: derivatives without their scan.
+    (tmp_path / "c" / "derivatives" / "standard" / "sub-002" / "anat").mkdir(parents=True)
+    assert list(make_cohort(RECIPE, tmp_path / "c")) == ["sub-002", "sub-p01"]
+    first, second = ((tmp_path / name / "manifest.json").read_text() for name in ("whole", "c"))
+    assert first == second
+    assert list(make_cohort(RECIPE, tmp_path / "c")) == []
+
+
+def test_more_subjects_are_added_to_a_cohort(quick, tmp_path):
+    few = dataclasses.replace(RECIPE, subjects=1, procedural_subjects=0)
+    assert list(make_cohort(few, tmp_path / "c")) == ["sub-001"]
+    assert list(make_cohort(RECIPE, tmp_path / "c")) == ["sub-002", "sub-p01"]
+
+
+def test_sessions_and_runs(quick, tmp_path):
+    retest = dataclasses.replace(
+        RECIPE, subjects=1, procedural_subjects=0, days=2, scans_per_day=2, split={"test": 1.0}
+    )
+    assert list(make_cohort(retest, tmp_path / "c")) == ["sub-001/ses-01", "sub-001/ses-02"]
+    found = scans(tmp_path / "c")
+    assert [s.name for s in found] == [f"sub-001_ses-0{d}_run-{r}" for d in (1, 2) for r in (1, 2)]
+    assert read_subject(tmp_path / "c", "sub-001", "02").name == "sub-001_ses-02_run-1"
+    assert read_subject(tmp_path / "c", "sub-001", "02", "2").name == found[3].name
+    # The same surfaces in another position, under new noise.
+    motions = [np.array(s.facts()["head_to_scanner"]) for s in found]
+    heads = []
+    for scan, motion in zip(found, motions):
+        vertices = scan.surface("pial", "right").vertices.numpy()
+        heads.append((vertices - motion[:3, 3]) @ np.linalg.inv(motion[:3, :3]).T)
+    for head, motion in zip(heads[1:], motions[1:]):
+        np.testing.assert_allclose(head, heads[0], atol=0.002)
+        assert not np.allclose(motion, motions[0])
+    assert len({content_hash(s.file("T1w.nii.gz")) for s in found}) == 4
+    with pytest.raises(ValueError, match="ses-07"):
+        read_subject(tmp_path / "c", "sub-001", "07")
+    assert len(visits(dataclasses.replace(retest, days=20))) == 20
+
+
+def test_every_change_shows(quick, tmp_path):
+    one = dataclasses.replace(RECIPE, subjects=1, procedural_subjects=0)
+    list(make_cohort(one, tmp_path / "c"))
+    subject = read_subject(tmp_path / "c", "sub-001")
+    path = subject.file("T1w.nii.gz")
+    scan = subject.scan()
+    changed = scan.data.astype(np.int16)
+    write_volume(path, scan.with_data(changed))
+    assert changed_files(tmp_path / "c") == []  # packed anew, but the same
+    changed[3, 4, 5] += 1
+    write_volume(path, scan.with_data(changed))
+    assert changed_files(tmp_path / "c") == [path.name]
+    path.write_bytes(path.read_bytes()[:500])
+    assert changed_files(tmp_path / "c") == [path.name]
+    shutil.rmtree(tmp_path / "c" / "sub-001")
+    assert len(changed_files(tmp_path / "c")) == 10
+
+
+@functools.cache
+def _text(rows):
+    return "participant_id\tsplit\tkind\tseed\n" + "\n".join(rows)
+
+
+def test_doors(quick, tmp_path, unchecked):
+    with pytest.raises(ValueError, match="is no cohort"):
+        participants(tmp_path)
+    (tmp_path / "participants.tsv").write_text(_text(("sub-001\ttrain\ttemplate\tx",)))
+    with pytest.raises(ValueError, match="no table of participants"):
+        participants(tmp_path)
+    with pytest.raises(ValueError, match="split is 'training'"):
+        participants(tmp_path, "training")
+    with pytest.raises(ValueError, match="holds no cohort"):
+        open_cohort(RECIPE, tmp_path)
+    open_cohort(RECIPE, tmp_path / "c")
+    for other in ({"seed": 4}, {"appearance": {"signal": SIGNAL}}, {"days": 2}):
+        with pytest.raises(ValueError, match="another recipe"):
+            open_cohort(dataclasses.replace(RECIPE, **other), tmp_path / "c")
+    with pytest.raises(ValueError, match="jobs"):
+        list(make_cohort(RECIPE, tmp_path / "c", jobs=0))
+    list(make_cohort(dataclasses.replace(RECIPE, subjects=1, procedural_subjects=0), tmp_path / "d"))
+    subject = read_subject(tmp_path / "d", "sub-001")
+    with pytest.raises(ValueError, match="no surface 'grey'"):
+        subject.surface("grey", "left")
+    subject.file("T1w.json").write_text("{")
+    with pytest.raises(ValueError, match="not whole JSON"):
+        subject.facts()
+    subject.file("T1w.json").unlink()
+    with pytest.raises(ValueError, match="does not exist"):
+        subject.facts()
+
+
+def _command(root, *words):
+    return subprocess.run(
+        [sys.executable, str(root / "data_synth" / "make_cohort.py"), *map(str, words)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_command_makes_a_cohort_in_parallel(root, tmp_path):
+    recipe = root / "data_synth" / "tiny.yaml"
+    done = _command(root, recipe, tmp_path / "c", "--jobs", "2", "--subjects", "1")
+    assert done.returncode == 0, done.stderr
+    assert "100%" in done.stderr
+    assert [s.name for s in scans(tmp_path / "c")] == ["sub-001", "sub-p01"]
+    assert json.loads((tmp_path / "c" / "manifest.json").read_text())["recipe"] == "tiny"
+    assert read_volume(tmp_path / "c" / "sub-001" / "anat" / "sub-001_T1w.nii.gz").data.max() > 300
+    again = _command(root, recipe, tmp_path / "c", "--subjects", "1", "--check")
+    assert (again.returncode, again.stdout.strip()) == (0, "every file is as it was made")
+    refused = _command(root, root / "data_synth" / "oasis_like.yaml", tmp_path / "c")
+    assert refused.returncode == 2
+    assert "another recipe" in refused.stderr
+    assert "Traceback" not in refused.stderr

@@ -1,0 +1,133 @@
+"""Recipes: what is in the files, what is refused, and what is drawn."""
+
+import collections
+import dataclasses
+
+import pytest
+import yaml
+
+from meshot.synth.recipe import (
+    Recipe,
+    drawn_appearance,
+    drawn_position,
+    drawn_shape,
+    drawn_structures,
+    plan,
+    read_recipe,
+    recipe_text,
+)
+
+SIGNAL = dict.fromkeys(("white", "grey", "deep grey", "hindbrain", "fluid", "skull", "scalp"), 100.0)
+LEAST = {"name": "x", "seed": 1, "appearance": {"signal": SIGNAL}}
+
+
+def recipe(**entries):
+    return Recipe(**LEAST | entries)
+
+
+@pytest.mark.parametrize("name", ["adni_like", "oasis_like", "test_retest", "tiny"])
+def test_the_recipes_of_the_book_are_sound_and_survive_writing(root, tmp_path, name):
+    found = read_recipe(root / "data_synth" / f"{name}.yaml")
+    assert found.name == name
+    (tmp_path / "again.yaml").write_text(recipe_text(found), encoding="utf-8")
+    assert dataclasses.asdict(read_recipe(tmp_path / "again.yaml")) == dataclasses.asdict(found)
+
+
+@pytest.mark.parametrize("name", ["adni_like", "oasis_like"])
+def test_the_two_cohorts_have_the_proportions_of_the_paper(root, name):
+    people = plan(read_recipe(root / "data_synth" / f"{name}.yaml"))
+    counts = collections.Counter((p.kind, p.split) for p in people)
+    assert [counts["template", s] for s in ("train", "validation", "test")] == [28, 4, 8]
+    assert {split for kind, split in counts if kind == "procedural"} == {"test"}
+    assert len({p.participant_id for p in people}) == len({p.seed for p in people}) == len(people)
+
+
+def test_more_subjects_leave_the_first_as_they_are(root):
+    path = root / "data_synth" / "oasis_like.yaml"
+    few, many = (plan(read_recipe(path, subjects=n, procedural_subjects=0)) for n in (10, 200))
+    assert many[:10] == few
+    assert collections.Counter(p.split for p in many) == {"train": 140, "validation": 20, "test": 40}
+    assert {p.seed for p in few}.isdisjoint(p.seed for p in plan(read_recipe(path, seed=5)))
+
+
+def test_the_paper_has_120_scans(root):
+    from meshot.synth.generation import visits
+
+    found = read_recipe(root / "data_synth" / "test_retest.yaml", days=20)
+    assert len(visits(found)) * found.scans_per_day == 120
+    assert {p.split for p in plan(found)} == {"test"}
+
+
+def test_what_is_drawn_lies_in_its_range_and_repeats():
+    made = recipe(appearance={"signal": SIGNAL | {"white": [100, 120]}, "noise": [1, 2]}, structures={"below": [0, 1]})
+    drawn = [drawn_appearance(made, seed) for seed in range(50)]
+    assert all(100 <= a.signal["white"] <= 120 and 1 <= a.noise <= 2 and a.signal["grey"] == 100 for a in drawn)
+    assert max(a.noise for a in drawn) - min(a.noise for a in drawn) > 0.7
+    assert drawn_appearance(made, 3) == drawn[3]
+    extras = [drawn_structures(made, seed) for seed in range(50)]
+    assert {e["ventricles"] for e in extras} == {1.0}
+    assert 0 <= min(e["below"] for e in extras) < 0.2 < 0.8 < max(e["below"] for e in extras) <= 1
+
+
+def test_shapes_and_positions_get_their_knobs():
+    made = recipe(shape={"thickness": 2.0}, position={"voxel_mm": [1, 1, 2], "orientation": "LAS"})
+    assert (drawn_shape(made, "template").kind, drawn_shape(made, "template").thickness) == ("template", 2.0)
+    assert drawn_shape(made, "procedural").kind == "procedural"
+    assert drawn_position(made).voxel_mm == (1, 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ({"subjects": -1}, "subjects is -1"),
+        ({"seed": 1.5}, "seed is 1.5"),
+        ({"days": 0}, "days"),
+        ({"n_lines": 0}, "n_lines"),
+        ({"registration_mm": 3}, "registration_mm is 3"),
+        ({"split": {"train": 0.5}}, "sum to one"),
+        ({"split": {"train": 1.5, "test": -0.5}}, "sum to one"),
+        ({"split": {"training": 1.0}}, "split names training"),
+        ({"head_mm": (1.0, 2.0)}, "three thicknesses"),
+        ({"head_mm": (1.0, 2.0, -1.0)}, "three thicknesses"),
+        ({"structures": {"ventricle": 1.0}}, "structures names ventricle"),
+        ({"structures": {"ventricles": [1.0, 7.0]}}, "ventricles is 7.0"),
+        ({"structures": {"ventricles": [2.0, 1.0]}}, "neither a number nor a range"),
+        ({"shape": {"thicknes": 2.5}}, "shape names thicknes"),
+        ({"shape": [1]}, "'knob: number'"),
+        ({"procedural_shape": {"kind": "template"}}, "shape names kind"),
+        ({"position": {"voxel": 1}}, "position names voxel"),
+        ({"position": {"orientation": "XYZ"}}, "one letter"),
+        ({"position": {"rotation_degrees": "much"}}, "cannot be made"),
+        ({"appearance": {}}, "signal is None"),
+        ({"appearance": {"signal": {"white": 1.0}}}, "signal names"),
+        ({"appearance": {"signal": SIGNAL, "noize": 1.0}}, "appearance names noize"),
+        ({"appearance": {"signal": SIGNAL, "noise": "loud"}}, "'loud' is neither"),
+        ({"appearance": {"signal": SIGNAL, "noise": float("nan")}}, "neither a number"),
+        ({"appearance": {"signal": SIGNAL, "noise": [-1.0, 1.0]}}, "not possible"),
+        ({"appearance": {"signal": SIGNAL, "bias_mm": [0, 60]}}, "not possible"),
+    ],
+)
+def test_every_knob_is_checked(unchecked, entries, words):
+    with pytest.raises(ValueError, match=words):
+        recipe(**entries)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("name: [", "no YAML"),
+        ("- 1\n- 2\n", "holds list"),
+        ("", "holds NoneType"),
+        ("name: x\n", "lacks seed"),
+        (yaml.safe_dump(LEAST | {"colour": "red"}), "names colour"),
+    ],
+)
+def test_broken_files_are_refused(tmp_path, text, words):
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(ValueError, match=words):
+        read_recipe(tmp_path / "a.yaml")
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="does not exist"):
+        read_recipe(tmp_path / "no.yaml")

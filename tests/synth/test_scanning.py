@@ -1,0 +1,132 @@
+"""A simulated scan against the surfaces that it was made from, and the way to the standard grid and back."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+import torch
+
+from meshot.mesh.geometry import face_normals
+from meshot.mesh.shapes import icosphere
+from meshot.synth.cohort import LABELS
+from meshot.synth.imaging import Appearance
+from meshot.synth.position import Position
+from meshot.synth.scanning import Anatomy, rounded, simulated_scan, standardised, surface_facts
+from meshot.synth.subject import CorticalSurfaces
+from meshot.volume.sampling import sample_volume
+from meshot.volume.standard import SHAPE
+from meshot.volume.volume import transform_points
+
+SIGNAL = {"white": 440.0, "grey": 310.0, "deep grey": 360.0, "hindbrain": 365.0, "fluid": 110.0} | {
+    "skull": 60.0,
+    "scalp": 480.0,
+}
+PLAIN = Appearance(SIGNAL, texture=0.0, bias=0.0, blur_mm=0.0, noise=0.0)
+OBLIQUE = Position(oblique_degrees=10.0, voxel_mm=(1.5, 1.7, 2.0), orientation="RAS")
+COARSE = Position(voxel_mm=(4.0, 4.0, 4.0))
+FLIPPED = Position(voxel_mm=(2.0, 1.5, 1.7), orientation="LSP")
+CENTRES = {"left": (-37.0, -18.0, 14.0), "right": (37.0, -18.0, 14.0)}
+
+
+@functools.cache
+def subject():
+    """Two balls of cortex, nearly as large as hemispheres."""
+    white, pial = ({side: icosphere(4, radius, centre) for side, centre in CENTRES.items()} for radius in (31.0, 35.0))
+    wall = {side: torch.zeros(len(white[side].vertices), dtype=torch.bool) for side in white}
+    return CorticalSurfaces(white, pial, wall)
+
+
+@functools.cache
+def scan(position=OBLIQUE, appearance=None, anatomy=None, seed=0):
+    return simulated_scan(subject(), anatomy or Anatomy(), appearance or PLAIN, position, [seed])
+
+
+@pytest.mark.parametrize("position", [OBLIQUE, FLIPPED], ids=["oblique", "flipped"])
+def test_the_image_changes_where_the_surfaces_are(position):
+    found = scan(position)
+    for kind, inner, outer in (("white", 440, 310), ("pial", 310, 0)):
+        mesh = found.surfaces[kind, "left"]
+        normals = face_normals(mesh)
+        middles = mesh.vertices[mesh.faces].mean(dim=1)
+        # Away from the other hemisphere and from the hindbrain.
+        away = (middles - mesh.vertices.mean(dim=0)) @ torch.from_numpy(found.head_to_scanner[:3, :3])
+        side = (away[:, 0] < 5) & (away[:, 2] > 0)
+        at, before = (float(sample_volume(found.image, (middles + d * normals)[side]).mean()) for d in (0.0, -1.7))
+        assert at == pytest.approx((inner + outer) / 2, abs=0.12 * (inner - outer))
+        assert before > at + 0.25 * (inner - outer)
+
+
+def test_the_head_moves_rigidly_and_vertices_are_round_numbers():
+    found = scan()
+    for (kind, side), mesh in found.surfaces.items():
+        head = getattr(subject(), kind)[side].vertices
+        torch.testing.assert_close(transform_points(found.head_to_scanner, head), mesh.vertices, atol=1e-4, rtol=0)
+        assert torch.equal(mesh.vertices.float().double(), mesh.vertices)  # a file keeps them whole
+    assert found.image.data.dtype == np.int16
+
+
+def test_labels_say_what_fills_a_voxel():
+    found = scan(anatomy=Anatomy(ventricles=0.0))
+    labels, image = found.tissue.data, found.image.data
+    voxel = abs(np.linalg.det(found.image.affine[:3, :3]))
+    for side in ("left", "right"):
+        white, grey = ((labels == LABELS[f"{side} {tissue}"]).sum() * voxel for tissue in ("white", "grey"))
+        deep = (labels == LABELS["deep grey"]).sum() * voxel / 2
+        assert white + deep == pytest.approx(4 / 3 * np.pi * 31**3, rel=0.05)
+        assert grey == pytest.approx(4 / 3 * np.pi * (35**3 - 31**3), rel=0.12)
+    for name, signal in (("left white", 440), ("right white", 440), ("hindbrain", 365)):
+        assert np.median(image[labels == LABELS[name]]) == signal
+    assert np.median(image[labels == 0]) == 0
+    left = found.surfaces["white", "left"].vertices.mean(dim=0, keepdim=True)
+    assert float(sample_volume(found.tissue.with_data((labels == 1).astype(float)), left)) == pytest.approx(1)
+
+
+def test_a_skull_goes_around_the_brain():
+    found = scan(anatomy=Anatomy(head_mm=(3.0, 5.0, 6.0)))
+    around = {name: (found.tissue.data == LABELS[name]).sum() for name in ("fluid", "skull", "scalp")}
+    assert min(around.values()) > 500
+    assert around["scalp"] > around["skull"] > around["fluid"]
+    edge = found.tissue.data.copy()
+    edge[1:-1, 1:-1, 1:-1] = 0
+    assert not edge.any()  # the grid holds all of the head
+
+
+def test_scans_repeat_and_differ_with_the_seed():
+    noisy = dataclasses.replace(PLAIN, noise=10.0)
+    first, again, other = (simulated_scan(subject(), Anatomy(), noisy, COARSE, [5, seed]) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first.image.data, again.image.data)
+    assert not np.allclose(first.head_to_scanner, other.head_to_scanner)
+
+
+@pytest.mark.parametrize("position", [OBLIQUE, FLIPPED], ids=["oblique", "flipped"])
+def test_surfaces_go_to_the_standard_grid_and_come_back(position):
+    found = scan(position)
+    standard, labels = standardised(found, registration_mm=8)
+    assert standard.volume.data.shape == labels.data.shape == SHAPE
+    assert (standard.volume.data * 2**12 == np.rint(standard.volume.data * 2**12)).all()
+    for label, side in enumerate(("left", "right"), start=1):
+        vertices = found.surfaces["white", side].vertices
+        there = standard.from_scanner(vertices)
+        assert (there - vertices).norm(dim=1).mean() > 1
+        back = standard.to_scanner(there.float()).double()
+        assert float((back - vertices).norm(dim=1).max()) < 0.01
+        centre = there.mean(dim=0, keepdim=True)
+        inside = labels.with_data((labels.data == label).astype(float))
+        assert float(sample_volume(inside, centre)) == pytest.approx(1)
+        volume = inside.data.sum() * abs(np.linalg.det(labels.affine[:3, :3]))
+        shrink = np.linalg.det(standard.to_standard[:3, :3])
+        assert volume == pytest.approx(4 / 3 * np.pi * 31**3 * shrink, rel=0.02)
+
+
+def test_facts_of_spheres():
+    facts = surface_facts(scan(), subject())
+    assert facts["left white"]["area_cm2"] == pytest.approx(4 * np.pi * 3.1**2, rel=0.01)
+    assert facts["right pial"]["volume_ml"] == pytest.approx(4 / 3 * np.pi * 3.5**3, rel=0.01)
+    assert facts["left pial"]["crossing_faces"] == 0
+    assert facts["right thickness_mm"] == {"p5": 4.0, "median": 4.0, "p95": 4.0}
+
+
+def test_numbers_are_rounded_wherever_they_are():
+    assert rounded({"a": [1 / 3, (2 / 3, "x", 7)], "b": True}) == {"a": [0.333333, [0.666667, "x", 7]], "b": True}
+    assert rounded(float("nan")) is None
