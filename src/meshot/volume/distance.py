@@ -37,8 +37,8 @@ def signed_distance(field: Volume, level: float = 0.5) -> Volume:
     on voxels of 1.5 × 1.444 × 1.5 mm, .03 mm on average. Linear time; 2 s for the standard grid.
 
     How far the triangles are from the truth is up to the field. For spheres of 6 to 30 mm on that grid, and over all
-    voxels, enclosed parts of voxels give distances within .4 mm of the truth, on average .1 mm for the smallest sphere
-    and below .05 mm from 24 mm on; a mask, which knows of no half-filled voxel, within .8 mm, on average .2 to .3 mm.
+    voxels, enclosed parts of voxels give distances within .6 mm of the truth, on average .1 mm for the smallest sphere
+    and below .06 mm from 24 mm on; a mask, which knows of no half-filled voxel, within .8 mm, on average .2 to .3 mm.
     The tests hold it to these numbers.
     """
     axes = field.affine[:3, :3] / voxel_sizes(field)

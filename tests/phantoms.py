@@ -1,0 +1,40 @@
+"""Two bumpy balls for hemispheres in a noisy image: the least that looks like a scan to a network."""
+
+import numpy as np
+
+from meshot.mesh.mesh import Mesh
+from meshot.mesh.shapes import icosphere
+from meshot.pipeline.segmentation_data import Example, example
+from meshot.volume.standard import StandardScan
+from meshot.volume.volume import Volume
+from meshot.volume.voxelise import enclosed_fractions
+
+SHAPE, SIZES = (32, 24, 24), np.array([1.5, 208 / 144, 1.5])
+AFFINE = np.diag([*SIZES, 1.0])
+AFFINE[:3, 3] = -SIZES * (np.array(SHAPE) - 1) / 2
+
+
+def phantom_surfaces(seed: int, depth: float = 1.0) -> dict[str, Mesh]:
+    """A left and a right surface with folds ``depth`` mm deep, around x = ∓10 mm."""
+    random, surfaces = np.random.default_rng(seed), {}
+    for side, x in (("left", -10.0), ("right", 10.0)):
+        ball = icosphere(4, 8.0)
+        wave = ball.vertices.new_tensor(random.normal(scale=0.6, size=(3, 3)))
+        height = depth * (ball.vertices @ wave).sin().sum(dim=1, keepdim=True) / 3
+        centre = ball.vertices.new_tensor([x, *random.uniform(-2, 2, 2)])
+        surfaces[side] = ball.with_vertices(ball.vertices * (1 + height / 8) + centre)
+    return surfaces
+
+
+def phantom_scan(surfaces: dict[str, Mesh], seed: int) -> StandardScan:
+    """Bright inside, grey around, noise on top, in [0, 1]."""
+    grid = Volume(np.zeros(SHAPE), AFFINE)
+    inside = sum(enclosed_fractions(mesh, grid) for mesh in surfaces.values())
+    image = 0.4 + 0.4 * inside + 0.05 * np.random.default_rng(seed).standard_normal(SHAPE)
+    return StandardScan(grid.with_data(np.clip(image, 0, 1)), np.eye(4))
+
+
+def phantom_examples(n: int, seed: int = 0, reduction: int = 1) -> list[Example]:
+    """Several, each of its own shape and noise."""
+    made = [(f"phantom-{i}", phantom_surfaces(seed + i), seed + i) for i in range(n)]
+    return [example(name, phantom_scan(white, s).volume, white, reduction) for name, white, s in made]

@@ -1,0 +1,119 @@
+"""Examples from scans and surfaces; what augmentation does and does not change."""
+
+import numpy as np
+import pytest
+import torch
+
+from meshot.pipeline.segmentation_data import (
+    augmented,
+    block_means,
+    digest,
+    example,
+    read_examples,
+    reduced_volume,
+)
+from meshot.volume.sampling import sample_volume
+from meshot.volume.volume import Volume
+from meshot.volume.voxelise import enclosed_fractions
+from phantoms import AFFINE, SHAPE, phantom_examples, phantom_scan, phantom_surfaces
+
+
+@pytest.fixture(scope="module")
+def surfaces():
+    return phantom_surfaces(0)
+
+
+def test_fractions_are_what_the_surfaces_enclose_to_half_a_level(surfaces):
+    scan = phantom_scan(surfaces, 0).volume
+    image, fractions = example("one", scan, surfaces).tensors()
+    for channel, side in enumerate(("left", "right")):
+        truth = enclosed_fractions(surfaces[side], scan)
+        assert np.abs(fractions[channel].numpy() - truth).max() <= 0.5 / 255 + 1e-6
+    assert np.abs(image[0].numpy() - scan.data).max() <= 0.5 / 65535 + 1e-6
+    assert image.dtype == fractions.dtype == torch.float32
+
+
+def test_hard_labels_say_where_the_larger_part_is(surfaces):
+    found = example("one", phantom_scan(surfaces, 0).volume, surfaces)
+    soft, hard = found.tensors()[1], found.tensors(soft=False)[1]
+    assert set(hard.unique().tolist()) == {0.0, 1.0}
+    assert torch.equal(hard, (soft > 0.5).float())
+    assert 0.01 < float(((soft > 0) & (soft < 1)).float().mean()) < 0.5
+
+
+def test_reduction_averages_blocks_and_keeps_places(surfaces):
+    data = np.arange(4 * 2 * 6.0).reshape(4, 2, 6)
+    means = block_means(data, 2)
+    assert means.shape == (2, 1, 3)
+    assert means[1, 0, 2] == data[2:4, :, 4:6].mean()
+    line = Volume(np.indices(SHAPE)[0] * AFFINE[0, 0] + AFFINE[0, 3], AFFINE)  # the value is x
+    points = torch.tensor([[-7.0, 3, 2], [8.3, -4, 1]], dtype=torch.float64)
+    torch.testing.assert_close(sample_volume(reduced_volume(line, 4), points), points[:, 0])
+    coarse = example("one", phantom_scan(surfaces, 0).volume, surfaces, reduction=2)
+    assert coarse.image.shape == (16, 12, 12)
+
+
+def test_the_digest_sees_names_values_and_order():
+    first, second = phantom_examples(2)
+    assert digest([first, second]) == digest(phantom_examples(2))
+    others = [[second, first], [first], [first, type(first)("x", second.image, second.fractions)]]
+    changed = second.fractions.copy()
+    changed[0, 3, 3, 3] ^= 1
+    others.append([first, type(first)(second.name, second.image, changed)])
+    assert len({digest(part) for part in [[first, second], *others]}) == 5
+
+
+def test_mirroring_exchanges_the_sides():
+    image, fractions = phantom_examples(1)[0].tensors()
+    same, mirrored = (augmented(image, fractions, 0, flip=f, shift=0, intensity=0) for f in (0.0, 1.0))
+    assert torch.equal(same[0], image)
+    assert torch.equal(same[1], fractions)
+    assert torch.equal(mirrored[0], image.flip(1))
+    assert torch.equal(mirrored[1][0], fractions[1].flip(0))
+    back = augmented(*mirrored, 0, flip=1.0, shift=0, intensity=0)
+    assert torch.equal(back[1], fractions)
+    assert float(mirrored[1][0][:16].sum()) > 100 * float(mirrored[1][0][16:].sum())
+
+
+def test_shifts_move_image_and_truth_alike_and_nothing_wraps_round():
+    image = torch.zeros(1, 8, 8, 8)
+    image[0, 0], image[0, 4, 4, 4] = 1, 0.5
+    seen = set()
+    for seed in range(30):
+        moved, truth = augmented(image, torch.cat([image, image]), seed, flip=0, shift=3, intensity=0)
+        assert torch.equal(moved[0], truth[0])
+        place = (moved == 0.5).nonzero()[0, 1:]
+        seen.add(tuple(place.tolist()))
+        first = int(place[0]) - 4
+        assert float(moved[0, first:, 1:].max() if first >= 0 else moved.max()) > 0
+        assert (float(moved.max()) == 1) == (first >= 0)
+        assert float(moved[0, : max(first, 0)].abs().sum()) == 0
+    assert len(seen) > 20
+
+
+def test_intensity_leaves_the_truth_and_the_range():
+    image, fractions = phantom_examples(1)[0].tensors()
+    other, truth = augmented(image, fractions, 1, flip=0, shift=0, intensity=0.3)
+    assert torch.equal(truth, fractions)
+    assert float((other - image).abs().max()) > 0.02
+    assert 0 <= float(other.min()) <= float(other.max()) <= 1
+    again = augmented(image, fractions, 1, flip=0, shift=0, intensity=0.3)[0]
+    assert torch.equal(other, again)
+
+
+def test_bad_examples_are_refused(unchecked, surfaces, tmp_path):
+    scan = phantom_scan(surfaces, 0).volume
+    with pytest.raises(ValueError, match="one surface each"):
+        example("one", scan, {"left": surfaces["left"]})
+    with pytest.raises(ValueError, match=r"in \[0, 1\] are needed"):
+        example("one", scan.with_data(scan.data * 300), surfaces)
+    far = {side: mesh.with_vertices(mesh.vertices + 500) for side, mesh in surfaces.items()}
+    with pytest.raises(ValueError, match="spaces mixed up"):
+        example("one", scan, far)
+    with pytest.raises(ValueError, match="multiple of 5"):
+        example("one", scan, surfaces, reduction=5)
+    with pytest.raises(ValueError, match="is no cohort"):
+        read_examples([tmp_path], "train")
+    (tmp_path / "participants.tsv").write_text("participant_id\tsplit\tkind\tseed\n")
+    with pytest.raises(ValueError, match="no scan of the split 'test'"):
+        read_examples([tmp_path], "test")

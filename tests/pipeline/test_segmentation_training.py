@@ -1,0 +1,225 @@
+"""Training: it learns, goes on after a kill as if nothing had been, stops early, and names a step that breaks."""
+
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import torch
+
+from meshot.pipeline.segmentation import initial_surfaces, segment
+from meshot.pipeline.segmentation_checkpoint import read_log
+from meshot.pipeline.segmentation_data import Example
+from meshot.pipeline.segmentation_settings import (
+    SegmentationConfig,
+    SegmentationSettings,
+    read_segmentation_config,
+    segmentation_config,
+)
+from meshot.pipeline.segmentation_training import train_segmentation
+from phantoms import phantom_examples, phantom_scan, phantom_surfaces
+
+TINY = segmentation_config(
+    {
+        "network": {"width": 4, "depth": 2, "fold": 2},
+        "training": {"n_epochs": 3, "learning_rate": 0.01, "save_every": 2, "shift": 1, "schedule": "cosine"},
+    }
+)
+
+
+class Kill(Exception):
+    """A process that ends in the middle."""
+
+
+def changed(**settings: object) -> SegmentationConfig:
+    return SegmentationConfig(TINY.network, dataclasses.replace(TINY.training, **settings))
+
+
+@pytest.fixture(scope="module")
+def examples() -> tuple[list[Example], list[Example]]:
+    torch.set_num_threads(1)
+    return phantom_examples(3), phantom_examples(2, seed=50)
+
+
+@pytest.fixture(scope="module")
+def whole(examples):
+    return train_segmentation(TINY, *examples)
+
+
+def same(first: torch.nn.Module, second: torch.nn.Module) -> bool:
+    return all(torch.equal(a, b) for a, b in zip(first.state_dict().values(), second.state_dict().values()))
+
+
+def without_seconds(log: list[dict]) -> list[dict]:
+    return [{k: v for k, v in line.items() if k != "cpu_seconds"} for line in log]
+
+
+def test_the_log_tells_every_step_and_every_validation(whole, examples):
+    steps = [line for line in whole.log if "loss" in line]
+    checks = [line for line in whole.log if "validation_loss" in line]
+    assert [line["step"] for line in steps] == list(range(1, 10))
+    assert [line["step"] for line in checks] == [3, 6, 9]
+    assert checks[-1]["validation_loss"] < checks[0]["validation_loss"]
+    assert whole.best_step == min(checks, key=lambda line: line["validation_loss"])["step"]
+    assert steps[0]["learning_rate"] == 0.01
+    assert steps[-1]["learning_rate"] < 0.001
+    assert whole.data["training"]["n_scans"] == 3
+    assert whole.data["training"]["sha256"] != whole.data["validation"]["sha256"]
+
+
+@pytest.mark.parametrize("stop", sorted({*np.random.default_rng(7).integers(1, 9, 2).tolist(), 3}))
+def test_a_killed_training_ends_with_the_same_weights(tmp_path, whole, examples, stop):
+    def die(step: int, n_steps: int, line: dict) -> None:
+        assert n_steps == 9
+        if step == stop and "loss" in line:
+            raise Kill
+
+    with pytest.raises(Kill):
+        train_segmentation(TINY, *examples, folder=tmp_path, report=die)
+    resumed = train_segmentation(TINY, *examples, folder=tmp_path)
+    assert same(resumed.network, whole.network)
+    assert without_seconds(resumed.log) == without_seconds(whole.log)
+    assert without_seconds(read_log(tmp_path / "log.jsonl")) == without_seconds(whole.log)
+    finished = train_segmentation(TINY, *examples, folder=tmp_path, report=die)  # no step left to die in
+    assert same(finished.network, whole.network)
+
+
+VICTIM = """
+import sys, torch
+torch.set_num_threads(1)
+sys.path[:0] = [{tests!r}]
+from pipeline.test_segmentation_training import TINY
+from phantoms import phantom_examples
+from meshot.pipeline.segmentation_training import train_segmentation
+train_segmentation(TINY, phantom_examples(3), phantom_examples(2, seed=50), folder={folder!r})
+"""
+
+
+def test_a_process_killed_by_the_system_goes_on(tmp_path, whole, examples, root):
+    code = VICTIM.format(tests=str(root / "tests"), folder=str(tmp_path))
+    victim = subprocess.Popen([sys.executable, "-c", code], env=os.environ | {"MESHOT_UNCHECKED": "1"})
+    state, patience = tmp_path / "training.safetensors", time.monotonic() + 120
+    while not state.exists() and victim.poll() is None and time.monotonic() < patience:
+        time.sleep(0.01)
+    victim.send_signal(signal.SIGKILL)
+    victim.wait()
+    assert state.exists()
+    resumed = train_segmentation(TINY, *examples, folder=tmp_path)
+    assert same(resumed.network, whole.network)
+
+
+def test_best_is_kept_and_patience_ends(examples):
+    wild = changed(learning_rate=0.3, schedule="constant", n_epochs=12, patience=2)
+    training = train_segmentation(wild, *examples)
+    checks = [line for line in training.log if "validation_loss" in line]
+    assert len(checks) < 12
+    losses = [line["validation_loss"] for line in checks]
+    assert int(np.argmin(losses)) == len(losses) - 3
+    assert training.best_step == checks[-3]["step"]
+
+
+@pytest.mark.parametrize("soft", [True, False])
+def test_ordering_and_targets_are_settings(examples, whole, soft):
+    other = train_segmentation(changed(seed=1, soft_labels=soft, n_epochs=1, batch_size=2), *examples)
+    assert not same(other.network, whole.network)
+    assert [line["step"] for line in other.log if "loss" in line] == [1, 2]
+
+
+def test_what_is_not_finite_is_named(examples):
+    broken = [dataclasses.replace(item) for item in examples[0]]
+    training = changed(learning_rate=1e30, schedule="constant")
+    with pytest.raises(FloatingPointError, match=r"the (loss|gradient) of step \d+ \(phantom-\d\) is not finite"):
+        train_segmentation(training, broken, examples[1])
+
+
+def test_a_state_of_another_training_is_refused(tmp_path, examples):
+    train_segmentation(changed(n_epochs=1), *examples, folder=tmp_path)
+    with pytest.raises(ValueError, match="made with another training"):
+        train_segmentation(changed(n_epochs=1, seed=9), *examples, folder=tmp_path)
+    with pytest.raises(ValueError, match="made with another data"):
+        train_segmentation(changed(n_epochs=1), examples[0][:2], examples[1], folder=tmp_path)
+    (tmp_path / "training.safetensors").write_bytes(b"half")
+    with pytest.raises(ValueError, match="not a whole state"):
+        train_segmentation(changed(n_epochs=1), *examples, folder=tmp_path)
+
+
+def test_examples_must_be_there_and_alike(examples):
+    for training, validation in (([], examples[1]), (examples[0], []), (examples[0], phantom_examples(1, reduction=2))):
+        with pytest.raises(ValueError, match="at least one of each is needed, all on one grid"):
+            train_segmentation(TINY, training, validation)
+
+
+def test_a_log_that_was_cut_short_is_read_up_to_there(tmp_path):
+    path = tmp_path / "log.jsonl"
+    path.write_text('{"step": 1}\n{"step": 2}\n{"st')
+    assert read_log(path) == [{"step": 1}, {"step": 2}]
+    path.write_text('{"step"\n{"step": 2}\n')
+    with pytest.raises(ValueError, match="is no log"):
+        read_log(path)
+    with pytest.raises(ValueError, match="does not exist"):
+        read_log(tmp_path / "none.jsonl")
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"n_epochs": 0}, "integer >= 1"),
+        ({"patience": 0}, "integer >= 1"),
+        ({"learning_rate": 0.0}, "learning_rate is 0.0"),
+        ({"flip": 1.5}, "flip 1.5"),
+        ({"intensity": 1.0}, "intensity 1.0"),
+        ({"dice_weight": -1.0}, "dice_weight is -1.0"),
+        ({"shift": -1}, "shift is -1"),
+        ({"schedule": "linear"}, "constant, cosine"),
+        ({"precision": "int8"}, "float32, bfloat16"),
+    ],
+)
+def test_settings_outside_their_range_are_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        SegmentationSettings(**settings)
+
+
+def test_configurations_are_read_and_checked(tmp_path, root):
+    for name in ("tiny", "small", "paper"):
+        config = read_segmentation_config(root / "experiments" / "segmentation" / f"{name}.yaml")
+        assert json.loads(json.dumps(config.as_dict()))["training"]["n_epochs"] > 0
+    assert (config.training.learning_rate, config.training.schedule, config.training.n_epochs) == (
+        1e-4,
+        "constant",
+        100,
+    )
+    path = tmp_path / "a.yaml"
+    for text, message in (
+        ("network: {wide: 3}\ntrain: {}", "train, network.wide, which nothing reads"),
+        ("network: {width: 0}", "will not do: width is 0"),
+        ("training: {learning_rate: fast}", "will not do"),
+        ("- a", "two groups of settings"),
+        ("network: [1", "is no YAML"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ValueError, match=message):
+            read_segmentation_config(path)
+    with pytest.raises(ValueError, match=r"tiny\.yaml, small\.yaml"):
+        read_segmentation_config(tmp_path / "none.yaml")
+
+
+def test_a_trained_network_finds_the_sides_and_their_surfaces(examples):
+    whole_voxels = {"width": 6, "depth": 3, "fold": 1}
+    config = SegmentationConfig(whole_voxels, changed(n_epochs=8, learning_rate=0.005).training)
+    training = train_segmentation(config, *examples)
+    last = training.log[-1]
+    assert min(last["dice_left"], last["dice_right"]) > 0.85
+    surfaces = phantom_surfaces(99)
+    found = segment(phantom_scan(surfaces, 99).volume, training.network)
+    assert all(part.data.min() >= 0 and part.data.max() <= 1 for part in found.values())
+    places = [np.argwhere(found[side].data > 0.5)[:, 0].mean() for side in ("left", "right")]
+    assert places[0] < 12 < 20 < places[1]
+    meshes = initial_surfaces(phantom_scan(surfaces, 99), training.network)
+    for side, true in surfaces.items():
+        centre = meshes[side].mesh.vertices.mean(dim=0) - true.vertices.mean(dim=0)
+        assert float(centre.norm()) < 0.5
