@@ -1,0 +1,97 @@
+"""One leg of a chain: a flow fitted from where the flows before it ended."""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from meshot.files import whole_file
+from meshot.flow.fit import Fit, FitLoss, FitSettings, fit_flow, sliced_loss
+from meshot.flow.grid import grid_around
+from meshot.flow.settings import Guard
+from meshot.loss.chamfer import chamfer
+from meshot.measure.discrete import empirical, varifold
+from meshot.mesh.mesh import Mesh
+from meshot.metrics.surface import Surface, average_surface_distance
+from meshot.types import Tensor
+
+#: The numbers of a leg that are settings of a fit.
+OF_THE_FIT = ("n_iterations", "learning_rate", "n_steps", "n_directions", "coarse_share")
+
+
+class Clock:
+    """Seconds spent on a fit, of the processor and of the wall, that go on after a kill from the last saved state."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.spent = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"cpu": 0.0, "wall": 0.0}
+        self.started = {"cpu": time.process_time(), "wall": time.perf_counter()}
+
+    def now(self) -> dict[str, float]:
+        """Seconds so far."""
+        now = {"cpu": time.process_time(), "wall": time.perf_counter()}
+        return {name: self.spent[name] + now[name] - self.started[name] for name in now}
+
+    def save(self) -> None:
+        """Keep them, as the state of the fit is kept."""
+        with whole_file(self.path) as temporary:
+            temporary.write_text(json.dumps(self.now()), encoding="utf-8")
+
+
+def leg_settings(leg: dict, config: dict) -> FitSettings:
+    """How the flow of a leg is fitted; checked every so many iterations, and saved with every check."""
+    every = min(config["check_every"], max(1, leg["n_iterations"] // 4))
+    numbers = {name: leg[name] for name in OF_THE_FIT if name in leg}
+    if "n_directions" in numbers:
+        numbers["n_directions"] = tuple(numbers["n_directions"])
+    return FitSettings(**numbers, check_every=every, save_every=every, seed=config["seed"])
+
+
+def leg_loss(leg: dict, target: Mesh, normal_scale: float) -> FitLoss:
+    """Sliced Wasserstein on oriented varifolds, or Chamfer on points drawn anew from both surfaces every time."""
+    if leg["loss"] == "sliced":
+        return sliced_loss(target, lambda mesh: varifold(mesh, normal_scale))
+
+    def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
+        return chamfer(empirical(mesh, leg["n_points"], generator), empirical(target, leg["n_points"], generator))
+
+    return loss
+
+
+def closeness(mesh: Mesh, target: Mesh, n_points: int, seed: int) -> float:
+    """ASSD in mm, point to face, both ways."""
+    surfaces = Surface(mesh), Surface(target)
+    samples = [
+        surface.sample(n_points, np.random.default_rng(stream))
+        for surface, stream in zip(surfaces, np.random.SeedSequence(seed).spawn(2), strict=True)
+    ]
+    return average_surface_distance(surfaces[1].offsets(samples[0]), surfaces[0].offsets(samples[1]))
+
+
+def fit_leg(name: str, leg: dict, mesh: Mesh, target: Mesh, config: dict, partial: Path) -> tuple[Fit, dict]:
+    """The flow that carries ``mesh`` on, fitted in single precision, and the seconds that took."""
+    settings, goal = leg_settings(leg, config), target.to(torch.float32)
+    field = grid_around(
+        mesh.vertices, goal.vertices, margin=leg["margin"], spacings=tuple(leg["spacings"]), n_pieces=leg["n_pieces"]
+    )
+    clock = Clock(partial / f"{name}_seconds.json")
+
+    def watch(moved: Mesh) -> dict[str, float]:
+        distance = closeness(moved, target, config["n_watched_points"], config["seed"])
+        return {"assd": distance, "cpu_seconds": clock.now()["cpu"]}
+
+    with tqdm(total=settings.n_iterations, desc=name) as bar:
+
+        def report(done: int, value: float) -> None:
+            bar.update(done - bar.n)
+            bar.set_postfix(loss=f"{value:.4g}")
+            if done % settings.save_every == 0 or done == settings.n_iterations:
+                clock.save()
+
+        checkpoint = partial / f"{name}.safetensors"
+        loss = leg_loss(leg, goal, config["normal_scale"])
+        fit = fit_flow(field, mesh, loss, settings, checkpoint, report, Guard(**leg.get("guard", {})), watch)
+    return fit, json.loads(clock.path.read_text(encoding="utf-8"))

@@ -1,0 +1,74 @@
+"""What is recorded of a chain of fitted flows."""
+
+import copy
+
+import numpy as np
+import torch
+
+from meshot.flow.chain import Leg, chain_end, chain_reports, chain_trajectory
+from meshot.flow.fit import Fit
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.mesh import Mesh
+from meshot.metrics.evaluate import evaluate
+from meshot.metrics.triangles import smallest_angles
+
+LOSS_STRIDE = 10  # iterations whose losses are told as one mean
+
+
+def fit_record(leg: dict, fit: Fit, seconds: dict[str, float]) -> dict:
+    """How one leg was fitted: losses, distances and crossings on the way, retreats, seconds."""
+    history = fit.history
+    means = [float(np.mean(history["loss"][i : i + LOSS_STRIDE])) for i in range(0, len(history["loss"]), LOSS_STRIDE)]
+    names = ("checked_iteration", "checked_loss", "checked_crossings", "retreat_iteration", "assd", "cpu_seconds")
+    return {
+        "loss_function": leg["loss"],
+        "loss": means,
+        **{name: history[name] for name in names},
+        "best_iteration": fit.best_iteration,
+        "n_steps": fit.n_steps,
+        "seconds": seconds["wall"],
+        "cpu_seconds_in_all": seconds["cpu"],
+    }
+
+
+def quality(mesh: Mesh) -> dict[str, float]:
+    """The smallest angles of the faces, in degrees, by percentiles."""
+    angles = smallest_angles(mesh)
+    return {f"percentile_{q}": float(np.percentile(angles, q)) for q in (0, 1, 50)}
+
+
+def measured(mesh: Mesh, target: Mesh, config: dict) -> dict:
+    """Every metric with its floor, and the smallest angles."""
+    ruler = evaluate(mesh, target, config["n_points"], config["seed"], config["n_emd_points"])
+    return {"metrics": ruler.as_dict(), "smallest_angles": quality(mesh)}
+
+
+def in_double(legs: list[Leg]) -> list[Leg]:
+    """The same chain in double precision, in which everything is measured."""
+    return [Leg(copy.deepcopy(leg.field).double(), leg.n_steps, leg.method) for leg in legs]
+
+
+def watched_path(legs: list[Leg], mesh: Mesh) -> dict:
+    """Crossing faces after every step of the chain, and what each leg does to space along the paths."""
+    with torch.no_grad():
+        positions = chain_trajectory(legs, mesh.vertices)
+    return {
+        "crossings": [len(self_intersecting_faces(mesh.with_vertices(p))) for p in positions],
+        "legs": [
+            {
+                "steepest": report.steepest,
+                "step_times_lipschitz": report.step_times_lipschitz,
+                "bound_of_step_times_lipschitz": float(leg.field.lipschitz_bound()) / leg.n_steps,
+                "n_flips": report.n_flips,
+                "volume_factors": [float(report.volume_factors.min()), float(report.volume_factors.max())],
+            }
+            for leg, report in zip(legs, chain_reports(legs, mesh.vertices), strict=True)
+        ],
+        "largest_move": float((positions[-1] - positions[0]).norm(dim=1).max()),
+    }
+
+
+@torch.no_grad()
+def carried(legs: list[Leg], mesh: Mesh) -> Mesh:
+    """The mesh where the chain takes it."""
+    return mesh.with_vertices(chain_end(legs, mesh.vertices))

@@ -1,0 +1,140 @@
+"""Flows from smooth starts to fsaverage5's white surface, both hemispheres, without a crossing face.
+
+Run as ``python experiments/fsaverage5_flow/run.py``, on one thread. Every fit saves as it goes and every finished part
+is kept in ``partial/``, so that a run that was stopped goes on where it was and ends with the same result; ``--fresh``
+throws such parts away first.
+
+Three *tasks* for each hemisphere, see ``config.yaml``: ``sliced``, from the target smoothed a little, by sliced
+Wasserstein on varifolds alone; ``mixture``, which goes on from there by Chamfer on a finer grid; ``far``, from a
+surface with neither the folds nor the connectivity. Each ends in a chain of flows (:mod:`meshot.flow.chain`).
+
+``results.json`` holds, under "results" → hemisphere → task (lengths in mm):
+
+- ``goal``, ``stretch`` (null where there is none), ``assd``, ``intersecting_faces``, and from them ``reached``,
+  ``stretched``;
+- ``seconds`` of the wall and ``cpu_seconds`` of all fits of the chain, checks included; ``n_vertices``, ``n_faces``;
+- ``fits``, one for each leg (see ``measuring.fit_record``): ``loss`` (means over ten iterations), at every check
+  ``checked_iteration``, ``checked_loss``, ``checked_crossings``, ``assd``, ``cpu_seconds``; ``retreat_iteration``,
+  ``best_iteration``, ``n_steps``, ``seconds``, ``cpu_seconds_in_all``;
+- ``before``, ``after``: ``metrics`` {name: value, unit, definition, floor}, ``smallest_angles`` {percentile: degrees};
+- ``path`` (see ``measuring.watched_path``): ``crossings`` after every step of the chain, the first before any;
+  ``legs``: local Lipschitz constants, h·Lip, flips, volume factors; ``largest_move``;
+- ``stored`` (where the flow is kept): ``files``, and ``assd`` and ``intersecting_faces`` of the rounded flow in them.
+
+The kept flows are read by ``stored.stored_flow(hemisphere, task)``: the start, and the legs that carry it, for
+:func:`meshot.flow.chain.chain_trajectory`.
+"""
+
+import argparse
+import json
+import shutil
+from pathlib import Path
+
+import torch
+import yaml
+from fitting import closeness, fit_leg
+from measuring import carried, fit_record, in_double, measured, watched_path
+from stored import read_flow, write_flow
+from surfaces import start_surface, target_surface
+
+from meshot.files import whole_file
+from meshot.flow.chain import Leg
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.mesh import Mesh
+from meshot.report.results import write_results
+from meshot.synth.anatomy import HEMISPHERES
+
+HERE = Path(__file__).parent
+PARTIAL = HERE / "partial"
+
+
+def kept(name: str, make) -> dict:
+    """What ``make`` returns (JSON), from the file where an earlier run left it."""
+    path = PARTIAL / f"{name}.json"
+    if not path.exists():
+        record = make()
+        with whole_file(path) as temporary:
+            temporary.write_text(json.dumps(record), encoding="utf-8")
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def fit_chain(side: str, task: str, target: Mesh, config: dict) -> tuple[list[Leg], Mesh, list[dict]]:
+    """The legs of a task, the mesh that they end in, and how each was fitted; those of the task before come first."""
+    settings = config["tasks"][task]
+    if "after" in settings:
+        legs, mesh, records = fit_chain(side, settings["after"], target, config)
+    else:
+        legs, mesh, records = [], start_surface(side, config["starts"][settings["start"]]).to(torch.float32), []
+    for index, leg in enumerate(settings["legs"]):
+        fit, seconds = fit_leg(f"{side}_{task}_{index}", leg, mesh, target, config, PARTIAL)
+        legs, mesh, records = [*legs, Leg(fit.field, fit.n_steps)], fit.mesh, [*records, fit_record(leg, fit, seconds)]
+    return legs, mesh, records
+
+
+def do_task(side: str, task: str, config: dict) -> dict:
+    """Everything about one task on one hemisphere."""
+    settings, target = config["tasks"][task], target_surface(side)
+    fitted, _, fits = fit_chain(side, task, target, config)
+    legs, start = in_double(fitted), start_surface(side, config["starts"][settings["start"]])
+    end = carried(legs, start)
+    before = kept(f"{side}_{settings['start']}_before", lambda: measured(start, target, config))
+    after = kept(f"{side}_{task}_after", lambda: measured(end, target, config))
+    assd, crossings = (after["metrics"][name]["value"] for name in ("assd", "intersecting_faces"))
+    goal, stretch = settings["goal"], settings.get("stretch")
+    record = {
+        "goal": goal,
+        "stretch": stretch,
+        "assd": assd,
+        "intersecting_faces": crossings,
+        "reached": assd <= goal and crossings == 0,
+        "stretched": None if stretch is None else assd <= stretch and crossings == 0,
+        "seconds": sum(fit["seconds"] for fit in fits),
+        "cpu_seconds": sum(fit["cpu_seconds_in_all"] for fit in fits),
+        "n_vertices": len(start.vertices),
+        "n_faces": len(start.faces),
+        "fits": fits,
+        "before": before,
+        "after": after,
+        "path": kept(f"{side}_{task}_path", lambda: watched_path(legs, start)),
+    }
+    if task in config["kept"].get(side, []):
+        record["stored"] = store(side, task, legs, start, target, config)
+    return record
+
+
+def store(side: str, task: str, legs: list[Leg], start: Mesh, target: Mesh, config: dict) -> dict:
+    """Write the rounded flow, read it again, and measure where it leads."""
+    files = write_flow(side, task, legs, config["velocity_step"])
+    end = carried(read_flow(files, [leg.n_steps for leg in legs]), start)
+    return {
+        "files": files,
+        "assd": closeness(end, target, config["n_points"], config["seed"]),
+        "intersecting_faces": len(self_intersecting_faces(end)),
+    }
+
+
+def main() -> None:
+    """All tasks on both hemispheres, then the results."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--fresh", action="store_true", help="forget what a stopped run left, and begin anew")
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    torch.set_num_threads(config["n_threads"])
+    if parser.parse_args().fresh:
+        shutil.rmtree(PARTIAL, ignore_errors=True)
+    PARTIAL.mkdir(exist_ok=True)
+    done = {task: {side: do_task(side, task, config) for side in HEMISPHERES} for task in config["tasks"]}
+    results = {side: {task: done[task][side] for task in done} for side in HEMISPHERES}
+    # A leg that two tasks share is counted once.
+    seconds = sum(
+        fit["seconds"]
+        for task, settings in config["tasks"].items()
+        for record in done[task].values()
+        for fit in record["fits"][-len(settings["legs"]) :]
+    )
+    command, data = "python experiments/fsaverage5_flow/run.py", "fsaverage5 (FreeSurfer): white surfaces"
+    write_results(HERE / "results.json", results, config, command, data, seconds)
+    shutil.rmtree(PARTIAL)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""The fitted flows that are kept beside this file, and their starts."""
+
+from pathlib import Path
+
+from surfaces import start_surface
+
+from meshot.flow.chain import Leg
+from meshot.flow.storage import read_velocity, write_velocity
+from meshot.mesh.mesh import Mesh
+from meshot.report.results import read_results
+
+HERE = Path(__file__).parent
+
+
+def write_flow(side: str, task: str, legs: list[Leg], step: float) -> list[str]:
+    """Write every leg with coefficients rounded to multiples of ``step``; the names of the files."""
+    names = [f"velocity_{side}_{task}_{index}.safetensors.gz" for index in range(len(legs))]
+    for name, leg in zip(names, legs, strict=True):
+        write_velocity(HERE / name, leg.field, step)
+    return names
+
+
+def read_flow(names: list[str], n_steps: list[int]) -> list[Leg]:
+    """The legs again, in double precision."""
+    return [Leg(read_velocity(HERE / name).double(), n) for name, n in zip(names, n_steps, strict=True)]
+
+
+def stored_flow(side: str, task: str) -> tuple[Mesh, list[Leg]]:
+    """The start of a task and the legs of the flow that carries it to the white surface, as far as they are kept.
+
+    ``meshot.flow.chain.chain_trajectory(legs, start.vertices)`` moves it, step by step.
+
+    Raises
+    ------
+    ValueError
+        If the flow of this task was not kept.
+    """
+    record = read_results(HERE / "results.json")
+    result, settings = record["results"][side][task], record["config"]["tasks"][task]
+    if "stored" not in result:
+        raise ValueError(f"no flow was kept for {task!r} on the {side}; only those under 'kept' in config.yaml are")
+    legs = read_flow(result["stored"]["files"], [fit["n_steps"] for fit in result["fits"]])
+    return start_surface(side, record["config"]["starts"][settings["start"]]), legs

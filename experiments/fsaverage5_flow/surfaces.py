@@ -1,0 +1,35 @@
+"""Where the flows begin, and where they are to end."""
+
+import numpy as np
+import torch
+
+from meshot.mesh.decimation import decimated
+from meshot.mesh.mending import mended
+from meshot.mesh.mesh import Mesh
+from meshot.mesh.smoothing import laplacian_smoothing
+from meshot.synth.anatomy import Hemisphere, fsaverage5_surface
+from meshot.volume.isosurface import isosurface
+from meshot.volume.volume import Volume
+from meshot.volume.voxelise import enclosed_fractions
+
+
+def target_surface(side: Hemisphere) -> Mesh:
+    """fsaverage5's white surface; its right hemisphere has four crossing faces, which are mended."""
+    return mended(fsaverage5_surface("white", side))
+
+
+def start_surface(side: Hemisphere, start: dict) -> Mesh:
+    """The target smoothed; with a voxel size in ``start``, remeshed too, so that not even the connectivity is left."""
+    smooth = laplacian_smoothing(target_surface(side), start["smoothing"])
+    return remeshed(smooth, start["voxel"], start["n_faces"], start["evening"]) if "voxel" in start else smooth
+
+
+def remeshed(mesh: Mesh, voxel: float, n_faces: int, evening: int) -> Mesh:
+    """Another triangulation of nearly the same surface: its voxels, marching cubes, fewer faces, a little smoothing."""
+    lower, upper = (bound.numpy() for bound in (mesh.vertices.amin(dim=0), mesh.vertices.amax(dim=0)))
+    affine = np.diag([voxel, voxel, voxel, 1.0])
+    affine[:3, 3] = lower - 3 * voxel
+    shape = np.ceil((upper - lower) / voxel).astype(int) + 7
+    grid = Volume(np.zeros(shape, dtype=np.float32), affine)
+    surface = isosurface(grid.with_data(enclosed_fractions(mesh, grid).astype(np.float32)))
+    return mended(laplacian_smoothing(decimated(surface, n_faces).to(torch.float64), evening))
