@@ -31,7 +31,7 @@ def planned_arms(config: dict) -> list[dict]:
 
 def arm_loss(arm: dict, target: Mesh, config: dict) -> FitLoss:
     """The loss of a carried mesh to the target; whatever is drawn is drawn anew at every call, on both sides."""
-    encode = _encoder(arm, len(target.faces), config["normal_scale"])
+    encode = _encoder(arm, len(target.faces), config)
     drawn = arm["encoding"] == "samples" or arm["supports"] != "full"
     fixed = None if drawn else encode(target, np.random.default_rng(0))
 
@@ -54,12 +54,13 @@ def n_supports(arm: dict, target: Mesh) -> int:
     return len(target.faces) if arm["supports"] == "full" else arm["supports"]
 
 
-def _encoder(arm: dict, n_faces: int, scale: float) -> Callable[[Mesh, np.random.Generator], Measure]:
-    whole = arm["supports"] == "full"
+def _encoder(arm: dict, n_faces: int, config: dict) -> Callable[[Mesh, np.random.Generator], Measure]:
+    whole, scale = arm["supports"] == "full", config["normal_scale"]
+    detached = arm.get("detached", config["few_detached"][arm["loss"]])
     if arm["encoding"] == "surface":
         return lambda mesh, generator: surface(mesh)
     if arm["encoding"] == "samples":
         return lambda mesh, generator: empirical(mesh, n_faces if whole else arm["supports"], generator)
     if whole:
         return lambda mesh, generator: varifold(mesh, scale)
-    return lambda mesh, generator: varifold_sample(mesh, arm["supports"], generator, scale)
+    return lambda mesh, generator: varifold_sample(mesh, arm["supports"], generator, scale, detached)

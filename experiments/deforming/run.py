@@ -13,6 +13,7 @@ member of the family for each seed; "fsaverage5_left", "fsaverage5_right"), ``st
 
 - ``rates``: loss, encoding, supports, ``learning_rate``, ``assd``, ``edge_variation``: what other learning rates than
   the common one would have done, on a seed of their own, from the sphere to "folded";
+- ``areas``: the same with ``detached``: whether gradients stop at the areas of the faces that are drawn;
 - ``settings``: target, start, seed, ``n_vertices``, ``n_faces``, ``floor`` {metric: what the target scores against
   itself}, ``begin`` {metric: what the start scores};
 - ``fits``: arm and setting; ``n_supports``, ``learning_rate``, ``n_iterations``, ``seconds``, ``lipschitz_per_step``
@@ -89,12 +90,16 @@ def planned_fits(config: dict) -> list[dict]:
     return sorted(fits, key=stage)
 
 
-def planned_rates(config: dict) -> list[dict]:
-    """Some arms under other learning rates, on a seed of its own."""
-    other = config["other_rates"]
-    arms = [arm for arm in planned_arms(config) if arm["loss"] in other["losses"] and arm["supports"] == "full"]
-    setting = {name: other[name] for name in SETTING}
-    return [setting | arm | {"learning_rate": rate} for arm in arms for rate in other["rates"]]
+def planned_trials(config: dict) -> list[dict]:
+    """Other learning rates, and gradients that do or do not stop at the areas of drawn faces, on a seed of its own."""
+    trials, arms = config["trials"], planned_arms(config)
+    setting = {name: trials[name] for name in SETTING}
+    of_rates = [arm for arm in arms if arm["loss"] in trials["losses"] and arm["supports"] == "full"]
+    of_areas = [arm for arm in arms if arm["encoding"] == "varifold" and arm["supports"] != "full"]
+    rate = {"learning_rate": config["learning_rate"]}
+    return [setting | arm | {"learning_rate": rate} for arm in of_rates for rate in trials["rates"]] + [
+        setting | arm | rate | {"detached": detached} for arm in of_areas for detached in (False, True)
+    ]
 
 
 def work(task: dict, config: dict) -> dict:
@@ -146,14 +151,15 @@ def stored_meshes(fits: list[dict], config: dict) -> Iterator[tuple[str, Mesh]]:
             yield f"{name}/path/{k}", begin.to(torch.float32).with_vertices(tensors[f"path/{k}"])
 
 
-def collect(rows: list[dict], rates: list[dict], config: dict) -> dict:
+def collect(rows: list[dict], trials: list[dict], config: dict) -> dict:
     """Everything but the meshes."""
     fits = [row["task"] | row["found"] for row in rows]
     settings = [s for s in planned_settings(config) if any(all(f[k] == v for k, v in s.items()) for f in fits)]
-    tried = [{name: row["task"][name] for name in (*ARM, "learning_rate")} | _ends(row["found"]) for row in rates]
+    tried = [{k: v for k, v in row["task"].items() if k not in SETTING} | _ends(row["found"]) for row in trials]
     done = [row["task"] for row in rows]
     return {
-        "rates": tried,
+        "rates": [row for row in tried if "detached" not in row],
+        "areas": [row for row in tried if "detached" in row],
         "settings": [describe(setting, config) for setting in settings],
         "fits": fits,
         "summary": summarise(fits),
@@ -176,18 +182,18 @@ def main() -> None:
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
     MESHES.mkdir(exist_ok=True)
-    tasks, rates = planned_fits(config), planned_rates(config)
+    tasks, trials = planned_fits(config), planned_trials(config)
     if early:
         lines = [line for line in partial.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
         done = {json.loads(line)["key"] for line in lines}
-        tasks, rates = ([t for t in kind if json.dumps(t, sort_keys=True) in done] for kind in (tasks, rates))
-    rows, of_rates = (
-        finished(kind, lambda task: work(task, config), partial, time.process_time) for kind in (tasks, rates)
+        tasks, trials = ([t for t in kind if json.dumps(t, sort_keys=True) in done] for kind in (tasks, trials))
+    rows, of_trials = (
+        finished(kind, lambda task: work(task, config), partial, time.process_time) for kind in (tasks, trials)
     )
-    results = collect(rows, of_rates, config)
+    results = collect(rows, of_trials, config)
     meshes = dict(stored_meshes(results["fits"], config))
     write_meshes(HERE / "meshes.safetensors.gz", meshes, config["vertex_step"])
-    seconds = max(sum(row["seconds"] for row in rows + of_rates), time.perf_counter() - started)
+    seconds = max(sum(row["seconds"] for row in rows + of_trials), time.perf_counter() - started)
     data = "analytic folded surfaces; fsaverage5 white surfaces (FreeSurfer)"
     write_results(HERE / "results.json", results, config, "python experiments/deforming/run.py", data, seconds)
     if not early:
