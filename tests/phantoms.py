@@ -1,10 +1,16 @@
 """Two bumpy balls for hemispheres in a noisy image: the least that looks like a scan to a network."""
 
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 
+from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import icosphere
 from meshot.pipeline.segmentation_data import Example, example
+from meshot.volume.io import write_volume
 from meshot.volume.standard import StandardScan
 from meshot.volume.volume import Volume
 from meshot.volume.voxelise import enclosed_fractions
@@ -38,3 +44,25 @@ def phantom_examples(n: int, seed: int = 0, reduction: int = 1) -> list[Example]
     """Several, each of its own shape and noise."""
     made = [(f"phantom-{i}", phantom_surfaces(seed + i), seed + i) for i in range(n)]
     return [example(name, phantom_scan(white, s).volume, white, reduction) for name, white, s in made]
+
+
+def write_phantom_cohort(folder: Path, splits: Sequence[str]) -> Path:
+    """A cohort on disk, one phantom for each split named, laid out as meshot.synth.cohort reads it."""
+    rows = ["participant_id\tsplit\tkind\tseed"]
+    for i, split in enumerate(splits):
+        name = f"sub-{i + 1:03d}"
+        rows.append(f"{name}\t{split}\ttemplate\t{i}")
+        place, standard = folder / name / "anat", folder / "derivatives" / "standard" / name / "anat"
+        surfaces = phantom_surfaces(i)
+        scan = phantom_scan(surfaces, i)
+        for part in (place, standard):
+            part.mkdir(parents=True)
+        write_volume(place / f"{name}_T1w.nii.gz", scan.volume)
+        write_volume(standard / f"{name}_space-MNI152_desc-standard_T1w.nii.gz", scan.volume)
+        (standard / f"{name}_from-T1w_to-MNI152_mode-image_xfm.json").write_text(
+            json.dumps({"matrix": np.eye(4).tolist()})
+        )
+        for side, mesh in surfaces.items():
+            write_mesh(place / f"{name}_hemi-{side[0].upper()}_white.surf.gii", mesh)
+    (folder / "participants.tsv").write_text("\n".join(rows) + "\n")
+    return folder

@@ -44,12 +44,7 @@ def write_results(path: str | Path, results: dict, config: dict, command: str, d
         "command": command,
         "data": data,
         "seconds": round(seconds, 1),
-        "commit": _commit(Path(__file__).parent),
-        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
-        "versions": {"python": platform.python_version()} | {name: package_version(name) for name in RECORDED},
-        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, "
-        f"{torch.backends.cpu.get_cpu_capability()}",
-    }
+    } | provenance()
     try:
         text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
     except (TypeError, ValueError) as error:
@@ -58,6 +53,17 @@ def write_results(path: str | Path, results: dict, config: dict, command: str, d
         ) from error
     with whole_file(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def provenance() -> dict:
+    """What the code and the machine are: commit, date, versions, machine."""
+    return {
+        "commit": _commit(Path(__file__).parent),
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
+        "versions": {"python": platform.python_version()} | {name: package_version(name) for name in RECORDED},
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, "
+        f"{torch.backends.cpu.get_cpu_capability()}",
+    }
 
 
 def read_results(path: str | Path) -> dict:

@@ -1,0 +1,64 @@
+"""How a training went: loss and overlap over its steps."""
+
+import os
+from collections.abc import Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from meshot.figures.style import BLUE, ORANGE, SKY, VERMILLION, WIDTH
+from meshot.files import whole_file
+
+
+def training_figure(log: Sequence[dict]) -> Figure:
+    """Loss of every step, its running mean and the loss of the validation; Dice of both sides.
+
+    Parameters
+    ----------
+    log : sequence of dict
+        As :class:`meshot.pipeline.segmentation_training.SegmentationTraining` holds it.
+
+    Raises
+    ------
+    ValueError
+        If it holds no step.
+    """
+    steps = [line for line in log if "loss" in line]
+    checks = [line for line in log if "validation_loss" in line]
+    if not steps:
+        raise ValueError("the log holds no step: nothing was trained yet")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(1.3 * WIDTH, 3.0), layout="constrained")
+    at, losses = np.array([line["step"] for line in steps]), np.array([line["loss"] for line in steps])
+    width = max(1, len(at) // 30)
+    left.semilogy(at, losses, color=SKY, linewidth=0.6, label="one step")
+    left.semilogy(
+        at[width - 1 :],
+        np.convolve(losses, np.ones(width) / width, "valid"),
+        color=BLUE,
+        label=f"mean of {width} steps",
+    )
+    checked = [line["step"] for line in checks]
+    left.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
+    left.set(xlabel="step", ylabel="cross-entropy + 1 − Dice")
+    left.legend()
+    for side, colour, dashes in (("left", VERMILLION, "-"), ("right", BLUE, "--")):
+        right.plot(checked, [line[f"dice_{side}"] for line in checks], dashes, marker=".", color=colour, label=side)
+    right.set(xlabel="step", ylabel="Dice on validation", ylim=(None, 1.0))
+    if checks:
+        right.legend()
+    return figure
+
+
+def write_training_figure(path: str | os.PathLike, log: Sequence[dict]) -> None:
+    """The picture of a log as a file, whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        As :func:`meshot.figures.training.training_figure`.
+    """
+    figure = training_figure(log)
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, dpi=120)
+    plt.close(figure)
