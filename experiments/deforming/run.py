@@ -187,8 +187,9 @@ def main() -> None:
         lines = [line for line in partial.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
         done = {json.loads(line)["key"] for line in lines}
         tasks, trials = ([t for t in kind if json.dumps(t, sort_keys=True) in done] for kind in (tasks, trials))
-    rows, of_trials = (
-        finished(kind, lambda task: work(task, config), partial, time.process_time) for kind in (tasks, trials)
+    first = [task for task in tasks if task["target"] == "folded"]
+    _, of_trials, rows = (
+        finished(kind, lambda task: work(task, config), partial, time.process_time) for kind in (first, trials, tasks)
     )
     results = collect(rows, of_trials, config)
     meshes = dict(stored_meshes(results["fits"], config))

@@ -3,7 +3,7 @@
 import time
 
 import numpy as np
-from variants import VARIANTS, compare, drawn_part, pair_of_meshes, reweighted
+from variants import compare, drawn_part, pair_of_meshes, reweighted
 
 from meshot import Mesh, varifold
 from meshot.flow.field import LearnedVelocity
@@ -20,7 +20,7 @@ def cost_rows(config: dict) -> list[dict]:
         start, target = pair_of_meshes(subdivisions, 0, config)
         field = grid_around(start.vertices, target.vertices, **config["grid"] | {"spacings": _spacings(config)})
         for loss in costs["losses"]:
-            for variant in VARIANTS:
+            for variant in costs["variants"]:
                 row = {"loss": loss, "variant": variant, "n_faces": len(start.faces)}
                 rows.append(row | _measured(loss, variant, field, start, target, config))
     return rows
@@ -60,8 +60,10 @@ def one_step(loss: str, variant: str, field: LearnedVelocity | None, start: Mesh
         source, goal = varifold(mesh, scale), varifold(target, scale)
     else:
         goal = varifold_sample(target, n_supports, generator, scale)
-        drawn = variant == "drawn"
-        source = varifold_sample(mesh, n_supports, generator, scale) if drawn else reweighted(mesh, before, scale)
+        if variant == "carried":
+            source = reweighted(mesh, before, scale)
+        else:
+            source = varifold_sample(mesh, n_supports, generator, scale, variant == "drawn")
     compare(loss, source, goal, config["cost"]["n_directions"], 0).backward()
     for parameter in field.parameters() if field is not None else ():
         parameter.grad = None

@@ -6,9 +6,10 @@ a run that was stopped goes on where it ended.
 ``results.json`` holds, under "results":
 
 - ``costs``: ``loss`` ("sliced", "chamfer"), ``variant`` ("all": the whole varifold; "drawn": a fixed number of faces
-  drawn from the mesh after the flow; "carried": drawn before it, and only their corners carried), ``n_faces``,
-  ``step_bytes`` and ``step_seconds`` of a step of a fit (flow, loss, gradient), ``loss_bytes`` and ``loss_seconds`` of
-  the loss and its gradient alone. Bytes are the most that autograd held at one time, seconds CPU seconds of one thread;
+  drawn from the mesh after the flow, with gradients that stop at their areas; "through": with gradients that do not;
+  "carried": drawn before the flow, and only their corners carried), ``n_faces``, ``step_bytes`` and ``step_seconds``
+  of a step of a fit (flow, loss, gradient), ``loss_bytes`` and ``loss_seconds`` of the loss and its gradient alone.
+  Bytes are the most that autograd held at one time, seconds CPU seconds of one thread;
 - ``fits``: from a sphere to an analytic surface under the sliced loss: ``variant``, ``n_supports``, ``n_seeds``, and
   mean, sd and single seeds of ``assd`` (mm), ``edge_variation`` and ``intersecting_faces``;
 - ``differences``: paired over seeds, a fixed number minus all: ``assd_gap``, ``assd_low``, ``assd_high`` (95 %).

@@ -13,9 +13,6 @@ from meshot.mesh.sampling import sample_locations
 from meshot.mesh.shapes import folded_sphere, icosphere
 from meshot.types import Tensor
 
-#: all faces; faces drawn from the carried mesh; faces drawn from the start, so that only their corners are carried
-VARIANTS = ("all", "drawn", "carried")
-
 
 def pair_of_meshes(subdivisions: int, seed: int, config: dict) -> tuple[Mesh, Mesh]:
     """A sphere, and the analytic target that the seed stretches and turns, with as many faces."""
@@ -52,7 +49,12 @@ def compare(loss: str, source: DiscreteMeasure, target: DiscreteMeasure, n_direc
 
 
 def fit_loss(variant: str, n_supports: int, start: Mesh, target: Mesh, normal_scale: float) -> Callable:
-    """A loss of the carried mesh, for a fit; what is not drawn before the flow has no part in the third either."""
+    """A loss of the carried mesh, for a fit.
+
+    "all" faces; faces "drawn" from the carried mesh, with gradients that stop at their areas, or go "through" them; or
+    from the start: the fit carries all vertices, but to any that is not a corner of a drawn face there is no gradient,
+    so that the same would come out if only the corners were "carried".
+    """
     whole = varifold(target, normal_scale)
 
     def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
@@ -60,10 +62,9 @@ def fit_loss(variant: str, n_supports: int, start: Mesh, target: Mesh, normal_sc
         if variant == "all":
             return compare("sliced", varifold(mesh, normal_scale), whole, n_directions, seed)
         goal = varifold_sample(target, n_supports, generator, normal_scale)
-        if variant == "drawn":
-            return compare(
-                "sliced", varifold_sample(mesh, n_supports, generator, normal_scale), goal, n_directions, seed
-            )
+        if variant != "carried":
+            source = varifold_sample(mesh, n_supports, generator, normal_scale, variant == "drawn")
+            return compare("sliced", source, goal, n_directions, seed)
         drawn, _ = sample_locations(start, n_supports, generator)
         part, before = (Mesh(m.vertices, m.faces[drawn]) for m in (mesh, start))
         return compare("sliced", reweighted(part, before, normal_scale), goal, n_directions, seed)

@@ -73,5 +73,8 @@ def test_supports(of_all, of_carried, status):
         f"From 5120 to 20480 faces the memory of a step grows {of_all:g}-fold with all supports, 1.5-fold"
         in verdict.ours
     )
-    assert "0.03 mm with all 5120; with fewer, change [95 %] in mm: 125 (+0.200 [+0.100, +0.300])" in verdict.ours
+    assert (
+        "0.03 mm with all 5120; with fewer, change [95 %] in mm: 125 drawn after the flow (+0.200 [+0.100, +0.300])"
+        in verdict.ours
+    )
     assert verdict.numbers.count("| drawn before the flow |") == 6

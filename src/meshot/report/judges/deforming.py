@@ -90,6 +90,7 @@ def judge_supports(record: dict) -> Verdict:
 
 
 _VARIANTS = {"all": "all faces", "drawn": "drawn after the flow", "carried": "drawn before the flow"}
+_NAMES = _VARIANTS | {"through": "drawn after the flow, gradients through the areas"}
 
 
 def _costs(record: dict, loss: str, variant: str) -> list[dict]:
@@ -107,7 +108,7 @@ def _supports_sentence(record: dict, growths: dict[tuple[str, str], float]) -> s
     rows = _costs(record, "sliced", "all")
     enough = [row["n_faces"] for row in rows if row["n_faces"] >= record["config"]["cost"]["n_supports"]]
     changes = ", ".join(
-        f"{row['n_supports']} ({'' if row['variant'] == 'drawn' else 'before the flow, '}{row['assd_gap']:+.3f} "
+        f"{row['n_supports']} {_NAMES[row['variant']]} ({row['assd_gap']:+.3f} "
         f"[{row['assd_low']:+.3f}, {row['assd_high']:+.3f}])"
         for row in record["results"]["differences"]
     )
@@ -137,7 +138,7 @@ def _cost_rows(record: dict) -> list[dict]:
 def _fit_rows(record: dict) -> list[dict]:
     rows = []
     for row in record["results"]["fits"]:
-        cells = {"supports": _VARIANTS[row["variant"]], "number": str(row["n_supports"])}
+        cells = {"supports": _NAMES[row["variant"]], "number": str(row["n_supports"])}
         for name, title in (("assd", "ASSD, mm"), ("edge_variation", "edge length variation")):
             cells[title] = f"{digits(row[f'{name}_mean'], 3)} ± {digits(row[f'{name}_sd'], 2)}"
         rows.append(cells | {"crossing faces": digits(row["intersecting_faces_mean"], 3), "seeds": str(row["n_seeds"])})
