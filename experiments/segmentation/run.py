@@ -1,0 +1,148 @@
+"""What the segmentation network and the way to the initial surface reach on held-out subjects.
+
+Run as ``python experiments/segmentation/run.py`` once both cohorts and the weights are there; ``--cohorts``,
+``--weights`` and ``--output`` take others. Every finished hemisphere is kept in a file beside the output, so that a run
+that was stopped goes on where it was.
+"""
+
+import argparse
+import dataclasses
+import functools
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+import yaml
+from summary import summary
+
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.topology import topology
+from meshot.metrics.surface import Surface, average_surface_distance, hausdorff_distance
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.segmentation_weights import read_segmentation_weights
+from meshot.pipeline.segmentation import in_scanner, segment
+from meshot.pipeline.segmentation_surface import segmented_surface
+from meshot.report.results import write_results
+from meshot.report.resume import finished
+from meshot.synth.anatomy import HEMISPHERES
+from meshot.synth.cohort import Subject, scans
+from meshot.volume.isosurface import isosurface
+from meshot.volume.tissue import dice
+from meshot.volume.volume import Volume
+from meshot.volume.voxelise import enclosed_fractions
+
+HERE = Path(__file__).parent
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Seen:
+    """A subject's scan and what the network says of it, kept while both hemispheres are measured."""
+
+    scan: object
+    probability: dict[str, Volume]
+    seconds: float
+
+
+def measured(subject: Subject, side: str, seen: Seen, n_points: int, seed: int) -> dict:
+    """Every number of one hemisphere; distances in mm, in scanner space."""
+    started = time.process_time()
+    surface = segmented_surface(seen.probability[side])
+    mesh = in_scanner(surface.mesh, seen.scan)
+    seconds = time.process_time() - started
+    truth = subject.surface("white", side)
+    fractions = enclosed_fractions(subject.surface("white", side, "standard"), seen.scan.volume)
+    before, after = topology(isosurface(surface.mask.with_data(surface.mask.data.astype(float)))), topology(mesh)
+    n_mask, n_ball = int(surface.mask.data.sum()), int(surface.genus_zero_mask.data.sum())
+    there, back = offsets(mesh, truth, n_points, seed)
+    return {
+        "kind": subject.participant.kind,
+        "dice": dice(seen.probability[side].data > 0.5, fractions > 0.5),
+        "mean_absolute_error_of_fractions": float(
+            np.abs(seen.probability[side].data - fractions)[fractions > 0].mean()
+        ),
+        "n_voxels": n_mask,
+        "n_voxels_given_up": n_mask - n_ball,
+        "euler_number_of_mask": before.euler_number,
+        "nonmanifold_edges_of_mask": before.n_nonmanifold_edges,
+        "n_faces": len(mesh.faces),
+        "euler_number": after.euler_number,
+        "components": after.n_components,
+        "nonmanifold_edges": after.n_nonmanifold_edges,
+        "boundary_edges": after.n_boundary_edges,
+        "self_intersecting_faces": len(self_intersecting_faces(mesh)),
+        "assd_mm": average_surface_distance(there, back),
+        "hausdorff90_mm": hausdorff_distance(there, back),
+        "from_truth_alone": from_truth(subject, side, seen.scan, fractions, n_points, seed),
+        "cpu_seconds_network": seen.seconds,
+        "cpu_seconds_surface": seconds,
+    }
+
+
+def from_truth(subject: Subject, side: str, scan: object, fractions: np.ndarray, n_points: int, seed: int) -> dict:
+    """The same way from the true fractions: what the grid itself costs, with no network."""
+    surface = segmented_surface(scan.volume.with_data(fractions))
+    there, back = offsets(in_scanner(surface.mesh, scan), subject.surface("white", side), n_points, seed)
+    n_given_up = int(surface.mask.data.sum() - surface.genus_zero_mask.data.sum())
+    return {"assd_mm": average_surface_distance(there, back), "n_voxels_given_up": n_given_up}
+
+
+def offsets(mesh: object, truth: object, n_points: int, seed: int) -> tuple:
+    """From each surface to the other."""
+    first, second = Surface(mesh), Surface(truth)
+    return second.offsets(first.sample(n_points, seed)), first.offsets(second.sample(n_points, seed + 1))
+
+
+def parsed(words: list[str] | None) -> argparse.Namespace:
+    """What was asked for; the configuration where nothing was."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cohorts", nargs="+", help="folders, in place of those of config.yaml")
+    parser.add_argument("--weights", help="a file, in place of that of config.yaml")
+    parser.add_argument("--output", default=HERE / "results.json", type=Path, help="where the results go")
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Every held-out hemisphere, then the results."""
+    asked = parsed(words)
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    config |= {key: value for key in ("cohorts", "weights") if (value := getattr(asked, key)) is not None}
+    torch.set_num_threads(config["n_threads"])
+    network, record = read_segmentation_weights(config["weights"])
+    subjects = {f"{Path(c).name}/{s.name}": s for c in config["cohorts"] for s in scans(c, config["split"])}
+
+    @functools.lru_cache(maxsize=1)
+    def seen(name: str) -> Seen:
+        scan, started = subjects[name].standard(), time.process_time()
+        return Seen(scan, segment(scan.volume, network), time.process_time() - started)
+
+    def work(task: dict) -> dict:
+        found = seen(task["subject"])
+        return measured(subjects[task["subject"]], task["side"], found, config["n_points"], config["seed"])
+
+    tasks = [{"subject": name, "side": side} for name in subjects for side in HEMISPHERES]
+    partial = asked.output.with_suffix(".partial")
+    rows = finished(tasks, work, partial, time.process_time)
+    hemispheres = [row["task"] | row["found"] for row in rows]
+    results = {"hemispheres": hemispheres, "summary": summary(hemispheres), "weights": described(network, record)}
+    seconds = sum(row["seconds"] for row in rows)
+    write_results(
+        asked.output, results, config, "python experiments/segmentation/run.py", data_of(config["cohorts"]), seconds
+    )
+    partial.unlink()
+
+
+def described(network: SegmentationNetwork, record: dict) -> dict:
+    """Where the weights come from."""
+    kept = {key: record[key] for key in ("command", "commit", "date", "network", "training", "cohorts", "machine")}
+    about = {key: record["results"][key] for key in ("best_step", "n_steps", "cpu_seconds", "data")}
+    return kept | about | {"n_weights": sum(p.numel() for p in network.parameters())}
+
+
+def data_of(cohorts: list[str]) -> str:
+    """What the numbers stand on."""
+    return f"held-out subjects of the synthetic cohorts {', '.join(Path(cohort).name for cohort in cohorts)}"
+
+
+if __name__ == "__main__":
+    main()
