@@ -46,7 +46,10 @@ class Window:
 
 
 def sections_figure(panels: Mapping[str, tuple[Window, Mesh]], target: Mesh, columns: int = 3) -> Figure:
-    """Each damaged surface over its target, in its window: the target grey and wide, the damaged one thin."""
+    """Each damaged surface over its target, in its window: the target grey and wide, the damaged one thin.
+
+    Dots are where the plane crosses the edges of the damaged mesh: they say how finely it is cut.
+    """
     rows = math.ceil(len(panels) / columns)
     size = (WIDTH, WIDTH / columns * 1.16 * rows + 0.4)
     figure, axes = plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False)
@@ -54,11 +57,14 @@ def sections_figure(panels: Mapping[str, tuple[Window, Mesh]], target: Mesh, col
         ax.set_visible(False)
     for ax, (name, (window, mesh)) in zip(axes.flat, panels.items()):
         ax.add_collection(LineCollection(window.lines(target), colors=TARGET, linewidths=4, alpha=0.6))
-        ax.add_collection(LineCollection(window.lines(mesh), colors=VERMILLION, linewidths=1.4))
+        lines = window.lines(mesh)
+        ax.add_collection(LineCollection(lines, colors=VERMILLION, linewidths=1.4))
+        ax.plot(*lines.reshape(-1, 2).T, ".", color=VERMILLION, markersize=3)
         ax.set(xlim=(-window.half, window.half), ylim=(-window.half, window.half), aspect="equal")
         ax.set(xticks=[], yticks=[])
         ax.set_title(name, fontsize=11)
-    _draw_length(axes[0, 0], next(iter(panels.values()))[0].half)
+        ax.spines[:].set_visible(True)
+        _draw_length(ax, window.half)
     return figure
 
 
@@ -74,7 +80,7 @@ def ratio_figure(
     names: Sequence[str],
     metrics: Sequence[str],
     label: str,
-    limits: tuple[float, float] = (1.0, 30.0),
+    limits: tuple[float, float] = (2.0, 50.0),
 ) -> Figure:
     """A table whose cells are coloured by how far each value stands above its yardstick.
 

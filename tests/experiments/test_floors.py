@@ -1,0 +1,126 @@
+"""The floors: committed numbers belong to the configuration, and small slices make some of them again."""
+
+import importlib
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "floors"
+NAMES = ("run", "samples", "extrapolation", "readings")
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name, forgotten afterwards."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    for name in NAMES:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    return importlib.import_module
+
+
+@pytest.fixture(scope="module")
+def record():
+    return read_results(FOLDER / "results.json")
+
+
+def row_of(record, metric, surface="white left", setting=None):
+    rows = record["results"]["floors"]
+    (row,) = [r for r in rows if (r["metric"], r["surface"], r["setting"]) == (metric, surface, setting or {})]
+    return row
+
+
+def values(row, m):
+    (group,) = [group for group in row["measured"] if group["m"] == m]
+    return group["values"]
+
+
+def test_committed_results_are_whole(record, part):
+    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+    as_stored = yaml.safe_load(yaml.safe_dump(record["config"]))
+    # JSON has made strings of the numbers of points.
+    assert as_stored == {k: strings(v) for k, v in config.items()}
+    n_tasks = len(part("run").all_tasks(config))
+    measured = [group["values"] for row in record["results"]["floors"] for group in row["measured"]]
+    assert sum(map(len, measured)) == n_tasks
+
+
+def strings(value):
+    if isinstance(value, dict):
+        return {str(key): strings(item) for key, item in value.items()}
+    return value
+
+
+@pytest.mark.parametrize(
+    ("metric", "m", "surface", "setting"),
+    [
+        ("exact_w2", 500, "white left", {}),
+        ("exact_w2", 500, "pial right", {}),
+        ("exact_w1", 1000, "white left", {}),
+        ("sw2", 10_000, "pial left", {}),
+        ("point_to_point", 10_000, "white right", {}),
+        ("sinkhorn", 1000, "white left", {"blur": 0.05, "debias": True}),
+    ],
+)
+def test_a_committed_value_is_made_again(record, part, metric, m, surface, setting):
+    task = {"metric": metric, "m": m, "surface": surface.split(), "seed": 1, "setting": setting, "scaling": 0.5}
+    found = part("samples").measured(task)
+    assert found == pytest.approx(values(row_of(record, metric, surface, setting), m)[1], rel=1e-5)
+
+
+def test_laws_pass_through_what_obeys_them(part):
+    laws = part("extrapolation")
+    power = {m: [3 * m**-0.4] * 4 for m in (100, 1000, 10_000)}
+    assert laws.power_law(power, 100_000) == pytest.approx(3 * 1e5**-0.4)
+    area, c = 50_000.0, -0.7
+    matched = {m: [math.sqrt(area * (math.log(m) + c) / (2 * math.pi * m))] * 3 for m in (1000, 8000)}
+    wanted = math.sqrt(area * (math.log(1e5) + c) / (2 * math.pi * 1e5))
+    assert laws.matching_law(area)(matched, 100_000) == pytest.approx(wanted)
+    found = laws.with_interval(laws.power_law, power, 100_000, 20, 0)
+    assert found["low"] == pytest.approx(found["high"]) == pytest.approx(found["value"])
+
+
+def test_the_law_of_matching_holds_on_a_flat_torus():
+    """Two samples of the unit square with opposite sides joined: log m / (2π m) and a constant that does not grow."""
+    import ot
+
+    generator, constants = np.random.default_rng(0), []
+    for m, n in ((100, 60), (800, 12)):
+        costs = []
+        for _ in range(n):
+            x, y = generator.random((m, 2)), generator.random((m, 2))
+            apart = np.abs(x[:, None] - y[None])
+            cost = np.square(np.minimum(apart, 1 - apart)).sum(axis=2)
+            costs.append(ot.emd2(np.full(m, 1 / m), np.full(m, 1 / m), cost))
+        constants.append(2 * math.pi * m * np.mean(costs) - math.log(m))
+    assert constants[0] == pytest.approx(constants[1], abs=0.6)
+    assert abs(constants[1]) < math.log(800)
+
+
+def test_floors_are_where_other_evidence_puts_them(record):
+    area = record["results"]["areas_mm2"]["white left"]
+    near = np.mean(values(row_of(record, "point_to_point"), 100_000))
+    assert near == pytest.approx(math.sqrt(area / 1e5) / 2, rel=0.01)  # a random scatter on a plane
+    exact = row_of(record, "exact_w2")
+    for m in (1000, 4000):
+        assert np.mean(values(row_of(record, "exact_w1"), m)) < np.mean(values(exact, m))
+    sliced = np.mean(values(row_of(record, "sw2"), 1000))
+    assert sliced < np.mean(values(exact, 1000)) / math.sqrt(3)
+    assert all(0.9 < law["value"] < 1.5 for law in exact["at_target"].values())
+
+
+def test_readings_follow_from_the_floors(record, part):
+    results = record["results"]
+    assert part("readings").paper_number() == results["number_mm"] == 0.702
+    again = part("readings").emd_readings(results["floors"], record["config"]["from_m"])
+    for one, other in zip(again, results["readings"], strict=True):
+        assert one["reading"] == other["reading"]
+        assert [one["low"], one["high"]] == pytest.approx([other["low"], other["high"]], rel=1e-4)
+    w2, _, half_root, half, *_ = results["readings"]
+    assert half_root["low"] == pytest.approx(w2["low"] / math.sqrt(2), rel=1e-4)
+    assert half["high"] == pytest.approx(w2["high"] ** 2 / 2, rel=1e-4)
