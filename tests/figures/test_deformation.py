@@ -100,9 +100,20 @@ def test_the_button_plays_to_the_end_from_the_keyboard(file, context):
         assert "pause" in page.locator(".controls button").text_content()
         page.wait_for_function("() => document.querySelector('output').textContent === 't = 1.00'", timeout=5000)
         page.wait_for_function("() => document.querySelector('.controls button').textContent.includes('play')")
+        assert troubles == []
+
+
+def test_the_slider_keeps_the_focus_when_it_opens_the_view(file, context):
+    with watched_page(context, file) as (page, troubles):
         page.locator(".controls input").focus()
         page.keyboard.press("ArrowLeft")
-        assert page.locator("output").text_content() == "t = 0.50"
+        page.wait_for_selector("canvas")
+        page.keyboard.press("ArrowLeft")
+        assert page.locator("output").text_content() == "t = 0.25"
+        page.locator(".back").click()
+        page.locator(".surface-scene .start").click()
+        page.wait_for_selector("canvas")
+        assert page.evaluate("() => document.activeElement.tagName") == "CANVAS"
         assert troubles == []
 
 

@@ -10,7 +10,7 @@ SCRIPT = r"""
   const find = (name) => root.querySelector(name);
   const stage = find(".stage"), start = find(".start"), hint = find(".hint"), help = find(".help");
   const names = find(".names");
-  let shown = 0, stop = null, show = () => open();
+  let shown = 0, stop = null, show = (calm) => open(calm);
 
   // Integers: differences zigzagged into three planes of bytes, so that small ones deflate well.
   async function unpack() {
@@ -112,7 +112,7 @@ SCRIPT = r"""
     return axis ? [[c, 0, s], [0, 1, 0], [-s, 0, c]] : [[1, 0, 0], [0, c, -s], [0, s, c]];
   };
 
-  async function open() {
+  async function open(calm) {
     if (stop) { return; }
     stop = () => {};
     const canvas = document.createElement("canvas");
@@ -190,17 +190,17 @@ SCRIPT = r"""
       gl.getExtension("WEBGL_lose_context")?.loseContext();
       start.hidden = false;
       help.hidden = true;
-      show = () => open();
+      show = (calm) => open(calm);
       stop = null;
       start.focus();
     };
-    canvas.focus({ preventScroll: true });
+    if (calm !== true) { canvas.focus({ preventScroll: true }); }
     draw();
   }
   hint.textContent = "click, or press Enter, to turn it";
   start.addEventListener("click", open);
   find(".back").addEventListener("click", () => stop && stop());
-  root.showItem = (i) => { shown = i; show(); };  // for pages that bring controls of their own
+  root.showItem = (i) => { shown = i; show(true); };  // for controls of a page, which keep the focus
   if (data.items.length > 1) {
     names.hidden = false;
     data.items.forEach((item, i) => {
