@@ -16,7 +16,7 @@ matplotlib.use("agg")
 import matplotlib.pyplot as plt
 
 from browser import offline_browser, watched_page
-from meshot.figures.planted import Window, ratio_figure, sections_figure
+from meshot.figures.planted import Window, ratio_figure, round_length, sections_figure
 from meshot.figures.planted_player import PlantedState, planted_player
 from meshot.mesh.shapes import icosphere
 from meshot.synth.defects import shifted
@@ -75,6 +75,11 @@ def test_sections_show_target_and_error():
     plt.close(figure)
 
 
+@pytest.mark.parametrize(("half", "length"), [(22, 10), (16, 5), (8, 2), (4, 2), (0.3, 0.1)])
+def test_bars_of_scale_are_round(half, length):
+    assert round_length(half) == pytest.approx(length)
+
+
 def test_the_table_colours_what_stands_out():
     figure = ratio_figure(
         [["a", "b"], ["c", "d"]], np.array([[0.5, 3.0], [np.inf, 2.0]]), ["x", "y"], ["p", "q"], "times"
@@ -117,7 +122,8 @@ def test_choosing_and_sliding(file, context):
         assert (shown(page)["error"], shown(page)["size"]) == ("one & only", "2 mm")
         assert slider.is_disabled()
         assert "Seen by none" in page.get_by_role("status").text_content()
-        assert page.locator(".planted svg path").count() == 2
+        assert page.locator(".planted svg path").count() == 3  # target, error, scale
+        assert page.locator(".planted svg text").text_content() == "2 mm"
         assert troubles == []
 
 

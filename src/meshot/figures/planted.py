@@ -69,9 +69,15 @@ def sections_figure(panels: Mapping[str, tuple[Window, Mesh]], target: Mesh, col
 
 
 def _draw_length(ax: Axes, half: float) -> None:
-    length = 10.0 ** math.floor(math.log10(half))
+    length = round_length(half)
     ax.plot([0.92 * half - length, 0.92 * half], [-0.88 * half] * 2, color="0.2", linewidth=2)
-    ax.text(0.92 * half - length / 2, -0.84 * half, f"{length:g} mm", ha="center", va="bottom", fontsize=10)
+    ax.text(0.94 * half, -0.84 * half, f"{length:g} mm", ha="right", va="bottom", fontsize=10)
+
+
+def round_length(half: float) -> float:
+    """The longest of 1, 2, 5, 10, … that is at most half of ``half``: what a bar of scale shows."""
+    magnitude = 10.0 ** math.floor(math.log10(half / 2))
+    return magnitude * max(step for step in (1, 2, 5) if step * magnitude <= half / 2)
 
 
 def ratio_figure(

@@ -8,6 +8,7 @@ PAGE = """
 .planted img { max-width: 100%; background: #fff; }
 .planted .parts { display: flex; flex-wrap: wrap; gap: .5rem 1rem; align-items: flex-start; }
 .planted svg { flex: 1 1 17rem; max-width: 22rem; background: #fff; }
+.planted svg text { font-family: sans-serif; fill: #1a1a1a; }
 .planted .bars { flex: 1 1 17rem; font-size: .9rem; }
 .planted .controls { display: flex; gap: .5rem .75rem; align-items: center; margin: .3rem 0; flex-wrap: wrap; }
 .planted select { font: inherit; padding: .2rem; color: #1a1a1a; background: #fff; }
@@ -16,7 +17,7 @@ PAGE = """
 .planted p { margin: .4rem 0; font-variant-numeric: tabular-nums; }
 .planted .row { display: grid; grid-template-columns: 8.5rem 1fr 4.6rem; gap: .4rem; align-items: center; }
 .planted .row b { font-weight: normal; text-align: right; font-variant-numeric: tabular-nums; }
-.planted .track { position: relative; height: 1.1rem; background: #eee; overflow: hidden; }
+.planted .track { position: relative; height: .9rem; margin: .12rem 0; background: #eee; overflow: hidden; }
 .planted .track i { position: absolute; top: 0; bottom: 0; left: 0; background: #0072B2; }
 .planted .track i.hidden-by-noise { background: #b5b5b5; }
 .planted .track u { position: absolute; top: 0; bottom: 0; left: 33.333%; border-left: 2px solid #1a1a1a; }
@@ -79,6 +80,14 @@ BEHAVIOUR = """
     svg.replaceChildren();
     draw(error.target, "#8c8c8c", 4, 0.6);
     draw(state.lines, "#D55E00", 1.5, 1);
+    const right = 95 - 100 * error.bar / error.half;
+    draw([right, -92, 95, -92], "#1a1a1a", 1.5, 1);
+    const words = document.createElementNS(SVG, "text");
+    for (const [key, value] of Object.entries({ x: 95, y: 88, "text-anchor": "end", "font-size": 9 })) {
+      words.setAttribute(key, value);
+    }
+    words.textContent = `${error.bar} mm`;
+    svg.append(words);
     const seen = [];
     state.values.forEach((text, k) => {
       const ratio = state.ratios[k] === null ? Infinity : state.ratios[k], bar = rows[k].querySelector("i");

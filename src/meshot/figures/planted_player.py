@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 
-from meshot.figures.planted import Window, sections_figure
+from meshot.figures.planted import Window, round_length, sections_figure
 from meshot.figures.planted_page import BEHAVIOUR, PAGE
 from meshot.mesh.mesh import Mesh
 
@@ -116,7 +116,8 @@ def _error(name: str, target: Mesh, window: Window, states: Sequence[PlantedStat
         }
         for state in states
     ]
-    return {"name": name, "target": _flat(window, target), "states": listed}
+    frame = {"half": window.half, "bar": round_length(window.half)}
+    return {"name": name} | frame | {"target": _flat(window, target), "states": listed}
 
 
 def _flat(window: Window, mesh: Mesh) -> list[float]:

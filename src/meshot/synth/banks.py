@@ -71,7 +71,7 @@ def with_bridge(mesh: Mesh, narrowest: float = 2.0, widest: float = 8.0) -> Mesh
     Raises
     ------
     ValueError
-        As :func:`facing_banks`, or if every tube would cross the surface.
+        As :func:`meshot.synth.banks.facing_banks`, or if every tube would cross the surface.
     """
     banks = facing_banks(mesh, narrowest, widest)
     n_crossing, wanted = len(self_intersecting_faces(mesh)), euler_number(mesh) - 2
@@ -105,7 +105,7 @@ def with_crossing(mesh: Mesh, depth: float, narrowest: float = 1.0, widest: floa
     Raises
     ------
     ValueError
-        As :func:`facing_banks`, or if the depth is not positive.
+        As :func:`meshot.synth.banks.facing_banks`, or if the depth is not positive.
     """
     if not depth > 0:
         raise ValueError(f"depth is {depth!r}; a length > 0 is needed, how far beyond the other bank")
