@@ -40,10 +40,9 @@ def tasks(config: dict) -> list[dict]:
     for pair, spacings in fits["spacings"].items():
         arms = itertools.product([pair], fits["losses"], fits["encodings"], spacings, fits["seeds"])
         todo += [{"table": "fits"} | dict(zip(names, arm)) for arm in arms]
-    for arm, seed in itertools.product(carried["arms"], fits["seeds"]):
-        todo.append({"table": "fits"} | dict(zip(names, (carried["pair"], *arm, fits["finest"], seed))))
-    for arm, seed in itertools.product(carried["arms"], fits["seeds"]):
-        todo.append({"table": "carried"} | dict(zip(names, (carried["pair"], *arm, carried["spacing"], seed))))
+    arms = list(itertools.product(carried["arms"], fits["seeds"]))
+    for table, spacing in (("carried", carried["spacing"]), ("fits", fits["finest"])):
+        todo += [{"table": table} | dict(zip(names, (carried["pair"], *arm, spacing, seed))) for arm, seed in arms]
     return todo
 
 
