@@ -5,11 +5,13 @@ from meshot.teach.cost_exercises import blocked_chamfer, growth_exponent, merged
 from meshot.teach.deforming_exercises import edge_variation, equal_time, safe_steps
 from meshot.teach.descent_exercises import largest_rate, line_pull, nearest_pull
 from meshot.teach.flow_exercises import euler_flow, pieces_needed, undo_step
+from meshot.teach.imaging_exercises import grid_affine, noise_from_air, pixel_share
 from meshot.teach.line_exercises import quantiles, transport_cost, weight_gradient
 from meshot.teach.measure_exercises import face_weights, is_inside_out, scale_for_share, tent_density
 from meshot.teach.ruler_exercises import breaks_bound, pairs_left, two_sided, without_floor
 from meshot.teach.scan_exercises import handles, is_simple, surface_ras
 from meshot.teach.slicing_exercises import ghost_pair, lines_needed, sliced_cost
+from meshot.teach.surface_exercises import mask_euler, row_distance, soft_overlap
 from meshot.teach.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
@@ -22,6 +24,7 @@ __all__ = [
     "euler_flow",
     "face_weights",
     "ghost_pair",
+    "grid_affine",
     "growth_exponent",
     "handles",
     "is_inside_out",
@@ -29,17 +32,22 @@ __all__ = [
     "largest_rate",
     "line_pull",
     "lines_needed",
+    "mask_euler",
     "mean_gap",
     "merged_cells",
     "nearest_pull",
+    "noise_from_air",
     "pairs_left",
     "pieces_needed",
+    "pixel_share",
     "points_needed",
     "quantiles",
+    "row_distance",
     "safe_steps",
     "scale_for_share",
     "sliced_cost",
     "smallest_flip",
+    "soft_overlap",
     "surface_ras",
     "tent_density",
     "transport_cost",
