@@ -11,9 +11,9 @@ from meshot.types import Float, Tensor
 from meshot.volume.volume import Volume
 from meshot.volume.voxelise import enclosed_fractions
 
-_VOXEL = 1.25  # mm
-_BLUR = 1.5  # mm
-_FLAT = 0.01  # per mm: below it the blurred edge has no direction
+_VOXEL = 1.0  # mm
+_BLUR = 1.3  # mm
+_FLAT = 0.02  # per mm: below it the blurred edge has no direction
 _STEP = 0.25  # mm
 _MARGIN = 4.0  # mm, beyond the largest distance
 
@@ -21,7 +21,7 @@ _MARGIN = 4.0  # mm, beyond the largest distance
 def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
     """Every vertex of a closed surface carried that far outwards (mm; inwards if negative), or as far as there is room.
 
-    The vertices follow the flow of one smooth field: down the gradient of the enclosed space, blurred by 1.5 mm, at
+    The vertices follow the flow of one smooth field: down the gradient of the enclosed space, blurred by 1.3 mm, at
     unit speed, and slower where banks face each other, where the gradient vanishes. Trajectories do not meet, so a
     sulcus closes up to a slit and its banks stop there. A vertex halts when it is as far from where it began as asked
     for, or when the time for the farthest is twice over.

@@ -7,23 +7,28 @@ from meshot.flow.spline import spline_values
 from meshot.mesh.geometry import face_areas
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import icosphere
+from meshot.mesh.smoothing import laplacian_smoothing
 from meshot.rng import Generator, numpy_generator
 from meshot.synth.anatomy import Hemisphere
-from meshot.synth.folding import WALL_GAP, WALL_THICKNESS
+from meshot.synth.folding import WALL_THICKNESS
 from meshot.synth.offset import offset_surface
 from meshot.synth.warp import VARIATION_MM, smooth_variation
 from meshot.types import Bool, Float, Tensor
 
-LATERAL, MEDIAL, LENGTH, HEIGHT = 50.0, 14.0, 80.0, 54.0  # mm, half-axes of the hull; medial is towards the other half
-_DEPTH = 13.0  # mm of the sulci, where folding is 1
+LATERAL, MEDIAL, LENGTH, HEIGHT = 53.0, 15.0, 83.0, 57.0  # mm, half-axes of the hull; medial is towards the other half
+_DEPTH = 16.0  # mm of the sulci, where folding is 1
 _MEDIAL_DEPTH = 0.55  # of it towards the other hemisphere, where the body is thin
-_DEEPEST = 19.0  # mm
-WAVELENGTH = 21.0  # mm; the zeros of a wave lie half of it apart, and so do sulci
+_DEEPEST = 21.0  # mm
+WAVELENGTH = 22.0  # mm; the zeros of a wave lie half of it apart, and so do sulci
 _BANDWIDTH = 0.18  # of the wave number
-_SULCUS = 0.6  # the value of the noise at which a bank is half-way up
+_SULCUS = 0.7  # the sine of the phase at which a bank is half-way up, nearly
+_BLUNT = 0.3  # keeps the phase smooth where the noise and its gradient are both near zero
+_SMOOTHINGS = 8  # of the white surface, which take the edge off the steepest banks
+_PIAL_SMOOTHINGS = 2  # for banks that meet in a slit
 _SPACING = 3.0  # mm between the samples of the noise
 _SPREADING = 25  # rounds of moving vertices to where the surface is large
 _LARGEST_PULL = 6.0
+_WALL_GAP = 0.3  # mm; the flow that lifts the pial surface is not exactly normal, and .1 would be too little
 _APART = 1.5  # mm from the midline to the pial surface, at least
 
 
@@ -48,7 +53,7 @@ def procedural_cortex(
     subdivisions : int
         Of an icosahedron.
     folding : float
-        Depth of the sulci, 1 being 13 mm.
+        Depth of the sulci, 1 being 16 mm.
     thickness, thickness_variation : float
         Of the cortex, in mm, and how it varies from place to place as a part of it (standard deviation).
     atrophy : float
@@ -60,10 +65,11 @@ def procedural_cortex(
     sphere = icosphere(subdivisions)
     directions = _spread(sphere, body)
     outside = 1 - body.wall(directions)
-    white = sphere.with_vertices(body.surface(directions))
+    white = laplacian_smoothing(sphere.with_vertices(body.surface(directions)), _SMOOTHINGS)
     white = offset_surface(white, torch.full_like(outside, -atrophy))
     varied = 1 + thickness_variation * smooth_variation(white.vertices, VARIATION_MM, rng)[:, 0]
-    pial = offset_surface(white, (thickness * varied * outside).clamp(min=WALL_GAP))
+    pial = offset_surface(white, (thickness * varied * outside).clamp(min=_WALL_GAP))
+    pial = laplacian_smoothing(pial, _PIAL_SMOOTHINGS)
     return white, pial, thickness * outside < WALL_THICKNESS
 
 
@@ -77,8 +83,11 @@ class _Body:
     def surface(self, directions: Float[Tensor, "V 3"]) -> Float[Tensor, "V 3"]:
         """The white surface, in mm."""
         middle = self._layer(directions, torch.full_like(directions[:, 0], 0.4 * self.depth))
-        noise = spline_values(self.noise, (middle - self.lower) / _SPACING)[:, 0]
-        height = noise.square() / (noise.square() + _SULCUS**2)
+        values, slopes = (spline_values(field, (middle - self.lower) / _SPACING) for field in self.noise)
+        squared = values[:, 0].square()
+        # Like sin²(2π d/λ) at the distance d from a zero: then all sulci are about equally wide.
+        phase = squared / (squared + slopes.square().sum(dim=1) * (WAVELENGTH / (2 * np.pi)) ** 2 + _BLUNT)
+        height = (1 + _SULCUS**2) * phase / (phase + _SULCUS**2)
         wall = self.wall(directions)
         return self._layer(directions, self.depth * (1 - torch.lerp(height, torch.full_like(height, 0.5), wall)))
 
@@ -95,16 +104,19 @@ class _Body:
         return torch.stack([across * x + midline, (LENGTH - inset) * y, (HEIGHT - inset) * z], dim=1)
 
 
-def _noise(rng: np.random.Generator) -> tuple[Float[Tensor, "X Y Z 3"], Float[Tensor, " 3"]]:
-    """Noise whose wavelengths lie around ``WAVELENGTH``, as spline coefficients, and where the first node lies."""
+def _noise(rng: np.random.Generator) -> tuple[tuple[Tensor, Tensor], Float[Tensor, " 3"]]:
+    """Noise whose wavelengths lie around ``WAVELENGTH`` and its gradient, as splines, and where the first node lies."""
     lower = -np.array([LATERAL + MEDIAL + 16, LENGTH + 10, HEIGHT + 10])
     shape = np.ceil(-2 * lower / _SPACING).astype(int)
     waves = np.fft.fftn(rng.standard_normal(tuple(shape)))
     frequencies = np.meshgrid(*[np.fft.fftfreq(n, _SPACING) for n in shape], indexing="ij")
     numbers = WAVELENGTH * np.sqrt(sum(f**2 for f in frequencies))
-    band = np.fft.ifftn(waves * np.exp(-(((numbers - 1) / _BANDWIDTH) ** 2) / 2)).real
-    band = torch.from_numpy(band / (0.9 * band.std()))  # 0.9: what the spline leaves of a wave this long
-    return band[..., None].expand(-1, -1, -1, 3), torch.from_numpy(lower)
+    waves *= np.exp(-(((numbers - 1) / _BANDWIDTH) ** 2) / 2)
+    waves /= np.fft.ifftn(waves).real.std()
+    band = np.fft.ifftn(waves).real
+    slopes = [np.fft.ifftn(2j * np.pi * f * waves).real for f in frequencies]
+    splines = [torch.from_numpy(np.stack(parts, axis=-1)) for parts in ([band] * 3, slopes)]
+    return tuple(splines), torch.from_numpy(lower)
 
 
 def _spread(sphere: Mesh, body: _Body) -> Float[Tensor, "V 3"]:

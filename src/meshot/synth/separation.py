@@ -12,7 +12,7 @@ from meshot.types import Float, Int64, Tensor
 #: Vertices lie on a lattice of 2⁻¹³ mm, so that single precision holds them exactly and the last bit of a sum, which
 #: differs between CPUs, does not show.
 LATTICE = 2.0**-13
-_REACH = 8.0  # mm around crossing faces
+_REACH = 4.0  # mm around crossing faces
 _ROUNDS = 5
 _SMOOTHINGS = 60
 
