@@ -36,7 +36,7 @@ class Alignment:
 
     @property
     def residue(self) -> float:
-        """What the motion leaves, in units of the vertices: the two surfaces differ by it, or the search stopped."""
+        """What the motion leaves, in units of the vertices; the surfaces differ by it, or the search stopped early."""
         return self.residues[-1]
 
     @property
