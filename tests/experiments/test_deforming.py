@@ -1,0 +1,188 @@
+"""Seven losses on one field: committed results belong to their configuration, and a slice rebuilds what they say."""
+
+import importlib
+import itertools
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from scipy import stats
+
+from meshot import Mesh
+from meshot.mesh.geometry import signed_volume
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.shapes import icosphere
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "deforming"
+ARM = ("loss", "encoding", "supports")
+SETTING = ("target", "start", "seed")
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name, free of namesakes in other experiments."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    own = [path.stem for path in FOLDER.glob("*.py")]
+    for name in own:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    yield importlib.import_module
+    for name in own:
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return read_results(FOLDER / "results.json")
+
+
+@pytest.fixture(scope="module")
+def config():
+    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def chosen(rows, **keys):
+    return [row for row in rows if all(row[name] == value for name, value in keys.items())]
+
+
+def test_every_planned_fit_is_there_or_named_as_missing(part, record, config):
+    assert record["config"] == config
+    results = record["results"]
+    names = (*SETTING, *ARM, "learning_rate")
+    done = [{name: fit[name] for name in names} for fit in results["fits"]]
+    planned = part("run").planned_fits(config)
+    assert sorted(map(repr, done + results["missing"])) == sorted(map(repr, planned))
+    assert all(task["loss"] == "sinkhorn" for task in chosen(results["missing"], target="folded"))
+    assert len(config["targets"]["folded"]["seeds"]) >= 5
+    for fit in results["fits"]:
+        curve = fit["curve"]
+        assert all(len(entries) == config["n_checks"] + 1 for entries in curve.values())
+        assert curve["iteration"][-1] == config["targets"][fit["target"]]["n_iterations"] == fit["n_iterations"]
+        assert curve["assd"][-1] == pytest.approx(fit["end"]["assd"], rel=1e-4)
+        assert all(a < b for a, b in itertools.pairwise(curve["seconds"]))
+
+
+def test_every_arm_has_all_supports_or_few_and_sinkhorn_never_more_than_the_others(part, config):
+    arms = part("arms").planned_arms(config)
+    assert len({tuple(arm[name] for name in ARM) for arm in arms}) == len(arms) == 11
+    assert config["few_supports"] <= 2000
+    few = [arm for arm in arms if arm["supports"] == config["few_supports"]]
+    assert {(a["loss"], a["encoding"]) for a in few} == {
+        (loss, encoding) for loss in ("sliced", "chamfer", "sinkhorn") for encoding in ("varifold", "samples")
+    }
+
+
+def test_committed_differences_are_paired(record):
+    results = record["results"]
+    for row in chosen(results["differences"], at="steps", target="folded"):
+        kind = {name: row[name] for name in ("target", "start", "encoding", "supports")}
+        sides = []
+        for loss in ("chamfer", "sliced"):
+            fits = sorted(chosen(results["fits"], loss=loss, **kind), key=lambda fit: fit["seed"])
+            sides.append([fit["end"]["edge_variation"] for fit in fits])
+        interval = stats.ttest_rel(*sides).confidence_interval(0.95)
+        ends = (row["edge_variation_low"], row["edge_variation_high"])
+        assert ends == pytest.approx(tuple(interval), rel=1e-3, abs=1e-6)
+        assert row["edge_variation_chamfer"] == pytest.approx(np.mean(sides[0]), rel=1e-4)
+
+
+def test_equal_seconds_are_those_of_the_fastest_and_equal_closeness_that_of_the_farther(part, record):
+    summary, results = part("summary"), record["results"]
+    pair = [
+        chosen(
+            results["fits"], target="folded", start="sphere", seed=0, encoding="varifold", supports="full", loss=loss
+        )[0]
+        for loss in ("chamfer", "sliced")
+    ]
+    seconds = min(fit["seconds"] for fit in pair)
+    rows = [summary.at_seconds(fit, seconds) for fit in pair]
+    assert [row["seconds"] for row in rows] == pytest.approx([seconds, seconds])
+    assert min(row["iteration"] for row in rows) < max(row["iteration"] for row in rows)
+    level = max(min(fit["curve"]["assd"]) for fit in pair)
+    assert [summary.at_closeness(fit, level)["assd"] for fit in pair] == pytest.approx([level, level])
+    assert summary.at_closeness(pair[0], 1e9)["iteration"] == 0
+
+
+def test_a_fit_rebuilds_its_committed_numbers(part, record, config, one_thread):
+    keys = {"target": "folded", "start": "smoothed", "seed": 0, "loss": "chamfer", "encoding": "varifold"}
+    (row,) = chosen(record["results"]["fits"], supports=config["few_supports"], **keys)
+    task = {name: row[name] for name in (*SETTING, *ARM, "learning_rate")}
+    found, meshes = part("fitting").fit_once(task, config)
+    assert found["curve"]["assd"][0] == pytest.approx(row["curve"]["assd"][0], rel=1e-5)
+    assert found["curve"]["assd"][1] == pytest.approx(row["curve"]["assd"][1], rel=0.01)
+    for name in ("assd", "edge_variation", "smallest_angle"):
+        assert found["end"][name] == pytest.approx(row["end"][name], rel=0.03)
+    assert len(meshes) == config["fit"]["n_steps"] + 2
+
+
+def test_settings_rebuild(part, record, config):
+    (row,) = chosen(record["results"]["settings"], target="folded", start="sphere", seed=1)
+    found = part("run").describe({name: row[name] for name in SETTING}, config)
+    for kind in ("floor", "begin"):
+        assert found[kind] == pytest.approx(row[kind], rel=1e-5, abs=1e-9)
+    assert found["floor"]["assd"] < 1e-9 < 1 < found["begin"]["assd"]
+
+
+def test_targets_differ_between_seeds_and_do_not_cross(part, config):
+    meshes = part("meshes")
+    targets = [meshes.target_mesh("folded", seed, config) for seed in (0, 1)]
+    assert not torch.allclose(targets[0].vertices, targets[1].vertices, atol=1)
+    assert all(len(self_intersecting_faces(target)) == 0 < float(signed_volume(target)) for target in targets)
+    start = meshes.start_mesh("sphere", "folded", targets[0], config)
+    assert float(signed_volume(start)) == pytest.approx(float(signed_volume(targets[0])), rel=0.01)
+    assert len(self_intersecting_faces(meshes.target_mesh("fsaverage5_right", 0, config))) == 0
+
+
+def test_stored_meshes_are_those_of_the_fits(part, record, config):
+    meshes = part("meshes").read_meshes(FOLDER / "meshes.safetensors.gz")
+    ruler = part("fitting").Ruler(meshes["folded/target"], config)
+    keys = {"target": "folded", "start": "sphere", "seed": 0, "encoding": "varifold", "supports": "full"}
+    for loss in ("sliced", "chamfer"):
+        (row,) = chosen(record["results"]["fits"], loss=loss, **keys)
+        name = f"folded/sphere/{loss}_varifold_full"
+        found = ruler.curve(meshes[name])
+        for metric in ("assd", "edge_variation"):
+            assert found[metric] == pytest.approx(row["end"][metric], rel=0.05)
+        first, last = (meshes[f"{name}/path/{k}"] for k in (0, config["fit"]["n_steps"]))
+        assert torch.allclose(first.vertices, meshes["folded/sphere/begin"].vertices, atol=config["vertex_step"])
+        assert ruler.curve(last)["assd"] < 2 * found["assd"]
+    assert (FOLDER / "meshes.safetensors.gz").stat().st_size <= 1.5e6
+
+
+def test_meshes_go_into_a_file_and_come_back(part, tmp_path):
+    meshes = part("meshes")
+    sphere = icosphere(2, 50.0)
+    shifted = sphere.with_vertices(sphere.vertices + 0.3)
+    other = Mesh(sphere.vertices, sphere.faces[:10])
+    kept = {"a": sphere, "b": shifted, "c": other}
+    meshes.write_meshes(tmp_path / "m.gz", kept, 2.0**-6)
+    found = meshes.read_meshes(tmp_path / "m.gz")
+    assert list(found) == list(kept)
+    for name, mesh in kept.items():
+        assert torch.equal(found[name].faces, mesh.faces)
+        assert float((found[name].vertices - mesh.vertices).abs().max()) <= 2.0**-7 + 1e-12
+
+
+def test_a_watch_does_not_count_checks_and_keeps_their_meshes(part, monkeypatch):
+    fitting = part("fitting")
+    clock = itertools.count()
+    monkeypatch.setattr(fitting.time, "process_time", lambda: float(next(clock)))
+    watch = fitting.Watch(lambda mesh, n, generator: torch.zeros(()))
+    watch.start()  # 0
+    watch("training", 1, None)
+    with torch.no_grad():
+        watch("first", 1, None)  # enters at 1, leaves at 2
+        watch("second", 1, None)  # enters at 3: one second in a check
+    assert watch.meshes == ["first", "second"]
+    assert watch.checked_at == [1.0, 2.0]
