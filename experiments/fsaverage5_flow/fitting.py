@@ -50,6 +50,11 @@ def leg_settings(leg: dict, config: dict) -> FitSettings:
     return FitSettings(**numbers, check_every=every, save_every=every, seed=config["seed"])
 
 
+def guard_of(leg: dict) -> Guard:
+    """None may cross at any check; but where a leg is mended afterwards, crossings are only counted."""
+    return Guard(max_crossings=10**9) if "standstill" in leg else Guard()
+
+
 def leg_loss(leg: dict, target: Mesh, normal_scale: float) -> FitLoss:
     """Sliced Wasserstein on oriented varifolds, or Chamfer on points drawn anew from both surfaces every time."""
     if leg["loss"] == "sliced":
@@ -73,7 +78,7 @@ def closeness(mesh: Mesh, target: Mesh, n_points: int, seed: int) -> float:
 
 def fit_leg(name: str, leg: dict, mesh: Mesh, target: Mesh, config: dict, partial: Path) -> tuple[Fit, dict]:
     """The flow that carries ``mesh`` on, fitted in single precision, and the seconds that took."""
-    settings, goal = leg_settings(leg, config), target.to(torch.float32)
+    settings, mesh, goal = leg_settings(leg, config), mesh.to(torch.float32), target.to(torch.float32)
     field = grid_around(
         mesh.vertices, goal.vertices, margin=leg["margin"], spacings=tuple(leg["spacings"]), n_pieces=leg["n_pieces"]
     )
@@ -93,5 +98,5 @@ def fit_leg(name: str, leg: dict, mesh: Mesh, target: Mesh, config: dict, partia
 
         checkpoint = partial / f"{name}.safetensors"
         loss = leg_loss(leg, goal, config["normal_scale"])
-        fit = fit_flow(field, mesh, loss, settings, checkpoint, report, Guard(**leg.get("guard", {})), watch)
+        fit = fit_flow(field, mesh, loss, settings, checkpoint, report, guard_of(leg), watch)
     return fit, json.loads(clock.path.read_text(encoding="utf-8"))

@@ -1,11 +1,9 @@
 """What is recorded of a chain of fitted flows."""
 
-import copy
-
 import numpy as np
 import torch
 
-from meshot.flow.chain import Leg, chain_end, chain_reports, chain_trajectory
+from meshot.flow.chain import Leg, chain_reports, chain_trajectory
 from meshot.flow.fit import Fit
 from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.mesh import Mesh
@@ -15,7 +13,7 @@ from meshot.metrics.triangles import smallest_angles
 LOSS_STRIDE = 10  # iterations whose losses are told as one mean
 
 
-def fit_record(leg: dict, fit: Fit, seconds: dict[str, float]) -> dict:
+def fit_record(leg: dict, fit: Fit, seconds: dict[str, float], mending: dict) -> dict:
     """How one leg was fitted: losses, distances and crossings on the way, retreats, seconds."""
     history = fit.history
     means = [float(np.mean(history["loss"][i : i + LOSS_STRIDE])) for i in range(0, len(history["loss"]), LOSS_STRIDE)]
@@ -26,8 +24,9 @@ def fit_record(leg: dict, fit: Fit, seconds: dict[str, float]) -> dict:
         **{name: history[name] for name in names},
         "best_iteration": fit.best_iteration,
         "n_steps": fit.n_steps,
-        "seconds": seconds["wall"],
-        "cpu_seconds_in_all": seconds["cpu"],
+        "mending": mending,
+        "seconds": seconds["wall"] + mending["seconds"]["wall"],
+        "cpu_seconds_in_all": seconds["cpu"] + mending["seconds"]["cpu"],
     }
 
 
@@ -41,11 +40,6 @@ def measured(mesh: Mesh, target: Mesh, config: dict) -> dict:
     """Every metric with its floor, and the smallest angles."""
     ruler = evaluate(mesh, target, config["n_points"], config["seed"], config["n_emd_points"])
     return {"metrics": ruler.as_dict(), "smallest_angles": quality(mesh)}
-
-
-def in_double(legs: list[Leg]) -> list[Leg]:
-    """The same chain in double precision, in which everything is measured."""
-    return [Leg(copy.deepcopy(leg.field).double(), leg.n_steps, leg.method) for leg in legs]
 
 
 def watched_path(legs: list[Leg], mesh: Mesh) -> dict:
@@ -66,9 +60,3 @@ def watched_path(legs: list[Leg], mesh: Mesh) -> dict:
         ],
         "largest_move": float((positions[-1] - positions[0]).norm(dim=1).max()),
     }
-
-
-@torch.no_grad()
-def carried(legs: list[Leg], mesh: Mesh) -> Mesh:
-    """The mesh where the chain takes it."""
-    return mesh.with_vertices(chain_end(legs, mesh.vertices))

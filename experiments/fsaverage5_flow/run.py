@@ -15,7 +15,9 @@ surface with neither the folds nor the connectivity. Each ends in a chain of flo
 - ``seconds`` of the wall and ``cpu_seconds`` of all fits of the chain, checks included; ``n_vertices``, ``n_faces``;
 - ``fits``, one for each leg (see ``measuring.fit_record``): ``loss`` (means over ten iterations), at every check
   ``checked_iteration``, ``checked_loss``, ``checked_crossings``, ``assd``, ``cpu_seconds``; ``retreat_iteration``,
-  ``best_iteration``, ``n_steps``, ``seconds``, ``cpu_seconds_in_all``;
+  ``best_iteration``, ``n_steps``; ``mending`` {``crossings`` of the leg as it was ``fitted``, with the start ``cut``
+  where the chain stretches it, with the flow ``stilled`` where faces crossed; ``n_faces`` after cutting; ``seconds``};
+  ``seconds`` and ``cpu_seconds_in_all``, mending included;
 - ``before``, ``after``: ``metrics`` {name: value, unit, definition, floor}, ``smallest_angles`` {percentile: degrees};
 - ``path`` (see ``measuring.watched_path``): ``crossings`` after every step of the chain, the first before any;
   ``legs``: local Lipschitz constants, h·Lip, flips, volume factors; ``largest_move``;
@@ -33,9 +35,10 @@ from pathlib import Path
 import torch
 import yaml
 from fitting import closeness, fit_leg
-from measuring import carried, fit_record, in_double, measured, watched_path
+from measuring import fit_record, measured, watched_path
+from mending import mended_leg
 from stored import read_flow, write_flow
-from surfaces import start_surface, target_surface
+from surfaces import carried, start_surface, target_surface
 
 from meshot.files import whole_file
 from meshot.flow.chain import Leg
@@ -59,25 +62,29 @@ def kept(name: str, make) -> dict:
 
 
 def fit_chain(side: str, task: str, target: Mesh, config: dict) -> tuple[list[Leg], Mesh, list[dict]]:
-    """The legs of a task, the mesh that they end in, and how each was fitted; those of the task before come first."""
+    """The legs of a task, its start, and how each leg was fitted; those of the task that it goes on from come first.
+
+    The start is cut where the legs stretch it, if one of them asks for that.
+    """
     settings = config["tasks"][task]
     if "after" in settings:
-        legs, mesh, records = fit_chain(side, settings["after"], target, config)
+        legs, start, records = fit_chain(side, settings["after"], target, config)
     else:
-        legs, mesh, records = [], start_surface(side, config["starts"][settings["start"]]).to(torch.float32), []
+        legs, start, records = [], start_surface(side, config["starts"][settings["start"]]), []
     for index, leg in enumerate(settings["legs"]):
-        fit, seconds = fit_leg(f"{side}_{task}_{index}", leg, mesh, target, config, PARTIAL)
-        legs, mesh, records = [*legs, Leg(fit.field, fit.n_steps)], fit.mesh, [*records, fit_record(leg, fit, seconds)]
-    return legs, mesh, records
+        fit, seconds = fit_leg(f"{side}_{task}_{index}", leg, carried(legs, start), target, config, PARTIAL)
+        # Fitted in single precision, applied in double.
+        last, start, mending = mended_leg(leg, legs, Leg(fit.field.double(), fit.n_steps), start)
+        legs, records = [*legs, last], [*records, fit_record(leg, fit, seconds, mending)]
+    return legs, start, records
 
 
 def do_task(side: str, task: str, config: dict) -> dict:
     """Everything about one task on one hemisphere."""
     settings, target = config["tasks"][task], target_surface(side)
-    fitted, _, fits = fit_chain(side, task, target, config)
-    legs, start = in_double(fitted), start_surface(side, config["starts"][settings["start"]])
+    legs, start, fits = fit_chain(side, task, target, config)
     end = carried(legs, start)
-    before = kept(f"{side}_{settings['start']}_before", lambda: measured(start, target, config))
+    before = kept(f"{side}_{task}_before", lambda: measured(start, target, config))
     after = kept(f"{side}_{task}_after", lambda: measured(end, target, config))
     assd, crossings = (after["metrics"][name]["value"] for name in ("assd", "intersecting_faces"))
     goal, stretch = settings["goal"], settings.get("stretch")
@@ -103,7 +110,7 @@ def do_task(side: str, task: str, config: dict) -> dict:
 
 
 def store(side: str, task: str, legs: list[Leg], start: Mesh, target: Mesh, config: dict) -> dict:
-    """Write the rounded flow, read it again, and measure where it leads."""
+    """Write the rounded flow, read it again, and measure where it leads; its start must be one that was not cut."""
     files = write_flow(side, task, legs, config["velocity_step"])
     end = carried(read_flow(files, [leg.n_steps for leg in legs]), start)
     return {

@@ -21,8 +21,8 @@ def write_flow(side: str, task: str, legs: list[Leg], step: float) -> list[str]:
 
 
 def read_flow(names: list[str], n_steps: list[int]) -> list[Leg]:
-    """The legs again, in double precision."""
-    return [Leg(read_velocity(HERE / name).double(), n) for name, n in zip(names, n_steps, strict=True)]
+    """The legs again."""
+    return [Leg(read_velocity(HERE / name), n) for name, n in zip(names, n_steps, strict=True)]
 
 
 def stored_flow(side: str, task: str) -> tuple[Mesh, list[Leg]]:
@@ -36,8 +36,9 @@ def stored_flow(side: str, task: str) -> tuple[Mesh, list[Leg]]:
         If the flow of this task was not kept.
     """
     record = read_results(HERE / "results.json")
-    result, settings = record["results"][side][task], record["config"]["tasks"][task]
+    result = record["results"][side][task]
     if "stored" not in result:
         raise ValueError(f"no flow was kept for {task!r} on the {side}; only those under 'kept' in config.yaml are")
     legs = read_flow(result["stored"]["files"], [fit["n_steps"] for fit in result["fits"]])
-    return start_surface(side, record["config"]["starts"][settings["start"]]), legs
+    settings = record["config"]
+    return start_surface(side, settings["starts"][settings["tasks"][task]["start"]]), legs

@@ -3,14 +3,19 @@
 import numpy as np
 import torch
 
+from meshot.flow.chain import Leg, chain_end
 from meshot.mesh.decimation import decimated
+from meshot.mesh.geometry import edge_lengths, mesh_edges
 from meshot.mesh.mending import mended
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.smoothing import laplacian_smoothing
+from meshot.mesh.subdivision import with_edges_split
 from meshot.synth.anatomy import Hemisphere, fsaverage5_surface
 from meshot.volume.isosurface import isosurface
 from meshot.volume.volume import Volume
 from meshot.volume.voxelise import enclosed_fractions
+
+MOST_CUTS = 8  # rounds; an edge is then a 256th of what it was
 
 
 def target_surface(side: Hemisphere) -> Mesh:
@@ -33,3 +38,24 @@ def remeshed(mesh: Mesh, voxel: float, n_faces: int, evening: int) -> Mesh:
     grid = Volume(np.zeros(shape, dtype=np.float32), affine)
     surface = isosurface(grid.with_data(enclosed_fractions(mesh, grid).astype(np.float32)))
     return mended(laplacian_smoothing(decimated(surface, n_faces).to(torch.float64), evening))
+
+
+@torch.no_grad()
+def carried(legs: list[Leg], mesh: Mesh) -> Mesh:
+    """The mesh where the chain takes it."""
+    return mesh.with_vertices(chain_end(legs, mesh.vertices))
+
+
+def cut_where_stretched(start: Mesh, legs: list[Leg], longest: float) -> Mesh:
+    """The same start with edges cut in two until none is longer than ``longest`` where the chain has taken it.
+
+    A flow carries points; between them a triangle stays flat, and where it is stretched far it leaves the path of the
+    surface and meets others.
+    """
+    for _ in range(MOST_CUTS):
+        end = carried(legs, start)
+        long = mesh_edges(end)[edge_lengths(end) > longest]
+        if not len(long):
+            break
+        start = with_edges_split(start, long)
+    return start

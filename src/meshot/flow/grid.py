@@ -128,6 +128,32 @@ def grid_around(
     return GridVelocity(lower, upper, spacings, n_pieces, interpolation)
 
 
+def single_level(
+    coefficients: Float[Tensor, "pieces nx ny nz 3"], lower: Float[Tensor, " 3"], spacing: float, interpolation: str
+) -> GridVelocity:
+    """The field of one level with these coefficients, as :meth:`GridVelocity.coefficients` gives them.
+
+    Parameters
+    ----------
+    coefficients : tensor
+    lower : tensor
+        The corner of the box, in mm.
+    spacing, interpolation
+        As :class:`GridVelocity`.
+
+    Raises
+    ------
+    ValueError
+        As :class:`GridVelocity`.
+    """
+    # A level has one node before the box, one after it, and one that closes the last cell.
+    n_cells = torch.tensor(coefficients.shape[1:4]) - 3
+    field = GridVelocity(lower, lower + n_cells.to(lower) * spacing, (spacing,), len(coefficients), interpolation)
+    with torch.no_grad():
+        field.levels[0].copy_(coefficients)
+    return field
+
+
 def _require_box(lower: Tensor, upper: Tensor) -> tuple[Tensor, Tensor]:
     lower, upper = as_floating(lower, "lower"), as_floating(upper, "upper")
     require_shape(lower[None], "lower", 3)

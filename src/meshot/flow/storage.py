@@ -9,7 +9,7 @@ import safetensors.torch
 import torch
 
 from meshot.files import whole_file
-from meshot.flow.grid import GridVelocity
+from meshot.flow.grid import GridVelocity, single_level
 
 
 def quantised_velocity(field: GridVelocity, step: float = 2.0**-5) -> GridVelocity:
@@ -27,7 +27,7 @@ def quantised_velocity(field: GridVelocity, step: float = 2.0**-5) -> GridVeloci
     whole = (field.coefficients().detach() / step).round()
     if float(whole.abs().max()) > 32767:
         raise ValueError(f"coefficients reach {float(whole.abs().max()):.0f} steps of {step}; take a larger step")
-    return _single_level(whole * step, field.lower, field.spacings[-1], field.interpolation)
+    return single_level(whole * step, field.lower, field.spacings[-1], field.interpolation)
 
 
 def write_velocity(path: str | os.PathLike, field: GridVelocity, step: float = 2.0**-5) -> None:
@@ -73,13 +73,4 @@ def read_velocity(path: str | os.PathLike) -> GridVelocity:
         values, lower = tensors["coefficients"].movedim(0, -1).to(dtype) * header["step"], tensors["lower"].to(dtype)
     except (OSError, EOFError, ValueError, KeyError, safetensors.SafetensorError) as error:
         raise ValueError(f"{path} is not a whole velocity file ({error}); get it again, or fit anew") from error
-    return _single_level(values, lower, header["spacing"], header.get("interpolation", "cubic"))
-
-
-def _single_level(coefficients: torch.Tensor, lower: torch.Tensor, spacing: float, interpolation: str) -> GridVelocity:
-    # A level has one node before the box, one after it, and one that closes the last cell.
-    n_cells = torch.tensor(coefficients.shape[1:4]) - 3
-    field = GridVelocity(lower, lower + n_cells.to(lower) * spacing, (spacing,), len(coefficients), interpolation)
-    with torch.no_grad():
-        field.levels[0].copy_(coefficients)
-    return field
+    return single_level(values, lower, header["spacing"], header.get("interpolation", "cubic"))
