@@ -26,9 +26,12 @@ def test_evenness_reproduced_where_every_comparison_says_so():
     rows = [difference("steps", 0.1, 0.2), difference("seconds", 0.1, 0.2), difference("closeness", -0.2, -0.1), single]
     verdict = judge_evenness(of_differences(*rows))
     assert verdict.status == ledger.REPRODUCED
-    assert "0.25 with sliced Wasserstein against 0.3 with Chamfer (sphere, varifold, all supports" in verdict.ours
+    assert (
+        "0.25 with sliced Wasserstein against 0.3 with Chamfer (sphere, varifold, all supports; equal steps)"
+        in verdict.ours
+    )
     assert "more even in 2 of 2 comparisons. It ends nearer in 2 and farther in 0" in verdict.ours
-    assert "equally near it is more even in 0 of 1" in verdict.ours
+    assert "equally near, it is more even in 0 of 1, Chamfer in 1" in verdict.ours
     assert verdict.numbers.count("\n") == 5
     assert "+0.05 |" in verdict.numbers.splitlines()[-1]
 
@@ -37,7 +40,7 @@ def test_evenness_with_a_condition_names_the_others():
     rows = [difference("steps", 0.1, 0.2, assd=(-0.2, -0.1)), difference("steps", -0.1, 0.2, encoding="samples")]
     verdict = judge_evenness(of_differences(*rows))
     assert verdict.status == ledger.CONDITION
-    assert "1 of 2 comparisons; the others: sphere, samples, all supports, equal steps" in verdict.ours
+    assert "1 of 2 comparisons (not all: sphere, samples, all supports)" in verdict.ours
     assert "farther in 1" in verdict.ours
 
 

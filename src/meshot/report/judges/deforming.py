@@ -37,20 +37,22 @@ def _evenness_sentence(differences: list[dict], rows: list[dict], even: list[dic
     farther = [row for row in rows if row["assd_high"] < 0]
     close = [row for row in differences if row["target"] == ANALYTIC and row["at"] == "closeness"]
     still = [row for row in close if all(row[f"{name}_low"] > 0 for name in EVENNESS)]
-    first, others = rows[0], [row for row in rows if row not in even]
-    exceptions = "; the others: " + ", ".join(_name(row) for row in others) if others else ""
+    turned = [row for row in close if all(row[f"{name}_high"] < 0 for name in EVENNESS)]
+    first, others = rows[0], dict.fromkeys(_name(row) for row in rows if row not in even)
+    exceptions = f" (not all: {'; '.join(others)})" if others else ""
     return (
         f"Edge length variation {digits(first['edge_variation_sliced'], 3)} with sliced Wasserstein against "
-        f"{digits(first['edge_variation_chamfer'], 3)} with Chamfer ({_name(first)}), ASSD "
+        f"{digits(first['edge_variation_chamfer'], 3)} with Chamfer ({_name(first)}; equal steps), ASSD "
         f"{digits(first['assd_sliced'], 3)} against {digits(first['assd_chamfer'], 3)} mm. Sliced Wasserstein is more "
         f"even in {len(even)} of {len(rows)} comparisons{exceptions}. It ends nearer in {len(nearer)} and farther in "
-        f"{len(farther)} of them. Where both are equally near it is more even in {len(still)} of {len(close)}"
+        f"{len(farther)} of them. Where both are equally near, it is more even in {len(still)} of {len(close)}, "
+        f"Chamfer in {len(turned)}"
     )
 
 
 def _name(row: dict) -> str:
     supports = "all supports" if row["supports"] == "full" else f"{row['supports']} supports"
-    return f"{row['start']}, {row['encoding']}, {supports}, equal {row['at']}"
+    return f"{row['start']}, {row['encoding']}, {supports}"
 
 
 def _evenness_row(row: dict) -> dict:
@@ -58,7 +60,8 @@ def _evenness_row(row: dict) -> dict:
     cells |= {"supports": str(row["supports"]), "equal": row["at"]}
     for name, title in (("assd", "ASSD, mm"), ("edge_variation", "edges"), ("area_variation", "areas")):
         cells |= {f"{title}, {short}": digits(row[f"{name}_{loss}"], 3) for short, loss in _SHORT.items()}
-        cells[f"{title}, gap [95 %]"] = _gap(row, name)
+        equal = name == "assd" and row["at"] == "closeness"
+        cells[f"{title}, gap [95 %]"] = "–" if equal else _gap(row, name)
     return cells | {"seeds": str(row["n_seeds"])}
 
 
