@@ -114,7 +114,7 @@ def read_examples(
     Parameters
     ----------
     cohorts : sequence of path
-        Folders as :mod:`meshot.synth.cohort` describes them.
+        Folders laid out as ``meshot.synth.cohort`` says.
     split : str
         "train", "validation" or "test".
     reduction : int
