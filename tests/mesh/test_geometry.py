@@ -10,6 +10,7 @@ import trimesh
 from meshot import Mesh
 from meshot.mesh import geometry
 from meshot.mesh.mesh import closed_contour
+from meshot.mesh.shapes import icosphere
 
 SQUARE = closed_contour(torch.tensor([[0.0, 0], [2, 0], [2, 2], [0, 2]], dtype=torch.float64))
 
@@ -77,3 +78,10 @@ def test_a_face_without_area_gives_zeros_and_finite_gradients():
     total.backward()
     assert float(total.detach()) == 0
     assert torch.equal(vertices.grad, torch.zeros(3, 3, dtype=torch.float64))
+
+
+def test_vertex_normals_of_a_sphere_are_radial_and_zero_where_faces_cancel():
+    ball = icosphere(3, radius=5.0)
+    assert float((geometry.vertex_normals(ball) * ball.vertices / 5).sum(dim=1).min()) > 0.999
+    sheet = Mesh(torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), torch.tensor([[0, 1, 2], [0, 2, 1]]))
+    assert not geometry.vertex_normals(sheet).any()

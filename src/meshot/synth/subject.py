@@ -84,7 +84,8 @@ class Shape:
     kind : str
         "template": fsaverage5, folded and warped. "procedural": folds that come from no brain.
     subdivisions : int
-        Of an icosahedron: each surface has 10 · 4ˢ + 2 vertices, 40 962 at 6; for the template 5, 6 or 7.
+        Of an icosahedron, 5, 6 or 7: each surface has 10 · 4ˢ + 2 vertices, 40 962 at 6. At 5, procedural folds as deep
+        as 1 are too fine for the triangles.
     size_sd : float
         Between subjects, of the logarithm of the size along each axis.
     warp_mm : tuple
@@ -108,7 +109,7 @@ class Shape:
     kind: Kind = "template"
     subdivisions: int = 6
     size_sd: float = 0.04
-    warp_mm: tuple[float, ...] = (3.0, 2.0, 1.2, 0.5)
+    warp_mm: tuple[float, ...] = (2.5, 1.6, 1.0, 0.4)
     folding: float = 1.15
     folding_sd: float = 0.05
     folding_variation: float = 0.1
@@ -122,9 +123,8 @@ class Shape:
         object.__setattr__(self, "warp_mm", tuple(float(size) for size in self.warp_mm))
         if self.kind not in ("template", "procedural"):
             raise ValueError(f"kind is {self.kind!r}; template or procedural is needed")
-        lowest = SUBDIVISIONS if self.kind == "template" else 4
-        if not isinstance(self.subdivisions, int) or not lowest <= self.subdivisions <= 7:
-            raise ValueError(f"subdivisions is {self.subdivisions!r}; an integer from {lowest} to 7 is needed")
+        if not isinstance(self.subdivisions, int) or not SUBDIVISIONS <= self.subdivisions <= 7:
+            raise ValueError(f"subdivisions is {self.subdivisions!r}; an integer from {SUBDIVISIONS} to 7 is needed")
         numbers = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)[2:] if f.name != "warp_mm"}
         for name, value in [*numbers.items(), *(("warp_mm", size) for size in self.warp_mm)]:
             if not (math.isfinite(value) and value >= 0):
