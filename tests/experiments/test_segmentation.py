@@ -1,0 +1,100 @@
+"""The experiment on held-out subjects, run on phantoms: every number is there, and a stopped run goes on."""
+
+import importlib.util
+import json
+import sys
+
+import pytest
+import torch
+
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.segmentation_weights import write_segmentation_weights
+from meshot.report.results import read_results
+from phantoms import write_phantom_cohort
+
+RECORD = {
+    "command": "", "commit": "", "date": "", "training": "", "cohorts": "", "machine": "",
+    "results": {"best_step": 1, "n_steps": 2, "cpu_seconds": 3.0, "data": {}},
+}  # fmt: skip
+
+
+class Stopped(Exception):
+    """A run that ends in the middle."""
+
+
+@pytest.fixture
+def experiment(root, monkeypatch):
+    """The script of the experiment as a module, its folder on the path as when it is run."""
+    folder = root / "experiments" / "segmentation"
+    monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.delitem(sys.modules, "summary", raising=False)
+    spec = importlib.util.spec_from_file_location("segmentation_run", folder / "run.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    yield module
+    sys.modules.pop("summary", None)
+
+
+class Bright(SegmentationNetwork):
+    """In place of a trained network: bright voxels on either side of the middle."""
+
+    def forward(self, image):
+        inside = 20 * (torch.nn.functional.avg_pool3d(image, 3, 1, 1) - 0.6)
+        side = torch.where(torch.arange(image.shape[2]) < image.shape[2] / 2, 1.0, 0.0)[:, None, None]
+        return torch.cat([torch.zeros_like(image), inside - 50 * (1 - side), inside - 50 * side], dim=1)
+
+
+def test_every_hemisphere_is_measured_and_a_stopped_run_goes_on(tmp_path, experiment, monkeypatch):
+    cohort = write_phantom_cohort(tmp_path / "phantoms", ["test", "train", "test"])
+    weights, output = tmp_path / "w.safetensors", tmp_path / "results.json"
+    write_segmentation_weights(weights, SegmentationNetwork(2, 1), RECORD)
+    real = experiment.read_segmentation_weights
+    monkeypatch.setattr(experiment, "read_segmentation_weights", lambda path: (Bright(2, 1), real(path)[1]))
+    words = ["--cohorts", str(cohort), "--weights", str(weights), "--output", str(output)]
+    measured, calls = experiment.measured, []
+
+    def stops(*arguments):
+        calls.append(arguments[1])
+        if len(calls) == 3:
+            raise Stopped
+        return measured(*arguments)
+
+    monkeypatch.setattr(experiment, "measured", stops)
+    with pytest.raises(Stopped):
+        experiment.main(words)
+    assert not output.exists()
+    experiment.main(words)
+    assert calls == ["left", "right", "left", "left", "right"]
+    record = read_results(output)
+    rows = record["results"]["hemispheres"]
+    assert [(row["subject"], row["side"]) for row in rows] == [
+        (f"phantoms/sub-{i}", side) for i in ("001", "003") for side in ("left", "right")
+    ]
+    for row in rows:
+        assert (row["euler_number"], row["nonmanifold_edges"], row["self_intersecting_faces"]) == (2, 0, 0)
+        assert row["dice"] > 0.85
+        assert row["from_truth_alone"]["assd_mm"] < 0.2
+        assert row["from_truth_alone"]["assd_mm"] < row["assd_mm"] < 0.6
+    (line,) = record["results"]["summary"]
+    assert (line["cohort"], line["kind"], line["n_hemispheres"]) == ("phantoms", "template", 4)
+    assert line["all_spheres"]
+    assert line["least_dice"] == min(row["dice"] for row in rows)
+    assert line["n_below_dice"] == sum(row["dice"] < 0.95 for row in rows)
+    assert json.dumps(record["results"]["weights"])
+
+
+def test_the_summary_sees_each_failure(experiment):
+    good = {
+        "subject": "a/sub-001", "kind": "template", "dice": 0.97, "assd_mm": 0.3, "euler_number": 2, "components": 1,
+        "nonmanifold_edges": 0, "boundary_edges": 0, "self_intersecting_faces": 0,
+        "from_truth_alone": {"assd_mm": 0.1},
+    }  # fmt: skip
+    (line,) = experiment.summary([good, good])
+    assert line["all_spheres"]
+    assert (line["n_self_intersecting"], line["n_below_dice"], line["n_above_assd"]) == (0, 0, 0)
+    for key, value in (("euler_number", 0), ("components", 2), ("nonmanifold_edges", 1), ("boundary_edges", 3)):
+        assert not experiment.summary([good, good | {key: value}])[0]["all_spheres"]
+    assert experiment.summary([good | {"self_intersecting_faces": 4}])[0]["n_self_intersecting"] == 1
+    assert experiment.summary([good | {"dice": 0.94}, good])[0]["n_below_dice"] == 1
+    assert experiment.summary([good | {"assd_mm": 0.61}, good])[0]["n_above_assd"] == 1
+    assert len(experiment.summary([good, good | {"kind": "procedural"}, good | {"subject": "b/sub-001"}])) == 3
