@@ -53,10 +53,10 @@ def without_crossings(
 ) -> GridVelocity:
     """The field brought to a stand wherever it would make faces of the mesh cross, in as many rounds as that takes.
 
-    A round carries the mesh, finds the faces that cross at the end, and stills the field along their paths
-    (:func:`stilled`), one ``radius`` farther in every third round. The flow stays one of a smooth field, and is
-    untouched elsewhere: what is lost is closeness at those faces. Compare :class:`meshot.flow.settings.Guard`, which
-    makes the whole fit back off.
+    A round carries the mesh, finds the faces that cross at the end, and stills the field along their paths, as
+    :func:`meshot.flow.standstill.stilled` does, one ``radius`` farther in every third round. The flow stays one of a
+    smooth field, and is untouched elsewhere: what is lost is closeness at those faces. Compare
+    :class:`meshot.flow.settings.Guard`, which makes the whole fit back off.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def without_crossings(
     n_steps, method
         As in :func:`meshot.integrate`.
     radius : float
-        In mm, see :func:`stilled`.
+        In mm, see :func:`meshot.flow.standstill.stilled`.
     max_rounds : int
 
     Returns
@@ -77,7 +77,8 @@ def without_crossings(
     Raises
     ------
     ValueError
-        If faces of the mesh cross before it is carried, or still do after so many rounds; or as :func:`stilled`.
+        If faces of the mesh cross before it is carried, or still do after so many rounds; or as
+        :func:`meshot.flow.standstill.stilled`.
     """
     require_positive_integer(max_rounds, "max_rounds")
     if len(self_intersecting_faces(mesh)):
