@@ -76,7 +76,7 @@ def procedural_cortex(
 class _Body:
     """Where each direction of the unit sphere goes."""
 
-    def __init__(self, side: Hemisphere, depth: float, noise: tuple[Tensor, Tensor]):
+    def __init__(self, side: Hemisphere, depth: float, noise: tuple[tuple[Tensor, Tensor], Tensor]):
         self.outwards = -1.0 if side == "left" else 1.0
         self.depth, (self.noise, self.lower) = depth, noise
 
