@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.geometry import face_areas, face_normals, signed_volume
+from meshot.mesh.geometry import edge_lengths, face_areas, face_normals, mesh_edges, signed_volume
 from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import folded_sphere, icosphere
@@ -189,3 +189,17 @@ def test_a_bridge_that_would_cross_is_not_built():
     blocked = Mesh(torch.cat([plates.vertices, wall]), torch.cat([plates.faces, torch.tensor([[6, 7, 8]])]))
     with pytest.raises(ValueError, match="each of 1 bridges would cross"):
         with_bridge(blocked, 2.5, 4.0)
+
+
+def test_a_crossing_goes_as_far_as_it_says(folded):
+    banks = facing_banks(folded, 2.0, 8.0)
+    moves = (with_crossing(folded, 0.5, 2.0, 8.0).vertices - folded.vertices).norm(dim=1)
+    torch.testing.assert_close(moves[moves > 0], banks.gaps[-1].expand(3) + 0.5)
+
+
+def test_a_bridge_is_not_twisted():
+    """Each corner is joined to the one across: the longest edge of the tube is a diagonal of its straight sides."""
+    found = with_bridge(two_plates(), 1.0, 4.0)
+    rises = edge_lengths(found)[(found.vertices[mesh_edges(found)][:, :, 2]).diff(dim=1)[:, 0].abs() > 1]
+    wanted = torch.tensor([3.0, 3, 3, 13**0.5, 13**0.5, 17**0.5], dtype=torch.float64)
+    torch.testing.assert_close(rises.sort().values, wanted)
