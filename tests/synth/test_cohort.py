@@ -7,6 +7,8 @@ together once, in parallel processes, by the command.
 import dataclasses
 import functools
 import json
+import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -15,7 +17,9 @@ import numpy as np
 import pytest
 import torch
 
+from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.shapes import icosphere
+from meshot.mesh.topology import SPHERE, topology
 from meshot.synth import generation, scanning
 from meshot.synth.cohort import LABELS, participants, read_subject, scans
 from meshot.synth.generation import make_cohort, open_cohort, visits
@@ -24,7 +28,7 @@ from meshot.synth.recipe import Recipe, plan
 from meshot.synth.subject import CorticalSurfaces
 from meshot.volume.io import read_volume, write_volume
 from meshot.volume.standard import SHAPE, place_on_grid
-from meshot.volume.volume import voxel_sizes
+from meshot.volume.volume import transform_points, voxel_sizes
 
 SIGNAL = {"white": 440, "grey": 310, "deep grey": 360, "hindbrain": 365, "fluid": 110, "skull": 60, "scalp": 480}
 POSITION = {"voxel_mm": [5.0, 5.0, 6.0], "oblique_degrees": 10.0, "orientation": "LAS"}
@@ -221,3 +225,49 @@ def test_the_command_makes_a_cohort_in_parallel(root, tmp_path):
     assert refused.returncode == 2
     assert "another recipe" in refused.stderr
     assert "Traceback" not in refused.stderr
+
+
+OLD_CPU = {
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+    "ATEN_CPU_CAPABILITY": "default",
+    "OPENBLAS_CORETYPE": "Nehalem",
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX2_Usable,-FMA_Usable",
+}
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the features that are switched off are those of x86")
+def test_the_committed_subject_is_made_again_as_on_an_older_cpu(root, tmp_path):
+    known = set(np._core._multiarray_umath.__cpu_dispatch__)
+    features = [name for name in OLD_CPU["NPY_DISABLE_CPU_FEATURES"].split() if name in known]
+    old = os.environ | OLD_CPU | {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}
+    code = (
+        "import sys; from pathlib import Path; from meshot.synth.recipe import read_recipe;"
+        "from meshot.synth.generation import make_visit, visits; recipe = read_recipe(sys.argv[1]); make_visit(recipe, Path(sys.argv[2]), visits(recipe)[0])"
+    )
+    recipe = root / "data_synth" / "tiny.yaml"
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(recipe), str(tmp_path)], env=old, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    hashes = json.loads((tmp_path / "logs" / "sub-001.json").read_text())["hashes"]["sub-001"]
+    kept = read_subject(root / "data_synth" / "sample", "sub-001").files()
+    assert len(kept) == 8
+    assert {path.name: content_hash(path) for path in kept} == {path.name: hashes[path.name] for path in kept}
+
+
+def test_the_committed_subject_is_small_and_sound(root):
+    folder = root / "data_synth" / "sample"
+    assert sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) < 1.5e6
+    subject = read_subject(folder, "sub-001")
+    for side in ("left", "right"):
+        meshes = [subject.surface(kind, side) for kind in ("white", "pial")]
+        assert [topology(mesh) for mesh in meshes] == [SPHERE, SPHERE]
+        assert [len(self_intersecting_faces(mesh)) for mesh in meshes] == [0, 0]
+        there = subject.surface("white", side, "standard").vertices
+        back = transform_points(np.linalg.inv(subject.to_standard()), there.float()).double()
+        assert float((back - meshes[0].vertices).norm(dim=1).max()) < 0.01
+    white = np.isin(subject.tissue().data, (1, 2))
+    grey = np.isin(subject.tissue().data, (3, 4))
+    assert subject.scan().data[white].mean() > 1.2 * subject.scan().data[grey].mean()
+    with pytest.raises(ValueError, match="does not exist"):
+        subject.standard()
