@@ -242,7 +242,8 @@ def test_the_committed_subject_is_made_again_as_on_an_older_cpu(root, tmp_path):
     old = os.environ | OLD_CPU | {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}
     code = (
         "import sys; from pathlib import Path; from meshot.synth.recipe import read_recipe;"
-        "from meshot.synth.generation import make_visit, visits; recipe = read_recipe(sys.argv[1]); make_visit(recipe, Path(sys.argv[2]), visits(recipe)[0])"
+        "from meshot.synth.generation import make_visit, visits; recipe = read_recipe(sys.argv[1]);"
+        "make_visit(recipe, Path(sys.argv[2]), visits(recipe)[0])"
     )
     recipe = root / "data_synth" / "tiny.yaml"
     done = subprocess.run(
