@@ -14,7 +14,8 @@ RANKS = {
     "synth": 5, "model": 5,
     "pipeline": 6,
     "figures": 7, "teach": 7,
-    "report": 8, "cli": 8,
+    "report": 8,
+    "cli": 9,
 }  # fmt: skip
 
 #: Where a folder may import less than its rank allows.
