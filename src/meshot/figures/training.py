@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 
 from meshot.figures.style import BLUE, ORANGE, SKY, VERMILLION, WIDTH
 from meshot.files import whole_file
@@ -31,13 +32,12 @@ def training_figure(log: Sequence[dict]) -> Figure:
     figure, (left, right) = plt.subplots(1, 2, figsize=(1.3 * WIDTH, 3.0), layout="constrained")
     at, losses = np.array([line["step"] for line in steps]), np.array([line["loss"] for line in steps])
     width = max(1, len(at) // 30)
-    left.semilogy(at, losses, color=SKY, linewidth=0.6, label="one step")
-    left.semilogy(
-        at[width - 1 :],
-        np.convolve(losses, np.ones(width) / width, "valid"),
-        color=BLUE,
-        label=f"mean of {width} steps",
-    )
+    left.semilogy(at, losses, color=SKY, linewidth=0.6 if width > 1 else 2, label="one step")
+    if width > 1:
+        mean = np.convolve(losses, np.ones(width) / width, "valid")
+        left.semilogy(at[width - 1 :], mean, color=BLUE, label=f"mean of {width} steps")
+    for formatted in (left.yaxis.set_major_formatter, left.yaxis.set_minor_formatter):
+        formatted(LogFormatter())
     checked = [line["step"] for line in checks]
     left.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
     left.set(xlabel="step", ylabel="cross-entropy + 1 − Dice")
