@@ -1,0 +1,150 @@
+"""The flows to fsaverage5: committed numbers are whole, stored flows lead where they say, and a slice runs again."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from meshot.flow.analytic import Affine
+from meshot.flow.chain import Leg, chain_trajectory
+from meshot.flow.grid import grid_around
+from meshot.mesh.geometry import edge_lengths
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.shapes import icosphere
+from meshot.mesh.topology import SPHERE, topology
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fsaverage5_flow"
+MODULES = ("run", "fitting", "measuring", "mending", "stored", "surfaces")
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name, forgotten afterwards."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    for name in MODULES:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    return importlib.import_module
+
+
+@pytest.fixture(scope="module")
+def config():
+    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def record():
+    return read_results(FOLDER / "results.json")
+
+
+def test_committed_results_are_whole(record, config):
+    assert record["config"] == config
+    for side in ("left", "right"):
+        tasks = record["results"][side]
+        assert list(tasks) == list(config["tasks"])
+        for name, task in tasks.items():
+            assert task["reached"] == (task["assd"] <= config["tasks"][name]["goal"] and not task["intersecting_faces"])
+            assert task["cpu_seconds"] == pytest.approx(sum(fit["cpu_seconds_in_all"] for fit in task["fits"]))
+            n_steps = sum(fit["n_steps"] for fit in task["fits"])
+            assert len(task["path"]["crossings"]) == n_steps + 1
+            assert task["path"]["crossings"][-1] == task["intersecting_faces"]
+            assert (
+                task["after"]["metrics"]["assd"]["value"] == task["assd"] < task["before"]["metrics"]["assd"]["value"]
+            )
+
+
+def test_starts_are_as_far_as_the_targets_say(part, config):
+    surfaces, fitting = part("surfaces"), part("fitting")
+    target = surfaces.target_surface("right")
+    for name, least in (("near", 1.8), ("far", 3.5)):
+        start = surfaces.start_surface("right", config["starts"][name])
+        assert topology(start) == SPHERE
+        assert len(self_intersecting_faces(start)) == len(self_intersecting_faces(target)) == 0
+        assert fitting.closeness(start, target, 5000, 0) > least
+    far = {tuple(sorted(face)) for face in start.faces.tolist()}
+    near = {tuple(sorted(face)) for face in target.faces.tolist()}
+    assert len(far & near) < 0.01 * len(near)
+
+
+def test_edges_are_cut_where_the_chain_stretches_them(part):
+    sphere = icosphere(2)
+    # One Euler step with this field makes x three times as long.
+    legs = [Leg(Affine(torch.diag(torch.tensor([2.0, 0.0, 0.0], dtype=torch.float64))), 1)]
+    longest = float(edge_lengths(sphere).max())
+    cut = part("surfaces").cut_where_stretched(sphere, legs, longest)
+    assert float(edge_lengths(part("surfaces").carried(legs, cut)).max()) <= longest
+    assert len(sphere.faces) < len(cut.faces) < 16 * len(sphere.faces)
+    assert topology(cut) == SPHERE
+    assert torch.equal(part("surfaces").cut_where_stretched(sphere, [], longest).faces, sphere.faces)
+
+
+def test_a_short_leg_runs_stops_and_goes_on(part, config, tmp_path):
+    fitting, surfaces = part("fitting"), part("surfaces")
+    leg = config["tasks"]["sliced"]["legs"][0] | {"n_iterations": 4, "spacings": [24.0, 12.0], "n_steps": 4}
+    start, target = surfaces.start_surface("left", config["starts"]["near"]), surfaces.target_surface("left")
+    few = config | {"n_watched_points": 500}
+    fit, seconds = fitting.fit_leg("leg", leg, start, target, few, tmp_path)
+    assert len(fit.history["assd"]) == 4
+    assert fit.history["checked_crossings"] == [0, 0, 0, 0]
+    assert fit.history["loss"][-1] < 0.7 * fit.history["loss"][0]
+    again, same = fitting.fit_leg("leg", leg, start, target, few, tmp_path)
+    assert same == seconds
+    assert torch.equal(again.mesh.vertices, fit.mesh.vertices)
+    mending = {"crossings": {"fitted": 0}, "n_faces": len(start.faces), "seconds": {"cpu": 1.0, "wall": 2.0}}
+    told = part("measuring").fit_record(leg, fit, seconds, mending)
+    assert told["loss"] == pytest.approx([np.mean(fit.history["loss"])])
+    assert told["cpu_seconds_in_all"] == seconds["cpu"] + 1.0
+
+
+def test_a_leg_that_makes_faces_cross_is_mended(part):
+    sphere = icosphere(3, 10.0)
+    field = grid_around(sphere.vertices, margin=4.0, spacings=(2.0,), n_pieces=1)
+    with torch.no_grad():
+        field.levels[0].normal_(0, 1.0, generator=torch.Generator().manual_seed(0))
+        field.levels[0][..., : field.levels[0].shape[3] // 2, :] = 0
+        field.levels[0][:, 6:10, 6:10] *= 20
+    leg = {"longest_edge": 3.0, "standstill": 3.0}
+    last, start, told = part("mending").mended_leg(leg, [], Leg(field, 4), sphere)
+    assert told["crossings"]["fitted"] > 0
+    assert told["crossings"]["stilled"] == 0
+    end = part("surfaces").carried([last], start)
+    assert len(self_intersecting_faces(end)) == 0
+    assert told["n_faces"] == len(end.faces) > len(sphere.faces)
+    lower = sphere.vertices[:, 2] < -8
+    assert torch.equal(end.vertices[: len(lower)][lower], sphere.vertices[lower])
+    kept = part("mending").mended_leg({}, [], Leg(field, 4), sphere)
+    assert kept[0].field is field
+    assert kept[1] is sphere
+    assert list(kept[2]["crossings"]) == ["fitted"]
+
+
+def test_stored_flows_lead_where_they_say(part, record, config):
+    stored, surfaces, fitting = part("stored"), part("surfaces"), part("fitting")
+    for side, tasks in config["kept"].items():
+        target = surfaces.target_surface(side)
+        for task in tasks:
+            start, legs = stored.stored_flow(side, task)
+            told = record["results"][side][task]
+            with torch.no_grad():
+                positions = chain_trajectory(legs, start.vertices)
+            assert len(positions) == len(told["path"]["crossings"])
+            end = start.with_vertices(positions[-1])
+            assert len(self_intersecting_faces(end)) == told["stored"]["intersecting_faces"]
+            assert told["stored"]["assd"] == pytest.approx(told["assd"], rel=0.02)
+            assert fitting.closeness(end, target, config["n_points"], 0) == pytest.approx(told["stored"]["assd"])
+            before = told["before"]["metrics"]["assd"]["value"]
+            assert fitting.closeness(start, target, config["n_points"], 0) == pytest.approx(before)
+
+
+def test_flows_that_were_not_kept_are_refused(part):
+    with pytest.raises(ValueError, match="no flow was kept for 'mixture' on the right"):
+        part("stored").stored_flow("right", "mixture")
+
+
+def test_stored_files_are_small():
+    sizes = [path.stat().st_size for path in FOLDER.glob("velocity_*")]
+    assert sum(sizes) < 1.6e6
