@@ -59,7 +59,7 @@ class FeatureMap:
 class CubeConvolution(nn.Module):
     """One 3D convolution over the cubes of voxels around a point, one cube for every scale of an image.
 
-    z(x) = b + Σ_s Σ_o w_s[o] · I_s(x + o), where o runs over the ``size``³ steps of whole voxels of scale s around the
+    z(x) = b + Σ_s Σ_o w_s[o] · I_s(x + o), where o runs over the size³ steps of whole voxels of scale s around the
     point and I_s is trilinear between voxels and zero beyond the image. Because the steps are whole voxels, cutting the
     cubes out at every point and convolving them is the same as convolving the image once and interpolating the result:
     both are here, and agree to rounding in values and gradients, also those with respect to the points.
