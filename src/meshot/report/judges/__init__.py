@@ -8,6 +8,7 @@ from meshot.report.judges.encodings import judge_continuous, judge_normal_scale,
 from meshot.report.judges.ground_cost import judge_ground_cost
 from meshot.report.judges.rates import judge_chamfer_rate, judge_transport_rate
 from meshot.report.judges.ruler import judge_counts, judge_floor, judge_table
+from meshot.report.judges.self_intersection import judge_self_intersection
 from meshot.report.judges.sinkhorn import judge_blur
 from meshot.report.judges.toy import judge_toy
 from meshot.report.judges.varifold import judge_varifold
@@ -26,6 +27,7 @@ JUDGES: dict[int, Judge] = {
     9: judge_weights,
     10: judge_speed,
     11: judge_axioms,
+    12: judge_self_intersection,
     14: judge_table,
     15: judge_floor,
     16: judge_counts,

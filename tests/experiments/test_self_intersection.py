@@ -1,0 +1,104 @@
+"""Crossing faces: committed counts belong to the configuration, and small slices of them are made again."""
+
+import importlib
+import itertools
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+import yaml
+from scipy import stats
+
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "self_intersection"
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name, forgotten afterwards; on one thread."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    for name in ("run", "fitting", "carrying", "summary"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield importlib.import_module
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return read_results(FOLDER / "results.json")
+
+
+def committed(record, table, **wanted):
+    (row,) = (r for r in record["results"][table] if all(r[k] == v for k, v in wanted.items()))
+    return row
+
+
+def test_committed_results_are_whole(part, record):
+    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+    assert record["config"] == config
+    planned = part("run").tasks(config)
+    assert len(config["fits"]["seeds"]) >= 5
+    for task in planned:
+        committed(record, task["table"], **{k: v for k, v in task.items() if k != "table"})
+    assert len(planned) == sum(len(record["results"][table]) for table in ("given", "fits", "carried"))
+
+
+def test_committed_intervals_are_those_of_a_paired_t_test(part, record):
+    fits = record["results"]["fits"]
+    found = part("summary").differences(fits)
+    assert len(found) == len(record["results"]["differences"])
+    wanted = {"pair": "coarse", "encoding": "barycentres", "spacing": 0.0}
+    row = committed(record, "differences", change="loss", **wanted)
+    arms = [
+        [r["crossing"] for r in fits if r["loss"] == loss and all(r[k] == v for k, v in wanted.items())]
+        for loss in ("chamfer", "sliced")
+    ]
+    interval = stats.ttest_rel(*arms).confidence_interval(0.95)
+    assert (row["low"], row["high"]) == pytest.approx(tuple(interval), rel=1e-4)
+
+
+def test_committed_counts_under_whirls_are_made_again(part, record):
+    task = {"strength": 8.0, "level": 2}
+    rows = part("carrying").given_row(task, record["config"])
+    assert rows == committed(record, "given", **task)["rows"]
+
+
+def test_a_committed_fit_by_a_flow_and_one_without_are_made_again(part, record):
+    fitting = part("fitting")
+    task = {"pair": "coarse", "loss": "sliced", "encoding": "varifold", "spacing": 12.0, "seed": 0}
+    found, kept = fitting.fit_row(task, record["config"]), committed(record, "fits", **task)
+    assert (found["crossing"], found["flips"]) == (kept["crossing"], kept["flips"])
+    assert found["assd"] == pytest.approx(kept["assd"], rel=0.01)
+    assert found["lipschitz"] == pytest.approx(kept["lipschitz"], rel=0.02)
+    task |= {"loss": "chamfer", "encoding": "barycentres", "spacing": 0.0}
+    found, kept = fitting.fit_row(task, record["config"]), committed(record, "fits", **task)
+    # The choice of a nearest neighbour turns a last bit into another path; the share stays.
+    assert found["crossing"] == pytest.approx(kept["crossing"], rel=0.2)
+    assert found["assd"] == pytest.approx(kept["assd"], rel=0.05)
+
+
+def test_a_slice_of_the_carried_meshes_is_made_again(part, record):
+    carrying = part("carrying")
+    config = record["config"] | {"steps": [1, 10], "rk4_steps": 2}
+    config["carried"] = config["carried"] | {"factors": [2.0], "levels": [2, 3]}
+    task = {"pair": "coarse", "loss": "sliced", "encoding": "varifold", "spacing": 3.0, "seed": 1}
+    kept = {(r["factor"], r["way"], r["steps"]): r for r in committed(record, "carried", **task)["rows"]}
+    for row in carrying.carried_row(task, config)[:2]:
+        stored = kept[row["factor"], row["way"], row["steps"]]
+        assert row["step_times_lipschitz"] == pytest.approx(stored["step_times_lipschitz"], rel=0.05)
+        for level in ("2", "3"):
+            assert row["levels"][level]["end"] == pytest.approx(stored["levels"][level]["end"], rel=0.2, abs=8)
+
+
+def test_stronger_fields_fold_more_and_short_steps_fold_nothing(record):
+    """The theorem for points, at every place that was looked at."""
+    rows = [r for fit in record["results"]["carried"] for r in fit["rows"]]
+    assert all(r["flips"] == 0 for r in rows if r["way"] == "euler" and r["step_times_lipschitz"] < 1)
+    for fit in record["results"]["carried"]:
+        by_factor = [[r for r in fit["rows"] if r["factor"] == f] for f in record["config"]["carried"]["factors"]]
+        for weak, strong in itertools.pairwise(by_factor):
+            assert all(w["lipschitz"] < s["lipschitz"] for w, s in zip(weak, strong, strict=True))
