@@ -1,0 +1,112 @@
+"""A fixed number of supports: committed results belong to their configuration, and a slice rebuilds what they say."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from scipy import stats
+
+from meshot import Mesh, varifold
+from meshot.measure.discrete import varifold_sample
+from meshot.mesh.sampling import sample_locations
+from meshot.report.results import read_results
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fixed_supports"
+
+
+@pytest.fixture
+def part(monkeypatch):
+    """A module of the experiment by name, free of namesakes in other experiments."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    own = [path.stem for path in FOLDER.glob("*.py")]
+    for name in own:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    yield importlib.import_module
+    for name in own:
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return read_results(FOLDER / "results.json")
+
+
+@pytest.fixture(scope="module")
+def config():
+    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def test_committed_results_are_whole_and_paired(part, record, config):
+    assert record["config"] == config
+    results, costs = record["results"], config["cost"]
+    assert len(results["costs"]) == len(costs["subdivisions"]) * len(costs["losses"]) * len(costs["variants"])
+    planned = {(task["variant"], task["n_supports"]) for task in part("run").planned_fits(config)}
+    assert {(row["variant"], row["n_supports"]) for row in results["fits"]} == planned
+    assert all(row["n_seeds"] == len(config["fits"]["seeds"]) >= 5 for row in results["fits"])
+    whole = results["fits"][0]["assd_seeds"]
+    for row, fit in zip(results["differences"], results["fits"][1:], strict=True):
+        interval = stats.ttest_rel(fit["assd_seeds"], whole).confidence_interval(0.95)
+        assert (row["assd_low"], row["assd_high"]) == pytest.approx(tuple(interval), rel=1e-3)
+
+
+def test_bytes_of_a_step_rebuild(part, record, config, one_thread):
+    small = config | {"cost": config["cost"] | {"subdivisions": [2, 3], "n_rounds": 1}}
+    for found in part("costs").cost_rows(small):
+        keys = {name: found[name] for name in ("loss", "variant", "n_faces")}
+        (row,) = (r for r in record["results"]["costs"] if all(r[k] == v for k, v in keys.items()))
+        for name in ("step_bytes", "loss_bytes"):
+            assert found[name] == pytest.approx(row[name], rel=0.01)
+
+
+def test_a_fit_rebuilds_its_committed_number(part, record, config, one_thread):
+    row = next(r for r in record["results"]["fits"] if r["variant"] == "drawn")
+    found = part("run").fit_once({"variant": "drawn", "n_supports": row["n_supports"], "seed": 0}, config)
+    for name in ("assd", "edge_variation"):
+        assert found[name] == pytest.approx(row[f"{name}_seeds"][0], rel=0.05)
+
+
+def test_only_the_corners_of_drawn_faces_are_kept(part, config):
+    start, _ = part("variants").pair_of_meshes(3, 0, config)
+    drawn = part("variants").drawn_part(start, 50, np.random.default_rng(0))
+    faces, _ = sample_locations(start, 50, np.random.default_rng(0))
+    assert len(drawn.vertices) <= 150 < len(start.vertices)
+    assert torch.equal(drawn.vertices[drawn.faces], start.vertices[start.faces[faces]])
+
+
+def test_every_way_to_draw_has_the_gradient_of_all_faces_in_the_mean(part, config):
+    variants = part("variants")
+    start, target = (mesh.to(torch.float64) for mesh in variants.pair_of_meshes(2, 0, config))
+    scale, directions = config["normal_scale"], torch.arange(1.0, 7, dtype=torch.float64) / 50
+
+    def gradient(encode):
+        vertices = target.vertices.clone().requires_grad_()
+        measure = encode(target.with_vertices(vertices))
+        value = measure.weights @ torch.sin(measure.points @ directions)
+        return torch.autograd.grad(value, vertices)[0]
+
+    def carried(mesh, seed):
+        drawn, _ = sample_locations(start, 300, seed)
+        part_of, before = (Mesh(m.vertices, m.faces[drawn]) for m in (mesh, start))
+        return variants.reweighted(part_of, before, scale)
+
+    def drawn(mesh, seed):
+        return varifold_sample(mesh, 300, seed, scale)
+
+    whole = gradient(lambda mesh: varifold(mesh, scale))
+    for encode in (carried, drawn):
+        mean = sum(gradient(lambda mesh, s=s, e=encode: e(mesh, s)) for s in range(200)) / 200
+        assert float((mean - whole).norm() / whole.norm()) < 0.15
+    stopped = gradient(lambda mesh: varifold(mesh, scale, detach_weights=True))
+    assert float((stopped - whole).norm() / whole.norm()) > 0.3
