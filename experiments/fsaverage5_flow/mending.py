@@ -1,4 +1,4 @@
-"""A fitted leg without the crossings that it would make."""
+"""A chain of fitted legs without the crossings that they would make."""
 
 import time
 
@@ -10,24 +10,32 @@ from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.mesh import Mesh
 
 
-def mended_leg(leg: dict, legs: list[Leg], last: Leg, start: Mesh) -> tuple[Leg, Mesh, dict]:
-    """The last leg and the start, mended so that no faces cross, and what that took.
+def mended_chain(leg: dict, legs: list[Leg], start: Mesh) -> tuple[list[Leg], Mesh, dict]:
+    """The legs and the start, mended so that no faces cross after any leg, and what that took.
 
-    First the start is cut where the chain stretches it, if the leg names a longest edge; faces that cross then are a
-    matter of the flow, which comes to a standstill there, if the leg names a radius.
+    ``leg`` holds the settings of the last one. First the start is cut where the chain stretches it, if there is a
+    longest edge; faces that cross then are a matter of the flow, which comes to a standstill there, if there is a
+    radius: in the earlier legs too, for the new faces have not been through them.
     """
     began = {"cpu": time.process_time(), "wall": time.perf_counter()}
-    counts = {"fitted": crossings([*legs, last], start)}
+    counts = {"fitted": crossings(legs, start)}
     if "longest_edge" in leg:
-        start = cut_where_stretched(start, [*legs, last], leg["longest_edge"])
-        counts["cut"] = crossings([*legs, last], start)
+        start = cut_where_stretched(start, legs, leg["longest_edge"])
+        counts["cut"] = crossings(legs, start)
     if "standstill" in leg:
-        before = carried(legs, start)
-        field = without_crossings(last.field, before, last.n_steps, radius=leg["standstill"])
-        last = Leg(field, last.n_steps)
-        counts["stilled"] = crossings([*legs, last], start)
+        legs = stilled_chain(legs, start, leg["standstill"])
+        counts["stilled"] = crossings(legs, start)
     seconds = {"cpu": time.process_time() - began["cpu"], "wall": time.perf_counter() - began["wall"]}
-    return last, start, {"crossings": counts, "n_faces": len(start.faces), "seconds": seconds}
+    return legs, start, {"crossings": counts, "n_faces": len(start.faces), "seconds": seconds}
+
+
+def stilled_chain(legs: list[Leg], start: Mesh, radius: float) -> list[Leg]:
+    """Every leg brought to a standstill where faces cross after it."""
+    done: list[Leg] = []
+    for leg in legs:
+        field = without_crossings(leg.field, carried(done, start), leg.n_steps, radius=radius)
+        done.append(Leg(field, leg.n_steps))
+    return done
 
 
 def crossings(legs: list[Leg], start: Mesh) -> int:

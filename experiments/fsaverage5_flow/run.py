@@ -36,7 +36,7 @@ import torch
 import yaml
 from fitting import closeness, fit_leg
 from measuring import fit_record, measured, watched_path
-from mending import mended_leg
+from mending import mended_chain
 from stored import read_flow, write_flow
 from surfaces import carried, start_surface, target_surface
 
@@ -74,8 +74,8 @@ def fit_chain(side: str, task: str, target: Mesh, config: dict) -> tuple[list[Le
     for index, leg in enumerate(settings["legs"]):
         fit, seconds = fit_leg(f"{side}_{task}_{index}", leg, carried(legs, start), target, config, PARTIAL)
         # Fitted in single precision, applied in double.
-        last, start, mending = mended_leg(leg, legs, Leg(fit.field.double(), fit.n_steps), start)
-        legs, records = [*legs, last], [*records, fit_record(leg, fit, seconds, mending)]
+        legs, start, mending = mended_chain(leg, [*legs, Leg(fit.field.double(), fit.n_steps)], start)
+        records = [*records, fit_record(leg, fit, seconds, mending)]
     return legs, start, records
 
 

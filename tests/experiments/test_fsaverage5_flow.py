@@ -108,16 +108,21 @@ def test_a_leg_that_makes_faces_cross_is_mended(part):
         field.levels[0][..., : field.levels[0].shape[3] // 2, :] = 0
         field.levels[0][:, 6:10, 6:10] *= 20
     leg = {"longest_edge": 3.0, "standstill": 3.0}
-    last, start, told = part("mending").mended_leg(leg, [], Leg(field, 4), sphere)
+    legs, start, told = part("mending").mended_chain(leg, [Leg(field, 4)], sphere)
     assert told["crossings"]["fitted"] > 0
     assert told["crossings"]["stilled"] == 0
-    end = part("surfaces").carried([last], start)
+    end = part("surfaces").carried(legs, start)
     assert len(self_intersecting_faces(end)) == 0
     assert told["n_faces"] == len(end.faces) > len(sphere.faces)
     lower = sphere.vertices[:, 2] < -8
     assert torch.equal(end.vertices[: len(lower)][lower], sphere.vertices[lower])
-    kept = part("mending").mended_leg({}, [], Leg(field, 4), sphere)
-    assert kept[0].field is field
+    # Faces that an earlier leg makes cross are a matter of that leg.
+    back, front = part("mending").stilled_chain([Leg(field, 4), Leg(field, 1)], sphere, 3.0)
+    assert back.field is not field
+    assert len(self_intersecting_faces(part("surfaces").carried([back], sphere))) == 0
+    assert len(self_intersecting_faces(part("surfaces").carried([back, front], sphere))) == 0
+    kept = part("mending").mended_chain({}, [Leg(field, 4)], sphere)
+    assert kept[0][0].field is field
     assert kept[1] is sphere
     assert list(kept[2]["crossings"]) == ["fitted"]
 
