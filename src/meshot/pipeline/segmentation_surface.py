@@ -52,7 +52,7 @@ def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -
     Largest piece above ½ → cavities filled → signed distance → genus 0, the doubtful voxels given up first → marching
     cubes on the distance → light smoothing. Doubtful is what lies near the outside or has a low probability. Distance
     knows how thin a bridge is, to a fraction of a voxel, but takes two banks that touch for one thick piece;
-    probability sees the seam between them, but is 1 in thin and thick pieces alike. Together they cut best.
+    probability sees the seam between them, but is 1 in thin and thick pieces alike.
 
     Parameters
     ----------
