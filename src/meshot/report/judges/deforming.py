@@ -83,9 +83,9 @@ def judge_supports(record: dict) -> Verdict:
         status=status,
         ours=_supports_sentence(record),
         tolerance=(
-            "from the last mesh but one to the last: not reproduced if the memory of a step with all supports stays within "
-            f"{STEADY:g} times; with a condition (that the number of supports is not fixed) if with a fixed number, drawn "
-            "before the flow, it does; reproduced otherwise"
+            "from the last mesh but one to the last: not reproduced if the memory of a step with all supports stays "
+            f"within {STEADY:g} times; with a condition (that the number of supports is not fixed) if with a fixed "
+            "number, drawn before the flow, it does; reproduced otherwise"
         ),
         numbers=markdown_table(_cost_rows(record)) + "\n\n" + markdown_table(_fit_rows(record)),
     )
