@@ -17,7 +17,7 @@ import torch  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
 from meshot.synth.generation import make_cohort, open_cohort, visits  # noqa: E402
-from meshot.synth.manifest import changed_files  # noqa: E402
+from meshot.synth.manifest import changed_files, keep_digests  # noqa: E402
 from meshot.synth.recipe import read_recipe  # noqa: E402
 
 
@@ -29,6 +29,7 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=1, help="processes that share the work (default: 1)")
     parser.add_argument("--subjects", type=int, help="how many template subjects, in place of the recipe's number")
     parser.add_argument("--days", type=int, help="how many days each subject is scanned on")
+    parser.add_argument("--keep", metavar="FILE", help="afterwards, put the digests into this file of manifests")
     parser.add_argument("--check", action="store_true", help="make nothing; compare a cohort with its manifest")
     return parser.parse_args(words)
 
@@ -48,6 +49,8 @@ def main(words: list[str] | None = None) -> int:
         made = make_cohort(recipe, asked.folder, asked.jobs)
         for name in tqdm(made, desc=recipe.name, total=everything, initial=everything - missing, unit="visit"):
             tqdm.write(f"{name} is ready")
+        if asked.keep:
+            keep_digests(asked.keep, asked.folder)
     except ValueError as error:
         print(f"make_cohort: {error}", file=sys.stderr)
         return 2

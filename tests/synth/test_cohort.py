@@ -23,7 +23,7 @@ from meshot.mesh.topology import SPHERE, topology
 from meshot.synth import generation, scanning
 from meshot.synth.cohort import LABELS, participants, read_subject, scans
 from meshot.synth.generation import make_cohort, open_cohort, visits
-from meshot.synth.manifest import changed_files, content_hash
+from meshot.synth.manifest import changed_files, content_hash, keep_digests
 from meshot.synth.recipe import Recipe, plan
 from meshot.synth.subject import CorticalSurfaces
 from meshot.volume.io import read_volume, write_volume
@@ -119,6 +119,22 @@ def test_what_was_stopped_goes_on_and_ends_the_same(quick, tmp_path, monkeypatch
     first, second = ((tmp_path / name / "manifest.json").read_text() for name in ("whole", "c"))
     assert first == second
     assert list(make_cohort(RECIPE, tmp_path / "c")) == []
+
+
+def test_digests_of_several_cohorts_are_kept_in_one_file(quick, tmp_path):
+    one = dataclasses.replace(RECIPE, subjects=1, procedural_subjects=0)
+    open_cohort(one, tmp_path / "c")
+    with pytest.raises(ValueError, match="not finished"):
+        keep_digests(tmp_path / "kept.json", tmp_path / "c")
+    list(make_cohort(one, tmp_path / "c"))
+    list(make_cohort(dataclasses.replace(one, name="aside", seed=9), tmp_path / "d"))
+    for folder in ("c", "d", "c"):
+        keep_digests(tmp_path / "kept.json", tmp_path / folder)
+    kept = json.loads((tmp_path / "kept.json").read_text())
+    assert list(kept) == ["aside", "balls"]
+    whole = json.loads((tmp_path / "c" / "manifest.json").read_text())["scans"]["sub-001"]
+    assert kept["balls"]["scans"] == {"sub-001": {key: whole[key] for key in ("split", "seed", "digest")}}
+    assert kept["aside"]["scans"]["sub-001"]["digest"] != whole["digest"]
 
 
 def test_more_subjects_are_added_to_a_cohort(quick, tmp_path):

@@ -77,6 +77,30 @@ def write_manifest(recipe: Recipe, folder: str | os.PathLike) -> None:
         temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
+def keep_digests(path: str | os.PathLike, folder: str | os.PathLike) -> None:
+    """Put seed, split and digest of every scan of a finished cohort into a JSON file beside those of other cohorts.
+
+    Raises
+    ------
+    ValueError
+        If the cohort has no manifest.
+    """
+    path, manifest = Path(path), _manifest(Path(folder))
+    known = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    brief = [{key: entry[key] for key in ("split", "seed", "digest")} for entry in manifest["scans"].values()]
+    known[manifest["recipe"]] = manifest | {"scans": dict(zip(manifest["scans"], brief, strict=True))}
+    with whole_file(path) as temporary:
+        temporary.write_text(json.dumps(dict(sorted(known.items())), indent=1) + "\n", encoding="utf-8")
+
+
+def _manifest(folder: Path) -> dict:
+    participants(folder)
+    path = folder / "manifest.json"
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist: the cohort is not finished; go on with data_synth/make_cohort.py")
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
 def changed_files(folder: str | os.PathLike) -> list[str]:
     """Which files of a cohort are missing or differ from its manifest; none if all is as it was made.
 
@@ -86,11 +110,7 @@ def changed_files(folder: str | os.PathLike) -> list[str]:
         If there is no cohort, or it has no manifest.
     """
     folder = Path(folder)
-    participants(folder)
-    path = folder / "manifest.json"
-    if not path.is_file():
-        raise ValueError(f"{path} does not exist: the cohort is not finished; go on with data_synth/make_cohort.py")
-    kept = json.loads(path.read_text(encoding="utf-8"))["scans"]
+    kept = _manifest(folder)["scans"]
     here: dict[str, Subject] = {scan.name: scan for scan in scans(folder)}
     changed = []
     for name, entry in kept.items():
