@@ -21,7 +21,7 @@ from meshot.pipeline.segmentation_settings import (
     read_segmentation_config,
     segmentation_config,
 )
-from meshot.pipeline.segmentation_training import train_segmentation
+from meshot.pipeline.segmentation_training import _batch, train_segmentation
 from phantoms import phantom_examples, phantom_scan, phantom_surfaces
 
 TINY = segmentation_config(
@@ -95,7 +95,7 @@ torch.set_num_threads(1)
 sys.path[:0] = [{tests!r}]
 from pipeline.test_segmentation_training import TINY
 from phantoms import phantom_examples
-from meshot.pipeline.segmentation_training import train_segmentation
+from meshot.pipeline.segmentation_training import _batch, train_segmentation
 train_segmentation(TINY, phantom_examples(3), phantom_examples(2, seed=50), folder={folder!r})
 """
 
@@ -223,3 +223,12 @@ def test_a_trained_network_finds_the_sides_and_their_surfaces(examples):
     for side, true in surfaces.items():
         centre = meshes[side].mesh.vertices.mean(dim=0) - true.vertices.mean(dim=0)
         assert float(centre.norm()) < 0.5
+
+
+def test_every_step_sees_another_variant_and_every_epoch_another_order(examples):
+    images = [_batch(step, examples[0][:1], TINY.training)[1] for step in (0, 1, 0)]
+    assert not torch.equal(images[0], images[1])
+    assert torch.equal(images[0], images[2])
+    orders = [tuple(_batch(3 * epoch + i, examples[0], TINY.training)[0][0] for i in range(3)) for epoch in range(8)]
+    assert len(set(orders)) > 2
+    assert all(set(order) == {"phantom-0", "phantom-1", "phantom-2"} for order in orders)
