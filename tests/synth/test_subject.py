@@ -1,7 +1,5 @@
 """Synthetic subjects: their topology, that nothing crosses, that they differ, and that they repeat."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 import torch
@@ -11,7 +9,7 @@ from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.shapes import icosphere
 from meshot.mesh.topology import SPHERE, topology
 from meshot.metrics.surface import vertex_distances
-from meshot.synth.anatomy import HEMISPHERES
+from meshot.synth.anatomy import HEMISPHERES, fsaverage5_surface
 from meshot.synth.folding import template_cortex
 from meshot.synth.separation import LATTICE, crossing_faces
 from meshot.synth.subject import (
@@ -24,6 +22,7 @@ from meshot.synth.subject import (
 )
 
 SMALL = Shape(subdivisions=5, folding=1.0)  # 10 242 vertices
+ONE = torch.ones(10_242, dtype=torch.float64)
 #: Edges twice as long as in a whole subject call for shallower folds.
 SHALLOW = Shape("procedural", subdivisions=5, folding=0.7, warp_mm=(2.0, 1.0))
 
@@ -86,10 +85,16 @@ def test_a_seed_repeats_and_another_differs(template):
     assert vertex_distances(template.white["left"], other.white["left"]).mean() > 1.0
 
 
-def test_the_mean_is_the_template_with_a_gap():
-    mean = mean_surfaces(dataclasses.replace(SMALL, thickness=2.5))
+def test_the_mean_is_the_template_moved_from_the_midline():
+    mean = mean_surfaces(SMALL)
     assert mean.strength == 1
-    assert vertex_distances(mean.white["left"], mean_surfaces(SMALL).white["left"]).max() < 1e-3
+    apart = (mean.white["left"].vertices - fsaverage5_surface("white", "left").vertices)[:, 0]
+    assert float(apart.median()) == pytest.approx(-1, abs=1e-3)
+    assert vertex_distances(mean.white["left"], template_cortex("left", 5, ONE, ONE, 0.0)[0]).mean() < 0.02
+    assert float(mean.thickness("left").nanmedian()) == pytest.approx(SMALL.thickness, abs=0.03)
+
+
+def test_the_mean_shape_has_no_variation():
     shape = SMALL.without_variation()
     assert shape.warp_mm == ()
     assert shape.size_sd == shape.folding_sd == shape.thickness_variation == shape.atrophy_sd == 0
@@ -97,8 +102,7 @@ def test_the_mean_is_the_template_with_a_gap():
 
 
 def test_atrophy_shrinks_white_matter_and_not_the_cortex():
-    one = torch.ones(10_242, dtype=torch.float64)
-    (white, pial, wall), (less, its_pial, _) = (template_cortex("left", 5, one, one, mm) for mm in (0.0, 0.4))
+    (white, pial, wall), (less, its_pial, _) = (template_cortex("left", 5, ONE, ONE, mm) for mm in (0.0, 0.4))
     lost = float(signed_volume(white) - signed_volume(less))
     assert lost == pytest.approx(0.4 * float(face_areas(white).sum()), rel=0.2)
     apart, still_apart = ((p.vertices - w.vertices)[~wall].norm(dim=1) for w, p in ((white, pial), (less, its_pial)))
@@ -106,13 +110,11 @@ def test_atrophy_shrinks_white_matter_and_not_the_cortex():
 
 
 def test_knobs_turn_what_they_name():
-    plain = mean_surfaces(SMALL)
-    deep = mean_surfaces(dataclasses.replace(SMALL, folding=1.2))
-    thin = mean_surfaces(dataclasses.replace(SMALL, thickness=2.0))
-    area = [float(face_areas(s.white["left"]).sum()) for s in (plain, deep)]
-    assert area[1] > 1.1 * area[0]
-    medians = [float(s.thickness("left")[~s.wall["left"]].median()) for s in (plain, thin)]
-    assert medians[1] / medians[0] == pytest.approx(2.0 / 2.5, rel=0.03)
+    plain, deep, thin = (template_cortex("left", 5, a * ONE, b * ONE, 0.0) for a, b in ((1, 1), (1.2, 1), (1, 0.8)))
+    areas = [float(face_areas(white).sum()) for white, _, _ in (plain, deep)]
+    assert areas[1] > 1.1 * areas[0]
+    medians = [float((p.vertices - w.vertices)[~wall].norm(dim=1).median()) for w, p, wall in (plain, thin)]
+    assert medians[1] / medians[0] == pytest.approx(0.8, rel=0.03)
 
 
 def test_a_draw_that_crosses_is_made_weaker(monkeypatch):
