@@ -36,11 +36,12 @@ def training_figure(log: Sequence[dict]) -> Figure:
     if width > 1:
         mean = np.convolve(losses, np.ones(width) / width, "valid")
         left.semilogy(at[width - 1 :], mean, color=BLUE, label=f"mean of {width} steps")
-    for formatted in (left.yaxis.set_major_formatter, left.yaxis.set_minor_formatter):
-        formatted(LogFormatter())
     checked = [line["step"] for line in checks]
     left.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
     left.set(xlabel="step", ylabel="cross-entropy + 1 − Dice")
+    # After the last semilogy, which brings back its own.
+    for formatted in (left.yaxis.set_major_formatter, left.yaxis.set_minor_formatter):
+        formatted(LogFormatter())
     left.legend()
     for side, colour, dashes in (("left", VERMILLION, "-"), ("right", BLUE, "--")):
         right.plot(checked, [line[f"dice_{side}"] for line in checks], dashes, marker=".", color=colour, label=side)

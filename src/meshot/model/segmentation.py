@@ -27,7 +27,7 @@ class SegmentationNetwork(nn.Module):
     depth : int
         Number of levels.
     fold : int
-        The first level works on blocks of ``fold``³ voxels, whose values are stacked as channels, and every output
+        The first level works on blocks of ``fold³`` voxels, whose values are stacked as channels, and every output
         block is unfolded again. Nothing is lost on the way in; 2 saves nearly seven eighths of the work.
     generator : numpy.random.Generator, torch.Generator or int
         Of the initial weights: normal with variance 2 / (number of inputs), biases zero.
@@ -95,7 +95,7 @@ class SegmentationNetwork(nn.Module):
 
 
 def folded(values: Float[Tensor, "b c x y z"], fold: int) -> Float[Tensor, "b d i j k"]:
-    """Blocks of ``fold``³ voxels as channels: ``d = c · fold³`` and every axis divided by ``fold``."""
+    """Blocks of ``fold³`` voxels as channels: ``d = c · fold³`` and every axis divided by ``fold``."""
     b, c, *shape = values.shape
     i, j, k = (n // fold for n in shape)
     blocks = values.reshape(b, c, i, fold, j, fold, k, fold).permute(0, 1, 3, 5, 7, 2, 4, 6)

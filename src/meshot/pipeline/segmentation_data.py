@@ -80,7 +80,7 @@ def example(name: str, scan: Volume, white: Mapping[str, Mesh], reduction: int =
 
 
 def block_means(data: Array, reduction: int) -> Float[Array, "i j k"]:
-    """The means over blocks of ``reduction``³ voxels.
+    """The means over blocks of ``reduction³`` voxels.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def block_means(data: Array, reduction: int) -> Float[Array, "i j k"]:
 
 
 def reduced_volume(volume: Volume, reduction: int) -> Volume:
-    """A volume on coarser voxels, each the mean of ``reduction``³, at the same place in the world."""
+    """A volume on coarser voxels, each the mean of ``reduction³``, at the same place in the world."""
     affine = volume.affine.copy()
     affine[:3, 3] += affine[:3, :3] @ np.full(3, (reduction - 1) / 2)
     affine[:3, :3] *= reduction
