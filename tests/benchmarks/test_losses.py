@@ -1,9 +1,7 @@
 """The benchmark: what it says of its numbers, one small case of it, its pins, and the table in README."""
 
-import importlib
 import math
 import re
-import sys
 import tomllib
 
 import pytest
@@ -11,19 +9,14 @@ import yaml
 from packaging.requirements import Requirement
 
 from meshot.report.results import read_results
+from scripts import scripts_in
 
 
 @pytest.fixture
-def part(root, monkeypatch):
+def part(root):
     """A module of the benchmark by name."""
-    folder = root / "benchmarks"
-    names = [file.stem for file in folder.glob("*.py")]
-    others = {name: sys.modules.pop(name) for name in names if name in sys.modules}
-    monkeypatch.syspath_prepend(str(folder))
-    yield importlib.import_module
-    for name in names:
-        sys.modules.pop(name, None)
-    sys.modules.update(others)
+    with scripts_in(root / "benchmarks") as load:
+        yield load
 
 
 @pytest.fixture

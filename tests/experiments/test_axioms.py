@@ -1,6 +1,5 @@
 """The search for broken triangles: committed triples break what they are said to break, ghosts are ghosts."""
 
-import importlib
 import math
 from pathlib import Path
 
@@ -8,35 +7,14 @@ import numpy as np
 import ot
 import pytest
 import torch
-import yaml
 
 from meshot.measure.discrete import DiscreteMeasure
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "axioms"
 
 
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name; other experiments have modules of these names, too."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    for name in ("run", "losses", "triangles", "ghosts", "sequences"):
-        monkeypatch.delitem(importlib.import_module("sys").modules, name, raising=False)
-    return importlib.import_module
-
-
-@pytest.fixture(scope="module")
-def config():
-    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def results():
-    return read_results(FOLDER / "results.json")["results"]
-
-
-def test_committed_results_are_whole(config, results):
-    assert read_results(FOLDER / "results.json")["config"] == config
+def test_committed_results_are_whole(record, config, results):
+    assert record["config"] == config
     assert [row["loss"] for row in results["triangles"]] == list(config["losses"])
     assert len(results["ghosts"]) == 14
     assert all(row["n_triples"] >= 300 for row in results["triangles"])

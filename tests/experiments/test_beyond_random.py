@@ -1,45 +1,28 @@
 """Better directions: controls have the means they claim, estimators agree with plain twins, numbers repeat."""
 
-import importlib
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from meshot import random_directions
 from meshot.loss.sliced import slice_costs
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "beyond_random"
-CONFIG = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name; other experiments have modules of the same names."""
-    names = [file.stem for file in FOLDER.glob("*.py")]
-    others = {name: sys.modules.pop(name) for name in names if name in sys.modules}
-    monkeypatch.syspath_prepend(str(FOLDER))
-    yield importlib.import_module
-    for name in names:
-        sys.modules.pop(name, None)
-    sys.modules.update(others)
 
 
 @pytest.mark.parametrize("d", [3, 6])
-def test_controls_have_mean_zero_over_the_sphere(part, d):
-    controls = part("estimators").Controls(*part("run").measures("moved", d, CONFIG))
+def test_controls_have_mean_zero_over_the_sphere(part, config, d):
+    controls = part("estimators").Controls(*part("run").measures("moved", d, config))
     directions = random_directions(200_000, d, 0).numpy()
     columns = np.column_stack([controls.moments_part(directions), controls.quadratic_part(directions)])
     assert columns.shape[1] == 3 + d * (d + 1) // 2 - 1
     assert np.abs(columns.mean(axis=0) / columns.std(axis=0)).max() < 4.5 / np.sqrt(len(columns))
 
 
-def test_means_go_their_own_way(part):
+def test_means_go_their_own_way(part, config):
     """For p = 2 the cost less ⟨t, θ⟩² is the cost of the centred measures, direction by direction."""
-    source, target = part("run").measures("moved", 3, CONFIG)
+    source, target = part("run").measures("moved", 3, config)
     directions = random_directions(20, 3, 1)
     controls = part("estimators").Controls(source, target)
     left = slice_costs(source, target, directions).numpy() - (directions.numpy() @ controls.shift) ** 2
@@ -48,9 +31,9 @@ def test_means_go_their_own_way(part):
     assert left == pytest.approx(slice_costs(*centred, directions).numpy(), rel=1e-9, abs=1e-12)
 
 
-def test_quadratics_are_integrated_without_error(part):
+def test_quadratics_are_integrated_without_error(part, config):
     estimators = part("estimators")
-    controls = estimators.Controls(*part("run").measures("moved", 3, CONFIG))
+    controls = estimators.Controls(*part("run").measures("moved", 3, config))
     directions = random_directions(30, 3, 2).numpy()
     form = np.diag([1.0, 2.0, 5.0])
     costs = np.einsum("ld,de,le->l", directions, form, directions)
@@ -76,22 +59,21 @@ def test_the_reference_leaves_biased_methods_out(part):
     assert part("summary").reference(sizes) == pytest.approx((2 * 1 + 2.1 * 100) / 101)
 
 
-def test_committed_results_belong_to_the_configuration(part):
-    record = read_results(FOLDER / "results.json")
-    assert record["config"] == CONFIG
-    n_rows = len(CONFIG["pairs"]) * len(CONFIG["dimensions"]) * len(part("estimators").METHODS)
+def test_committed_results_belong_to_the_configuration(part, record, config):
+    assert record["config"] == config
+    n_rows = len(config["pairs"]) * len(config["dimensions"]) * len(part("estimators").METHODS)
     assert len(record["results"]["methods"]) == n_rows
     # Nothing is fitted by half of these: their bias is within chance of zero.
     for row in record["results"]["methods"]:
         if row["method"] in ("random", "orthogonal", "quasi"):
             k = row["sizes"].index(100)
-            assert abs(row["bias"][k]) < 4.5 * row["rmse"][k] / np.sqrt(CONFIG["n_sets"][k])
+            assert abs(row["bias"][k]) < 4.5 * row["rmse"][k] / np.sqrt(config["n_sets"][k])
 
 
-def test_a_small_part_repeats_the_committed_numbers(part):
-    rows = read_results(FOLDER / "results.json")["results"]["methods"]
+def test_a_small_part_repeats_the_committed_numbers(part, record, config):
+    rows = record["results"]["methods"]
     row = next(r for r in rows if (r["pair"], r["d"], r["method"]) == ("centred", 3, "orthogonal"))
-    n, n_sets = CONFIG["sizes"][0], CONFIG["n_sets"][0]
+    n, n_sets = config["sizes"][0], config["n_sets"][0]
     task = {"pair": "centred", "d": 3, "way": "orthogonal", "n_directions": n, "n_sets": n_sets}
-    found = np.array(part("run").estimates(task, CONFIG)["orthogonal"]) / row["truth"] - 1
+    found = np.array(part("run").estimates(task, config)["orthogonal"]) / row["truth"] - 1
     assert np.sqrt(np.mean(found**2)) == pytest.approx(row["rmse"][0], rel=1e-4)

@@ -1,36 +1,16 @@
 """The sweep of Sinkhorn's blur: committed numbers belong to the configuration, and a small slice makes them again."""
 
-import importlib
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-import yaml
 from scipy import stats
-
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "blur"
 
 
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name, forgotten afterwards."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    for name in ("run", "fitting", "limits"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    return importlib.import_module
-
-
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
-
-
-def test_committed_results_are_whole(record):
-    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+def test_committed_results_are_whole(record, config):
     assert record["config"] == config
     fits = record["results"]["fits"]
     assert [{k: v for k, v in row.items() if k in ("loss", "blur_mm", "scaling")} for row in fits] == config["losses"]
@@ -48,14 +28,9 @@ def test_committed_intervals_are_those_of_a_paired_t_test(record):
     assert (row["assd_low"], row["assd_high"]) == pytest.approx(tuple(interval), rel=1e-3)
 
 
-def test_the_committed_fit_by_slices_is_made_again(part, record):
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        fitting = part("fitting")
-        mesh = fitting.fit({"loss": "sliced"}, 0, record["config"])
-    finally:
-        torch.set_num_threads(threads)
+def test_the_committed_fit_by_slices_is_made_again(part, record, one_thread):
+    fitting = part("fitting")
+    mesh = fitting.fit({"loss": "sliced"}, 0, record["config"])
     scale = record["config"]["normal_scale_mm"]
     _, target = fitting.make_pair(0, record["config"])
     found = fitting.exact_distance(fitting.varifold(mesh, scale), fitting.varifold(target, scale))

@@ -1,33 +1,16 @@
 """The sweep of chapter 01: its committed results belong to its configuration, and its parts compute what they say."""
 
-import importlib
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy import stats
-
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "circle_to_polygon"
 
 
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    return importlib.import_module
-
-
-@pytest.fixture(scope="module")
-def config():
-    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-
-
-def test_committed_results_are_whole(part, config):
-    record = read_results(FOLDER / "results.json")
+def test_committed_results_are_whole(part, record, config):
     assert record["config"] == config
     runs = part("run").sweep_runs(config)
     for name in ("summary", "regularisers", "sizes"):
@@ -38,8 +21,7 @@ def test_committed_results_are_whole(part, config):
         assert row["w2_sd"] == pytest.approx(np.std(row["w2_seeds"], ddof=1), rel=1e-3, abs=1e-20)
 
 
-def test_committed_intervals_are_those_of_a_paired_t_test(config):
-    results = read_results(FOLDER / "results.json")["results"]
+def test_committed_intervals_are_those_of_a_paired_t_test(results):
     row = results["differences"][0]
     keys = {"polygon": row["polygon"], "sampling": row["sampling"], "reduction": "mean", "learning_rate": 1.0}
     found = [r for r in results["summary"] if all(r[name] == value for name, value in keys.items())]

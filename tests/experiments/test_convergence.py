@@ -1,59 +1,21 @@
 """The experiment on the theorem: its truths against closed forms, and committed numbers rebuilt from their seeds."""
 
 import importlib
-import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-import yaml
 from scipy import integrate
 
 from meshot import DiscreteMeasure, random_directions, slice_costs
-from meshot.report.results import read_results
 
-NAMES = ("pairs", "sizes", "directions", "distance", "bounds")
-
-
-@pytest.fixture(scope="module")
-def folder(root):
-    return root / "experiments" / "convergence"
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "convergence"
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-@pytest.fixture(scope="module")
-def part(folder):
-    """The experiment's own modules, which it imports by bare names."""
-    before = {name: sys.modules.pop(name, None) for name in NAMES}
-    sys.path.insert(0, str(folder))
-    yield importlib.import_module
-    sys.path.remove(str(folder))
-    for name, module in before.items():
-        sys.modules.pop(name, None)
-        if module is not None:
-            sys.modules[name] = module
-
-
-@pytest.fixture(scope="module")
-def config(folder):
-    return yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def results(folder):
-    record = read_results(folder / "results.json")
-    return record["results"]
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
-def test_the_results_are_of_this_configuration(folder, config):
-    assert read_results(folder / "results.json")["config"] == config
+def test_the_results_are_of_this_configuration(record, config):
+    assert record["config"] == config
 
 
 @pytest.mark.parametrize("p", [1, 2, 3])

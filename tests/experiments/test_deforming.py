@@ -1,55 +1,21 @@
 """Seven losses on one field: committed results belong to their configuration, and a slice rebuilds what they say."""
 
-import importlib
 import itertools
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-import yaml
 from scipy import stats
 
 from meshot import Mesh
 from meshot.mesh.geometry import signed_volume
 from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.shapes import icosphere
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "deforming"
 ARM = ("loss", "encoding", "supports")
 SETTING = ("target", "start", "seed")
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name, free of namesakes in other experiments."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    own = [path.stem for path in FOLDER.glob("*.py")]
-    for name in own:
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    yield importlib.import_module
-    for name in own:
-        sys.modules.pop(name, None)
-
-
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
-
-
-@pytest.fixture(scope="module")
-def config():
-    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.fixture
-def one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def chosen(rows, **keys):

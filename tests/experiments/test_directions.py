@@ -1,35 +1,13 @@
 """The comparison of constructions: its committed results belong to its configuration and lead to the defaults."""
 
-import importlib
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from meshot.loss.directions import DEFAULTS
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "directions"
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name; other experiments have modules of these names, too."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    for name in ("run", "slices", "summary"):
-        monkeypatch.delitem(importlib.import_module("sys").modules, name, raising=False)
-    return importlib.import_module
-
-
-@pytest.fixture(scope="module")
-def config():
-    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
 
 
 def test_committed_results_are_whole(part, config, record):

@@ -1,37 +1,20 @@
 """Encodings: meshes refine as they say, rules are exact where they must be, committed numbers repeat."""
 
-import importlib
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from meshot.mesh.geometry import face_areas
 from meshot.mesh.shapes import cube
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "encoding_rates"
-CONFIG = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name; other experiments have modules of the same names."""
-    names = [file.stem for file in FOLDER.glob("*.py")]
-    others = {name: sys.modules.pop(name) for name in names if name in sys.modules}
-    monkeypatch.syspath_prepend(str(FOLDER))
-    yield importlib.import_module
-    for name in names:
-        sys.modules.pop(name, None)
-    sys.modules.update(others)
 
 
 @pytest.mark.parametrize("family", ["cube", "uneven_cube"])
-def test_refining_a_polyhedron_keeps_its_surface(part, family):
-    for mesh in part("families").pair_of_meshes(family, 2, CONFIG):
-        coarse = part("families").pair_of_meshes(family, 0, CONFIG)
+def test_refining_a_polyhedron_keeps_its_surface(part, config, family):
+    for mesh in part("families").pair_of_meshes(family, 2, config):
+        coarse = part("families").pair_of_meshes(family, 0, config)
         areas = face_areas(mesh)
         assert any(float(areas.sum()) == pytest.approx(float(face_areas(other).sum()), rel=1e-12) for other in coarse)
         spread = float(areas.max() / areas.min())
@@ -82,21 +65,20 @@ def test_crossings_are_read_off_power_laws(part):
     assert found["extrapolated"] is True
 
 
-def test_committed_results_belong_to_the_configuration():
-    record = read_results(FOLDER / "results.json")
-    assert record["config"] == CONFIG
-    families = CONFIG["families"]
+def test_committed_results_belong_to_the_configuration(record, config):
+    assert record["config"] == config
+    families = config["families"]
     n_levels = sum(len(settings["levels"]) for settings in families.values())
-    assert len(record["results"]["duels"]) == n_levels * 2 * 2 * len(CONFIG["exponents"])
+    assert len(record["results"]["duels"]) == n_levels * 2 * 2 * len(config["exponents"])
     assert {row["family"] for row in record["results"]["rates"]} == set(families)
     assert [row["pair"] for row in record["results"]["clock"]] == ["white to pial", "tiny deformation"]
 
 
 @pytest.mark.parametrize(("family", "d"), [("cube", 3), ("sphere", 6)])
-def test_a_small_part_repeats_the_committed_numbers(part, family, d):
-    rates = read_results(FOLDER / "results.json")["results"]["rates"]
-    level = CONFIG["families"][family]["levels"][0]
-    found = part("measured").measure_level({"family": family, "d": d, "level": level}, CONFIG)
+def test_a_small_part_repeats_the_committed_numbers(part, record, config, family, d):
+    rates = record["results"]["rates"]
+    level = config["families"][family]["levels"][0]
+    found = part("measured").measure_level({"family": family, "d": d, "level": level}, config)
     for row in (row for row in rates if (row["family"], row["d"]) == (family, d)):
         lists = found["samples"] if row["encoding"] == "samples" else found["atoms"][row["encoding"]]
         assert np.abs(lists[str(row["p"])][row["quantity"]]).mean() == pytest.approx(row["error"][0], rel=1e-5)

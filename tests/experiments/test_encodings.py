@@ -1,35 +1,14 @@
 """The experiments of chapter 10: committed results belong to their configuration, and a slice of each is made again."""
 
-import importlib
-import sys
 from pathlib import Path
 
 import pytest
-import torch
 import yaml
 
 from meshot.report.results import read_results
 
 EXPERIMENTS = Path(__file__).resolve().parents[2] / "experiments"
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of an experiment by name; other experiments have modules of the same name."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    loaded = []
-
-    def load(experiment: str, name: str):
-        monkeypatch.syspath_prepend(str(EXPERIMENTS / experiment))
-        sys.modules.pop(name, None)
-        loaded.append(name)
-        return importlib.import_module(name)
-
-    yield load
-    torch.set_num_threads(threads)
-    for name in loaded:
-        sys.modules.pop(name, None)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def committed(experiment: str) -> tuple[dict, dict]:
@@ -40,9 +19,9 @@ def committed(experiment: str) -> tuple[dict, dict]:
     return record["results"], config
 
 
-def test_exact_values_are_made_again(part):
+def test_exact_values_are_made_again(part_of):
     results, config = committed("exact_value")
-    accuracy = part("exact_value", "accuracy")
+    accuracy = part_of("exact_value", "accuracy")
     rows = accuracy._closed_forms(config["accuracy"], 2)
     named = {(row["case"], row["p"]): row for row in results["accuracy"]["values"]}
     for row in rows:
@@ -53,9 +32,9 @@ def test_exact_values_are_made_again(part):
         assert row["relative_error"] == pytest.approx(stored["relative_error"], rel=1e-9)
 
 
-def test_sampled_errors_are_made_again(part):
+def test_sampled_errors_are_made_again(part_of):
     results, config = committed("exact_value")
-    sampling = part("exact_value", "sampling")
+    sampling = part_of("exact_value", "sampling")
     pair = sampling.pairs(config)["spheres of 40 and 38"]
     stored = next(row for row in results["sampling"] if row["pair"] == "spheres of 40 and 38")
     directions = sampling.quasi_directions(config["n_directions"], 3)
@@ -65,9 +44,9 @@ def test_sampled_errors_are_made_again(part):
     assert again["rms_error"] == pytest.approx(stored["sampled"][0]["rms_error"], rel=1e-8)
 
 
-def test_a_descent_starts_where_it_did_and_falls(part):
+def test_a_descent_starts_where_it_did_and_falls(part_of):
     results, config = committed("exact_value")
-    fitting = part("exact_value", "fitting")
+    fitting = part_of("exact_value", "fitting")
     short = config | {"descent": config["descent"] | {"n_steps": 3}}
     run = fitting.descend_once("continuous", 0, short)
     stored = results["descent"][0]
@@ -75,9 +54,9 @@ def test_a_descent_starts_where_it_did_and_falls(part):
     assert stored["end"]["sliced_distance"] < run["end"]["sliced_distance"] < run["start"]["sliced_distance"]
 
 
-def test_shares_of_the_normals_are_made_again(part):
+def test_shares_of_the_normals_are_made_again(part_of):
     results, config = committed("normal_scale")
-    shares = part("normal_scale", "shares")
+    shares = part_of("normal_scale", "shares")
     stored = next(row for row in results["pairs"] if row["pair"] == "folds, deep and shallow")
     pair = shares.pairs(config)["folds, deep and shallow"]
     assert shares.scales_of(config, pair[0]) == [row["scale"] for row in stored["rows"]]
@@ -87,16 +66,16 @@ def test_shares_of_the_normals_are_made_again(part):
         assert again[key] == pytest.approx(entry[key], rel=1e-6, abs=1e-9)
 
 
-def test_where_the_normals_make_half(part):
-    shares = part("normal_scale", "shares")
+def test_where_the_normals_make_half(part_of):
+    shares = part_of("normal_scale", "shares")
     rows = [{"scale": s, "share": g} for s, g in ((1.0, 0.0), (10.0, 0.25), (100.0, 0.75))]
     assert shares.crossing_scale(rows) == pytest.approx(10**1.5)
     assert shares.crossing_scale(rows[:2]) is None
 
 
-def test_slopes_are_made_again(part):
+def test_slopes_are_made_again(part_of):
     results, config = committed("sample_gradient")
-    bias = part("sample_gradient", "bias")
+    bias = part_of("sample_gradient", "bias")
     few = config | {"losses": config["losses"] | {"n_draws": 60, "sizes": [100]}}
     for row in bias.losses(few):
         stored = next(r for r in results["losses"] if (r["case"], r["n_points"]) == (row["case"], 100))
@@ -108,9 +87,9 @@ def test_slopes_are_made_again(part):
             )
 
 
-def test_a_polygon_descends_as_it_did(part):
+def test_a_polygon_descends_as_it_did(part_of):
     results, config = committed("sample_gradient")
-    fitting = part("sample_gradient", "fitting")
+    fitting = part_of("sample_gradient", "fitting")
     run = fitting.descend_once(6, "continuous", 0, config["descent"])
     stored = next(row for row in results["descent"] if (row["n_corners"], row["kind"]) == (6, "continuous"))
     assert run["sliced_distance"] == pytest.approx(stored["sliced_distance"], rel=1e-3)

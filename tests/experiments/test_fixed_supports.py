@@ -1,51 +1,17 @@
 """A fixed number of supports: committed results belong to their configuration, and a slice rebuilds what they say."""
 
-import importlib
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-import yaml
 from scipy import stats
 
 from meshot import Mesh, varifold
 from meshot.measure.discrete import varifold_sample
 from meshot.mesh.sampling import sample_locations
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fixed_supports"
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name, free of namesakes in other experiments."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    own = [path.stem for path in FOLDER.glob("*.py")]
-    for name in own:
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    yield importlib.import_module
-    for name in own:
-        sys.modules.pop(name, None)
-
-
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
-
-
-@pytest.fixture(scope="module")
-def config():
-    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.fixture
-def one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def test_committed_results_are_whole_and_paired(part, record, config):

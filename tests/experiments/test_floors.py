@@ -1,32 +1,13 @@
 """The floors: committed numbers belong to the configuration, and small slices make some of them again."""
 
-import importlib
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from meshot.report.results import read_results
-
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "floors"
-NAMES = ("run", "samples", "extrapolation", "readings")
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name, forgotten afterwards."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    for name in NAMES:
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    return importlib.import_module
-
-
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
 
 
 def row_of(record, metric, surface="white left", setting=None):
@@ -40,8 +21,7 @@ def values(row, m):
     return group["values"]
 
 
-def test_committed_results_are_whole(record, part):
-    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+def test_committed_results_are_whole(record, part, config):
     as_stored = yaml.safe_load(yaml.safe_dump(record["config"]))
     # JSON has made strings of the numbers of points.
     assert as_stored == {k: strings(v) for k, v in config.items()}

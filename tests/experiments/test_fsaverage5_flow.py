@@ -1,13 +1,10 @@
 """The flows to fsaverage5: committed numbers are whole, stored flows lead where they say, and a slice runs again."""
 
-import importlib
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-import yaml
 
 from meshot.flow.analytic import Affine
 from meshot.flow.chain import Leg, chain_trajectory
@@ -16,29 +13,8 @@ from meshot.mesh.geometry import edge_lengths
 from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.shapes import icosphere
 from meshot.mesh.topology import SPHERE, topology
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fsaverage5_flow"
-MODULES = ("run", "fitting", "measuring", "mending", "stored", "surfaces")
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name, forgotten afterwards."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    for name in MODULES:
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    return importlib.import_module
-
-
-@pytest.fixture(scope="module")
-def config():
-    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
 
 
 def test_committed_results_are_whole(record, config):

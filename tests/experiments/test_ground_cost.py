@@ -1,32 +1,19 @@
 """The two ground costs: committed numbers belong to the configuration, and a small slice makes them again."""
 
-import importlib
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ground_cost"
 
 
 @pytest.fixture
-def costs(monkeypatch):
-    monkeypatch.syspath_prepend(str(FOLDER))
-    monkeypatch.delitem(sys.modules, "costs", raising=False)
-    return importlib.import_module("costs")
+def costs(part):
+    return part("costs")
 
 
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
-
-
-def test_committed_results_are_whole(record):
-    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+def test_committed_results_are_whole(record, config):
     assert record["config"] == config
     assert [row["p"] for row in record["results"]["summary"]] == config["exponents"]
     assert all(row["n_seeds"] == len(config["seeds"]) >= 5 for row in record["results"]["summary"])

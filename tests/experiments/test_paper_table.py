@@ -1,10 +1,8 @@
 """The paper's tables: typed right, read right."""
 
-import importlib
 import math
 import os
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,30 +10,14 @@ import ot
 import pytest
 import yaml
 
-from meshot.report.results import read_results
-
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "paper_table"
 #: The paper's LaTeX source, which is not ours to distribute: arXiv has it.
 SOURCE = Path(os.environ.get("MESHOT_PAPER_SOURCE", "not given"))
 
 
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name, forgotten afterwards."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    for name in ("run", "inequality", "oddities", "counting"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    return importlib.import_module
-
-
 @pytest.fixture(scope="module")
 def paper():
     return yaml.safe_load((FOLDER / "paper.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
 
 
 def numbers_in(text):
@@ -73,8 +55,7 @@ def test_the_tables_have_their_shape(paper):
     assert [len(side) for side in paper["table_3"].values()] == [4, 4]
 
 
-def test_committed_results_are_made_again(part, record, paper, monkeypatch):
-    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+def test_committed_results_are_made_again(part, record, paper, monkeypatch, config):
     assert record["config"] == config
     run = part("run")
     assert run.rounded(run.counts_read(paper, config)) == record["results"]["counts"]

@@ -1,35 +1,13 @@
 """Crossing faces: committed counts belong to the configuration, and small slices of them are made again."""
 
-import importlib
 import itertools
-import sys
 from pathlib import Path
 
 import pytest
-import torch
-import yaml
 from scipy import stats
 
-from meshot.report.results import read_results
-
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "self_intersection"
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name, forgotten afterwards; on one thread."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    for name in ("run", "fitting", "carrying", "summary"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield importlib.import_module
-    torch.set_num_threads(threads)
-
-
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def committed(record, table, **wanted):
@@ -37,8 +15,7 @@ def committed(record, table, **wanted):
     return row
 
 
-def test_committed_results_are_whole(part, record):
-    config = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+def test_committed_results_are_whole(part, record, config):
     assert record["config"] == config
     planned = part("run").tasks(config)
     assert len(config["fits"]["seeds"]) >= 5

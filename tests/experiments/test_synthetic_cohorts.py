@@ -1,8 +1,5 @@
 """What is committed about the cohorts agrees with itself and with the small subject that is committed too."""
 
-import importlib
-import sys
-
 import numpy as np
 import pytest
 import yaml
@@ -13,19 +10,6 @@ from meshot.synth.cohort import read_subject
 from meshot.synth.recipe import read_recipe
 
 
-@pytest.fixture
-def part(monkeypatch, root):
-    """A module of one of the two experiments, forgotten afterwards."""
-
-    def load(experiment, name):
-        monkeypatch.syspath_prepend(str(root / "experiments" / experiment))
-        for known in ("run", "baseline"):
-            monkeypatch.delitem(sys.modules, known, raising=False)
-        return importlib.import_module(name)
-
-    return load
-
-
 @pytest.mark.parametrize("name", ["cohorts", "template_baseline"])
 def test_committed_results_belong_to_their_configuration(root, name):
     folder = root / "experiments" / name
@@ -33,15 +17,15 @@ def test_committed_results_belong_to_their_configuration(root, name):
     assert record["config"] == yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8"))
 
 
-def test_the_summary_is_that_of_the_scores(root, part):
+def test_the_summary_is_that_of_the_scores(root, part_of):
     record = read_results(root / "experiments" / "template_baseline" / "results.json")["results"]
-    assert part("template_baseline", "run").summarise(record["scores"]) == record["summary"]
+    assert part_of("template_baseline", "run").summarise(record["scores"]) == record["summary"]
     kinds = {(row["cohort"], row["kind"]) for row in record["summary"]}
     assert kinds == {(c, k) for c in ("adni_like", "oasis_like") for k in ("template", "procedural")}
 
 
-def test_the_small_subject_is_summarised(root, part):
-    found = part("cohorts", "run").scan_summary(read_subject(root / "data_synth" / "sample", "sub-001"))
+def test_the_small_subject_is_summarised(root, part_of):
+    found = part_of("cohorts", "run").scan_summary(read_subject(root / "data_synth" / "sample", "sub-001"))
     assert found["noise"] == pytest.approx(found["noise_set"], rel=0.1)
     assert found["white"] == pytest.approx(440, rel=0.1)
     assert found["grey"] == pytest.approx(310, rel=0.15)
@@ -50,8 +34,8 @@ def test_the_small_subject_is_summarised(root, part):
     assert found["crossing_faces"] == 0
 
 
-def test_the_template_lies_near_the_small_subject_and_not_on_it(root, part):
-    baseline = part("template_baseline", "baseline")
+def test_the_template_lies_near_the_small_subject_and_not_on_it(root, part_of):
+    baseline = part_of("template_baseline", "baseline")
     folder = root / "data_synth" / "sample"
     subject = read_subject(folder, "sub-001")
     template = baseline.template_in_standard_space(read_recipe(folder / "recipe.yaml"))

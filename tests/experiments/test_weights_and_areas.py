@@ -1,43 +1,17 @@
 """Weights and areas: committed results belong to their configuration, and a slice rebuilds what they say."""
 
-import importlib
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-import yaml
 from scipy import stats
 
 from meshot.mesh.geometry import face_areas
 from meshot.mesh.shapes import icosphere
-from meshot.report.results import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "weights_and_areas"
-
-
-@pytest.fixture
-def part(monkeypatch):
-    """A module of the experiment by name, free of namesakes in other experiments."""
-    monkeypatch.syspath_prepend(str(FOLDER))
-    own = [path.stem for path in FOLDER.glob("*.py")]
-    for name in own:
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    yield importlib.import_module
-    for name in own:
-        sys.modules.pop(name, None)
-
-
-@pytest.fixture(scope="module")
-def record():
-    return read_results(FOLDER / "results.json")
-
-
-@pytest.fixture(scope="module")
-def config():
-    return yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
 
 
 def test_committed_results_are_whole(part, record, config):
@@ -65,15 +39,10 @@ def test_committed_differences_are_paired_and_at_the_best_rate_of_each(record):
         assert (row["sw_surface_low"], row["sw_surface_high"]) == pytest.approx(tuple(interval), rel=1e-3)
 
 
-def test_a_descent_rebuilds_its_committed_number(part, record, config):
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        row = next(r for r in record["results"]["descents"] if r["target"] == "cube" and r["encoding"] == "varifold")
-        run = {key: row[key] for key in ("target", "encoding", "detach_weights", "learning_rate")}
-        found = part("descents").run_once(run, 0, config)
-    finally:
-        torch.set_num_threads(threads)
+def test_a_descent_rebuilds_its_committed_number(part, record, config, one_thread):
+    row = next(r for r in record["results"]["descents"] if r["target"] == "cube" and r["encoding"] == "varifold")
+    run = {key: row[key] for key in ("target", "encoding", "detach_weights", "learning_rate")}
+    found = part("descents").run_once(run, 0, config)
     for name in ("sw_surface", "sw_varifold", "assd", "edge_variation"):
         assert found[name] == pytest.approx(row[f"{name}_seeds"][0], rel=0.02)
 
