@@ -20,7 +20,7 @@ from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.topology import topology
 from meshot.metrics.surface import Surface, average_surface_distance, hausdorff_distance
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.segmentation_weights import read_segmentation_weights
+from meshot.model.weights import read_weights
 from meshot.pipeline.segmentation import in_scanner, segment
 from meshot.pipeline.segmentation_surface import segmented_surface
 from meshot.report.results import write_results
@@ -108,7 +108,7 @@ def main(words: list[str] | None = None) -> None:
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     config |= {key: value for key in ("cohorts", "weights") if (value := getattr(asked, key)) is not None}
     torch.set_num_threads(config["n_threads"])
-    network, record = read_segmentation_weights(config["weights"])
+    network, record = read_weights(config["weights"], SegmentationNetwork)
     subjects = {f"{Path(c).name}/{s.name}": s for c in config["cohorts"] for s in scans(c, config["split"])}
 
     @functools.lru_cache(maxsize=1)

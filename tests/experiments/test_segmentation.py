@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.segmentation_weights import write_segmentation_weights
+from meshot.model.weights import write_weights
 from meshot.report.results import read_results
 from phantoms import write_phantom_cohort
 
@@ -47,9 +47,9 @@ class Bright(SegmentationNetwork):
 def test_every_hemisphere_is_measured_and_a_stopped_run_goes_on(tmp_path, experiment, monkeypatch):
     cohort = write_phantom_cohort(tmp_path / "phantoms", ["test", "train", "test"])
     weights, output = tmp_path / "w.safetensors", tmp_path / "results.json"
-    write_segmentation_weights(weights, SegmentationNetwork(2, 1), RECORD)
-    real = experiment.read_segmentation_weights
-    monkeypatch.setattr(experiment, "read_segmentation_weights", lambda path: (Bright(2, 1), real(path)[1]))
+    write_weights(weights, SegmentationNetwork(2, 1), RECORD)
+    real = experiment.read_weights
+    monkeypatch.setattr(experiment, "read_weights", lambda path, kind: (Bright(2, 1), real(path, kind)[1]))
     words = ["--cohorts", str(cohort), "--weights", str(weights), "--output", str(output)]
     measured, calls = experiment.measured, []
 

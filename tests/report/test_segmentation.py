@@ -5,7 +5,8 @@ import json
 import pytest
 
 from meshot.cli import main
-from meshot.model.segmentation_weights import read_segmentation_weights
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import read_weights
 from meshot.pipeline.segmentation_checkpoint import read_log
 from meshot.report.results import read_results
 from phantoms import write_phantom_cohort
@@ -28,7 +29,7 @@ def words(tmp_path, monkeypatch):
 def test_everything_is_written_with_its_provenance(words, tmp_path, capsys):
     assert main(words) == 0
     assert "best after" in capsys.readouterr().out
-    network, record = read_segmentation_weights(tmp_path / "out" / "weights.safetensors")
+    network, record = read_weights(tmp_path / "out" / "weights.safetensors", SegmentationNetwork)
     results = read_results(tmp_path / "out" / "weights.json")
     assert network.config() == {"width": 2, "depth": 2, "fold": 1}
     assert record["command"] == results["command"].replace(" --threads 1", "")

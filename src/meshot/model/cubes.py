@@ -8,7 +8,7 @@ from torch import nn
 
 from meshot.errors import require_positive_integer
 from meshot.rng import Generator, numpy_generator
-from meshot.types import Float, Tensor
+from meshot.types import Float, Int64, Tensor
 from meshot.volume.pyramid import volume_pyramid
 from meshot.volume.sampling import sample_volume
 from meshot.volume.volume import Volume, mm_to_voxel
@@ -37,14 +37,7 @@ class FeatureMap:
 
     def at(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
         """The features at points in mm, trilinear between voxels, zero beyond the map; differentiable in both."""
-        last = points.new_tensor(self.shape) - 1
-        places = torch.minimum((mm_to_voxel(self.image, points) + self.margin).clamp(min=0), last)
-        lower = torch.minimum(places.detach().floor(), last - 1)
-        fraction = places - lower
-        corners = torch.tensor(list(np.ndindex(2, 2, 2)), device=points.device)  # (8, 3)
-        weights = torch.where(corners.bool(), fraction[:, None], 1 - fraction[:, None]).prod(dim=2)  # (n, 8)
-        _, ny, nz = self.shape
-        rows = (lower.long()[:, None] + corners) @ torch.tensor([ny * nz, nz, 1], device=points.device)
+        rows, weights = corner_rows(mm_to_voxel(self.image, points) + self.margin, self.shape)
         return nn.functional.embedding_bag(rows, self.values, per_sample_weights=weights, mode="sum")
 
     @torch.no_grad()
@@ -54,6 +47,21 @@ class FeatureMap:
         steps = torch.stack([grid.diff(dim=axis).norm(dim=-1).max() for axis in range(3)])
         per_mm = np.linalg.norm(np.linalg.inv(self.image.affine[:3, :3]), ord=2)
         return steps.norm() * float(per_mm)
+
+
+def corner_rows(
+    places: Float[Tensor, "n 3"], shape: tuple[int, int, int]
+) -> tuple[Int64[Tensor, "n 8"], Float[Tensor, "n 8"]]:
+    """For places on a grid the eight voxels around each, as rows of a flat grid, and their trilinear weights."""
+    last = places.new_tensor(shape) - 1
+    places = torch.minimum(places.clamp(min=0), last)
+    lower = torch.minimum(places.detach().floor(), last - 1)
+    x, y, z = (torch.stack([1 - part, part], dim=1) for part in (places - lower).unbind(dim=1))  # (n, 2) each
+    weights = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).flatten(1)
+    _, ny, nz = shape
+    strides = torch.tensor([ny * nz, nz, 1], device=places.device)
+    corners = torch.tensor(list(np.ndindex(2, 2, 2)), device=places.device) @ strides  # (8,)
+    return (lower.long() @ strides)[:, None] + corners, weights
 
 
 class CubeConvolution(nn.Module):

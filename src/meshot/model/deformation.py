@@ -90,6 +90,16 @@ class DeformationNetwork(nn.Module):
         """The velocity field in one image; the network may learn through it, the image stays outside of the network."""
         return ImageVelocity(self, image, path)
 
+    def config(self) -> dict[str, int | float | list[int]]:
+        """The arguments that make a network of this form."""
+        return {
+            "width": self.of_image.out_features,
+            "hidden": [layer.out_features for layer in self.perceptron],
+            "n_scales": self.cubes.weight.shape[1],
+            "size": self.cubes.weight.shape[2],
+            "extent": self.extent,
+        }
+
     @property
     def n_parameters(self) -> int:
         """How many numbers are learned."""

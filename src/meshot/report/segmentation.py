@@ -7,7 +7,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from meshot.figures.training import write_training_figure
-from meshot.model.segmentation_weights import write_segmentation_weights
+from meshot.model.weights import write_weights
 from meshot.pipeline.segmentation_checkpoint import TrainingLog
 from meshot.pipeline.segmentation_data import read_examples
 from meshot.pipeline.segmentation_settings import read_segmentation_config
@@ -65,7 +65,7 @@ def trained_segmentation(
         "data": found.data,
     }
     record = config.as_dict() | {"results": results, "command": words, "cohorts": names} | provenance()
-    write_segmentation_weights(folder / WEIGHTS, found.network, record)
+    write_weights(folder / WEIGHTS, found.network, record)
     data = f"synthetic cohorts {', '.join(names)}"
     write_results(folder / RECORD, results, config.as_dict(), words, data, found.cpu_seconds)
     TrainingLog(folder / LOG, found.log)

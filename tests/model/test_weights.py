@@ -5,13 +5,13 @@ import safetensors.torch
 import torch
 
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.segmentation_weights import read_segmentation_weights, write_segmentation_weights
+from meshot.model.weights import read_weights, write_weights
 
 
 def test_weights_and_record_come_back(tmp_path):
     network = SegmentationNetwork(3, 2, 2, generator=5)
-    write_segmentation_weights(tmp_path / "w.safetensors", network, {"seed": 5, "commit": "abc"})
-    again, record = read_segmentation_weights(tmp_path / "w.safetensors")
+    write_weights(tmp_path / "w.safetensors", network, {"seed": 5, "commit": "abc"})
+    again, record = read_weights(tmp_path / "w.safetensors", SegmentationNetwork)
     image = torch.rand(1, 1, 8, 8, 12)
     assert torch.equal(again(image), network(image))
     assert record == {"seed": 5, "commit": "abc", "network": {"width": 3, "depth": 2, "fold": 2}}
@@ -19,24 +19,26 @@ def test_weights_and_record_come_back(tmp_path):
 
 def test_no_more_than_ten_megabytes(tmp_path):
     with pytest.raises(ValueError, match=r"13\.2 MB; at most 10 MB"):
-        write_segmentation_weights(tmp_path / "w.safetensors", SegmentationNetwork(24, 4, 2), {})
+        write_weights(tmp_path / "w.safetensors", SegmentationNetwork(24, 4, 2), {})
     with pytest.raises(ValueError, match="as JSON"):
-        write_segmentation_weights(tmp_path / "w.safetensors", SegmentationNetwork(2, 1), {"loss": float("nan")})
+        write_weights(tmp_path / "w.safetensors", SegmentationNetwork(2, 1), {"loss": float("nan")})
     assert not list(tmp_path.iterdir())
 
 
 def test_other_files_are_named(tmp_path):
     path = tmp_path / "w.safetensors"
     with pytest.raises(ValueError, match=r"w\.safetensors does not hold the weights"):
-        read_segmentation_weights(path)
-    write_segmentation_weights(path, SegmentationNetwork(2, 2), {})
+        read_weights(path, SegmentationNetwork)
+    write_weights(path, SegmentationNetwork(2, 2), {})
     whole = path.read_bytes()
     path.write_bytes(whole[:-40])
     with pytest.raises(ValueError, match="does not hold the weights"):
-        read_segmentation_weights(path)
+        read_weights(path, SegmentationNetwork)
     safetensors.torch.save_file({"a": torch.zeros(2)}, path)
     with pytest.raises(ValueError, match="does not hold the weights"):
-        read_segmentation_weights(path)
-    safetensors.torch.save_file({"a": torch.zeros(2)}, path, metadata={"segmentation": '{"network": {"width": 2}}'})
+        read_weights(path, SegmentationNetwork)
+    safetensors.torch.save_file(
+        {"a": torch.zeros(2)}, path, metadata={"SegmentationNetwork": '{"network": {"width": 2}}'}
+    )
     with pytest.raises(ValueError, match="does not hold the weights"):
-        read_segmentation_weights(path)
+        read_weights(path, SegmentationNetwork)

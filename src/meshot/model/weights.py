@@ -1,25 +1,26 @@
-"""A trained segmentation network as one safetensors file that says what it is and where it comes from."""
+"""A trained network as one safetensors file that says what it is and where it comes from."""
 
 import json
 import os
+from typing import TypeVar
 
 import safetensors
 import safetensors.torch
+from torch import nn
 
 from meshot.files import whole_file
-from meshot.model.segmentation import SegmentationNetwork
 
 LARGEST_BYTES = 10_000_000
-_KEY = "segmentation"
+Network = TypeVar("Network", bound=nn.Module)
 
 
-def write_segmentation_weights(path: str | os.PathLike, network: SegmentationNetwork, record: dict) -> None:
-    """Write the weights, float32, whole or not at all.
+def write_weights(path: str | os.PathLike, network: nn.Module, record: dict) -> None:
+    """Write the weights of a network, float32, whole or not at all.
 
     Parameters
     ----------
     path : path
-    network : SegmentationNetwork
+    network : SegmentationNetwork or DeformationNetwork
     record : dict
         JSON: settings, seed, data, commit, versions, seconds. The form of the network is added.
 
@@ -28,7 +29,7 @@ def write_segmentation_weights(path: str | os.PathLike, network: SegmentationNet
     ValueError
         If the weights take more than 10 MB, or the record is not JSON.
     """
-    tensors = {name: value.detach().cpu().contiguous() for name, value in network.state_dict().items()}
+    tensors = {name: value.detach().cpu().float().contiguous() for name, value in network.state_dict().items()}
     n_bytes = sum(value.numel() * value.element_size() for value in tensors.values())
     if n_bytes > LARGEST_BYTES:
         raise ValueError(
@@ -40,11 +41,17 @@ def write_segmentation_weights(path: str | os.PathLike, network: SegmentationNet
     except (TypeError, ValueError) as error:
         raise ValueError(f"the record of the weights cannot be written as JSON ({error})") from error
     with whole_file(path) as temporary:
-        safetensors.torch.save_file(tensors, temporary, metadata={_KEY: text})
+        safetensors.torch.save_file(tensors, temporary, metadata={type(network).__name__: text})
 
 
-def read_segmentation_weights(path: str | os.PathLike) -> tuple[SegmentationNetwork, dict]:
-    """The network, ready to use, and its record.
+def read_weights(path: str | os.PathLike, kind: type[Network]) -> tuple[Network, dict]:
+    """A network, ready to use (float32), and its record.
+
+    Parameters
+    ----------
+    path : path
+    kind : type
+        ``SegmentationNetwork`` or ``DeformationNetwork``.
 
     Raises
     ------
@@ -53,13 +60,13 @@ def read_segmentation_weights(path: str | os.PathLike) -> tuple[SegmentationNetw
     """
     try:
         with safetensors.safe_open(path, framework="pt") as file:
-            record = json.loads((file.metadata() or {})[_KEY])
+            record = json.loads((file.metadata() or {})[kind.__name__])
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-        network = SegmentationNetwork(**record["network"])
+        network = kind(**record["network"]).float()
         network.load_state_dict(tensors)
     except (OSError, safetensors.SafetensorError, KeyError, TypeError, RuntimeError, json.JSONDecodeError) as error:
         raise ValueError(
-            f"{os.fspath(path)} does not hold the weights of a segmentation network ({error}); train one with "
-            "meshot train-segmentation"
+            f"{os.fspath(path)} does not hold the weights of a {kind.__name__} ({error}); train one with meshot train "
+            "or meshot train-segmentation"
         ) from error
     return network.eval(), record
