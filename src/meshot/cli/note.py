@@ -1,0 +1,8 @@
+"""What every command says of itself."""
+
+import argparse
+
+NOTE = "Not for clinical use."
+
+#: What ``ArgumentParser.add_subparsers`` gives.
+Commands = argparse._SubParsersAction
