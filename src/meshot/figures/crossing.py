@@ -1,10 +1,7 @@
 """Two triangles under a flow of their points: a page on which a reader makes them cross, whole in itself, offline."""
 
-import base64
 import dataclasses
-import hashlib
 import html
-import io
 import json
 
 import matplotlib.pyplot as plt
@@ -14,6 +11,7 @@ from matplotlib.figure import Figure
 
 from meshot.errors import require_positive_integer
 from meshot.figures.crossing_page import PAGE
+from meshot.figures.page import filled, identity, still_of
 from meshot.figures.style import BLUE, ORANGE, WIDTH
 from meshot.flow.analytic import AnalyticField, Push, Vortex
 from meshot.flow.integrate import integrate
@@ -129,20 +127,13 @@ def crossing_player(description: str, gap: float = 0.3) -> CrossingPlayer:
     data = {"corners": two_triangles(gap).tolist(), "fields": fields, "colours": [BLUE, ORANGE]}
     text = json.dumps(data, separators=(",", ":"))
     values = {
-        "@ID@": "crossing-" + hashlib.sha256(text.encode()).hexdigest()[:12],
+        "@ID@": identity("crossing", text),
         "@LABEL@": html.escape(description, quote=True),
         "@STILL@": _picture(gap),
         "@DATA@": text.replace("<", "\\u003c"),
     }
-    page = PAGE
-    for mark, value in values.items():
-        page = page.replace(mark, value)
-    return CrossingPlayer(page)
+    return CrossingPlayer(filled(PAGE, values))
 
 
 def _picture(gap: float) -> str:
-    figure = crossing_figure(FIELDS["push"], gap, 0.6, 8, (1, 16))
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=80)
-    plt.close(figure)
-    return base64.b64encode(buffer.getvalue()).decode()
+    return still_of(crossing_figure(FIELDS["push"], gap, 0.6, 8, (1, 16)))

@@ -1,6 +1,9 @@
 """The page of the crossing triangles: style, controls and script, with marks where the data go."""
 
-PAGE = """
+from meshot.figures.page import OPENING
+
+PAGE = (
+    """
 <div id="@ID@" class="crossing-player" role="group" aria-label="@LABEL@">
 <style>
 .crossing-player { color-scheme: light; max-width: 40rem; padding: .5rem; border-radius: 4px; background: #fff;
@@ -37,13 +40,9 @@ PAGE = """
 <p class="verdict" aria-live="polite" hidden></p>
 </div>
 <script>
-(function () {
-  "use strict";
-  const data = @DATA@;
-  const root = document.getElementById("@ID@");
-  if (!root || root.dataset.ready) { return; }
-  root.dataset.ready = "yes";
-  const canvas = root.querySelector("canvas"), pen = canvas.getContext("2d");
+"""
+    + OPENING
+    + """  const canvas = root.querySelector("canvas"), pen = canvas.getContext("2d");
   const verdict = root.querySelector(".verdict");
   const slider = (name) => root.querySelector("input." + name);
   const says = (name) => slider(name).nextElementSibling;
@@ -141,3 +140,4 @@ PAGE = """
 })();
 </script>
 """
+)

@@ -1,7 +1,6 @@
 """A surface on its way: an interactive view in which a reader moves through the time of a deformation, offline."""
 
 import dataclasses
-import hashlib
 import html
 import json
 from collections.abc import Mapping, Sequence
@@ -9,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from meshot.figures.deformation_page import PAGE
+from meshot.figures.page import filled, identity
 from meshot.figures.scene import interactive
 from meshot.figures.values import COLOUR_MAP
 from meshot.mesh.mesh import Mesh
@@ -107,16 +107,13 @@ def deformation_view(
     scene = interactive(meshes, shades or None, alt=alt, **options)
     data = json.dumps({"times": [float(t) for t in times], "choices": choices}, separators=(",", ":"))
     marks = {
-        "@ID@": "deformation-" + hashlib.sha256((data + scene.page).encode()).hexdigest()[:12],
+        "@ID@": identity("deformation", data + scene.page),
         "@LABEL@": html.escape(alt, quote=True),
         "@LAST@": str(last),
         "@DATA@": data.replace("<", "\\u003c"),
         "@SCENE@": scene.page,
     }
-    page = PAGE
-    for mark, text in marks.items():
-        page = page.replace(mark, text)
-    return Deformation(page, (*paths, *beside), len(times))
+    return Deformation(filled(PAGE, marks), (*paths, *beside), len(times))
 
 
 def _require_frames(mesh: Mesh, paths: Mapping, times: Sequence[float], values: Mapping, beside: Mapping) -> None:

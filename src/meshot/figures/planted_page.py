@@ -1,6 +1,9 @@
 """The page on which a reader plants an error and sees what each metric says: style, controls and script."""
 
-PAGE = """
+from meshot.figures.page import OPENING
+
+PAGE = (
+    """
 <div id="@ID@" class="planted" role="group" aria-label="@LABEL@">
 <style>
 .planted { max-width: 44rem; padding: .5rem; border-radius: 4px; background: #fff; color: #1a1a1a; }
@@ -34,16 +37,13 @@ PAGE = """
 <p role="status" hidden></p>
 </div>
 <script>
-(function () {
-  "use strict";
-  const data = @DATA@;
-  const root = document.getElementById("@ID@");
-  if (!root || root.dataset.ready) { return; }
-  root.dataset.ready = "yes";
-  @BEHAVIOUR@
+"""
+    + OPENING
+    + """  @BEHAVIOUR@
 })();
 </script>
 """
+)
 
 BEHAVIOUR = """
   const SVG = "http://www.w3.org/2000/svg", find = (name) => root.querySelector(name);

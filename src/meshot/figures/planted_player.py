@@ -1,17 +1,14 @@
 """Planted errors that a reader chooses, small to large, with what each metric says: whole in itself, offline."""
 
-import base64
 import dataclasses
-import hashlib
 import html
-import io
 import json
 import math
 from collections.abc import Mapping, Sequence
 
-import matplotlib.pyplot as plt
 import numpy as np
 
+from meshot.figures.page import filled, identity, still_of
 from meshot.figures.planted import Window, round_length, sections_figure
 from meshot.figures.planted_page import BEHAVIOUR, PAGE
 from meshot.mesh.mesh import Mesh
@@ -95,15 +92,12 @@ def planted_player(
     marks = {
         "@BEHAVIOUR@": BEHAVIOUR,
         "@DATA@": text,
-        "@ID@": "planted-" + hashlib.sha256(text.encode()).hexdigest()[:12],
+        "@ID@": identity("planted", text),
         "@LABEL@": html.escape(description, quote=True),
         "@OPTIONS@": "".join(f'<option value="{k}">{html.escape(name)}</option>' for k, name in enumerate(errors)),
         "@STILL@": _picture(target, errors),
     }
-    page = PAGE
-    for mark, value in marks.items():
-        page = page.replace(mark, value)
-    return PlantedPlayer(page, tuple(errors))
+    return PlantedPlayer(filled(PAGE, marks), tuple(errors))
 
 
 def _error(name: str, target: Mesh, window: Window, states: Sequence[PlantedState]) -> dict:
@@ -128,8 +122,4 @@ def _flat(window: Window, mesh: Mesh) -> list[float]:
 
 def _picture(target: Mesh, errors: Mapping[str, tuple[Window, Sequence[PlantedState]]]) -> str:
     panels = {name: (window, states[-1].mesh) for name, (window, states) in errors.items()}
-    figure = sections_figure(panels, target)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=80)
-    plt.close(figure)
-    return base64.b64encode(buffer.getvalue()).decode()
+    return still_of(sections_figure(panels, target))

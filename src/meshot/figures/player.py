@@ -2,15 +2,13 @@
 
 import base64
 import dataclasses
-import hashlib
 import html
-import io
 import json
 from collections.abc import Mapping, Sequence
 
-import matplotlib.pyplot as plt
 import numpy as np
 
+from meshot.figures.page import filled, identity, still_of
 from meshot.figures.player_page import PAGE
 from meshot.figures.points import box_around, process_figure
 from meshot.figures.style import BLACK, LOSS_COLOURS
@@ -86,16 +84,13 @@ def point_player(
     text = json.dumps(data, separators=(",", ":"))
     still = {name: {int(steps[-1]): points[-1]} for name, points in frames.items()}
     values = {
-        "@ID@": "player-" + hashlib.sha256(text.encode()).hexdigest()[:12],
+        "@ID@": identity("player", text),
         "@LABEL@": html.escape(description, quote=True),
         "@STILL@": _picture(still, contour),
         "@LAST@": str(len(steps) - 1),
         "@DATA@": text.replace("<", "\\u003c"),
     }
-    page = PAGE
-    for mark, value in values.items():
-        page = page.replace(mark, value)
-    return Player(page, len(steps))
+    return Player(filled(PAGE, values), len(steps))
 
 
 def _packed(points: Float[Tensor, "k n 2"], box: tuple[float, float, float, float]) -> str:
@@ -106,8 +101,4 @@ def _packed(points: Float[Tensor, "k n 2"], box: tuple[float, float, float, floa
 
 
 def _picture(moments: Mapping[str, Mapping[int, Tensor]], contour: Contour) -> str:
-    figure = process_figure(moments, contour)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=80)
-    plt.close(figure)
-    return base64.b64encode(buffer.getvalue()).decode()
+    return still_of(process_figure(moments, contour))

@@ -1,6 +1,9 @@
 """The page of the player: style, controls and script, with marks where the data go."""
 
-PAGE = """
+from meshot.figures.page import OPENING
+
+PAGE = (
+    """
 <div id="@ID@" class="point-player" role="group" aria-label="@LABEL@">
 <style>
 .point-player { max-width: 44rem; padding: .5rem; border-radius: 4px; background: #fff; color: #1a1a1a; }
@@ -25,13 +28,9 @@ PAGE = """
 </div>
 </div>
 <script>
-(function () {
-  "use strict";
-  const data = @DATA@;
-  const root = document.getElementById("@ID@");
-  if (!root || root.dataset.ready) { return; }
-  root.dataset.ready = "yes";
-  const [left, right, bottom, top] = data.box;
+"""
+    + OPENING
+    + """  const [left, right, bottom, top] = data.box;
   const button = root.querySelector("button"), slider = root.querySelector("input");
   const output = root.querySelector("output"), holder = root.querySelector(".panels");
   const last = data.steps.length - 1;
@@ -104,3 +103,4 @@ PAGE = """
 })();
 </script>
 """
+)

@@ -2,7 +2,6 @@
 
 import base64
 import dataclasses
-import hashlib
 import html
 import io
 import json
@@ -14,6 +13,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.ticker import MaxNLocator
 
+from meshot.figures.page import filled, identity
 from meshot.figures.scene_data import scene_data
 from meshot.figures.scene_page import BAR, PAGE, STYLE
 from meshot.figures.scene_script import SCRIPT
@@ -107,19 +107,13 @@ def interactive(
         "@STYLE@": STYLE,
         "@BAR@": _bar(values, limits, colour_map, bar_label(label, unit)) if values else "",
         "@SCRIPT@": SCRIPT,
-        "@ID@": "scene-" + hashlib.sha256((data + title + alt).encode()).hexdigest()[:12],
+        "@ID@": identity("scene", data + title + alt),
         "@ALT@": html.escape(alt, quote=True),
         "@TITLE@": html.escape(title),
         "@STILL@": _still(meshes, first, values, limits, colour_map, sight),
         "@DATA@": data,
     }
-    return Scene(_filled(PAGE, marks), tuple(meshes))
-
-
-def _filled(page: str, marks: Mapping[str, str]) -> str:
-    for mark, text in marks.items():
-        page = page.replace(mark, text)
-    return page
+    return Scene(filled(PAGE, marks), tuple(meshes))
 
 
 def _still(
@@ -150,4 +144,4 @@ def _bar(values: Mapping[str, np.ndarray], limits: tuple[float, float], colour_m
         if low - slack <= tick <= high + slack
     )
     marks = {"@BAR_LABEL@": html.escape(label, quote=True), "@LOW@": f"{low:g}", "@HIGH@": f"{high:g}"}
-    return _filled(BAR, marks | {"@COLOURS@": ", ".join(ramp), "@TICKS@": ticks})
+    return filled(BAR, marks | {"@COLOURS@": ", ".join(ramp), "@TICKS@": ticks})

@@ -1,13 +1,11 @@
 """The viewer of an interactive view, in WebGL 2; ``scene.py`` says how the data are packed."""
 
-SCRIPT = r"""
-(function () {
-  "use strict";
-  const data = @DATA@;
-  const root = document.getElementById("@ID@");
-  if (!root || root.dataset.ready) { return; }
-  root.dataset.ready = "yes";
-  const find = (name) => root.querySelector(name);
+from meshot.figures.page import OPENING
+
+SCRIPT = (
+    "\n"
+    + OPENING
+    + r"""  const find = (name) => root.querySelector(name);
   const stage = find(".stage"), start = find(".start"), hint = find(".hint"), help = find(".help");
   const names = find(".names");
   let shown = 0, stop = null, show = (calm) => open(calm);
@@ -213,3 +211,4 @@ SCRIPT = r"""
   }
 })();
 """
+)

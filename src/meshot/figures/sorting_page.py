@@ -1,6 +1,9 @@
 """The page of sorting as transport: style, controls and script, with marks where the data go."""
 
-PAGE = """
+from meshot.figures.page import OPENING
+
+PAGE = (
+    """
 <div id="@ID@" class="sorting" role="group" aria-label="@LABEL@">
 <style>
 .sorting { color-scheme: light; }
@@ -39,17 +42,14 @@ PAGE = """
 </div>
 </div>
 <script>
-(function () {
-  "use strict";
-  const data = @DATA@;
-  const root = document.getElementById("@ID@");
-  if (!root || root.dataset.ready) { return; }
-  root.dataset.ready = "yes";
-  @ARITHMETIC@
+"""
+    + OPENING
+    + """  @ARITHMETIC@
   @BEHAVIOUR@
 })();
 </script>
 """
+)
 
 BEHAVIOUR = """
   const SVG = "http://www.w3.org/2000/svg", svg = root.querySelector("svg"), status = root.querySelector("p");

@@ -1,18 +1,15 @@
 """Sorting as transport: a page on which a reader drags grains and sees them paired, whole in itself, offline."""
 
-import base64
 import dataclasses
-import hashlib
 import html
-import io
 import json
 from collections.abc import Sequence
 
-import matplotlib.pyplot as plt
 import torch
 
 from meshot.errors import as_floating
 from meshot.figures.line import pairing_figure, pairs_of
+from meshot.figures.page import filled, identity, still_of
 from meshot.figures.sorting_page import BEHAVIOUR, PAGE
 from meshot.figures.sorting_script import ARITHMETIC
 from meshot.loss.line import monotone_plan
@@ -102,18 +99,15 @@ def _masses(values: object | None, places: Tensor, name: str) -> Tensor:
 
 def _filled(data: dict, exponents: Sequence[float], description: str, still: str) -> str:
     text = json.dumps(data, separators=(",", ":"))
-    identity = "sorting-" + hashlib.sha256((text + repr(tuple(exponents))).encode()).hexdigest()[:12]
+    name = identity("sorting", text + repr(tuple(exponents)))
     choices = "".join(
-        f'<label><input type="radio" name="{identity}-exponent" value="{p:g}"{" checked" * (p == data["exponent"])}> '
+        f'<label><input type="radio" name="{name}-exponent" value="{p:g}"{" checked" * (p == data["exponent"])}> '
         f"p = {p:g}</label>"
         for p in exponents
     )
     values = {"@BEHAVIOUR@": BEHAVIOUR, "@ARITHMETIC@": ARITHMETIC, "@EXPONENTS@": choices, "@DATA@": text}
-    values |= {"@ID@": identity, "@STILL@": still, "@LABEL@": html.escape(description, quote=True)}
-    page = PAGE
-    for mark, value in values.items():
-        page = page.replace(mark, value)
-    return page
+    values |= {"@ID@": name, "@STILL@": still, "@LABEL@": html.escape(description, quote=True)}
+    return filled(PAGE, values)
 
 
 def _picture(source: Tensor, target: Tensor) -> str:
@@ -121,7 +115,4 @@ def _picture(source: Tensor, target: Tensor) -> str:
     a, b = (torch.full_like(x, 1 / len(x)) for x in (source, target))
     plan = monotone_plan(source, a, target, b)
     figure = pairing_figure((source, a), (target, b), {"sorted": pairs_of(plan)})
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=80)
-    plt.close(figure)
-    return base64.b64encode(buffer.getvalue()).decode()
+    return still_of(figure)

@@ -1,6 +1,9 @@
 """The page of the turning line: style, controls and script, with marks where the data go."""
 
-PAGE = """
+from meshot.figures.page import OPENING
+
+PAGE = (
+    """
 <div id="@ID@" class="turning" role="group" aria-label="@LABEL@">
 <style>
 .turning { max-width: 44rem; padding: .5rem; border-radius: 4px; background: #fff; color: #1a1a1a; }
@@ -27,17 +30,14 @@ PAGE = """
 </div>
 </div>
 <script>
-(function () {
-  "use strict";
-  const data = @DATA@;
-  const root = document.getElementById("@ID@");
-  if (!root || root.dataset.ready) { return; }
-  root.dataset.ready = "yes";
-  @ARITHMETIC@
+"""
+    + OPENING
+    + """  @ARITHMETIC@
   @BEHAVIOUR@
 })();
 </script>
 """
+)
 
 ARITHMETIC = """
   const project = (points, degrees) => {

@@ -1,15 +1,11 @@
 """A line that a reader turns: projections, sorted pairs and the cost by angle on a page whole in itself, offline."""
 
-import base64
 import dataclasses
-import hashlib
 import html
-import io
 import json
 
-import matplotlib.pyplot as plt
-
 from meshot.errors import as_floating, require_shape
+from meshot.figures.page import filled, identity, still_of
 from meshot.figures.turning import ROWS, turning_figure
 from meshot.figures.turning_page import ARITHMETIC, BEHAVIOUR, PAGE
 from meshot.types import Float, Tensor
@@ -72,12 +68,9 @@ def turning_player(
     data = {name: points.tolist() for name, points in clouds.items()} | {"angle": angle, "rows": ROWS}
     text = json.dumps(data, separators=(",", ":"))
     values = {"@BEHAVIOUR@": BEHAVIOUR, "@ARITHMETIC@": ARITHMETIC, "@DATA@": text, "@ANGLE@": str(angle)}
-    values |= {"@ID@": "turning-" + hashlib.sha256(text.encode()).hexdigest()[:12]}
+    values |= {"@ID@": identity("turning", text)}
     values |= {"@STILL@": _picture(*clouds.values(), angle), "@LABEL@": html.escape(description, quote=True)}
-    page = PAGE
-    for mark, value in values.items():
-        page = page.replace(mark, value)
-    return TurningPlayer(page, sizes["source"])
+    return TurningPlayer(filled(PAGE, values), sizes["source"])
 
 
 def _places(points: object, name: str) -> Tensor:
@@ -87,8 +80,4 @@ def _places(points: object, name: str) -> Tensor:
 
 
 def _picture(source: Tensor, target: Tensor, angle: int) -> str:
-    figure = turning_figure(source, target, angle)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=80)
-    plt.close(figure)
-    return base64.b64encode(buffer.getvalue()).decode()
+    return still_of(turning_figure(source, target, angle))
