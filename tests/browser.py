@@ -38,6 +38,13 @@ def offline_browser(executable: str, width: int = 1280) -> Iterator[BrowserConte
         browser.close()
 
 
+def page_file(folder: Path, shown: object) -> Path:
+    """A file in which something stands as a notebook would show it."""
+    path = folder / "page.html"
+    path.write_text(f"<!doctype html><meta charset=utf-8><body>{shown._repr_html_()}</body>", encoding="utf-8")
+    return path
+
+
 @contextlib.contextmanager
 def watched_page(context: BrowserContext, file: Path) -> Iterator[tuple[Page, list[str]]]:
     """An open page, loaded and typeset, and the list of troubles that grows while it is used."""

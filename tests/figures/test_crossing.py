@@ -12,7 +12,7 @@ matplotlib.use("agg")
 
 import matplotlib.pyplot as plt
 
-from browser import offline_browser, watched_page
+from browser import offline_browser, page_file, watched_page
 from meshot.figures.crossing import FIELDS, crossing_figure, crossing_player, outlines, two_triangles
 from meshot.flow.counterexample import crossing_sides, crossing_time
 from preflight import browser as browser_path
@@ -47,9 +47,7 @@ def set_to(page, name, value):
 
 
 def test_the_page_counts_what_python_counts(tmp_path):
-    file = tmp_path / "page.html"
-    body = crossing_player("two triangles")._repr_html_()
-    file.write_text(f"<!doctype html><meta charset='utf-8'><body>{body}</body>", encoding="utf-8")
+    file = page_file(tmp_path, crossing_player("two triangles"))
     corners, seen = two_triangles(), set()
     with offline_browser(browser_path(), 400) as context, watched_page(context, file) as (page, troubles):
         assert page.is_visible("canvas")

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from browser import offline_browser, watched_page
+from browser import page_file, watched_page
 from meshot.figures.deformation import deformation_view
 from meshot.mesh.shapes import icosphere
-from preflight import browser as browser_path
 
 ALT = "a sphere that grows"
 TIMES = [0.0, 0.25, 0.5, 1.0]
@@ -34,17 +33,9 @@ def view():
     )
 
 
-@pytest.fixture(scope="module")
-def context():
-    with offline_browser(browser_path()) as found:
-        yield found
-
-
 @pytest.fixture
 def file(tmp_path, view) -> Path:
-    path = tmp_path / "page.html"
-    path.write_text(f"<!doctype html><meta charset=utf-8><body>{view._repr_html_()}</body>", encoding="utf-8")
-    return path
+    return page_file(tmp_path, view)
 
 
 def share_drawn(page) -> float:

@@ -3,8 +3,6 @@
 import json
 import math
 import re
-import sys
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -15,14 +13,11 @@ matplotlib.use("agg")
 
 import matplotlib.pyplot as plt
 
-from browser import offline_browser, watched_page
+from browser import page_file, watched_page
 from meshot.figures.planted import Window, ratio_figure, round_length, sections_figure
 from meshot.figures.planted_player import PlantedState, planted_player
 from meshot.mesh.shapes import icosphere
 from meshot.synth.defects import shifted
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-from preflight import browser as browser_path
 
 SPHERE = icosphere(3, 10.0)
 WINDOW = Window(torch.tensor([0.0, 0.0, 10.0], dtype=torch.float64), 1, 6.0)
@@ -44,17 +39,9 @@ def player():
     return planted_player(SPHERE, errors(), METRICS, 'an error & "its bars"', "a note")
 
 
-@pytest.fixture(scope="module")
-def context():
-    with offline_browser(browser_path()) as found:
-        yield found
-
-
 @pytest.fixture
 def file(tmp_path, player):
-    path = tmp_path / "page.html"
-    path.write_text(f"<!doctype html><meta charset=utf-8><body>{player._repr_html_()}</body>", encoding="utf-8")
-    return path
+    return page_file(tmp_path, player)
 
 
 def test_a_section_of_a_sphere_is_a_circle():

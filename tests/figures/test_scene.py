@@ -7,20 +7,16 @@ import re
 import subprocess
 import sys
 import zlib
-from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
 import torch
 
-from browser import offline_browser, watched_page
+from browser import page_file, watched_page
 from meshot.figures.scene import interactive
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import folded_sphere, icosphere
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-from preflight import browser as browser_path
 
 ALT = "a sphere, coloured by height"
 
@@ -49,17 +45,9 @@ def height_scene():
     return interactive(meshes, {"high & low": mesh.vertices[:, 2]}, alt=ALT, title="<Spheres>", label="height")
 
 
-@pytest.fixture(scope="module")
-def context():
-    with offline_browser(browser_path()) as found:
-        yield found
-
-
 @pytest.fixture
 def file(tmp_path, height_scene):
-    path = tmp_path / "page.html"
-    path.write_text(f"<!doctype html><meta charset=utf-8><body>{height_scene._repr_html_()}</body>", encoding="utf-8")
-    return path
+    return page_file(tmp_path, height_scene)
 
 
 def pixels(page) -> np.ndarray:

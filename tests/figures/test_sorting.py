@@ -2,20 +2,15 @@
 
 import json
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import ot
 import pytest
 import torch
 
-from browser import offline_browser, watched_page
+from browser import page_file, watched_page
 from meshot.figures.sorting_player import sorting_player
 from meshot.figures.sorting_script import ARITHMETIC
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-from preflight import browser as browser_path
 
 SOURCE, TARGET = [1.0, 2.2, 2.9, 5.5], [3.0, 4.4, 0.8, 7.2, 9.3]
 ALT = "two rows of <grains>"
@@ -31,17 +26,9 @@ def player():
     return sorting_player(measure(SOURCE), measure(TARGET), ALT, *masses)
 
 
-@pytest.fixture(scope="module")
-def context():
-    with offline_browser(browser_path()) as found:
-        yield found
-
-
 @pytest.fixture
 def file(tmp_path, player):
-    path = tmp_path / "page.html"
-    path.write_text(f"<!doctype html><meta charset=utf-8><body>{player._repr_html_()}</body>", encoding="utf-8")
-    return path
+    return page_file(tmp_path, player)
 
 
 def shown(page):

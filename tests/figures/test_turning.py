@@ -3,8 +3,6 @@
 import json
 import math
 import re
-import sys
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -15,15 +13,12 @@ matplotlib.use("agg")
 
 import matplotlib.pyplot as plt
 
-from browser import offline_browser, watched_page
+from browser import page_file, watched_page
 from meshot.figures.turning import line_costs, turning_figure
 from meshot.figures.turning_page import ARITHMETIC
 from meshot.figures.turning_player import turning_player
 from meshot.loss.sliced import slice_costs, sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-from preflight import browser as browser_path
 
 GENERATOR = np.random.default_rng(3)
 SOURCE, TARGET = (torch.from_numpy(GENERATOR.normal(size=(9, 2)) + shift) for shift in ([0.5, 0], [-1, 0.3]))
@@ -46,17 +41,9 @@ def player():
     return turning_player(SOURCE, TARGET, 'a line & "two clouds"')
 
 
-@pytest.fixture(scope="module")
-def context():
-    with offline_browser(browser_path()) as found:
-        yield found
-
-
 @pytest.fixture
 def file(tmp_path, player):
-    path = tmp_path / "page.html"
-    path.write_text(f"<!doctype html><meta charset=utf-8><body>{player._repr_html_()}</body>", encoding="utf-8")
-    return path
+    return page_file(tmp_path, player)
 
 
 def shown(page):
