@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation, NullFormatter, ScalarFormatter
 
-from meshot.figures.style import BLACK, GREY, LOSS_COLOURS, LOSS_DASHES, WIDTH
+from meshot.figures.style import BLACK, GREY, LOSS_COLOURS, LOSS_DASHES, WIDTH, legend_above
 from meshot.figures.values import Values
 
 #: An arm is named "loss, encoding": the loss has the colour, the encoding the dashes and the marker.
@@ -47,8 +47,7 @@ def histogram_figure(panels: Mapping[str, Mapping[str, Values]], n_bins: int = 4
             ax.hist(np.clip(numbers, edges[0], edges[-1]), bins=edges, density=True, label=name, **style)
         ax.set(xlabel=label, ylabel="density")
         ax.set_yticks([])
-    handles, names = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=2)
+    legend_above(figure, axes[0, 0])
     return figure
 
 
@@ -82,8 +81,7 @@ def arms_figure(
     axes[0, 0].set_ylabel(y_label)
     if y_scale == "log":
         _plain_ticks(axes[0, 0])
-    handles, names = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=2)
+    legend_above(figure, axes[0, 0])
     return figure
 
 
@@ -125,6 +123,5 @@ def trade_off_figure(
             ax.axhline(marks[label], color=GREY, linewidth=1.2, linestyle=(0, (1, 2)), label="the target itself")
         ax.set_ylabel(label)
     axes[-1, 0].set_xlabel(x_label)
-    handles, names = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=2)
+    legend_above(figure, axes[0, 0])
     return figure

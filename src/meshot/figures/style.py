@@ -1,6 +1,8 @@
 """One look for all pictures: colours that colour-blind readers tell apart, type that survives a narrow screen."""
 
 import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 # Okabe and Ito, 2008.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -45,3 +47,9 @@ def use_style() -> None:
 def loss_line(name: str) -> dict:
     """Colour and dashes of a loss, as keyword arguments for a line; black and solid for an unknown name."""
     return {"color": LOSS_COLOURS.get(name, BLACK), "linestyle": LOSS_DASHES.get(name, "-")}
+
+
+def legend_above(figure: Figure, ax: Axes) -> None:
+    """Set the names of one panel, which are those of every panel, above all of them in two columns."""
+    handles, names = ax.get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper center", ncols=2)
