@@ -15,7 +15,7 @@ from limits import limit_rows
 from scipy import stats
 
 from meshot.mesh.geometry import face_areas
-from meshot.report.results import write_results
+from meshot.report.results import rounded, write_results
 from meshot.report.resume import finished
 
 HERE = Path(__file__).resolve().parent
@@ -33,7 +33,7 @@ def main() -> None:
     rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
     results = summarise(rows) | {"limits": limit_rows(config)} | yardsticks(config)
     seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)
-    write_results(HERE / "results.json", _short(results), config, "python experiments/blur/run.py", "synthetic folded "
+    write_results(HERE / "results.json", rounded(results), config, "python experiments/blur/run.py", "synthetic folded "
                   "spheres", seconds)  # fmt: skip
     partial.unlink()
 
@@ -76,15 +76,6 @@ def yardsticks(config: dict) -> dict:
         "floor": perfect[0],
         "lengths_mm": {"diameter": widest, "spacing": spacing, "n_supports": len(target.faces)},
     }
-
-
-def _short(value: object) -> object:
-    """Six significant digits, so that the committed file stays small."""
-    if isinstance(value, dict):
-        return {key: _short(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_short(item) for item in value]
-    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

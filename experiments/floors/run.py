@@ -14,7 +14,7 @@ from readings import emd_readings, paper_number
 from samples import measured, surface_of
 
 from meshot.mesh.geometry import face_areas
-from meshot.report.results import write_results
+from meshot.report.results import rounded, write_results
 from meshot.report.resume import finished
 
 HERE = Path(__file__).resolve().parent
@@ -113,15 +113,6 @@ def seconds_of(rows: list[dict]) -> list[dict]:
     sizes = sorted({row["task"]["m"] for row in exact})
     means = {m: [row["seconds"] for row in exact if row["task"]["m"] == m] for m in sizes}
     return [{"m": m, "cpu_seconds": sum(values) / len(values)} for m, values in means.items()]
-
-
-def rounded(value: object) -> object:
-    """Six significant digits, so that the committed file stays small."""
-    if isinstance(value, dict):
-        return {key: rounded(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [rounded(item) for item in value]
-    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import yaml
 from costs import asked_rows, minimiser_row, sliced_rows, transport_row
 from tqdm import tqdm
 
-from meshot.report.results import write_results
+from meshot.report.results import rounded, write_results
 
 HERE = Path(__file__).resolve().parent
 
@@ -27,7 +27,7 @@ def main() -> None:
     results = {"summary": summarise(rows), "sliced": sliced_rows(config), "asked": asked_rows(config)}
     command = "python experiments/ground_cost/run.py"
     seconds = time.perf_counter() - started
-    write_results(HERE / "results.json", _short(results), config, command, "synthetic surfaces", seconds)
+    write_results(HERE / "results.json", rounded(results), config, command, "synthetic surfaces", seconds)
 
 
 def summarise(rows: list[dict]) -> list[dict]:
@@ -40,15 +40,6 @@ def summarise(rows: list[dict]) -> list[dict]:
         spread = {f"{name}_sd": float(np.std([row[name] for row in group], ddof=1)) for name in names}
         found.append({"p": p} | means | spread | {"n_seeds": len(group)})
     return found
-
-
-def _short(value: object) -> object:
-    """Six significant digits, so that the committed file stays small."""
-    if isinstance(value, dict):
-        return {key: _short(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_short(item) for item in value]
-    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

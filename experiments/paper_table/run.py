@@ -9,7 +9,7 @@ from counting import faces_for, factors, smallest_shares
 from inequality import CONVENTIONS, broken_rows, direction_allowance, exchanged, rows_of
 from oddities import column_pattern, printed_twice, smallest_deviations
 
-from meshot.report.results import write_results
+from meshot.report.results import rounded, write_results
 
 HERE = Path(__file__).resolve().parent
 
@@ -55,15 +55,6 @@ def counts_read(paper: dict, config: dict) -> dict:
         "faces_for_bound": faces_for(paper["si_bound"]),
         "factors": factors(paper, config["typical_faces"]),
     }
-
-
-def rounded(value: object) -> object:
-    """Six significant digits, so that the committed file stays small."""
-    if isinstance(value, dict):
-        return {key: rounded(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [rounded(item) for item in value]
-    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

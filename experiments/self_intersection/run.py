@@ -22,7 +22,7 @@ from carrying import carried_row, given_row
 from fitting import fit_row
 from summary import differences
 
-from meshot.report.results import write_results
+from meshot.report.results import rounded, write_results
 from meshot.report.resume import finished
 
 HERE = Path(__file__).resolve().parent
@@ -59,17 +59,8 @@ def main() -> None:
     results["differences"] = differences(results["fits"])
     seconds = sum(row["seconds"] for row in rows)
     command = "python experiments/self_intersection/run.py"
-    write_results(HERE / "results.json", _short(results), config, command, "synthetic folded spheres", seconds)
+    write_results(HERE / "results.json", rounded(results), config, command, "synthetic folded spheres", seconds)
     partial.unlink()
-
-
-def _short(value: object) -> object:
-    """Six significant digits, so that the committed file stays small."""
-    if isinstance(value, dict):
-        return {key: _short(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_short(item) for item in value]
-    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import pytest
 
 from meshot.report.environment import environment_card
 from meshot.report.numbers import digits, markdown_table, table
-from meshot.report.results import FIELDS, package_version, provenance_lines, read_results, write_results
+from meshot.report.results import FIELDS, package_version, provenance_lines, read_results, rounded, write_results
 
 
 @pytest.fixture
@@ -24,6 +24,12 @@ def test_results_come_back_with_provenance(written):
     lines = provenance_lines(record)
     assert "python experiments/x/run.py" in lines
     assert f"torch {record['versions']['torch']}" in lines
+
+
+def test_results_are_rounded_wherever_they_are():
+    assert rounded({"a": [1 / 3, {"b": 2e9 / 3}], "n": 12345678, "c": True, "d": None, "e": "1.23456789"}) == {
+        "a": [0.333333, {"b": 666667000.0}], "n": 12345678, "c": True, "d": None, "e": "1.23456789"
+    }  # fmt: skip
 
 
 def test_bad_results_are_refused(tmp_path, written):

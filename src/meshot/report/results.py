@@ -55,6 +55,15 @@ def write_results(path: str | Path, results: dict, config: dict, command: str, d
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
+def rounded(value: object) -> object:
+    """Results in six significant digits, in whatever dicts and lists they are, so that a committed file stays small."""
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [rounded(item) for item in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
 def provenance() -> dict:
     """What the code and the machine are: commit, date, versions, machine."""
     return {
