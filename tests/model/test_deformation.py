@@ -36,14 +36,15 @@ def test_a_new_network_moves_every_vertex_alike_by_the_last_bias_only():
     torch.testing.assert_close(velocity, network.to_velocity.bias.detach().expand_as(velocity))
 
 
-def test_both_paths_carry_points_to_the_same_place_with_the_same_gradients(network):
+def test_every_path_carries_points_to_the_same_place_with_the_same_gradients(network):
     found = []
-    for path in ("cut", "convolved"):
+    for path in ("cut", "convolved", "visited"):
         start = points().requires_grad_()
         moved = integrate(network.velocity_in(volume(0), path), start, 4)
         found.append([moved.detach(), *torch.autograd.grad(moved.square().sum(), [start, *network.parameters()])])
-    for one, other in zip(*found, strict=True):
+    for one, other, third in zip(*found, strict=True):
         torch.testing.assert_close(one, other, rtol=1e-8, atol=1e-8)
+        torch.testing.assert_close(one, third, rtol=1e-8, atol=1e-8)
     assert float((found[0][0] - points()).norm(dim=1).mean()) > 0.1
 
 
@@ -98,5 +99,5 @@ def test_doors(arguments, words):
 
 
 def test_an_unknown_path_is_refused(network, unchecked):
-    with pytest.raises(ValueError, match="'convolved' or 'cut'"):
+    with pytest.raises(ValueError, match="path is 'bent'; one of convolved, visited, cut"):
         network.velocity_in(volume(0), "bent")

@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from meshot.pipeline.segmentation import initial_surfaces, segment
-from meshot.pipeline.segmentation_checkpoint import read_log
+from meshot.pipeline.checkpoint import read_log
 from meshot.pipeline.segmentation_data import Example
 from meshot.pipeline.segmentation_settings import (
     SegmentationConfig,

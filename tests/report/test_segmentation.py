@@ -7,7 +7,7 @@ import pytest
 from meshot.cli import main
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights
-from meshot.pipeline.segmentation_checkpoint import read_log
+from meshot.pipeline.checkpoint import read_log
 from meshot.report.results import read_results
 from phantoms import write_phantom_cohort
 

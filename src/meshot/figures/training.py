@@ -18,7 +18,7 @@ def training_figure(log: Sequence[dict]) -> Figure:
     Parameters
     ----------
     log : sequence of dict
-        As :class:`meshot.pipeline.segmentation_training.SegmentationTraining` holds it.
+        As :class:`meshot.pipeline.training.Training` holds it.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import torch
@@ -11,10 +11,12 @@ from torch import nn
 from meshot.errors import require_positive_integer
 from meshot.flow.field import LearnedVelocity, Prepared
 from meshot.model.cubes import CubeConvolution
+from meshot.model.visited import VisitedFeatures
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
 from meshot.volume.volume import Volume
 
+Path = Literal["convolved", "visited", "cut"]
 SLOPE = 0.2  # of the leaky rectifier for negative values
 
 
@@ -86,7 +88,7 @@ class DeformationNetwork(nn.Module):
             values = layer(nn.functional.leaky_relu(values, SLOPE))
         return self.to_velocity(nn.functional.leaky_relu(values, SLOPE))
 
-    def velocity_in(self, image: Volume, path: Literal["convolved", "cut"] = "convolved") -> "ImageVelocity":
+    def velocity_in(self, image: Volume, path: Path = "convolved") -> "ImageVelocity":
         """The velocity field in one image; the network may learn through it, the image stays outside of the network."""
         return ImageVelocity(self, image, path)
 
@@ -116,8 +118,8 @@ class ImageVelocity(LearnedVelocity):
     image : Volume
         In the space that the points are in, and on the scale that the network learned with.
     path : str
-        "convolved": the image is convolved once per flow, then interpolated; "cut": cubes are cut out at every step.
-        The values are the same.
+        "convolved": the image is convolved once per flow, then interpolated; "visited": the same, but only where points
+        come (on a CPU; not for the adjoint method); "cut": cubes are cut out at every step. The values are the same.
 
     Raises
     ------
@@ -125,19 +127,22 @@ class ImageVelocity(LearnedVelocity):
         If ``path`` is another word.
     """
 
-    def __init__(self, network: DeformationNetwork, image: Volume, path: Literal["convolved", "cut"] = "convolved"):
+    def __init__(self, network: DeformationNetwork, image: Volume, path: Path = "convolved"):
         super().__init__()
-        if path not in ("convolved", "cut"):
-            raise ValueError(f"path is {path!r}; 'convolved' or 'cut' is needed")
+        if path not in get_args(Path):
+            raise ValueError(f"path is {path!r}; one of {', '.join(get_args(Path))} is needed")
         self.network, self.path = network, path
         self.images = network.cubes.images(image)
 
     def prepared(self) -> Prepared:
         """The field with its image convolved."""
         network, images = self.network, self.images
+        parameters = tuple(network.parameters())
         if self.path == "cut":
-            parameters = tuple(network.parameters())
             return Prepared(lambda _, points: network(points, network.cubes.cut(images, points)), parameters)
+        if self.path == "visited":
+            visited = VisitedFeatures(network.cubes, images)
+            return Prepared(lambda _, points: network(points, visited.at(points)), parameters)
         maps = network.cubes.maps(images)
         # The maps stand for the weight that they were made with; named beside them, it would be counted twice.
         others = [parameter for parameter in network.parameters() if parameter is not network.cubes.weight]

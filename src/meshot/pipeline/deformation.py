@@ -40,7 +40,8 @@ def deformed(
     parameter = next(network.parameters())
     start = initial.vertices.to(parameter)
     # The displacement is rounded to the network's precision; the place it is added to is not.
-    moved = integrate(network.velocity_in(image), start, n_steps, method) - start
+    path = "visited" if start.device.type == "cpu" else "convolved"
+    moved = integrate(network.velocity_in(image, path), start, n_steps, method) - start
     if not bool(torch.isfinite(moved).all()):
         raise ValueError("the flow leads to vertices that are not finite: is the network trained, the image in [0, 1]?")
     return initial.with_vertices(initial.vertices + moved.to(initial.vertices))

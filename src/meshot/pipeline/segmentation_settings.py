@@ -9,8 +9,8 @@ import yaml
 
 from meshot.errors import require_positive_integer
 from meshot.model.segmentation import SegmentationNetwork
+from meshot.pipeline.training import Plan, require_plan_settings
 
-SCHEDULES = ("constant", "cosine")
 PRECISIONS = ("float32", "bfloat16")
 
 
@@ -72,28 +72,25 @@ class SegmentationSettings:
     precision: str = "float32"
 
     def __post_init__(self):
-        for name in ("n_epochs", "batch_size", "reduction", "validate_every", "save_every"):
-            require_positive_integer(getattr(self, name), name)
-        if self.patience is not None:
-            require_positive_integer(self.patience, "patience")
-        if not 0 < self.learning_rate < math.inf:
-            raise ValueError(f"learning_rate is {self.learning_rate!r}; a finite number > 0 is needed")
+        require_plan_settings(self)
+        require_positive_integer(self.reduction, "reduction")
         if not (0 <= self.dice_weight < math.inf and 0 <= self.flip <= 1 and 0 <= self.intensity < 1):
             raise ValueError(
                 f"dice_weight is {self.dice_weight!r}, flip {self.flip!r}, intensity {self.intensity!r}; they must lie "
                 "in [0, ∞), [0, 1] and [0, 1)"
             )
-        if self.shift < 0 or self.seed < 0:
-            raise ValueError(f"shift is {self.shift!r} and seed {self.seed!r}; integers >= 0 are needed")
-        for name, known in (("schedule", SCHEDULES), ("precision", PRECISIONS)):
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; one of {', '.join(known)} is needed")
+        if self.shift < 0:
+            raise ValueError(f"shift is {self.shift!r}; an integer >= 0 is needed")
+        if self.precision not in PRECISIONS:
+            raise ValueError(f"precision is {self.precision!r}; one of {', '.join(PRECISIONS)} is needed")
 
-    def learning_rate_at(self, step: int, n_steps: int) -> float:
-        """The learning rate of one step."""
-        if self.schedule == "constant":
-            return self.learning_rate
-        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * step / n_steps))
+    def plan(self, n_examples: int) -> Plan:
+        """The same in steps, for so many training scans."""
+        per_epoch = -(-n_examples // self.batch_size)
+        return Plan(
+            self.n_epochs * per_epoch, self.validate_every * per_epoch, self.save_every, self.patience,
+            self.learning_rate, self.schedule,
+        )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -8,10 +8,11 @@ from tqdm import tqdm
 
 from meshot.figures.training import write_training_figure
 from meshot.model.weights import write_weights
-from meshot.pipeline.segmentation_checkpoint import TrainingLog
+from meshot.pipeline.checkpoint import TrainingLog
 from meshot.pipeline.segmentation_data import read_examples
 from meshot.pipeline.segmentation_settings import read_segmentation_config
-from meshot.pipeline.segmentation_training import SegmentationTraining, train_segmentation
+from meshot.pipeline.segmentation_training import train_segmentation
+from meshot.pipeline.training import Training
 from meshot.report.results import provenance, write_results
 
 WEIGHTS, RECORD, LOG, PICTURE = "weights.safetensors", "weights.json", "log.jsonl", "training.png"
@@ -20,7 +21,7 @@ STATE_FOLDER = "state"
 
 def trained_segmentation(
     config_path: str | os.PathLike, cohorts: Sequence[str | os.PathLike], folder: str | os.PathLike
-) -> SegmentationTraining:
+) -> Training:
     """Train on the cohorts as the configuration says, with a progress bar, and write what came of it.
 
     Into ``folder`` go ``weights.safetensors`` (the best network, with its record), ``weights.json`` (the record as

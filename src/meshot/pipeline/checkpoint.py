@@ -8,16 +8,16 @@ from pathlib import Path
 import safetensors
 import safetensors.torch
 import torch
+from torch import nn
 
 from meshot.files import whole_file
-from meshot.model.segmentation import SegmentationNetwork
 from meshot.types import Tensor
 
 
 class TrainingState:
     """Where a training stands: the network, its optimiser, how far it came, and the best so far."""
 
-    def __init__(self, network: SegmentationNetwork, optimiser: torch.optim.Adam):
+    def __init__(self, network: nn.Module, optimiser: torch.optim.Adam):
         self.network, self.optimiser = network, optimiser
         self.step, self.best_step, self.best_loss = 0, 0, math.inf
         self.seconds = 0.0
@@ -58,7 +58,7 @@ def write_training(path: str | os.PathLike, state: TrainingState, made_with: dic
 
 
 def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict) -> None:
-    """Read into ``state`` what :func:`meshot.pipeline.segmentation_checkpoint.write_training` wrote.
+    """Read into ``state`` what :func:`meshot.pipeline.checkpoint.write_training` wrote.
 
     Raises
     ------

@@ -1,0 +1,111 @@
+"""Visited voxels in numba: which are new, the cubes around them, and trilinear interpolation with both gradients.
+
+A grid is flat, its last axis running fastest; ``row_of`` holds the row of features of each of its voxels, -1 while it
+has none. Places are in voxels of the grid and lie inside of it.
+"""
+
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+_options = {"cache": True, "nogil": True}
+
+
+@njit(**_options)
+@no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
+def visit(places, shape, row_of, first_row):
+    """The voxels around the places that have no row yet, in the order in which they are met; they get rows."""
+    new = np.empty(8 * len(places), np.int64)
+    count = 0
+    for i in range(len(places)):
+        x, y, z = _lower(places[i], shape)
+        for corner in range(8):
+            voxel = _voxel(x, y, z, corner, shape)
+            if row_of[voxel] < 0:
+                row_of[voxel] = first_row + count
+                new[count] = voxel
+                count += 1
+    return new[:count].copy()
+
+
+@njit(**_options)
+@no_type_check
+def cut_cubes(padded, voxels, shape, size, cubes):
+    """The size³ values around each voxel, from a grid that is padded by half a cube on every side, into ``cubes``."""
+    for i in range(len(voxels)):
+        z = voxels[i] % shape[2]
+        y = voxels[i] // shape[2] % shape[1]
+        x = voxels[i] // (shape[2] * shape[1])
+        k = 0
+        for a in range(size):
+            for b in range(size):
+                row = padded[x + a, y + b]
+                for c in range(size):
+                    cubes[i, k] = row[z + c]
+                    k += 1
+
+
+@njit(fastmath={"contract"}, **_options)
+@no_type_check
+def interpolate(places, shape, row_of, values, found):
+    """Add the interpolated features of every place to ``found``."""
+    weights = np.empty(8, values.dtype)
+    for i in range(len(places)):
+        x, y, z = _lower(places[i], shape)
+        _weigh(places[i, 0] - x, places[i, 1] - y, places[i, 2] - z, weights)
+        out = found[i]
+        for corner in range(8):
+            row, weight = values[row_of[_voxel(x, y, z, corner, shape)]], weights[corner]
+            for c in range(len(out)):
+                out[c] += weight * row[c]
+
+
+@njit(fastmath={"contract", "reassoc"}, **_options)
+@no_type_check
+def pull_back(places, shape, row_of, values, pull, value_pull, place_pull):
+    """Add the gradients in the rows and in the places to ``value_pull`` and ``place_pull``."""
+    weights, dots = np.empty(8, values.dtype), np.empty(8, values.dtype)
+    for i in range(len(places)):
+        x, y, z = _lower(places[i], shape)
+        a, b, c = places[i, 0] - x, places[i, 1] - y, places[i, 2] - z
+        _weigh(a, b, c, weights)
+        given = pull[i]
+        for corner in range(8):
+            at, weight = row_of[_voxel(x, y, z, corner, shape)], weights[corner]
+            row, into = values[at], value_pull[at]
+            dot = weight * 0
+            for k in range(len(given)):
+                into[k] += weight * given[k]
+                dot += row[k] * given[k]
+            dots[corner] = dot
+        for corner in range(8):
+            ax, by, cz = corner >> 2, corner >> 1 & 1, corner & 1
+            wa, wb, wc = a if ax else 1 - a, b if by else 1 - b, c if cz else 1 - c
+            place_pull[i, 0] += (dots[corner] if ax else -dots[corner]) * wb * wc
+            place_pull[i, 1] += (dots[corner] if by else -dots[corner]) * wa * wc
+            place_pull[i, 2] += (dots[corner] if cz else -dots[corner]) * wa * wb
+
+
+@njit(**_options)
+@no_type_check
+def _lower(place, shape):
+    """The voxel with the lowest indices of the eight around a place."""
+    return (
+        min(int(place[0]), shape[0] - 2), min(int(place[1]), shape[1] - 2), min(int(place[2]), shape[2] - 2),
+    )  # fmt: skip
+
+
+@njit(**_options)
+@no_type_check
+def _voxel(x, y, z, corner, shape):
+    return ((x + (corner >> 2)) * shape[1] + y + (corner >> 1 & 1)) * shape[2] + z + (corner & 1)
+
+
+@njit(**_options)
+@no_type_check
+def _weigh(a, b, c, weights):
+    for corner in range(8):
+        weights[corner] = (
+            (a if corner >> 2 else 1 - a) * (b if corner >> 1 & 1 else 1 - b) * (c if corner & 1 else 1 - c)
+        )
