@@ -91,6 +91,12 @@ def widths(page):
     return page.eval_on_selector_all(".planted .track i", "nodes => nodes.map(n => parseFloat(n.style.width))")
 
 
+def colours(page):
+    return page.eval_on_selector_all(
+        ".planted .track i", "nodes => nodes.map(n => getComputedStyle(n).backgroundColor)"
+    )
+
+
 def test_choosing_and_sliding(file, context):
     with watched_page(context, file) as (page, troubles):
         assert page.locator(".planted img").is_hidden()
@@ -111,6 +117,21 @@ def test_choosing_and_sliding(file, context):
         assert "Seen by none" in page.get_by_role("status").text_content()
         assert page.locator(".planted svg path").count() == 3  # target, error, scale
         assert page.locator(".planted svg text").text_content() == "2 mm"
+        assert troubles == []
+
+
+def test_a_bar_is_grey_until_its_value_stands_out(tmp_path, context):
+    ratios = {"1 mm": 0.5, "2 mm": 2.0, "3 mm": 2.01, "4 mm": 2.0, "5 mm": math.inf}
+    states = [state(size, 1.0, ratio, crossing=5.0) for size, ratio in ratios.items()]
+    player = planted_player(SPHERE, {"shift": (WINDOW, states)}, METRICS, "an error", "a note")
+    with watched_page(context, page_file(tmp_path, player)) as (page, troubles):
+        page.locator(".planted input").focus()
+        found = []
+        for _ in states:
+            found.append((shown(page)["size"], *colours(page)))
+            page.keyboard.press("ArrowLeft")
+        grey, blue = "rgb(181, 181, 181)", "rgb(0, 114, 178)"
+        assert found[::-1] == [(size, blue if ratio > 2 else grey, blue) for size, ratio in ratios.items()]
         assert troubles == []
 
 
