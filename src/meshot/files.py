@@ -27,3 +27,39 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
         temporary = Path(folder) / path.name
         yield temporary
         os.replace(temporary, path)
+
+
+@contextlib.contextmanager
+def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Path]:
+    """A temporary folder beside ``path`` that takes its name when the block ends without an error.
+
+    Parameters
+    ----------
+    path : path
+        Where the folder shall be; the one that holds it is made if it is missing.
+    replace : bool
+        Whether a folder that is there, and not empty, gives way; until the block has ended it stays as it is.
+
+    Yields
+    ------
+    pathlib.Path
+        What to write into.
+
+    Raises
+    ------
+    ValueError
+        If ``path`` is a file, or a folder that is not empty and shall not be replaced.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise ValueError(f"{path} is a file; a folder is needed: choose another name")
+    if path.is_dir() and any(path.iterdir()) and not replace:
+        raise ValueError(f"{path} exists and is not empty; choose another name, or remove it first")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as place:
+        temporary = Path(place) / "new" / path.name
+        temporary.mkdir(parents=True)
+        yield temporary
+        if path.is_dir():
+            os.replace(path, Path(place) / "old")
+        os.replace(temporary, path)

@@ -38,8 +38,8 @@ def segment(scan: Volume, network: SegmentationNetwork) -> dict[Hemisphere, Volu
     return {side: scan.with_data(part) for side, part in zip(HEMISPHERES, probability, strict=True)}
 
 
-def initial_surfaces(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemisphere, SegmentedSurface]:
-    """The initial white surfaces of both hemispheres, in the standard space, with the stages they came through.
+def white_matter(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemisphere, Volume]:
+    """The probability of white matter of each side of a whole brain, where some was found.
 
     Raises
     ------
@@ -53,6 +53,18 @@ def initial_surfaces(scan: StandardScan, network: SegmentationNetwork) -> dict[H
                 f"the network finds no white matter on the {side}: is the scan a T1, upright, and is the network "
                 "trained?"
             )
+    return found
+
+
+def initial_surfaces(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemisphere, SegmentedSurface]:
+    """The initial white surfaces of both hemispheres, in the standard space, with the stages they came through.
+
+    Raises
+    ------
+    ValueError
+        As :func:`meshot.pipeline.segmentation.white_matter`.
+    """
+    found = white_matter(scan, network)
     return {side: segmented_surface(probability) for side, probability in found.items()}
 
 

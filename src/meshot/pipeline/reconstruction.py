@@ -1,0 +1,159 @@
+"""From one scan to the white surfaces of both hemispheres, in the scanner's space."""
+
+import contextlib
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping
+
+from meshot.errors import require_positive_integer
+from meshot.mesh.mesh import Mesh
+from meshot.model.deformation import DeformationNetwork
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.pipeline.deformation import N_STEPS, deformed
+from meshot.pipeline.reconstruction_doubts import doubts_about_scan, doubts_about_surfaces
+from meshot.pipeline.segmentation import in_scanner, white_matter
+from meshot.pipeline.segmentation_surface import SegmentedSurface, segmented_surface
+from meshot.pipeline.settling import SettledSurface, settled
+from meshot.synth.anatomy import HEMISPHERES, Hemisphere, mni152_t1
+from meshot.volume.standard import StandardScan, standard_scan
+from meshot.volume.volume import Volume
+
+#: Is told which stage begins, how many are done, and how many there are.
+Progress = Callable[[str, int, int], None]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class HemisphereSurface:
+    """The white surface of one hemisphere.
+
+    Parameters
+    ----------
+    initial, final : Mesh
+        Before and after the flow, with the same faces; in scanner RAS of the scan, in mm, outward, χ = 2, no
+        self-intersecting face.
+    segmented : SegmentedSurface
+        The stages of the initial surface, in the standard space.
+    settled : SettledSurface or None
+        What the flow left with crossing faces, and how that was mended, in the standard space; None without a flow.
+    """
+
+    initial: Mesh
+    final: Mesh
+    segmented: SegmentedSurface
+    settled: SettledSurface | None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """What a scan became, how long it took, and what there is to doubt.
+
+    Parameters
+    ----------
+    scan : StandardScan
+        The scan on the standard grid, and the way back.
+    surfaces : dict
+        By side.
+    cpu_seconds, wall_seconds : dict
+        By stage: processor time of all threads, and by the clock.
+    warnings : tuple of str
+        Empty if nothing looks odd, which does not mean that all is well.
+    n_steps : int
+        Of the flow; 0 without one.
+    """
+
+    scan: StandardScan
+    surfaces: dict[Hemisphere, HemisphereSurface]
+    cpu_seconds: dict[str, float]
+    wall_seconds: dict[str, float]
+    warnings: tuple[str, ...]
+    n_steps: int
+
+
+def reconstruct(
+    scan: Volume,
+    segmentation: SegmentationNetwork,
+    deformation: Mapping[Hemisphere, DeformationNetwork] | None,
+    n_steps: int = N_STEPS,
+    progress: Progress | None = None,
+    template: Volume | None = None,
+) -> Reconstruction:
+    """The white surfaces of both hemispheres in a scan.
+
+    Registration to the MNI152 average → white matter of both sides → initial surfaces → flow → faces that cross apart
+    → back to the scanner. Without crossing faces, whatever the networks do: see
+    :func:`meshot.pipeline.settling.settled`.
+
+    Parameters
+    ----------
+    scan : Volume
+        A T1 in scanner RAS, in any orientation and voxel size.
+    segmentation : SegmentationNetwork
+    deformation : mapping or None
+        A network for each side; None: the initial surfaces are the result.
+    n_steps : int
+        Steps of Euler's method.
+    progress : callable, optional
+        See :data:`meshot.pipeline.reconstruction.Progress`; called once more at the end, with an empty name.
+    template : Volume, optional
+        Where to register to; the MNI152 average if left out, which the shipped networks know.
+
+    Raises
+    ------
+    ValueError
+        If the scan is constant, cannot be registered, or shows the network no white matter; if a side has no network;
+        or ``n_steps`` is not a positive integer.
+    """
+    require_positive_integer(n_steps, "n_steps")
+    if deformation is not None and set(deformation) != set(HEMISPHERES):
+        raise ValueError(f"deformation has networks for {sorted(deformation)}; one for each of {HEMISPHERES} is needed")
+    template = mni152_t1() if template is None else template
+    clock = _Clock(4 if deformation is None else 6, progress)
+    with clock.stage("registration"):
+        standard = standard_scan(scan, template)
+    with clock.stage("white matter"):
+        probability = white_matter(standard, segmentation)
+    segmented, settlement = {}, {}
+    for side in HEMISPHERES:
+        with clock.stage(f"initial surface, {side}"):
+            segmented[side] = segmented_surface(probability[side])
+    for side in HEMISPHERES if deformation is not None else ():
+        with clock.stage(f"flow, {side}"):
+            initial = segmented[side].mesh
+            settlement[side] = settled(initial, deformed(initial, standard.volume, deformation[side], n_steps))
+    clock.end()
+    surfaces = {side: _in_scanner(segmented[side], settlement.get(side), standard) for side in HEMISPHERES}
+    doubts = doubts_about_scan(standard, template)
+    for side, surface in surfaces.items():
+        doubts += doubts_about_surfaces(side, surface.final, surface.segmented, surface.settled)
+    steps = 0 if deformation is None else n_steps
+    return Reconstruction(standard, surfaces, clock.cpu_seconds, clock.wall_seconds, tuple(doubts), steps)
+
+
+def _in_scanner(segmented: SegmentedSurface, found: SettledSurface | None, scan: StandardScan) -> HemisphereSurface:
+    initial = in_scanner(segmented.mesh, scan)
+    final = initial if found is None else in_scanner(found.mesh, scan)
+    return HemisphereSurface(initial, final, segmented, found)
+
+
+class _Clock:
+    """Seconds of each stage, and a word to whoever waits."""
+
+    def __init__(self, n_stages: int, progress: Progress | None):
+        self.n_stages, self.progress = n_stages, progress
+        self.cpu_seconds: dict[str, float] = {}
+        self.wall_seconds: dict[str, float] = {}
+
+    @contextlib.contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        self._tell(name)
+        cpu, wall = time.process_time(), time.perf_counter()
+        yield
+        self.cpu_seconds[name] = time.process_time() - cpu
+        self.wall_seconds[name] = time.perf_counter() - wall
+
+    def end(self) -> None:
+        self._tell("")
+
+    def _tell(self, name: str) -> None:
+        if self.progress is not None:
+            self.progress(name, len(self.cpu_seconds), self.n_stages)
