@@ -139,10 +139,11 @@ def test_a_crossing_crosses_and_keeps_the_topology(folded):
     assert int(((found.vertices - folded.vertices).norm(dim=1) > 0).sum()) == 3
 
 
-def two_plates():
-    """Two squares that look at each other across a gap of 3 and would be joined straight."""
+def two_plates(turn=0):
+    """Two triangles that look at each other across a gap of 3 and would be joined straight; the second begins anywhere."""
     sheet = torch.tensor([[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]).double()
-    return Mesh(torch.cat([sheet, sheet + torch.tensor([0, 0, 3.0])]), torch.tensor([[0, 1, 2], [3, 5, 4]]))
+    upper = torch.tensor([3, 5, 4]).roll(turn)
+    return Mesh(torch.cat([sheet, sheet + torch.tensor([0, 0, 3.0])]), torch.stack([torch.tensor([0, 1, 2]), upper]))
 
 
 def test_a_bridge_between_two_plates_is_straight():
@@ -197,9 +198,10 @@ def test_a_crossing_goes_as_far_as_it_says(folded):
     torch.testing.assert_close(moves[moves > 0], banks.gaps[-1].expand(3) + 0.5)
 
 
-def test_a_bridge_is_not_twisted():
+@pytest.mark.parametrize("turn", range(3))
+def test_a_bridge_is_not_twisted(turn):
     """Each corner is joined to the one across: the longest edge of the tube is a diagonal of its straight sides."""
-    found = with_bridge(two_plates(), 1.0, 4.0)
+    found = with_bridge(two_plates(turn), 1.0, 4.0)
     rises = edge_lengths(found)[(found.vertices[mesh_edges(found)][:, :, 2]).diff(dim=1)[:, 0].abs() > 1]
     wanted = torch.tensor([3.0, 3, 3, 13**0.5, 13**0.5, 17**0.5], dtype=torch.float64)
     torch.testing.assert_close(rises.sort().values, wanted)

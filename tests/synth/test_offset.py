@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import icosphere
 from meshot.synth.offset import offset_surface
 from meshot.synth.separation import united
@@ -35,3 +36,12 @@ def test_distances_of_two_signs_or_another_number_are_refused():
     for distances in (wrong, wrong[1:]):
         with pytest.raises(ValueError, match="one for each, all of one sign"):
             offset_surface(ball, distances)
+
+
+def test_a_pocket_inside_out_counts_as_outside():
+    ball, pocket = icosphere(4, 20.0), icosphere(2, 2.0, centre=(35.0, 0.0, 0.0))
+    both = united([ball, Mesh(pocket.vertices, pocket.faces.flip(1))])
+    moved = offset_surface(both, torch.full_like(both.vertices[:, 0], -2.0)).vertices[: len(ball.vertices)]
+    assert float((moved.norm(dim=1) - 18).abs().max()) < 0.05
+    with pytest.raises(ValueError, match="normals point inward"):
+        offset_surface(Mesh(ball.vertices, ball.faces.flip(1)), torch.ones(len(ball.vertices), dtype=torch.float64))

@@ -9,7 +9,7 @@ from meshot.mesh.geometry import signed_volume
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import cube, icosphere
 from meshot.volume.volume import Volume
-from meshot.volume.voxelise import enclosed_fractions, enclosed_voxels, voxel_distance
+from meshot.volume.voxelise import enclosed_fractions, enclosed_voxels, voxel_distance, winding_numbers
 
 CENTRE = (13.0, 14.0, 15.0)
 
@@ -81,3 +81,16 @@ def test_fractions_refuse_what_has_no_inside():
         enclosed_fractions(Mesh(sphere.vertices, sphere.faces.flip(1)), grid)
     with pytest.raises(ValueError, match="n_lines is 0"):
         enclosed_fractions(sphere, grid, n_lines=0)
+
+
+def test_winding_numbers_count_nested_and_inverted_spheres():
+    grid = Volume(np.zeros((30, 30, 30)), np.eye(4))
+    spheres = [(9.0, CENTRE, False), (4.0, CENTRE, False), (3.0, (13.0, 14.0, 26.5), True)]
+    meshes = [icosphere(3, radius, centre) for radius, centre, _ in spheres]
+    n = len(meshes[0].vertices)
+    faces = [m.faces.flip(1) + k * n if s[2] else m.faces + k * n for k, (m, s) in enumerate(zip(meshes, spheres))]
+    numbers = winding_numbers(Mesh(torch.cat([m.vertices for m in meshes]), torch.cat(faces)), grid)
+    assert [round(float(numbers[13, 14, z]), 6) for z in (1, 8, 15, 26)] == [0, 1, 2, -1]
+    assert numbers.sum() == pytest.approx(
+        sum(float(signed_volume(m)) * (1, 1, -1)[k] for k, m in enumerate(meshes)), rel=0.01
+    )

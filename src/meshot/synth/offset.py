@@ -5,11 +5,11 @@ import scipy.ndimage
 import torch
 
 from meshot.flow.spline import spline_values
-from meshot.mesh.geometry import safe_norm
+from meshot.mesh.geometry import safe_norm, signed_volume
 from meshot.mesh.mesh import Mesh
 from meshot.types import Float, Tensor
 from meshot.volume.volume import Volume
-from meshot.volume.voxelise import enclosed_fractions
+from meshot.volume.voxelise import winding_numbers
 
 _VOXEL = 1.0  # mm
 _BLUR = 1.3  # mm
@@ -47,6 +47,8 @@ def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
             f"{len(distances)} distances from {float(distances.min()):.3g} to {float(distances.max()):.3g} mm came for "
             f"{len(mesh.vertices)} vertices; one for each, all of one sign, is needed"
         )
+    if float(signed_volume(mesh)) <= 0:
+        raise ValueError("the mesh encloses a negative volume: its normals point inward; flip its faces")
     farthest = float(distances.abs().max())
     if farthest == 0:
         return mesh
@@ -77,7 +79,8 @@ def _outward_field(mesh: Mesh, margin: float) -> tuple[Float[Tensor, "X Y Z 3"],
     shape = [int(n) for n in torch.ceil((vertices.amax(dim=0) + margin - lower) / _VOXEL)]
     affine = np.diag([_VOXEL, _VOXEL, _VOXEL, 1.0])
     affine[:3, 3] = lower.numpy()
-    inside = enclosed_fractions(mesh, Volume(np.zeros(shape, dtype=np.float32), affine), n_lines=2)
+    # Deep folds may cross and leave a pocket inside out; it counts as outside.
+    inside = winding_numbers(mesh, Volume(np.zeros(shape, dtype=np.float32), affine), n_lines=2).clip(0, 1)
     orders = np.eye(3, dtype=int).tolist()
     downhill = np.stack([-scipy.ndimage.gaussian_filter(inside, _BLUR / _VOXEL, order=o) for o in orders], axis=-1)
     downhill /= _VOXEL

@@ -159,10 +159,7 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
     child = int(numpy_generator(seed).integers(2**62))
     for strength in STRENGTHS:
         rng = np.random.default_rng(child)
-        try:
-            cortices = _cortices(shape, strength, rng)
-        except ValueError:  # folds so deep that the surface is inside out somewhere, and nothing can be offset from it
-            continue
+        cortices = _cortices(shape, strength, rng)
         meshes = [mesh for white, pial, _ in cortices for mesh in (white, pial)]
         sizes = random_sizes(strength * shape.size_sd, rng)
         meshes = [mesh.with_vertices(mesh.vertices * sizes) for mesh in meshes]

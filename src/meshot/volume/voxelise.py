@@ -38,6 +38,22 @@ def enclosed_fractions(mesh: Mesh, grid: Volume, n_lines: int = 3) -> Float[Arra
         If a line enters the mesh more or less often than it leaves, so that it is not closed; or if its normals point
         inward.
     """
+    numbers = winding_numbers(mesh, grid, n_lines)
+    if numbers.min() < -1e-6:
+        raise ValueError("the mesh is left before it is entered: its normals point inward; flip its faces")
+    return np.clip(numbers, 0, 1)
+
+
+def winding_numbers(mesh: Mesh, grid: Volume, n_lines: int = 3) -> Float[Array, "X Y Z"]:
+    """How often a closed mesh winds around the points of every voxel, on average: 1 inside, 0 outside.
+
+    Where faces cross there may be pockets of -1 or 2. Lines as in :func:`meshot.volume.voxelise.enclosed_fractions`.
+
+    Raises
+    ------
+    ValueError
+        If a line enters the mesh more or less often than it leaves, so that it is not closed.
+    """
     require_positive_integer(n_lines, "n_lines")
     nx, ny, depth = grid.data.shape
     # Voxel (i, j) holds the lines n_lines·i … n_lines·i + n_lines − 1, evenly spread over it.
@@ -56,10 +72,7 @@ def enclosed_fractions(mesh: Mesh, grid: Volume, n_lines: int = 3) -> Float[Arra
     filled = place - voxel
     gains = np.bincount(column, weights=entering * (1 - filled), minlength=nx * ny * (depth + 2))
     gains += np.bincount(column + 1, weights=entering * filled, minlength=nx * ny * (depth + 2))
-    inside = np.cumsum(gains.reshape(nx, ny, depth + 2), axis=2)[:, :, :depth] / n_lines**2
-    if inside.min() < -1e-6:
-        raise ValueError("the mesh is left before it is entered: its normals point inward; flip its faces")
-    return np.clip(inside, 0, 1)
+    return np.cumsum(gains.reshape(nx, ny, depth + 2), axis=2)[:, :, :depth] / n_lines**2
 
 
 def _corners(mesh: Mesh, grid: Volume) -> Float[Array, "F 3 3"]:
