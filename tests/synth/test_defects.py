@@ -140,7 +140,7 @@ def test_a_crossing_crosses_and_keeps_the_topology(folded):
 
 
 def two_plates(turn=0):
-    """Two triangles that look at each other across a gap of 3 and would be joined straight; the second begins anywhere."""
+    """Two triangles that look at each other across a gap of 3, the second listed from any of its corners."""
     sheet = torch.tensor([[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]).double()
     upper = torch.tensor([3, 5, 4]).roll(turn)
     return Mesh(torch.cat([sheet, sheet + torch.tensor([0, 0, 3.0])]), torch.stack([torch.tensor([0, 1, 2]), upper]))
