@@ -1,6 +1,7 @@
 """Training: it learns, goes on after a kill as if nothing had been, stops early, and names a step that breaks."""
 
 import dataclasses
+import itertools
 import json
 import os
 import signal
@@ -12,8 +13,8 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.pipeline.segmentation import initial_surfaces, segment
 from meshot.pipeline.checkpoint import read_log
+from meshot.pipeline.segmentation import initial_surfaces, segment
 from meshot.pipeline.segmentation_data import Example
 from meshot.pipeline.segmentation_settings import (
     SegmentationConfig,
@@ -198,7 +199,7 @@ def test_configurations_are_read_and_checked(tmp_path, root):
         ("network: {wide: 3}\ntrain: {}", "train, network.wide, which nothing reads"),
         ("network: {width: 0}", "will not do: width is 0"),
         ("training: {learning_rate: fast}", "will not do"),
-        ("- a", "two groups of settings"),
+        ("- a", "groups of settings are needed: network, training"),
         ("network: [1", "is no YAML"),
     ):
         path.write_text(text)
@@ -226,9 +227,11 @@ def test_a_trained_network_finds_the_sides_and_their_surfaces(examples):
 
 
 def test_every_step_sees_another_variant_and_every_epoch_another_order(examples):
-    images = [_batch(step, examples[0][:1], TINY.training)[1] for step in (0, 1, 0)]
-    assert not torch.equal(images[0], images[1])
-    assert torch.equal(images[0], images[2])
+    thrice = 3 * examples[0][:1]  # so that the steps of one epoch differ in nothing else
+    images = [_batch(step, thrice, TINY.training)[1] for step in range(6)]
+    assert not any(torch.equal(one, other) for one, other in itertools.combinations(images, 2))
+    assert torch.equal(_batch(4, thrice, TINY.training)[1], images[4])
+    assert not torch.equal(_batch(4, thrice, changed(seed=1).training)[1], images[4])
     orders = [tuple(_batch(3 * epoch + i, examples[0], TINY.training)[0][0] for i in range(3)) for epoch in range(8)]
     assert len(set(orders)) > 2
     assert all(set(order) == {"phantom-0", "phantom-1", "phantom-2"} for order in orders)
