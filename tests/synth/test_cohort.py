@@ -121,6 +121,25 @@ def test_what_was_stopped_goes_on_and_ends_the_same(quick, tmp_path, monkeypatch
     assert list(make_cohort(RECIPE, tmp_path / "c")) == []
 
 
+def test_half_a_visit_is_none(quick, tmp_path, monkeypatch):
+    one = dataclasses.replace(RECIPE, subjects=1, procedural_subjects=0)
+    move = os.replace
+
+    def dying(source, target):
+        move(source, target)
+        if os.path.isdir(target):
+            raise KeyboardInterrupt  # one of its two folders is in place, the other is not
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", dying)
+        with pytest.raises(KeyboardInterrupt):
+            list(make_cohort(one, tmp_path / "c"))
+    assert (tmp_path / "c" / "derivatives" / "standard" / "sub-001").is_dir()
+    assert participants(tmp_path / "c") == []
+    assert list(make_cohort(one, tmp_path / "c")) == ["sub-001"]
+    assert changed_files(tmp_path / "c") == []
+
+
 def test_digests_of_several_cohorts_are_kept_in_one_file(quick, tmp_path):
     one = dataclasses.replace(RECIPE, subjects=1, procedural_subjects=0)
     open_cohort(one, tmp_path / "c")
