@@ -1,9 +1,7 @@
 """From one scan to the white surfaces of both hemispheres, in the scanner's space."""
 
-import contextlib
 import dataclasses
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 
 from meshot.errors import require_positive_integer
 from meshot.mesh.mesh import Mesh
@@ -14,12 +12,10 @@ from meshot.pipeline.reconstruction_doubts import doubts_about_scan, doubts_abou
 from meshot.pipeline.segmentation import in_scanner, white_matter
 from meshot.pipeline.segmentation_surface import SegmentedSurface, segmented_surface
 from meshot.pipeline.settling import SettledSurface, settled
+from meshot.pipeline.stages import Progress, StageClock
 from meshot.synth.anatomy import HEMISPHERES, Hemisphere, mni152_t1
 from meshot.volume.standard import StandardScan, standard_scan
 from meshot.volume.volume import Volume
-
-#: Is told which stage begins, how many are done, and how many there are.
-Progress = Callable[[str, int, int], None]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -93,7 +89,7 @@ def reconstruct(
     n_steps : int
         Steps of Euler's method.
     progress : callable, optional
-        See :data:`meshot.pipeline.reconstruction.Progress`; called once more at the end, with an empty name.
+        Is told which stage begins, how many are done, and how many there are; at the end once more, without a name.
     template : Volume, optional
         Where to register to; the MNI152 average if left out, which the shipped networks know.
 
@@ -107,7 +103,7 @@ def reconstruct(
     if deformation is not None and set(deformation) != set(HEMISPHERES):
         raise ValueError(f"deformation has networks for {sorted(deformation)}; one for each of {HEMISPHERES} is needed")
     template = mni152_t1() if template is None else template
-    clock = _Clock(4 if deformation is None else 6, progress)
+    clock = StageClock(4 if deformation is None else 6, progress)
     with clock.stage("registration"):
         standard = standard_scan(scan, template)
     with clock.stage("white matter"):
@@ -133,27 +129,3 @@ def _in_scanner(segmented: SegmentedSurface, found: SettledSurface | None, scan:
     initial = in_scanner(segmented.mesh, scan)
     final = initial if found is None else in_scanner(found.mesh, scan)
     return HemisphereSurface(initial, final, segmented, found)
-
-
-class _Clock:
-    """Seconds of each stage, and a word to whoever waits."""
-
-    def __init__(self, n_stages: int, progress: Progress | None):
-        self.n_stages, self.progress = n_stages, progress
-        self.cpu_seconds: dict[str, float] = {}
-        self.wall_seconds: dict[str, float] = {}
-
-    @contextlib.contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        self._tell(name)
-        cpu, wall = time.process_time(), time.perf_counter()
-        yield
-        self.cpu_seconds[name] = time.process_time() - cpu
-        self.wall_seconds[name] = time.perf_counter() - wall
-
-    def end(self) -> None:
-        self._tell("")
-
-    def _tell(self, name: str) -> None:
-        if self.progress is not None:
-            self.progress(name, len(self.cpu_seconds), self.n_stages)

@@ -11,6 +11,7 @@ from meshot.mesh.mesh import Mesh
 from meshot.mesh.smoothing import neighbour_means
 
 _MENDING_ROUNDS = 25
+_LARGEST_SHARE = 0.01  # of the faces, for smoothing
 _PART_KEPT = 0.5  # of the way from the initial surface, in each retreat
 _BLUR_STEPS = 4
 
@@ -40,9 +41,9 @@ class SettledSurface:
 def settled(initial: Mesh, carried: Mesh, max_retreats: int = 8) -> SettledSurface:
     """A carried surface, mended where faces cross; where that fails it goes back towards the initial surface.
 
-    First :func:`meshot.mesh.mending.mended`, which smooths a few places. Where faces still cross, the displacement from
-    the initial surface is halved around them, ever farther around, and what is left is mended again. If that is not
-    enough either, the result is the initial surface, in which no faces cross.
+    First :func:`meshot.mesh.mending.mended`, which smooths a few places. Where that fails, or more than a hundredth of
+    the faces cross, the displacement from the initial surface is halved around them, ever farther around, and what is
+    left is mended again. If that is not enough either, the result is the initial surface, in which no faces cross.
 
     Parameters
     ----------
@@ -63,18 +64,26 @@ def settled(initial: Mesh, carried: Mesh, max_retreats: int = 8) -> SettledSurfa
         return SettledSurface(carried, 0, 0, 0.0)
     if len(self_intersecting_faces(initial)):
         raise ValueError("faces of the initial surface cross: there is nothing to go back to; mend it first")
-    share, mesh = torch.ones_like(initial.vertices[:, 0]), carried
+    way, share, mesh = carried.vertices - initial.vertices, torch.ones_like(initial.vertices[:, 0]), carried
     for n_retreats in range(max_retreats + 1):
-        try:
-            mesh = mended(mesh, _MENDING_ROUNDS)
+        found = _mended(mesh)
+        if found is not None:
             break
-        except ValueError:
-            last = n_retreats == max_retreats
-            share = torch.zeros_like(share) if last else _lowered(share, initial, mesh, 2 + 2 * n_retreats)
-            way = carried.vertices - initial.vertices
-            mesh = initial.with_vertices(initial.vertices + share[:, None] * way)
+        share = _lowered(share, initial, mesh, 2 + 2 * n_retreats)
+        mesh = initial.with_vertices(initial.vertices + share[:, None] * way)
+    mesh = initial if found is None else found
     largest_move = float((mesh.vertices - carried.vertices).norm(dim=1).max())
     return SettledSurface(mesh, n_crossing, n_retreats, largest_move)
+
+
+def _mended(mesh: Mesh) -> Mesh | None:
+    """The mesh with its few defects smoothed; None if they are many, since that would smooth the folds away as well."""
+    if len(self_intersecting_faces(mesh)) > _LARGEST_SHARE * len(mesh.faces):
+        return None
+    try:
+        return mended(mesh, _MENDING_ROUNDS)
+    except ValueError:
+        return None
 
 
 def _lowered(share: torch.Tensor, initial: Mesh, mesh: Mesh, n_rings: int) -> torch.Tensor:

@@ -1,0 +1,51 @@
+"""``meshot reconstruct SCAN -o OUT``."""
+
+import argparse
+import warnings
+from pathlib import Path
+
+import torch
+
+from meshot.cli.note import NOTE, Commands
+from meshot.errors import require_positive_integer
+
+
+def add_to(commands: Commands) -> None:
+    """Let the command line know the command and its arguments."""
+    command = commands.add_parser(
+        "reconstruct",
+        help="the white surfaces of both hemispheres in a scan",
+        description="From one T1 to the white surfaces of both hemispheres in scanner RAS (FreeSurfer, GIfTI, PLY), "
+        f"with the transform to MNI152, all numbers and a page to look at. {NOTE}",
+        epilog="The scan: a T1 of an adult head without its skull, in any orientation and voxel size, NIfTI or MGH.",
+    )
+    command.add_argument("scan", type=Path, help="the T1")
+    command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="new or empty")
+    command.add_argument("--overwrite", action="store_true", help="replace an earlier reconstruction in that folder")
+    command.add_argument("--weights", type=Path, metavar="FOLDER", help="of networks other than those shipped")
+    command.add_argument("--initial-only", action="store_true", help="no flow: the initial surfaces are the result")
+    command.add_argument("--steps", type=int, default=10, help="of the flow (default: %(default)s)")
+    command.add_argument("--threads", type=int, help="of the processor (default: torch's)")
+    command.set_defaults(run=_run)
+
+
+def _run(chosen: argparse.Namespace) -> None:
+    # Here, so that other commands do not wait for what only this one needs.
+    from meshot.model.shipped import trained_networks
+    from meshot.report.reconstruction import PAGE, reconstructed
+
+    if chosen.threads is not None:
+        require_positive_integer(chosen.threads, "threads")
+        torch.set_num_threads(chosen.threads)
+    require_positive_integer(chosen.steps, "steps")
+    networks = trained_networks(chosen.weights, not chosen.initial_only)
+    report = reconstructed(chosen.scan, chosen.output, networks, chosen.steps, chosen.overwrite)
+    for side, surface in report["surfaces"].items():
+        final = surface["final"]
+        print(
+            f"{side}: χ = {final['euler_number']}, {final['n_self_intersecting_faces']} self-intersecting of "
+            f"{final['n_faces']} faces, {final['volume_cm3']:.0f} cm³"
+        )
+    for warning in report["warnings"]:
+        warnings.warn(warning, stacklevel=1)
+    print(f"{sum(report['seconds']['clock'].values()):.0f} s; look at {chosen.output / PAGE}. {NOTE}")
