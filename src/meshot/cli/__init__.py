@@ -5,10 +5,10 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from meshot.cli import evaluate, train_segmentation
+from meshot.cli import evaluate, reconstruct, train, train_segmentation
 from meshot.cli.note import NOTE
 
-COMMANDS = (evaluate, train_segmentation)
+COMMANDS = (evaluate, reconstruct, train, train_segmentation)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
@@ -13,7 +14,7 @@ from meshot.files import whole_file
 
 
 def training_figure(log: Sequence[dict]) -> Figure:
-    """Loss of every step, its running mean and the loss of the validation; Dice of both sides.
+    """Loss of every step and its running mean; beside it what was validated: Dice of both sides, or distances in mm.
 
     Parameters
     ----------
@@ -29,6 +30,7 @@ def training_figure(log: Sequence[dict]) -> Figure:
     checks = [line for line in log if "validation_loss" in line]
     if not steps:
         raise ValueError("the log holds no step: nothing was trained yet")
+    of_distances = any("hausdorff90_mm" in line for line in checks)
     figure, (left, right) = plt.subplots(1, 2, figsize=(1.3 * WIDTH, 3.0), layout="constrained")
     at, losses = np.array([line["step"] for line in steps]), np.array([line["loss"] for line in steps])
     width = max(1, len(at) // 30)
@@ -37,18 +39,34 @@ def training_figure(log: Sequence[dict]) -> Figure:
         mean = np.convolve(losses, np.ones(width) / width, "valid")
         left.semilogy(at[width - 1 :], mean, color=BLUE, label=f"mean of {width} steps")
     checked = [line["step"] for line in checks]
-    left.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
-    left.set(xlabel="step", ylabel="cross-entropy + 1 − Dice")
+    if of_distances:
+        left.set(xlabel="step", ylabel="loss")
+        _distances(right, checked, checks)
+    else:
+        left.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
+        left.set(xlabel="step", ylabel="cross-entropy + 1 − Dice")
+        _overlap(right, checked, checks)
     # After the last semilogy, which brings back its own.
     for formatted in (left.yaxis.set_major_formatter, left.yaxis.set_minor_formatter):
         formatted(LogFormatter())
     left.legend()
-    for side, colour, dashes in (("left", VERMILLION, "-"), ("right", BLUE, "--")):
-        right.plot(checked, [line[f"dice_{side}"] for line in checks], dashes, marker=".", color=colour, label=side)
-    right.set(xlabel="step", ylabel="Dice on validation", ylim=(None, 1.0))
     if checks:
         right.legend()
     return figure
+
+
+def _overlap(axes: Axes, steps: list[int], checks: list[dict]) -> None:
+    for side, colour, dashes in (("left", VERMILLION, "-"), ("right", BLUE, "--")):
+        axes.plot(steps, [line[f"dice_{side}"] for line in checks], dashes, marker=".", color=colour, label=side)
+    axes.set(xlabel="step", ylabel="Dice on validation", ylim=(None, 1.0))
+
+
+def _distances(axes: Axes, steps: list[int], checks: list[dict]) -> None:
+    for key, name, colour, dashes in (
+        ("hausdorff90_mm", "Hausdorff at 90 %", ORANGE, "--"), ("validation_loss", "ASSD", BLUE, "-"),
+    ):  # fmt: skip
+        axes.plot(steps, [line[key] for line in checks], dashes, marker=".", color=colour, label=name)
+    axes.set(xlabel="step", ylabel="on validation (mm)", ylim=(0, None))
 
 
 def write_training_figure(path: str | os.PathLike, log: Sequence[dict]) -> None:

@@ -3,12 +3,10 @@
 import dataclasses
 import math
 import os
-from pathlib import Path
-
-import yaml
 
 from meshot.errors import require_positive_integer
 from meshot.model.segmentation import SegmentationNetwork
+from meshot.pipeline.configuration import checked_groups, read_groups, setting_names
 from meshot.pipeline.training import Plan, require_plan_settings
 
 PRECISIONS = ("float32", "bfloat16")
@@ -117,14 +115,7 @@ def read_segmentation_config(path: str | os.PathLike) -> SegmentationConfig:
     ValueError
         If the file is missing or no YAML, names something unknown, or a value will not do.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise ValueError(f"{path} does not exist; experiments/segmentation holds tiny.yaml, small.yaml and paper.yaml")
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} is no YAML ({error})") from error
-    return segmentation_config(content, str(path))
+    return segmentation_config(read_groups(path, _KNOWN), os.fspath(path))
 
 
 def segmentation_config(content: object, name: str = "the configuration") -> SegmentationConfig:
@@ -135,19 +126,13 @@ def segmentation_config(content: object, name: str = "the configuration") -> Seg
     ValueError
         If it names something unknown, or a value will not do.
     """
-    known = {
-        "network": {"width", "depth", "fold"},
-        "training": {field.name for field in dataclasses.fields(SegmentationSettings)},
-    }
-    if not isinstance(content, dict) or not all(isinstance(part, dict) for part in content.values()):
-        raise ValueError(f"{name} holds {content!r}; two groups of settings, network and training, are needed")
-    strange = [key for key in content if key not in known]
-    strange += [f"{group}.{key}" for group in known for key in content.get(group, {}) if key not in known[group]]
-    if strange:
-        raise ValueError(f"{name} sets {', '.join(strange)}, which nothing reads; known are {known}")
+    groups = checked_groups(content, _KNOWN, name)
     try:
-        config = SegmentationConfig(content.get("network", {}), SegmentationSettings(**content.get("training", {})))
+        config = SegmentationConfig(groups["network"], SegmentationSettings(**groups["training"]))
         config.new_network()
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name} will not do: {error}") from error
     return config
+
+
+_KNOWN = {"network": {"width", "depth", "fold"}, "training": setting_names(SegmentationSettings)}

@@ -1,0 +1,133 @@
+"""What the deformation network learns from: initial surfaces, made once and kept on disk, beside the true ones."""
+
+import dataclasses
+import hashlib
+import os
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import torch
+
+from meshot.mesh.decimation import simplified
+from meshot.mesh.io import read_mesh, write_mesh
+from meshot.mesh.mesh import Mesh
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.pipeline.segmentation import initial_surfaces
+from meshot.synth.anatomy import HEMISPHERES, Hemisphere
+from meshot.synth.cohort import Subject, scans
+from meshot.volume.volume import Volume
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class DeformationExample:
+    """One hemisphere of one subject in the standard space; meshes and scan in float32.
+
+    Parameters
+    ----------
+    name : str
+    scan : Volume
+        On the standard grid, in [0, 1].
+    initial : Mesh
+        Where the flow starts.
+    coarse : Mesh
+        The same with fewer faces, for training.
+    target : Mesh
+        The true white surface.
+    """
+
+    name: str
+    scan: Volume
+    initial: Mesh
+    coarse: Mesh
+    target: Mesh
+
+
+class InitialSurfaces:
+    """Initial surfaces of subjects, in a folder: each is made when it is first asked for.
+
+    Parameters
+    ----------
+    folder : path
+        It is for one segmentation network: its name ends in the digest of the weights.
+    network : SegmentationNetwork
+    """
+
+    def __init__(self, folder: str | os.PathLike, network: SegmentationNetwork):
+        self.folder = Path(folder) / f"segmentation-{network_digest(network)[:12]}"
+        self.network = network
+
+    def of(self, subject: Subject, side: Hemisphere) -> Mesh:
+        """The initial white surface of one side, in the standard space, in mm.
+
+        Raises
+        ------
+        ValueError
+            As :func:`meshot.pipeline.segmentation.initial_surfaces`.
+        """
+        paths = {s: self.folder / subject.cohort.name / f"{subject.name}_{s}.surf.gii" for s in HEMISPHERES}
+        if not paths[side].is_file():
+            for name, found in initial_surfaces(subject.standard(), self.network).items():
+                write_mesh(paths[name], found.mesh)
+        return read_mesh(paths[side])
+
+    def example(self, subject: Subject, side: Hemisphere, n_faces: int) -> DeformationExample:
+        """One hemisphere, ready for training or validation."""
+        initial, scan = self.of(subject, side), subject.standard().volume
+        return DeformationExample(
+            f"{subject.cohort.name}/{subject.name}",
+            scan.with_data(scan.data.astype("float32")),
+            initial.to(torch.float32),
+            simplified(initial, n_faces).to(torch.float32),
+            subject.surface("white", side, "standard").to(torch.float32),
+        )
+
+    def examples(
+        self,
+        cohorts: Sequence[str | os.PathLike],
+        split: str,
+        side: Hemisphere,
+        n_faces: int,
+        progress: Callable[[list], Iterable] = iter,
+    ) -> list[DeformationExample]:
+        """Every scan of a split, of one or more cohorts on disk.
+
+        Parameters
+        ----------
+        cohorts : sequence of path
+        split : str
+            "train", "validation" or "test".
+        side : str
+        n_faces : int
+            Of the coarse surfaces.
+        progress : callable
+            Wraps the list of scans, such as tqdm does.
+
+        Raises
+        ------
+        ValueError
+            If a folder is no cohort or none has a scan in the split.
+        """
+        found = [subject for cohort in cohorts for subject in scans(cohort, split)]
+        if not found:
+            raise ValueError(
+                f"no scan of the split {split!r} in {', '.join(map(str, cohorts)) or 'no cohort'}: make one"
+            )
+        return [self.example(subject, side, n_faces) for subject in progress(found)]
+
+
+def network_digest(network: SegmentationNetwork) -> str:
+    """SHA-256 of the weights of a network."""
+    total = hashlib.sha256()
+    for name, value in network.state_dict().items():
+        total.update(name.encode() + value.detach().cpu().contiguous().numpy().tobytes())
+    return total.hexdigest()
+
+
+def digest(examples: Sequence[DeformationExample]) -> str:
+    """SHA-256 of the names and values of all examples, in their order."""
+    total = hashlib.sha256()
+    for item in examples:
+        total.update(item.name.encode() + item.scan.data.tobytes())
+        for mesh in (item.initial, item.coarse, item.target):
+            total.update(mesh.vertices.numpy().tobytes() + mesh.faces.numpy().tobytes())
+    return total.hexdigest()

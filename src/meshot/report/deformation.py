@@ -1,0 +1,67 @@
+"""The training of a deformation network, from a configuration to files."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import read_weights
+from meshot.pipeline.deformation_data import InitialSurfaces, network_digest
+from meshot.pipeline.deformation_settings import read_deformation_config
+from meshot.pipeline.deformation_training import train_deformation
+from meshot.pipeline.training import Training
+from meshot.report.training import STATE_FOLDER, shown_path, watched_training, write_trained
+
+
+def trained_deformation(
+    config_path: str | os.PathLike,
+    cohorts: Sequence[str | os.PathLike],
+    folder: str | os.PathLike,
+    segmentation: str | os.PathLike,
+    initial: str | os.PathLike,
+    changes: Sequence[str] = (),
+) -> Training:
+    """Train on the cohorts as the configuration says, with a progress bar, and write what came of it.
+
+    Parameters
+    ----------
+    config_path : path
+        Such as ``experiments/ddot/small.yaml``.
+    cohorts : sequence of path
+    folder : path
+        See :func:`meshot.report.training.write_trained`; ``state/`` is what a stopped training goes on from.
+    segmentation : path
+        Weights of the segmentation network, which makes the initial surfaces.
+    initial : path
+        Where these are kept: what is there already is not made again.
+    changes : sequence of str
+        Such as ``training.side=right``, in place of what the configuration says.
+
+    Raises
+    ------
+    ValueError
+        If the configuration, a cohort, the weights or the folder will not do.
+    """
+    folder, config = Path(folder), read_deformation_config(config_path, changes)
+    network, _ = read_weights(segmentation, SegmentationNetwork)
+    surfaces, settings = InitialSurfaces(initial, network), config.training
+    training, validation = (
+        surfaces.examples(
+            cohorts, split, settings.side, settings.n_faces, lambda found, s=split: tqdm(found, desc=f"initial, {s}")
+        )
+        for split in ("train", "validation")
+    )
+    found = watched_training(
+        lambda report: train_deformation(config, training, validation, folder / STATE_FOLDER, report)
+    )
+    command = (
+        f"meshot train {shown_path(config_path)} --data {' '.join(map(shown_path, cohorts))} -o {shown_path(folder)}"
+    )
+    command += "".join(f" --set {change}" for change in changes)
+    write_trained(
+        folder, found, config.as_dict(), command, [Path(cohort).name for cohort in cohorts],
+        {"segmentation_sha256": network_digest(network)},
+    )  # fmt: skip
+    return found

@@ -1,0 +1,74 @@
+"""A training from a configuration to files: weights, their record, the log and its picture."""
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from meshot.figures.training import write_training_figure
+from meshot.model.weights import write_weights
+from meshot.pipeline.checkpoint import TrainingLog
+from meshot.pipeline.training import Report, Training
+from meshot.report.results import provenance, write_results
+
+WEIGHTS, RECORD, LOG, PICTURE = "weights.safetensors", "weights.json", "log.jsonl", "training.png"
+STATE_FOLDER = "state"
+
+
+def watched_training(train: Callable[[Report], Training]) -> Training:
+    """Run a training under a progress bar that shows the last loss and the last validation."""
+    with tqdm(desc="train", unit="step") as bar:
+        shown: dict[str, str] = {}
+
+        def report(done: int, n_steps: int, line: dict) -> None:
+            bar.total = n_steps
+            bar.update(done - bar.n)
+            kept = ("loss", "validation_loss", "dice_left", "dice_right", "hausdorff90_mm")
+            shown.update({key: f"{value:.4g}" for key, value in line.items() if key in kept})
+            bar.set_postfix(shown, refresh="loss" not in line)
+
+        return train(report)
+
+
+def write_trained(
+    folder: Path, found: Training, config: dict, command: str, cohorts: Sequence[str], extra: dict | None = None
+) -> None:
+    """Write what came of a training.
+
+    Into ``folder`` go ``weights.safetensors`` (the best network, with its record), ``weights.json`` (the record as
+    results with provenance), ``log.jsonl`` and ``training.png``.
+
+    Parameters
+    ----------
+    folder : path
+    found : Training
+    config : dict
+        All settings, as JSON.
+    command : str
+        What to type to do the same again.
+    cohorts : sequence of str
+        Their names.
+    extra : dict, optional
+        What else belongs to the record, such as the weights that it builds on.
+    """
+    results = {
+        "best_step": found.best_step,
+        "n_steps": max(line["step"] for line in found.log),
+        "cpu_seconds": round(found.cpu_seconds, 1),
+        "n_weights": sum(p.numel() for p in found.network.parameters()),
+        "validations": [line for line in found.log if "validation_loss" in line],
+        "data": found.data,
+    } | (extra or {})
+    record = config | {"results": results, "command": command, "cohorts": list(cohorts)} | provenance()
+    write_weights(folder / WEIGHTS, found.network, record)
+    data = f"synthetic cohorts {', '.join(cohorts)}"
+    write_results(folder / RECORD, results, config, command, data, found.cpu_seconds)
+    TrainingLog(folder / LOG, found.log)
+    write_training_figure(folder / PICTURE, found.log)
+
+
+def shown_path(path: str | os.PathLike) -> str:
+    """A path as it may be written down: relative, without where this machine keeps its files."""
+    path = Path(path)
+    return path.as_posix() if not path.is_absolute() else path.name
