@@ -3,10 +3,11 @@
 import dataclasses
 import math
 import os
+from collections.abc import Sequence
 
 from meshot.errors import require_positive_integer
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.pipeline.configuration import checked_groups, read_groups, setting_names
+from meshot.pipeline.configuration import changed_groups, checked_groups, read_groups, setting_names
 from meshot.pipeline.training import Plan, require_plan_settings
 
 PRECISIONS = ("float32", "bfloat16")
@@ -107,15 +108,21 @@ class SegmentationConfig:
         return SegmentationNetwork(**self.network, generator=self.training.seed)
 
 
-def read_segmentation_config(path: str | os.PathLike) -> SegmentationConfig:
+def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = ()) -> SegmentationConfig:
     """Read a configuration; what it leaves out has the value of the paper, where the paper gives one.
+
+    Parameters
+    ----------
+    path : path
+    changes : sequence of str
+        Such as ``training.precision=bfloat16``, in place of what the file says.
 
     Raises
     ------
     ValueError
         If the file is missing or no YAML, names something unknown, or a value will not do.
     """
-    return segmentation_config(read_groups(path, _KNOWN), os.fspath(path))
+    return segmentation_config(changed_groups(read_groups(path, _KNOWN), changes), os.fspath(path))
 
 
 def segmentation_config(content: object, name: str = "the configuration") -> SegmentationConfig:

@@ -10,11 +10,14 @@ from meshot.pipeline.segmentation_data import read_examples
 from meshot.pipeline.segmentation_settings import read_segmentation_config
 from meshot.pipeline.segmentation_training import train_segmentation
 from meshot.pipeline.training import Training
-from meshot.report.training import STATE_FOLDER, shown_path, watched_training, write_trained
+from meshot.report.training import STATE_FOLDER, shown_command, watched_training, write_trained
 
 
 def trained_segmentation(
-    config_path: str | os.PathLike, cohorts: Sequence[str | os.PathLike], folder: str | os.PathLike
+    config_path: str | os.PathLike,
+    cohorts: Sequence[str | os.PathLike],
+    folder: str | os.PathLike,
+    changes: Sequence[str] = (),
 ) -> Training:
     """Train on the cohorts as the configuration says, with a progress bar, and write what came of it.
 
@@ -25,13 +28,15 @@ def trained_segmentation(
     cohorts : sequence of path
     folder : path
         See :func:`meshot.report.training.write_trained`; ``state/`` is what a stopped training goes on from.
+    changes : sequence of str
+        Such as ``training.precision=bfloat16``, in place of what the configuration says.
 
     Raises
     ------
     ValueError
         If the configuration, a cohort or the folder will not do.
     """
-    folder, config = Path(folder), read_segmentation_config(config_path)
+    folder, config = Path(folder), read_segmentation_config(config_path, changes)
     training, validation = (
         read_examples(cohorts, split, config.training.reduction, lambda found, s=split: tqdm(found, desc=f"read {s}"))
         for split in ("train", "validation")
@@ -39,7 +44,6 @@ def trained_segmentation(
     found = watched_training(
         lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report)
     )
-    words = " ".join(map(shown_path, cohorts))
-    command = f"meshot train-segmentation {shown_path(config_path)} --data {words} -o {shown_path(folder)}"
+    command = shown_command("train-segmentation", config_path, cohorts, folder, changes)
     write_trained(folder, found, config.as_dict(), command, [Path(cohort).name for cohort in cohorts])
     return found

@@ -68,7 +68,19 @@ def write_trained(
     write_training_figure(folder / PICTURE, found.log)
 
 
-def shown_path(path: str | os.PathLike) -> str:
+def shown_command(
+    name: str,
+    config: str | os.PathLike,
+    cohorts: Sequence[str | os.PathLike],
+    folder: str | os.PathLike,
+    changes: Sequence[str],
+) -> str:
+    """What to type for a training, as it may be written down."""
+    words = ["meshot", name, _shown(config), "--data", *map(_shown, cohorts), "-o", _shown(folder)]
+    return " ".join([*words, *(["--set", *changes] if changes else [])])
+
+
+def _shown(path: str | os.PathLike) -> str:
     """A path as it may be written down: relative, without where this machine keeps its files."""
     path = Path(path)
     return path.as_posix() if not path.is_absolute() else path.name
