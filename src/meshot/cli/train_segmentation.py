@@ -21,6 +21,10 @@ def add_to(commands: Commands) -> None:
     command.add_argument("config", type=Path, help="a YAML file: form of the network, and how it is trained")
     command.add_argument("--data", type=Path, nargs="+", required=True, metavar="COHORT", help="folders of cohorts")
     command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="for weights, log, picture")
+    command.add_argument(
+        "--set", nargs="+", default=[], metavar="GROUP.NAME=VALUE", dest="changes",
+        help="in place of what the file says, such as training.precision=bfloat16",
+    )  # fmt: skip
     command.add_argument("--threads", type=int, help="of the processor; one repeats bit for bit (default: torch's)")
     command.set_defaults(run=_run)
 
@@ -33,7 +37,7 @@ def _run(chosen: argparse.Namespace) -> None:
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
     try:
-        found = trained_segmentation(chosen.config, chosen.data, chosen.output)
+        found = trained_segmentation(chosen.config, chosen.data, chosen.output, chosen.changes)
     except FloatingPointError as error:
         raise ValueError(str(error)) from error
     best = next(line for line in found.log if line["step"] == found.best_step and "dice_left" in line)

@@ -12,7 +12,7 @@ from meshot.pipeline.deformation_data import InitialSurfaces, network_digest
 from meshot.pipeline.deformation_settings import read_deformation_config
 from meshot.pipeline.deformation_training import train_deformation
 from meshot.pipeline.training import Training
-from meshot.report.training import STATE_FOLDER, shown_path, watched_training, write_trained
+from meshot.report.training import STATE_FOLDER, shown_command, watched_training, write_trained
 
 
 def trained_deformation(
@@ -56,10 +56,7 @@ def trained_deformation(
     found = watched_training(
         lambda report: train_deformation(config, training, validation, folder / STATE_FOLDER, report)
     )
-    command = (
-        f"meshot train {shown_path(config_path)} --data {' '.join(map(shown_path, cohorts))} -o {shown_path(folder)}"
-    )
-    command += "".join(f" --set {change}" for change in changes)
+    command = shown_command("train", config_path, cohorts, folder, changes)
     write_trained(
         folder, found, config.as_dict(), command, [Path(cohort).name for cohort in cohorts],
         {"segmentation_sha256": network_digest(network)},
