@@ -1,0 +1,166 @@
+"""From a scan in any position to both surfaces in its own space, and what is said about doubtful ones."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from bright_head import balls, bright_head, bright_template, brightness_network, shifting_network
+from meshot.mesh.geometry import signed_volume
+from meshot.mesh.intersection import self_intersecting_faces
+from meshot.mesh.shapes import icosphere
+from meshot.mesh.topology import SPHERE, topology
+from meshot.metrics.surface import vertex_distances
+from meshot.pipeline.reconstruction import reconstruct
+from meshot.pipeline.reconstruction_doubts import agreement_with, doubts_about_scan, doubts_about_surfaces
+from meshot.pipeline.segmentation_surface import SegmentedSurface
+from meshot.pipeline.settling import SettledSurface
+from meshot.volume.standard import StandardScan, place_on_grid
+from meshot.volume.volume import Volume
+
+SHIFT = (0.0, 1.5, 2.0)
+TO_TEMPLATE = np.eye(4)
+TO_TEMPLATE[:3, :3] = Rotation.from_euler("xyz", [5, -8, 10], degrees=True).as_matrix() * 1.08
+TO_TEMPLATE[:3, 3] = [12, -25, 30]
+
+
+def turned_grid(signs: tuple[int, int, int]) -> tuple[np.ndarray, tuple[int, int, int]]:
+    """Axes in another order, some flipped, oblique, unequal voxels, around where the head lies."""
+    sizes, shape = np.array([2.6, 3.0, 2.2]), np.array([62, 64, 70])
+    affine = np.eye(4)
+    turn = Rotation.from_euler("xyz", [9, 7, -12], degrees=True).as_matrix()
+    affine[:3, :3] = turn @ np.eye(3)[[1, 2, 0]] * sizes * np.array(signs)
+    middle = np.linalg.inv(TO_TEMPLATE) @ [0, -12, 9, 1]
+    affine[:3, 3] = middle[:3] - affine[:3, :3] @ (shape / 2)
+    return affine, tuple(int(n) for n in shape)
+
+
+@pytest.fixture(scope="module")
+def networks():
+    return brightness_network(), {side: shifting_network(SHIFT) for side in ("left", "right")}
+
+
+@pytest.fixture(scope="module", params=[(1, 1, 1), (-1, 1, 1)], ids=["oblique", "mirrored"])
+def made(request, networks):
+    affine, shape = turned_grid(request.param)
+    assert np.linalg.det(affine) * request.param[0] > 0
+    heard = []
+    scan = bright_head(affine, shape, TO_TEMPLATE)
+    before = scan.data.copy()
+    found = reconstruct(
+        scan, *networks, n_steps=3, progress=lambda *words: heard.append(words), template=bright_template()
+    )
+    assert np.array_equal(scan.data, before)
+    return found, heard
+
+
+def test_both_surfaces_lie_where_the_scanner_saw_them(made):
+    found, _ = made
+    for side, truth in balls(TO_TEMPLATE).items():
+        initial = found.surfaces[side].initial
+        assert topology(initial) == SPHERE
+        assert len(self_intersecting_faces(initial)) == 0
+        assert vertex_distances(initial, truth).mean() < 0.6
+        assert vertex_distances(truth, initial).mean() < 0.6
+        assert float(signed_volume(initial)) == pytest.approx(float(signed_volume(truth)), rel=0.05)
+
+
+def test_the_flow_moves_them_in_the_standard_space(made):
+    found, _ = made
+    way = torch.from_numpy(np.linalg.inv(found.scan.to_standard)[:3, :3]) @ torch.tensor(SHIFT, dtype=torch.float64)
+    for surface in found.surfaces.values():
+        assert torch.equal(surface.final.faces, surface.initial.faces)
+        moved = surface.final.vertices - surface.initial.vertices
+        torch.testing.assert_close(moved, way.expand_as(moved), atol=1e-4, rtol=0)
+        assert float(signed_volume(surface.final)) > 0
+        assert len(self_intersecting_faces(surface.final)) == 0
+
+
+def test_stages_are_told_and_timed(made):
+    found, heard = made
+    stages = ["registration", "white matter"]
+    stages += [f"{what}, {side}" for what in ("initial surface", "flow") for side in ("left", "right")]
+    assert heard == [(name, k, 6) for k, name in enumerate([*stages, ""])]
+    assert list(found.cpu_seconds) == list(found.wall_seconds) == stages
+    assert all(0 < seconds < 60 for seconds in found.cpu_seconds.values())
+    assert found.n_steps == 3
+    assert [w for w in found.warnings if "plausible" not in w] == []
+
+
+def test_without_a_flow_the_initial_surface_is_the_result(networks):
+    heard = []
+    found = reconstruct(
+        bright_template(), networks[0], None, progress=lambda *words: heard.append(words), template=bright_template()
+    )
+    assert found.n_steps == 0
+    assert heard[-1] == ("", 4, 4)
+    for surface in found.surfaces.values():
+        assert surface.final is surface.initial
+        assert surface.settled is None
+
+
+def test_doors(networks):
+    scan = bright_template(8.0)
+    with pytest.raises(ValueError, match="n_steps is 0"):
+        reconstruct(scan, *networks, n_steps=0)
+    with pytest.raises(ValueError, match=r"networks for \['left'\]"):
+        reconstruct(scan, networks[0], {"left": networks[1]["left"]})
+    with pytest.raises(ValueError, match="everywhere"):
+        reconstruct(scan.with_data(np.full(scan.data.shape, 3.0)), *networks, template=scan)
+    blind = brightness_network()
+    with torch.no_grad():
+        blind.head.bias[2] = -1e6
+    with pytest.raises(ValueError, match="no white matter on the right"):
+        reconstruct(scan, blind, None, template=scan)
+
+
+def place(matrix: np.ndarray) -> StandardScan:
+    return place_on_grid(bright_template(), matrix, np.array([0.0, -12, 9]))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (np.diag([1.0, 1, 1, 1]), []),
+        (np.diag([0.7, 0.7, 0.7, 1]), ["scales the scan by 0.70"]),
+        (np.diag([1.4, 1.4, 1.4, 1]), ["agree poorly", "scales the scan by 1.40"]),
+        (np.diag([-1.0, 1, 1, 1]), ["mirrors"]),
+        (np.array([[1.0, 0, 0, 60], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]), ["agree poorly (correlation 0."]),
+    ],
+    ids=["fits", "small", "large", "mirrored", "aside"],
+)
+def test_doubts_about_a_scan(change, words):
+    found = doubts_about_scan(place(change), bright_template())
+    assert all(any(word in doubt for doubt in found) for word in words)
+    assert len(found) >= len(words)
+    assert bool(found) == bool(words)
+
+
+def test_agreement_is_one_with_itself_and_blind_to_contrast():
+    scan = place(np.eye(4)).volume
+    assert agreement_with(scan, scan) == pytest.approx(1)
+    assert agreement_with(scan.with_data(5 - 2 * scan.data), scan) == pytest.approx(-1)
+
+
+def test_doubts_about_surfaces():
+    def masked(n_inside: int) -> Volume:
+        return Volume((np.arange(1000) < n_inside).reshape(10, 10, 10), np.eye(4))
+
+    def segmented(n_left: int) -> SegmentedSurface:
+        return SegmentedSurface(ball, ball, masked(0), masked(500), masked(n_left))
+
+    ball = icosphere(3, 40.0)
+    calm = SettledSurface(ball, 0, 0, 0.0)
+    assert doubts_about_surfaces("left", ball, segmented(495), calm) == []
+    assert doubts_about_surfaces("left", ball, segmented(495), None) == []
+    (small,) = doubts_about_surfaces("left", icosphere(3, 30.0), segmented(500), calm)
+    assert "left surface encloses 112 cm³" in small
+    (large,) = doubts_about_surfaces("right", icosphere(3, 50.0), segmented(500), calm)
+    assert "right surface encloses 519 cm³" in large
+    (given_up,) = doubts_about_surfaces("right", ball, segmented(480), calm)
+    assert "20 voxels (4.0 %) of the right" in given_up
+    (crossed,) = doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 64, 0, 0.31))
+    assert "64 faces (5 %) of the left surface crossed after the flow" in crossed
+    assert "retreats" not in crossed
+    (retreated,) = doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 64, 2, 3.0))
+    assert "2 retreats" in retreated
