@@ -1,0 +1,163 @@
+"""Train the networks of the experiment that are missing; those for the fair pairs come first.
+
+Run as ``python experiments/ddot/train.py`` once both cohorts and the segmentation weights are there. ``--jobs 2``
+trains two at a time, each on one thread; ``--only 'oasis_like_left_*_0'`` makes some of them; ``--list`` says what is there.
+Stopped, it goes on where it was, and ends with the same weights.
+"""
+
+import argparse
+import contextlib
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import torch
+from tqdm import tqdm
+from trainings import HERE, Wanted, keep, read_config, segmentation_weights, wanted
+
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import read_weights
+from meshot.pipeline.deformation_data import InitialSurfaces
+from meshot.report.deformation import trained_deformation
+from meshot.report.training import LOG, STATE_FOLDER
+from meshot.synth.cohort import scans
+
+SECONDS_BETWEEN_LOOKS = 5.0
+OUTPUT = "output.txt"
+
+
+class Busy(Exception):
+    """Another process trains the same network."""
+
+
+def made(each: Wanted, config: dict) -> None:
+    """Train one network, on one thread, and keep what came of it.
+
+    Raises
+    ------
+    Busy
+        If another process is at it.
+    """
+    torch.set_num_threads(1)
+    with alone(each.state(config)):
+        trained_deformation(
+            config["settings"], [config["cohorts"][each.cohort]], each.state(config), segmentation_weights(config),
+            config["initial"], each.changes(config),
+        )  # fmt: skip
+        keep(each, config)
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Hold the folder of a training against other processes; the lock ends with the process, however that ends."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise Busy(f"{folder.name} is being trained by another process") from error
+        yield
+
+
+def prepared(missing: list[Wanted], config: dict) -> None:
+    """Make the initial surfaces that are missing, so that trainings side by side do not all make the same."""
+    torch.set_num_threads(1)
+    surfaces = InitialSurfaces(config["initial"], read_weights(segmentation_weights(config), SegmentationNetwork)[0])
+    cohorts = dict.fromkeys((each.cohort, each.side) for each in missing)
+    found = [
+        (subject, side)
+        for cohort, side in cohorts
+        for split in ("train", "validation")
+        for subject in scans(config["cohorts"][cohort], split)
+    ]
+    for subject, side in tqdm(found, desc="initial surfaces"):
+        surfaces.of(subject, side)
+
+
+def side_by_side(missing: list[Wanted], config: dict, words: list[str], n_jobs: int) -> list[str]:
+    """Train in so many processes; what each says goes to ``output.txt`` beside its state. Names of the failed."""
+    waiting, running, failed = list(missing), {}, []
+    with tqdm(total=len(missing), desc="trainings", unit="network") as bar:
+        try:
+            while waiting or running:
+                while waiting and len(running) < n_jobs:
+                    each = waiting.pop(0)
+                    running[each] = _started(each, config, words)
+                time.sleep(SECONDS_BETWEEN_LOOKS)
+                for each in [each for each, process in running.items() if process.poll() is not None]:
+                    failed += [each.name] if running.pop(each).returncode else []
+                    bar.update()
+                bar.set_postfix_str("; ".join(f"{each.name}: step {_steps(each, config)}" for each in running))
+        finally:
+            for process in running.values():
+                process.terminate()
+    return failed
+
+
+def _started(each: Wanted, config: dict, words: list[str]) -> subprocess.Popen:
+    each.state(config).mkdir(parents=True, exist_ok=True)
+    one_thread = dict.fromkeys(("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+    with (each.state(config) / OUTPUT).open("a") as output:
+        return subprocess.Popen(
+            [sys.executable, __file__, *words, "--only", each.name],
+            stdout=output, stderr=output, env=os.environ | one_thread,
+        )  # fmt: skip
+
+
+def _steps(each: Wanted, config: dict) -> int:
+    """How many steps are done, roughly: lines of the log, of which a few are validations."""
+    path = each.state(config) / STATE_FOLDER / LOG
+    return path.read_bytes().count(b"\n") if path.is_file() else 0
+
+
+def in_turn(missing: list[Wanted], config: dict) -> list[str]:
+    """Train one after another, here. Names of those that failed."""
+    failed = []
+    for i, each in enumerate(missing):
+        print(f"{each.name} ({i + 1} of {len(missing)})", file=sys.stderr)
+        try:
+            made(each, config)
+        except (Busy, FloatingPointError) as error:
+            print(error, file=sys.stderr)
+            failed.append(each.name)
+    return failed
+
+
+def parsed(words: list[str] | None) -> argparse.Namespace:
+    """What was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--config", type=Path, default=HERE / "config.yaml", help="in place of config.yaml")
+    parser.add_argument("--only", nargs="+", default=["*"], metavar="PATTERN", help="names, * for anything")
+    parser.add_argument("--jobs", type=int, default=1, help="how many at a time (default: %(default)s)")
+    parser.add_argument("--list", action="store_true", help="say what is there, and train nothing")
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> int:
+    """Train what is missing; 1 if something failed."""
+    asked = parsed(words)
+    config = read_config(asked.config)
+    chosen = wanted(config, asked.only)
+    missing = [each for each in chosen if not each.is_made(config)]
+    if asked.list:
+        print("\n".join(f"{'missing' if each in missing else 'there':8} {each.name}" for each in chosen))
+        return 0
+    # Stopped politely, the processes that it started are stopped too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    if asked.jobs > 1 and len(missing) > 1:
+        prepared(missing, config)
+        failed = side_by_side(missing, config, ["--config", str(asked.config)], asked.jobs)
+    else:
+        failed = in_turn(missing, config)
+    if failed:
+        print(f"failed: {', '.join(failed)}; {Path(config['state'])}/NAME/{OUTPUT} says why", file=sys.stderr)
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,124 @@
+"""Which networks the experiment trains, in which order, and what is kept of each."""
+
+import dataclasses
+import fnmatch
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import yaml
+
+from meshot.files import whole_file
+from meshot.model.shipped import SEGMENTATION, weights_path
+from meshot.pipeline.checkpoint import TrainingLog, read_log
+from meshot.pipeline.deformation_settings import DeformationConfig, read_deformation_config
+from meshot.report.results import read_results, rounded
+from meshot.report.training import LOG, RECORD, WEIGHTS
+
+HERE = Path(__file__).parent
+CURVE_POINTS = 110
+
+
+@dataclasses.dataclass(frozen=True)
+class Wanted:
+    """One network to be trained; its name is ``COHORT_SIDE_ARM_SEED``."""
+
+    cohort: str
+    side: str
+    arm: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """What its files are called."""
+        return f"{self.cohort}_{self.side}_{self.arm}_{self.seed}"
+
+    def changes(self, config: dict) -> list[str]:
+        """What differs from the settings that all share."""
+        return [*config["arms"][self.arm], f"training.side={self.side}", f"training.seed={self.seed}"]
+
+    def settings(self, config: dict) -> DeformationConfig:
+        """All settings."""
+        return read_deformation_config(config["settings"], self.changes(config))
+
+    def state(self, config: dict) -> Path:
+        """The folder of the training itself."""
+        return Path(config["state"]) / self.name
+
+    def kept(self, config: dict, suffix: str) -> Path:
+        """A file that is kept of it: ``.safetensors``, ``.json`` (the record) or ``.log.jsonl`` (the thinned log)."""
+        return Path(config["weights"]) / f"{self.name}{suffix}"
+
+    def is_made(self, config: dict) -> bool:
+        """Whether it is there; the record is written last."""
+        return self.kept(config, ".json").is_file()
+
+
+def read_config(path: Path = HERE / "config.yaml") -> dict:
+    """The configuration of the experiment."""
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
+
+
+def wanted(config: dict, only: Iterable[str] = ("*",)) -> list[Wanted]:
+    """All networks in the order in which they are made, each once, whose names fit one of the patterns.
+
+    Raises
+    ------
+    ValueError
+        If none fits.
+    """
+    found = {
+        Wanted(cohort, side, arm, seed): None
+        for group in config["groups"].values()
+        for cohort in group["cohorts"]
+        for side in group["sides"]
+        for seed in group["seeds"]
+        for arm in group["arms"]
+    }
+    chosen = [each for each in found if any(fnmatch.fnmatchcase(each.name, pattern) for pattern in only)]
+    if not chosen:
+        names = ", ".join(each.name for each in found)
+        raise ValueError(f"no training is called {' or '.join(only)}; there are {names}")
+    return chosen
+
+
+def segmentation_weights(config: dict) -> Path:
+    """Weights of the network that makes the initial surfaces."""
+    return Path(config["segmentation"]) if config["segmentation"] else weights_path(SEGMENTATION)
+
+
+def keep(each: Wanted, config: dict) -> None:
+    """Copy weights, record and thinned log to where they are kept; the record, which says that all is there, last."""
+    folder = each.state(config)
+    TrainingLog(each.kept(config, ".log.jsonl"), thinned(read_log(folder / LOG)))
+    for source, suffix in ((WEIGHTS, ".safetensors"), (RECORD, ".json")):
+        with whole_file(each.kept(config, suffix)) as temporary:
+            temporary.write_bytes((folder / source).read_bytes())
+
+
+def thinned(log: list[dict], n_points: int = CURVE_POINTS) -> list[dict]:
+    """A log for a learning curve: validations as they are, and the mean loss over each of ``n_points`` stretches."""
+    steps = [line for line in log if "loss" in line]
+    size = max(1, len(steps) // n_points)
+    means = []
+    for start in range(0, len(steps), size):
+        part = steps[start : start + size]
+        means.append(part[-1] | {"loss": sum(line["loss"] for line in part) / len(part)})
+    checks = [line for line in log if "validation_loss" in line]
+    # A validation comes after the step that it follows.
+    return rounded(sorted([*means, *checks], key=lambda line: (line["step"], "validation_loss" in line)))
+
+
+def record_of(each: Wanted, config: dict) -> dict:
+    """The record of a network that is there.
+
+    Raises
+    ------
+    ValueError
+        If it was trained with other settings than the configuration names, or its file is broken.
+    """
+    path = each.kept(config, ".json")
+    record = read_results(path)
+    if record["config"] != json.loads(json.dumps(each.settings(config).as_dict())):
+        raise ValueError(f"{path} was trained with other settings than {config['settings']} and the arm: train it anew")
+    return record
