@@ -29,6 +29,40 @@ pre { background: var(--soft); padding: .6rem; overflow-x: auto; font-size: .85r
 figure { margin: 0; }
 """
 
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>White surfaces of {name}</title>
+<style>{style}</style>
+</head>
+<body>
+<header>
+<h1>White surfaces of {name}</h1>
+<p class="loud"><strong>Not for clinical use.</strong> Made by research software (meshot), whose networks may never have
+seen a scan like this one. Nobody has checked these surfaces: look at them before you use them for anything.</p>
+</header>
+<main>
+{warnings}
+<h2>Slices</h2>
+<p>Through the scan as it came; right is on the right, in mm of the scanner. Does the line follow the border between
+white and grey matter, also in the depths?</p>
+<div class="slices">
+{images}
+</div>
+<h2>Surfaces</h2>
+<p>{flow}</p>
+{view}
+<h2>Numbers</h2>
+{numbers}
+<h2>How it was made</h2>
+{making}
+</main>
+</body>
+</html>
+"""
+
 
 def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> str:
     """The page, HTML.
@@ -41,7 +75,6 @@ def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> s
     view : str
         HTML of the surfaces.
     """
-    name = html.escape(report["scan"]["name"])
     images = "\n".join(
         f'<img alt="{html.escape(p.alt, quote=True)}" src="data:image/png;base64,{p.png}">' for p in slices
     )
@@ -50,39 +83,10 @@ def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> s
         if report["n_steps"]
         else "No flow was asked for: the initial surfaces are the result."
     )
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>White surfaces of {name}</title>
-<style>{_STYLE}</style>
-</head>
-<body>
-<header>
-<h1>White surfaces of {name}</h1>
-<p class="loud"><strong>Not for clinical use.</strong> Made by research software (meshot) that was trained on synthetic
-scans. Nobody has checked these surfaces: look at them before you use them for anything.</p>
-</header>
-<main>
-{_warnings(report["warnings"])}
-<h2>Slices</h2>
-<p>Through the scan as it came; right is on the right, in mm of the scanner. Does the line follow the border between
-white and grey matter, also in the depths?</p>
-<div class="slices">
-{images}
-</div>
-<h2>Surfaces</h2>
-<p>{flow}</p>
-{view}
-<h2>Numbers</h2>
-{_numbers(report)}
-<h2>How it was made</h2>
-{_making(report)}
-</main>
-</body>
-</html>
-"""
+    return _PAGE.format(
+        name=html.escape(report["scan"]["name"]), style=_STYLE, warnings=_warnings(report["warnings"]), images=images,
+        flow=flow, view=view, numbers=_numbers(report), making=_making(report),
+    )  # fmt: skip
 
 
 def _warnings(warnings: Sequence[str]) -> str:

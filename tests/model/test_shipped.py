@@ -1,0 +1,54 @@
+"""Where the trained networks of a reconstruction come from."""
+
+import shutil
+
+import pytest
+
+from bright_head import write_bright_weights
+from meshot.model import shipped
+from meshot.model.shipped import DEFORMATION, SEGMENTATION, trained_networks, weights_path
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write_bright_weights(tmp_path / "weights")
+
+
+def test_networks_come_with_their_records(folder):
+    networks = trained_networks(folder)
+    assert set(networks.deformation) == {"left", "right"}
+    assert networks.segmentation.config() == {"width": 1, "depth": 1, "fold": 1}
+    assert set(networks.records) == {SEGMENTATION, *DEFORMATION.values()}
+    assert networks.records[SEGMENTATION]["command"] == "made by hand"
+
+
+def test_without_deformation_its_files_are_not_needed(folder):
+    for name in DEFORMATION.values():
+        (folder / name).unlink()
+    assert trained_networks(folder, with_deformation=False).deformation is None
+    with pytest.raises(
+        ValueError, match=r"deformation_left.safetensors are missing: there is none in .*--initial-only"
+    ):
+        trained_networks(folder)
+
+
+def test_the_shipped_ones_are_used_if_no_folder_is_named(folder, monkeypatch):
+    monkeypatch.setattr(shipped, "SHIPPED", folder)
+    assert weights_path(SEGMENTATION) == folder / SEGMENTATION
+    assert trained_networks().records[SEGMENTATION]["command"] == "made by hand"
+    (folder / SEGMENTATION).unlink()
+    with pytest.raises(ValueError, match="this installation came without them"):
+        trained_networks()
+
+
+def test_sides_are_not_taken_for_a_segmentation(folder):
+    shutil.copy(folder / DEFORMATION["left"], folder / SEGMENTATION)
+    with pytest.raises(ValueError, match="does not hold the weights of a SegmentationNetwork"):
+        trained_networks(folder)
+
+
+def test_what_is_shipped_can_be_read():
+    for path in shipped.SHIPPED.glob("*.safetensors"):
+        assert path.name in {SEGMENTATION, *DEFORMATION.values()}
+    if (shipped.SHIPPED / SEGMENTATION).exists():
+        assert trained_networks(with_deformation=False).records[SEGMENTATION]["commit"]

@@ -1,0 +1,49 @@
+"""Folders that are either whole or as they were."""
+
+import pytest
+
+from meshot.files import whole_folder
+
+
+def fill(path, replace=False, error=None):
+    with whole_folder(path, replace) as temporary:
+        assert temporary.name == path.name
+        (temporary / "a").write_text("new")
+        if error:
+            raise error
+
+
+def test_a_folder_is_whole_or_absent(tmp_path):
+    path = tmp_path / "deep" / "out"
+    with pytest.raises(RuntimeError):
+        fill(path, error=RuntimeError())
+    assert list(path.parent.iterdir()) == []
+    fill(path)
+    assert (path / "a").read_text() == "new"
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_an_empty_folder_is_filled(tmp_path):
+    (tmp_path / "out").mkdir()
+    fill(tmp_path / "out")
+    assert (tmp_path / "out" / "a").exists()
+
+
+def test_what_is_there_is_replaced_only_if_asked_and_only_when_all_is_done(tmp_path):
+    path = tmp_path / "out"
+    path.mkdir()
+    (path / "old").write_text("old")
+    with pytest.raises(ValueError, match="exists and is not empty"):
+        fill(path)
+    with pytest.raises(KeyboardInterrupt):
+        fill(path, replace=True, error=KeyboardInterrupt())
+    assert [f.name for f in path.iterdir()] == ["old"]
+    fill(path, replace=True)
+    assert [f.name for f in path.iterdir()] == ["a"]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_in_the_way_is_named(tmp_path):
+    (tmp_path / "out").write_text("file")
+    with pytest.raises(ValueError, match="is a file; a folder is needed"):
+        fill(tmp_path / "out", replace=True)
