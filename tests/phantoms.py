@@ -5,10 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import torch
 
+from meshot.mesh.decimation import simplified
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import icosphere
+from meshot.mesh.smoothing import laplacian_smoothing
+from meshot.pipeline.deformation_data import DeformationExample
 from meshot.pipeline.segmentation_data import Example, example
 from meshot.volume.io import write_volume
 from meshot.volume.standard import StandardScan
@@ -44,6 +48,21 @@ def phantom_examples(n: int, seed: int = 0, reduction: int = 1) -> list[Example]
     """Several, each of its own shape and noise."""
     made = [(f"phantom-{i}", phantom_surfaces(seed + i), seed + i) for i in range(n)]
     return [example(name, phantom_scan(white, s).volume, white, reduction) for name, white, s in made]
+
+
+def phantom_deformations(n: int, seed: int = 0, side: str = "left") -> list[DeformationExample]:
+    """Several hemispheres to be deformed: each begins as itself without its folds, half a millimetre too small."""
+    found = []
+    for i in range(seed, seed + n):
+        white = phantom_surfaces(i)
+        target, scan = white[side], phantom_scan(white, i).volume
+        smooth = laplacian_smoothing(target, 10).vertices
+        centre = smooth.mean(dim=0)
+        initial = target.with_vertices(centre + 0.94 * (smooth - centre)).to(torch.float32)
+        scan = scan.with_data(scan.data.astype(np.float32))
+        coarse = simplified(initial, 1000)
+        found.append(DeformationExample(f"phantom-{i}", scan, initial, coarse, target.to(torch.float32)))
+    return found
 
 
 def write_phantom_cohort(folder: Path, splits: Sequence[str]) -> Path:

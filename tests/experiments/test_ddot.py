@@ -1,4 +1,4 @@
-"""The experiment on trained flows, run on phantoms: trainings in their order, stopped and gone on with, then measured."""
+"""The experiment on trained flows, on phantoms: trainings in their order, stopped and gone on with, then measured."""
 
 import json
 import shutil
@@ -13,7 +13,6 @@ from meshot.mesh.smoothing import laplacian_smoothing
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline.checkpoint import read_log
 from meshot.pipeline.deformation_data import InitialSurfaces
 from meshot.report.results import read_results
 from meshot.synth.cohort import scans

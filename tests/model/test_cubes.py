@@ -7,6 +7,7 @@ import torch
 
 from affines import FLIPPED, OBLIQUE
 from meshot.model.cubes import CubeConvolution
+from meshot.model.visited import VisitedFeatures
 from meshot.volume.volume import Volume, voxel_to_mm
 
 SHAPE = (9, 7, 8)
@@ -23,6 +24,12 @@ def places(volume: Volume, n_points: int = 200) -> torch.Tensor:
     return voxel_to_mm(volume, torch.from_numpy(inside_and_beyond))
 
 
+def features_along(path: str, layer: CubeConvolution, images: tuple, points: torch.Tensor) -> torch.Tensor:
+    if path == "cut":
+        return layer.cut(images, points)
+    return layer.at(layer.maps(images), points) if path == "convolved" else VisitedFeatures(layer, images).at(points)
+
+
 @pytest.mark.parametrize("affine", [np.eye(4), OBLIQUE, FLIPPED], ids=["identity", "oblique", "flipped"])
 @pytest.mark.parametrize("size", [1, 3, 5])
 def test_cut_then_convolved_is_convolved_then_interpolated(affine, size):
@@ -30,14 +37,15 @@ def test_cut_then_convolved_is_convolved_then_interpolated(affine, size):
     torch.nn.init.constant_(layer.bias, 0.7)
     images = layer.images(image(affine))
     results = []
-    for path in ("cut", "convolved"):
+    for path in ("cut", "convolved", "visited"):
         points = places(images[0]).requires_grad_()
-        values = layer.cut(images, points) if path == "cut" else layer.at(layer.maps(images), points)
+        values = features_along(path, layer, images, points)
         pulls = torch.autograd.grad((values * torch.linspace(-1, 2, values.numel()).view_as(values)).sum(),
                                     [points, layer.weight, layer.bias])  # fmt: skip
         results.append([values.detach(), *pulls])
-    for one, other in zip(*results, strict=True):
+    for one, other, third in zip(*results, strict=True):
         torch.testing.assert_close(one, other, rtol=1e-10, atol=1e-10)
+        torch.testing.assert_close(one, third, rtol=1e-10, atol=1e-10)
     assert bool((results[0][1].abs().sum(dim=1) > 0).any())
 
 
@@ -45,7 +53,29 @@ def test_both_paths_agree_in_single_precision():
     layer = CubeConvolution(8, 3, 5, generator=1).float()
     images = layer.images(image(OBLIQUE, np.float32))
     points = places(images[0]).float()
-    torch.testing.assert_close(layer.cut(images, points), layer.at(layer.maps(images), points), rtol=0, atol=1e-5)
+    for path in ("convolved", "visited"):
+        found = features_along(path, layer, images, points)
+        torch.testing.assert_close(layer.cut(images, points), found, rtol=0, atol=1e-5)
+
+
+def test_visits_add_up_their_gradients_and_one_backward_does_not_leak_into_the_next():
+    layer = CubeConvolution(3, 2, 3, generator=1)
+    images = layer.images(image(OBLIQUE))
+    visited = VisitedFeatures(layer, images)
+    first, second = places(images[0], 40).requires_grad_(), places(images[0], 60).requires_grad_()
+
+    def total(features: VisitedFeatures | None) -> torch.Tensor:
+        at = features.at if features else (lambda points: layer.cut(images, points))
+        return (at(first) ** 2).sum() + (at(second)[:40] * at(first)).sum()
+
+    for wanted in ([first], [layer.weight], [first, second, layer.weight, layer.bias]):
+        found = torch.autograd.grad(total(VisitedFeatures(layer, images)), wanted)
+        for one, other in zip(found, torch.autograd.grad(total(None), wanted), strict=True):
+            torch.testing.assert_close(one, other, rtol=1e-10, atol=1e-10)
+    loss = total(visited)
+    torch.autograd.grad(loss, [first], retain_graph=True)  # without the weight: nothing of it may stay behind
+    (again,) = torch.autograd.grad(loss, [layer.weight])
+    torch.testing.assert_close(again, torch.autograd.grad(total(None), [layer.weight])[0], rtol=1e-10, atol=1e-10)
 
 
 def test_at_voxels_the_features_are_scipys_correlation():
@@ -108,3 +138,14 @@ def test_doors():
     for path in (layer.maps, lambda images: layer.cut(images, torch.zeros(1, 3, dtype=torch.float64))):
         with pytest.raises(ValueError, match="1 images came, 2 are needed"):
             path(one)
+
+
+def test_a_point_that_is_not_a_number_has_no_features_and_the_others_theirs():
+    layer = CubeConvolution(3, 2, 3, generator=0)
+    images = layer.images(image(OBLIQUE))
+    points = places(images[0], 5)
+    wanted = layer.cut(images, points).detach()
+    points[2, 1], points[3] = float("nan"), float("inf")
+    found = VisitedFeatures(layer, images).at(points)
+    assert bool(found[2].isnan().all())
+    torch.testing.assert_close(found[[0, 1, 4]].detach(), wanted[[0, 1, 4]])

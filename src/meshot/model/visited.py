@@ -86,7 +86,9 @@ class _Interpolated(torch.autograd.Function):
         ctx.set_materialize_grads(False)
         ctx.levels, ctx.made, n_rows = features.levels, [], len(before)
         kernels = weight.detach().flatten(2)  # (features, scales, size³)
-        arrays = [np.ascontiguousarray(place.detach().numpy()) for place in places]
+        # A place that is not a number has no voxel; it is read at the first, and its features are no numbers either.
+        lost = torch.stack([place.detach().isnan().any(dim=1) for place in places]).any(dim=0)
+        arrays = [np.ascontiguousarray(place.detach().nan_to_num().numpy()) for place in places]
         for scale, (level, array) in enumerate(zip(features.levels, arrays, strict=True)):
             new = kernel.visit(array, level.shape, level.row_of, n_rows)
             cubes = torch.from_numpy(level.cubes(new))
@@ -97,6 +99,7 @@ class _Interpolated(torch.autograd.Function):
         found = weight.new_zeros((len(arrays[0]), weight.shape[0]))
         for level, array in zip(features.levels, arrays, strict=True):
             kernel.interpolate(array, level.shape, level.row_of, table.numpy(), found.numpy())
+        found[lost] = torch.nan
         ctx.arrays, ctx.table, ctx.n_before, ctx.weight_shape = arrays, table, len(before), weight.shape
         return found, table
 

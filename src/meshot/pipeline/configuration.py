@@ -66,7 +66,7 @@ def changed_groups(groups: Groups, changes: Sequence[str]) -> Groups:
     for change in changes:
         key, equals, value = change.partition("=")
         group, point, setting = key.partition(".")
-        if not (equals and point and setting):
+        if not (equals and group and point and setting):
             raise ValueError(f"{change!r} changes nothing; write group.setting=value, such as training.seed=1")
         try:
             found.setdefault(group, {})[setting] = yaml.safe_load(value)

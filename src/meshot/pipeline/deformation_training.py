@@ -71,7 +71,12 @@ def train_deformation(
         item = _example(step, training, settings)
         random = np.random.default_rng([settings.seed, _LOSS, step])
         predicted = carried(item.coarse.to(device), item, network, settings)
-        return config.loss(predicted, item.target.to(device), random), item.name
+        try:
+            return config.loss(predicted, item.target.to(device), random), item.name
+        except ValueError as error:  # such as a mesh that has lost its area
+            raise FloatingPointError(
+                f"the prediction of step {step} ({item.name}) carries no loss: {error}; lower the learning rate"
+            ) from error
 
     train(
         state, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, targets, settings),

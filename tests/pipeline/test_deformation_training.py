@@ -1,0 +1,239 @@
+"""Algorithm 1: it brings surfaces nearer, goes on after a kill as if nothing had been, and names a step that breaks."""
+
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import torch
+
+from meshot.flow.integrate import integrate
+from meshot.loss.directions import random_directions
+from meshot.loss.sliced import sliced_wasserstein
+from meshot.measure.discrete import varifold
+from meshot.metrics.surface import vertex_distances
+from meshot.model.deformation import DeformationNetwork
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import read_weights, write_weights
+from meshot.pipeline.deformation import deformed
+from meshot.pipeline.deformation_data import InitialSurfaces
+from meshot.pipeline.deformation_settings import DeformationConfig, deformation_config, read_deformation_config
+from meshot.pipeline.deformation_training import train_deformation
+from meshot.report.deformation import trained_deformation
+from phantoms import phantom_deformations, write_phantom_cohort
+
+TINY = deformation_config(
+    {
+        "network": {"width": 6, "hidden": [8], "n_scales": 2, "size": 3, "extent": 10.0},
+        "loss": {"n_directions": 20},
+        "training": {
+            "n_epochs": 3, "learning_rate": 0.01, "n_flow_steps": 2, "save_every": 2, "n_points": 500,
+            "schedule": "cosine",
+        },
+    }
+)  # fmt: skip
+
+
+class Kill(Exception):
+    """A process that ends in the middle."""
+
+
+def changed(**settings: object) -> DeformationConfig:
+    return dataclasses.replace(TINY, training=dataclasses.replace(TINY.training, **settings))
+
+
+@pytest.fixture(scope="module")
+def examples():
+    torch.set_num_threads(1)
+    return phantom_deformations(3), phantom_deformations(1, seed=50)
+
+
+@pytest.fixture(scope="module")
+def whole(examples):
+    return train_deformation(TINY, *examples)
+
+
+def same(first: torch.nn.Module, second: torch.nn.Module) -> bool:
+    return all(torch.equal(a, b) for a, b in zip(first.state_dict().values(), second.state_dict().values()))
+
+
+def without_seconds(log: list[dict]) -> list[dict]:
+    return [{k: v for k, v in line.items() if k != "cpu_seconds"} for line in log]
+
+
+def test_one_step_is_algorithm_1_by_hand(examples):
+    config = changed(n_epochs=1, schedule="constant")
+    one = examples[0][:1]
+    found = train_deformation(config, one, examples[1])
+    network = config.new_network()
+    optimiser = torch.optim.Adam(network.parameters(), lr=0.01)
+    # the ODE, from the initial surface
+    moved = integrate(network.velocity_in(one[0].scan), one[0].coarse.vertices, 2, "euler")
+    # both meshes to measures, and the loss between them
+    predicted, target = varifold(one[0].coarse.with_vertices(moved), 1.0), varifold(one[0].target, 1.0)
+    directions = random_directions(20, 6, np.random.default_rng([0, 1, 0]), torch.float32)
+    loss = sliced_wasserstein(predicted, target, directions)
+    loss.backward()
+    optimiser.step()
+    assert found.log[0]["loss"] == pytest.approx(float(loss.detach()), rel=1e-5)
+    for name, value in network.state_dict().items():
+        torch.testing.assert_close(found.network.state_dict()[name], value, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("loss", [{}, {"loss": "chamfer", "encoding": "samples", "factor": 1000.0}])
+def test_surfaces_come_nearer_even_those_never_seen(examples, loss):
+    content = TINY.as_dict()
+    content["loss"] |= loss
+    content["training"] |= {"n_epochs": 40, "validate_every": 20}
+    found = train_deformation(deformation_config(content), *examples)
+    item = examples[1][0]
+    before = float(vertex_distances(item.initial, item.target).mean())
+    after = float(vertex_distances(deformed(item.initial, item.scan, found.network, 2), item.target).mean())
+    assert after < 0.6 * before
+    assert min(line["validation_loss"] for line in found.log if "validation_loss" in line) < 0.6 * before
+
+
+@pytest.mark.parametrize("stop", sorted({*np.random.default_rng(7).integers(1, 9, 2).tolist(), 3}))
+def test_a_stopped_training_ends_with_the_same_weights(tmp_path, whole, examples, stop):
+    def die(step: int, n_steps: int, line: dict) -> None:
+        assert n_steps == 9
+        if step == stop and "loss" in line:
+            raise Kill
+
+    with pytest.raises(Kill):
+        train_deformation(TINY, *examples, folder=tmp_path, report=die)
+    resumed = train_deformation(TINY, *examples, folder=tmp_path)
+    assert same(resumed.network, whole.network)
+    assert without_seconds(resumed.log) == without_seconds(whole.log)
+
+
+VICTIM = """
+import sys, torch
+torch.set_num_threads(1)
+sys.path[:0] = [{tests!r}]
+from pipeline.test_deformation_training import TINY
+from phantoms import phantom_deformations
+from meshot.pipeline.deformation_training import train_deformation
+train_deformation(TINY, phantom_deformations(3), phantom_deformations(1, seed=50), folder={folder!r})
+"""
+
+
+def test_a_process_killed_by_the_system_goes_on(tmp_path, whole, examples, root):
+    code = VICTIM.format(tests=str(root / "tests"), folder=str(tmp_path))
+    victim = subprocess.Popen([sys.executable, "-c", code], env=os.environ | {"MESHOT_UNCHECKED": "1"})
+    state, patience = tmp_path / "training.safetensors", time.monotonic() + 120
+    while not state.exists() and victim.poll() is None and time.monotonic() < patience:
+        time.sleep(0.01)
+    victim.send_signal(signal.SIGKILL)
+    victim.wait()
+    assert state.exists()
+    assert same(train_deformation(TINY, *examples, folder=tmp_path).network, whole.network)
+
+
+def test_the_seed_decides_and_the_best_is_kept(examples, whole):
+    assert not same(train_deformation(changed(seed=1), *examples).network, whole.network)
+    checks = [line for line in whole.log if "validation_loss" in line]
+    assert [line["step"] for line in checks] == [3, 6, 9]
+    assert whole.best_step == min(checks, key=lambda line: line["validation_loss"])["step"]
+
+
+def test_what_is_not_finite_is_named(examples):
+    with pytest.raises(FloatingPointError, match=r"the (loss|gradient|prediction) of step \d+ \(phantom-\d\)"):
+        train_deformation(changed(learning_rate=1e30, schedule="constant"), *examples)
+
+
+def test_no_examples_and_another_training_are_refused(tmp_path, examples):
+    with pytest.raises(ValueError, match="0 examples for training and 1 for validation"):
+        train_deformation(TINY, [], examples[1])
+    train_deformation(changed(n_epochs=1), *examples, folder=tmp_path)
+    with pytest.raises(ValueError, match="made with another training"):
+        train_deformation(changed(n_epochs=1, seed=9), *examples, folder=tmp_path)
+
+
+def test_a_flow_that_leaves_finite_numbers_is_refused(examples):
+    network = DeformationNetwork(4, (4,), 1, 3)
+    torch.nn.init.constant_(network.to_velocity.bias, float("nan"))
+    with pytest.raises(ValueError, match="not finite"):
+        deformed(examples[0][0].initial, examples[0][0].scan, network)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("training: {side: middle}", "side is 'middle'; one of left, right"),
+        ("training: {method: heun}", "method is 'heun'"),
+        ("training: {n_faces: 0}", "n_faces is 0"),
+        ("training: {seed: -1}", "seed is -1"),
+        ("loss: {p: 3}", "p is 3"),
+        ("network: {width: 0}", "width is 0"),
+        ("loss: {mass: 1}", r"loss\.mass, which nothing reads"),
+    ],
+)
+def test_a_configuration_that_will_not_do(tmp_path, text, words):
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=words):
+        read_deformation_config(path)
+
+
+def test_the_configurations_of_the_experiment_can_be_read(root):
+    paper = read_deformation_config(root / "experiments" / "ddot" / "paper.yaml")
+    assert (paper.loss.n_directions, paper.training.n_epochs, paper.training.learning_rate) == (100, 300, 1e-4)
+    assert (
+        read_deformation_config(root / "experiments" / "ddot" / "small.yaml", ["loss.loss=chamfer"]).loss.loss
+        == "chamfer"
+    )
+
+
+@pytest.fixture
+def cohort(tmp_path, monkeypatch):
+    """Phantoms on disk, and a segmentation that finds what is bright on either side, without being trained."""
+    import meshot.pipeline.segmentation as segmentation
+
+    def bright(scan, network):
+        left = np.arange(scan.data.shape[0])[:, None, None] < scan.data.shape[0] // 2
+        high = np.clip((scan.data - 0.45) / 0.3, 0, 1)
+        return {"left": scan.with_data(high * left), "right": scan.with_data(high * ~left)}
+
+    monkeypatch.setattr(segmentation, "segment", bright)
+    write_weights(tmp_path / "segmentation.safetensors", SegmentationNetwork(2, 1), {})
+    return write_phantom_cohort(tmp_path / "phantoms", ["train", "train", "validation"])
+
+
+def test_initial_surfaces_are_made_once_for_each_network(tmp_path, cohort, monkeypatch):
+    network = SegmentationNetwork(2, 1)
+    surfaces = InitialSurfaces(tmp_path / "initial", network)
+    first = surfaces.examples([cohort], "train", "right", 500)
+    assert [item.name for item in first] == ["phantoms/sub-001", "phantoms/sub-002"]
+    assert len(first[0].coarse.faces) == 500 < len(first[0].initial.faces)
+    assert float(vertex_distances(first[0].initial, first[0].target).mean()) < 1.5
+    monkeypatch.setattr("meshot.pipeline.deformation_data.initial_surfaces", None)
+    again = InitialSurfaces(tmp_path / "initial", network).examples([cohort], "train", "right", 500)
+    assert torch.equal(again[1].initial.vertices, first[1].initial.vertices)
+    with pytest.raises(TypeError):  # another network has surfaces of its own
+        InitialSurfaces(tmp_path / "initial", SegmentationNetwork(2, 1, generator=1)).examples(
+            [cohort], "train", "left", 9
+        )
+    with pytest.raises(ValueError, match="no scan of the split 'test'"):
+        surfaces.examples([cohort], "test", "left", 500)
+
+
+def test_everything_is_written_with_its_provenance(tmp_path, cohort):
+    config = tmp_path / "c.yaml"
+    config.write_text(json.dumps(TINY.as_dict()))
+    out = tmp_path / "out"
+    found = trained_deformation(
+        config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial", ["training.n_faces=400"]
+    )
+    network, record = read_weights(out / "weights.safetensors", DeformationNetwork)
+    assert same(network, found.network)
+    assert record["training"]["n_faces"] == 400
+    assert record["command"] == "meshot train c.yaml --data phantoms -o out --set training.n_faces=400"
+    assert record["results"]["segmentation_sha256"]
+    assert (out / "training.png").stat().st_size > 5000
+    assert len((out / "log.jsonl").read_text().splitlines()) == len(found.log)
