@@ -1,8 +1,8 @@
 """Train the networks of the experiment that are missing; those for the fair pairs come first.
 
 Run as ``python experiments/ddot/train.py`` once both cohorts and the segmentation weights are there. ``--jobs 2``
-trains two at a time, each on one thread; ``--only 'oasis_like_left_*_0'`` makes some of them; ``--list`` says what is there.
-Stopped, it goes on where it was, and ends with the same weights.
+trains two at a time, each on one thread; ``--only 'oasis_like_left_*_0'`` makes some of them; ``--list`` says what
+is there. Stopped, it goes on where it was, and ends with the same weights.
 """
 
 import argparse
