@@ -1,15 +1,19 @@
 """The experiment on trained flows, on phantoms: trainings in their order, stopped and gone on with, then measured."""
 
 import json
+import math
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 import yaml
 
 from meshot.mesh.io import write_mesh
+from meshot.mesh.mesh import Mesh
 from meshot.mesh.smoothing import laplacian_smoothing
+from meshot.metrics.surface import vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
@@ -160,3 +164,213 @@ def test_a_thinned_log_keeps_means_and_validations(part):
     assert [line["step"] for line in found] == [4, 8, 8, 12]
     assert found[2] == log[8]
     assert part("trainings").thinned(log[:2], 3) == log[:2]
+
+
+def torus(large, small, n=96):
+    """A closed ring around the third axis, normals outward; the first n vertices run around the tube."""
+    around, along = torch.meshgrid(*[torch.arange(n, dtype=torch.float64) * 2 * math.pi / n] * 2, indexing="ij")
+    out = large + small * along.cos()
+    vertices = torch.stack([out * around.cos(), out * around.sin(), small * along.sin()], dim=2).reshape(-1, 3)
+    i, j = (x.flatten() for x in torch.meshgrid(torch.arange(n), torch.arange(n), indexing="ij"))
+    a, b, c, d = i * n + j, (i + 1) % n * n + j, (i + 1) % n * n + (j + 1) % n, i * n + (j + 1) % n
+    return Mesh(vertices, torch.cat([torch.stack([a, b, c], dim=1), torch.stack([a, c, d], dim=1)]))
+
+
+def test_the_hole_of_a_ring_is_as_deep_as_a_ball_leaves_it(part):
+    large, small, radius = 12.0, 8.0, 10.0
+    depths = part("places").sulcal_depths(torus(large, small), radius, 0.5).reshape(96, 96)
+    # The ball rests on the ring, its centre on the axis at this height.
+    height = math.sqrt((small + radius) ** 2 - large**2)
+    deepest = math.hypot(large - small, height) - radius
+    assert deepest > 3
+    for place, exact in ((48, deepest), (0, 0.0), (24, 0.0)):
+        assert depths[:, place].numpy() == pytest.approx(exact, abs=0.75)
+        assert float(depths[:, place].mean()) == pytest.approx(exact, abs=0.25)
+
+
+def test_curvature_has_the_sign_of_the_bend(part):
+    found = part("places").signed_curvatures(torus(12.0, 8.0)).reshape(96, 96)
+    for place, cosine in ((0, 1.0), (24, 0.0), (48, -1.0)):
+        exact = (12 + 16 * cosine) / (2 * 8 * (12 + 8 * cosine))
+        assert found[:, place].numpy() == pytest.approx(exact, rel=0.03)
+    assert found[0, 48] < 0 < found[0, 0]
+
+
+def test_errors_are_means_over_the_area_of_each_bin(part):
+    ring = torus(12.0, 8.0)
+    settings = {
+        "closing_mm": 10.0, "closing_voxel_mm": 0.5, "depth_edges_mm": [1.0, 50.0], "curvature_edges": [0.0],
+    }  # fmt: skip
+    found = part("places").places(ring, settings)
+    share = found.shares()
+    assert sum(share["by_depth"]) == pytest.approx(1)
+    assert share["by_depth"][2] == 0
+    moved = ring.with_vertices(ring.vertices + torch.tensor([0.0, 0.0, 3.0]))
+    errors = found.errors(moved)
+    assert errors["by_depth"][2] is None
+    whole = float(np.average(vertex_distances(ring, moved), weights=part("places").vertex_areas(ring).numpy()))
+    for name, parts in errors.items():
+        assert sum(e * s for e, s in zip(parts, share[name], strict=True) if e is not None) == pytest.approx(whole)
+    assert float(found.areas.sum()) == pytest.approx(4 * math.pi**2 * 12 * 8, rel=0.01)
+
+
+def test_what_is_there_is_measured_once_and_what_is_missing_named(part, place, monkeypatch, capsys):
+    train, run, words = part("train"), part("run"), ["--config", str(place / "config.yaml")]
+    output = ["--output", str(place / "out" / "results.json")]
+    (place / "out").mkdir()
+    with pytest.raises(ValueError, match="no trained network is in"):
+        run.main([*words, *output])
+    train.main([*words, "--only", "alpha_left_ddot_0", "alpha_left_cortexode_0"])
+    calls = []
+    for name in ("flow_row", "initial_row"):
+        real = getattr(run, name)
+        monkeypatch.setattr(run, name, lambda *a, real=real, name=name: calls.append(name) or real(*a))
+    run.main([*words, *output])
+    assert "1 networks are missing (train.py makes them): alpha_left_ddot_1" in capsys.readouterr().err
+    assert calls == ["initial_row", "flow_row", "flow_row"] * 3
+    first = read_results(place / "out" / "results.json")["results"]
+    assert first["missing"] == ["alpha_left_ddot_1"]
+    check_rows(first)
+    train.main(words)
+    calls.clear()
+    run.main([*words, *output])
+    second = read_results(place / "out" / "results.json")["results"]
+    assert calls == ["flow_row"] * 3
+    assert second["missing"] == []
+    assert [row for row in second["subjects"] if row["seed"] != 1] == first["subjects"]
+    assert [each["name"] for each in second["trainings"]] == [
+        "alpha_left_ddot_0", "alpha_left_cortexode_0", "alpha_left_ddot_1",
+    ]  # fmt: skip
+    assert not (place / "out" / "partial.jsonl").exists()
+
+
+def check_rows(results):
+    """Numbers that follow from others, or from what the phantoms are."""
+    rows = {(row["subject"], row["arm"]): row for row in results["subjects"]}
+    assert len(rows) == 9
+    assert {row["kind"] for (subject, _), row in rows.items() if subject == "sub-006"} == {"procedural"}
+    start, end = rows["sub-004", "initial"], rows["sub-004", "ddot"]
+    assert 0.2 < start["measured"]["assd_mm"] < 1.5
+    assert start["floors"]["assd_mm"] < 1e-9 < start["floors"]["swd_mm"] < start["floors"]["emd_mm"]
+    assert end["settled"]["euler_number"] == 2
+    assert end["settled"]["crossing_faces"] == 0
+    assert end["cpu_seconds_flow"] > 0
+    kinds = [(line["arm"], line["kind"], line["n_subjects"]) for line in results["summary"]]
+    assert kinds == [(arm, kind, n) for kind, n in (("template", 2), ("procedural", 1)) for arm in ARMS]
+    line = results["summary"][1]
+    assert line["assd_mm"]["mean"] == pytest.approx(
+        np.mean([rows[s, "ddot"]["settled"]["assd_mm"] for s in ("sub-004", "sub-005")]), rel=1e-5
+    )
+    assert [(d["first"], d["second"], d["side"]) for d in results["differences"]] == [
+        ("ddot", "cortexode", "left"), ("ddot", "initial", "left"), ("cortexode", "initial", "left"),
+    ]  # fmt: skip
+    assert results["seeds"] == []
+    assert [line["arm"] for line in results["targets"]] == ["ddot", "cortexode"]
+
+
+ARMS = ("initial", "ddot", "cortexode")
+
+
+def test_networks_that_cannot_be_compared_are_refused(part, place):
+    trainings, run, train = part("trainings"), part("run"), part("train")
+    words = ["--config", str(place / "config.yaml")]
+    train.main([*words, "--only", "alpha_left_ddot_0"])
+    config = trainings.read_config(place / "config.yaml")
+    each = trainings.wanted(config)[0]
+    with pytest.raises(ValueError, match="alpha_left_ddot_0 learned from initial surfaces of another"):
+        run.described(each, config, "0123")
+    fair = {"name": "a", "cohort": "x", "side": "left", "data": 1}
+    run.require_fair([fair, fair | {"name": "b"}, fair | {"side": "right", "data": 2}])
+    with pytest.raises(ValueError, match="b learned from other data than a"):
+        run.require_fair([fair, fair | {"name": "b", "data": 2}])
+    config["arms"]["ddot"].append("training.n_epochs=4")
+    with pytest.raises(ValueError, match="was trained with other settings than"):
+        trainings.record_of(each, config)
+
+
+def hemisphere(arm, seed, side, subject, assd, crossing=0.0):
+    numbers = {"emd_mm": 6.0, "swd_mm": 2 * assd, "assd_mm": assd, "hausdorff90_mm": 3 * assd, "normals": 1 - assd}
+    numbers |= {"crossing_faces": int(crossing), "crossing_percent": crossing, "euler_number": 2}
+    numbers |= {"by_depth": [assd, None], "by_curvature": [assd]}
+    row = {"cohort": "a", "side": side, "subject": subject, "kind": "template", "arm": arm, "seed": seed}
+    if arm == "initial":
+        share = {"by_depth": [1.0, 0.0], "by_curvature": [1.0]}
+        return row | {"measured": numbers, "floors": {"emd_mm": 5.0}, "share": share}
+    after = numbers | {"crossing_faces": 0, "crossing_percent": 0.0}
+    seconds = {"cpu_seconds_flow": 1.0, "cpu_seconds_settling": 2.0}
+    return row | {"flow": numbers, "settled": after, "n_retreats": 0, "largest_move_mm": 0.1} | seconds
+
+
+SETTINGS_OF_SUMMARY = {
+    "seed": 0, "n_resamples": 2000,
+    "targets": {"share_of_initial": 0.5, "assd_mm": 0.3, "stretch_assd_mm": 0.2, "stretch_normals": 0.945},
+}  # fmt: skip
+
+
+def cohort_of(values, sides=("left", "right")):
+    return [
+        hemisphere(arm, seed, side, f"sub-{i}", value + (0.01 * i if arm != "initial" else 0.0))
+        for arm, seed, value in values for side in sides for i in range(4)
+    ]  # fmt: skip
+
+
+def test_differences_are_paired_over_subjects(part):
+    found = part("summary").summarised(cohort_of([("initial", None, 1.0), ("ddot", 0, 0.2), ("cortexode", 0, 0.3)]),
+                                       SETTINGS_OF_SUMMARY)  # fmt: skip
+    gaps = {(d["first"], d["second"], d["side"]): d for d in found["differences"]}
+    assert len(gaps) == 9
+    for side in ("left", "right", "both"):
+        gap = gaps["ddot", "cortexode", side]["assd_mm"]
+        assert (gap["gap"], gap["low"], gap["high"]) == pytest.approx((-0.1, -0.1, -0.1))
+        against = gaps["ddot", "initial", side]["assd_mm"]
+        assert against["gap"] == pytest.approx(-0.785)
+        assert -0.8 <= against["low"] < -0.785 < against["high"] <= -0.77
+    values = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+    interval = part("summary").resampled(values.tolist(), SETTINGS_OF_SUMMARY | {"n_resamples": 50000})
+    every = np.mean(np.stack(np.meshgrid(*[values] * 6), axis=-1).reshape(-1, 6), axis=1)
+    assert (interval["low"], interval["high"]) == pytest.approx(tuple(np.quantile(every, [0.025, 0.975])), rel=0.02)
+
+
+def test_seeds_give_a_spread_and_students_interval(part):
+    from scipy import stats
+
+    ours, rival = [0.2, 0.22, 0.21, 0.25, 0.19], [0.3, 0.28, 0.33, 0.31, 0.3]
+    values = [("ddot", s, v) for s, v in enumerate(ours)] + [("cortexode", s, v) for s, v in enumerate(rival)]
+    (line,) = part("summary").seeds(cohort_of([*values, ("ddot", 7, 9.0)], ["left"]))
+    assert line["seeds"] == [0, 1, 2, 3, 4]
+    interval = stats.ttest_rel(ours, rival).confidence_interval(0.95)
+    found = line["assd_mm"]
+    assert (found["low"], found["high"]) == pytest.approx(tuple(interval))
+    assert found["ddot"]["sd"] == pytest.approx(np.std(ours, ddof=1))
+    assert line["flow_crossing_percent"]["gap"] == line["flow_crossing_percent"]["high"] == 0
+    assert part("summary").seeds(cohort_of(values[:5])) == []
+
+
+def test_each_target_is_seen_to_be_missed(part):
+    def of(assd):
+        rows = cohort_of([("initial", None, 0.5), ("ddot", 0, assd)], ["left"])
+        (line,) = part("summary").targets(rows, SETTINGS_OF_SUMMARY["targets"])
+        return line
+
+    names = ("enough_of_initial", "assd_reached", "stretch_assd_reached", "stretch_normals_reached")
+    good, middle, bad = of(0.03), of(0.24), of(0.6)
+    assert [good[name] for name in names] == [True] * 4
+    assert [middle[name] for name in names] == [False, True, False, False]
+    assert [bad[name] for name in names] == [False] * 4
+    assert good["n_subjects_enough_of_initial"] == good["n_subjects"] == 4
+    assert middle["n_subjects_enough_of_initial"] == 2
+    assert set(good["better_than_initial"].values()) == {True}
+    assert set(bad["better_than_initial"].values()) == {False}
+
+
+def test_groups_keep_kinds_apart_and_count_crossings(part):
+    rows = [hemisphere("initial", None, "left", f"sub-{i}", 1.0) for i in range(2)]
+    rows += [hemisphere("ddot", 0, "left", "sub-0", 0.2, 3.0)]
+    rows += [hemisphere("ddot", 0, "left", "sub-1", 0.4), hemisphere("ddot", 0, "left", "sub-2", 9) | {"kind": "odd"}]
+    begun, ours, odd = part("summary").summarised(rows, SETTINGS_OF_SUMMARY)["summary"]
+    assert (ours["n_subjects"], ours["n_subjects_crossing_before"], ours["n_subjects_crossing"]) == (2, 1, 0)
+    assert ours["assd_mm"] == {"mean": pytest.approx(0.3), "sd": pytest.approx(0.2 / math.sqrt(2))}
+    assert ours["by_depth"] == [pytest.approx(0.3), None]
+    assert ours["flow_crossing_percent"]["mean"] == 1.5
+    assert begun["floors"] == {"emd_mm": 5.0}
+    assert (odd["kind"], odd["assd_mm"]["sd"]) == ("odd", None)

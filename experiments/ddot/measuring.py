@@ -1,0 +1,78 @@
+"""What is measured of one hemisphere of a held-out subject, in scanner space: before a flow, after it, and settled."""
+
+import dataclasses
+import time
+
+from places import Places, places
+
+from meshot.mesh.mesh import Mesh
+from meshot.metrics.evaluate import evaluate
+from meshot.metrics.evaluation import Evaluation
+from meshot.model.deformation import DeformationNetwork
+from meshot.pipeline.deformation import deformed
+from meshot.pipeline.deformation_data import InitialSurfaces
+from meshot.pipeline.deformation_settings import DeformationSettings
+from meshot.pipeline.segmentation import in_scanner
+from meshot.pipeline.settling import settled
+from meshot.synth.anatomy import Hemisphere
+from meshot.synth.cohort import Subject
+from meshot.volume.standard import StandardScan
+
+#: Names in the results, and in an evaluation.
+METRICS = {
+    "emd_mm": "emd", "swd_mm": "swd", "assd_mm": "assd", "hausdorff90_mm": "hausdorff", "normals": "normals",
+    "crossing_faces": "intersecting_faces", "crossing_percent": "intersecting_share", "euler_number": "euler_number",
+}  # fmt: skip
+FLOORS = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm", "normals")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Seen:
+    """A hemisphere: scan and initial surface in the standard space, the truth in scanner space with its places."""
+
+    scan: StandardScan
+    initial: Mesh
+    truth: Places
+
+
+def seen(subject: Subject, side: Hemisphere, surfaces: InitialSurfaces, settings: dict) -> Seen:
+    """Read a hemisphere; its initial surface is made if it is not there."""
+    truth = places(subject.surface("white", side), settings)
+    return Seen(subject.standard(), surfaces.of(subject, side), truth)
+
+
+def initial_row(found: Seen, settings: dict) -> dict:
+    """The initial surface, what a perfect surface would score, and how the area is shared between the places."""
+    evaluation = evaluated(found.initial, found, settings)
+    floors = {key: getattr(evaluation, METRICS[key]).floor for key in FLOORS}
+    measured = numbers(evaluation) | found.truth.errors(in_scanner(found.initial, found.scan))
+    return {"measured": measured, "floors": floors, "share": found.truth.shares(), "n_faces": len(found.initial.faces)}
+
+
+def flow_row(found: Seen, network: DeformationNetwork, training: DeformationSettings, settings: dict) -> dict:
+    """The surface that a flow leads to, as it is (``flow``) and with its crossing faces settled (``settled``)."""
+    started = time.process_time()
+    carried = deformed(found.initial, found.scan.volume, network, training.n_flow_steps, training.method)
+    flowed = time.process_time()
+    result = settled(found.initial, carried)
+    seconds = {"cpu_seconds_flow": flowed - started, "cpu_seconds_settling": time.process_time() - flowed}
+    last = numbers(evaluated(result.mesh, found, settings))
+    return {
+        "flow": numbers(evaluated(carried, found, settings)) if result.n_crossing else last,
+        "settled": last | found.truth.errors(in_scanner(result.mesh, found.scan)),
+        "n_retreats": result.n_retreats,
+        "largest_move_mm": result.largest_move,
+    } | seconds
+
+
+def evaluated(mesh: Mesh, found: Seen, settings: dict) -> Evaluation:
+    """All metrics of a mesh of the standard space against the truth, in the scanner's."""
+    return evaluate(
+        in_scanner(mesh, found.scan), found.truth.mesh, settings["n_points"], settings["seed"],
+        settings["n_emd_points"],
+    )  # fmt: skip
+
+
+def numbers(evaluation: Evaluation) -> dict[str, float]:
+    """The values of the metrics that are kept."""
+    return {key: getattr(evaluation, name).value for key, name in METRICS.items()}

@@ -1,0 +1,90 @@
+"""Where on the true surface an error is: how deep in a sulcus, and how strongly and to which side it bends."""
+
+import dataclasses
+
+import numpy as np
+import torch
+
+from meshot.mesh.geometry import face_areas, vertex_normals
+from meshot.mesh.laplacian import cotangent_vectors
+from meshot.mesh.mesh import Mesh
+from meshot.mesh.smoothing import neighbour_means
+from meshot.metrics.surface import vertex_distances
+from meshot.types import Array, Float, Int64, Tensor
+from meshot.volume.distance import signed_distance
+from meshot.volume.sampling import sample_volume
+from meshot.volume.volume import Volume
+from meshot.volume.voxelise import voxel_distance
+
+CURVATURE_ROUNDS = 3  # of means over neighbours: single vertices are noisy
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Places:
+    """A true surface, with the bins that its vertices fall into and the area that each vertex stands for."""
+
+    mesh: Mesh
+    areas: Float[Array, " V"]
+    by_depth: Int64[Array, " V"]
+    by_curvature: Int64[Array, " V"]
+    n_bins: tuple[int, int]
+
+    def shares(self) -> dict[str, list[float]]:
+        """The share of the area in each bin."""
+        return {name: (np.bincount(bins, self.areas, n) / self.areas.sum()).tolist() for name, bins, n in self._parts()}
+
+    def errors(self, predicted: Mesh) -> dict[str, list[float | None]]:
+        """The mean distance from the true surface to a predicted one in each bin, in mm; None where a bin is empty."""
+        distances, found = vertex_distances(self.mesh, predicted), {}
+        for name, bins, n in self._parts():
+            areas = np.bincount(bins, self.areas, n)
+            sums = np.bincount(bins, self.areas * distances, n)
+            found[name] = [float(s / a) if a > 0 else None for s, a in zip(sums, areas, strict=True)]
+        return found
+
+    def _parts(self) -> list[tuple[str, Array, int]]:
+        return [("by_depth", self.by_depth, self.n_bins[0]), ("by_curvature", self.by_curvature, self.n_bins[1])]
+
+
+def places(mesh: Mesh, settings: dict) -> Places:
+    """The bins of a true surface, by the edges that the configuration names."""
+    mesh = mesh.with_vertices(mesh.vertices.double())
+    depths = sulcal_depths(mesh, settings["closing_mm"], settings["closing_voxel_mm"]).numpy()
+    curvatures = signed_curvatures(mesh).numpy()
+    edges = settings["depth_edges_mm"], settings["curvature_edges"]
+    by_depth, by_curvature = (np.digitize(v, e) for v, e in zip((depths, curvatures), edges, strict=True))
+    return Places(mesh, vertex_areas(mesh).numpy(), by_depth, by_curvature, tuple(len(e) + 1 for e in edges))
+
+
+def sulcal_depths(mesh: Mesh, radius: float, voxel: float) -> Float[Tensor, " V"]:
+    """How far every vertex lies below the hull that a ball leaves which rolls over the outside, in mm.
+
+    The hull is the morphological closing of what the surface encloses: a vertex is as deep as its distance from the
+    nearest place that the centre of the ball can take, less the radius. About 0 on the crown of a gyrus; right to
+    about a voxel, to half of one on average.
+    """
+    margin = radius + 3 * voxel
+    low, high = (f(mesh.vertices, dim=0).values.numpy() for f in (torch.min, torch.max))
+    shape = np.ceil((high - low + 2 * margin) / voxel).astype(int) + 1
+    affine = np.diag([voxel, voxel, voxel, 1.0])
+    affine[:3, 3] = low - margin
+    grid = Volume(np.zeros(shape, dtype=np.uint8), affine)
+    outward = voxel_distance(mesh, grid)
+    to_centres = signed_distance(grid.with_data(-outward), -radius)
+    return -sample_volume(to_centres, mesh.vertices) - radius
+
+
+def signed_curvatures(mesh: Mesh) -> Float[Tensor, " V"]:
+    """The mean curvature at every vertex, averaged with neighbours; per mm, 1/r on a sphere, negative in a fundus."""
+    sums, _ = cotangent_vectors(mesh)
+    values = -(sums * vertex_normals(mesh)).sum(dim=1) / (2 * vertex_areas(mesh))
+    for _ in range(CURVATURE_ROUNDS):
+        means = neighbour_means(mesh.with_vertices(values[:, None].expand(-1, 3).contiguous()))[:, 0]
+        values = (values + means) / 2
+    return values
+
+
+def vertex_areas(mesh: Mesh) -> Float[Tensor, " V"]:
+    """A third of the area of the faces around every vertex."""
+    thirds = (face_areas(mesh) / 3).repeat_interleave(3)
+    return torch.zeros_like(mesh.vertices[:, 0]).index_add(0, mesh.faces.flatten(), thirds)

@@ -1,0 +1,163 @@
+"""Measure the trained flows once on the held-out subjects of the cohort that each was trained on.
+
+Run as ``python experiments/ddot/run.py`` once some of the networks are there (see ``train.py``): those that are missing
+are named in the results, and measured when the command is given again. Every finished hemisphere is kept in a file
+beside the output, so that a run that was stopped, or has more networks now, goes on where it was.
+"""
+
+import argparse
+import functools
+import hashlib
+import json
+import sys
+import time
+from pathlib import Path
+
+import torch
+from measuring import flow_row, initial_row, seen
+from summary import summarised
+from trainings import HERE, Wanted, read_config, record_of, segmentation_weights, wanted
+
+from meshot.model.deformation import DeformationNetwork
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import read_weights
+from meshot.pipeline.deformation_data import InitialSurfaces, network_digest
+from meshot.report.results import rounded, write_results
+from meshot.report.resume import finished
+from meshot.synth.cohort import Subject, scans
+
+INITIAL = "initial"
+
+
+def tasks_of(there: list[Wanted], subjects: dict[str, dict[str, Subject]], digests: dict[str, str]) -> list[dict]:
+    """Every held-out hemisphere: its initial surface first, then each flow that knows its cohort and side."""
+    found = []
+    for cohort, side in dict.fromkeys((each.cohort, each.side) for each in there):
+        names = [INITIAL, *(each.name for each in there if (each.cohort, each.side) == (cohort, side))]
+        for subject in subjects[cohort]:
+            place = {"cohort": cohort, "side": side, "subject": subject}
+            found += [place | {"of": name, "digest": digests[name]} for name in names]
+    return found
+
+
+def digests_of(there: list[Wanted], config: dict, segmentation: str) -> dict[str, str]:
+    """What a measurement depends on, so that one of other weights or settings is not taken for it."""
+    settings = json.dumps(config["evaluation"], sort_keys=True).encode() + segmentation.encode()
+    found = {INITIAL: settings}
+    found |= {each.name: settings + each.kept(config, ".safetensors").read_bytes() for each in there}
+    return {name: hashlib.sha256(content).hexdigest()[:12] for name, content in found.items()}
+
+
+def measured(
+    there: list[Wanted], subjects: dict[str, dict[str, Subject]], config: dict, segmentation: SegmentationNetwork,
+    partial: Path,
+) -> list[dict]:  # fmt: skip
+    """A row for every task."""
+    settings, by_name = config["evaluation"], {each.name: each for each in there}
+    surfaces = InitialSurfaces(config["initial"], segmentation)
+
+    @functools.lru_cache(maxsize=1)
+    def hemisphere(cohort: str, subject: str, side: str) -> object:
+        return seen(subjects[cohort][subject], side, surfaces, settings)
+
+    @functools.cache
+    def network(name: str) -> DeformationNetwork:
+        return read_weights(by_name[name].kept(config, ".safetensors"), DeformationNetwork)[0]
+
+    def work(task: dict) -> dict:
+        found = hemisphere(task["cohort"], task["subject"], task["side"])
+        if task["of"] == INITIAL:
+            return initial_row(found, settings)
+        return flow_row(found, network(task["of"]), by_name[task["of"]].settings(config).training, settings)
+
+    tasks = tasks_of(there, subjects, digests_of(there, config, network_digest(segmentation)))
+    return finished(tasks, work, partial, time.process_time)
+
+
+def described(each: Wanted, config: dict, segmentation: str) -> dict:
+    """Where a network comes from, and how it did in validation.
+
+    Raises
+    ------
+    ValueError
+        If it learned from initial surfaces of another segmentation network.
+    """
+    record = record_of(each, config)
+    if record["results"]["segmentation_sha256"] != segmentation:
+        raise ValueError(f"{each.name} learned from initial surfaces of another segmentation network: train it anew")
+    found = record["results"]
+    (best,) = (line for line in found["validations"] if line["step"] == found["best_step"])
+    kept = {key: found[key] for key in ("best_step", "n_steps", "cpu_seconds", "n_weights", "data")}
+    kept |= {key: record[key] for key in ("command", "commit", "date")}
+    names = {"name": each.name, "cohort": each.cohort, "side": each.side, "arm": each.arm, "seed": each.seed}
+    return names | kept | {"validation_assd_mm": best["validation_loss"]}
+
+
+def require_fair(trainings: list[dict]) -> None:
+    """Refuse networks for one side of one cohort that did not see the same data.
+
+    Raises
+    ------
+    ValueError
+        If two of them differ.
+    """
+    data: dict[tuple[str, str], dict] = {}
+    for each in trainings:
+        first = data.setdefault((each["cohort"], each["side"]), each)
+        if each["data"] != first["data"]:
+            raise ValueError(f"{each['name']} learned from other data than {first['name']}: train one of them anew")
+
+
+def parsed(words: list[str] | None) -> argparse.Namespace:
+    """What was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--config", type=Path, default=HERE / "config.yaml", help="in place of config.yaml")
+    parser.add_argument("--output", default=HERE / "results.json", type=Path, help="where the results go")
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Measure what is there, then write the results.
+
+    Raises
+    ------
+    ValueError
+        If no network is there.
+    """
+    asked = parsed(words)
+    config = read_config(asked.config)
+    torch.set_num_threads(config["evaluation"]["n_threads"])
+    planned = wanted(config)
+    there = [each for each in planned if each.is_made(config)]
+    missing = [each.name for each in planned if each not in there]
+    if not there:
+        raise ValueError(f"no trained network is in {config['weights']}: run experiments/ddot/train.py first")
+    if missing:
+        print(f"{len(missing)} networks are missing (train.py makes them): {', '.join(missing)}", file=sys.stderr)
+    segmentation = read_weights(segmentation_weights(config), SegmentationNetwork)[0]
+    trainings = [described(each, config, network_digest(segmentation)) for each in there]
+    require_fair(trainings)
+    cohorts = dict.fromkeys(each.cohort for each in there)
+    subjects = {c: {s.name: s for s in scans(config["cohorts"][c], config["evaluation"]["split"])} for c in cohorts}
+    partial = asked.output.with_name("partial.jsonl")
+    found = measured(there, subjects, config, segmentation, partial)
+    rows = [_row(line, {each.name: each for each in there}, subjects) for line in found]
+    results = {"missing": missing} | summarised(rows, config["evaluation"]) | {"trainings": trainings}
+    data = f"held-out subjects of the synthetic cohorts {', '.join(cohorts)}"
+    seconds = sum(line["seconds"] for line in found)
+    write_results(asked.output, rounded(results), config, "python experiments/ddot/run.py", data, seconds)
+    if not missing:
+        partial.unlink()
+
+
+def _row(line: dict, by_name: dict[str, Wanted], subjects: dict[str, dict[str, Subject]]) -> dict:
+    """A measurement with what it is of."""
+    place = {key: line["task"][key] for key in ("cohort", "side", "subject")}
+    each = by_name.get(line["task"]["of"])
+    who = {"arm": INITIAL, "seed": None} if each is None else {"arm": each.arm, "seed": each.seed}
+    kind = subjects[place["cohort"]][place["subject"]].participant.kind
+    return place | {"kind": kind} | who | line["found"]
+
+
+if __name__ == "__main__":
+    main()
