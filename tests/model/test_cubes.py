@@ -1,5 +1,8 @@
 """Cubes of voxels around points: cut and convolved, or convolved and interpolated."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 import scipy.ndimage
@@ -149,3 +152,18 @@ def test_a_point_that_is_not_a_number_has_no_features_and_the_others_theirs():
     found = VisitedFeatures(layer, images).at(points)
     assert bool(found[2].isnan().all())
     torch.testing.assert_close(found[[0, 1, 4]].detach(), wanted[[0, 1, 4]])
+
+
+def test_nothing_of_a_visit_is_kept_once_it_is_over():
+    layer = CubeConvolution(3, 2, 3, generator=1)
+    images = layer.images(image(OBLIQUE))
+    gc.collect()
+    gc.disable()
+    try:
+        visited = VisitedFeatures(layer, images)
+        level = weakref.ref(visited.levels[0])
+        visited.at(places(images[0])).square().sum().backward()
+        del visited
+        assert level() is None
+    finally:
+        gc.enable()

@@ -100,7 +100,8 @@ class _Interpolated(torch.autograd.Function):
         for level, array in zip(features.levels, arrays, strict=True):
             kernel.interpolate(array, level.shape, level.row_of, table.numpy(), found.numpy())
         found[lost] = torch.nan
-        ctx.arrays, ctx.table, ctx.n_before, ctx.weight_shape = arrays, table, len(before), weight.shape
+        # An output that is kept as it is would keep this very graph alive, and with it all its memory.
+        ctx.arrays, ctx.table, ctx.n_before, ctx.weight_shape = arrays, table.detach(), len(before), weight.shape
         return found, table
 
     @staticmethod
