@@ -61,7 +61,7 @@ def sulcal_depths(mesh: Mesh, radius: float, voxel: float) -> Float[Tensor, " V"
 
     The hull is the morphological closing of what the surface encloses: a vertex is as deep as its distance from the
     nearest place that the centre of the ball can take, less the radius. About 0 on the crown of a gyrus; right to
-    about a voxel, to half of one on average.
+    about a voxel.
     """
     margin = radius + 3 * voxel
     low, high = (f(mesh.vertices, dim=0).values.numpy() for f in (torch.min, torch.max))

@@ -3,6 +3,7 @@
 from meshot.report.judges.axioms import judge_axioms
 from meshot.report.judges.convergence import judge_directions, judge_theorem
 from meshot.report.judges.cost import judge_memory, judge_speed
+from meshot.report.judges.ddot import judge_ablation, judge_systems
 from meshot.report.judges.deforming import judge_evenness, judge_supports
 from meshot.report.judges.encodings import judge_continuous, judge_normal_scale, judge_sample_gradient
 from meshot.report.judges.ground_cost import judge_ground_cost
@@ -28,9 +29,11 @@ JUDGES: dict[int, Judge] = {
     10: judge_speed,
     11: judge_axioms,
     12: judge_self_intersection,
+    13: judge_systems,
     14: judge_table,
     15: judge_floor,
     16: judge_counts,
+    17: judge_ablation,
     18: judge_blur,
     20: judge_supports,
     21: judge_memory,
