@@ -18,7 +18,7 @@ from meshot.pipeline.settling import SettledSurface
 from meshot.volume.standard import StandardScan, place_on_grid
 from meshot.volume.volume import Volume
 
-SHIFT = (0.0, 1.5, 2.0)
+SHIFTS = {"left": (0.0, 1.5, 2.0), "right": (1.0, 0.0, -1.0)}
 TO_TEMPLATE = np.eye(4)
 TO_TEMPLATE[:3, :3] = Rotation.from_euler("xyz", [5, -8, 10], degrees=True).as_matrix() * 1.08
 TO_TEMPLATE[:3, 3] = [12, -25, 30]
@@ -37,7 +37,7 @@ def turned_grid(signs: tuple[int, int, int]) -> tuple[np.ndarray, tuple[int, int
 
 @pytest.fixture(scope="module")
 def networks():
-    return brightness_network(), {side: shifting_network(SHIFT) for side in ("left", "right")}
+    return brightness_network(), {side: shifting_network(shift) for side, shift in SHIFTS.items()}
 
 
 @pytest.fixture(scope="module", params=[(1, 1, 1), (-1, 1, 1)], ids=["oblique", "mirrored"])
@@ -67,8 +67,9 @@ def test_both_surfaces_lie_where_the_scanner_saw_them(made):
 
 def test_the_flow_moves_them_in_the_standard_space(made):
     found, _ = made
-    way = torch.from_numpy(np.linalg.inv(found.scan.to_standard)[:3, :3]) @ torch.tensor(SHIFT, dtype=torch.float64)
-    for surface in found.surfaces.values():
+    for side, surface in found.surfaces.items():
+        shift = torch.tensor(SHIFTS[side], dtype=torch.float64)
+        way = torch.from_numpy(np.linalg.inv(found.scan.to_standard)[:3, :3]) @ shift
         assert torch.equal(surface.final.faces, surface.initial.faces)
         moved = surface.final.vertices - surface.initial.vertices
         torch.testing.assert_close(moved, way.expand_as(moved), atol=1e-4, rtol=0)

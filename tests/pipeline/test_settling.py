@@ -40,13 +40,13 @@ def with_pole_pushed_through(depth: float) -> torch.Tensor:
 
 def test_what_smoothing_cannot_mend_goes_back_in_places(monkeypatch):
     monkeypatch.setattr(settling, "_MENDING_ROUNDS", 3)
-    carried = BALL.with_vertices(with_pole_pushed_through(25.0))
+    carried = BALL.with_vertices(with_pole_pushed_through(25.0) + torch.tensor([1.0, 0, 0]))
     found = settled(BALL, carried)
     assert found.n_crossing > 0
     assert found.n_retreats > 0
     assert len(self_intersecting_faces(found.mesh)) == 0
-    south = (BALL.vertices[:, 2].abs() < 3).nonzero()[:, 0]
-    torch.testing.assert_close(found.mesh.vertices[south], carried.vertices[south])
+    equator = (BALL.vertices[:, 2].abs() < 1).nonzero()[:, 0]
+    torch.testing.assert_close(found.mesh.vertices[equator], carried.vertices[equator])
     assert float((found.mesh.vertices - BALL.vertices).norm(dim=1).max()) > 0.5
 
 

@@ -16,6 +16,7 @@ from meshot.pipeline import reconstruction
 from meshot.report import reconstruction as written
 from meshot.report import reconstruction_pictures
 from meshot.volume.io import write_volume
+from meshot.volume.volume import centre_ras
 from preflight import browser as browser_path
 
 SURFACES = [
@@ -88,6 +89,8 @@ def test_all_formats_hold_the_same_surface_where_the_scanner_saw_it(made):
                 assert np.array_equal(other.faces, one.faces)
         middle = read_mesh(made / f"{short}.initial").vertices.mean(dim=0)
         np.testing.assert_allclose(middle, CENTRES[side], atol=0.5)
+        header = nibabel.freesurfer.read_geometry(made / f"{short}.white", read_metadata=True)[2]
+        np.testing.assert_allclose(header["cras"], centre_ras(bright_template()), atol=1e-6)
 
 
 def test_the_numbers_are_those_of_the_files(made):
@@ -188,7 +191,7 @@ def last_line(capsys) -> str:
 def test_a_folder_in_the_way_is_kept_unless_it_is_an_earlier_reconstruction(place, made, quick, capsys):
     before = {f.name: f.stat().st_mtime_ns for f in made.iterdir()}
     assert main(words(place, "out")) == 2
-    assert "exists and is not empty" in last_line(capsys)
+    assert "or replace it with --overwrite" in last_line(capsys)
     assert {f.name: f.stat().st_mtime_ns for f in made.iterdir()} == before
     precious = place / "precious"
     precious.mkdir()
