@@ -93,6 +93,12 @@ def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
     fair = {each.loss.loss: each.loss for each in found if each.loss.n_supports is None}
     assert fair["chamfer"].factor == 1000
     assert {each.loss.n_supports for each in found if each.loss.loss == "sinkhorn"} == {500}
+    others = [each.settings(config).training for each in part("trainings").wanted(config, ["oasis_like_*_ddot_*"])]
+    assert [(each.side, each.seed) for each in others] == [
+        ("left", 0),
+        ("right", 0),
+        *[("left", i) for i in (1, 2, 3, 4)],
+    ]
 
 
 def test_an_unknown_name_is_refused(part, config):

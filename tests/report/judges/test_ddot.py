@@ -103,4 +103,6 @@ def test_ablation_says_what_is_missing():
     verdict = judge_ablation(grid(chamfer_varifold=None))
     assert verdict.status == ledger.NOT_TESTED
     assert verdict.ours == "not trained yet: Chamfer, varifold"
-    assert judge_ablation(results([])).status == ledger.NOT_TESTED
+    verdict = judge_ablation(results([]))
+    assert verdict.status == ledger.NOT_TESTED
+    assert verdict.ours.endswith(": sliced, samples; Chamfer, varifold; Sinkhorn, varifold of 500")

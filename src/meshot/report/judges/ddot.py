@@ -60,7 +60,7 @@ def judge_ablation(record: dict) -> Verdict:
     grid = _grid(results)
     missing = [arm for arm in EXCHANGED if arm not in grid]
     if missing:
-        return Verdict(NOT_TESTED, f"not trained yet: {', '.join(ARMS[arm] for arm in missing)}", rule)
+        return Verdict(NOT_TESTED, f"not trained yet: {_listed([ARMS[arm] for arm in missing])}", rule)
     favours = {arm: [_favours(grid[arm], metric, []) for metric in DISTANCES] for arm in EXCHANGED}
     holds = all(OURS in found and arm not in found for arm, found in favours.items())
     status = CONDITION if holds else NOT_REPRODUCED
