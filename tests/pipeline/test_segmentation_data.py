@@ -1,11 +1,10 @@
-"""Examples from scans and surfaces; what augmentation does and does not change."""
+"""Examples from scans and surfaces."""
 
 import numpy as np
 import pytest
 import torch
 
 from meshot.pipeline.segmentation_data import (
-    augmented,
     block_means,
     digest,
     example,
@@ -61,44 +60,6 @@ def test_the_digest_sees_names_values_and_order():
     changed[0, 3, 3, 3] ^= 1
     others.append([first, type(first)(second.name, second.image, changed)])
     assert len({digest(part) for part in [[first, second], *others]}) == 5
-
-
-def test_mirroring_exchanges_the_sides():
-    image, fractions = phantom_examples(1)[0].tensors()
-    same, mirrored = (augmented(image, fractions, 0, flip=f, shift=0, intensity=0) for f in (0.0, 1.0))
-    assert torch.equal(same[0], image)
-    assert torch.equal(same[1], fractions)
-    assert torch.equal(mirrored[0], image.flip(1))
-    assert torch.equal(mirrored[1][0], fractions[1].flip(0))
-    back = augmented(*mirrored, 0, flip=1.0, shift=0, intensity=0)
-    assert torch.equal(back[1], fractions)
-    assert float(mirrored[1][0][:16].sum()) > 100 * float(mirrored[1][0][16:].sum())
-
-
-def test_shifts_move_image_and_truth_alike_and_nothing_wraps_round():
-    image = torch.zeros(1, 8, 8, 8)
-    image[0, 0], image[0, 4, 4, 4] = 1, 0.5
-    seen = set()
-    for seed in range(30):
-        moved, truth = augmented(image, torch.cat([image, image]), seed, flip=0, shift=3, intensity=0)
-        assert torch.equal(moved[0], truth[0])
-        place = (moved == 0.5).nonzero()[0, 1:]
-        seen.add(tuple(place.tolist()))
-        first = int(place[0]) - 4
-        assert float(moved[0, first:, 1:].max() if first >= 0 else moved.max()) > 0
-        assert (float(moved.max()) == 1) == (first >= 0)
-        assert float(moved[0, : max(first, 0)].abs().sum()) == 0
-    assert len(seen) > 20
-
-
-def test_intensity_leaves_the_truth_and_the_range():
-    image, fractions = phantom_examples(1)[0].tensors()
-    other, truth = augmented(image, fractions, 1, flip=0, shift=0, intensity=0.3)
-    assert torch.equal(truth, fractions)
-    assert float((other - image).abs().max()) > 0.02
-    assert 0 <= float(other.min()) <= float(other.max()) <= 1
-    again = augmented(image, fractions, 1, flip=0, shift=0, intensity=0.3)[0]
-    assert torch.equal(other, again)
 
 
 def test_bad_examples_are_refused(unchecked, surfaces, tmp_path):

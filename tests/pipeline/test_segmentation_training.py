@@ -172,7 +172,7 @@ def test_a_log_that_was_cut_short_is_read_up_to_there(tmp_path):
         ({"n_epochs": 0}, "integer >= 1"),
         ({"patience": 0}, "integer >= 1"),
         ({"learning_rate": 0.0}, "learning_rate is 0.0"),
-        ({"flip": 1.5}, "flip 1.5"),
+        ({"flip": 1.5}, "flip is 1.5"),
         ({"intensity": 1.0}, "intensity 1.0"),
         ({"dice_weight": -1.0}, "dice_weight is -1.0"),
         ({"shift": -1}, "shift is -1"),

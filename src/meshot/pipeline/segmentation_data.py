@@ -10,7 +10,6 @@ import torch
 
 from meshot.errors import require_positive_integer
 from meshot.mesh.mesh import Mesh
-from meshot.rng import Generator, numpy_generator
 from meshot.synth.anatomy import HEMISPHERES
 from meshot.synth.cohort import scans
 from meshot.types import Array, Float, Tensor
@@ -152,34 +151,3 @@ def digest(examples: Sequence[Example]) -> str:
         ):
             total.update(part)
     return total.hexdigest()
-
-
-def augmented(
-    image: Float[Tensor, "1 x y z"],
-    fractions: Float[Tensor, "2 x y z"],
-    generator: Generator,
-    flip: float = 0.5,
-    shift: int = 4,
-    intensity: float = 0.2,
-) -> tuple[Float[Tensor, "1 x y z"], Float[Tensor, "2 x y z"]]:
-    """Another scan that might have been: mirrored, moved, brighter or darker; see ``SegmentationSettings``.
-
-    Mirroring the first axis makes a left hemisphere a right one, so that the two maps change places with it. What
-    moves in at a border is empty.
-    """
-    random = numpy_generator(generator)
-    mirror, moves = random.random() < flip, random.integers(-shift, shift + 1, 3).tolist()
-    gamma, gain = 1 + intensity * random.uniform(-1, 1, 2)
-    image = (gain * image.clamp(min=0) ** gamma).clamp(max=1)
-    if mirror:
-        image, fractions = image.flip(1), fractions.flip(0).flip(1)
-    return _moved(image, moves), _moved(fractions, moves)
-
-
-def _moved(values: Tensor, moves: Sequence[int]) -> Tensor:
-    for axis, move in enumerate(moves, start=1):
-        values = values.roll(move, dims=axis)
-        entered = slice(0, move) if move > 0 else slice(values.shape[axis] + move, None)
-        if move:
-            values[(slice(None),) * axis + (entered,)] = 0
-    return values

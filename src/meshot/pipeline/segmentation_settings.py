@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from meshot.errors import require_positive_integer
 from meshot.model.segmentation import SegmentationNetwork
+from meshot.pipeline.augmentation import Augmentation
 from meshot.pipeline.configuration import changed_groups, checked_groups, read_groups, setting_names
 from meshot.pipeline.training import Plan, require_plan_settings
 
@@ -31,12 +32,8 @@ class SegmentationSettings:
         Of the overlap beside the cross-entropy.
     soft_labels : bool
         Whether a voxel's target is the enclosed part of it, or which side its larger part is on.
-    flip : float
-        How often, in [0, 1], a scan is mirrored, left and right exchanged with it.
-    shift : int
-        By how many voxels along each axis it is moved at most.
-    intensity : float
-        By what part its contrast (gamma) and brightness vary at most, in [0, 1).
+    flip, shift, intensity, turn, stretch, bend
+        How a training scan is changed: see :class:`meshot.pipeline.augmentation.Augmentation`.
     reduction : int
         Voxels along each axis that are averaged into one before anything else.
     validate_every, patience : int
@@ -63,6 +60,9 @@ class SegmentationSettings:
     flip: float = 0.5
     shift: int = 4
     intensity: float = 0.2
+    turn: float = 0.0
+    stretch: float = 0.0
+    bend: float = 0.0
     reduction: int = 1
     validate_every: int = 1
     patience: int | None = None
@@ -73,15 +73,15 @@ class SegmentationSettings:
     def __post_init__(self):
         require_plan_settings(self)
         require_positive_integer(self.reduction, "reduction")
-        if not (0 <= self.dice_weight < math.inf and 0 <= self.flip <= 1 and 0 <= self.intensity < 1):
-            raise ValueError(
-                f"dice_weight is {self.dice_weight!r}, flip {self.flip!r}, intensity {self.intensity!r}; they must lie "
-                "in [0, ∞), [0, 1] and [0, 1)"
-            )
-        if self.shift < 0:
-            raise ValueError(f"shift is {self.shift!r}; an integer >= 0 is needed")
+        if not 0 <= self.dice_weight < math.inf:
+            raise ValueError(f"dice_weight is {self.dice_weight!r}; a finite number >= 0 is needed")
+        self.augmentation()
         if self.precision not in PRECISIONS:
             raise ValueError(f"precision is {self.precision!r}; one of {', '.join(PRECISIONS)} is needed")
+
+    def augmentation(self) -> Augmentation:
+        """How a training scan is changed."""
+        return Augmentation(self.flip, self.shift, self.intensity, self.turn, self.stretch, self.bend)
 
     def plan(self, n_examples: int) -> Plan:
         """The same in steps, for so many training scans."""

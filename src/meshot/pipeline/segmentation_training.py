@@ -9,8 +9,9 @@ import torch
 
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.segmentation_loss import segmentation_loss
+from meshot.pipeline.augmentation import augmented
 from meshot.pipeline.checkpoint import TrainingState
-from meshot.pipeline.segmentation_data import Example, augmented, digest
+from meshot.pipeline.segmentation_data import Example, digest
 from meshot.pipeline.segmentation_settings import SegmentationConfig, SegmentationSettings
 from meshot.pipeline.training import Report, Training, train
 from meshot.types import Float, Tensor
@@ -91,10 +92,8 @@ def _batch(
     order = np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(len(training))
     chosen = [training[i] for i in order[place * settings.batch_size : (place + 1) * settings.batch_size]]
     random = np.random.default_rng([settings.seed, _AUGMENTATION, step])
-    pairs = [
-        augmented(*item.tensors(settings.soft_labels), random, settings.flip, settings.shift, settings.intensity)
-        for item in chosen
-    ]
+    changes = settings.augmentation()
+    pairs = [augmented(*item.tensors(settings.soft_labels), random, changes) for item in chosen]
     images, fractions = (torch.stack(part) for part in zip(*pairs))
     return [item.name for item in chosen], images, fractions
 
