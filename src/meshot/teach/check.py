@@ -2,6 +2,7 @@
 
 from meshot.teach.convergence_exercises import mean_gap, points_needed, wrong_curve
 from meshot.teach.cost_exercises import blocked_chamfer, growth_exponent, merged_cells
+from meshot.teach.ddot_exercises import alignment, count_weights, feature_at, pull_of_regions
 from meshot.teach.deforming_exercises import edge_variation, equal_time, safe_steps
 from meshot.teach.descent_exercises import largest_rate, line_pull, nearest_pull
 from meshot.teach.flow_exercises import euler_flow, pieces_needed, undo_step
@@ -15,14 +16,17 @@ from meshot.teach.surface_exercises import mask_euler, row_distance, soft_overla
 from meshot.teach.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
+    "alignment",
     "blocked_chamfer",
     "blur_in_coordinates",
     "breaks_bound",
+    "count_weights",
     "debiased",
     "edge_variation",
     "equal_time",
     "euler_flow",
     "face_weights",
+    "feature_at",
     "ghost_pair",
     "grid_affine",
     "growth_exponent",
@@ -41,6 +45,7 @@ __all__ = [
     "pieces_needed",
     "pixel_share",
     "points_needed",
+    "pull_of_regions",
     "quantiles",
     "row_distance",
     "safe_steps",
