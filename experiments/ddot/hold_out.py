@@ -20,7 +20,7 @@ from meshot.report.results import provenance
 from meshot.synth.cohort import scans
 
 COHORT, SIDE = "oasis_like", "left"
-INITIAL_FACES, TARGET_FACES = 40_000, 40_000
+INITIAL_FACES, TARGET_FACES = 30_000, 30_000
 
 
 def main(words: list[str] | None = None) -> int:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import zlib
 
 import numpy as np
 import safetensors
@@ -22,7 +23,7 @@ _MARGIN, _BLOCK = 12, 4
 
 
 def write_example(
-    path: str | os.PathLike, example: DeformationExample, record: dict, n_target_faces: int = 40_000
+    path: str | os.PathLike, example: DeformationExample, record: dict, n_target_faces: int = 30_000
 ) -> None:
     """Write a hemisphere of at most 65 536 vertices, whole or not at all.
 
@@ -45,7 +46,12 @@ def write_example(
     scan = _box(example)
     if scan.data.min() < 0 or scan.data.max() > 1:
         raise ValueError(f"the scan ranges from {scan.data.min():.4g} to {scan.data.max():.4g}; [0, 1] is needed")
-    tensors = {"scan": np.round(scan.data * _GREYS).astype(np.uint8), "affine": scan.affine}
+    greys = zlib.compress(np.round(scan.data * _GREYS).astype(np.uint8).tobytes(), 9)
+    tensors = {
+        "scan_zlib": np.frombuffer(greys, np.uint8),
+        "scan_shape": np.array(scan.data.shape),
+        "scan_affine": scan.affine,
+    }
     for name, mesh in (("initial", example.initial), ("target", simplified(example.target, n_target_faces))):
         tensors |= _packed(name, mesh)
     n_bytes = sum(value.nbytes for value in tensors.values())
@@ -71,7 +77,9 @@ def read_example(path: str | os.PathLike) -> tuple[DeformationExample, dict]:
         with safetensors.safe_open(path, framework="numpy") as file:
             record = json.loads((file.metadata() or {})["DeformationExample"])
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-        scan = Volume(tensors["scan"].astype(np.float32) / _GREYS, tensors["affine"])
+        greys = np.frombuffer(zlib.decompress(tensors["scan_zlib"].tobytes()), np.uint8)
+        data = greys.reshape(tensors["scan_shape"]).astype(np.float32) / _GREYS
+        scan = Volume(data, tensors["scan_affine"])
         initial, target = (_unpacked(name, tensors) for name in ("initial", "target"))
     except (OSError, safetensors.SafetensorError, KeyError, json.JSONDecodeError) as error:
         raise ValueError(
