@@ -2,16 +2,12 @@
 
 import dataclasses
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pytest
 import torch
 
+from killing import killed_after_its_first_state, same, without_seconds
 from meshot.flow.integrate import integrate
 from meshot.loss.directions import random_directions
 from meshot.loss.sliced import sliced_wasserstein
@@ -57,14 +53,6 @@ def examples():
 @pytest.fixture(scope="module")
 def whole(examples):
     return train_deformation(TINY, *examples)
-
-
-def same(first: torch.nn.Module, second: torch.nn.Module) -> bool:
-    return all(torch.equal(a, b) for a, b in zip(first.state_dict().values(), second.state_dict().values()))
-
-
-def without_seconds(log: list[dict]) -> list[dict]:
-    return [{k: v for k, v in line.items() if k != "cpu_seconds"} for line in log]
 
 
 def test_one_step_is_algorithm_1_by_hand(examples):
@@ -116,9 +104,6 @@ def test_a_stopped_training_ends_with_the_same_weights(tmp_path, whole, examples
 
 
 VICTIM = """
-import sys, torch
-torch.set_num_threads(1)
-sys.path[:0] = [{tests!r}]
 from pipeline.test_deformation_training import TINY
 from phantoms import phantom_deformations
 from meshot.pipeline.deformation_training import train_deformation
@@ -127,14 +112,7 @@ train_deformation(TINY, phantom_deformations(3), phantom_deformations(1, seed=50
 
 
 def test_a_process_killed_by_the_system_goes_on(tmp_path, whole, examples, root):
-    code = VICTIM.format(tests=str(root / "tests"), folder=str(tmp_path))
-    victim = subprocess.Popen([sys.executable, "-c", code], env=os.environ | {"MESHOT_UNCHECKED": "1"})
-    state, patience = tmp_path / "training.safetensors", time.monotonic() + 120
-    while not state.exists() and victim.poll() is None and time.monotonic() < patience:
-        time.sleep(0.01)
-    victim.send_signal(signal.SIGKILL)
-    victim.wait()
-    assert state.exists()
+    killed_after_its_first_state(VICTIM.format(folder=str(tmp_path)), root / "tests", tmp_path)
     assert same(train_deformation(TINY, *examples, folder=tmp_path).network, whole.network)
 
 

@@ -3,16 +3,12 @@
 import dataclasses
 import itertools
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pytest
 import torch
 
+from killing import killed_after_its_first_state, same, without_seconds
 from meshot.pipeline.checkpoint import read_log
 from meshot.pipeline.segmentation import initial_surfaces, segment
 from meshot.pipeline.segmentation_data import Example
@@ -52,14 +48,6 @@ def whole(examples):
     return train_segmentation(TINY, *examples)
 
 
-def same(first: torch.nn.Module, second: torch.nn.Module) -> bool:
-    return all(torch.equal(a, b) for a, b in zip(first.state_dict().values(), second.state_dict().values()))
-
-
-def without_seconds(log: list[dict]) -> list[dict]:
-    return [{k: v for k, v in line.items() if k != "cpu_seconds"} for line in log]
-
-
 def test_the_log_tells_every_step_and_every_validation(whole, examples):
     steps = [line for line in whole.log if "loss" in line]
     checks = [line for line in whole.log if "validation_loss" in line]
@@ -91,9 +79,6 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, whole, examples,
 
 
 VICTIM = """
-import sys, torch
-torch.set_num_threads(1)
-sys.path[:0] = [{tests!r}]
 from pipeline.test_segmentation_training import TINY
 from phantoms import phantom_examples
 from meshot.pipeline.segmentation_training import _batch, train_segmentation
@@ -102,14 +87,7 @@ train_segmentation(TINY, phantom_examples(3), phantom_examples(2, seed=50), fold
 
 
 def test_a_process_killed_by_the_system_goes_on(tmp_path, whole, examples, root):
-    code = VICTIM.format(tests=str(root / "tests"), folder=str(tmp_path))
-    victim = subprocess.Popen([sys.executable, "-c", code], env=os.environ | {"MESHOT_UNCHECKED": "1"})
-    state, patience = tmp_path / "training.safetensors", time.monotonic() + 120
-    while not state.exists() and victim.poll() is None and time.monotonic() < patience:
-        time.sleep(0.01)
-    victim.send_signal(signal.SIGKILL)
-    victim.wait()
-    assert state.exists()
+    killed_after_its_first_state(VICTIM.format(folder=str(tmp_path)), root / "tests", tmp_path)
     resumed = train_segmentation(TINY, *examples, folder=tmp_path)
     assert same(resumed.network, whole.network)
 

@@ -13,8 +13,9 @@ from meshot.mesh.io import read_mesh, write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.pipeline.segmentation import initial_surfaces
+from meshot.pipeline.splits import scans_of
 from meshot.synth.anatomy import HEMISPHERES, Hemisphere
-from meshot.synth.cohort import Subject, scans
+from meshot.synth.cohort import Subject
 from meshot.volume.volume import Volume
 
 
@@ -107,12 +108,7 @@ class InitialSurfaces:
         ValueError
             If a folder is no cohort or none has a scan in the split.
         """
-        found = [subject for cohort in cohorts for subject in scans(cohort, split)]
-        if not found:
-            raise ValueError(
-                f"no scan of the split {split!r} in {', '.join(map(str, cohorts)) or 'no cohort'}: make one"
-            )
-        return [self.example(subject, side, n_faces) for subject in progress(found)]
+        return [self.example(subject, side, n_faces) for subject in progress(scans_of(cohorts, split))]
 
 
 def network_digest(network: SegmentationNetwork) -> str:

@@ -10,8 +10,8 @@ import torch
 
 from meshot.errors import require_positive_integer
 from meshot.mesh.mesh import Mesh
+from meshot.pipeline.splits import scans_of
 from meshot.synth.anatomy import HEMISPHERES
-from meshot.synth.cohort import scans
 from meshot.types import Array, Float, Tensor
 from meshot.volume.volume import Volume
 from meshot.volume.voxelise import enclosed_fractions
@@ -125,9 +125,6 @@ def read_examples(
     ValueError
         If a folder is no cohort or none has a scan in the split.
     """
-    found = [subject for cohort in cohorts for subject in scans(cohort, split)]
-    if not found:
-        raise ValueError(f"no scan of the split {split!r} in {', '.join(map(str, cohorts)) or 'no cohort'}: make one")
     return [
         example(
             f"{subject.cohort.name}/{subject.name}",
@@ -135,7 +132,7 @@ def read_examples(
             {side: subject.surface("white", side, "standard") for side in HEMISPHERES},
             reduction,
         )
-        for subject in progress(found)
+        for subject in progress(scans_of(cohorts, split))
     ]
 
 

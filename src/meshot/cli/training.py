@@ -1,0 +1,44 @@
+"""What the commands that train a network share: their arguments, and how they run."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+
+from meshot.errors import require_positive_integer
+from meshot.pipeline.training import Training
+
+
+def add_training_arguments(command: argparse.ArgumentParser, change: str) -> None:
+    """Configuration, cohorts, output, changes (``change`` is an example) and threads."""
+    command.add_argument("config", type=Path, help="a YAML file: form of the network, and how it is trained")
+    command.add_argument("--data", type=Path, nargs="+", required=True, metavar="COHORT", help="folders of cohorts")
+    command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="for weights, log, picture")
+    command.add_argument(
+        "--set", nargs="+", default=[], metavar="GROUP.NAME=VALUE", dest="changes",
+        help=f"in place of what the file says, such as {change}",
+    )  # fmt: skip
+    command.add_argument("--threads", type=int, help="of the processor; one repeats bit for bit (default: torch's)")
+
+
+def run_training(chosen: argparse.Namespace, train: Callable[[], Training], said: Callable[[dict], str]) -> None:
+    """Train on as many threads as asked for, then say what the best validation was.
+
+    Raises
+    ------
+    ValueError
+        If a number of threads will not do, or a loss or gradient was not finite.
+    """
+    if chosen.threads is not None:
+        require_positive_integer(chosen.threads, "threads")
+        torch.set_num_threads(chosen.threads)
+    try:
+        found = train()
+    except FloatingPointError as error:
+        raise ValueError(str(error)) from error
+    best = next(line for line in found.log if line["step"] == found.best_step and "validation_loss" in line)
+    print(
+        f"best after {found.best_step} steps: {said(best)} on validation; {found.cpu_seconds:.0f} s of processor time; "
+        f"weights in {chosen.output}"
+    )
