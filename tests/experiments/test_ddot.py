@@ -11,15 +11,17 @@ import torch
 import yaml
 from scipy import stats
 
+from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.smoothing import laplacian_smoothing
-from meshot.metrics.surface import vertex_distances
+from meshot.metrics.surface import Surface, vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
 from meshot.pipeline import training
 from meshot.pipeline.deformation_data import InitialSurfaces
+from meshot.pipeline.deformation_file import read_example
 from meshot.report.results import read_results
 from meshot.synth.cohort import scans
 from phantoms import write_phantom_cohort
@@ -410,3 +412,17 @@ def flattened(value, path=()):
 def test_the_ledger_names_the_experiment_once_it_has_results(root):
     claims = {row["id"]: row for row in yaml.safe_load((root / "book" / "claims.yaml").read_text(encoding="utf-8"))}
     assert [claims[number].get("experiment") == "ddot" for number in (13, 17)] == [COMMITTED] * 2
+
+
+def test_the_kept_hemisphere_is_the_first_of_the_test_split(part, place):
+    content = yaml.safe_load((place / "config.yaml").read_text())
+    content["cohorts"] = {"oasis_like": content["cohorts"]["alpha"]}
+    (place / "config.yaml").write_text(yaml.safe_dump(content))
+    assert part("hold_out").main(["--config", str(place / "config.yaml"), "-o", str(place / "kept.safetensors")]) == 0
+    example, record = read_example(place / "kept.safetensors")
+    subject = scans(place / "alpha", "test")[0]
+    assert example.name == f"alpha/{subject.name}" == "alpha/sub-004"
+    assert (record["cohort"], record["side"]) == ("oasis_like", "left")
+    assert len(self_intersecting_faces(example.initial)) == 0
+    truth = Surface(subject.surface("white", "left", "standard"))
+    assert np.abs(truth.offsets(Surface(example.target).sample(500, 0)).distances).max() < 0.05
