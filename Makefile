@@ -67,6 +67,7 @@ lab: $(READY)
 benchmark: $(READY)
 	@$(PIP) --no-deps --upgrade --target build/peers -r benchmarks/requirements.txt
 	$(RUN) benchmarks/losses.py
+	$(RUN) benchmarks/ruler.py
 	@$(RUN) benchmarks/readme_table.py
 
 lock:

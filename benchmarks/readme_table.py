@@ -1,4 +1,4 @@
-"""Write the table of the benchmark into README.md, between its markers: ``python benchmarks/readme_table.py``."""
+"""Write what the benchmarks found into README.md, between its markers: ``python benchmarks/readme_table.py``."""
 
 from pathlib import Path
 
@@ -7,14 +7,13 @@ from meshot.report.numbers import digits
 from meshot.report.results import read_results
 
 ROOT = Path(__file__).resolve().parent.parent
-README, RESULTS = ROOT / "README.md", ROOT / "experiments" / "cost" / "results.json"
-BEGIN, END = "<!-- benchmark -->", "<!-- /benchmark -->"
+README, COST = ROOT / "README.md", ROOT / "experiments" / "cost"
+MARKERS = "<!-- {} -->", "<!-- /{} -->"
 
 
-def benchmark_block(record: dict) -> str:
-    """The targets and what was found, and where the numbers come from."""
+def losses_block(record: dict) -> str:
+    """The targets of the losses and what was found, and where the numbers come from."""
     lines = [
-        BEGIN,
         f"Value and gradient, weighted, {record['config']['n_directions']} directions, float64, medians; written by "
         f"`{record['command']}` on {record['date']} ({record['machine']}). All peers and sizes: chapter 12.",
         "",
@@ -26,24 +25,51 @@ def benchmark_block(record: dict) -> str:
         target = f"{'≥' if row['at_least'] else '≤'} {digits(row['limit'])} {row['unit']}".strip()
         verdict = {True: "met", False: "missed", None: "–"}[row["met"]]
         lines.append(f"| {row['what']} | {found} | {target} | {verdict} |")
-    return "\n".join([*lines, END])
+    return "\n".join(lines)
 
 
-def with_block(text: str, block: str) -> str:
-    """The text with what stands between the markers replaced.
+def ruler_block(record: dict) -> str:
+    """The parts of an evaluation and their times."""
+    config, target = record["config"], record["results"]["target"]
+    verdict = "met" if target["met"] else "missed"
+    lines = [
+        f"`meshot.evaluate` on two surfaces of {config['faces']} faces, {config['points']} points on each, medians of "
+        f"{config['repeats']}; written by `{record['command']}` on {record['date']} ({record['machine']}). "
+        f"Asked for: {target['what']}, within {digits(target['limit_s'])} s ({verdict}).",
+        "",
+        "| part | CPU s | wall s |",
+        "|---|---|---|",
+    ]
+    lines += [f"| {row['part']} | {digits(row['CPU s'], 2)} | {digits(row['wall s'], 2)} |" for row in record['results']['parts']]
+    return "\n".join(lines)
+
+
+BLOCKS = {"benchmark": (COST / "results.json", losses_block), "ruler": (COST / "ruler.json", ruler_block)}
+
+
+def with_block(text: str, name: str, block: str) -> str:
+    """The text with what stands between the markers of that name replaced.
 
     Raises
     ------
     ValueError
         If a marker is missing.
     """
-    if BEGIN not in text or END not in text:
-        raise ValueError(f"README.md has no {BEGIN} ... {END}; put both lines where the table shall stand")
-    return text[: text.index(BEGIN)] + block + text[text.index(END) + len(END) :]
+    begin, end = (marker.format(name) for marker in MARKERS)
+    if begin not in text or end not in text:
+        raise ValueError(f"README.md has no {begin} ... {end}; put both lines where the table shall stand")
+    return f"{text[: text.index(begin)]}{begin}\n{block}\n{text[text.index(end) :]}"
+
+
+def written(text: str) -> str:
+    """The text with every block as its results are."""
+    for name, (results, block) in BLOCKS.items():
+        text = with_block(text, name, block(read_results(results)))
+    return text
 
 
 if __name__ == "__main__":
-    made = with_block(README.read_text(encoding="utf-8"), benchmark_block(read_results(RESULTS)))
+    made = written(README.read_text(encoding="utf-8"))
     with whole_file(README) as temporary:
         temporary.write_text(made, encoding="utf-8")
     print("wrote README.md")

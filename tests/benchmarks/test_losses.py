@@ -102,11 +102,10 @@ def test_pins_are_exact_and_outside_the_lock(root):
 def test_readme_shows_the_committed_results(root, part):
     readme_table = part("readme_table")
     text = (root / "README.md").read_text(encoding="utf-8")
-    block = readme_table.benchmark_block(read_results(readme_table.RESULTS))
-    assert block in text, "README.md disagrees with experiments/cost/results.json: python benchmarks/readme_table.py"
-    assert readme_table.with_block(text, block) == text
-    with pytest.raises(ValueError, match="no <!-- benchmark -->"):
-        readme_table.with_block("nothing", block)
+    assert readme_table.written(text) == text, "README.md disagrees with results: python benchmarks/readme_table.py"
+    with pytest.raises(ValueError, match="no <!-- ruler --> ... <!-- /ruler -->; put both lines"):
+        readme_table.with_block("nothing", "ruler", "block")
+    assert readme_table.with_block("a\n<!-- x -->\nold\n<!-- /x -->\nb", "x", "new").splitlines()[2:3] == ["new"]
 
 
 def test_committed_results_have_what_was_asked_for(root, part):

@@ -1,15 +1,35 @@
 """The benchmark of the ruler, on surfaces small enough to be quick."""
 
-import importlib.util
 from pathlib import Path
 
-SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "ruler.py"
+import pytest
+
+from meshot.report.results import read_results
+from scripts import scripts_in
+
+BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
 
-def test_every_part_is_timed():
-    spec = importlib.util.spec_from_file_location("ruler_benchmark", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    rows = module.measured(2, 200, [20, 50])
+@pytest.fixture
+def ruler():
+    """The benchmark's module."""
+    with scripts_in(BENCHMARKS) as load:
+        yield load("ruler")
+
+
+def test_every_part_is_timed_and_kept(ruler, tmp_path):
+    words = ["--subdivisions", "2", "--points", "200", "--emd-points", "20", "50", "-o", str(tmp_path / "ruler.json")]
+    assert ruler.main(words) == 0
+    record = read_results(tmp_path / "ruler.json")
+    rows = record["results"]["parts"]
     assert [row["part"] for row in rows][-3:] == ["all but EMD, floors included", "EMD, 20 points", "EMD, 50 points"]
     assert all(row["wall s"] > 0 and row["CPU s"] >= 0 for row in rows)
+    target = record["results"]["target"]
+    assert target["found_s"] == rows[-3]["wall s"]
+    assert target["met"] == (target["found_s"] <= 8)
+    assert record["config"]["faces"] == 320
+
+
+def test_medians_are_taken_part_by_part(ruler):
+    runs = [[{"part": "a", "wall s": value}, {"part": "b", "wall s": -value}] for value in (5.0, 1.0, 2.0)]
+    assert ruler.medians(runs) == [{"part": "a", "wall s": 2.0}, {"part": "b", "wall s": -2.0}]
