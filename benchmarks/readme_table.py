@@ -40,7 +40,8 @@ def ruler_block(record: dict) -> str:
         "| part | CPU s | wall s |",
         "|---|---|---|",
     ]
-    lines += [f"| {row['part']} | {digits(row['CPU s'], 2)} | {digits(row['wall s'], 2)} |" for row in record['results']['parts']]
+    rows = record["results"]["parts"]
+    lines += [f"| {row['part']} | {digits(row['CPU s'], 2)} | {digits(row['wall s'], 2)} |" for row in rows]
     return "\n".join(lines)
 
 

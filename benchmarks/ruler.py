@@ -1,8 +1,8 @@
 """How long the ruler takes, part by part, on two large surfaces: ``python benchmarks/ruler.py``.
 
 CPU seconds of this process, which other work on the machine changes little, beside seconds of the wall, medians of
-three; written to ``experiments/cost/ruler.json``. Everything but the earth mover's distance is to stay within 8 s of the
-wall on two idle cores at 300 000 faces and 100 000 points.
+three; written to ``experiments/cost/ruler.json``. Everything but the earth mover's distance is to stay within 8 s of
+the wall on two idle cores at 300 000 faces and 100 000 points.
 """
 
 import argparse
@@ -75,9 +75,7 @@ def main(words: list[str] | None = None) -> int:
     started = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        rows = medians(
-            [measured(chosen.subdivisions, chosen.points, chosen.emd_points) for _ in range(chosen.repeats)]
-        )
+        rows = medians([measured(chosen.subdivisions, chosen.points, chosen.emd_points) for _ in range(chosen.repeats)])
     config = {key: value for key, value in vars(chosen).items() if key != "output"}
     config |= {"faces": 20 * 4**chosen.subdivisions}
     print(f"{config['faces']} faces, {chosen.points} points, {chosen.threads} threads\n{table(rows, 3)}")
