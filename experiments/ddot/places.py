@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import torch
 
-from meshot.mesh.geometry import face_areas, vertex_normals
+from meshot.mesh.geometry import vertex_areas, vertex_normals
 from meshot.mesh.laplacian import cotangent_vectors
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.smoothing import neighbour_means
@@ -82,9 +82,3 @@ def signed_curvatures(mesh: Mesh) -> Float[Tensor, " V"]:
         means = neighbour_means(mesh.with_vertices(values[:, None].expand(-1, 3).contiguous()))[:, 0]
         values = (values + means) / 2
     return values
-
-
-def vertex_areas(mesh: Mesh) -> Float[Tensor, " V"]:
-    """A third of the area of the faces around every vertex."""
-    thirds = (face_areas(mesh) / 3).repeat_interleave(3)
-    return torch.zeros_like(mesh.vertices[:, 0]).index_add(0, mesh.faces.flatten(), thirds)

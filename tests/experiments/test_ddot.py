@@ -11,9 +11,11 @@ import torch
 import yaml
 from scipy import stats
 
+from meshot.mesh.geometry import vertex_areas
 from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
+from meshot.mesh.shapes import icosphere
 from meshot.mesh.smoothing import laplacian_smoothing
 from meshot.metrics.surface import Surface, vertex_distances
 from meshot.model.deformation import DeformationNetwork
@@ -22,6 +24,7 @@ from meshot.model.weights import read_weights, write_weights
 from meshot.pipeline import training
 from meshot.pipeline.deformation_data import InitialSurfaces
 from meshot.pipeline.deformation_file import read_example
+from meshot.pipeline.deformation_loss import SurfaceLoss
 from meshot.report.results import read_results
 from meshot.synth.cohort import scans
 from phantoms import write_phantom_cohort
@@ -219,7 +222,7 @@ def test_errors_are_means_over_the_area_of_each_bin(part):
     moved = ring.with_vertices(ring.vertices + torch.tensor([0.0, 0.0, 3.0]))
     errors = found.errors(moved)
     assert errors["by_depth"][2] is None
-    whole = float(np.average(vertex_distances(ring, moved), weights=part("places").vertex_areas(ring).numpy()))
+    whole = float(np.average(vertex_distances(ring, moved), weights=vertex_areas(ring).numpy()))
     for name, parts in errors.items():
         assert sum(e * s for e, s in zip(parts, share[name], strict=True) if e is not None) == pytest.approx(whole)
     assert float(found.areas.sum()) == pytest.approx(4 * math.pi**2 * 12 * 8, rel=0.01)
@@ -426,3 +429,34 @@ def test_the_kept_hemisphere_is_the_first_of_the_test_split(part, place):
     assert len(self_intersecting_faces(example.initial)) == 0
     truth = Surface(subject.surface("white", "left", "standard"))
     assert np.abs(truth.offsets(Surface(example.target).sample(500, 0)).distances).max() < 0.05
+
+
+def test_pulls_of_a_shifted_sphere_are_known(part):
+    pulls, ball = part("pulls"), icosphere(3)
+    small, areas = ball.with_vertices(ball.vertices * 0.9), vertex_areas(ball)
+    way = pulls.needed(small, Surface(ball))
+    outwards = ball.vertices * 0.1
+    assert float((way - outwards).norm(dim=1).max()) < 0.01
+    nearest = pulls.pull(SurfaceLoss("chamfer", "varifold", normal_scale=0.0), small, ball, 0)
+    assert pulls.cosine(nearest, way, areas) > 0.99
+    assert pulls.cosine(-nearest, 3 * way, areas) < -0.99
+    turned = torch.stack([-outwards[:, 1], outwards[:, 0], 0 * areas], dim=1)
+    assert abs(pulls.cosine(turned, way, areas)) < 1e-3
+    assert pulls.affine_share(outwards + 5, ball, areas) == pytest.approx(1, abs=1e-9)
+    waves = torch.sin(9 * ball.vertices[:, [1, 2, 0]])
+    assert pulls.affine_share(waves, ball, areas) < 0.2
+
+
+def test_pulls_are_measured_on_validation_subjects(part, place):
+    content = yaml.safe_load((place / "config.yaml").read_text())
+    content["pulls"] |= {"n_faces": 200, "losses": {"a": {"n_directions": 5}, "b": {"loss": "chamfer"}}}
+    (place / "config.yaml").write_text(yaml.safe_dump(content))
+    assert part("pulls").main(["--config", str(place / "config.yaml"), "-o", str(place / "pulls.json")]) == 0
+    results = read_results(place / "pulls.json")["results"]
+    assert [(row["subject"], row["loss"]) for row in results["rows"]] == [
+        ("alpha/sub-003", "a"),
+        ("alpha/sub-003", "b"),
+    ]
+    for row, mean in zip(results["rows"], results["means"], strict=True):
+        assert mean == {key: value for key, value in row.items() if key != "subject"}
+        assert 0 < row["area_over_target"] < 1

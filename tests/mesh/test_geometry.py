@@ -2,6 +2,7 @@
 
 import math
 
+import igl
 import numpy as np
 import pytest
 import torch
@@ -48,6 +49,13 @@ def test_against_trimesh():
     assert float(geometry.signed_volume(mesh)) == pytest.approx(other.volume)
     assert np.array_equal(geometry.mesh_edges(mesh), np.unique(np.sort(other.edges_unique, axis=1), axis=0))
     assert float(geometry.edge_lengths(mesh).sum()) == pytest.approx(other.edges_unique_length.sum())
+
+
+def test_vertex_areas_against_libigl():
+    mesh = icosphere(2)
+    mesh = mesh.with_vertices(mesh.vertices * torch.tensor([1.0, 2.0, 3.0], dtype=torch.float64))
+    diagonal = igl.massmatrix(mesh.vertices.numpy(), mesh.faces.numpy(), igl.MASSMATRIX_TYPE_BARYCENTRIC).diagonal()
+    np.testing.assert_allclose(geometry.vertex_areas(mesh), diagonal, rtol=1e-12)
 
 
 def test_volume_does_not_depend_on_place():

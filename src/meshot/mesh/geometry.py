@@ -42,6 +42,12 @@ def face_barycentres(mesh: Mesh) -> Float[Tensor, "F 3"]:
     return face_corners(mesh).mean(dim=1)
 
 
+def vertex_areas(mesh: Mesh) -> Float[Tensor, " V"]:
+    """A third of the area of the faces around every vertex; together the area of the mesh."""
+    thirds = (face_areas(mesh) / 3).repeat_interleave(3)
+    return torch.zeros_like(mesh.vertices[:, 0]).index_add(0, mesh.faces.flatten(), thirds)
+
+
 def signed_volume(mesh: Mesh) -> Float[Tensor, ""]:
     """The volume that a closed mesh encloses: positive if its normals point outward (divergence theorem)."""
     centred = mesh.with_vertices(mesh.vertices - mesh.vertices.mean(dim=0))

@@ -2,7 +2,7 @@
 
 import torch
 
-from meshot.mesh.geometry import face_areas, face_corners, mesh_edges, safe_norm
+from meshot.mesh.geometry import face_areas, face_corners, mesh_edges, safe_norm, vertex_areas
 from meshot.mesh.mesh import Contour, Mesh
 from meshot.types import Float, Int64, Tensor
 
@@ -90,8 +90,7 @@ def mean_curvatures(mesh: Mesh) -> Float[Tensor, " V"]:
     Meyer, Desbrun, Schröder and Barr, *Discrete Differential-Geometry Operators for Triangulated 2-Manifolds*, 2003.
     """
     sums, _ = cotangent_vectors(mesh)
-    thirds = (face_areas(mesh) / 3).repeat_interleave(3)
-    areas = torch.zeros_like(mesh.vertices[:, 0]).index_add(0, mesh.faces.flatten(), thirds)
+    areas = vertex_areas(mesh)
     positive = areas > 0
     curvatures = safe_norm(sums) / (2 * torch.where(positive, areas, torch.ones_like(areas)))
     return torch.where(positive, curvatures, torch.zeros_like(curvatures))

@@ -1,0 +1,115 @@
+"""Where losses pull initial surfaces, beside where they should go: what the length of a normal is chosen by.
+
+Run as ``python experiments/ddot/pulls.py`` once both cohorts and the segmentation weights are there. It looks at
+validation subjects only, before any training, and takes two minutes of one core.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from tqdm import tqdm
+from trainings import HERE, read_config, segmentation_weights
+
+from meshot.mesh.geometry import face_areas, vertex_areas, vertex_normals
+from meshot.mesh.mesh import Mesh
+from meshot.metrics.surface import Surface
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import read_weights
+from meshot.pipeline.deformation_data import DeformationExample, InitialSurfaces
+from meshot.pipeline.deformation_loss import SurfaceLoss
+from meshot.report.results import rounded, write_results
+from meshot.synth.cohort import scans
+from meshot.types import Float, Tensor
+
+Arrows = Float[Tensor, "vertex 3"]
+
+
+def needed(mesh: Mesh, target: Surface) -> Arrows:
+    """From every vertex along its normal, as far as the nearest place of the target says, in mm."""
+    places = target.tree.squared_distance(target.vertices, target.faces, mesh.vertices.numpy())[2]
+    normals = vertex_normals(mesh)
+    return ((torch.from_numpy(places) - mesh.vertices) * normals).sum(dim=1, keepdim=True) * normals
+
+
+def pull(loss: SurfaceLoss, mesh: Mesh, target: Mesh, draw: int) -> Arrows:
+    """Downhill, over the area of each vertex: the direction in which a loss wants it to move."""
+    moving = mesh.vertices.clone().requires_grad_()
+    value = loss(mesh.with_vertices(moving), target, np.random.default_rng(draw))
+    (slope,) = torch.autograd.grad(value, moving)
+    return -slope / vertex_areas(mesh)[:, None]
+
+
+def cosine(first: Arrows, second: Arrows, masses: Tensor) -> float:
+    """How far two fields of arrows agree, weighted by the area of the vertices."""
+    first, second = (arrows * masses.sqrt()[:, None] for arrows in (first, second))
+    return float((first * second).sum() / (first.norm() * second.norm()))
+
+
+def affine_share(arrows: Arrows, mesh: Mesh, masses: Tensor) -> float:
+    """The part of the squared arrows that one affine map of the whole surface explains."""
+    weights = masses.sqrt()[:, None]
+    design = torch.cat([torch.ones_like(weights), mesh.vertices - mesh.vertices.mean(dim=0)], dim=1) * weights
+    wanted = arrows * weights
+    fitted = design @ torch.linalg.lstsq(design, wanted).solution
+    return float((fitted**2).sum() / (wanted**2).sum())
+
+
+def measured(example: DeformationExample, losses: dict[str, SurfaceLoss]) -> list[dict]:
+    """A row for every loss on one hemisphere."""
+    mesh, target = example.coarse.to(torch.float64), example.target.to(torch.float64)
+    way, masses = needed(mesh, Surface(target)), vertex_areas(mesh)
+    share = float(face_areas(example.initial).sum() / face_areas(target).sum())
+    rows = []
+    for name, loss in losses.items():
+        one, other = (pull(loss, mesh, target, draw) for draw in (0, 1))
+        rows.append(
+            {
+                "subject": example.name,
+                "loss": name,
+                "cosine": cosine(one, way, masses),
+                "cosine_of_two_draws": cosine(one, other, masses),
+                "affine_share": affine_share(one, mesh, masses),
+                "affine_share_of_needed": affine_share(way, mesh, masses),
+                "area_over_target": share,
+            }
+        )
+    return rows
+
+
+def main(words: list[str] | None = None) -> int:
+    """Measure and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--config", type=Path, default=HERE / "config.yaml", help="in place of config.yaml")
+    parser.add_argument("-o", "--output", type=Path, default=HERE / "pulls.json")
+    asked = parser.parse_args(words)
+    config = read_config(asked.config)
+    settings, started = config["pulls"], time.process_time()
+    torch.set_num_threads(config["evaluation"]["n_threads"])
+    surfaces = InitialSurfaces(config["initial"], read_weights(segmentation_weights(config), SegmentationNetwork)[0])
+    losses = {name: SurfaceLoss(**values) for name, values in settings["losses"].items()}
+    subjects = [s for cohort in config["cohorts"].values() for s in scans(cohort, settings["split"])]
+    rows = []
+    for subject in tqdm(subjects, desc="pulls"):
+        rows += measured(surfaces.example(subject, settings["side"], settings["n_faces"]), losses)
+    data = f"{settings['split']} subjects of the synthetic cohorts {', '.join(config['cohorts'])}"
+    write = {"rows": rows, "means": means(rows)}, settings, "python experiments/ddot/pulls.py", data
+    write_results(asked.output, rounded(write[0]), *write[1:], time.process_time() - started)
+    return 0
+
+
+def means(rows: list[dict]) -> list[dict]:
+    """Each loss over all subjects."""
+    found = []
+    for name in dict.fromkeys(row["loss"] for row in rows):
+        own = [row for row in rows if row["loss"] == name]
+        keys = [key for key in own[0] if key not in ("subject", "loss")]
+        found.append({"loss": name} | {key: float(np.mean([row[key] for row in own])) for key in keys})
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())
