@@ -68,6 +68,7 @@ benchmark: $(READY)
 	@$(PIP) --no-deps --upgrade --target build/peers -r benchmarks/requirements.txt
 	$(RUN) benchmarks/losses.py
 	$(RUN) benchmarks/ruler.py
+	$(RUN) benchmarks/reconstruction.py
 	@$(RUN) benchmarks/readme_table.py
 
 lock:

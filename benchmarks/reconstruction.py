@@ -1,0 +1,87 @@
+"""How long a scan takes on its way to surfaces, by stage, and the flow alone: ``python benchmarks/reconstruction.py``.
+
+CPU seconds of this process beside seconds of the wall, medians of three; written to
+``experiments/cost/reconstruction.json``. Asked for: the MNI152 average within 60 s of the wall on two idle cores; the
+flow alone, 40 962 vertices, 10 steps, the whole standard grid, within 5 s.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import torch
+from ruler import medians, timed
+
+from meshot.model.shipped import trained_networks
+from meshot.pipeline.deformation import deformed
+from meshot.pipeline.deformation_settings import read_deformation_config
+from meshot.pipeline.reconstruction import reconstruct
+from meshot.report.numbers import table
+from meshot.report.results import write_results
+from meshot.synth.anatomy import fsaverage5_surface, mni152_t1
+from meshot.synth.refinement import loop_subdivided
+from meshot.volume.standard import standard_scan
+
+ROOT = Path(__file__).resolve().parent.parent
+OUTPUT = ROOT / "experiments" / "cost" / "reconstruction.json"
+SETTINGS = ROOT / "experiments" / "ddot"
+SCAN_LIMIT_S, FLOW_LIMIT_S = 60.0, 5.0
+
+
+WHOLE, FLOW = "a scan, from volume to surfaces", "flow alone, {}"
+
+
+def flow(settings: str) -> dict:
+    """The flow of one network on the left white surface of fsaverage5, refined once: 40 962 vertices."""
+    network = read_deformation_config(SETTINGS / f"{settings}.yaml").new_network()
+    # Untrained, it does not move: let it wander by a millimetre or more, so that it visits what a trained one would.
+    torch.nn.init.normal_(network.to_velocity.weight, std=0.3, generator=torch.Generator().manual_seed(0))
+    surface = loop_subdivided(fsaverage5_surface("white", "left"))
+    image = standard_scan(mni152_t1(), mni152_t1()).volume
+    return timed(FLOW.format(settings), lambda: deformed(surface, image, network))
+
+
+def whole(initial_only: bool) -> list[dict]:
+    """Every stage of a reconstruction of the MNI152 average with the networks that come with the package, and all."""
+    networks = trained_networks(with_deformation=not initial_only)
+    found = reconstruct(mni152_t1(), networks.segmentation, networks.deformation)
+    stages = [
+        {"part": name, "CPU s": found.cpu_seconds[name], "wall s": found.wall_seconds[name]}
+        for name in found.cpu_seconds
+    ]
+    return [*stages, {"part": WHOLE} | {key: sum(stage[key] for stage in stages) for key in ("CPU s", "wall s")}]
+
+
+def main(words: list[str] | None = None) -> int:
+    """Measure, print, keep."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--initial-only", action="store_true", help="the scan without its flow")
+    parser.add_argument("-o", "--output", type=Path, default=OUTPUT)
+    chosen = parser.parse_args(words)
+    torch.set_num_threads(chosen.threads)
+    started = time.perf_counter()
+    rows = medians(
+        [
+            [*whole(chosen.initial_only), *(flow(settings) for settings in ("small", "paper"))]
+            for _ in range(chosen.repeats)
+        ]
+    )
+    print(f"{chosen.threads} threads\n{table(rows, 3)}")
+    clock = {row["part"]: row["wall s"] for row in rows}
+    limits = {WHOLE: SCAN_LIMIT_S, FLOW.format("small"): FLOW_LIMIT_S, FLOW.format("paper"): FLOW_LIMIT_S}
+    targets = [
+        {"what": part, "found_s": clock[part], "limit_s": limit, "met": clock[part] <= limit}
+        for part, limit in limits.items()
+    ]
+    config = {key: value for key, value in vars(chosen).items() if key != "output"}
+    data, seconds = "MNI152 average, fsaverage5", time.perf_counter() - started
+    command = "python benchmarks/reconstruction.py"
+    write_results(chosen.output, {"parts": rows, "targets": targets}, config, command, data, seconds)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
