@@ -2,7 +2,6 @@
 
 import dataclasses
 import fnmatch
-import json
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import yaml
 from meshot.files import whole_file
 from meshot.model.shipped import SEGMENTATION, weights_path
 from meshot.pipeline.checkpoint import TrainingLog, read_log
-from meshot.pipeline.deformation_settings import DeformationConfig, read_deformation_config
+from meshot.pipeline.deformation_settings import DeformationConfig, deformation_config, read_deformation_config
 from meshot.report.results import read_results, rounded
 from meshot.report.training import LOG, RECORD, WEIGHTS
 
@@ -119,6 +118,7 @@ def record_of(each: Wanted, config: dict) -> dict:
     """
     path = each.kept(config, ".json")
     record = read_results(path)
-    if record["config"] != json.loads(json.dumps(each.settings(config).as_dict())):
+    # Settings that came later than the record have their defaults there.
+    if deformation_config(record["config"]).as_dict() != each.settings(config).as_dict():
         raise ValueError(f"{path} was trained with other settings than {config['settings']} and the arm: train it anew")
     return record

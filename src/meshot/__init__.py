@@ -7,6 +7,7 @@ from meshot.loss.error_bar import SlicedEstimate, sliced_wasserstein_estimate
 from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import slice_costs, sliced_wasserstein
 from meshot.loss.wasserstein import wasserstein
+from meshot.loss.windowed import windowed_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
 from meshot.measure.surface import SurfaceMeasure, surface
 from meshot.mesh.io import read_mesh, write_mesh
@@ -36,6 +37,7 @@ __all__ = [
     "triangulate",
     "varifold",
     "wasserstein",
+    "windowed_sliced_wasserstein",
     "write_mesh",
 ]
 __version__ = "0.1.0"

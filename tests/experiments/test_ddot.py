@@ -297,6 +297,10 @@ def test_networks_that_cannot_be_compared_are_refused(part, place):
     run.require_fair([fair, fair | {"name": "b"}, fair | {"side": "right", "data": 2}])
     with pytest.raises(ValueError, match="b learned from other data than a"):
         run.require_fair([fair, fair | {"name": "b", "data": 2}])
+    record = json.loads(each.kept(config, ".json").read_text())
+    del record["config"]["loss"]["window"]  # a name that came later
+    each.kept(config, ".json").write_text(json.dumps(record))
+    assert trainings.record_of(each, config)["results"]["best_step"] > 0
     config["arms"]["ddot"].append("training.n_epochs=4")
     with pytest.raises(ValueError, match="was trained with other settings than"):
         trainings.record_of(each, config)

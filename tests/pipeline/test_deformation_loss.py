@@ -1,10 +1,20 @@
 """The loss by name is the loss by hand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
 
-from meshot import chamfer, empirical, sinkhorn_divergence, sliced_wasserstein, surface, varifold
+from meshot import (
+    chamfer,
+    empirical,
+    sinkhorn_divergence,
+    sliced_wasserstein,
+    surface,
+    varifold,
+    windowed_sliced_wasserstein,
+)
 from meshot.loss.directions import random_directions
 from meshot.measure.discrete import varifold_sample
 from meshot.mesh.shapes import icosphere
@@ -42,6 +52,16 @@ def test_every_other_pair_of_names():
     assert float(SurfaceLoss(encoding="surface", n_directions=20, p=1)(SOURCE, TARGET, random())) == float(wanted)
 
 
+def test_in_windows_every_window_has_its_directions_and_lies_on_the_target():
+    draw, goal = random(), varifold(TARGET, 3.0)
+    directions = random_directions(4 * 10, 6, draw).reshape(4, 10, 6)
+    centres = goal.points[draw.choice(len(goal.weights), 4, p=goal.weights.numpy()), :3]
+    wanted = windowed_sliced_wasserstein(varifold(SOURCE, 3.0), goal, centres, 5.0, directions, 1)
+    loss = SurfaceLoss(normal_scale=3.0, window=5.0, n_windows=4, n_directions=10, p=1)
+    assert float(loss(SOURCE, TARGET, random())) == float(wanted)
+    assert float(dataclasses.replace(loss, window=None)(SOURCE, TARGET, random())) != pytest.approx(float(wanted))
+
+
 @pytest.mark.parametrize("encoding", ["varifold", "samples", "surface"])
 def test_the_gradient_reaches_the_vertices_in_their_own_precision(encoding):
     vertices = SOURCE.vertices.float().requires_grad_()
@@ -65,6 +85,10 @@ def test_the_gradient_reaches_the_vertices_in_their_own_precision(encoding):
         ({"factor": 0.0}, "factor is 0.0"),
         ({"blur": float("inf")}, "blur is inf"),
         ({"normal_scale": -1.0}, "normal_scale is -1.0"),
+        ({"window": 0.0}, "window is 0.0; a finite number > 0"),
+        ({"window": 5.0, "n_windows": 0}, "n_windows is 0"),
+        ({"window": 5.0, "loss": "chamfer"}, "only the sliced loss of the varifold or of samples is taken in windows"),
+        ({"window": 5.0, "encoding": "surface"}, "window is 5.0"),
     ],
 )
 def test_doors(arguments, words):

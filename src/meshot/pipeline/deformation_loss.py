@@ -4,12 +4,14 @@ import dataclasses
 import math
 
 import numpy as np
+import torch
 
 from meshot.errors import require_positive_integer
 from meshot.loss.chamfer import chamfer
 from meshot.loss.directions import random_directions
 from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import sliced_wasserstein
+from meshot.loss.windowed import windowed_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold, varifold_sample
 from meshot.measure.surface import SurfaceMeasure, surface
 from meshot.mesh.mesh import Mesh
@@ -38,7 +40,12 @@ class SurfaceLoss:
     detach_weights : bool
         Stop the gradient through the areas of the varifold.
     n_directions : int
-        Of the sliced loss, drawn anew at every call: L.
+        Of the sliced loss, drawn anew at every call: L; in windows, for each of them.
+    window : float, optional
+        Take the sliced loss within windows of this radius, in mm, around places drawn on the target: see
+        :func:`meshot.windowed_sliced_wasserstein`. If left out, as in the paper, there is one transport of everything.
+    n_windows : int
+        How many are drawn at every call.
     p : int
         The exponent: 1 or 2; of Chamfer always 2.
     blur : float
@@ -62,6 +69,8 @@ class SurfaceLoss:
     normal_scale: float = 1.0
     detach_weights: bool = False
     n_directions: int = 100
+    window: float | None = None
+    n_windows: int = 32
     p: int = 2
     blur: float = 5.0
     factor: float = 1.0
@@ -74,11 +83,15 @@ class SurfaceLoss:
             raise ValueError(
                 "the continuous surface has no supports: only the sliced loss, without n_supports, takes it"
             )
+        if self.window is not None and (self.loss != "sliced" or self.encoding == "surface"):
+            raise ValueError(
+                f"window is {self.window!r}; only the sliced loss of the varifold or of samples is taken in windows"
+            )
         if self.loss == "chamfer" and self.p != 2:
             raise ValueError(f"p is {self.p!r}; Chamfer squares its distances: 2 is needed")
-        for name in ("n_directions", *(("n_supports",) if self.n_supports is not None else ())):
+        for name in ("n_directions", "n_windows", *(("n_supports",) if self.n_supports is not None else ())):
             require_positive_integer(getattr(self, name), name)
-        for name in ("blur", "factor"):
+        for name in ("blur", "factor", *(("window",) if self.window is not None else ())):
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; a finite number > 0 is needed")
         if not 0 <= self.normal_scale < math.inf:
@@ -106,6 +119,12 @@ class SurfaceLoss:
         if self.loss == "sinkhorn":
             return sinkhorn_divergence(source, target, self.p, self.blur)
         places = source.vertices if isinstance(source, SurfaceMeasure) else source.points
-        return sliced_wasserstein(
-            source, target, random_directions(self.n_directions, places.shape[1], random).to(places), self.p
-        )
+        n_sets = 1 if self.window is None else self.n_windows
+        directions = random_directions(n_sets * self.n_directions, places.shape[1], random).to(places)
+        if self.window is None:
+            return sliced_wasserstein(source, target, directions, self.p)
+        shares = target.weights.double().cpu().numpy()
+        drawn = random.choice(len(shares), n_sets, p=shares / shares.sum())
+        centres = target.points[torch.from_numpy(drawn).to(places.device), :3]
+        sets = directions.reshape(n_sets, self.n_directions, -1)
+        return windowed_sliced_wasserstein(source, target, centres, self.window, sets, self.p)
