@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 from scipy import stats
 
-INITIAL, OURS, RIVAL = "initial", "ddot", "cortexode"
+INITIAL, OURS, RIVAL, WINDOWED = "initial", "ddot", "cortexode", "windowed"
 MAIN = "template"  # the kind of subject that trainings know; the procedural ones stand apart
 DISTANCES = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm")
 COMPARED = (*DISTANCES, "normals", "flow_crossing_percent")
@@ -72,6 +72,8 @@ def _means(lists: list[list[float | None]]) -> list[float | None]:
 def differences(rows: list[dict], settings: dict) -> list[dict]:
     """First minus second arm at the first seed, subject by subject: every flow against its start, DDOT against others.
 
+    DDOT in windows stands against the rival too.
+
     ``side`` is "both" for the mean of the two sides of a subject. The interval holds 95 % of the means of resampled
     subjects (percentiles); with eight subjects it is about a fifth too narrow.
     """
@@ -99,7 +101,8 @@ def _by_arm(rows: list[dict]) -> dict[str, dict[str, dict[str, dict]]]:
 
 def _pairs(arms: Iterable[str]) -> list[tuple[str, str]]:
     flows = [arm for arm in arms if arm != INITIAL]
-    return [(OURS, arm) for arm in flows if arm != OURS and OURS in flows] + [(arm, INITIAL) for arm in flows]
+    pairs = [(OURS, arm) for arm in flows if arm != OURS] + [(WINDOWED, RIVAL)] + [(arm, INITIAL) for arm in flows]
+    return [pair for pair in pairs if set(pair) <= {INITIAL, *flows}]
 
 
 def _of_side(sides: dict[str, dict[str, dict]], side: str) -> dict[str, dict[str, float]]:
@@ -150,12 +153,12 @@ def _over_seeds(means: dict[str, dict[int, dict[str, float]]], shared: list[int]
 
 
 def targets(rows: list[dict], wanted: dict) -> list[dict]:
-    """What was asked for, for each cohort and side, by DDOT and its rival at the first seed: means over subjects."""
+    """What was asked for, for each cohort and side, by DDOT, its rival and DDOT in windows at the first seed: means over subjects."""
     found = []
     for part in grouped(rows, ("cohort", "side")):
         by_arm = {arm: sides[part[0]["side"]] for arm, sides in _by_arm(part).items()}
         about = {key: part[0][key] for key in ("cohort", "side")}
-        for arm in (OURS, RIVAL):
+        for arm in (OURS, RIVAL, WINDOWED):
             if arm in by_arm:
                 found.append(about | {"arm": arm} | _reached(by_arm[arm], by_arm[INITIAL], wanted))
     return found

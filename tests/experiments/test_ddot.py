@@ -85,11 +85,14 @@ def weights(place, name):
 
 def test_the_fair_pairs_come_first_and_nothing_is_made_twice(part, config):
     names = [each.name for each in part("trainings").wanted(config)]
-    assert len(names) == len(set(names)) == 21
+    assert len(names) == len(set(names)) == 25
     assert names[:4] == [f"oasis_like_{side}_{arm}_0" for side in ("left", "right") for arm in ("ddot", "cortexode")]
     assert all(name.split("_like_")[1].split("_", 1)[1] in ("ddot_0", "cortexode_0") for name in names[:8])
     assert sum(name.startswith("oasis_like_left_ddot") for name in names) == 5
-    assert sum(name.startswith("adni_like_left") and name.endswith("_0") for name in names) == 7
+    assert sum(name.startswith("adni_like_left") and name.endswith("_0") for name in names) == 8
+    assert sorted(names[8:12]) == sorted(
+        f"{c}_like_{s}_windowed_0" for c in ("oasis", "adni") for s in ("left", "right")
+    )
 
 
 def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
@@ -97,7 +100,7 @@ def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
     found = [each.settings(config) for each in part("trainings").wanted(config, ["adni_like_left_*"])]
     assert len({json.dumps(each.network) for each in found}) == 1
     assert len({each.training for each in found}) == 1
-    assert len({(each.loss.loss, each.loss.encoding) for each in found}) == len(found) == 7
+    assert len({(each.loss.loss, each.loss.encoding, each.loss.window) for each in found}) == len(found) == 8
     fair = {each.loss.loss: each.loss for each in found if each.loss.n_supports is None}
     assert fair["chamfer"].factor == 1000
     assert {each.loss.n_supports for each in found if each.loss.loss == "sinkhorn"} == {500}
@@ -343,6 +346,11 @@ def test_differences_are_paired_over_subjects(part):
         against = gaps["ddot", "initial", side]["assd_mm"]
         assert against["gap"] == pytest.approx(-0.785)
         assert -0.8 <= against["low"] < -0.785 < against["high"] <= -0.77
+    pairs = part("summary")._pairs
+    assert pairs(["initial", "ddot"]) == [("ddot", "initial")]
+    assert pairs(["initial", "cortexode", "windowed"]) == [
+        ("windowed", "cortexode"), ("cortexode", "initial"), ("windowed", "initial"),
+    ]  # fmt: skip
     values = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
     interval = part("summary").resampled(values.tolist(), SETTINGS_OF_SUMMARY | {"n_resamples": 50000})
     every = np.mean(np.stack(np.meshgrid(*[values] * 6), axis=-1).reshape(-1, 6), axis=1)

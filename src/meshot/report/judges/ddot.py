@@ -21,7 +21,7 @@ ARMS = {
     OURS: "sliced, varifold (DDOT)", "sliced_samples": "sliced, samples",
     "sliced_surface": "sliced, continuous surface", RIVAL: "Chamfer, samples (CortexODE)",
     "chamfer_varifold": "Chamfer, varifold", "sinkhorn_samples": "Sinkhorn, 500 samples",
-    "sinkhorn_varifold": "Sinkhorn, varifold of 500",
+    "sinkhorn_varifold": "Sinkhorn, varifold of 500", "windowed": "sliced in windows, varifold",
 }  # fmt: skip
 
 
