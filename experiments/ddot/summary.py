@@ -153,7 +153,7 @@ def _over_seeds(means: dict[str, dict[int, dict[str, float]]], shared: list[int]
 
 
 def targets(rows: list[dict], wanted: dict) -> list[dict]:
-    """What was asked for, for each cohort and side, by DDOT, its rival and DDOT in windows at the first seed: means over subjects."""
+    """What was asked for, for each cohort and side, by DDOT, its rival and DDOT in windows: means over subjects."""
     found = []
     for part in grouped(rows, ("cohort", "side")):
         by_arm = {arm: sides[part[0]["side"]] for arm, sides in _by_arm(part).items()}
