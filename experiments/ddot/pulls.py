@@ -16,7 +16,7 @@ from trainings import HERE, read_config, segmentation_weights
 
 from meshot.mesh.geometry import face_areas, vertex_areas, vertex_normals
 from meshot.mesh.mesh import Mesh
-from meshot.metrics.surface import Surface
+from meshot.metrics.surface import Surface, average_surface_distance
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights
 from meshot.pipeline.deformation_data import DeformationExample, InitialSurfaces
@@ -58,11 +58,19 @@ def affine_share(arrows: Arrows, mesh: Mesh, masses: Tensor) -> float:
     return float((fitted**2).sum() / (wanted**2).sum())
 
 
-def measured(example: DeformationExample, losses: dict[str, SurfaceLoss]) -> list[dict]:
+def initial_distance(example: DeformationExample, n_points: int) -> float:
+    """ASSD of the initial surface, in mm of the standard space, as a training validates."""
+    found, goal = Surface(example.initial), Surface(example.target)
+    there, back = goal.offsets(found.sample(n_points, 0)), found.offsets(goal.sample(n_points, 1))
+    return average_surface_distance(there, back)
+
+
+def measured(example: DeformationExample, losses: dict[str, SurfaceLoss], n_points: int) -> list[dict]:
     """A row for every loss on one hemisphere."""
     mesh, target = example.coarse.to(torch.float64), example.target.to(torch.float64)
     way, masses = needed(mesh, Surface(target)), vertex_areas(mesh)
     share = float(face_areas(example.initial).sum() / face_areas(target).sum())
+    distance = initial_distance(example, n_points)
     rows = []
     for name, loss in losses.items():
         one, other = (pull(loss, mesh, target, draw) for draw in (0, 1))
@@ -75,6 +83,7 @@ def measured(example: DeformationExample, losses: dict[str, SurfaceLoss]) -> lis
                 "affine_share": affine_share(one, mesh, masses),
                 "affine_share_of_needed": affine_share(way, mesh, masses),
                 "area_over_target": share,
+                "initial_assd_mm": distance,
             }
         )
     return rows
@@ -94,7 +103,8 @@ def main(words: list[str] | None = None) -> int:
     subjects = [s for cohort in config["cohorts"].values() for s in scans(cohort, settings["split"])]
     rows = []
     for subject in tqdm(subjects, desc="pulls"):
-        rows += measured(surfaces.example(subject, settings["side"], settings["n_faces"]), losses)
+        example = surfaces.example(subject, settings["side"], settings["n_faces"])
+        rows += measured(example, losses, settings["n_points"])
     data = f"{settings['split']} subjects of the synthetic cohorts {', '.join(config['cohorts'])}"
     write = {"rows": rows, "means": means(rows)}, settings, "python experiments/ddot/pulls.py", data
     write_results(asked.output, rounded(write[0]), *write[1:], time.process_time() - started)

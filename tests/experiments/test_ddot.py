@@ -22,11 +22,12 @@ from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
 from meshot.pipeline import training
-from meshot.pipeline.deformation_data import InitialSurfaces
+from meshot.pipeline.deformation_data import DeformationExample, InitialSurfaces
 from meshot.pipeline.deformation_file import read_example
 from meshot.pipeline.deformation_loss import SurfaceLoss
 from meshot.report.results import read_results
 from meshot.synth.cohort import scans
+from meshot.volume.volume import Volume
 from phantoms import write_phantom_cohort
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ddot"
@@ -457,6 +458,8 @@ def test_pulls_of_a_shifted_sphere_are_known(part):
     assert pulls.affine_share(outwards + 5, ball, areas) == pytest.approx(1, abs=1e-9)
     waves = torch.sin(9 * ball.vertices[:, [1, 2, 0]])
     assert pulls.affine_share(waves, ball, areas) < 0.2
+    example = DeformationExample("ball", Volume(np.zeros((2, 2, 2)), np.eye(4)), small, small, ball)
+    assert pulls.initial_distance(example, 2000) == pytest.approx(0.1, abs=0.003)
 
 
 def test_pulls_are_measured_on_validation_subjects(part, place):
@@ -472,3 +475,4 @@ def test_pulls_are_measured_on_validation_subjects(part, place):
     for row, mean in zip(results["rows"], results["means"], strict=True):
         assert mean == {key: value for key, value in row.items() if key != "subject"}
         assert 0 < row["area_over_target"] < 1
+        assert 0.1 < row["initial_assd_mm"] < 3
