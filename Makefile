@@ -10,7 +10,10 @@ READY := $(if $(VENV),$(VENV)/.ready,)
 RUN := $(BIN)python
 PIP := $(BIN)pip install -q --disable-pip-version-check
 
-.PHONY: help book test html notebooks ledger lab lint lock benchmark clean distclean
+COHORTS ?= oasis_like adni_like test_retest
+JOBS ?= 2
+
+.PHONY: help book test html notebooks ledger lab lint lock benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -19,6 +22,7 @@ help:
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make ledger     write the claims ledger from the committed results"
 	@echo "make benchmark  install the peers of the benchmark in build/peers, run it (15 minutes), write its table into README"
+	@echo "make cohorts    make all synthetic subjects in build/cohorts (an hour, resumable; COHORTS=oasis_like for one, JOBS=2)"
 	@echo "make lab        open the notebooks in JupyterLab"
 	@echo "make lint       check style"
 	@echo "make lock       solve requirements.lock anew from pyproject.toml"
@@ -70,6 +74,10 @@ benchmark: $(READY)
 	$(RUN) benchmarks/ruler.py
 	$(RUN) benchmarks/reconstruction.py
 	@$(RUN) benchmarks/readme_table.py
+
+cohorts: $(READY)
+	@for name in $(COHORTS); do \
+	  $(RUN) data_synth/make_cohort.py data_synth/$$name.yaml build/cohorts/$$name --jobs $(JOBS) || exit 1; done
 
 lock:
 	@$(PIP) uv
