@@ -1,8 +1,8 @@
-"""Folders that are either whole or as they were."""
+"""Files and folders that are either whole or as they were."""
 
 import pytest
 
-from meshot.files import whole_folder
+from meshot.files import whole_file, whole_folder
 
 
 def fill(path, replace=False, error=None):
@@ -47,3 +47,13 @@ def test_a_file_in_the_way_is_named(tmp_path):
     (tmp_path / "out").write_text("file")
     with pytest.raises(ValueError, match="is a file; a folder is needed"):
         fill(tmp_path / "out", replace=True)
+
+
+def test_a_file_can_be_read_by_whom_the_umask_says_whoever_wrote_it(tmp_path):
+    (tmp_path / "usual").touch()
+    with whole_file(tmp_path / "out") as temporary:
+        temporary.write_text("new")
+        temporary.chmod(0o600)
+    assert (tmp_path / "out").read_text() == "new"
+    assert (tmp_path / "out").stat().st_mode == (tmp_path / "usual").stat().st_mode
+    assert len(list(tmp_path.iterdir())) == 2

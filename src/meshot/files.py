@@ -24,8 +24,11 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
-        temporary = Path(folder) / path.name
+        temporary, usual = Path(folder) / path.name, Path(folder) / ".usual"
         yield temporary
+        # Some writers leave a file that only its owner can read; everybody else's files are as the umask says.
+        usual.touch()
+        temporary.chmod(usual.stat().st_mode)
         os.replace(temporary, path)
 
 
