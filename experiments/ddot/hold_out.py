@@ -4,16 +4,12 @@ Run as ``python experiments/ddot/hold_out.py`` once the cohort and the segmentat
 the first of the test split, so that nobody chose it.
 """
 
-import argparse
 import dataclasses
 import sys
-from pathlib import Path
 
-from trainings import HERE, read_config, segmentation_weights
+from trainings import HERE, arguments, read_config, segmentation_network
 
 from meshot.mesh.mending import mended
-from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights
 from meshot.pipeline.deformation_data import InitialSurfaces, network_digest
 from meshot.pipeline.deformation_file import write_example
 from meshot.report.results import provenance
@@ -25,12 +21,9 @@ INITIAL_FACES, TARGET_FACES = 30_000, 30_000
 
 def main(words: list[str] | None = None) -> int:
     """Write the file."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--config", type=Path, default=HERE / "config.yaml", help="in place of config.yaml")
-    parser.add_argument("-o", "--output", type=Path, default=HERE / "held_out.safetensors")
-    asked = parser.parse_args(words)
+    asked = arguments(__doc__, HERE / "held_out.safetensors").parse_args(words)
     config = read_config(asked.config)
-    network, _ = read_weights(segmentation_weights(config), SegmentationNetwork)
+    network = segmentation_network(config)
     subject = scans(config["cohorts"][COHORT], config["evaluation"]["split"])[0]
     example = InitialSurfaces(config["initial"], network).example(subject, SIDE, INITIAL_FACES)
     # Simplified faces may cross; what the flow starts from must not.

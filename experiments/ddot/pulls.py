@@ -4,21 +4,17 @@ Run as ``python experiments/ddot/pulls.py`` once both cohorts and the segmentati
 validation subjects only, before any training, and takes two minutes of one core.
 """
 
-import argparse
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import torch
 from tqdm import tqdm
-from trainings import HERE, read_config, segmentation_weights
+from trainings import HERE, arguments, read_config, segmentation_network
 
 from meshot.mesh.geometry import face_areas, vertex_areas, vertex_normals
 from meshot.mesh.mesh import Mesh
-from meshot.metrics.surface import Surface, average_surface_distance
-from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights
+from meshot.metrics.surface import Surface, average_surface_distance, offsets_between
 from meshot.pipeline.deformation_data import DeformationExample, InitialSurfaces
 from meshot.pipeline.deformation_loss import SurfaceLoss
 from meshot.report.results import rounded, write_results
@@ -60,9 +56,7 @@ def affine_share(arrows: Arrows, mesh: Mesh, masses: Tensor) -> float:
 
 def initial_distance(example: DeformationExample, n_points: int) -> float:
     """ASSD of the initial surface, in mm of the standard space, as a training validates."""
-    found, goal = Surface(example.initial), Surface(example.target)
-    there, back = goal.offsets(found.sample(n_points, 0)), found.offsets(goal.sample(n_points, 1))
-    return average_surface_distance(there, back)
+    return average_surface_distance(*offsets_between(Surface(example.initial), Surface(example.target), n_points))
 
 
 def measured(example: DeformationExample, losses: dict[str, SurfaceLoss], n_points: int) -> list[dict]:
@@ -91,14 +85,11 @@ def measured(example: DeformationExample, losses: dict[str, SurfaceLoss], n_poin
 
 def main(words: list[str] | None = None) -> int:
     """Measure and write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--config", type=Path, default=HERE / "config.yaml", help="in place of config.yaml")
-    parser.add_argument("-o", "--output", type=Path, default=HERE / "pulls.json")
-    asked = parser.parse_args(words)
+    asked = arguments(__doc__, HERE / "pulls.json").parse_args(words)
     config = read_config(asked.config)
     settings, started = config["pulls"], time.process_time()
     torch.set_num_threads(config["evaluation"]["n_threads"])
-    surfaces = InitialSurfaces(config["initial"], read_weights(segmentation_weights(config), SegmentationNetwork)[0])
+    surfaces = InitialSurfaces(config["initial"], segmentation_network(config))
     losses = {name: SurfaceLoss(**values) for name, values in settings["losses"].items()}
     subjects = [s for cohort in config["cohorts"].values() for s in scans(cohort, settings["split"])]
     rows = []

@@ -5,7 +5,6 @@ are named in the results, and measured when the command is given again. Every fi
 beside the output, so that a run that was stopped, or has more networks now, goes on where it was.
 """
 
-import argparse
 import functools
 import hashlib
 import json
@@ -16,7 +15,7 @@ from pathlib import Path
 import torch
 from measuring import flow_row, initial_row, seen
 from summary import summarised
-from trainings import HERE, Wanted, read_config, record_of, segmentation_weights, wanted
+from trainings import HERE, Wanted, arguments, read_config, record_of, segmentation_network, wanted
 
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
@@ -108,14 +107,6 @@ def require_fair(trainings: list[dict]) -> None:
             raise ValueError(f"{each['name']} learned from other data than {first['name']}: train one of them anew")
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """What was asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--config", type=Path, default=HERE / "config.yaml", help="in place of config.yaml")
-    parser.add_argument("--output", default=HERE / "results.json", type=Path, help="where the results go")
-    return parser.parse_args(words)
-
-
 def main(words: list[str] | None = None) -> None:
     """Measure what is there, then write the results.
 
@@ -124,7 +115,7 @@ def main(words: list[str] | None = None) -> None:
     ValueError
         If no network is there.
     """
-    asked = parsed(words)
+    asked = arguments(__doc__, HERE / "results.json").parse_args(words)
     config = read_config(asked.config)
     torch.set_num_threads(config["evaluation"]["n_threads"])
     planned = wanted(config)
@@ -134,7 +125,7 @@ def main(words: list[str] | None = None) -> None:
         raise ValueError(f"no trained network is in {config['weights']}: run experiments/ddot/train.py first")
     if missing:
         print(f"{len(missing)} networks are missing (train.py makes them): {', '.join(missing)}", file=sys.stderr)
-    segmentation = read_weights(segmentation_weights(config), SegmentationNetwork)[0]
+    segmentation = segmentation_network(config)
     trainings = [described(each, config, network_digest(segmentation)) for each in there]
     require_fair(trainings)
     cohorts = dict.fromkeys(each.cohort for each in there)

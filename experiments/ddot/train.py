@@ -18,10 +18,8 @@ from pathlib import Path
 
 import torch
 from tqdm import tqdm
-from trainings import HERE, Wanted, keep, read_config, segmentation_weights, wanted
+from trainings import Wanted, arguments, keep, read_config, segmentation_network, segmentation_weights, wanted
 
-from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights
 from meshot.pipeline.deformation_data import InitialSurfaces
 from meshot.report.deformation import trained_deformation
 from meshot.report.training import LOG, STATE_FOLDER
@@ -67,7 +65,7 @@ def alone(folder: Path) -> Iterator[None]:
 def prepared(missing: list[Wanted], config: dict) -> None:
     """Make the initial surfaces that are missing, so that trainings side by side do not all make the same."""
     torch.set_num_threads(1)
-    surfaces = InitialSurfaces(config["initial"], read_weights(segmentation_weights(config), SegmentationNetwork)[0])
+    surfaces = InitialSurfaces(config["initial"], segmentation_network(config))
     cohorts = dict.fromkeys((each.cohort, each.side) for each in missing)
     found = [
         (subject, side)
@@ -130,8 +128,7 @@ def in_turn(missing: list[Wanted], config: dict) -> list[str]:
 
 def parsed(words: list[str] | None) -> argparse.Namespace:
     """What was asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--config", type=Path, default=HERE / "config.yaml", help="in place of config.yaml")
+    parser = arguments(__doc__)
     parser.add_argument("--only", nargs="+", default=["*"], metavar="PATTERN", help="names, * for anything")
     parser.add_argument("--jobs", type=int, default=1, help="how many at a time (default: %(default)s)")
     parser.add_argument("--list", action="store_true", help="say what is there, and train nothing")

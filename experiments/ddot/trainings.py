@@ -1,5 +1,6 @@
 """Which networks the experiment trains, in which order, and what is kept of each."""
 
+import argparse
 import dataclasses
 import fnmatch
 from collections.abc import Iterable
@@ -8,7 +9,9 @@ from pathlib import Path
 import yaml
 
 from meshot.files import whole_file
+from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.shipped import SEGMENTATION, weights_path
+from meshot.model.weights import read_weights
 from meshot.pipeline.checkpoint import TrainingLog, read_log
 from meshot.pipeline.deformation_settings import DeformationConfig, deformation_config, read_deformation_config
 from meshot.report.results import read_results, rounded
@@ -53,6 +56,15 @@ class Wanted:
         return self.kept(config, ".json").is_file()
 
 
+def arguments(about: str, output: Path | None = None) -> argparse.ArgumentParser:
+    """What all commands of the experiment take; ``output`` is the default of ``-o``, for those that write one file."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--config", type=Path, default=HERE / "config.yaml", help="in place of config.yaml")
+    if output is not None:
+        parser.add_argument("-o", "--output", type=Path, default=output, help="where the result goes")
+    return parser
+
+
 def read_config(path: Path = HERE / "config.yaml") -> dict:
     """The configuration of the experiment."""
     return yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -84,6 +96,11 @@ def wanted(config: dict, only: Iterable[str] = ("*",)) -> list[Wanted]:
 def segmentation_weights(config: dict) -> Path:
     """Weights of the network that makes the initial surfaces."""
     return Path(config["segmentation"]) if config["segmentation"] else weights_path(SEGMENTATION)
+
+
+def segmentation_network(config: dict) -> SegmentationNetwork:
+    """The network that makes the initial surfaces."""
+    return read_weights(segmentation_weights(config), SegmentationNetwork)[0]
 
 
 def keep(each: Wanted, config: dict) -> None:
@@ -119,6 +136,7 @@ def record_of(each: Wanted, config: dict) -> dict:
     path = each.kept(config, ".json")
     record = read_results(path)
     # Settings that came later than the record have their defaults there.
-    if deformation_config(record["config"]).as_dict() != each.settings(config).as_dict():
+    trained = deformation_config(record["config"], f"the configuration in {path}")
+    if trained.as_dict() != each.settings(config).as_dict():
         raise ValueError(f"{path} was trained with other settings than {config['settings']} and the arm: train it anew")
     return record

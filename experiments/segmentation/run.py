@@ -18,7 +18,7 @@ from summary import summary
 
 from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.topology import topology
-from meshot.metrics.surface import Surface, average_surface_distance, hausdorff_distance
+from meshot.metrics.surface import Surface, average_surface_distance, hausdorff_distance, offsets_between
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights
 from meshot.pipeline.segmentation import in_scanner, segment
@@ -54,7 +54,7 @@ def measured(subject: Subject, side: str, seen: Seen, n_points: int, seed: int) 
     fractions = enclosed_fractions(subject.surface("white", side, "standard"), seen.scan.volume)
     before, after = topology(isosurface(surface.mask.with_data(surface.mask.data.astype(float)))), topology(mesh)
     n_mask, n_ball = int(surface.mask.data.sum()), int(surface.genus_zero_mask.data.sum())
-    there, back = offsets(mesh, truth, n_points, seed)
+    there, back = offsets_between(Surface(mesh), Surface(truth), n_points, (seed, seed + 1))
     return {
         "kind": subject.participant.kind,
         "dice": dice(seen.probability[side].data > 0.5, fractions > 0.5),
@@ -82,15 +82,10 @@ def measured(subject: Subject, side: str, seen: Seen, n_points: int, seed: int) 
 def from_truth(subject: Subject, side: str, scan: object, fractions: np.ndarray, n_points: int, seed: int) -> dict:
     """The same way from the true fractions: what the grid itself costs, with no network."""
     surface = segmented_surface(scan.volume.with_data(fractions))
-    there, back = offsets(in_scanner(surface.mesh, scan), subject.surface("white", side), n_points, seed)
+    found, goal = Surface(in_scanner(surface.mesh, scan)), Surface(subject.surface("white", side))
+    there, back = offsets_between(found, goal, n_points, (seed, seed + 1))
     n_given_up = int(surface.mask.data.sum() - surface.genus_zero_mask.data.sum())
     return {"assd_mm": average_surface_distance(there, back), "n_voxels_given_up": n_given_up}
-
-
-def offsets(mesh: object, truth: object, n_points: int, seed: int) -> tuple:
-    """From each surface to the other."""
-    first, second = Surface(mesh), Surface(truth)
-    return second.offsets(first.sample(n_points, seed)), first.offsets(second.sample(n_points, seed + 1))
 
 
 def parsed(words: list[str] | None) -> argparse.Namespace:

@@ -1,4 +1,7 @@
-"""Sliced Wasserstein within windows: transport is compared near by, so that missing mass need not come from afar."""
+"""Sliced Wasserstein within windows: transport is compared near by, so that missing mass need not come from afar.
+
+Our own addition: the paper transports everything at once.
+"""
 
 import math
 

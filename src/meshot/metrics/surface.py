@@ -61,6 +61,14 @@ class Surface:
         return Offsets(np.sqrt(np.maximum(squared, 0)), (self.normals[faces] * sample.normals).sum(axis=1))
 
 
+def offsets_between(
+    first: Surface, second: Surface, n_points: int, generators: tuple[Generator, Generator] = (0, 1)
+) -> tuple[Offsets, Offsets]:
+    """From so many points of each surface to the other: what the distances below are made of."""
+    there, back = (each.sample(n_points, draw) for each, draw in zip((first, second), generators, strict=True))
+    return second.offsets(there), first.offsets(back)
+
+
 def average_surface_distance(there: Offsets, back: Offsets) -> float:
     """ASSD, the average symmetric surface distance: the mean of the two mean distances."""
     return float(there.distances.mean() + back.distances.mean()) / 2

@@ -118,13 +118,19 @@ class SurfaceLoss:
             return chamfer(source, target)
         if self.loss == "sinkhorn":
             return sinkhorn_divergence(source, target, self.p, self.blur)
+        if self.window is not None:
+            return self._in_windows(source, target, random)
         places = source.vertices if isinstance(source, SurfaceMeasure) else source.points
-        n_sets = 1 if self.window is None else self.n_windows
-        directions = random_directions(n_sets * self.n_directions, places.shape[1], random).to(places)
-        if self.window is None:
-            return sliced_wasserstein(source, target, directions, self.p)
+        directions = random_directions(self.n_directions, places.shape[1], random).to(places)
+        return sliced_wasserstein(source, target, directions, self.p)
+
+    def _in_windows(
+        self, source: DiscreteMeasure, target: DiscreteMeasure, random: np.random.Generator
+    ) -> Float[Tensor, ""]:
+        """Around places drawn on the target by area, each with directions of its own."""
+        lines = random_directions(self.n_windows * self.n_directions, source.points.shape[1], random).to(source.points)
         shares = target.weights.double().cpu().numpy()
-        drawn = random.choice(len(shares), n_sets, p=shares / shares.sum())
-        centres = target.points[torch.from_numpy(drawn).to(places.device), :3]
-        sets = directions.reshape(n_sets, self.n_directions, -1)
+        drawn = random.choice(len(shares), self.n_windows, p=shares / shares.sum())
+        centres = target.points[torch.from_numpy(drawn).to(lines.device), :3]
+        sets = lines.reshape(self.n_windows, self.n_directions, -1)
         return windowed_sliced_wasserstein(source, target, centres, self.window, sets, self.p)

@@ -8,7 +8,13 @@ import torch
 
 from meshot.flow.integrate import integrate
 from meshot.mesh.mesh import Mesh
-from meshot.metrics.surface import Surface, average_surface_distance, hausdorff_distance, normal_agreement
+from meshot.metrics.surface import (
+    Surface,
+    average_surface_distance,
+    hausdorff_distance,
+    normal_agreement,
+    offsets_between,
+)
 from meshot.model.deformation import DeformationNetwork
 from meshot.pipeline.checkpoint import TrainingState
 from meshot.pipeline.deformation import deformed, standardised
@@ -108,9 +114,7 @@ def _validation(
     rows = []
     for item in validation:
         found = Surface(deformed(item.initial, item.scan, network, settings.n_flow_steps, settings.method))
-        goal = targets[item.name]
-        there = goal.offsets(found.sample(settings.n_points, 0))
-        back = found.offsets(goal.sample(settings.n_points, 1))
+        there, back = offsets_between(found, targets[item.name], settings.n_points)
         rows.append(
             [average_surface_distance(there, back), hausdorff_distance(there, back), normal_agreement(there, back)]
         )
