@@ -308,6 +308,10 @@ def test_networks_that_cannot_be_compared_are_refused(part, place):
     config["arms"]["ddot"].append("training.n_epochs=4")
     with pytest.raises(ValueError, match="was trained with other settings than"):
         trainings.record_of(each, config)
+    record["config"]["loss"]["loss"] = "nearest"
+    each.kept(config, ".json").write_text(json.dumps(record))
+    with pytest.raises(ValueError, match=r"alpha_left_ddot_0.json will not do: loss is 'nearest'"):
+        trainings.record_of(each, config)
 
 
 def hemisphere(arm, seed, side, subject, assd, crossing=0.0):

@@ -5,14 +5,14 @@ import functools
 import numpy as np
 import pytest
 import torch
-from scipy.ndimage import affine_transform
+from scipy.ndimage import affine_transform, center_of_mass
 from scipy.spatial.transform import Rotation
 
 from meshot.synth.anatomy import mni152_t1
 from meshot.volume.pyramid import volume_pyramid
 from meshot.volume.registration import register_affine
 from meshot.volume.sampling import sample_volume
-from meshot.volume.standard import SHAPE, place_on_grid, standard_scan
+from meshot.volume.standard import SHAPE, centre_of_mass, place_on_grid, standard_scan
 from meshot.volume.volume import Volume, transform_points, voxel_sizes, voxel_to_mm
 
 TO_STANDARD = np.eye(4)
@@ -78,6 +78,16 @@ def test_surfaces_return_to_the_scanner():
     np.testing.assert_allclose(
         standard.from_scanner(points), transform_points(TO_STANDARD, points.double()).float(), atol=1e-3
     )
+
+
+def test_the_centre_of_mass_against_scipy():
+    random = np.random.default_rng(0)
+    affine = np.vstack([random.normal(size=(3, 4)), [0, 0, 0, 1]])
+    volume = Volume(random.uniform(-1, 2, (5, 6, 7)), affine)
+    middle = np.array(center_of_mass(volume.data - volume.data.min()))
+    np.testing.assert_allclose(centre_of_mass(volume), affine[:3, :3] @ middle + affine[:3, 3], rtol=1e-10)
+    with pytest.raises(ValueError, match=r"the volume is 3\.0 everywhere"):
+        centre_of_mass(volume.with_data(np.full((5, 6, 7), 3.0)))
 
 
 def test_from_scan_to_grid_at_once():

@@ -66,7 +66,7 @@ def standard_scan(scan: Volume, template: Volume, seed: int = 0) -> StandardScan
     """
     # Rounded, so that the last bits, which differ between CPUs, do not matter; it moves nothing by 1e-3 mm.
     to_standard = register_affine(scan, template, seed).round(6)
-    return place_on_grid(scan, to_standard, _centre_of_mass(template))
+    return place_on_grid(scan, to_standard, centre_of_mass(template))
 
 
 def place_on_grid(scan: Volume, to_standard: Float[Array, "4 4"], centre_mm: Float[Array, " 3"]) -> StandardScan:
@@ -86,8 +86,17 @@ def _grid_affine(centre_mm: Float[Array, " 3"]) -> Float[Array, "4 4"]:
     return affine
 
 
-def _centre_of_mass(volume: Volume) -> Float[Array, " 3"]:
+def centre_of_mass(volume: Volume) -> Float[Array, " 3"]:
+    """The centre of the values above the smallest, in mm; the standard grid lies around that of its template.
+
+    Raises
+    ------
+    ValueError
+        If the volume is constant.
+    """
     weights = volume.data.astype(np.float64) - volume.data.min()
+    if not weights.any():
+        raise ValueError(f"the volume is {volume.data.min()} everywhere and has no centre; one with an image is needed")
     axes = [
         np.tensordot(weights.sum(axis=tuple({0, 1, 2} - {k})), np.arange(n), 1) for k, n in enumerate(weights.shape)
     ]
