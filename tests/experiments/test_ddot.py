@@ -1,5 +1,6 @@
 """The experiment on trained flows, on phantoms: trainings in their order, stopped and gone on with, then measured."""
 
+import dataclasses
 import json
 import math
 import shutil
@@ -25,6 +26,7 @@ from meshot.pipeline import training
 from meshot.pipeline.deformation_data import DeformationExample, InitialSurfaces
 from meshot.pipeline.deformation_file import read_example
 from meshot.pipeline.deformation_loss import SurfaceLoss
+from meshot.pipeline.deformation_settings import read_deformation_config
 from meshot.report.results import read_results
 from meshot.synth.cohort import scans
 from meshot.volume.volume import Volume
@@ -446,6 +448,16 @@ def test_the_kept_hemisphere_is_the_first_of_the_test_split(part, place):
     assert len(self_intersecting_faces(example.initial)) == 0
     truth = Surface(subject.surface("white", "left", "standard"))
     assert np.abs(truth.offsets(Surface(example.target).sample(500, 0)).distances).max() < 0.05
+
+
+def test_shipped_flows_are_trained_as_the_windowed_arm_but_on_both_cohorts(part, config):
+    trainings = part("trainings")
+    (each,) = trainings.wanted(config, ["oasis_like_left_windowed_0"])
+    found, arm = read_deformation_config(FOLDER / "shipped.yaml", ["training.side=left"]), each.settings(config)
+    assert (found.network, found.loss) == (arm.network, arm.loss)
+    # Twice as many subjects, half as many epochs: as many steps, and validations at the same ones.
+    halved = {"n_epochs": arm.training.n_epochs // 2, "validate_every": arm.training.validate_every // 2}
+    assert found.training == dataclasses.replace(arm.training, **halved)
 
 
 def test_pulls_of_a_shifted_sphere_are_known(part):
