@@ -88,6 +88,7 @@ def test_the_pulls_are_those_of_transport():
         (check.alignment, lambda p, n, m: _aligned(p * m[:, None], n, m), "one mass too many"),
         (check.pull_of_regions, lambda x, a, b: -by_walking(x, a, b), "sign"),
         (check.pull_of_regions, lambda x, a, b: by_walking(x, a, b) * a / a.sum(), "mass times distance"),
+        (check.pull_of_regions, lambda x, a, b: by_walking(x, a, b) * a / a.sum() / (b / b.sum()), "target's share"),
         (check.pull_of_regions, lambda x, a, b: -by_walking(x, b, a), "changed places"),
     ],
 )
