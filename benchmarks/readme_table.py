@@ -37,9 +37,11 @@ def ruler_block(record: dict) -> str:
 
 def reconstruction_block(record: dict) -> str:
     """The stages of a reconstruction and their times."""
+    config = record["config"]
     what = "`meshot reconstruct` on the MNI152 average"
-    what += ", without the flow" if record["config"]["initial_only"] else ""
-    return parts_block(f"{what}; the flow alone carries 40 962 vertices in 10 steps", record)
+    what += ", without the flow" if config["initial_only"] else ""
+    what += f"; the flow alone carries {config['flow_vertices']} vertices in {config['flow_steps']} steps"
+    return parts_block(what, record)
 
 
 def parts_block(what: str, record: dict) -> str:

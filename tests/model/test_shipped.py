@@ -7,6 +7,9 @@ import pytest
 from bright_head import write_bright_weights
 from meshot.model import shipped
 from meshot.model.shipped import DEFORMATION, SEGMENTATION, trained_networks, weights_path
+from meshot.pipeline.deformation_data import network_digest
+from meshot.pipeline.deformation_settings import read_deformation_config
+from meshot.report.results import read_results
 
 
 @pytest.fixture
@@ -47,8 +50,17 @@ def test_sides_are_not_taken_for_a_segmentation(folder):
         trained_networks(folder)
 
 
-def test_what_is_shipped_can_be_read():
-    for path in shipped.SHIPPED.glob("*.safetensors"):
-        assert path.name in {SEGMENTATION, *DEFORMATION.values()}
-    if (shipped.SHIPPED / SEGMENTATION).exists():
-        assert trained_networks(with_deformation=False).records[SEGMENTATION]["commit"]
+def test_what_is_shipped_can_be_read(root):
+    assert {path.name for path in shipped.SHIPPED.iterdir()} == {SEGMENTATION, *DEFORMATION.values()}
+    networks = trained_networks()
+    for record in networks.records.values():
+        assert len(record["commit"]) == 12  # nothing that was not committed
+    for side, name in DEFORMATION.items():
+        record = networks.records[name]
+        wanted = read_deformation_config(root / "experiments" / "ddot" / "shipped.yaml", [f"training.side={side}"])
+        assert record["results"]["segmentation_sha256"] == network_digest(networks.segmentation)
+        kept = read_results(root / "experiments" / "ddot" / f"shipped_{side}.json")
+        assert kept["config"] == wanted.as_dict()
+        assert [kept[key] for key in ("commit", "command", "results")] == [
+            record[key] for key in ("commit", "command", "results")
+        ]
