@@ -163,5 +163,8 @@ def test_doubts_about_surfaces():
     (crossed,) = doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 64, 0, 0.31))
     assert "64 faces (5 %) of the left surface crossed after the flow" in crossed
     assert "retreats" not in crossed
-    (retreated,) = doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 64, 2, 3.0))
+    (retreated,) = doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 6, 2, 3.0))
     assert "2 retreats" in retreated
+    assert doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 6, 0, 3.0)) == []
+    (far,) = doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 6, 0, 7.5))
+    assert "moved vertices by up to 7.5 mm" in far
