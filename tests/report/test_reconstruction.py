@@ -1,6 +1,7 @@
 """``meshot reconstruct`` as a user meets it: files, page, folders in the way, bad scans."""
 
 import json
+import re
 
 import nibabel
 import numpy as np
@@ -15,6 +16,7 @@ from meshot.metrics.surface import vertex_distances
 from meshot.pipeline import reconstruction
 from meshot.report import reconstruction as written
 from meshot.report import reconstruction_pictures
+from meshot.report.reconstruction_page import _table
 from meshot.volume.io import write_volume
 from meshot.volume.volume import centre_ras
 from preflight import browser as browser_path
@@ -270,3 +272,9 @@ def test_bad_choices_end_in_one_line(place, capsys, more, why):
     assert main(words(place, "never", *more)) == 2
     assert why in last_line(capsys)
     assert not (place / "never").exists()
+
+
+def test_numbers_on_the_page_have_no_exponents():
+    page = _table(["", "left"], [("area", 1138.4), ("faces", 174540), ("volume", 361.21), ("none", 0)])
+    found = re.findall("<td>(.*?)</td>", page)
+    assert found == ["1\u202f138", "174\u202f540", "361", "0"]

@@ -170,4 +170,6 @@ def _table(names: Sequence[str], rows: Sequence[tuple]) -> str:
 
 
 def _cell(value: float) -> str:
-    return digits(value, 3) if isinstance(value, float) else f"{value:,}".replace(",", "\u202f")
+    if isinstance(value, float) and not abs(value) >= 1000:
+        return digits(value, 3)
+    return f"{round(value):,}".replace(",", "\u202f")
