@@ -36,3 +36,10 @@ def test_unknown_groups_and_settings_are_named():
         checked_groups({"c": {}, "a": {"four": 4}}, KNOWN, "here")
     with pytest.raises(ValueError, match="groups of settings are needed: a, b"):
         checked_groups(["a"], KNOWN, "here")
+
+
+def test_a_number_that_yaml_takes_for_text_is_refused_by_name():
+    groups = changed_groups({"a": {}}, ["a.one=1e-4"])
+    with pytest.raises(ValueError, match=r"a\.one in here is the text '1e-4'; .* write 1\.0e-4"):
+        checked_groups(groups, KNOWN, "here")
+    assert checked_groups(changed_groups({"a": {}}, ["a.one=1.0e-4"]), KNOWN, "here")["a"] == {"one": 1e-4}

@@ -5,6 +5,8 @@ import re
 
 import numpy as np
 import pytest
+import safetensors
+import safetensors.numpy
 import torch
 
 from meshot.mesh.shapes import icosphere
@@ -73,5 +75,20 @@ def test_doors(example, tmp_path, monkeypatch):
     with pytest.raises(ValueError, match="does not hold a hemisphere"):
         read_example(path)
     path.write_bytes(b"nothing")
+    with pytest.raises(ValueError, match="does not hold a hemisphere"):
+        read_example(path)
+
+
+def test_a_damaged_scan_is_refused(example, tmp_path):
+    path = tmp_path / "one.safetensors"
+    write_example(path, example, {})
+    with safetensors.safe_open(path, framework="numpy") as file:
+        tensors, metadata = {name: file.get_tensor(name) for name in file.keys()}, file.metadata()  # noqa: SIM118
+    greys = tensors["scan_zlib"].copy()
+    greys[len(greys) // 2] ^= 255
+    safetensors.numpy.save_file(tensors | {"scan_zlib": greys}, path, metadata)
+    with pytest.raises(ValueError, match="does not hold a hemisphere"):
+        read_example(path)
+    safetensors.numpy.save_file(tensors | {"scan_shape": np.array([2, 2, 2])}, path, metadata)
     with pytest.raises(ValueError, match="does not hold a hemisphere"):
         read_example(path)

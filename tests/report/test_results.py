@@ -2,12 +2,22 @@
 
 import json
 import math
+import subprocess
 
 import pytest
 
 from meshot.report.environment import environment_card
 from meshot.report.numbers import digits, markdown_table, table
-from meshot.report.results import FIELDS, package_version, provenance_lines, read_results, rounded, write_results
+from meshot.report.results import (
+    FIELDS,
+    PACKAGE,
+    commit_of,
+    package_version,
+    provenance_lines,
+    read_results,
+    rounded,
+    write_results,
+)
 
 
 @pytest.fixture
@@ -24,6 +34,38 @@ def test_results_come_back_with_provenance(written):
     lines = provenance_lines(record)
     assert "python experiments/x/run.py" in lines
     assert f"torch {record['versions']['torch']}" in lines
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    for name in ("src/meshot/loss/sliced.py", "experiments/ddot/small.yaml", "experiments/ddot/results.json"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("as committed\n")
+    for words in (["init", "-q"], ["add", "."], ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "a"]):
+        subprocess.run(["git", *words], cwd=tmp_path, check=True)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "mark"),
+    [
+        ("src/meshot/loss/sliced.py", "+changes"),
+        ("experiments/ddot/small.yaml", "+changes"),
+        ("experiments/ddot/results.json", ""),
+    ],
+)
+def test_changes_of_code_and_settings_mark_the_commit(checkout, name, mark):
+    clean = commit_of(checkout / "src/meshot")
+    assert len(clean) == 12
+    (checkout / name).write_text("not committed\n")
+    assert commit_of(checkout / "src/meshot") == clean + mark
+
+
+def test_the_package_is_what_is_looked_at(tmp_path):
+    assert PACKAGE.name == "meshot"
+    assert (PACKAGE / "loss").is_dir()
+    assert commit_of(tmp_path) == "not in a git checkout"
 
 
 def test_results_are_rounded_wherever_they_are():

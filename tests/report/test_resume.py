@@ -17,7 +17,7 @@ def without_seconds(rows):
 
 def test_rows_come_in_order_with_their_seconds(tmp_path):
     ticks = iter(range(100))
-    rows = finished(TASKS, work, tmp_path / "partial.jsonl", clock=lambda: next(ticks))
+    rows = finished(TASKS, work, tmp_path / "new/folder/partial.jsonl", clock=lambda: next(ticks))
     assert [row["task"] for row in rows] == TASKS
     assert rows[2]["found"] == {"value": 1.5, "pair": ["a", 1]}
     assert [row["seconds"] for row in rows] == [1, 1, 1, 1]

@@ -38,7 +38,7 @@ class DeformationNetwork(nn.Module):
     extent : float
         In mm. Positions are divided by it before they enter.
     generator : generator or int
-        Of the initial weights. Those of the last layer are zero: the flow starts as the identity.
+        Of the initial weights. Those of the last layer are zero: the flow starts as a small shift, its bias.
 
     Raises
     ------

@@ -51,7 +51,22 @@ def checked_groups(content: object, known: Mapping[str, set[str]], name: str) ->
     strange += [f"{group}.{key}" for group in known for key in content.get(group, {}) if key not in known[group]]
     if strange:
         raise ValueError(f"{name} sets {', '.join(strange)}, which nothing reads; known are {dict(known)}")
+    for group, settings in content.items():
+        for key, value in settings.items():
+            if isinstance(value, str) and _is_number(value):
+                raise ValueError(
+                    f"{group}.{key} in {name} is the text {value!r}; to YAML a number with an exponent has a point and "
+                    "a sign: write 1.0e-4"
+                )
     return {group: dict(content.get(group, {})) for group in known}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def changed_groups(groups: Groups, changes: Sequence[str]) -> Groups:

@@ -81,7 +81,7 @@ def read_example(path: str | os.PathLike) -> tuple[DeformationExample, dict]:
         data = greys.reshape(tensors["scan_shape"]).astype(np.float32) / _GREYS
         scan = Volume(data, tensors["scan_affine"])
         initial, target = (_unpacked(name, tensors) for name in ("initial", "target"))
-    except (OSError, safetensors.SafetensorError, KeyError, json.JSONDecodeError) as error:
+    except (OSError, safetensors.SafetensorError, KeyError, ValueError, zlib.error) as error:
         raise ValueError(
             f"{os.fspath(path)} does not hold a hemisphere ({error}); make one with write_example"
         ) from error

@@ -12,6 +12,8 @@ import torch
 from meshot.files import whole_file
 
 RECORDED = ("numpy", "scipy", "torch", "torchdiffeq", "POT", "geomloss", "libigl", "numba", "scikit-image", "nilearn")
+PACKAGE = Path(__file__).parents[1]
+EXPERIMENTS = (":(top,glob)experiments/**/*.py", ":(top,glob)experiments/**/*.yaml")
 FIELDS = ("results", "config", "command", "data", "seconds", "commit", "date", "versions", "machine")
 
 
@@ -67,7 +69,7 @@ def rounded(value: object) -> object:
 def provenance() -> dict:
     """What the code and the machine are: commit, date, versions, machine."""
     return {
-        "commit": _commit(Path(__file__).parent),
+        "commit": commit_of(PACKAGE),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
         "versions": {"python": platform.python_version()} | {name: package_version(name) for name in RECORDED},
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, "
@@ -115,13 +117,18 @@ def package_version(name: str) -> str:
         return "not installed"
 
 
-def _commit(folder: Path) -> str:
-    """The commit of the checkout that holds the package, with a mark if tracked source has changed since."""
+def commit_of(package: Path) -> str:
+    """The commit of the checkout that holds the package, marked if tracked code or settings have changed since.
+
+    Code is all that is in the package, and scripts and settings in ``experiments/``; results are not.
+    """
     try:
         head = subprocess.run(
-            ["git", "rev-parse", "--short=12", "HEAD"], cwd=folder, capture_output=True, text=True, check=True
+            ["git", "rev-parse", "--short=12", "HEAD"], cwd=package, capture_output=True, text=True, check=True
         )
-        changed = subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "."], cwd=folder, check=False).returncode
+        changed = subprocess.run(
+            ["git", "diff", "--quiet", "HEAD", "--", ".", *EXPERIMENTS], cwd=package, check=False
+        ).returncode
     except (OSError, subprocess.CalledProcessError):
         return "not in a git checkout"
     return head.stdout.strip() + ("+changes" if changed else "")
