@@ -1,5 +1,8 @@
 """Files and folders that are either whole or as they were."""
 
+import os
+from pathlib import Path
+
 import pytest
 
 from meshot.files import whole_file, whole_folder
@@ -41,6 +44,32 @@ def test_what_is_there_is_replaced_only_if_asked_and_only_when_all_is_done(tmp_p
     fill(path, replace=True)
     assert [f.name for f in path.iterdir()] == ["a"]
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_working_folder_and_mounts_are_refused_before_anything_is_done(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for path in (".", str(tmp_path), "../" + tmp_path.name):
+        with pytest.raises(ValueError, match="cannot be exchanged for another; name a folder in it"):
+            whole_folder(path, replace=True).__enter__()
+    with pytest.raises(ValueError, match="something is mounted"):
+        whole_folder("/proc", replace=True).__enter__()
+
+
+def test_what_was_there_comes_back_where_the_new_one_cannot_take_its_place(tmp_path, monkeypatch):
+    fill(tmp_path / "out")
+    (tmp_path / "out" / "a").write_text("old")
+    usual = os.replace
+
+    def replace(source, target):
+        if "new" in Path(source).parts:
+            raise OSError("no room")
+        usual(source, target)
+
+    monkeypatch.setattr(os, "replace", replace)
+    with pytest.raises(OSError, match="no room"):
+        fill(tmp_path / "out", replace=True)
+    assert (tmp_path / "out" / "a").read_text() == "old"
+    assert list(tmp_path.iterdir()) == [tmp_path / "out"]
 
 
 def test_a_file_in_the_way_is_named(tmp_path):

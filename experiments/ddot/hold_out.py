@@ -10,7 +10,8 @@ import sys
 from trainings import HERE, arguments, read_config, segmentation_network
 
 from meshot.mesh.mending import mended
-from meshot.pipeline.deformation_data import InitialSurfaces, network_digest
+from meshot.model.weights import network_digest
+from meshot.pipeline.deformation_data import InitialSurfaces
 from meshot.pipeline.deformation_file import write_example
 from meshot.report.results import provenance
 from meshot.synth.cohort import scans

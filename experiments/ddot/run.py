@@ -2,7 +2,8 @@
 
 Run as ``python experiments/ddot/run.py`` once some of the networks are there (see ``train.py``): those that are missing
 are named in the results, and measured when the command is given again. Every finished hemisphere is kept in a file
-beside the output, so that a run that was stopped, or has more networks now, goes on where it was.
+beside the output, so that a run that was stopped, or has more networks now, goes on where it was; ``commits`` of the
+results are those that measured. Remove that file where the code that measures has changed.
 """
 
 import functools
@@ -19,24 +20,39 @@ from trainings import HERE, Wanted, arguments, read_config, record_of, segmentat
 
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights
-from meshot.pipeline.deformation_data import InitialSurfaces, network_digest
-from meshot.report.results import rounded, write_results
+from meshot.model.weights import network_digest, read_weights
+from meshot.pipeline.deformation_data import InitialSurfaces
+from meshot.report.results import provenance, rounded, write_results
 from meshot.report.resume import finished
 from meshot.synth.cohort import Subject, scans
 
 INITIAL = "initial"
 
 
-def tasks_of(there: list[Wanted], subjects: dict[str, dict[str, Subject]], digests: dict[str, str]) -> list[dict]:
+def tasks_of(
+    there: list[Wanted], subjects: dict[str, dict[str, Subject]], digests: dict[str, str],
+    data: dict[str, dict[str, str]],
+) -> list[dict]:  # fmt: skip
     """Every held-out hemisphere: its initial surface first, then each flow that knows its cohort and side."""
     found = []
     for cohort, side in dict.fromkeys((each.cohort, each.side) for each in there):
         names = [INITIAL, *(each.name for each in there if (each.cohort, each.side) == (cohort, side))]
         for subject in subjects[cohort]:
-            place = {"cohort": cohort, "side": side, "subject": subject}
+            place = {"cohort": cohort, "side": side, "subject": subject, "data": data[cohort][subject]}
             found += [place | {"of": name, "digest": digests[name]} for name in names]
     return found
+
+
+def data_digests(subjects: dict[str, dict[str, Subject]]) -> dict[str, dict[str, str]]:
+    """By cohort and subject: all that is on disk of it, so that a cohort made anew is measured anew."""
+    return {cohort: {name: _digest(subject) for name, subject in those.items()} for cohort, those in subjects.items()}
+
+
+def _digest(subject: Subject) -> str:
+    total = hashlib.sha256()
+    for path in subject.files():
+        total.update(path.name.encode() + path.read_bytes())
+    return total.hexdigest()[:12]
 
 
 def digests_of(there: list[Wanted], config: dict, segmentation: str) -> dict[str, str]:
@@ -49,9 +65,10 @@ def digests_of(there: list[Wanted], config: dict, segmentation: str) -> dict[str
 
 def measured(
     there: list[Wanted], subjects: dict[str, dict[str, Subject]], config: dict, segmentation: SegmentationNetwork,
-    partial: Path,
+    partial: Path, data: dict[str, dict[str, str]],
 ) -> list[dict]:  # fmt: skip
-    """A row for every task."""
+    """A row for every task, with the commit that measured it."""
+    commit = provenance()["commit"]
     settings, by_name = config["evaluation"], {each.name: each for each in there}
     surfaces = InitialSurfaces(config["initial"], segmentation)
 
@@ -66,10 +83,11 @@ def measured(
     def work(task: dict) -> dict:
         found = hemisphere(task["cohort"], task["subject"], task["side"])
         if task["of"] == INITIAL:
-            return initial_row(found, settings)
-        return flow_row(found, network(task["of"]), by_name[task["of"]].settings(config).training, settings)
+            return {"commit": commit} | initial_row(found, settings)
+        training = by_name[task["of"]].settings(config).training
+        return {"commit": commit} | flow_row(found, network(task["of"]), training, settings)
 
-    tasks = tasks_of(there, subjects, digests_of(there, config, network_digest(segmentation)))
+    tasks = tasks_of(there, subjects, digests_of(there, config, network_digest(segmentation)), data)
     return finished(tasks, work, partial, time.process_time)
 
 
@@ -89,7 +107,8 @@ def described(each: Wanted, config: dict, segmentation: str) -> dict:
     kept = {key: found[key] for key in ("best_step", "n_steps", "cpu_seconds", "n_weights", "data")}
     kept |= {key: record[key] for key in ("command", "commit", "date")}
     names = {"name": each.name, "cohort": each.cohort, "side": each.side, "arm": each.arm, "seed": each.seed}
-    return names | kept | {"validation_assd_mm": best["validation_loss"]}
+    weights = hashlib.sha256(each.kept(config, ".safetensors").read_bytes()).hexdigest()
+    return names | kept | {"validation_assd_mm": best["validation_loss"], "weights_sha256": weights}
 
 
 def require_fair(trainings: list[dict]) -> None:
@@ -131,12 +150,15 @@ def main(words: list[str] | None = None) -> None:
     cohorts = dict.fromkeys(each.cohort for each in there)
     subjects = {c: {s.name: s for s in scans(config["cohorts"][c], config["evaluation"]["split"])} for c in cohorts}
     partial = asked.output.with_name("partial.jsonl")
-    found = measured(there, subjects, config, segmentation, partial)
+    data = data_digests(subjects)
+    found = measured(there, subjects, config, segmentation, partial, data)
+    commits = list(dict.fromkeys(line["found"].pop("commit") for line in found))
     rows = [_row(line, {each.name: each for each in there}, subjects) for line in found]
-    results = {"missing": missing} | summarised(rows, config["evaluation"]) | {"trainings": trainings}
-    data = f"held-out subjects of the synthetic cohorts {', '.join(cohorts)}"
+    results = {"missing": missing, "commits": commits, "data_sha256": data}
+    results |= summarised(rows, config["evaluation"]) | {"trainings": trainings}
+    stands_on = f"held-out subjects of the synthetic cohorts {', '.join(cohorts)}"
     seconds = sum(line["seconds"] for line in found)
-    write_results(asked.output, rounded(results), config, "python experiments/ddot/run.py", data, seconds)
+    write_results(asked.output, rounded(results), config, "python experiments/ddot/run.py", stands_on, seconds)
     if not missing:
         partial.unlink()
 

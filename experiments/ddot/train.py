@@ -45,7 +45,7 @@ def made(each: Wanted, config: dict) -> None:
     with alone(each.state(config)):
         trained_deformation(
             config["settings"], [config["cohorts"][each.cohort]], each.state(config), segmentation_weights(config),
-            config["initial"], each.changes(config),
+            config["initial"], each.changes(config), torch.device("cpu"),
         )  # fmt: skip
         keep(each, config)
 
@@ -120,7 +120,7 @@ def in_turn(missing: list[Wanted], config: dict) -> list[str]:
         print(f"{each.name} ({i + 1} of {len(missing)})", file=sys.stderr)
         try:
             made(each, config)
-        except (Busy, FloatingPointError) as error:
+        except (Busy, FloatingPointError, ValueError) as error:
             print(error, file=sys.stderr)
             failed.append(each.name)
     return failed
@@ -149,10 +149,11 @@ def main(words: list[str] | None = None) -> int:
     if asked.jobs > 1 and len(missing) > 1:
         prepared(missing, config)
         failed = side_by_side(missing, config, ["--config", str(asked.config)], asked.jobs)
+        where = f"; {Path(config['state'])}/NAME/{OUTPUT} says why"
     else:
-        failed = in_turn(missing, config)
+        failed, where = in_turn(missing, config), ""
     if failed:
-        print(f"failed: {', '.join(failed)}; {Path(config['state'])}/NAME/{OUTPUT} says why", file=sys.stderr)
+        print(f"failed: {', '.join(failed)}{where}", file=sys.stderr)
     return int(bool(failed))
 
 

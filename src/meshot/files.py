@@ -51,18 +51,30 @@ def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Pat
     Raises
     ------
     ValueError
-        If ``path`` is a file, or a folder that is not empty and shall not be replaced.
+        If ``path`` is a file, a folder that is not empty and shall not be replaced, or one that cannot give way: the
+        working folder, or a place where something is mounted.
     """
     path = Path(path)
     if path.exists() and not path.is_dir():
         raise ValueError(f"{path} is a file; a folder is needed: choose another name")
     if path.is_dir() and any(path.iterdir()) and not replace:
         raise ValueError(f"{path} exists and is not empty; choose another name, or remove it first")
+    if path.resolve() == Path.cwd() or path.is_mount():
+        raise ValueError(
+            f"{path} is the working folder, or one where something is mounted, and cannot be exchanged for another; "
+            f"name a folder in it: {path / 'out'}"
+        )
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as place:
         temporary = Path(place) / "new" / path.name
         temporary.mkdir(parents=True)
         yield temporary
+        old = Path(place) / "old"
         if path.is_dir():
-            os.replace(path, Path(place) / "old")
-        os.replace(temporary, path)
+            os.replace(path, old)
+        try:
+            os.replace(temporary, path)
+        except OSError:
+            if old.is_dir():
+                os.replace(old, path)
+            raise

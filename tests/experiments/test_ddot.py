@@ -1,6 +1,7 @@
 """The experiment on trained flows, on phantoms: trainings in their order, stopped and gone on with, then measured."""
 
 import dataclasses
+import hashlib
 import json
 import math
 import shutil
@@ -52,13 +53,13 @@ def prepared_place(tmp_path_factory):
     (cohort / "participants.tsv").write_text("\n".join(table) + "\n")
     network = SegmentationNetwork(2, 1, generator=0)
     write_weights(place / "segmentation.safetensors", network, {})
-    folder = InitialSurfaces(place / "initial", network.float()).folder
+    surfaces = InitialSurfaces(place / "initial", network.float())
     for subject in scans(cohort):
         for side in ("left", "right"):
             smooth = laplacian_smoothing(subject.surface("white", side, "standard"), 10)
             centre = smooth.vertices.mean(dim=0)
             initial = smooth.with_vertices(centre + 0.94 * (smooth.vertices - centre))
-            write_mesh(folder / "alpha" / f"{subject.name}_{side}.surf.gii", initial)
+            write_mesh(surfaces.path(subject, side, subject.standard()), initial)
     return place
 
 
@@ -104,8 +105,9 @@ def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
     assert len({json.dumps(each.network) for each in found}) == 1
     assert len({each.training for each in found}) == 1
     assert len({(each.loss.loss, each.loss.encoding, each.loss.window) for each in found}) == len(found) == 8
-    fair = {each.loss.loss: each.loss for each in found if each.loss.n_supports is None}
-    assert fair["chamfer"].factor == 1000
+    chamfer = [each.loss for each in found if each.loss.loss == "chamfer"]
+    assert {each.encoding for each in chamfer} == {"samples", "varifold"}
+    assert {each.factor for each in chamfer} == {1000}
     assert {each.loss.n_supports for each in found if each.loss.loss == "sinkhorn"} == {500}
     others = [each.settings(config).training for each in part("trainings").wanted(config, ["oasis_like_*_ddot_*"])]
     assert [(each.side, each.seed) for each in others] == [
@@ -237,7 +239,8 @@ def test_errors_are_means_over_the_area_of_each_bin(part):
 def test_what_is_there_is_measured_once_and_what_is_missing_named(part, place, monkeypatch, capsys):
     train, run, words = part("train"), part("run"), ["--config", str(place / "config.yaml")]
     output = ["--output", str(place / "out" / "results.json")]
-    (place / "out").mkdir()
+    commits = ["first"]
+    monkeypatch.setattr(run, "provenance", lambda: {"commit": commits[-1]})
     with pytest.raises(ValueError, match="no trained network is in"):
         run.main([*words, *output])
     train.main([*words, "--only", "alpha_left_ddot_0", "alpha_left_cortexode_0"])
@@ -250,18 +253,43 @@ def test_what_is_there_is_measured_once_and_what_is_missing_named(part, place, m
     assert calls == ["initial_row", "flow_row", "flow_row"] * 3
     first = read_results(place / "out" / "results.json")["results"]
     assert first["missing"] == ["alpha_left_ddot_1"]
+    assert first["commits"] == ["first"]
     check_rows(first)
     train.main(words)
     calls.clear()
+    commits.append("second")
     run.main([*words, *output])
     second = read_results(place / "out" / "results.json")["results"]
     assert calls == ["flow_row"] * 3
+    assert second["commits"] == ["first", "second"]
+    assert second["data_sha256"] == first["data_sha256"]
     assert second["missing"] == []
     assert [row for row in second["subjects"] if row["seed"] != 1] == first["subjects"]
     assert [each["name"] for each in second["trainings"]] == [
         "alpha_left_ddot_0", "alpha_left_cortexode_0", "alpha_left_ddot_1",
     ]  # fmt: skip
+    for each in second["trainings"]:
+        content = (place / "weights" / f"{each['name']}.safetensors").read_bytes()
+        assert each["weights_sha256"] == hashlib.sha256(content).hexdigest()
     assert not (place / "out" / "partial.jsonl").exists()
+
+
+def test_a_subject_made_anew_is_measured_anew(part, place, config):
+    run = part("run")
+    wanted = part("trainings").Wanted("alpha", "left", "ddot", 0)
+    subjects = {"alpha": {subject.name: subject for subject in scans(place / "alpha", "test")}}
+    before = run.data_digests(subjects)
+
+    def keys() -> set[str]:
+        tasks = run.tasks_of([wanted], subjects, {"initial": "a", wanted.name: "b"}, run.data_digests(subjects))
+        return {json.dumps(task) for task in tasks}
+
+    first = keys()
+    assert len(first) == 6
+    path = subjects["alpha"]["sub-005"].files()[0]
+    path.write_bytes(path.read_bytes() + b" ")
+    assert len(keys() & first) == 4
+    assert run.data_digests(subjects)["alpha"]["sub-004"] == before["alpha"]["sub-004"]
 
 
 def check_rows(results):

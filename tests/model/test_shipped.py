@@ -6,8 +6,10 @@ import pytest
 
 from bright_head import write_bright_weights
 from meshot.model import shipped
+from meshot.model.deformation import DeformationNetwork
+from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.shipped import DEFORMATION, SEGMENTATION, trained_networks, weights_path
-from meshot.pipeline.deformation_data import network_digest
+from meshot.model.weights import network_digest, read_weights, write_weights
 from meshot.pipeline.deformation_settings import read_deformation_config
 from meshot.report.results import read_results
 
@@ -48,6 +50,37 @@ def test_sides_are_not_taken_for_a_segmentation(folder):
     shutil.copy(folder / DEFORMATION["left"], folder / SEGMENTATION)
     with pytest.raises(ValueError, match="does not hold the weights of a SegmentationNetwork"):
         trained_networks(folder)
+
+
+def with_record(folder, side, record):
+    path = folder / DEFORMATION[side]
+    write_weights(path, read_weights(path, DeformationNetwork)[0], record)
+
+
+def test_the_flow_of_the_other_side_is_refused(folder):
+    with_record(folder, "right", {"training": {"side": "right"}})
+    trained_networks(folder)
+    with_record(folder, "right", {"training": {"side": "left"}})
+    with pytest.raises(ValueError, match=r"deformation_right.* holds the flow of the left side; that of the right"):
+        trained_networks(folder)
+
+
+def test_a_flow_from_other_initial_surfaces_is_refused(folder):
+    segmentation = read_weights(folder / SEGMENTATION, SegmentationNetwork)[0]
+    with_record(folder, "left", {"results": {"segmentation_sha256": network_digest(segmentation)}})
+    trained_networks(folder)
+    with_record(folder, "left", {"results": {"segmentation_sha256": "0" * 64}})
+    with pytest.raises(ValueError, match=r"deformation_left.* learned from initial surfaces of another network than"):
+        trained_networks(folder)
+
+
+def test_flows_are_integrated_as_they_were_learned(folder):
+    assert (trained_networks(folder).n_steps, trained_networks(folder).method) == (10, "euler")
+    with_record(folder, "left", {"training": {"n_flow_steps": 4, "method": "rk4"}})
+    with pytest.raises(ValueError, match="both sides need the same: train one of them anew"):
+        trained_networks(folder)
+    with_record(folder, "right", {"training": {"n_flow_steps": 4, "method": "rk4"}})
+    assert (trained_networks(folder).n_steps, trained_networks(folder).method) == (4, "rk4")
 
 
 def test_what_is_shipped_can_be_read(root):

@@ -20,7 +20,9 @@ from meshot.pipeline.deformation import deformed, standardised
 from meshot.pipeline.deformation_data import InitialSurfaces
 from meshot.pipeline.deformation_settings import DeformationConfig, deformation_config, read_deformation_config
 from meshot.pipeline.deformation_training import train_deformation
+from meshot.report import results
 from meshot.report.deformation import trained_deformation
+from meshot.synth.cohort import scans
 from meshot.volume.sampling import sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
 
@@ -128,6 +130,19 @@ def test_what_is_not_finite_is_named(examples):
         train_deformation(changed(learning_rate=1e30, schedule="constant"), *examples)
 
 
+def test_a_validation_that_fails_names_its_step(examples):
+    with pytest.raises(FloatingPointError, match=r"the validation after step 1 failed: .*lower the learning rate"):
+        train_deformation(changed(learning_rate=1e30, schedule="constant"), examples[0][:1], examples[1])
+
+
+def test_validation_subjects_of_one_name_keep_their_own_truth(examples):
+    first, second = phantom_deformations(2, seed=50)
+    config = changed(n_epochs=1, learning_rate=1e-12)
+    apart = train_deformation(config, examples[0][:1], [first, second])
+    alike = train_deformation(config, examples[0][:1], [first, dataclasses.replace(second, name=first.name)])
+    assert alike.log[-1]["validation_loss"] == apart.log[-1]["validation_loss"]
+
+
 def test_no_examples_and_another_training_are_refused(tmp_path, examples):
     with pytest.raises(ValueError, match="0 examples for training and 1 for validation"):
         train_deformation(TINY, [], examples[1])
@@ -217,17 +232,83 @@ def test_initial_surfaces_are_made_once_for_each_network(tmp_path, cohort, monke
         surfaces.examples([cohort], "test", "left", 500)
 
 
+def test_initial_surfaces_are_found_by_their_scan(tmp_path, cohort, monkeypatch):
+    surfaces = InitialSurfaces(tmp_path / "initial", SegmentationNetwork(2, 1))
+    subject = scans(cohort)[0]
+    kept = surfaces.path(subject, "left", subject.standard())
+    surfaces.of(subject, "left")
+    # Under another name of the same folder, too.
+    monkeypatch.chdir(cohort)
+    (here,) = [found for found in scans(".") if found.name == subject.name]
+    assert surfaces.path(here, "left", here.standard()) == kept
+    assert surfaces.example(here, "left", 500).name == "phantoms/sub-001"
+    # What another training may have read stays as it is.
+    surfaces.path(subject, "right", subject.standard()).unlink()
+    before = kept.stat().st_mtime_ns
+    surfaces.of(subject, "right")
+    assert kept.stat().st_mtime_ns == before
+    # Another scan has another surface.
+    louder = subject.standard()
+    louder.volume.data[3, 3, 3] += 0.1
+    monkeypatch.setattr(type(subject), "standard", lambda _: louder)
+    assert surfaces.path(subject, "left", louder) != kept
+    surfaces.of(subject, "left")
+    assert surfaces.path(subject, "left", louder).is_file()
+
+
 def test_everything_is_written_with_its_provenance(tmp_path, cohort):
     config = tmp_path / "c.yaml"
     config.write_text(json.dumps(TINY.as_dict()))
     out = tmp_path / "out"
     found = trained_deformation(
-        config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial", ["training.n_faces=400"]
-    )
+        config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial", ["training.n_faces=400"],
+        torch.device("cpu"),
+    )  # fmt: skip
     network, record = read_weights(out / "weights.safetensors", DeformationNetwork)
     assert same(network, found.network)
     assert record["training"]["n_faces"] == 400
-    assert record["command"] == "meshot train c.yaml --data phantoms -o out --set training.n_faces=400"
+    assert record["command"] == (
+        "meshot train c.yaml --data phantoms -o out --segmentation segmentation.safetensors --threads 1 --device cpu "
+        "--set training.n_faces=400"
+    )
     assert record["results"]["segmentation_sha256"]
     assert (out / "training.png").stat().st_size > 5000
     assert len((out / "log.jsonl").read_text().splitlines()) == len(found.log)
+
+
+def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypatch):
+    config, out = tmp_path / "c.yaml", tmp_path / "out"
+    config.write_text(json.dumps(TINY.as_dict()))
+    words = config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial"
+
+    def record(now: str) -> dict:
+        monkeypatch.setattr(results, "commit_of", lambda _: now)
+        trained_deformation(*words)
+        return json.loads((out / "weights.json").read_text())
+
+    def stop(*_: object) -> None:
+        monkeypatch.setattr(results, "commit_of", lambda _: "committed meanwhile")
+        raise Kill
+
+    with monkeypatch.context() as patch:
+        patch.setattr(results, "commit_of", lambda _: "first")
+        patch.setattr("meshot.pipeline.training._validated", stop)
+        with pytest.raises(Kill):
+            trained_deformation(*words)
+    found = record("second")
+    assert found["commit"] == "second"
+    assert found["results"]["commits"] == ["first", "second"]
+    # Written again when all was done, it is still of the code that took the steps.
+    assert record("third")["commit"] == "second"
+    assert record("third")["results"]["commits"] == ["first", "second"]
+
+
+def test_a_network_too_large_to_be_kept_is_refused_at_once(tmp_path, cohort):
+    config = tmp_path / "c.yaml"
+    config.write_text(json.dumps(TINY.as_dict()))
+    with pytest.raises(ValueError, match="MB; at most 10 MB are kept"):
+        trained_deformation(
+            config, [cohort], tmp_path / "out", tmp_path / "segmentation.safetensors", tmp_path / "initial",
+            ["network.width=128", "network.hidden=[9000, 2000]"],
+        )  # fmt: skip
+    assert not (tmp_path / "initial").exists()

@@ -27,12 +27,13 @@ def words(tmp_path, monkeypatch):
 
 
 def test_everything_is_written_with_its_provenance(words, tmp_path, capsys):
-    assert main(words) == 0
+    assert main([*words, "--device", "cpu"]) == 0
     assert "best after" in capsys.readouterr().out
     network, record = read_weights(tmp_path / "out" / "weights.safetensors", SegmentationNetwork)
     results = read_results(tmp_path / "out" / "weights.json")
     assert network.config() == {"width": 2, "depth": 2, "fold": 1}
-    assert record["command"] == results["command"].replace(" --threads 1", "")
+    command = "meshot train-segmentation c.yaml --data first second -o out --threads 1 --device cpu"
+    assert record["command"] == results["command"] == command
     assert record["results"]["data"]["training"]["n_scans"] == 3
     assert record["results"]["n_steps"] == 6
     assert record["training"]["seed"] == 0
@@ -52,5 +53,7 @@ def test_what_will_not_do_is_one_line(words, tmp_path, capsys):
     assert main(words) == 2
     assert "is not finite" in capsys.readouterr().err
     assert main([*words[:-1], "0"]) == 2
+    assert main([*words, "--device", "nothing"]) == 2
+    assert "--device nothing: " in capsys.readouterr().err
     assert main([*words[:3], str(tmp_path / "none"), *words[5:]]) == 2
     assert "is no cohort" in capsys.readouterr().err

@@ -24,7 +24,7 @@ def add_to(commands: Commands) -> None:
     command.add_argument("--overwrite", action="store_true", help="replace an earlier reconstruction in that folder")
     command.add_argument("--weights", type=Path, metavar="FOLDER", help="of networks other than those shipped")
     command.add_argument("--initial-only", action="store_true", help="no flow: the initial surfaces are the result")
-    command.add_argument("--steps", type=int, default=10, help="of the flow (default: %(default)s)")
+    command.add_argument("--steps", type=int, help="of the flow (default: as it was trained)")
     command.add_argument("--threads", type=int, help="of the processor (default: torch's)")
     command.set_defaults(run=_run)
 
@@ -37,7 +37,8 @@ def _run(chosen: argparse.Namespace) -> None:
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
-    require_positive_integer(chosen.steps, "steps")
+    if chosen.steps is not None:
+        require_positive_integer(chosen.steps, "steps")
     networks = trained_networks(chosen.weights, not chosen.initial_only)
     report = reconstructed(chosen.scan, chosen.output, networks, chosen.steps, chosen.overwrite)
     for side, surface in report["surfaces"].items():

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from meshot.cli.note import NOTE, Commands
-from meshot.cli.training import add_training_arguments, run_training
+from meshot.cli.training import add_training_arguments, device_of, run_training
 
 
 def add_to(commands: Commands) -> None:
@@ -13,7 +13,8 @@ def add_to(commands: Commands) -> None:
         "train",
         help="train the network that deforms initial surfaces",
         description="Learn the flow from initial to true white surfaces of one side from cohorts (Algorithm 1 of "
-        f"the paper); stopped, the same command goes on and ends with the same weights. {NOTE}",
+        "the paper); stopped, the same command goes on, and with --threads 1 --device cpu ends with the same weights. "
+        f"{NOTE}",
         epilog="Configurations: experiments/ddot/tiny.yaml, small.yaml, paper.yaml. CortexODE: --set loss.loss=chamfer "
         "loss.encoding=samples loss.factor=1000.",
     )
@@ -38,7 +39,13 @@ def _run(chosen: argparse.Namespace) -> None:
     run_training(
         chosen,
         lambda: trained_deformation(
-            chosen.config, chosen.data, chosen.output, segmentation, chosen.initial, chosen.changes
+            chosen.config,
+            chosen.data,
+            chosen.output,
+            segmentation,
+            chosen.initial,
+            chosen.changes,
+            device_of(chosen),
         ),
         lambda best: f"ASSD {best['validation_loss']:.4f} mm, Hausdorff at 90 % {best['hausdorff90_mm']:.4f} mm",
     )

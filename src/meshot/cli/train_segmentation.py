@@ -3,7 +3,7 @@
 import argparse
 
 from meshot.cli.note import NOTE, Commands
-from meshot.cli.training import add_training_arguments, run_training
+from meshot.cli.training import add_training_arguments, device_of, run_training
 
 
 def add_to(commands: Commands) -> None:
@@ -11,8 +11,8 @@ def add_to(commands: Commands) -> None:
     command = commands.add_parser(
         "train-segmentation",
         help="train the network that finds white matter",
-        description="Learn left and right white matter from cohorts; stopped, the same command goes on and ends with "
-        f"the same weights. {NOTE}",
+        description="Learn left and right white matter from cohorts; stopped, the same command goes on, and with "
+        f"--threads 1 --device cpu ends with the same weights. {NOTE}",
         epilog="Configurations: experiments/segmentation/tiny.yaml, small.yaml, paper.yaml.",
     )
     add_training_arguments(command, "training.precision=bfloat16")
@@ -25,6 +25,6 @@ def _run(chosen: argparse.Namespace) -> None:
 
     run_training(
         chosen,
-        lambda: trained_segmentation(chosen.config, chosen.data, chosen.output, chosen.changes),
+        lambda: trained_segmentation(chosen.config, chosen.data, chosen.output, chosen.changes, device_of(chosen)),
         lambda best: f"Dice {best['dice_left']:.4f} left, {best['dice_right']:.4f} right",
     )

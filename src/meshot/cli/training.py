@@ -11,7 +11,7 @@ from meshot.pipeline.training import Training
 
 
 def add_training_arguments(command: argparse.ArgumentParser, change: str) -> None:
-    """Configuration, cohorts, output, changes (``change`` is an example) and threads."""
+    """Configuration, cohorts, output, changes (``change`` is an example), threads and device."""
     command.add_argument("config", type=Path, help="a YAML file: form of the network, and how it is trained")
     command.add_argument("--data", type=Path, nargs="+", required=True, metavar="COHORT", help="folders of cohorts")
     command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="for weights, log, picture")
@@ -20,6 +20,24 @@ def add_training_arguments(command: argparse.ArgumentParser, change: str) -> Non
         help=f"in place of what the file says, such as {change}",
     )  # fmt: skip
     command.add_argument("--threads", type=int, help="of the processor; one repeats bit for bit (default: torch's)")
+    command.add_argument("--device", help="cpu, cuda, ... (default: the accelerator if there is one, else cpu)")
+
+
+def device_of(chosen: argparse.Namespace) -> torch.device | None:
+    """The device that was asked for.
+
+    Raises
+    ------
+    ValueError
+        If torch knows none of that name, or has none here.
+    """
+    if chosen.device is None:
+        return None
+    try:
+        torch.empty(0, device=chosen.device)
+    except (RuntimeError, AssertionError) as error:
+        raise ValueError(f"--device {chosen.device}: {error}; cpu is always there") from error
+    return torch.device(chosen.device)
 
 
 def run_training(chosen: argparse.Namespace, train: Callable[[], Training], said: Callable[[dict], str]) -> None:

@@ -17,6 +17,7 @@ from meshot.types import Float, Tensor
 from meshot.volume.volume import Volume
 
 Path = Literal["convolved", "visited", "cut"]
+N_STEPS = 10  # of Euler's method, as in the paper
 SLOPE = 0.2  # of the leaky rectifier for negative values
 
 

@@ -1,5 +1,6 @@
 """A trained network as one safetensors file that says what it is and where it comes from."""
 
+import hashlib
 import json
 import os
 from typing import TypeVar
@@ -29,19 +30,38 @@ def write_weights(path: str | os.PathLike, network: nn.Module, record: dict) -> 
     ValueError
         If the weights take more than 10 MB, or the record is not JSON.
     """
+    require_small(network)
     tensors = {name: value.detach().cpu().float().contiguous() for name, value in network.state_dict().items()}
-    n_bytes = sum(value.numel() * value.element_size() for value in tensors.values())
-    if n_bytes > LARGEST_BYTES:
-        raise ValueError(
-            f"the weights take {n_bytes / 1e6:.1f} MB; at most {LARGEST_BYTES / 1e6:.0f} MB are kept: take a network "
-            "of less width or depth"
-        )
     try:
         text = json.dumps(record | {"network": network.config()}, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise ValueError(f"the record of the weights cannot be written as JSON ({error})") from error
     with whole_file(path) as temporary:
         safetensors.torch.save_file(tensors, temporary, metadata={type(network).__name__: text})
+
+
+def require_small(network: nn.Module) -> None:
+    """Refuse a network whose weights would not be kept; ask before hours of training.
+
+    Raises
+    ------
+    ValueError
+        If they take more than 10 MB as float32.
+    """
+    n_bytes = 4 * sum(value.numel() for value in network.state_dict().values())
+    if n_bytes > LARGEST_BYTES:
+        raise ValueError(
+            f"the weights take {n_bytes / 1e6:.1f} MB; at most {LARGEST_BYTES / 1e6:.0f} MB are kept: take a network "
+            "of less width or depth"
+        )
+
+
+def network_digest(network: nn.Module) -> str:
+    """SHA-256 of the weights of a network."""
+    total = hashlib.sha256()
+    for name, value in network.state_dict().items():
+        total.update(name.encode() + value.detach().cpu().contiguous().numpy().tobytes())
+    return total.hexdigest()
 
 
 def read_weights(path: str | os.PathLike, kind: type[Network]) -> tuple[Network, dict]:

@@ -5,12 +5,9 @@ import torch
 
 from meshot.flow.integrate import integrate
 from meshot.mesh.mesh import Mesh
-from meshot.model.deformation import DeformationNetwork
+from meshot.model.deformation import N_STEPS, DeformationNetwork
 from meshot.volume.sampling import sample_volume
 from meshot.volume.volume import Volume
-
-#: Steps of Euler's method, as in the paper.
-N_STEPS = 10
 
 
 def standardised(image: Volume, surface: Mesh) -> Volume:

@@ -6,16 +6,19 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from meshot.mesh.decimation import simplified
 from meshot.mesh.io import read_mesh, write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import network_digest
 from meshot.pipeline.segmentation import initial_surfaces
 from meshot.pipeline.splits import scans_of
 from meshot.synth.anatomy import HEMISPHERES, Hemisphere
 from meshot.synth.cohort import Subject
+from meshot.volume.standard import StandardScan
 from meshot.volume.volume import Volume
 
 
@@ -46,10 +49,12 @@ class DeformationExample:
 class InitialSurfaces:
     """Initial surfaces of subjects, in a folder: each is made when it is first asked for.
 
+    What is kept is found again by the weights of the network and by the scan, whatever the cohort is called. It does
+    not know the code that made it: empty the folder where that changes.
+
     Parameters
     ----------
     folder : path
-        It is for one segmentation network: its name ends in the digest of the weights.
     network : SegmentationNetwork
     """
 
@@ -65,17 +70,26 @@ class InitialSurfaces:
         ValueError
             As :func:`meshot.pipeline.segmentation.initial_surfaces`.
         """
-        paths = {s: self.folder / subject.cohort.name / f"{subject.name}_{s}.surf.gii" for s in HEMISPHERES}
+        return self._of(subject, side, subject.standard())
+
+    def _of(self, subject: Subject, side: Hemisphere, scan: StandardScan) -> Mesh:
+        paths = {s: self.path(subject, s, scan) for s in HEMISPHERES}
         if not paths[side].is_file():
-            for name, found in initial_surfaces(subject.standard(), self.network).items():
-                write_mesh(paths[name], found.mesh)
+            for name, found in initial_surfaces(scan, self.network).items():
+                if not paths[name].is_file():  # another training may have read it
+                    write_mesh(paths[name], found.mesh)
         return read_mesh(paths[side])
+
+    def path(self, subject: Subject, side: Hemisphere, scan: StandardScan) -> Path:
+        """Where the initial surface of one side is kept."""
+        return self.folder / _cohort(subject) / f"{subject.name}_{_scan_digest(scan)}_{side}.surf.gii"
 
     def example(self, subject: Subject, side: Hemisphere, n_faces: int) -> DeformationExample:
         """One hemisphere, ready for training or validation."""
-        initial, scan = self.of(subject, side), subject.standard().volume
+        standard = subject.standard()
+        initial, scan = self._of(subject, side, standard), standard.volume
         return DeformationExample(
-            f"{subject.cohort.name}/{subject.name}",
+            f"{_cohort(subject)}/{subject.name}",
             scan.with_data(scan.data.astype("float32")),
             initial.to(torch.float32),
             simplified(initial, n_faces).to(torch.float32),
@@ -111,12 +125,14 @@ class InitialSurfaces:
         return [self.example(subject, side, n_faces) for subject in progress(scans_of(cohorts, split))]
 
 
-def network_digest(network: SegmentationNetwork) -> str:
-    """SHA-256 of the weights of a network."""
-    total = hashlib.sha256()
-    for name, value in network.state_dict().items():
-        total.update(name.encode() + value.detach().cpu().contiguous().numpy().tobytes())
-    return total.hexdigest()
+def _cohort(subject: Subject) -> str:
+    """What the folder of its cohort is called, also where it was given as ``.``."""
+    return subject.cohort.absolute().name
+
+
+def _scan_digest(scan: StandardScan) -> str:
+    content = np.ascontiguousarray(scan.volume.data).tobytes() + scan.volume.affine.tobytes()
+    return hashlib.sha256(content).hexdigest()[:12]
 
 
 def digest(examples: Sequence[DeformationExample]) -> str:

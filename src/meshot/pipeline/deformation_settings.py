@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 from meshot.errors import require_positive_integer
 from meshot.flow.integrate import METHODS
-from meshot.model.deformation import DeformationNetwork
+from meshot.model.deformation import N_STEPS, DeformationNetwork
 from meshot.pipeline.configuration import Groups, changed_groups, checked_groups, read_groups, setting_names
-from meshot.pipeline.deformation import N_STEPS
 from meshot.pipeline.deformation_loss import SurfaceLoss
 from meshot.pipeline.training import Plan, require_plan_settings
 from meshot.synth.anatomy import HEMISPHERES

@@ -20,7 +20,7 @@ from meshot.pipeline.checkpoint import TrainingState
 from meshot.pipeline.deformation import deformed, standardised
 from meshot.pipeline.deformation_data import DeformationExample, digest
 from meshot.pipeline.deformation_settings import DeformationConfig, DeformationSettings
-from meshot.pipeline.training import Report, Training, train
+from meshot.pipeline.training import Report, Training, chosen_device, train
 from meshot.types import Tensor
 
 _ORDER, _LOSS = 0, 1  # streams of randomness
@@ -46,7 +46,7 @@ def train_deformation(
         already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
     report : callable of (steps done, steps in all, line of the log), optional
     device : torch.device, optional
-        The processor if left out.
+        The accelerator if there is one, else the processor, if left out.
 
     Raises
     ------
@@ -64,14 +64,14 @@ def train_deformation(
             f"{len(training)} examples for training and {len(validation)} for validation came; at least one of each is "
             "needed"
         )
-    settings, device = config.training, device or torch.device("cpu")
+    settings, device = config.training, device or chosen_device()
     network = config.new_network().to(device)
     state = TrainingState(network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
     data = {
         name: {"n_scans": len(part), "sha256": digest(part)}
         for name, part in (("training", training), ("validation", validation))
     }
-    targets = {item.name: Surface(item.target) for item in validation}
+    targets = [Surface(item.target) for item in validation]
 
     def loss_of(step: int) -> tuple[Tensor, str]:
         item = _example(step, training, settings)
@@ -107,14 +107,14 @@ def _example(step: int, training: Sequence[DeformationExample], settings: Deform
 def _validation(
     network: DeformationNetwork,
     validation: Sequence[DeformationExample],
-    targets: dict[str, Surface],
+    targets: Sequence[Surface],
     settings: DeformationSettings,
 ) -> dict:
     """Means over the subjects, in mm of the standard space; the loss of the validation is the ASSD."""
     rows = []
-    for item in validation:
+    for item, target in zip(validation, targets, strict=True):
         found = Surface(deformed(item.initial, item.scan, network, settings.n_flow_steps, settings.method))
-        there, back = offsets_between(found, targets[item.name], settings.n_points)
+        there, back = offsets_between(found, target, settings.n_points)
         rows.append(
             [average_surface_distance(there, back), hausdorff_distance(there, back), normal_agreement(there, back)]
         )

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 from meshot.errors import require_positive_integer
 from meshot.mesh.mesh import Mesh
-from meshot.model.deformation import DeformationNetwork
+from meshot.model.deformation import N_STEPS, DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.pipeline.deformation import N_STEPS, deformed
+from meshot.pipeline.deformation import deformed
 from meshot.pipeline.reconstruction_doubts import doubts_about_scan, doubts_about_surfaces
 from meshot.pipeline.segmentation import in_scanner, white_matter
 from meshot.pipeline.segmentation_surface import SegmentedSurface, segmented_surface
@@ -72,6 +72,7 @@ def reconstruct(
     n_steps: int = N_STEPS,
     progress: Progress | None = None,
     template: Volume | None = None,
+    method: str = "euler",
 ) -> Reconstruction:
     """The white surfaces of both hemispheres in a scan.
 
@@ -87,17 +88,19 @@ def reconstruct(
     deformation : mapping or None
         A network for each side; None: the initial surfaces are the result.
     n_steps : int
-        Steps of Euler's method.
+        Of the flow.
     progress : callable, optional
         Is told which stage begins, how many are done, and how many there are; at the end once more, without a name.
     template : Volume, optional
         Where to register to; the MNI152 average if left out, which the shipped networks know.
+    method : str
+        Of integration: see :func:`meshot.integrate`. Networks know what they were trained with, both ways.
 
     Raises
     ------
     ValueError
         If the scan is constant, cannot be registered, or shows the network no white matter; if a side has no network;
-        or ``n_steps`` is not a positive integer.
+        ``n_steps`` is not a positive integer, or the method is unknown.
     """
     require_positive_integer(n_steps, "n_steps")
     if deformation is not None and set(deformation) != set(HEMISPHERES):
@@ -115,7 +118,7 @@ def reconstruct(
     for side in HEMISPHERES if deformation is not None else ():
         with clock.stage(f"flow, {side}"):
             initial = segmented[side].mesh
-            settlement[side] = settled(initial, deformed(initial, standard.volume, deformation[side], n_steps))
+            settlement[side] = settled(initial, deformed(initial, standard.volume, deformation[side], n_steps, method))
     clock.end()
     surfaces = {side: _in_scanner(segmented[side], settlement.get(side), standard) for side in HEMISPHERES}
     doubts = doubts_about_scan(standard, template)

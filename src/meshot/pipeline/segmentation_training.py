@@ -13,16 +13,11 @@ from meshot.pipeline.augmentation import augmented
 from meshot.pipeline.checkpoint import TrainingState
 from meshot.pipeline.segmentation_data import Example, digest
 from meshot.pipeline.segmentation_settings import SegmentationConfig, SegmentationSettings
-from meshot.pipeline.training import Report, Training, train
+from meshot.pipeline.training import Report, Training, chosen_device, train
 from meshot.types import Float, Tensor
 from meshot.volume.tissue import dice
 
 _ORDER, _AUGMENTATION = 0, 1  # streams of randomness
-
-
-def chosen_device() -> torch.device:
-    """The accelerator if there is one, else the processor."""
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
 def train_segmentation(
@@ -45,7 +40,7 @@ def train_segmentation(
         already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
     report : callable of (steps done, steps in all, line of the log), optional
     device : torch.device, optional
-        :func:`meshot.pipeline.segmentation_training.chosen_device` if left out.
+        The accelerator if there is one, else the processor, if left out.
 
     Raises
     ------

@@ -96,6 +96,11 @@ def require_plan_settings(settings: object) -> None:
         raise ValueError(f"schedule is {settings.schedule!r}; one of {', '.join(SCHEDULES)} is needed")
 
 
+def chosen_device() -> torch.device:
+    """The accelerator if there is one, else the processor."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
 def train(
     state: TrainingState,
     plan: Plan,
@@ -114,7 +119,7 @@ def train(
     loss_of : callable of step
         The loss of a step, and the name of what it was computed from.
     validate : callable
-        A line of the log with ``validation_loss``.
+        A line of the log with ``validation_loss``. A ``ValueError`` of it is taken for the network's failure.
     made_with : dict
         Settings and data: a training goes on only with the same.
     folder : path, optional
@@ -126,7 +131,7 @@ def train(
     ValueError
         If the folder holds a training of something else.
     FloatingPointError
-        If the loss or a gradient is not finite; it names the step and the examples.
+        If the loss or a gradient is not finite, or the validation fails; it names the step, and the examples of a loss.
     """
     saved = None if folder is None else Path(folder) / STATE
     if saved is not None and saved.exists():
@@ -142,7 +147,7 @@ def train(
     while state.step < plan.n_steps and not _out_of_patience(state, plan):
         note(_step(state, plan, loss_of))
         if state.step % plan.validate_every == 0 or state.step == plan.n_steps:
-            found = validate()
+            found = _validated(state, validate)
             if found["validation_loss"] < state.best_loss:
                 state.keep_as_best(found["validation_loss"])
             state.seconds, clock = state.seconds + time.process_time() - clock, time.process_time()
@@ -152,6 +157,16 @@ def train(
             state.seconds, clock = state.seconds + time.process_time() - clock, time.process_time()
             write_training(saved, state, made_with)
     state.network.load_state_dict(state.best)
+
+
+def _validated(state: TrainingState, validate: Callable[[], dict]) -> dict:
+    try:
+        return validate()
+    except ValueError as error:
+        raise FloatingPointError(
+            f"the validation after step {state.step} failed: {error}; lower the learning rate. The last saved state is "
+            "whole"
+        ) from error
 
 
 def _out_of_patience(state: TrainingState, plan: Plan) -> bool:

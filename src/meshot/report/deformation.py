@@ -4,11 +4,13 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import torch
 from tqdm import tqdm
 
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights
-from meshot.pipeline.deformation_data import InitialSurfaces, network_digest
+from meshot.model.shipped import SEGMENTATION, SHIPPED
+from meshot.model.weights import network_digest, read_weights, require_small
+from meshot.pipeline.deformation_data import InitialSurfaces
 from meshot.pipeline.deformation_settings import read_deformation_config
 from meshot.pipeline.deformation_training import train_deformation
 from meshot.pipeline.training import Training
@@ -22,6 +24,7 @@ def trained_deformation(
     segmentation: str | os.PathLike,
     initial: str | os.PathLike,
     changes: Sequence[str] = (),
+    device: torch.device | None = None,
 ) -> Training:
     """Train on the cohorts as the configuration says, with a progress bar, and write what came of it.
 
@@ -38,13 +41,16 @@ def trained_deformation(
         Where these are kept: what is there already is not made again.
     changes : sequence of str
         Such as ``training.side=right``, in place of what the configuration says.
+    device : torch.device, optional
+        The accelerator if there is one, else the processor, if left out.
 
     Raises
     ------
     ValueError
-        If the configuration, a cohort, the weights or the folder will not do.
+        If the configuration, a cohort, the weights or the folder will not do, or the network is too large to be kept.
     """
     folder, config = Path(folder), read_deformation_config(config_path, changes)
+    require_small(config.new_network())
     network, _ = read_weights(segmentation, SegmentationNetwork)
     surfaces, settings = InitialSurfaces(initial, network), config.training
     training, validation = (
@@ -54,11 +60,12 @@ def trained_deformation(
         for split in ("train", "validation")
     )
     found = watched_training(
-        lambda report: train_deformation(config, training, validation, folder / STATE_FOLDER, report)
+        folder, lambda report: train_deformation(config, training, validation, folder / STATE_FOLDER, report, device)
     )
-    command = shown_command("train", config_path, cohorts, folder, changes)
+    own = None if Path(segmentation) == SHIPPED / SEGMENTATION else segmentation
+    command = shown_command("train", config_path, cohorts, folder, changes, own, device)
     write_trained(
-        folder, found, config.as_dict(), command, [Path(cohort).name for cohort in cohorts],
+        folder, found, config.as_dict(), command, [Path(cohort).absolute().name for cohort in cohorts],
         {"segmentation_sha256": network_digest(network)},
     )  # fmt: skip
     return found

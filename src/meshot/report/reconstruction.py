@@ -12,7 +12,6 @@ from meshot.files import whole_folder
 from meshot.mesh.io import write_mesh
 from meshot.metrics.surface import vertex_distances
 from meshot.model.shipped import TrainedNetworks
-from meshot.pipeline.deformation import N_STEPS
 from meshot.pipeline.reconstruction import Reconstruction, reconstruct
 from meshot.pipeline.stages import StageClock
 from meshot.report.reconstruction_numbers import numbers_of_scan, numbers_of_surface
@@ -31,7 +30,7 @@ def reconstructed(
     path: str | os.PathLike,
     folder: str | os.PathLike,
     networks: TrainedNetworks,
-    n_steps: int = N_STEPS,
+    n_steps: int | None = None,
     replace: bool = False,
     template: Volume | None = None,
 ) -> dict:
@@ -47,7 +46,9 @@ def reconstructed(
     folder : path
         New or empty; or an earlier reconstruction, if ``replace``.
     networks : TrainedNetworks
-    n_steps, template
+    n_steps : int, optional
+        Of the flow; as many as the networks were trained with if left out.
+    template : Volume, optional
         As in :func:`meshot.pipeline.reconstruction.reconstruct`.
     replace : bool
 
@@ -72,7 +73,8 @@ def reconstructed(
             bar.update(n_done - bar.n)
             bar.refresh()
 
-        found = reconstruct(scan, networks.segmentation, networks.deformation, n_steps, tell, template)
+        n_steps = networks.n_steps if n_steps is None else n_steps
+        found = reconstruct(scan, networks.segmentation, networks.deformation, n_steps, tell, template, networks.method)
         clock = StageClock(2)
         with clock.stage("surfaces and numbers"):
             distances = {side: vertex_distances(s.final, s.initial) for side, s in found.surfaces.items()}
@@ -117,6 +119,7 @@ def _report(
         "warnings": list(found.warnings),
         "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
         "n_steps": found.n_steps,
+        "method": networks.method,
         "to_standard": found.scan.to_standard.tolist(),
         "weights": networks.records,
     } | provenance()

@@ -137,7 +137,7 @@ def _making(report: dict) -> str:
     matrix = "\n".join(" ".join(f"{value:11.6f}" for value in row) for row in report["to_standard"])
     records = "\n".join(f"{name}: {_record(record)}" for name, record in report["weights"].items())
     versions = ", ".join(f"{name} {version}" for name, version in report["versions"].items())
-    return f"""<p>Scan: {size} mm; {report["n_steps"]} steps of Euler's method; {report["date"]}.</p>
+    return f"""<p>Scan: {size} mm; {report["n_steps"]} steps of the flow ({report["method"]}); {report["date"]}.</p>
 {timing}
 <details><summary>Transform, weights, versions</summary>
 <p>From scanner RAS of the scan to MNI152, in mm:</p>

@@ -17,7 +17,15 @@ EXPERIMENTS = (":(top,glob)experiments/**/*.py", ":(top,glob)experiments/**/*.ya
 FIELDS = ("results", "config", "command", "data", "seconds", "commit", "date", "versions", "machine")
 
 
-def write_results(path: str | Path, results: dict, config: dict, command: str, data: str, seconds: float) -> None:
+def write_results(
+    path: str | Path,
+    results: dict,
+    config: dict,
+    command: str,
+    data: str,
+    seconds: float,
+    made: dict | None = None,
+) -> None:
     """Write a results file (JSON) with its provenance, whole or not at all.
 
     Parameters
@@ -34,6 +42,8 @@ def write_results(path: str | Path, results: dict, config: dict, command: str, d
         What it stands on, such as "synthetic polygons" or "MNI152 group average".
     seconds : float
         How long it took.
+    made : dict, optional
+        What :func:`meshot.report.results.provenance` said when the work began; what it says now if left out.
 
     Raises
     ------
@@ -46,7 +56,7 @@ def write_results(path: str | Path, results: dict, config: dict, command: str, d
         "command": command,
         "data": data,
         "seconds": round(seconds, 1),
-    } | provenance()
+    } | (made or provenance())
     try:
         text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
     except (TypeError, ValueError) as error:

@@ -25,7 +25,7 @@ def finished(
     work : callable
         From a task to what is found, JSON too. A task done now and one that is read give the same.
     partial : path
-        Where finished tasks are kept, one line each, its folder made if it is missing; remove it once the results are written.
+        Where finished tasks are kept, one line each; its folder is made. Remove it once the results are written.
     clock : callable
         Seconds: of the wall, or ``time.process_time``.
 

@@ -4,8 +4,10 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import torch
 from tqdm import tqdm
 
+from meshot.model.weights import require_small
 from meshot.pipeline.segmentation_data import read_examples
 from meshot.pipeline.segmentation_settings import read_segmentation_config
 from meshot.pipeline.segmentation_training import train_segmentation
@@ -18,6 +20,7 @@ def trained_segmentation(
     cohorts: Sequence[str | os.PathLike],
     folder: str | os.PathLike,
     changes: Sequence[str] = (),
+    device: torch.device | None = None,
 ) -> Training:
     """Train on the cohorts as the configuration says, with a progress bar, and write what came of it.
 
@@ -30,20 +33,23 @@ def trained_segmentation(
         See :func:`meshot.report.training.write_trained`; ``state/`` is what a stopped training goes on from.
     changes : sequence of str
         Such as ``training.precision=bfloat16``, in place of what the configuration says.
+    device : torch.device, optional
+        The accelerator if there is one, else the processor, if left out.
 
     Raises
     ------
     ValueError
-        If the configuration, a cohort or the folder will not do.
+        If the configuration, a cohort or the folder will not do, or the network is too large to be kept.
     """
     folder, config = Path(folder), read_segmentation_config(config_path, changes)
+    require_small(config.new_network())
     training, validation = (
         read_examples(cohorts, split, config.training.reduction, lambda found, s=split: tqdm(found, desc=f"read {s}"))
         for split in ("train", "validation")
     )
     found = watched_training(
-        lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report)
+        folder, lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report, device)
     )
-    command = shown_command("train-segmentation", config_path, cohorts, folder, changes)
-    write_trained(folder, found, config.as_dict(), command, [Path(cohort).name for cohort in cohorts])
+    command = shown_command("train-segmentation", config_path, cohorts, folder, changes, device=device)
+    write_trained(folder, found, config.as_dict(), command, [Path(cohort).absolute().name for cohort in cohorts])
     return found
