@@ -61,9 +61,9 @@ def judge_ablation(record: dict) -> Verdict:
     favours = {arm: [_favours(grid[arm], metric, []) for metric in DISTANCES] for arm in EXCHANGED if arm in grid}
     missing = [ARMS[arm] for arm in EXCHANGED if arm not in grid]
     holds = all(OURS in found and arm not in found for arm, found in favours.items())
-    if missing and holds:
+    if not favours:
         return Verdict(NOT_TESTED, f"not trained yet: {_listed(missing)}", rule)
-    status = CONDITION if holds else NOT_REPRODUCED
+    status = NOT_REPRODUCED if not holds else NOT_TESTED if missing else CONDITION
     return Verdict(status, _ablation_sentence(grid, favours, missing), rule, _ablation_table(results, grid))
 
 
@@ -130,7 +130,8 @@ def _ablation_sentence(grid: dict[str, dict], favours: dict[str, list[str | None
     parts += [f"not trained yet: {_listed(missing)}"] if missing else []
     first = next(iter(grid.values()))
     untabulated = [ARMS[arm] for arm in ARMS if arm in grid and arm not in EXCHANGED]
-    return f"{_name(first)}, DDOT with one thing exchanged. {'; '.join(parts)}. Beside them: {_listed(untabulated)}"
+    beside = f". Beside them: {_listed(untabulated)}" if untabulated else ""
+    return f"{_name(first)}, DDOT with one thing exchanged. {'; '.join(parts)}{beside}"
 
 
 def _listed(words: list[str]) -> str:
