@@ -268,8 +268,8 @@ def test_everything_is_written_with_its_provenance(tmp_path, cohort):
     assert same(network, found.network)
     assert record["training"]["n_faces"] == 400
     assert record["command"] == (
-        "meshot train c.yaml --data phantoms -o out --segmentation segmentation.safetensors --threads 1 --device cpu "
-        "--set training.n_faces=400"
+        "meshot train c.yaml --data phantoms -o out --segmentation segmentation.safetensors "
+        f"--threads {torch.get_num_threads()} --device cpu --set training.n_faces=400"
     )
     assert record["results"]["segmentation_sha256"]
     assert (out / "training.png").stat().st_size > 5000
@@ -281,18 +281,24 @@ def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypa
     config.write_text(json.dumps(TINY.as_dict()))
     words = config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial"
 
+    read = InitialSurfaces.examples
+
+    def examples(*words: object) -> list:
+        monkeypatch.setattr(results, "commit_of", lambda _: "committed meanwhile")
+        return read(*words)
+
     def record(now: str) -> dict:
         monkeypatch.setattr(results, "commit_of", lambda _: now)
         trained_deformation(*words)
         return json.loads((out / "weights.json").read_text())
 
     def stop(*_: object) -> None:
-        monkeypatch.setattr(results, "commit_of", lambda _: "committed meanwhile")
         raise Kill
 
+    monkeypatch.setattr(InitialSurfaces, "examples", examples)
     with monkeypatch.context() as patch:
-        patch.setattr(results, "commit_of", lambda _: "first")
         patch.setattr("meshot.pipeline.training._validated", stop)
+        monkeypatch.setattr(results, "commit_of", lambda _: "first")
         with pytest.raises(Kill):
             trained_deformation(*words)
     found = record("second")

@@ -14,6 +14,7 @@ from meshot.pipeline.deformation_data import InitialSurfaces
 from meshot.pipeline.deformation_settings import read_deformation_config
 from meshot.pipeline.deformation_training import train_deformation
 from meshot.pipeline.training import Training
+from meshot.report.results import provenance
 from meshot.report.training import STATE_FOLDER, shown_command, watched_training, write_trained
 
 
@@ -49,7 +50,7 @@ def trained_deformation(
     ValueError
         If the configuration, a cohort, the weights or the folder will not do, or the network is too large to be kept.
     """
-    folder, config = Path(folder), read_deformation_config(config_path, changes)
+    folder, config, made = Path(folder), read_deformation_config(config_path, changes), provenance()
     require_small(config.new_network())
     network, _ = read_weights(segmentation, SegmentationNetwork)
     surfaces, settings = InitialSurfaces(initial, network), config.training
@@ -60,7 +61,9 @@ def trained_deformation(
         for split in ("train", "validation")
     )
     found = watched_training(
-        folder, lambda report: train_deformation(config, training, validation, folder / STATE_FOLDER, report, device)
+        folder,
+        made,
+        lambda report: train_deformation(config, training, validation, folder / STATE_FOLDER, report, device),
     )
     own = None if Path(segmentation) == SHIPPED / SEGMENTATION else segmentation
     command = shown_command("train", config_path, cohorts, folder, changes, own, device)

@@ -12,6 +12,7 @@ from meshot.pipeline.segmentation_data import read_examples
 from meshot.pipeline.segmentation_settings import read_segmentation_config
 from meshot.pipeline.segmentation_training import train_segmentation
 from meshot.pipeline.training import Training
+from meshot.report.results import provenance
 from meshot.report.training import STATE_FOLDER, shown_command, watched_training, write_trained
 
 
@@ -41,14 +42,16 @@ def trained_segmentation(
     ValueError
         If the configuration, a cohort or the folder will not do, or the network is too large to be kept.
     """
-    folder, config = Path(folder), read_segmentation_config(config_path, changes)
+    folder, config, made = Path(folder), read_segmentation_config(config_path, changes), provenance()
     require_small(config.new_network())
     training, validation = (
         read_examples(cohorts, split, config.training.reduction, lambda found, s=split: tqdm(found, desc=f"read {s}"))
         for split in ("train", "validation")
     )
     found = watched_training(
-        folder, lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report, device)
+        folder,
+        made,
+        lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report, device),
     )
     command = shown_command("train-segmentation", config_path, cohorts, folder, changes, device=device)
     write_trained(folder, found, config.as_dict(), command, [Path(cohort).absolute().name for cohort in cohorts])

@@ -18,13 +18,12 @@ WEIGHTS, RECORD, LOG, PICTURE = "weights.safetensors", "weights.json", "log.json
 STATE_FOLDER, SESSIONS = "state", "sessions.jsonl"
 
 
-def watched_training(folder: Path, train: Callable[[Report], Training]) -> Training:
+def watched_training(folder: Path, made: dict, train: Callable[[Report], Training]) -> Training:
     """Run a training under a progress bar that shows the last loss and the last validation.
 
-    What code it runs is known now, not when it ends: with the first step that is taken a line with the provenance goes
-    into ``sessions.jsonl`` of the folder.
+    ``made`` is the provenance when the command began, since files may change while it runs: with the first step that is
+    taken it goes into ``sessions.jsonl`` of the folder.
     """
-    made = provenance()
     with tqdm(desc="train", unit="step") as bar:
         shown: dict[str, str] = {}
 
