@@ -198,6 +198,22 @@ def torus(large, small, n=96):
     return Mesh(vertices, torch.cat([torch.stack([a, b, c], dim=1), torch.stack([a, c, d], dim=1)]))
 
 
+def test_a_training_that_fails_does_not_stop_the_others(part, place, monkeypatch, capsys):
+    train, begun = part("train"), []
+
+    def made(each: object, _: dict) -> None:
+        begun.append(each.name)
+        if len(begun) == 1:
+            raise ValueError("made with another data")
+
+    monkeypatch.setattr(train, "made", made)
+    assert train.main(["--config", str(place / "config.yaml")]) == 1
+    assert begun == ["alpha_left_ddot_0", "alpha_left_cortexode_0", "alpha_left_ddot_1"]
+    said = capsys.readouterr().err
+    assert "made with another data" in said
+    assert said.endswith("failed: alpha_left_ddot_0\n")
+
+
 def test_the_hole_of_a_ring_is_as_deep_as_a_ball_leaves_it(part):
     large, small, radius = 12.0, 8.0, 10.0
     depths = part("places").sulcal_depths(torus(large, small), radius, 0.5).reshape(96, 96)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 
 import nibabel
 import numpy as np
@@ -13,6 +14,9 @@ from meshot.cli import main
 from meshot.figures import display
 from meshot.mesh.io import read_mesh
 from meshot.metrics.surface import vertex_distances
+from meshot.model.deformation import DeformationNetwork
+from meshot.model.shipped import DEFORMATION
+from meshot.model.weights import read_weights, write_weights
 from meshot.pipeline import reconstruction
 from meshot.report import reconstruction as written
 from meshot.report import reconstruction_pictures
@@ -75,6 +79,24 @@ def quick(made, found, monkeypatch):
     """For what happens around a reconstruction: the one that was made, and a single slice."""
     monkeypatch.setattr(written, "reconstruct", lambda *_: found[0])
     monkeypatch.setattr(reconstruction_pictures, "_CUTS", (("axial", 0.5),))
+
+
+@pytest.mark.parametrize(("more", "expected"), [([], (3, "midpoint")), (["--steps", "2"], (2, "midpoint"))])
+def test_a_flow_is_integrated_as_it_was_learned(place, tmp_path, monkeypatch, more, expected):
+    shutil.copytree(place, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("out*"))
+    for name in DEFORMATION.values():
+        path = tmp_path / "weights" / name
+        record = {"training": {"n_flow_steps": 3, "method": "midpoint"}}
+        write_weights(path, read_weights(path, DeformationNetwork)[0], record)
+    seen = []
+
+    def stop(initial: object, image: object, network: object, *how: object) -> None:
+        seen.append(how)
+        raise ValueError("seen enough")
+
+    monkeypatch.setattr(reconstruction, "deformed", stop)
+    assert main(words(tmp_path, "out", *more)) == 2
+    assert seen == [expected]
 
 
 def test_everything_is_there_and_nothing_else(made, place):

@@ -20,7 +20,7 @@ from meshot.pipeline.checkpoint import TrainingState
 from meshot.pipeline.deformation import deformed, standardised
 from meshot.pipeline.deformation_data import DeformationExample, digest
 from meshot.pipeline.deformation_settings import DeformationConfig, DeformationSettings
-from meshot.pipeline.training import Report, Training, chosen_device, train
+from meshot.pipeline.training import Report, Training, train
 from meshot.types import Tensor
 
 _ORDER, _LOSS = 0, 1  # streams of randomness
@@ -46,7 +46,7 @@ def train_deformation(
         already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
     report : callable of (steps done, steps in all, line of the log), optional
     device : torch.device, optional
-        The accelerator if there is one, else the processor, if left out.
+        The processor if left out.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def train_deformation(
             f"{len(training)} examples for training and {len(validation)} for validation came; at least one of each is "
             "needed"
         )
-    settings, device = config.training, device or chosen_device()
+    settings, device = config.training, device or torch.device("cpu")
     network = config.new_network().to(device)
     state = TrainingState(network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
     data = {

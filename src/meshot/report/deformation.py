@@ -13,7 +13,7 @@ from meshot.model.weights import network_digest, read_weights, require_small
 from meshot.pipeline.deformation_data import InitialSurfaces
 from meshot.pipeline.deformation_settings import read_deformation_config
 from meshot.pipeline.deformation_training import train_deformation
-from meshot.pipeline.training import Training
+from meshot.pipeline.training import Training, chosen_device
 from meshot.report.results import provenance
 from meshot.report.training import STATE_FOLDER, shown_command, watched_training, write_trained
 
@@ -63,7 +63,9 @@ def trained_deformation(
     found = watched_training(
         folder,
         made,
-        lambda report: train_deformation(config, training, validation, folder / STATE_FOLDER, report, device),
+        lambda report: train_deformation(
+            config, training, validation, folder / STATE_FOLDER, report, device or chosen_device()
+        ),
     )
     own = None if Path(segmentation) == SHIPPED / SEGMENTATION else segmentation
     command = shown_command("train", config_path, cohorts, folder, changes, own, device)
