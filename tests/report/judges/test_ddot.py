@@ -80,11 +80,12 @@ def grid(**arms):
 
 
 def test_ablation_holds_with_a_condition():
-    verdict = judge_ablation(grid(sliced_surface=ALL_OPEN, cortexode=ALL_OPEN))
+    verdict = judge_ablation(grid(sliced_surface=ALL_OPEN, cortexode=ALL_OPEN | {"assd_mm": RIVAL}))
     assert verdict.status == ledger.CONDITION
     assert verdict.ours.startswith("adni like, left, DDOT with one thing exchanged. samples for the varifold: worse in")
     assert "Chamfer for sliced Wasserstein: worse in EMD, SWD, ASSD, better in nothing" in verdict.ours
-    assert "Beside them: sliced, continuous surface; Chamfer, samples (CortexODE)" in verdict.ours
+    assert "table: sliced, continuous surface: worse in nothing, better in nothing; Chamfer, sam" in verdict.ours
+    assert "(CortexODE): worse in nothing, better in ASSD. ASSD in mm: DDOT 0.25, initially 0.25" in verdict.ours
     assert verdict.numbers.count("\n") == 1 + 7
     assert "| initial surface | 0.25 ± 0.03 |" in verdict.numbers
 
@@ -103,7 +104,7 @@ def test_one_exchange_that_is_better_is_enough_while_others_are_missing():
     verdict = judge_ablation(grid(sliced_samples=None, chamfer_varifold=ALL_OURS | {"assd_mm": RIVAL}))
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "Chamfer for sliced Wasserstein: worse in EMD, SWD, better in ASSD" in verdict.ours
-    assert verdict.ours.endswith("; not trained yet: sliced, samples")
+    assert "; not trained yet: sliced, samples. ASSD in mm" in verdict.ours
     assert "samples for the varifold" not in verdict.ours
     assert verdict.numbers.count("\n") == 1 + 4
 
@@ -111,8 +112,8 @@ def test_one_exchange_that_is_better_is_enough_while_others_are_missing():
 def test_ablation_says_what_is_missing():
     verdict = judge_ablation(grid(chamfer_varifold=None))
     assert verdict.status == ledger.NOT_TESTED
-    assert "Sinkhorn for sliced Wasserstein: worse in EMD, SWD, ASSD, better in nothing" in verdict.ours
-    assert verdict.ours.endswith("; not trained yet: Chamfer, varifold")
+    assert "Sinkhorn, on 500 faces, for sliced Wasserstein: worse in EMD, SWD, ASSD, better in nothing" in verdict.ours
+    assert "; not trained yet: Chamfer, varifold. ASSD in mm" in verdict.ours
     assert verdict.numbers.count("\n") == 1 + 4
     verdict = judge_ablation(results([]))
     assert verdict.status == ledger.NOT_TESTED
