@@ -4,8 +4,8 @@ import numpy as np
 import torch
 
 from meshot import DiscreteMeasure, Mesh, SurfaceMeasure, random_directions, surface
+from meshot.mesh import sample_locations
 from meshot.mesh.geometry import face_normals
-from meshot.mesh.sampling import sample_locations
 from meshot.mesh.shapes import folded_sphere
 
 DEPTHS = (4.0, 8.0)  # mm, of the folds of source and target

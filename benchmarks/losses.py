@@ -25,8 +25,8 @@ import torch
 import yaml
 from tqdm import tqdm
 
-from meshot.report.numbers import table
-from meshot.report.results import package_version, write_results
+from meshot.provenance import package_version, write_results
+from meshot_book.notebook import table
 
 FOLDER = Path(__file__).resolve().parent.parent / "experiments" / "cost"
 PARTIAL = FOLDER / "partial.jsonl"

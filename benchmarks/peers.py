@@ -13,8 +13,8 @@ import ot
 import torch
 
 from meshot import DiscreteMeasure, chamfer, sliced_wasserstein
+from meshot.loss import plain_sliced_wasserstein
 from meshot.loss.regularity import normal_inconsistency, squared_edge_length, squared_laplacian
-from meshot.loss.sliced import plain_sliced_wasserstein
 from meshot.threads import in_chunks
 
 Call = Callable[[], object]

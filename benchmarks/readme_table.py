@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from meshot.files import whole_file
-from meshot.report.numbers import digits
-from meshot.report.results import read_results
+from meshot.provenance import read_results
+from meshot_book.notebook import digits
 
 ROOT = Path(__file__).resolve().parent.parent
 README, COST = ROOT / "README.md", ROOT / "experiments" / "cost"

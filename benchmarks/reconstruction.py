@@ -13,16 +13,14 @@ from pathlib import Path
 import torch
 from ruler import medians, timed
 
-from meshot.mesh.mesh import Mesh
-from meshot.model.shipped import trained_networks
-from meshot.pipeline.deformation import N_STEPS, deformed
-from meshot.pipeline.deformation_settings import read_deformation_config
-from meshot.pipeline.reconstruction import reconstruct
-from meshot.report.numbers import table
-from meshot.report.results import write_results
-from meshot.synth.anatomy import fsaverage5_surface, mni152_t1
-from meshot.synth.refinement import loop_subdivided
-from meshot.volume.standard import standard_scan
+from meshot.anatomy import fsaverage5_surface, mni152_t1
+from meshot.mesh import Mesh
+from meshot.pipeline import reconstruct, trained_networks
+from meshot.pipeline.deformation import N_STEPS, deformed, read_deformation_config
+from meshot.provenance import write_results
+from meshot.synth import loop_subdivided
+from meshot.volume import standard_scan
+from meshot_book.notebook import table
 
 ROOT = Path(__file__).resolve().parent.parent
 OUTPUT = ROOT / "experiments" / "cost" / "reconstruction.json"

@@ -16,12 +16,9 @@ from pathlib import Path
 import torch
 
 from meshot.mesh.shapes import folded_sphere
-from meshot.metrics import evaluate as ruler
-from meshot.metrics.evaluate import evaluate
-from meshot.metrics.surface import Surface
-from meshot.metrics.transport import earth_movers_distance, sliced_distance
-from meshot.report.numbers import table
-from meshot.report.results import write_results
+from meshot.metrics import Surface, earth_movers_distance, evaluate, mesh_properties, sliced_distance
+from meshot.provenance import write_results
+from meshot_book.notebook import table
 
 OUTPUT = Path(__file__).resolve().parent.parent / "experiments" / "cost" / "ruler.json"
 WHOLE = "all but EMD, floors included"
@@ -45,7 +42,7 @@ def measured(subdivisions: int, n_points: int, emd_sizes: list[int]) -> list[dic
         timed("sample", lambda: surface.sample(n_points, 2)),
         timed("points to faces, one side", lambda: surface.offsets(one)),
         timed("SWD", lambda: sliced_distance(one.points, other.points)),
-        timed("self-intersection, topology, triangles", lambda: ruler._of_the_mesh(predicted)),
+        timed("self-intersection, topology, triangles", lambda: mesh_properties(predicted)),
         timed(WHOLE, lambda: evaluate(predicted, target, n_points, n_emd_points=1)),
     ]
     for n in emd_sizes:

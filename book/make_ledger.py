@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from meshot.files import whole_file
-from meshot.report import ledger
-from meshot.report.judges import JUDGES
+from meshot_book.claims import ledger_page as page_of_claims
+from meshot_book.claims.rules import JUDGES
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "book" / "ledger.md"
@@ -12,7 +12,7 @@ PAGE = ROOT / "book" / "ledger.md"
 
 def ledger_page() -> str:
     """The ledger as the committed results make it."""
-    return ledger.ledger_page(ROOT / "book" / "claims.yaml", ROOT / "experiments", JUDGES)
+    return page_of_claims(ROOT / "book" / "claims.yaml", ROOT / "experiments", JUDGES)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from nbclient.exceptions import CellExecutionError
 from tqdm import tqdm
 
 from meshot.files import whole_file
-from meshot.report.environment import KERNEL_ENVIRONMENT
+from meshot_book.notebook import KERNEL_ENVIRONMENT
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = ROOT / "notebooks"

@@ -16,9 +16,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 import torch  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
-from meshot.synth.generation import make_cohort, open_cohort, visits  # noqa: E402
-from meshot.synth.manifest import changed_files, keep_digests  # noqa: E402
-from meshot.synth.recipe import read_recipe  # noqa: E402
+from meshot.synth.cohorts import changed_files, keep_digests, make_cohort, open_cohort, read_recipe, visits  # noqa: E402
 
 
 def parsed(words: list[str] | None) -> argparse.Namespace:

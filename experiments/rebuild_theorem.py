@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from meshot.report.results import read_results
+from meshot.provenance import read_results
 
 HERE = Path(__file__).parent
 EXPERIMENTS = ("convergence", "transport_rates", "encoding_rates", "beyond_random")

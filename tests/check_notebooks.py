@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from meshot.report.environment import KERNEL_ENVIRONMENT
+from meshot_book.notebook.environment import KERNEL_ENVIRONMENT
 
 NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
 #: Run a second time with torch's plain code path instead of the vectorised one: points, meshes, a real image.

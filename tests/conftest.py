@@ -13,7 +13,7 @@ for folder in ("book", "tools", "tests"):
     sys.path.insert(0, str(ROOT / folder))
 
 if not os.environ.get("MESHOT_UNCHECKED"):
-    install_import_hook("meshot", "typechecker.check")
+    install_import_hook(["meshot", "meshot_book"], "typechecker.check")
 
 
 @pytest.fixture(autouse=True)

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from meshot.mesh.decimation import simplified
+from meshot.mesh.editing.decimation import simplified
+from meshot.mesh.editing.smoothing import laplacian_smoothing
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.smoothing import laplacian_smoothing
-from meshot.pipeline.deformation_data import DeformationExample
-from meshot.pipeline.segmentation_data import Example, example
+from meshot.mesh.shapes.solids import icosphere
+from meshot.pipeline.deformation.data import DeformationExample
+from meshot.pipeline.segmentation.data import Example, example
 from meshot.volume.io import write_volume
 from meshot.volume.standard import StandardScan
+from meshot.volume.surfaces.voxelise import enclosed_fractions
 from meshot.volume.volume import Volume
-from meshot.volume.voxelise import enclosed_fractions
 
 SHAPE, SIZES = (32, 24, 24), np.array([1.5, 208 / 144, 1.5])
 AFFINE = np.diag([*SIZES, 1.0])
@@ -66,7 +66,7 @@ def phantom_deformations(n: int, seed: int = 0, side: str = "left") -> list[Defo
 
 
 def write_phantom_cohort(folder: Path, splits: Sequence[str]) -> Path:
-    """A cohort on disk, one phantom for each split named, laid out as meshot.synth.cohort reads it."""
+    """A cohort on disk, one phantom for each split named, laid out as meshot.synth.cohorts.cohort reads it."""
     rows = ["participant_id\tsplit\tkind\tseed"]
     for i, split in enumerate(splits):
         name = f"sub-{i + 1:03d}"

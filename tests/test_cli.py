@@ -5,7 +5,7 @@ import pytest
 
 from meshot import evaluate, read_mesh, write_mesh
 from meshot.cli import main
-from meshot.mesh.shapes import icosphere
+from meshot.mesh.shapes.solids import icosphere
 
 FEW = ["--points", "2000", "--emd-points", "200"]
 

@@ -10,7 +10,7 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from test_layers import imported_modules
+from house import imports
 
 #: What conda-forge calls a distribution by another name than PyPI.
 CONDA_NAMES = {"torch": "pytorch-cpu", "libigl": "igl"}
@@ -70,9 +70,16 @@ def test_lock_names_no_host_and_no_cuda(root):
 
 
 #: What is imported by another name than it is installed.
-IMPORT_NAMES = {"simpleitk": "SimpleITK", "pot": "ot", "libigl": "igl", "scikit-image": "skimage", "pyyaml": "yaml"}
+IMPORT_NAMES = {
+    "simpleitk": "SimpleITK",
+    "pot": "ot",
+    "libigl": "igl",
+    "scikit-image": "skimage",
+    "pyyaml": "yaml",
+    "lazy-loader": "lazy_loader",
+}
 #: What needs no declaration: Python's own, ourselves, and VTK, which is pyvista's.
-STANDARD = sys.stdlib_module_names | {"meshot", "vtkmodules"}
+STANDARD = sys.stdlib_module_names | {"meshot", "meshot_book", "vtkmodules"}
 
 
 def test_the_package_imports_what_it_declares_and_nothing_else(root):
@@ -81,7 +88,7 @@ def test_the_package_imports_what_it_declares_and_nothing_else(root):
     wanted = {IMPORT_NAMES.get(name, name) for name in names}
     used = set()
     for file in (root / "src").rglob("*.py"):
-        used |= {name.split(".")[0] for name in imported_modules(file.read_text(encoding="utf-8"))}
+        used |= {module.split(".")[0] for module, _ in imports(file.read_text(encoding="utf-8"))}
     assert used - STANDARD - wanted == set(), "imported, but not declared"
     assert wanted - used - {"tqdm"} == set(), "declared, but not imported"
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from meshot.report.environment import KERNEL_ENVIRONMENT
+from meshot_book.notebook.environment import KERNEL_ENVIRONMENT
 from run_notebooks import source_notebook
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -26,7 +26,7 @@ def missing_python():
 
 def missing_display():
     """Why VTK could not draw here, or None; asked in a second process, since VTK may crash."""
-    command = [sys.executable, "-m", "meshot.figures.display"]
+    command = [sys.executable, "-m", "meshot.view.display"]
     asked = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     if asked.returncode == 0:
         return None

@@ -14,7 +14,7 @@ from sequences import KINDS, followed
 from tqdm import tqdm
 from triangles import search
 
-from meshot.report.results import write_results
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 

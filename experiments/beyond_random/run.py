@@ -16,11 +16,11 @@ from summary import summarise
 from tqdm import tqdm
 
 from meshot import DiscreteMeasure, Mesh, varifold
-from meshot.loss.sliced import slice_costs
-from meshot.mesh.decimation import decimated
+from meshot.anatomy import fsaverage5_surface
+from meshot.loss import slice_costs
+from meshot.mesh.editing import decimated
 from meshot.mesh.shapes import ellipsoid, folded_sphere
-from meshot.report.results import write_results
-from meshot.synth.anatomy import fsaverage5_surface
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 

@@ -3,7 +3,7 @@
 import numpy as np
 from estimators import METHODS
 
-from meshot.report.slopes import fitted_slope
+from meshot.statistics import fitted_slope
 
 
 def summarise(rows: list[dict], config: dict) -> dict:

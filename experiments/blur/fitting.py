@@ -18,10 +18,9 @@ from meshot import (
     varifold,
     wasserstein,
 )
-from meshot.mesh.sampling import sample_points
+from meshot.mesh import sample_points
 from meshot.mesh.shapes import folded_sphere, icosphere
-from meshot.metrics.surface import Surface, average_surface_distance
-from meshot.metrics.transport import earth_movers_distance
+from meshot.metrics import Surface, average_surface_distance, earth_movers_distance
 
 VarifoldLoss = Callable[[DiscreteMeasure], torch.Tensor]
 

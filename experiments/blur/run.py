@@ -14,9 +14,9 @@ from fitting import judged, make_pair, run_once
 from limits import limit_rows
 from scipy import stats
 
+from meshot.jobs import finished
 from meshot.mesh.geometry import face_areas
-from meshot.report.results import rounded, write_results
-from meshot.report.resume import finished
+from meshot.provenance import rounded, write_results
 
 HERE = Path(__file__).resolve().parent
 MEASURED = ("w2_varifold", "sw2_surface", "assd", "emd")

@@ -12,8 +12,8 @@ import yaml
 from summary import floors, summarise
 from toy import run_once
 
-from meshot.report.results import write_results
-from meshot.report.resume import finished
+from meshot.jobs import finished
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 

@@ -14,9 +14,9 @@ import scipy.ndimage
 import torch
 import yaml
 
-from meshot.report.results import write_results
-from meshot.report.resume import finished
-from meshot.synth.cohort import LABELS, Subject, read_subject, scans
+from meshot.jobs import finished
+from meshot.provenance import write_results
+from meshot.synth.cohorts import LABELS, Subject, read_subject, scans
 
 HERE = Path(__file__).resolve().parent
 COHORTS = HERE.parents[1] / "build" / "cohorts"

@@ -6,7 +6,7 @@ from scipy.special import gammaln
 from sizes import named_slope, short
 
 from meshot import random_directions
-from meshot.report.slopes import fitted_slope
+from meshot.statistics import fitted_slope
 from meshot.types import Array, Float, Tensor
 
 #: By what the shapes of the case "translation" are moved: twelve millimetres along one axis.

@@ -4,7 +4,7 @@ import numpy as np
 from pairs import frames, sampled_costs, spheres
 from sizes import named_slope, short
 
-from meshot.report.slopes import averages, fitted_slope
+from meshot.statistics import averages, fitted_slope
 
 
 def distance_runs(config: dict) -> list[dict]:

@@ -9,9 +9,8 @@ import numpy as np
 import torch
 
 from meshot import Contour, Mesh, SurfaceMeasure, quasi_directions, slice_costs, surface
-from meshot.mesh.contours import circle, star
-from meshot.mesh.sampling import sample_locations
-from meshot.mesh.shapes import ellipsoid, folded_sphere, icosphere
+from meshot.mesh import sample_locations
+from meshot.mesh.shapes import circle, ellipsoid, folded_sphere, icosphere, star
 from meshot.types import Array, Float, Tensor
 
 #: A unit normal counts as much as moving by so many mm; colours and features swing as far.

@@ -16,7 +16,7 @@ from distance import distance_errors, distance_runs, distance_summary
 from sizes import size_errors, size_runs, size_summary
 from tqdm import tqdm
 
-from meshot.report.results import write_results
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 #: Part → its runs, what a run finds, and what the part's rows are told as.

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 from pairs import frames, make_pair, sampled_costs
 
-from meshot.report.slopes import averages, fitted_slope
+from meshot.statistics import averages, fitted_slope
 from meshot.types import Array
 
 

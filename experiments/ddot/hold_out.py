@@ -9,12 +9,11 @@ import sys
 
 from trainings import HERE, arguments, read_config, segmentation_network
 
-from meshot.mesh.mending import mended
-from meshot.model.weights import network_digest
-from meshot.pipeline.deformation_data import InitialSurfaces
-from meshot.pipeline.deformation_file import write_example
-from meshot.report.results import provenance
-from meshot.synth.cohort import scans
+from meshot.mesh.editing import mended
+from meshot.model import network_digest
+from meshot.pipeline.deformation import InitialSurfaces, write_example
+from meshot.provenance import provenance
+from meshot.synth.cohorts import scans
 
 COHORT, SIDE = "oasis_like", "left"
 INITIAL_FACES, TARGET_FACES = 30_000, 30_000

@@ -5,18 +5,15 @@ import time
 
 from places import Places, places
 
-from meshot.mesh.mesh import Mesh
-from meshot.metrics.evaluate import evaluate
-from meshot.metrics.evaluation import Evaluation
-from meshot.model.deformation import DeformationNetwork
-from meshot.pipeline.deformation import deformed
-from meshot.pipeline.deformation_data import InitialSurfaces
-from meshot.pipeline.deformation_settings import DeformationSettings
+from meshot.anatomy import Hemisphere
+from meshot.flow.crossings import settled
+from meshot.mesh import Mesh
+from meshot.metrics import Evaluation, evaluate
+from meshot.model import DeformationNetwork
+from meshot.pipeline.deformation import DeformationSettings, InitialSurfaces, deformed
 from meshot.pipeline.segmentation import in_scanner
-from meshot.pipeline.settling import settled
-from meshot.synth.anatomy import Hemisphere
-from meshot.synth.cohort import Subject
-from meshot.volume.standard import StandardScan
+from meshot.synth.cohorts import Subject
+from meshot.volume import StandardScan
 
 #: Names in the results, and in an evaluation.
 METRICS = {

@@ -5,16 +5,13 @@ import dataclasses
 import numpy as np
 import torch
 
-from meshot.mesh.geometry import vertex_areas, vertex_normals
-from meshot.mesh.laplacian import cotangent_vectors
-from meshot.mesh.mesh import Mesh
-from meshot.mesh.smoothing import neighbour_means
-from meshot.metrics.surface import vertex_distances
+from meshot.mesh import Mesh
+from meshot.mesh.editing import neighbour_means
+from meshot.mesh.geometry import cotangent_vectors, vertex_areas, vertex_normals
+from meshot.metrics import vertex_distances
 from meshot.types import Array, Float, Int64, Tensor
-from meshot.volume.distance import signed_distance
-from meshot.volume.sampling import sample_volume
-from meshot.volume.volume import Volume
-from meshot.volume.voxelise import voxel_distance
+from meshot.volume import Volume, sample_volume
+from meshot.volume.surfaces import signed_distance, voxel_distance
 
 CURVATURE_ROUNDS = 3  # of means over neighbours: single vertices are noisy
 

@@ -12,13 +12,13 @@ import torch
 from tqdm import tqdm
 from trainings import HERE, arguments, read_config, segmentation_network
 
+from meshot.loss import SurfaceLoss
+from meshot.mesh import Mesh
 from meshot.mesh.geometry import face_areas, vertex_areas, vertex_normals
-from meshot.mesh.mesh import Mesh
-from meshot.metrics.surface import Surface, average_surface_distance, offsets_between
-from meshot.pipeline.deformation_data import DeformationExample, InitialSurfaces
-from meshot.pipeline.deformation_loss import SurfaceLoss
-from meshot.report.results import rounded, write_results
-from meshot.synth.cohort import scans
+from meshot.metrics import Surface, average_surface_distance, offsets_between
+from meshot.pipeline.deformation import DeformationExample, InitialSurfaces
+from meshot.provenance import rounded, write_results
+from meshot.synth.cohorts import scans
 from meshot.types import Float, Tensor
 
 Arrows = Float[Tensor, "vertex 3"]

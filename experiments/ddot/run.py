@@ -18,13 +18,11 @@ from measuring import flow_row, initial_row, seen
 from summary import summarised
 from trainings import HERE, Wanted, arguments, read_config, record_of, segmentation_network, wanted
 
-from meshot.model.deformation import DeformationNetwork
-from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import network_digest, read_weights
-from meshot.pipeline.deformation_data import InitialSurfaces
-from meshot.report.results import provenance, rounded, write_results
-from meshot.report.resume import finished
-from meshot.synth.cohort import Subject, scans
+from meshot.jobs import finished
+from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest, read_weights
+from meshot.pipeline.deformation import InitialSurfaces
+from meshot.provenance import provenance, rounded, write_results
+from meshot.synth.cohorts import Subject, scans
 
 INITIAL = "initial"
 

@@ -20,10 +20,9 @@ import torch
 from tqdm import tqdm
 from trainings import Wanted, arguments, keep, read_config, segmentation_network, segmentation_weights, wanted
 
-from meshot.pipeline.deformation_data import InitialSurfaces
-from meshot.report.deformation import trained_deformation
-from meshot.report.training import LOG, STATE_FOLDER
-from meshot.synth.cohort import scans
+from meshot.pipeline import LOG, STATE_FOLDER
+from meshot.pipeline.deformation import InitialSurfaces, trained_deformation
+from meshot.synth.cohorts import scans
 
 SECONDS_BETWEEN_LOOKS = 5.0
 OUTPUT = "output.txt"

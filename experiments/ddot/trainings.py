@@ -9,13 +9,11 @@ from pathlib import Path
 import yaml
 
 from meshot.files import whole_file
-from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.shipped import SEGMENTATION, weights_path
-from meshot.model.weights import read_weights
-from meshot.pipeline.checkpoint import TrainingLog, read_log
-from meshot.pipeline.deformation_settings import DeformationConfig, deformation_config, read_deformation_config
-from meshot.report.results import read_results, rounded
-from meshot.report.training import LOG, RECORD, WEIGHTS
+from meshot.model import SegmentationNetwork, read_weights
+from meshot.pipeline import LOG, RECORD, SEGMENTATION, WEIGHTS, weights_path
+from meshot.pipeline.deformation import DeformationConfig, deformation_config, read_deformation_config
+from meshot.provenance import read_results, rounded
+from meshot.train import TrainingLog, read_log
 
 HERE = Path(__file__).parent
 CURVE_POINTS = 110

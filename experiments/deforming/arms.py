@@ -16,8 +16,8 @@ from meshot import (
     surface,
     varifold,
 )
-from meshot.flow.fit import FitLoss
-from meshot.measure.discrete import varifold_sample
+from meshot.flow.fitting import FitLoss
+from meshot.measure import varifold_sample
 from meshot.types import Tensor
 
 Measure = DiscreteMeasure | SurfaceMeasure

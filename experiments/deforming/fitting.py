@@ -9,12 +9,18 @@ from arms import arm_loss
 from meshes import start_mesh, target_mesh
 
 from meshot import Mesh, evaluate
-from meshot.flow.fit import FitLoss, FitSettings, fit_flow
-from meshot.flow.grid import grid_around
-from meshot.flow.integrate import trajectory
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.metrics.surface import Surface, average_surface_distance, normal_agreement
-from meshot.metrics.triangles import edge_length_variation, face_area_variation, smallest_angles
+from meshot.flow import trajectory
+from meshot.flow.fields import grid_around
+from meshot.flow.fitting import FitLoss, FitSettings, fit_flow
+from meshot.mesh.topology import self_intersecting_faces
+from meshot.metrics import (
+    Surface,
+    average_surface_distance,
+    edge_length_variation,
+    face_area_variation,
+    normal_agreement,
+    smallest_angles,
+)
 from meshot.types import Tensor
 
 CURVES = ("assd", "normals", "intersecting_faces", "edge_variation", "area_variation", "smallest_angle")

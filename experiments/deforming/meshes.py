@@ -10,12 +10,11 @@ import safetensors.torch
 import torch
 
 from meshot import Mesh
+from meshot.anatomy import fsaverage5_surface
 from meshot.files import whole_file
+from meshot.mesh.editing import laplacian_smoothing, mended
 from meshot.mesh.geometry import signed_volume
-from meshot.mesh.mending import mended
 from meshot.mesh.shapes import folded_sphere, icosphere
-from meshot.mesh.smoothing import laplacian_smoothing
-from meshot.synth.anatomy import fsaverage5_surface
 
 
 def target_mesh(target: str, seed: int, config: dict) -> Mesh:

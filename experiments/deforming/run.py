@@ -27,7 +27,7 @@ member of the family for each seed; "fsaverage5_left", "fsaverage5_right"), ``st
   ``NAME_sliced``, ``NAME_gap``, ``NAME_low``, ``NAME_high`` (95 %, Student's t), ``n_seeds``;
 - ``missing``: the settings and arms that were planned but are not here.
 
-The metrics of ``end``, ``floor`` and ``begin``: those of :func:`meshot.metrics.evaluate.evaluate` (emd, swd, assd,
+The metrics of ``end``, ``floor`` and ``begin``: those of :func:`meshot.metrics.evaluate` (emd, swd, assd,
 hausdorff, normals, signed_normals, intersecting_faces, intersecting_share, euler_number, area, volume, edge_variation,
 area_variation, smallest_angle). METRICS of the curves: assd, normals, intersecting_faces, edge_variation,
 area_variation, smallest_angle.
@@ -55,8 +55,8 @@ from summary import differences, summarise
 
 from meshot import Mesh
 from meshot.files import whole_file
-from meshot.report.results import write_results
-from meshot.report.resume import finished
+from meshot.jobs import finished
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 MESHES = HERE / "partial_meshes"

@@ -15,7 +15,7 @@ from slices import mean_over_all, methods, relative_errors
 from summary import summarise
 from tqdm import tqdm
 
-from meshot.report.results import write_results
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 

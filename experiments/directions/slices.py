@@ -16,11 +16,10 @@ from meshot import (
     surface,
     varifold,
 )
-from meshot.loss.quasi_sets import CONSTRUCTIONS
-from meshot.measure.surface import SurfaceMeasure
-from meshot.mesh.contours import circle, letter_e, star
-from meshot.mesh.mesh import Contour
-from meshot.mesh.shapes import ellipsoid, folded_sphere, icosphere
+from meshot.loss import CONSTRUCTIONS
+from meshot.measure import SurfaceMeasure
+from meshot.mesh import Contour
+from meshot.mesh.shapes import circle, ellipsoid, folded_sphere, icosphere, letter_e, star
 
 Measure = SurfaceMeasure | DiscreteMeasure
 Cost = Callable[[torch.Tensor], np.ndarray]

@@ -9,8 +9,8 @@ from families import displaced, refined
 from stand_ins import atoms, sample
 
 from meshot import DiscreteMeasure, Mesh, quasi_directions, sliced_wasserstein, surface
-from meshot.mesh.decimation import decimated
-from meshot.synth.anatomy import fsaverage5_surface
+from meshot.anatomy import fsaverage5_surface
+from meshot.mesh.editing import decimated
 from meshot.types import Tensor
 
 

@@ -5,10 +5,10 @@ import math
 
 import torch
 
-from meshot.mesh.decimation import decimated
-from meshot.mesh.mesh import Mesh
+from meshot.anatomy import fsaverage5_surface
+from meshot.mesh import Mesh
+from meshot.mesh.editing import decimated
 from meshot.mesh.shapes import cube, ellipsoid, folded_sphere, icosphere, split_in_four
-from meshot.synth.anatomy import fsaverage5_surface
 
 
 def pair_of_meshes(family: str, level: int, config: dict) -> tuple[Mesh, Mesh]:

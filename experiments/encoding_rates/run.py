@@ -16,7 +16,7 @@ from measured import measure_level
 from summary import summarise, summarise_clock
 from tqdm import tqdm
 
-from meshot.report.results import write_results
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshot.report.slopes import fitted_slope
+from meshot.statistics import fitted_slope
 
 QUANTITIES = ("other", "own")
 

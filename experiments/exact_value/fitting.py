@@ -6,7 +6,7 @@ import torch
 from meshot import DiscreteMeasure, Mesh, empirical, quasi_directions, random_directions, sliced_wasserstein, surface
 from meshot.mesh.geometry import face_areas, face_barycentres
 from meshot.mesh.shapes import folded_sphere, icosphere
-from meshot.metrics.surface import Surface, average_surface_distance
+from meshot.metrics import Surface, average_surface_distance
 from meshot.types import Tensor
 
 ENCODINGS = ("continuous", "barycentres", "samples")

@@ -16,7 +16,7 @@ from sampling import sampling, times
 from tqdm import tqdm
 
 from meshot.files import whole_file
-from meshot.report.results import write_results
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 PARTS = {"accuracy": accuracy, "sampling": sampling, "time": times, "descent": descents}

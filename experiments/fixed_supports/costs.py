@@ -6,11 +6,10 @@ import numpy as np
 from variants import compare, drawn_part, pair_of_meshes, reweighted
 
 from meshot import Mesh, varifold
-from meshot.flow.field import LearnedVelocity
-from meshot.flow.grid import grid_around
-from meshot.flow.integrate import integrate
-from meshot.flow.memory import peak_saved_bytes
-from meshot.measure.discrete import varifold_sample
+from meshot.flow import integrate
+from meshot.flow.fields import LearnedVelocity, grid_around
+from meshot.measure import varifold_sample
+from meshot_book.examples import peak_saved_bytes
 
 
 def cost_rows(config: dict) -> list[dict]:

@@ -27,10 +27,10 @@ from scipy import stats
 from variants import fit_loss, pair_of_meshes
 
 from meshot import evaluate
-from meshot.flow.fit import FitSettings, fit_flow
-from meshot.flow.grid import grid_around
-from meshot.report.results import write_results
-from meshot.report.resume import finished
+from meshot.flow.fields import grid_around
+from meshot.flow.fitting import FitSettings, fit_flow
+from meshot.jobs import finished
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 MEASURED = ("assd", "edge_variation", "intersecting_faces")

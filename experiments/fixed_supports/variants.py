@@ -7,9 +7,9 @@ import numpy as np
 import torch
 
 from meshot import DiscreteMeasure, Mesh, chamfer, quasi_directions, sliced_wasserstein, varifold
-from meshot.measure.discrete import varifold_sample
+from meshot.measure import varifold_sample
+from meshot.mesh import sample_locations
 from meshot.mesh.geometry import face_areas, signed_volume
-from meshot.mesh.sampling import sample_locations
 from meshot.mesh.shapes import folded_sphere, icosphere
 from meshot.types import Tensor
 

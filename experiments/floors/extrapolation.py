@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from meshot.report.slopes import fitted_slope
+from meshot.statistics import fitted_slope
 
 Groups = dict[int, list[float]]
 

@@ -13,9 +13,9 @@ from extrapolation import Groups, matching_law, power_law, ratios_of, slope_of, 
 from readings import emd_readings, paper_number
 from samples import measured, surface_of
 
+from meshot.jobs import finished
 from meshot.mesh.geometry import face_areas
-from meshot.report.results import rounded, write_results
-from meshot.report.resume import finished
+from meshot.provenance import rounded, write_results
 
 HERE = Path(__file__).resolve().parent
 DIRECT = ("sw2", "point_to_point", "point_to_face")

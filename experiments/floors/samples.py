@@ -9,9 +9,8 @@ import torch
 from geomloss import SamplesLoss
 from scipy.spatial import cKDTree
 
-from meshot.metrics.surface import Surface, SurfaceSample, average_surface_distance
-from meshot.metrics.transport import earth_movers_distance, sliced_distance
-from meshot.synth.anatomy import fsaverage5_surface
+from meshot.anatomy import fsaverage5_surface
+from meshot.metrics import Surface, SurfaceSample, average_surface_distance, earth_movers_distance, sliced_distance
 
 
 @functools.cache

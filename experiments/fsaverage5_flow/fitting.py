@@ -9,13 +9,12 @@ import torch
 from tqdm import tqdm
 
 from meshot.files import whole_file
-from meshot.flow.fit import Fit, FitLoss, FitSettings, fit_flow, sliced_loss
-from meshot.flow.grid import grid_around
-from meshot.flow.settings import Guard
-from meshot.loss.chamfer import chamfer
-from meshot.measure.discrete import empirical, varifold
-from meshot.mesh.mesh import Mesh
-from meshot.metrics.surface import Surface, average_surface_distance
+from meshot.flow.fields import grid_around
+from meshot.flow.fitting import Fit, FitLoss, FitSettings, Guard, fit_flow, sliced_loss
+from meshot.loss import chamfer
+from meshot.measure import empirical, varifold
+from meshot.mesh import Mesh
+from meshot.metrics import Surface, average_surface_distance
 from meshot.types import Tensor
 
 #: The numbers of a leg that are settings of a fit.

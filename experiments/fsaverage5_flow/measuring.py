@@ -3,12 +3,10 @@
 import numpy as np
 import torch
 
-from meshot.flow.chain import Leg, chain_reports, chain_trajectory
-from meshot.flow.fit import Fit
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.mesh import Mesh
-from meshot.metrics.evaluate import evaluate
-from meshot.metrics.triangles import smallest_angles
+from meshot.flow.fitting import Fit, Leg, chain_reports, chain_trajectory
+from meshot.mesh import Mesh
+from meshot.mesh.topology import self_intersecting_faces
+from meshot.metrics import evaluate, smallest_angles
 
 LOSS_STRIDE = 10  # iterations whose losses are told as one mean
 

@@ -4,10 +4,10 @@ import time
 
 from surfaces import carried, cut_where_stretched
 
-from meshot.flow.chain import Leg
-from meshot.flow.standstill import without_crossings
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.mesh import Mesh
+from meshot.flow.crossings import without_crossings
+from meshot.flow.fitting import Leg
+from meshot.mesh import Mesh
+from meshot.mesh.topology import self_intersecting_faces
 
 
 def mended_chain(leg: dict, legs: list[Leg], start: Mesh) -> tuple[list[Leg], Mesh, dict]:

@@ -6,7 +6,7 @@ throws such parts away first.
 
 Three *tasks* for each hemisphere, see ``config.yaml``: ``sliced``, from the target smoothed a little, by sliced
 Wasserstein on varifolds alone; ``mixture``, which goes on from there by Chamfer on a finer grid; ``far``, from a
-surface with neither the folds nor the connectivity. Each ends in a chain of flows (:mod:`meshot.flow.chain`).
+surface with neither the folds nor the connectivity. Each ends in a chain of flows (:mod:`meshot.flow.fitting.chain`).
 
 ``results.json`` holds, under "results" → hemisphere → task (lengths in mm):
 
@@ -24,7 +24,7 @@ surface with neither the folds nor the connectivity. Each ends in a chain of flo
 - ``stored`` (where the flow is kept): ``files``, and ``assd`` and ``intersecting_faces`` of the rounded flow in them.
 
 The kept flows are read by ``stored.stored_flow(hemisphere, task)``: the start, and the legs that carry it, for
-:func:`meshot.flow.chain.chain_trajectory`.
+:func:`meshot.flow.fitting.chain_trajectory`.
 """
 
 import argparse
@@ -40,12 +40,12 @@ from mending import mended_chain
 from stored import read_flow, write_flow
 from surfaces import carried, start_surface, target_surface
 
+from meshot.anatomy import HEMISPHERES
 from meshot.files import whole_file
-from meshot.flow.chain import Leg
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.mesh import Mesh
-from meshot.report.results import write_results
-from meshot.synth.anatomy import HEMISPHERES
+from meshot.flow.fitting import Leg
+from meshot.mesh import Mesh
+from meshot.mesh.topology import self_intersecting_faces
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 PARTIAL = HERE / "partial"

@@ -4,10 +4,10 @@ from pathlib import Path
 
 from surfaces import start_surface
 
-from meshot.flow.chain import Leg
-from meshot.flow.storage import read_velocity, write_velocity
-from meshot.mesh.mesh import Mesh
-from meshot.report.results import read_results
+from meshot.flow.fields import read_velocity, write_velocity
+from meshot.flow.fitting import Leg
+from meshot.mesh import Mesh
+from meshot.provenance import read_results
 
 HERE = Path(__file__).parent
 
@@ -28,7 +28,7 @@ def read_flow(names: list[str], n_steps: list[int]) -> list[Leg]:
 def stored_flow(side: str, task: str) -> tuple[Mesh, list[Leg]]:
     """The start of a task and the legs of the flow that carries it to the white surface, as far as they are kept.
 
-    ``meshot.flow.chain.chain_trajectory(legs, start.vertices)`` moves it, step by step.
+    ``meshot.flow.fitting.chain_trajectory(legs, start.vertices)`` moves it, step by step.
 
     Raises
     ------

@@ -3,17 +3,13 @@
 import numpy as np
 import torch
 
-from meshot.flow.chain import Leg, chain_end
-from meshot.mesh.decimation import decimated
+from meshot.anatomy import Hemisphere, fsaverage5_surface
+from meshot.flow.fitting import Leg, chain_end
+from meshot.mesh import Mesh
+from meshot.mesh.editing import decimated, laplacian_smoothing, mended, with_edges_split
 from meshot.mesh.geometry import edge_lengths, mesh_edges
-from meshot.mesh.mending import mended
-from meshot.mesh.mesh import Mesh
-from meshot.mesh.smoothing import laplacian_smoothing
-from meshot.mesh.subdivision import with_edges_split
-from meshot.synth.anatomy import Hemisphere, fsaverage5_surface
-from meshot.volume.isosurface import isosurface
-from meshot.volume.volume import Volume
-from meshot.volume.voxelise import enclosed_fractions
+from meshot.volume import Volume
+from meshot.volume.surfaces import enclosed_fractions, isosurface
 
 MOST_CUTS = 8  # rounds; an edge is then a 256th of what it was
 

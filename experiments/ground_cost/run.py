@@ -9,7 +9,7 @@ import yaml
 from costs import asked_rows, minimiser_row, sliced_rows, transport_row
 from tqdm import tqdm
 
-from meshot.report.results import rounded, write_results
+from meshot.provenance import rounded, write_results
 
 HERE = Path(__file__).resolve().parent
 

@@ -14,29 +14,21 @@ import torch
 import yaml
 from tqdm import tqdm
 
+from meshot.anatomy import HEMISPHERES, fsaverage5_surface, mni152_brain_mask, mni152_t1, mni152_white_matter
 from meshot.files import whole_file
-from meshot.flow.fit import FitSettings, fit_flow, sliced_loss
-from meshot.flow.grid import GridVelocity, grid_around
-from meshot.flow.integrate import integrate
-from meshot.flow.storage import quantised_velocity, write_velocity
-from meshot.measure.discrete import varifold
-from meshot.mesh.decimation import decimated
+from meshot.flow import integrate
+from meshot.flow.fields import GridVelocity, grid_around, quantised_velocity, write_velocity
+from meshot.flow.fitting import FitSettings, fit_flow, sliced_loss
+from meshot.measure import varifold
+from meshot.mesh import Mesh
+from meshot.mesh.editing import decimated
 from meshot.mesh.geometry import face_areas
-from meshot.mesh.mesh import Mesh
 from meshot.mesh.topology import topology
-from meshot.metrics.evaluate import evaluate
-from meshot.pipeline.hemisphere import hemisphere_region, restricted
-from meshot.pipeline.initial_surface import TissueSurface, tissue_surface
-from meshot.report.results import write_results
-from meshot.synth.anatomy import (
-    HEMISPHERES,
-    fsaverage5_surface,
-    mni152_brain_mask,
-    mni152_t1,
-    mni152_white_matter,
-)
-from meshot.volume.isosurface import isosurface
-from meshot.volume.tissue import dice, white_matter_probability
+from meshot.metrics import evaluate
+from meshot.pipeline import TissueSurface, hemisphere_region, restricted, tissue_surface
+from meshot.provenance import write_results
+from meshot.volume import dice, white_matter_probability
+from meshot.volume.surfaces import isosurface
 
 HERE = Path(__file__).parent
 PARTIAL = HERE / "partial"

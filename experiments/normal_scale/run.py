@@ -14,7 +14,7 @@ from shares import crossing_scale, measure_pair, pairs
 from tqdm import tqdm
 
 from meshot.files import whole_file
-from meshot.report.results import write_results
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 

@@ -7,9 +7,9 @@ import scipy.spatial
 import torch
 
 from meshot import Mesh, quasi_directions, sliced_wasserstein, varifold
+from meshot.anatomy import fsaverage5_surface
+from meshot.mesh.editing import laplacian_smoothing
 from meshot.mesh.shapes import folded_sphere
-from meshot.mesh.smoothing import laplacian_smoothing
-from meshot.synth.anatomy import fsaverage5_surface
 from meshot.types import Tensor
 
 

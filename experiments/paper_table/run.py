@@ -9,7 +9,7 @@ from counting import faces_for, factors, smallest_shares
 from inequality import CONVENTIONS, broken_rows, direction_allowance, exchanged, rows_of
 from oddities import column_pattern, printed_twice, smallest_deviations
 
-from meshot.report.results import rounded, write_results
+from meshot.provenance import rounded, write_results
 
 HERE = Path(__file__).resolve().parent
 

@@ -15,7 +15,7 @@ from fitting import descents
 from tqdm import tqdm
 
 from meshot.files import whole_file
-from meshot.report.results import write_results
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 PARTS = {"curve": curve, "losses": losses, "descent": descents}

@@ -16,21 +16,16 @@ import torch
 import yaml
 from summary import summary
 
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.topology import topology
-from meshot.metrics.surface import Surface, average_surface_distance, hausdorff_distance, offsets_between
-from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights
-from meshot.pipeline.segmentation import in_scanner, segment
-from meshot.pipeline.segmentation_surface import segmented_surface
-from meshot.report.results import write_results
-from meshot.report.resume import finished
-from meshot.synth.anatomy import HEMISPHERES
-from meshot.synth.cohort import Subject, scans
-from meshot.volume.isosurface import isosurface
-from meshot.volume.tissue import dice
-from meshot.volume.volume import Volume
-from meshot.volume.voxelise import enclosed_fractions
+from meshot.anatomy import HEMISPHERES
+from meshot.jobs import finished
+from meshot.mesh.topology import self_intersecting_faces, topology
+from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
+from meshot.model import SegmentationNetwork, read_weights
+from meshot.pipeline.segmentation import in_scanner, segment, segmented_surface
+from meshot.provenance import write_results
+from meshot.synth.cohorts import Subject, scans
+from meshot.volume import Volume, dice
+from meshot.volume.surfaces import enclosed_fractions, isosurface
 
 HERE = Path(__file__).parent
 

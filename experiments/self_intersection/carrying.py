@@ -4,12 +4,11 @@ import torch
 from fitting import fitted_flow, turned_sphere
 
 from meshot import Mesh
-from meshot.flow.analytic import Vortex
-from meshot.flow.field import Velocity
-from meshot.flow.guard import inspect_paths
-from meshot.flow.integrate import integrate, trajectory
-from meshot.mesh.intersection import self_intersecting_faces
+from meshot.flow import integrate, trajectory
+from meshot.flow.crossings import inspect_paths
+from meshot.flow.fields import Velocity, Vortex
 from meshot.mesh.shapes import icosphere
+from meshot.mesh.topology import self_intersecting_faces
 
 
 def ways(config: dict) -> list[tuple[str, int]]:

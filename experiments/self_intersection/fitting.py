@@ -7,14 +7,13 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from meshot import DiscreteMeasure, Mesh, chamfer, varifold
-from meshot.flow.fit import FitLoss, fit_flow, sliced_loss
-from meshot.flow.grid import GridVelocity, grid_around
-from meshot.flow.guard import crossings_along, inspect_paths
-from meshot.flow.settings import FitSettings
+from meshot.flow.crossings import crossings_along, inspect_paths
+from meshot.flow.fields import GridVelocity, grid_around
+from meshot.flow.fitting import FitLoss, FitSettings, fit_flow, sliced_loss
 from meshot.mesh.geometry import face_corners
-from meshot.mesh.intersection import self_intersecting_faces
 from meshot.mesh.shapes import folded_sphere, icosphere
-from meshot.metrics.surface import Surface, average_surface_distance
+from meshot.mesh.topology import self_intersecting_faces
+from meshot.metrics import Surface, average_surface_distance
 
 
 def turned_sphere(task: dict, config: dict, level: int | None = None) -> Mesh:

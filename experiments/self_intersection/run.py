@@ -22,8 +22,8 @@ from carrying import carried_row, given_row
 from fitting import fit_row
 from summary import differences
 
-from meshot.report.results import rounded, write_results
-from meshot.report.resume import finished
+from meshot.jobs import finished
+from meshot.provenance import rounded, write_results
 
 HERE = Path(__file__).resolve().parent
 WORK = {"given": given_row, "fits": fit_row, "carried": carried_row}

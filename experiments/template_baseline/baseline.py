@@ -4,14 +4,11 @@ import dataclasses
 
 import numpy as np
 
-from meshot.mesh.mesh import Mesh
-from meshot.pipeline.segmentation_surface import segmented_surface
-from meshot.synth.cohort import Subject
-from meshot.synth.position import Position
-from meshot.synth.recipe import Recipe, drawn_appearance, drawn_shape
-from meshot.synth.scanning import Anatomy, simulated_scan, standardised
-from meshot.synth.subject import mean_surfaces
-from meshot.volume.volume import transform_points
+from meshot.mesh import Mesh
+from meshot.pipeline.segmentation import segmented_surface
+from meshot.synth import Anatomy, Position, mean_surfaces, simulated_scan, standardised
+from meshot.synth.cohorts import Recipe, Subject, drawn_appearance, drawn_shape
+from meshot.volume import transform_points
 
 LABEL = {"left": 1, "right": 2}
 

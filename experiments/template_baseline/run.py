@@ -14,12 +14,11 @@ import torch
 import yaml
 from baseline import perfect_mask_surface, registered_template, template_in_standard_space
 
-from meshot.metrics.evaluate import evaluate
-from meshot.report.results import write_results
-from meshot.report.resume import finished
-from meshot.synth.anatomy import HEMISPHERES
-from meshot.synth.cohort import participants, read_subject
-from meshot.synth.recipe import read_recipe
+from meshot.anatomy import HEMISPHERES
+from meshot.jobs import finished
+from meshot.metrics import evaluate
+from meshot.provenance import write_results
+from meshot.synth.cohorts import participants, read_recipe, read_subject
 
 HERE = Path(__file__).resolve().parent
 COHORTS = HERE.parents[1] / "build" / "cohorts"

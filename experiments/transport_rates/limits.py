@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 from pairs import MESHES, translation
 
+from meshot.mesh import Mesh
 from meshot.mesh.geometry import face_areas, face_barycentres
-from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import cube, split_in_four
-from meshot.metrics.surface import Surface, SurfaceSample
+from meshot.metrics import Surface, SurfaceSample
 
 
 def chamfer_limit(pair: dict, config: dict) -> dict:

@@ -11,7 +11,7 @@ from pairs import draw_pair, known_distance, known_slices
 from scipy.spatial.distance import cdist
 
 from meshot import DiscreteMeasure, chamfer, quasi_directions
-from meshot.loss.sliced import slice_costs
+from meshot.loss import slice_costs
 
 #: What is estimated. W_p and SW_p are distances, roots taken; Chamfer is squared as in the paper.
 MEASURES = ("transport", "sliced", "chamfer")

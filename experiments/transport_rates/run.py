@@ -13,8 +13,8 @@ from limits import chamfer_limit
 from measured import MEASURES, errors
 from summary import summarise
 
-from meshot.report.results import write_results
-from meshot.report.resume import finished
+from meshot.jobs import finished
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 

@@ -8,7 +8,7 @@ from meshes import doubled, pleated_square
 from scipy import stats
 
 from meshot import Mesh, quasi_directions, sliced_wasserstein
-from meshot.loss.sliced import quantile_cost
+from meshot.loss import quantile_cost
 from meshot.mesh.geometry import face_areas
 from meshot.mesh.shapes import icosphere
 

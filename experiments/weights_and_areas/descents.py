@@ -16,9 +16,9 @@ from meshot import (
     surface,
     varifold,
 )
-from meshot.flow.descent import descend
+from meshot.flow.fitting import descend
 from meshot.mesh.geometry import edge_lengths, face_area_vectors
-from meshot.metrics.surface import Surface, average_surface_distance
+from meshot.metrics import Surface, average_surface_distance
 from meshot.types import Tensor
 
 DIMENSIONS = {"surface": 3, "varifold": 6}

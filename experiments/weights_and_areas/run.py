@@ -13,8 +13,8 @@ from checks import forgotten_areas, merging_errors
 from descents import run_once
 from summary import gradient_rows, summarise
 
-from meshot.report.results import write_results
-from meshot.report.resume import finished
+from meshot.jobs import finished
+from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
 

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 
-from meshot.report.results import read_results
+from meshot.provenance import read_results
 from scripts import scripts_in
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from meshot.report.results import read_results
+from meshot.provenance import read_results
 from scripts import scripts_in
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"

@@ -6,7 +6,7 @@ import pytest
 import torch
 import yaml
 
-from meshot.report.results import read_results
+from meshot.provenance import read_results
 from scripts import scripts_in
 
 

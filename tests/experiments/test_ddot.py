@@ -13,23 +13,23 @@ import torch
 import yaml
 from scipy import stats
 
-from meshot.mesh.geometry import vertex_areas
-from meshot.mesh.intersection import self_intersecting_faces
+from meshot.loss.surface_loss import SurfaceLoss
+from meshot.mesh.editing.smoothing import laplacian_smoothing
+from meshot.mesh.geometry.areas import vertex_areas
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.smoothing import laplacian_smoothing
-from meshot.metrics.surface import Surface, vertex_distances
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.metrics.distances import Surface, vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline import training
-from meshot.pipeline.deformation_data import DeformationExample, InitialSurfaces
-from meshot.pipeline.deformation_file import read_example
-from meshot.pipeline.deformation_loss import SurfaceLoss
-from meshot.pipeline.deformation_settings import read_deformation_config
-from meshot.report.results import read_results
-from meshot.synth.cohort import scans
+from meshot.pipeline.deformation.data import DeformationExample, InitialSurfaces
+from meshot.pipeline.deformation.example_file import read_example
+from meshot.pipeline.deformation.settings import read_deformation_config
+from meshot.provenance import read_results
+from meshot.synth.cohorts.cohort import scans
+from meshot.train import engine as training
 from meshot.volume.volume import Volume
 from phantoms import write_phantom_cohort
 

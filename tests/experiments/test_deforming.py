@@ -9,9 +9,9 @@ import torch
 from scipy import stats
 
 from meshot import Mesh
-from meshot.mesh.geometry import signed_volume
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.shapes import icosphere
+from meshot.mesh.geometry.areas import signed_volume
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.intersection import self_intersecting_faces
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "deforming"
 ARM = ("loss", "encoding", "supports")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from meshot.report.results import read_results
+from meshot.provenance import read_results
 
 EXPERIMENTS = Path(__file__).resolve().parents[2] / "experiments"
 pytestmark = pytest.mark.usefixtures("one_thread")

@@ -9,7 +9,7 @@ import torch
 
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import write_weights
-from meshot.report.results import read_results
+from meshot.provenance import read_results
 from phantoms import write_phantom_cohort
 
 RECORD = {

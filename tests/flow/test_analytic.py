@@ -7,9 +7,9 @@ import pytest
 import torch
 from scipy.integrate import solve_ivp
 
-from meshot.flow.analytic import Affine, Push, Vortex, rotation, shear, spiral
-from meshot.flow.jacobian import sampled_lipschitz
-from meshot.flow.unsteady import Accelerated, Drifting, RootSink
+from meshot.flow.crossings.jacobian import sampled_lipschitz
+from meshot.flow.fields.analytic import Affine, Push, Vortex, rotation, shear, spiral
+from meshot_book.examples.unsteady import Accelerated, Drifting, RootSink
 
 DRIFT = torch.tensor([0.7, -0.4], dtype=torch.float64)
 FIELDS = {

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.forces import probe_pulls, pulls
-from meshot.loss.chamfer import chamfer
+from meshot.flow.fitting.forces import probe_pulls, pulls
 from meshot.loss.directions import quasi_directions
+from meshot.loss.nearest import chamfer
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
 

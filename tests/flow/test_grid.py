@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.field import euler_is_injective
-from meshot.flow.grid import GridVelocity, grid_around
-from meshot.flow.integrate import integrate
-from meshot.flow.jacobian import sampled_lipschitz
-from meshot.flow.spline import spline_values
+from meshot.flow.crossings.jacobian import sampled_lipschitz
+from meshot.flow.fields.field import euler_is_injective
+from meshot.flow.fields.grid import GridVelocity, grid_around
+from meshot.flow.fields.spline import spline_values
+from meshot.flow.integration import integrate
 
 
 def random_field(spacings=(8.0, 4.0, 2.0), n_pieces=3, size=1.0, seed=0, interpolation="cubic"):

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.analytic import Push, Vortex, rotation, spiral
-from meshot.flow.counterexample import crossing_time, tip_over_face
-from meshot.flow.guard import crossings_along, inspect_paths, steps_below
-from meshot.flow.integrate import METHODS, trajectory
-from meshot.flow.jacobian import point_jacobians
-from meshot.flow.unsteady import Accelerated
-from meshot.mesh.intersection import self_intersecting_faces
+from meshot.flow.crossings.guard import crossings_along, inspect_paths, steps_below
+from meshot.flow.crossings.jacobian import point_jacobians
+from meshot.flow.fields.analytic import Push, Vortex, rotation, spiral
+from meshot.flow.integration import METHODS, trajectory
+from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot_book.examples.counterexample import crossing_time, tip_over_face
+from meshot_book.examples.unsteady import Accelerated
 
 POINTS = torch.from_numpy(np.random.default_rng(0).uniform(-1, 1, (30, 2)))
 

@@ -5,15 +5,15 @@ import dataclasses
 import pytest
 import torch
 
-from meshot.flow.checkpoint import FitState
-from meshot.flow.counterexample import tip_over_face
-from meshot.flow.fit import Fit, fit_flow
-from meshot.flow.grid import grid_around
-from meshot.flow.guard import crossings_along
-from meshot.flow.progress import fit_progress
-from meshot.flow.retreat import retreat
-from meshot.flow.settings import FitSettings, Guard
-from meshot.mesh.intersection import self_intersecting_faces
+from meshot.flow.crossings.guard import crossings_along
+from meshot.flow.fields.grid import grid_around
+from meshot.flow.fitting.checkpoint import FitState
+from meshot.flow.fitting.fit import Fit, fit_flow
+from meshot.flow.fitting.progress import fit_progress
+from meshot.flow.fitting.retreat import retreat
+from meshot.flow.fitting.settings import FitSettings, Guard
+from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot_book.examples.counterexample import tip_over_face
 
 PAIR = tip_over_face(0.3)
 QUICK = FitSettings(n_iterations=60, learning_rate=0.05, n_steps=2, check_every=2, save_every=3)

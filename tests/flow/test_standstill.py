@@ -3,14 +3,14 @@
 import pytest
 import torch
 
-from meshot.flow.grid import GridVelocity, grid_around
-from meshot.flow.integrate import integrate
-from meshot.flow.standstill import stilled, without_crossings
-from meshot.mesh.geometry import mesh_edges
-from meshot.mesh.intersection import self_intersecting_faces
+from meshot.flow.crossings.standstill import stilled, without_crossings
+from meshot.flow.fields.grid import GridVelocity, grid_around
+from meshot.flow.integration import integrate
+from meshot.mesh.editing.subdivision import with_edges_split
+from meshot.mesh.geometry.areas import mesh_edges
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.subdivision import with_edges_split
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.intersection import self_intersecting_faces
 
 
 def uniform(interpolation: str = "cubic") -> GridVelocity:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.grid import GridVelocity
-from meshot.flow.integrate import integrate
-from meshot.flow.storage import quantised_velocity, read_velocity, write_velocity
+from meshot.flow.fields.grid import GridVelocity
+from meshot.flow.fields.storage import quantised_velocity, read_velocity, write_velocity
+from meshot.flow.integration import integrate
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from meshot import DiscreteMeasure, sliced_wasserstein, sliced_wasserstein_estim
 from meshot.loss import error_bar
 from meshot.loss.directions import random_directions
 from meshot.loss.error_bar import SlicedEstimate, directions_for_translation, translation_spread
-from meshot.mesh.shapes import icosphere
+from meshot.mesh.shapes.solids import icosphere
 
 SETTINGS = [("random", 40), ("orthogonal", 42), ("quasi", 40)]
 settings = pytest.mark.parametrize(("sampling", "n_directions"), SETTINGS)

@@ -7,7 +7,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshot.loss.line import monotone_plan
+from meshot.loss.lines.plan import monotone_plan
 from meshot.loss.sliced import quantile_cost
 
 

@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-from meshot.mesh.decimation import decimated, simplified
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.topology import SPHERE, topology
-from meshot.metrics.surface import vertex_distances
+from meshot.mesh.editing.decimation import decimated, simplified
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.metrics.distances import vertex_distances
 
 
 @pytest.mark.parametrize("fewer", [decimated, simplified])

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.mending import _ring_around, mended
+from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
+from meshot.mesh.editing.mending import _ring_around, mended
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import folded_sphere, icosphere, tetrahedron
-from meshot.synth.anatomy import HEMISPHERES, fsaverage5_surface
+from meshot.mesh.shapes.solids import folded_sphere, icosphere, tetrahedron
+from meshot.mesh.topology.intersection import self_intersecting_faces
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import torch
 from scipy import stats
 
 from meshot import Mesh
-from meshot.mesh.geometry import face_areas
+from meshot.mesh.geometry.areas import face_areas
 from meshot.mesh.mesh import Contour, closed_contour
 from meshot.mesh.sampling import even_points, sample_locations, sample_points
 

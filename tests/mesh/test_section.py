@@ -7,8 +7,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshot.mesh.section import plane_section
-from meshot.mesh.shapes import cube, icosphere
+from meshot.mesh.geometry.section import plane_section
+from meshot.mesh.shapes.solids import cube, icosphere
 
 DOUBLE = torch.float64
 

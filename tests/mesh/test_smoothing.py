@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.decimation import decimated
-from meshot.mesh.geometry import signed_volume
+from meshot.mesh.editing.decimation import decimated
+from meshot.mesh.editing.smoothing import laplacian_smoothing, neighbour_means, taubin_smoothing
+from meshot.mesh.geometry.areas import signed_volume
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.smoothing import laplacian_smoothing, neighbour_means, taubin_smoothing
-from meshot.mesh.topology import SPHERE, topology
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.counts import SPHERE, topology
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.topology import (
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.counts import (
     SPHERE,
     boundary_edges,
     component_labels,

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from affines import OBLIQUE
-from meshot.flow.integrate import integrate
-from meshot.flow.jacobian import sampled_lipschitz
+from meshot.flow.crossings.jacobian import sampled_lipschitz
+from meshot.flow.integration import integrate
 from meshot.model.deformation import DeformationNetwork
 from meshot.volume.volume import Volume, voxel_to_mm
 

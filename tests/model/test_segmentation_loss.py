@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.model.segmentation_loss import segmentation_loss, soft_dice
+from meshot.model.overlap import segmentation_loss, soft_dice
 from meshot.volume.tissue import dice
 
 

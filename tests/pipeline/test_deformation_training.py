@@ -8,21 +8,21 @@ import pytest
 import torch
 
 from killing import killed_after_its_first_state, same, without_seconds
-from meshot.flow.integrate import integrate
+from meshot import provenance as results
+from meshot.flow.integration import integrate
 from meshot.loss.directions import random_directions
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.measure.discrete import varifold
-from meshot.metrics.surface import vertex_distances
+from meshot.metrics.distances import vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline.deformation import deformed, standardised
-from meshot.pipeline.deformation_data import InitialSurfaces
-from meshot.pipeline.deformation_settings import DeformationConfig, deformation_config, read_deformation_config
-from meshot.pipeline.deformation_training import train_deformation
-from meshot.report import results
-from meshot.report.deformation import trained_deformation
-from meshot.synth.cohort import scans
+from meshot.pipeline.deformation.carrying import deformed, standardised
+from meshot.pipeline.deformation.data import InitialSurfaces
+from meshot.pipeline.deformation.files import trained_deformation
+from meshot.pipeline.deformation.settings import DeformationConfig, deformation_config, read_deformation_config
+from meshot.pipeline.deformation.training import train_deformation
+from meshot.synth.cohorts.cohort import scans
 from meshot.volume.sampling import sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
 
@@ -221,7 +221,7 @@ def test_initial_surfaces_are_made_once_for_each_network(tmp_path, cohort, monke
     assert [item.name for item in first] == ["phantoms/sub-001", "phantoms/sub-002"]
     assert len(first[0].coarse.faces) == 500 < len(first[0].initial.faces)
     assert float(vertex_distances(first[0].initial, first[0].target).mean()) < 1.5
-    monkeypatch.setattr("meshot.pipeline.deformation_data.initial_surfaces", None)
+    monkeypatch.setattr("meshot.pipeline.deformation.data.initial_surfaces", None)
     again = InitialSurfaces(tmp_path / "initial", network).examples([cohort], "train", "right", 500)
     assert torch.equal(again[1].initial.vertices, first[1].initial.vertices)
     with pytest.raises(TypeError):  # another network has surfaces of its own
@@ -297,7 +297,7 @@ def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypa
 
     monkeypatch.setattr(InitialSurfaces, "examples", examples)
     with monkeypatch.context() as patch:
-        patch.setattr("meshot.pipeline.training._validated", stop)
+        patch.setattr("meshot.train.engine._validated", stop)
         monkeypatch.setattr(results, "commit_of", lambda _: "first")
         with pytest.raises(Kill):
             trained_deformation(*words)

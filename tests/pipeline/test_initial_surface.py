@@ -6,17 +6,17 @@ import scipy.ndimage
 import torch
 
 from affines import FLIPPED, OBLIQUE
-from meshot.mesh.geometry import signed_volume
-from meshot.mesh.intersection import self_intersecting_faces
+from meshot.anatomy.templates import fsaverage5_surface, mni152_brain_mask, mni152_t1, mni152_white_matter
+from meshot.mesh.geometry.areas import signed_volume
 from meshot.mesh.io import read_mesh, write_mesh
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.topology import SPHERE, topology
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.topology.intersection import self_intersecting_faces
 from meshot.pipeline.hemisphere import hemisphere_region, restricted
 from meshot.pipeline.initial_surface import sphere_like_mesh, tissue_surface
-from meshot.synth.anatomy import fsaverage5_surface, mni152_brain_mask, mni152_t1, mni152_white_matter
-from meshot.volume.isosurface import isosurface
 from meshot.volume.sampling import sample_volume
+from meshot.volume.surfaces.marching_cubes import isosurface
 from meshot.volume.tissue import white_matter_probability
 from meshot.volume.volume import Volume, centre_ras, voxel_to_mm
 

@@ -6,15 +6,15 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from bright_head import balls, bright_head, bright_template, brightness_network, shifting_network
-from meshot.mesh.geometry import signed_volume
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.topology import SPHERE, topology
-from meshot.metrics.surface import vertex_distances
+from meshot.flow.crossings.settling import SettledSurface
+from meshot.mesh.geometry.areas import signed_volume
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.metrics.distances import vertex_distances
+from meshot.pipeline.quality_warnings import agreement_with, doubts_about_scan, doubts_about_surfaces
 from meshot.pipeline.reconstruction import reconstruct
-from meshot.pipeline.reconstruction_doubts import agreement_with, doubts_about_scan, doubts_about_surfaces
-from meshot.pipeline.segmentation_surface import SegmentedSurface
-from meshot.pipeline.settling import SettledSurface
+from meshot.pipeline.segmentation.surface import SegmentedSurface
 from meshot.volume.standard import StandardScan, place_on_grid
 from meshot.volume.volume import Volume
 

@@ -5,20 +5,20 @@ import pytest
 import torch
 
 from affines import FLIPPED
-from meshot.mesh.geometry import signed_volume
-from meshot.mesh.intersection import self_intersecting_faces
+from meshot.anatomy.templates import fsaverage5_surface
+from meshot.mesh.geometry.areas import signed_volume
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.topology import SPHERE, topology
-from meshot.metrics.surface import vertex_distances
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.metrics.distances import vertex_distances
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.pipeline.segmentation import in_scanner, initial_surfaces, segment
-from meshot.pipeline.segmentation_surface import segmented_surface
-from meshot.synth.anatomy import fsaverage5_surface
-from meshot.volume.isosurface import isosurface
+from meshot.pipeline.segmentation.segmenting import in_scanner, initial_surfaces, segment
+from meshot.pipeline.segmentation.surface import segmented_surface
 from meshot.volume.standard import EXTENT_MM, SHAPE, StandardScan
+from meshot.volume.surfaces.marching_cubes import isosurface
+from meshot.volume.surfaces.voxelise import enclosed_fractions
 from meshot.volume.volume import Volume
-from meshot.volume.voxelise import enclosed_fractions
 from phantoms import AFFINE, phantom_scan, phantom_surfaces
 
 CENTRE = (0.4, -0.7, 0.2)

@@ -9,16 +9,16 @@ import pytest
 import torch
 
 from killing import killed_after_its_first_state, same, without_seconds
-from meshot.pipeline.checkpoint import read_log
-from meshot.pipeline.segmentation import initial_surfaces, segment
-from meshot.pipeline.segmentation_data import Example
-from meshot.pipeline.segmentation_settings import (
+from meshot.pipeline.segmentation.data import Example
+from meshot.pipeline.segmentation.segmenting import initial_surfaces, segment
+from meshot.pipeline.segmentation.settings import (
     SegmentationConfig,
     SegmentationSettings,
     read_segmentation_config,
     segmentation_config,
 )
-from meshot.pipeline.segmentation_training import _batch, train_segmentation
+from meshot.pipeline.segmentation.training import _batch, train_segmentation
+from meshot.train.checkpoint import read_log
 from phantoms import phantom_examples, phantom_scan, phantom_surfaces
 
 TINY = segmentation_config(

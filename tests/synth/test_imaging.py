@@ -7,15 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from meshot.mesh.shapes import icosphere
-from meshot.synth.imaging import (
-    TISSUES,
-    Appearance,
-    rician_noise,
-    smooth_noise,
-    t1_image,
-    tissue_fractions,
-)
+from meshot.mesh.shapes.solids import icosphere
+from meshot.synth.imaging import TISSUES, Appearance, rician_noise, smooth_noise, t1_image, tissue_fractions
 from meshot.volume.volume import Volume
 
 SIGNAL = {

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import icosphere
+from meshot.mesh.shapes.solids import icosphere
 from meshot.synth.offset import offset_surface
 from meshot.synth.separation import united
 

@@ -6,7 +6,7 @@ import dataclasses
 import pytest
 import yaml
 
-from meshot.synth.recipe import (
+from meshot.synth.cohorts.recipe import (
     Recipe,
     drawn_appearance,
     drawn_position,
@@ -51,7 +51,7 @@ def test_more_subjects_leave_the_first_as_they_are(root):
 
 
 def test_the_paper_has_120_scans(root):
-    from meshot.synth.generation import visits
+    from meshot.synth.cohorts.generation import visits
 
     found = read_recipe(root / "data_synth" / "test_retest.yaml", days=20)
     assert len(visits(found)) * found.scans_per_day == 120

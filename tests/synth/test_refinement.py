@@ -2,8 +2,8 @@
 
 import torch
 
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.topology import SPHERE, topology
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.counts import SPHERE, topology
 from meshot.synth.refinement import loop_subdivided, smoothly_refined
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.geometry import face_normals
-from meshot.mesh.shapes import icosphere
-from meshot.synth.cohort import LABELS
+from meshot.mesh.geometry.areas import face_normals
+from meshot.mesh.shapes.solids import icosphere
+from meshot.synth.cohorts.cohort import LABELS
 from meshot.synth.imaging import Appearance
 from meshot.synth.position import Position
 from meshot.synth.scanning import Anatomy, rounded, simulated_scan, standardised, surface_facts

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 import meshot.synth.separation
-from meshot.mesh.geometry import signed_volume
-from meshot.mesh.shapes import icosphere
+from meshot.mesh.geometry.areas import signed_volume
+from meshot.mesh.shapes.solids import icosphere
 from meshot.synth.separation import crossing_faces, kept_apart, on_lattice, united
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from meshot.mesh.shapes import icosphere
+from meshot.mesh.shapes.solids import icosphere
 from meshot.synth.structures import (
     DEPTH_MM,
     Structure,

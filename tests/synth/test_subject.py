@@ -5,11 +5,11 @@ import pytest
 import torch
 
 import meshot.synth.subject
-from meshot.mesh.geometry import face_areas, signed_volume
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.topology import SPHERE, topology
-from meshot.metrics.surface import vertex_distances
-from meshot.synth.anatomy import HEMISPHERES, fsaverage5_surface
+from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
+from meshot.mesh.geometry.areas import face_areas, signed_volume
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.metrics.distances import vertex_distances
 from meshot.synth.folding import template_cortex
 from meshot.synth.separation import LATTICE, crossing_faces
 from meshot.synth.subject import (

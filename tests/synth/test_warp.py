@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.jacobian import sampled_lipschitz
-from meshot.mesh.shapes import icosphere
+from meshot.flow.crossings.jacobian import sampled_lipschitz
+from meshot.mesh.shapes.solids import icosphere
 from meshot.synth.separation import crossing_faces
 from meshot.synth.warp import random_velocity, randomly_warped, smooth_variation
 

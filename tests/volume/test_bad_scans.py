@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from affines import FLIPPED, OBLIQUE
-from meshot.synth.anatomy import mni152_t1
+from meshot.anatomy.templates import mni152_t1
 from meshot.volume.io import read_volume, write_volume
 from meshot.volume.pyramid import volume_pyramid
 from meshot.volume.standard import place_on_grid, standard_scan

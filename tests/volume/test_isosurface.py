@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from affines import FLIPPED, OBLIQUE
-from meshot.mesh.geometry import face_areas, signed_volume
-from meshot.mesh.topology import SPHERE, topology
-from meshot.volume.isosurface import isosurface, separated_field
+from meshot.mesh.geometry.areas import face_areas, signed_volume
+from meshot.mesh.topology.counts import SPHERE, topology
 from meshot.volume.sampling import sample_volume
+from meshot.volume.surfaces.marching_cubes import isosurface, separated_field
 from meshot.volume.volume import Volume
 
 RADIUS = 9.0

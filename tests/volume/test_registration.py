@@ -8,7 +8,7 @@ import torch
 from scipy.ndimage import affine_transform, center_of_mass
 from scipy.spatial.transform import Rotation
 
-from meshot.synth.anatomy import mni152_t1
+from meshot.anatomy.templates import mni152_t1
 from meshot.volume.pyramid import volume_pyramid
 from meshot.volume.registration import register_affine
 from meshot.volume.sampling import sample_volume

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from meshot.cli.note import NOTE, Commands
 from meshot.files import whole_file
-from meshot.mesh.io import read_mesh
-from meshot.metrics.evaluate import evaluate
+from meshot.mesh import read_mesh
+from meshot.metrics import evaluate
 
 
 def add_to(commands: Commands) -> None:

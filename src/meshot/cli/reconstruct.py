@@ -31,8 +31,8 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
-    from meshot.model.shipped import trained_networks
-    from meshot.report.reconstruction import PAGE, reconstructed
+    from meshot.pipeline import trained_networks
+    from meshot.pipeline.report import PAGE, reconstructed
 
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")

@@ -32,8 +32,8 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
-    from meshot.model.shipped import SEGMENTATION, weights_path
-    from meshot.report.deformation import trained_deformation
+    from meshot.pipeline import SEGMENTATION, weights_path
+    from meshot.pipeline.deformation import trained_deformation
 
     segmentation = chosen.segmentation or weights_path(SEGMENTATION)
     run_training(

@@ -21,7 +21,7 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
-    from meshot.report.segmentation import trained_segmentation
+    from meshot.pipeline.segmentation import trained_segmentation
 
     run_training(
         chosen,

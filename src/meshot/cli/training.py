@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from meshot.errors import require_positive_integer
-from meshot.pipeline.training import Training
+from meshot.train import Training
 
 
 def add_training_arguments(command: argparse.ArgumentParser, change: str) -> None:

@@ -10,8 +10,7 @@ from scipy import stats
 from meshot.errors import require_positive_integer
 from meshot.loss.directions import orthogonal_directions, quasi_directions, random_directions
 from meshot.loss.sliced import slice_costs
-from meshot.measure.discrete import DiscreteMeasure
-from meshot.measure.surface import SurfaceMeasure
+from meshot.measure import DiscreteMeasure, SurfaceMeasure
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Tensor
 

@@ -10,8 +10,7 @@ from torch.autograd.function import once_differentiable
 from meshot.errors import require_same_space
 from meshot.loss import _kernel_exact_law, _kernel_exact_pull, _kernel_exact_walk
 from meshot.loss.directions import require_directions
-from meshot.measure.discrete import DiscreteMeasure
-from meshot.measure.surface import SurfaceMeasure
+from meshot.measure import DiscreteMeasure, SurfaceMeasure
 from meshot.threads import in_chunks
 from meshot.types import Array, Float, Tensor
 
@@ -80,7 +79,7 @@ def laid_law(
 ) -> tuple[Float[Array, " n"], ...]:
     """The cells of a projected measure as the kernels walk them: start, extent, mass, relative change of the density.
 
-    The last one is a sentinel. :func:`meshot.loss.projection.projected_law` makes it readable.
+    The last one is a sentinel. :func:`meshot.loss.lines.projected_law` makes it readable.
     """
     cells = measure.cells if isinstance(measure, SurfaceMeasure) else None
     line = _Line(_side(_places(measure), measure.weights, cells, False))

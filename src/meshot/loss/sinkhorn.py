@@ -3,7 +3,7 @@
 import geomloss
 
 from meshot.errors import require_same_space
-from meshot.measure.discrete import DiscreteMeasure
+from meshot.measure import DiscreteMeasure
 from meshot.types import Float, Tensor
 
 

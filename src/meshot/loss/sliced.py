@@ -8,8 +8,7 @@ from meshot.errors import require_same_space
 from meshot.loss.directions import require_directions
 from meshot.loss.exact import exact_slice_costs, exact_sliced_wasserstein
 from meshot.loss.fused import fused_slices
-from meshot.measure.discrete import DiscreteMeasure
-from meshot.measure.surface import SurfaceMeasure
+from meshot.measure import DiscreteMeasure, SurfaceMeasure
 from meshot.threads import in_chunks
 from meshot.types import Float, Tensor
 
@@ -52,7 +51,7 @@ def sliced_wasserstein(
     On a CPU a compiled kernel takes the directions one by one on ``torch.get_num_threads()`` threads: O(L (n + m)) time
     for spread-out points, memory for one direction per thread, the same result in every run with as many threads. Its
     gradient can be taken once. Elsewhere, and where the directions need a gradient, it is
-    :func:`meshot.loss.sliced.plain_sliced_wasserstein`.
+    :func:`meshot.loss.plain_sliced_wasserstein`.
 
     References
     ----------

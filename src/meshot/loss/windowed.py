@@ -9,7 +9,7 @@ import torch
 
 from meshot.errors import as_floating, require_same_space, require_shape
 from meshot.loss.sliced import sliced_wasserstein
-from meshot.measure.discrete import DiscreteMeasure
+from meshot.measure import DiscreteMeasure
 from meshot.types import Float, Tensor
 
 #: Where a window ends, in radii: the Gaussian is down to a twentieth there.

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import torch
 
 from meshot.errors import as_floating
+from meshot.mesh import Contour, Mesh
 from meshot.mesh.geometry import edge_lengths, edge_normals, face_areas, face_normals
-from meshot.mesh.mesh import Contour, Mesh
 from meshot.types import Float, Int64, Tensor
 
 Interpolation = Callable[[Tensor], Tensor]

@@ -6,8 +6,7 @@ import torch
 
 from meshot.errors import as_floating, require_shape
 from meshot.measure.coordinates import Extras, cell_shares, cells_of
-from meshot.mesh.mesh import Contour, Mesh
-from meshot.mesh.sampling import sample_locations
+from meshot.mesh import Contour, Mesh, sample_locations
 from meshot.rng import Generator
 from meshot.types import Float, Tensor
 

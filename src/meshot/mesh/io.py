@@ -73,7 +73,7 @@ def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, f
     mesh : Mesh
     c_ras : three numbers
         Used for FreeSurfer surfaces only: the centre of the scan in scanner RAS, see
-        :func:`meshot.volume.volume.centre_ras`.
+        :func:`meshot.volume.centre_ras`.
 
     Raises
     ------

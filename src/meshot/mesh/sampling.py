@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from meshot.errors import require_positive_integer
-from meshot.mesh.geometry import edge_lengths, face_areas
+from meshot.mesh.geometry.areas import edge_lengths, face_areas
 from meshot.mesh.mesh import Contour, Mesh
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Int64, Tensor

@@ -8,8 +8,8 @@ import numpy as np
 import torch
 
 from meshot.errors import require_positive_integer
-from meshot.mesh.mesh import Mesh
-from meshot.metrics.surface import Surface
+from meshot.mesh import Mesh
+from meshot.metrics.distances import Surface
 from meshot.rng import Generator
 from meshot.types import Array, Float
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from meshot.mesh import Mesh
 from meshot.mesh.geometry import edge_lengths, face_areas, face_corners
-from meshot.mesh.mesh import Mesh
 from meshot.types import Array, Float
 
 

@@ -9,9 +9,7 @@ from torch import nn
 from meshot.errors import require_positive_integer
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Int64, Tensor
-from meshot.volume.pyramid import volume_pyramid
-from meshot.volume.sampling import sample_volume
-from meshot.volume.volume import Volume, mm_to_voxel
+from meshot.volume import Volume, mm_to_voxel, sample_volume, volume_pyramid
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

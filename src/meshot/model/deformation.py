@@ -9,12 +9,12 @@ import torch
 from torch import nn
 
 from meshot.errors import require_positive_integer
-from meshot.flow.field import LearnedVelocity, Prepared
+from meshot.flow.fields import LearnedVelocity, Prepared
 from meshot.model.cubes import CubeConvolution
 from meshot.model.visited import VisitedFeatures
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
-from meshot.volume.volume import Volume
+from meshot.volume import Volume
 
 Path = Literal["convolved", "visited", "cut"]
 N_STEPS = 10  # of Euler's method, as in the paper

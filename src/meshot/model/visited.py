@@ -7,7 +7,7 @@ from torch.autograd.function import once_differentiable
 from meshot.model import _kernel_visited as kernel
 from meshot.model.cubes import CubeConvolution
 from meshot.types import Array, Float, Int64, Tensor
-from meshot.volume.volume import Volume, mm_to_voxel
+from meshot.volume import Volume, mm_to_voxel
 
 
 class VisitedFeatures:

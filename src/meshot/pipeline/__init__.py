@@ -1,1 +1,9 @@
-"""From a scan to surfaces, step by step."""
+"""From a scan to surfaces: conform, segment, find an initial surface, deform, report.
+
+:func:`reconstruct` is the whole way. ``segmentation`` and ``deformation`` hold the two trained steps and their
+training, ``report`` writes the folder of a reconstruction and its page. Surfaces are in scanner RAS, in mm.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

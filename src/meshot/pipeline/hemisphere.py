@@ -7,11 +7,10 @@ import scipy.ndimage
 import scipy.spatial
 import torch
 
-from meshot.mesh.mesh import Mesh
+from meshot.mesh import Mesh
 from meshot.types import Array
-from meshot.volume.sampling import cropped
-from meshot.volume.volume import Volume, transform_points, voxel_to_mm
-from meshot.volume.voxelise import voxel_distance
+from meshot.volume import Volume, cropped, transform_points, voxel_to_mm
+from meshot.volume.surfaces import voxel_distance
 
 CROP_VOXELS = 4
 _ORIGIN = torch.zeros(1, 3, dtype=torch.float64)

@@ -4,14 +4,11 @@ import dataclasses
 
 import scipy.ndimage
 
-from meshot.mesh.decimation import decimated
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.mesh import Mesh
-from meshot.mesh.smoothing import taubin_smoothing
-from meshot.mesh.topology import SPHERE, topology
-from meshot.volume.isosurface import isosurface, separated_field
-from meshot.volume.topology import filled_cavities, genus_zero, largest_component
-from meshot.volume.volume import Volume
+from meshot.mesh import Mesh
+from meshot.mesh.editing import decimated, taubin_smoothing
+from meshot.mesh.topology import SPHERE, self_intersecting_faces, topology
+from meshot.volume import Volume
+from meshot.volume.surfaces import filled_cavities, genus_zero, isosurface, largest_component, separated_field
 
 SMOOTHING_STEPS = (5, 10, 20)
 DEPTH_WEIGHT = 0.02  # of probability, per voxel

@@ -3,19 +3,17 @@
 import dataclasses
 from collections.abc import Mapping
 
+from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
 from meshot.errors import require_positive_integer
-from meshot.mesh.mesh import Mesh
-from meshot.model.deformation import N_STEPS, DeformationNetwork
-from meshot.model.segmentation import SegmentationNetwork
-from meshot.pipeline.deformation import deformed
-from meshot.pipeline.reconstruction_doubts import doubts_about_scan, doubts_about_surfaces
-from meshot.pipeline.segmentation import in_scanner, white_matter
-from meshot.pipeline.segmentation_surface import SegmentedSurface, segmented_surface
-from meshot.pipeline.settling import SettledSurface, settled
+from meshot.flow.crossings import SettledSurface, settled
+from meshot.mesh import Mesh
+from meshot.model import N_STEPS, DeformationNetwork, SegmentationNetwork
+from meshot.pipeline.deformation.carrying import deformed
+from meshot.pipeline.quality_warnings import doubts_about_scan, doubts_about_surfaces
+from meshot.pipeline.segmentation.segmenting import in_scanner, white_matter
+from meshot.pipeline.segmentation.surface import SegmentedSurface, segmented_surface
 from meshot.pipeline.stages import Progress, StageClock
-from meshot.synth.anatomy import HEMISPHERES, Hemisphere, mni152_t1
-from meshot.volume.standard import StandardScan, standard_scan
-from meshot.volume.volume import Volume
+from meshot.volume import StandardScan, Volume, standard_scan
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -78,7 +76,7 @@ def reconstruct(
 
     Registration to the MNI152 average → white matter of both sides → initial surfaces → flow → faces that cross apart
     → back to the scanner. Without crossing faces, whatever the networks do: see
-    :func:`meshot.pipeline.settling.settled`.
+    :func:`meshot.flow.crossings.settled`.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 
-from meshot.synth.cohort import Subject, scans
+from meshot.synth.cohorts import Subject, scans
 
 
 def scans_of(cohorts: Sequence[str | os.PathLike], split: str) -> list[Subject]:

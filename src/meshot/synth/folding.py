@@ -2,10 +2,10 @@
 
 import torch
 
+from meshot.anatomy import Hemisphere, fsaverage5_surface
+from meshot.mesh import Mesh
+from meshot.mesh.editing import laplacian_smoothing
 from meshot.mesh.geometry import safe_norm, vertex_normals
-from meshot.mesh.mesh import Mesh
-from meshot.mesh.smoothing import laplacian_smoothing
-from meshot.synth.anatomy import Hemisphere, fsaverage5_surface
 from meshot.synth.offset import offset_surface
 from meshot.synth.refinement import smoothly_refined
 from meshot.types import Bool, Float, Tensor

@@ -10,12 +10,12 @@ import numpy as np
 import scipy.interpolate
 import scipy.ndimage
 
-from meshot.mesh.mesh import Mesh
+from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
 from meshot.synth.structures import Structure, add_structures
 from meshot.types import Array, Float
-from meshot.volume.volume import Volume, voxel_sizes
-from meshot.volume.voxelise import enclosed_fractions
+from meshot.volume import Volume, voxel_sizes
+from meshot.volume.surfaces import enclosed_fractions
 
 TISSUES = ("white", "grey", "deep grey", "hindbrain", "fluid", "skull", "scalp")
 FWHM = 2 * np.sqrt(2 * np.log(2))
@@ -75,7 +75,7 @@ def tissue_fractions(
         How thick fluid, skull and scalp are around the pial surfaces; empty for a brain in air, with fluid only in the
         sulci narrower than 4 mm.
     n_lines : int
-        Lines across each voxel, see :func:`meshot.volume.voxelise.enclosed_fractions`.
+        Lines across each voxel, see :func:`meshot.volume.surfaces.enclosed_fractions`.
     structures : sequence of Structure
         What else is in the head, in the place of white matter or below the brain.
 
@@ -121,7 +121,7 @@ def t1_image(
     Parameters
     ----------
     fractions : dict
-        See :func:`meshot.synth.imaging.tissue_fractions`.
+        See :func:`meshot.synth.tissue_fractions`.
     grid : Volume
         The grid they are on.
     appearance : Appearance

@@ -4,12 +4,12 @@ import numpy as np
 import scipy.ndimage
 import torch
 
-from meshot.flow.spline import spline_values
+from meshot.flow.fields import spline_values
+from meshot.mesh import Mesh
 from meshot.mesh.geometry import safe_norm, signed_volume
-from meshot.mesh.mesh import Mesh
 from meshot.types import Float, Tensor
-from meshot.volume.volume import Volume
-from meshot.volume.voxelise import winding_numbers
+from meshot.volume import Volume
+from meshot.volume.surfaces import winding_numbers
 
 _VOXEL = 1.0  # mm
 _BLUR = 1.3  # mm

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Array, Float, Tensor
-from meshot.volume.volume import Volume
+from meshot.volume import Volume
 
 _AXES = {"R": (0, 1), "L": (0, -1), "A": (1, 1), "P": (1, -1), "S": (2, 1), "I": (2, -1)}
 

@@ -3,13 +3,13 @@
 import numpy as np
 import torch
 
-from meshot.flow.spline import spline_values
+from meshot.anatomy import Hemisphere
+from meshot.flow.fields import spline_values
+from meshot.mesh import Mesh
+from meshot.mesh.editing import laplacian_smoothing
 from meshot.mesh.geometry import face_areas
-from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import icosphere
-from meshot.mesh.smoothing import laplacian_smoothing
 from meshot.rng import Generator, numpy_generator
-from meshot.synth.anatomy import Hemisphere
 from meshot.synth.folding import WALL_THICKNESS
 from meshot.synth.offset import offset_surface
 from meshot.synth.warp import VARIATION_MM, smooth_variation

@@ -2,9 +2,9 @@
 
 import torch
 
-from meshot.mesh.mesh import Mesh
+from meshot.mesh import Mesh
+from meshot.mesh.editing import neighbour_means
 from meshot.mesh.shapes import split_in_four
-from meshot.mesh.smoothing import neighbour_means
 
 WARREN = 3 / 8  # how far an old vertex goes towards the mean of its neighbours, if it has more than three
 

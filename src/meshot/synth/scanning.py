@@ -9,23 +9,19 @@ from collections.abc import Mapping
 import numpy as np
 import torch
 
+from meshot.anatomy import mni152_t1
 from meshot.files import whole_file
+from meshot.mesh import Mesh, write_mesh
 from meshot.mesh.geometry import face_areas, signed_volume
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.io import write_mesh
-from meshot.mesh.mesh import Mesh
-from meshot.synth import cohort
-from meshot.synth.anatomy import mni152_t1
+from meshot.mesh.topology import self_intersecting_faces
+from meshot.synth.cohorts import cohort
 from meshot.synth.imaging import Appearance, t1_image, tissue_fractions
 from meshot.synth.position import Position, head_position, scanner_grid
 from meshot.synth.structures import Structure, moved_structure, structures_of
 from meshot.synth.subject import CorticalSurfaces
 from meshot.types import Array, Float, Tensor
-from meshot.volume.io import write_volume
-from meshot.volume.pyramid import volume_pyramid
-from meshot.volume.standard import StandardScan, standard_scan
-from meshot.volume.volume import Volume, transform_points
-from meshot.volume.voxelise import enclosed_fractions
+from meshot.volume import StandardScan, Volume, standard_scan, transform_points, volume_pyramid, write_volume
+from meshot.volume.surfaces import enclosed_fractions
 
 #: What is written is a multiple of these, so that last bits, in which CPUs differ, are gone: mm, and parts of one.
 VERTEX_STEP, STANDARD_STEP = 2.0**-14, 2.0**-12
@@ -60,7 +56,7 @@ class Scan:
     image : Volume
         T1-weighted, whole numbers in arbitrary units.
     tissue : Volume
-        See :data:`meshot.synth.cohort.LABELS`.
+        See :data:`meshot.synth.cohorts.LABELS`.
     surfaces : mapping
         By ("white" or "pial", "left" or "right").
     head_to_scanner : array

@@ -4,9 +4,9 @@ import numpy as np
 import scipy.spatial
 import torch
 
-from meshot.mesh.intersection import self_intersecting_faces
-from meshot.mesh.mending import mended
-from meshot.mesh.mesh import Mesh
+from meshot.mesh import Mesh
+from meshot.mesh.editing import mended
+from meshot.mesh.topology import self_intersecting_faces
 from meshot.types import Float, Int64, Tensor
 
 #: Vertices lie on a lattice of 2⁻¹³ mm, so that single precision holds them exactly and the last bit of a sum, which

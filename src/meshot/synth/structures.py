@@ -11,9 +11,9 @@ import numpy as np
 import scipy.ndimage
 import torch
 
-from meshot.mesh.mesh import Mesh
+from meshot.mesh import Mesh
 from meshot.types import Array, Float
-from meshot.volume.volume import Volume, mm_to_voxel, voxel_sizes
+from meshot.volume import Volume, mm_to_voxel, voxel_sizes
 
 #: How deep inside the white surface a structure must stay, in mm.
 DEPTH_MM = 3.0

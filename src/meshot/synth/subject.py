@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 import torch
 
+from meshot.anatomy import HEMISPHERES, Hemisphere, fsaverage5_surface
+from meshot.mesh import Mesh
 from meshot.mesh.geometry import safe_norm
-from meshot.mesh.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
-from meshot.synth.anatomy import HEMISPHERES, Hemisphere, fsaverage5_surface
 from meshot.synth.folding import SUBDIVISIONS, template_cortex, template_thickness
 from meshot.synth.procedural import procedural_cortex
 from meshot.synth.separation import kept_apart
@@ -174,12 +174,12 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
 
 
 def template_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
-    """A subject made from fsaverage5: see :func:`meshot.synth.subject.synthetic_subject`."""
+    """A subject made from fsaverage5: see :func:`meshot.synth.synthetic_subject`."""
     return synthetic_subject(dataclasses.replace(shape, kind="template"), seed)
 
 
 def procedural_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
-    """A subject whose folds come from no brain: see :func:`meshot.synth.subject.synthetic_subject`."""
+    """A subject whose folds come from no brain: see :func:`meshot.synth.synthetic_subject`."""
     return synthetic_subject(dataclasses.replace(shape, kind="procedural"), seed)
 
 

@@ -5,10 +5,9 @@ import math
 import numpy as np
 import torch
 
-from meshot.flow.grid import GridVelocity, grid_around
-from meshot.flow.integrate import flow_meshes
-from meshot.flow.spline import spline_values
-from meshot.mesh.mesh import Mesh
+from meshot.flow import flow_meshes
+from meshot.flow.fields import GridVelocity, grid_around, spline_values
+from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
 

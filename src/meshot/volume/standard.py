@@ -46,7 +46,7 @@ def standard_scan(scan: Volume, template: Volume, seed: int = 0) -> StandardScan
     scan : Volume
         In any orientation and voxel size.
     template : Volume
-        Where to register to: the MNI152 average, see ``meshot.synth.anatomy``.
+        Where to register to: the MNI152 average, see ``meshot.anatomy.templates``.
     seed : int
         Of the registration.
 

@@ -1,0 +1,60 @@
+"""Real anatomy that comes with nilearn's wheel: the MNI152 average and the fsaverage5 surfaces. Nothing is downloaded.
+
+MNI152 (ICBM 2009a, symmetric, non-linear) is an average over 152 heads, not a person. fsaverage5 belongs to FreeSurfer
+and is an average of other people's surfaces: the same shape, roughly, but not the brain in the MNI152 image.
+"""
+
+from pathlib import Path
+from typing import Literal
+
+import nilearn.datasets
+import nilearn.surface
+import numpy as np
+import torch
+
+from meshot.mesh import Mesh
+from meshot.volume import Volume
+
+Hemisphere = Literal["left", "right"]
+HEMISPHERES: tuple[Hemisphere, ...] = ("left", "right")
+
+
+def mni152_t1() -> Volume:
+    """The skull-stripped T1 average at 1 mm, in [0, 1]; zero outside the brain."""
+    return _volume(nilearn.datasets.load_mni152_template(resolution=1))
+
+
+def mni152_brain_mask() -> Volume:
+    """The brain of the MNI152 average, as nilearn defines it: T1 above one fifth of its maximum. Boolean."""
+    mask = _volume(nilearn.datasets.load_mni152_brain_mask(resolution=1))
+    return mask.with_data(mask.data > 0)
+
+
+def mni152_white_matter() -> Volume:
+    """The white-matter map of the MNI152 average at 1 mm: at each voxel the mean of 152 segmentations, in [0, 1]."""
+    return _volume(nilearn.datasets.load_mni152_wm_template(resolution=1))
+
+
+def mni152_grey_matter() -> Volume:
+    """The grey-matter map of the MNI152 average at 1 mm, in [0, 1]."""
+    return _volume(nilearn.datasets.load_mni152_gm_template(resolution=1))
+
+
+def fsaverage5_surface(kind: Literal["white", "pial"], hemisphere: Hemisphere) -> Mesh:
+    """One of FreeSurfer's average surfaces: 10 242 vertices, closed, outward, float64, in mm (MNI305 space).
+
+    Raises
+    ------
+    ValueError
+        If ``kind`` or ``hemisphere`` is another word.
+    """
+    if kind not in ("white", "pial") or hemisphere not in HEMISPHERES:
+        raise ValueError(f"no surface {kind!r} {hemisphere!r}; kind is white or pial, hemisphere left or right")
+    path = Path(nilearn.datasets.__file__).parent / "data" / "fsaverage5" / f"{kind}_{hemisphere}.gii.gz"
+    surface = nilearn.surface.load_surf_mesh(str(path))
+    vertices, faces = np.array(surface.coordinates, dtype=np.float64), np.array(surface.faces, dtype=np.int64)
+    return Mesh(torch.from_numpy(vertices), torch.from_numpy(faces))
+
+
+def _volume(image: object) -> Volume:
+    return Volume(np.asarray(image.dataobj, dtype=np.float32), image.affine)

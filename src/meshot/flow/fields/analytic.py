@@ -1,0 +1,173 @@
+"""Velocity fields whose flow is known in closed form: what integrators and bounds are measured against."""
+
+import abc
+import dataclasses
+import math
+
+import torch
+
+from meshot.errors import as_floating
+from meshot.flow.fields.field import VelocityField
+from meshot.types import Float, Tensor
+
+
+class AnalyticField(VelocityField):
+    """A field with a known flow and a known, not merely bounded, Lipschitz constant."""
+
+    @abc.abstractmethod
+    def flow(self, points: Float[Tensor, "n d"], start: float = 0.0, end: float = 1.0) -> Float[Tensor, "n d"]:
+        """Where points that are here at time ``start`` are at time ``end``; an earlier ``end`` is the inverse."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Affine(AnalyticField):
+    """v = A x + b; its flow is the matrix exponential, its Lipschitz constant the largest singular value of A.
+
+    Parameters
+    ----------
+    matrix : tensor
+    offset : tensor, optional
+        Zero if left out.
+
+    Raises
+    ------
+    ValueError
+        If the matrix is not square, or the offset does not fit.
+    """
+
+    matrix: Float[Tensor, "d d"]
+    offset: Float[Tensor, " d"] | None = None
+
+    def __post_init__(self):
+        matrix = as_floating(self.matrix, "matrix")
+        if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+            raise ValueError(f"matrix has shape {tuple(matrix.shape)}; (d, d) is needed")
+        offset = matrix.new_zeros(len(matrix)) if self.offset is None else as_floating(self.offset, "offset")
+        if offset.shape != (len(matrix),):
+            raise ValueError(f"offset has shape {tuple(offset.shape)}; ({len(matrix)},) is needed, as the matrix says")
+        object.__setattr__(self, "offset", offset)
+
+    def __call__(self, time: Float[Tensor, ""], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
+        """The velocity of every point."""
+        return points @ self.matrix.to(points).T + self.offset.to(points)
+
+    def flow(self, points: Float[Tensor, "n d"], start: float = 0.0, end: float = 1.0) -> Float[Tensor, "n d"]:
+        """The exponential of A, with b as one more column."""
+        d = len(self.matrix)
+        wide = self.matrix.new_zeros(d + 1, d + 1)
+        wide[:d, :d], wide[:d, d] = self.matrix, self.offset
+        moved = torch.linalg.matrix_exp((end - start) * wide).to(points)
+        return points @ moved[:d, :d].T + moved[:d, d]
+
+    @torch.no_grad()
+    def lipschitz_bound(self) -> Float[Tensor, ""]:
+        """The largest singular value of the matrix, which is the constant itself."""
+        return torch.linalg.matrix_norm(self.matrix, ord=2)
+
+
+def rotation(angle: float) -> Affine:
+    """The rotation of the plane by ``angle`` radians in unit time; Lipschitz constant ``|angle|``."""
+    return spiral(angle, 0.0)
+
+
+def spiral(angle: float, growth: float) -> Affine:
+    """A rotation that stretches the plane by exp(``growth``) in unit time; Lipschitz constant √(angle² + growth²)."""
+    return Affine(torch.tensor([[growth, -angle], [angle, growth]], dtype=torch.float64))
+
+
+def shear(rate: float) -> Affine:
+    """(x, y) ↦ (x + rate · y, y) in unit time; Lipschitz constant ``|rate|``. One Euler step is already exact."""
+    return Affine(torch.tensor([[0.0, rate], [0.0, 0.0]], dtype=torch.float64))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Vortex(AnalyticField):
+    """A whirl about an axis: angular velocity ω(r) = strength · exp(−r² / (2 radius²)) in the first two coordinates.
+
+    Every circle turns as one, so that the flow is known; ``‖Dv‖ = max(|ω|, |ω + r ω′|) ≤ |strength|``,
+    reached at the axis.
+
+    Parameters
+    ----------
+    strength : float
+        Angle, in radians per unit of time, at the axis.
+    radius : float
+        Where the angle has fallen to exp(−1/2) of that, in units of the points.
+
+    Raises
+    ------
+    ValueError
+        If the radius is not positive.
+    """
+
+    strength: float
+    radius: float = 1.0
+
+    def __post_init__(self):
+        _require_positive(self.radius, "radius")
+
+    def _angles(self, points: Tensor) -> Float[Tensor, "n 1"]:
+        return self.strength * torch.exp(-points[:, :2].square().sum(dim=1, keepdim=True) / (2 * self.radius**2))
+
+    def __call__(self, time: Float[Tensor, ""], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
+        """The velocity of every point."""
+        turned = torch.stack([-points[:, 1], points[:, 0]], dim=1)
+        return torch.cat([self._angles(points) * turned, torch.zeros_like(points[:, 2:])], dim=1)
+
+    def flow(self, points: Float[Tensor, "n d"], start: float = 0.0, end: float = 1.0) -> Float[Tensor, "n d"]:
+        """Every point turns about the axis by its own angle."""
+        angles, x, y = (end - start) * self._angles(points), points[:, :1], points[:, 1:2]
+        cosines, sines = angles.cos(), angles.sin()
+        return torch.cat([cosines * x - sines * y, sines * x + cosines * y, points[:, 2:]], dim=1)
+
+    def lipschitz_bound(self) -> Float[Tensor, ""]:
+        """``|strength|``, which is the constant itself."""
+        return torch.tensor(abs(self.strength), dtype=torch.float64)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Push(AnalyticField):
+    """A push along the second axis, strongest near it: v = strength · exp(−ρ² / (2 width²)), ρ the distance from it.
+
+    What is pushed does not change how hard it is pushed: one Euler step is exact, for any strength.
+
+    Parameters
+    ----------
+    strength : float
+        Velocity at the axis.
+    width : float
+        In units of the points; the Lipschitz constant is ``|strength| e^{−1/2} / width``.
+
+    Raises
+    ------
+    ValueError
+        If the width is not positive.
+    """
+
+    strength: float
+    width: float = 1.0
+
+    def __post_init__(self):
+        _require_positive(self.width, "width")
+
+    def __call__(self, time: Float[Tensor, ""], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
+        """The velocity of every point."""
+        aside = points.clone()
+        aside[:, 1] = 0
+        speed = self.strength * torch.exp(-aside.square().sum(dim=1) / (2 * self.width**2))
+        along = torch.zeros(points.shape[1], dtype=points.dtype, device=points.device)
+        along[1] = 1
+        return speed[:, None] * along
+
+    def flow(self, points: Float[Tensor, "n d"], start: float = 0.0, end: float = 1.0) -> Float[Tensor, "n d"]:
+        """The velocity times the time."""
+        return points + (end - start) * self(points.new_tensor(start), points)
+
+    def lipschitz_bound(self) -> Float[Tensor, ""]:
+        """``|strength| e^{−1/2} / width``, which is the constant itself."""
+        return torch.tensor(abs(self.strength) * math.exp(-0.5) / self.width, dtype=torch.float64)
+
+
+def _require_positive(value: float, name: str) -> None:
+    if not 0 < value < math.inf:
+        raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed")

@@ -1,0 +1,171 @@
+"""A velocity on several grids, summed: coarse ones carry far, fine ones fit detail."""
+
+import itertools
+
+import torch
+from torch import nn
+
+from meshot.errors import as_floating, require_positive_integer, require_shape
+from meshot.flow.fields.field import LearnedVelocity, Prepared
+from meshot.flow.fields.spline import INTERPOLATIONS, refined, spline_values
+from meshot.types import Float, Tensor
+
+
+class GridVelocity(LearnedVelocity):
+    """A sum of B-splines on nested grids over a box, constant on equal pieces of time; zero at the start.
+
+    Cubic splines are twice continuously differentiable in the box; linear ones are only continuous, with kinks on the
+    faces of the cells. Both are Lipschitz. Outside the box, the velocity is that of its nearest point, which keeps the
+    Lipschitz constant. With one piece of time the field is stationary.
+
+    Parameters
+    ----------
+    lower, upper : tensor or array
+        Two opposite corners of the box, in mm (world), shape (3,). The box is extended to whole coarse cells.
+    spacings : floats
+        In mm, coarse to fine, each half the one before: then the sum is one spline on the finest grid, and a point
+        needs 64 coefficients, not 64 per level.
+    n_pieces : int
+        Of time, equal, on [0, 1]. Steps should not straddle them: take a multiple as the number of steps.
+    interpolation : str
+        "cubic" (B-spline: the velocity at a node is a mean of nearby coefficients) or "linear" (it is the coefficient).
+
+    Raises
+    ------
+    ValueError
+        If the box is empty, the spacings do not halve, ``n_pieces`` < 1, or the interpolation is unknown.
+    """
+
+    def __init__(
+        self,
+        lower: Tensor,
+        upper: Tensor,
+        spacings: tuple[float, ...] = (24.0, 12.0, 6.0, 3.0),
+        n_pieces: int = 4,
+        interpolation: str = "cubic",
+    ):
+        super().__init__()
+        lower, upper = _require_box(lower, upper)
+        _require_halving(spacings)
+        require_positive_integer(n_pieces, "n_pieces")
+        if interpolation not in INTERPOLATIONS:
+            raise ValueError(f"interpolation is {interpolation!r}; one of {', '.join(INTERPOLATIONS)} is needed")
+        self.interpolation = interpolation
+        self.spacings, self.n_pieces = tuple(float(s) for s in spacings), n_pieces
+        self.register_buffer("lower", lower)
+        n_cells = [int(n) for n in torch.ceil((upper - lower) / spacings[0] - 1e-6).clamp(min=1)]
+        self.levels = nn.ParameterList(
+            lower.new_zeros(n_pieces, *(n * 2**level + 3 for n in n_cells), 3) for level in range(len(spacings))
+        )
+
+    def coefficients(self) -> Float[Tensor, "pieces nx ny nz 3"]:
+        """The coefficients of the whole field on the finest grid, in mm per unit of time."""
+        total = self.levels[0]
+        for level in list(self.levels)[1:]:
+            total = refined(total, self.interpolation) + level
+        return total
+
+    def extra_repr(self) -> str:
+        """What the shapes of the levels do not tell."""
+        return f"spacings={self.spacings}, n_pieces={self.n_pieces}, interpolation={self.interpolation}"
+
+    def stages(self) -> list[list[nn.Parameter]]:
+        """One level after another, coarse to fine."""
+        return [[level] for level in self.levels]
+
+    def prepared(self) -> Prepared:
+        """The field as one spline per piece of time."""
+        coefficients = self.coefficients()
+        pieces = coefficients.unbind(dim=0)
+        starts = torch.arange(self.n_pieces, dtype=torch.float64, device=self.lower.device) / self.n_pieces
+        finest = self.spacings[-1]
+        first = self.lower - finest  # every level has one node before the box and one after it
+
+        def velocity(time: Tensor, points: Tensor) -> Tensor:
+            piece = int(torch.searchsorted(starts.to(time.dtype), time, right=True)) - 1
+            nearest = pieces[min(max(piece, 0), len(pieces) - 1)]
+            return spline_values(nearest, (points - first) / finest, self.interpolation)
+
+        return Prepared(velocity, (coefficients,))
+
+    def forward(self, time: Float[Tensor, ""], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """The velocity of every point at one time, in mm per unit of time."""
+        return self.prepared()(time, points)
+
+    @torch.no_grad()
+    def lipschitz_bound(self) -> Float[Tensor, ""]:
+        """A bound of the Lipschitz constant over space and time, per unit of time.
+
+        The derivative of a B-spline, linear or cubic, along an axis is a convex combination of differences of
+        neighbouring coefficients over the spacing: ‖Dv‖ ≤ √(Σ_axes max ‖Δc‖²) / spacing. Differences tighten as the
+        grid refines.
+        """
+        coefficients = self.coefficients()
+        steepest = [
+            torch.linalg.vector_norm(coefficients.diff(dim=axis), dim=-1).flatten(1).amax(dim=1) for axis in (1, 2, 3)
+        ]
+        return (torch.stack(steepest).square().sum(dim=0).sqrt() / self.spacings[-1]).amax()
+
+
+def grid_around(
+    *points: Float[Tensor, "_ 3"],
+    margin: float = 12.0,
+    spacings: tuple[float, ...] = (24.0, 12.0, 6.0, 3.0),
+    n_pieces: int = 4,
+    interpolation: str = "cubic",
+) -> GridVelocity:
+    """A velocity on grids over the box that holds all the points, and ``margin`` mm more on every side; zero so far.
+
+    Raises
+    ------
+    ValueError
+        If ``margin`` is negative, or as :class:`GridVelocity`.
+    """
+    if not margin >= 0:
+        raise ValueError(f"margin is {margin!r}; a number >= 0 is needed, in mm")
+    everything = torch.cat([p.detach() for p in points])
+    lower, upper = everything.amin(dim=0) - margin, everything.amax(dim=0) + margin
+    return GridVelocity(lower, upper, spacings, n_pieces, interpolation)
+
+
+def single_level(
+    coefficients: Float[Tensor, "pieces nx ny nz 3"], lower: Float[Tensor, " 3"], spacing: float, interpolation: str
+) -> GridVelocity:
+    """The field of one level with these coefficients, as :meth:`GridVelocity.coefficients` gives them.
+
+    Parameters
+    ----------
+    coefficients : tensor
+    lower : tensor
+        The corner of the box, in mm.
+    spacing, interpolation
+        As :class:`GridVelocity`.
+
+    Raises
+    ------
+    ValueError
+        As :class:`GridVelocity`.
+    """
+    # A level has one node before the box, one after it, and one that closes the last cell.
+    n_cells = torch.tensor(coefficients.shape[1:4]) - 3
+    field = GridVelocity(lower, lower + n_cells.to(lower) * spacing, (spacing,), len(coefficients), interpolation)
+    with torch.no_grad():
+        field.levels[0].copy_(coefficients)
+    return field
+
+
+def _require_box(lower: Tensor, upper: Tensor) -> tuple[Tensor, Tensor]:
+    lower, upper = as_floating(lower, "lower"), as_floating(upper, "upper")
+    require_shape(lower[None], "lower", 3)
+    require_shape(upper[None], "upper", 3)
+    if not bool((lower < upper).all()):
+        raise ValueError(f"the box from {lower.tolist()} to {upper.tolist()} is empty; lower must be below upper")
+    return lower.detach().clone(), upper.detach()
+
+
+def _require_halving(spacings: tuple[float, ...]) -> None:
+    halves = all(abs(2 * fine - coarse) <= 1e-9 * coarse for coarse, fine in itertools.pairwise(spacings))
+    if not spacings or min(spacings) <= 0 or not halves:
+        raise ValueError(
+            f"spacings are {spacings}; positive numbers are needed, each half the one before, such as (24, 12, 6, 3)"
+        )

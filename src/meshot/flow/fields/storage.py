@@ -1,0 +1,76 @@
+"""A fitted velocity in a small file, so that its flow can be applied again, to any mesh in the same space."""
+
+import gzip
+import json
+import os
+from pathlib import Path
+
+import safetensors.torch
+import torch
+
+from meshot.files import whole_file
+from meshot.flow.fields.grid import GridVelocity, single_level
+
+
+def quantised_velocity(field: GridVelocity, step: float = 2.0**-5) -> GridVelocity:
+    """The same field as one level on its finest grid, its coefficients rounded to multiples of ``step``.
+
+    This is what :func:`write_velocity` keeps. Velocities change by at most half a step, in mm per unit of time.
+
+    Raises
+    ------
+    ValueError
+        If ``step`` is not positive, or so small that the coefficients do not fit into 16 bits.
+    """
+    if not step > 0:
+        raise ValueError(f"step is {step!r}; a positive number of mm per unit of time is needed")
+    whole = (field.coefficients().detach() / step).round()
+    if float(whole.abs().max()) > 32767:
+        raise ValueError(f"coefficients reach {float(whole.abs().max()):.0f} steps of {step}; take a larger step")
+    return single_level(whole * step, field.lower, field.spacings[-1], field.interpolation)
+
+
+def write_velocity(path: str | os.PathLike, field: GridVelocity, step: float = 2.0**-5) -> None:
+    """Write the coefficients on the finest grid as 16-bit multiples of ``step``, a gzipped safetensors file.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is not ``.safetensors.gz``, or as :func:`quantised_velocity`.
+    """
+    if not str(path).endswith(".safetensors.gz"):
+        raise ValueError(f"{Path(path).name} does not end in .safetensors.gz; it is one, so name it so")
+    coefficients = quantised_velocity(field, step).coefficients().detach()
+    tensors = {
+        # Component first: neighbours are alike, which gzip turns into a fifth fewer bytes.
+        "coefficients": (coefficients / step).round().to(torch.int16).movedim(-1, 0).contiguous(),
+        "lower": field.lower.double().contiguous(),
+    }
+    header = {"step": step, "spacing": field.spacings[-1], "dtype": str(coefficients.dtype)}
+    if field.interpolation != "cubic":  # what every file without this entry is
+        header["interpolation"] = field.interpolation
+    with whole_file(path) as temporary:
+        # A fixed time in the header, so that the same field gives the same bytes.
+        temporary.write_bytes(
+            gzip.compress(safetensors.torch.save(tensors, {"velocity": json.dumps(header)}), compresslevel=9, mtime=0)
+        )
+
+
+def read_velocity(path: str | os.PathLike) -> GridVelocity:
+    """Read what :func:`write_velocity` wrote: one level on the finest grid.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, truncated, or something else.
+    """
+    try:
+        content = gzip.decompress(Path(path).read_bytes())
+        length = int.from_bytes(content[:8], "little")
+        header = json.loads(json.loads(content[8 : 8 + length])["__metadata__"]["velocity"])
+        tensors = safetensors.torch.load(content)
+        dtype = {"torch.float32": torch.float32, "torch.float64": torch.float64}[header["dtype"]]
+        values, lower = tensors["coefficients"].movedim(0, -1).to(dtype) * header["step"], tensors["lower"].to(dtype)
+    except (OSError, EOFError, ValueError, KeyError, safetensors.SafetensorError) as error:
+        raise ValueError(f"{path} is not a whole velocity file ({error}); get it again, or fit anew") from error
+    return single_level(values, lower, header["spacing"], header.get("interpolation", "cubic"))

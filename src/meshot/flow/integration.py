@@ -1,0 +1,175 @@
+"""The flow of a velocity field: where points are carried in unit time (the one home of torchdiffeq)."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import torch
+from torch import nn
+from torchdiffeq import odeint, odeint_adjoint
+
+from meshot.errors import as_floating, require_positive_integer, require_shape
+from meshot.flow.fields.field import Prepared, Velocity, VelocityField
+from meshot.mesh import Mesh
+from meshot.types import Float, Tensor
+
+METHODS = ("euler", "midpoint", "rk4", "dopri5")  # of order 1, 2, 4 and 5
+GRADIENTS = ("direct", "adjoint")
+
+
+def integrate(
+    field: VelocityField | Velocity,
+    points: Float[Tensor, "n d"],
+    n_steps: int = 12,
+    method: str = "euler",
+    inverse: bool = False,
+    gradient: str = "direct",
+    tolerance: float | None = None,
+) -> Float[Tensor, "n d"]:
+    """The flow map φ(x) = x(1), where dx/dt = v(t, x) and x(0) = x; or its inverse.
+
+    Differentiable in the points and in the parameters of the field.
+
+    Parameters
+    ----------
+    field : VelocityField, or callable of (time, points)
+    points : tensor
+    n_steps : int
+        Equal steps on [0, 1]; each evaluates the field 1 (euler), 2 (midpoint), 4 (rk4) or 7 (dopri5) times.
+    method : str
+        "euler", "midpoint", "rk4" or "dopri5": the error falls as the first, second, fourth or fifth power of the step.
+    inverse : bool
+        Run time backwards from 1 to 0. Inverse to the flow up to the error of the method, not to rounding.
+    gradient : str
+        "direct": through the steps, exact for what was computed; memory grows with their number. "adjoint": by a second
+        flow, backwards in time; memory does not grow, but the gradient has an error of the order of the method. It
+        reaches the parameters of a :class:`meshot.flow.fields.VelocityField` or an ``nn.Module``; of any other callable
+        only the points.
+    tolerance : float, optional
+        For dopri5 only: split steps further until the estimated error of each is below it, relative to the size of the
+        coordinates and absolute in their unit. Without it there are exactly ``n_steps``.
+
+    Raises
+    ------
+    ValueError
+        If ``n_steps`` < 1, the method or the kind of gradient is unknown, ``tolerance`` is not positive or came with
+        another method, or the points are not a matrix of finite floating-point numbers.
+
+    Notes
+    -----
+    A step that begins or ends where the field jumps in time sees the side that it crosses.
+
+    References
+    ----------
+    Chen et al., *Neural ordinary differential equations*, 2018; Dormand and Prince, 1980.
+    """
+    points = _require_points(points)
+    grid = _time_grid(points, n_steps, inverse)
+    options = _solver_options(grid, method, tolerance)
+    if gradient not in GRADIENTS:
+        raise ValueError(f"gradient is {gradient!r}; one of {', '.join(GRADIENTS)} is needed")
+    prepared = _prepared(field)
+    if gradient == "direct":
+        return odeint(prepared, points, grid[[0, -1]], **options)[-1]
+    return odeint_adjoint(prepared, points, grid[[0, -1]], adjoint_params=prepared.tensors, **options)[-1]
+
+
+def trajectory(
+    field: VelocityField | Velocity,
+    points: Float[Tensor, "n d"],
+    n_steps: int = 12,
+    method: str = "euler",
+    inverse: bool = False,
+) -> Float[Tensor, "k n d"]:
+    """Where the points are before the first step and after each: ``n_steps`` + 1 positions of every point.
+
+    The last is what :func:`meshot.integrate` returns. Other arguments as there.
+
+    Raises
+    ------
+    ValueError
+        As :func:`meshot.integrate`.
+    """
+    points = _require_points(points)
+    grid = _time_grid(points, n_steps, inverse)
+    return odeint(_prepared(field), points, grid, **_solver_options(grid, method, None))
+
+
+def step_maps(
+    velocity: Velocity, points: Float[Tensor, "n d"], n_steps: int, method: str
+) -> list[tuple[Tensor, Callable[[Tensor], Tensor]]]:
+    """The steps that :func:`trajectory` is made of: for each, the time at which it begins, and what it does to points.
+
+    Parameters
+    ----------
+    velocity : callable of (time, points)
+    points : tensor
+        Whose dtype and device the times have.
+
+    Raises
+    ------
+    ValueError
+        As :func:`meshot.integrate`.
+    """
+    grid = _time_grid(points, n_steps, inverse=False)
+
+    def step(ends: Tensor) -> Callable[[Tensor], Tensor]:
+        return lambda x: odeint(velocity, x, ends, **_solver_options(ends, method, None))[-1]
+
+    return [(grid[k], step(grid[k : k + 2])) for k in range(n_steps)]
+
+
+def flow_meshes(
+    field: VelocityField | Velocity, meshes: Sequence[Mesh], n_steps: int = 12, method: str = "euler", **options: object
+) -> list[Mesh]:
+    """Several meshes of any sizes carried by one field: their vertices go through it together, in one batch.
+
+    Other arguments as :func:`meshot.integrate`.
+
+    Raises
+    ------
+    ValueError
+        If there is no mesh, the meshes differ in dtype or device, or as :func:`meshot.integrate`.
+    """
+    if not meshes:
+        raise ValueError("meshes is empty; at least one is needed")
+    kinds = {(mesh.vertices.dtype, str(mesh.vertices.device)) for mesh in meshes}
+    if len(kinds) > 1:
+        raise ValueError(f"meshes are of several kinds, {sorted(map(str, kinds))}; convert them with .to(...)")
+    moved = integrate(field, torch.cat([mesh.vertices for mesh in meshes]), n_steps, method, **options)
+    parts = moved.split([len(mesh.vertices) for mesh in meshes])
+    return [mesh.with_vertices(part) for mesh, part in zip(meshes, parts)]
+
+
+def _require_points(points: Tensor) -> Tensor:
+    points = as_floating(points, "points")
+    require_shape(points, "points", None)
+    return points
+
+
+def _time_grid(points: Tensor, n_steps: int, inverse: bool) -> Float[Tensor, " k"]:
+    require_positive_integer(n_steps, "n_steps")
+    grid = torch.arange(n_steps + 1, dtype=points.dtype, device=points.device) / n_steps
+    return grid.flip(0) if inverse else grid
+
+
+def _solver_options(grid: Tensor, method: str, tolerance: float | None) -> dict:
+    """What tells the solver to step on the grid, in both directions of time."""
+    if method not in METHODS:
+        raise ValueError(f"method is {method!r}; one of {', '.join(METHODS)} is needed")
+    if tolerance is not None and (method != "dopri5" or not 0 < tolerance < math.inf):
+        raise ValueError(f"tolerance is {tolerance!r} with {method}; a number > 0 is needed, and dopri5 to obey it")
+    if method != "dopri5":
+        # The solver steps only between the times it is asked for, unless it is given a grid.
+        on_grid = {"grid_constructor": lambda f, y, t: grid if t[0] == grid[0] else grid.flip(0), "perturb": True}
+        return {"method": method, "options": on_grid}
+    # A first step beyond the end is cut at the first stop; without a tolerance, so is every other.
+    stops = {"jump_t": grid[1:-1].double(), "step_t": grid[[0, -1]].double()}
+    if tolerance is None:
+        return {"method": method, "rtol": 0.0, "atol": math.inf, "options": stops | {"first_step": 2.0}}
+    return {"method": method, "rtol": tolerance, "atol": tolerance, "options": stops}
+
+
+def _prepared(field: VelocityField | Velocity) -> Prepared:
+    if isinstance(field, VelocityField):
+        return field.prepared()
+    return Prepared(field, tuple(field.parameters()) if isinstance(field, nn.Module) else ())

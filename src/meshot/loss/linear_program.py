@@ -1,0 +1,56 @@
+"""Exact optimal transport between discrete measures, by POT's network simplex."""
+
+import warnings
+
+import ot
+import torch
+
+from meshot.errors import require_same_space
+from meshot.measure import DiscreteMeasure
+from meshot.types import Float, Tensor
+
+
+def wasserstein(
+    source: DiscreteMeasure, target: DiscreteMeasure, p: float = 2, max_iterations: int = 10_000_000
+) -> Float[Tensor, ""]:
+    """The Wasserstein distance W_p^p with ground cost ‖x − y‖₂^p, exactly, by linear programming.
+
+    Differentiable: the optimal plan is held fixed for the points (envelope theorem), the dual potentials are the
+    gradient in the weights, defined up to a constant. The paper writes ‖x − y‖_p^p; for p = 2 the two costs agree.
+
+    Returns
+    -------
+    tensor
+        W_p^p, in (units of the points)^p; take the p-th root for a distance.
+
+    Raises
+    ------
+    ValueError
+        If the measures live in different spaces, ``p`` < 1, or the solver stops before it is done.
+
+    Notes
+    -----
+    About O(n³ log n) time and O(n²) memory: for up to some 5 000 supports.
+
+    References
+    ----------
+    Bonneel et al., *Displacement Interpolation Using Lagrangian Mass Transport*, 2011 (the solver in POT).
+    """
+    require_same_space(source.points, target.points)
+    if not p >= 1:
+        raise ValueError(f"p is {p!r}; a number >= 1 is needed")
+    squared = _squared_distances(source.points, target.points)
+    cost = squared if p == 2 else torch.where(squared > 0, squared, torch.ones_like(squared)).pow(p / 2) * (squared > 0)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        value = ot.emd2(source.weights, target.weights, cost, numItermax=max_iterations)
+    if caught:
+        raise ValueError(
+            f"the transport solver did not finish ({caught[0].message}): raise max_iterations or use fewer points"
+        )
+    return value
+
+
+def _squared_distances(points: Tensor, others: Tensor) -> Tensor:
+    # Differences, not |x|² + |y|² − 2⟨x, y⟩: the latter cancels for near points.
+    return (points[:, None, :] - others[None, :, :]).square().sum(dim=2)

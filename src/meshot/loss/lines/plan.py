@@ -1,0 +1,73 @@
+"""Optimal transport on a line as a plan: who sends how much to whom."""
+
+import dataclasses
+
+import torch
+
+from meshot.errors import as_floating
+from meshot.measure import require_probabilities
+from meshot.types import Float, Int64, Tensor
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MonotonePlan:
+    """The cells into which the steps of both quantile functions cut [0, 1], from the left.
+
+    Parameters
+    ----------
+    source, target : tensor
+        Which point of each side is the quantile on a cell.
+    masses : tensor
+        The lengths of the cells: what that point of the source sends to that point of the target.
+    """
+
+    source: Int64[Tensor, " k"]
+    target: Int64[Tensor, " k"]
+    masses: Float[Tensor, " k"]
+
+
+def monotone_plan(
+    source: Float[Tensor, " n"],
+    source_weights: Float[Tensor, " n"],
+    target: Float[Tensor, " m"],
+    target_weights: Float[Tensor, " m"],
+) -> MonotonePlan:
+    """The optimal plan between two discrete measures on a line, for every cost ``|x − y|^p`` with p ≥ 1 at once.
+
+    Whoever comes first on one side sends to whoever comes first on the other, until one of the two has nothing left.
+    At most n + m − 1 cells carry mass, and only these are kept; the masses are differentiable in the weights, where no
+    point is without mass and no two steps end together.
+
+    Raises
+    ------
+    ValueError
+        If positions are not finite numbers on a line, or weights are not those of a probability measure on them.
+
+    Notes
+    -----
+    O(n log n + m log m) time. The plan behind ``meshot.loss.quantile_cost``, which does not keep it.
+
+    References
+    ----------
+    Peyré and Cuturi, *Computational Optimal Transport*, 2019, Section 2.6.
+    """
+    sides = []
+    for name, positions, weights in (("source", source, source_weights), ("target", target, target_weights)):
+        positions, weights = as_floating(positions, name), as_floating(weights, f"{name}_weights")
+        if positions.ndim != 1 or len(positions) == 0:
+            raise ValueError(
+                f"{name} has shape {tuple(positions.shape)}; (n,) is needed: places on a line, at least one"
+            )
+        require_probabilities(weights, positions, len(positions))
+        order = positions.detach().argsort(stable=True)
+        ends = weights[order].cumsum(dim=0)
+        # The last step of either side ends at one, whatever roundoff says.
+        sides.append((order, ends / ends[-1]))
+    (order, ends), (target_order, target_ends) = sides
+    cuts, which = torch.cat([ends[:-1], target_ends[:-1], ends.new_ones(1)]).sort(stable=True)
+    masses = torch.diff(cuts, prepend=cuts.new_zeros(1))
+    of_source = torch.cat([which[:-1] < len(ends) - 1, which.new_zeros(1).bool()]).long()
+    ended = of_source.cumsum(dim=0) - of_source
+    step, target_step = ended, torch.arange(len(cuts), device=cuts.device) - ended
+    kept = masses.detach() > 0
+    return MonotonePlan(order[step[kept]], target_order[target_step[kept]], masses[kept])

@@ -1,0 +1,13 @@
+from .decimation import decimated as decimated
+from .decimation import simplified as simplified
+from .mending import mended as mended
+from .smoothing import (
+    laplacian_smoothing as laplacian_smoothing,
+)
+from .smoothing import (
+    neighbour_means as neighbour_means,
+)
+from .smoothing import (
+    taubin_smoothing as taubin_smoothing,
+)
+from .subdivision import with_edges_split as with_edges_split

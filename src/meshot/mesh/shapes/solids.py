@@ -1,0 +1,186 @@
+"""Closed surfaces known in closed form, with outward normals: what everything else is tried on."""
+
+import itertools
+import math
+
+import torch
+
+from meshot.errors import require_finite, require_shape
+from meshot.mesh.geometry.areas import signed_volume
+from meshot.mesh.mesh import Mesh
+from meshot.types import Float, Int64, Tensor
+
+
+def icosphere(
+    subdivisions: int,
+    radius: float = 1.0,
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    dtype: torch.dtype = torch.float64,
+) -> Mesh:
+    """A sphere made of an icosahedron whose faces are cut into four ``subdivisions`` times: 20 · 4ˢ faces.
+
+    Parameters
+    ----------
+    subdivisions : int
+        From 0 (the icosahedron) on; the vertices number 10 · 4ˢ + 2.
+    radius : float
+        All vertices lie on the sphere, so that area and volume stay below the sphere's by O(h²).
+    centre : three floats
+    dtype : torch.dtype
+        Of the vertices.
+
+    Raises
+    ------
+    ValueError
+        If ``subdivisions`` is not an integer in [0, 9], or ``radius`` is not positive.
+    """
+    if isinstance(subdivisions, bool) or not isinstance(subdivisions, int) or not 0 <= subdivisions <= 9:
+        raise ValueError(
+            f"subdivisions is {subdivisions!r}; an integer from 0 to 9 is needed (9 gives 5 million faces)"
+        )
+    require_positive(radius, "radius")
+    points, faces = _icosahedron()
+    for _ in range(subdivisions):
+        points, faces = split_in_four(points, faces)
+        points = points / torch.linalg.vector_norm(points, dim=1, keepdim=True)
+    shift = torch.tensor(centre, dtype=torch.float64)
+    return Mesh((radius * points + shift).to(dtype), faces)
+
+
+def ellipsoid(subdivisions: int, radii: tuple[float, float, float], dtype: torch.dtype = torch.float64) -> Mesh:
+    """An icosphere stretched along the axes, centred at the origin.
+
+    Parameters
+    ----------
+    subdivisions : int
+        As :func:`icosphere`.
+    radii : three floats
+        The half-axes along x, y and z.
+    dtype : torch.dtype
+
+    Raises
+    ------
+    ValueError
+        If a radius is not positive.
+    """
+    for axis, radius in zip("xyz", radii, strict=True):
+        require_positive(radius, f"the radius along {axis}")
+    sphere = icosphere(subdivisions)
+    return sphere.with_vertices(sphere.vertices * torch.tensor(radii, dtype=torch.float64)).to(dtype)
+
+
+def folded_sphere(
+    subdivisions: int, radius: float = 40.0, depth: float = 6.0, n_folds: int = 5, dtype: torch.dtype = torch.float64
+) -> Mesh:
+    """A star-shaped surface with gyri and sulci: an icosphere whose radius varies with its direction.
+
+    The distance from the origin along the unit vector u is ``radius`` + ``depth`` · s(u), with
+    s(u) = ⅓ Σ sin(n x + cos(n y)) over cyclic (x, y, z), which lies in [−1, 1]. The surface is a radial graph, so it
+    cannot intersect itself, and the deformation from the sphere is known vertex by vertex.
+
+    Parameters
+    ----------
+    subdivisions : int
+        As :func:`icosphere`.
+    radius, depth : float
+        Of the sphere and of the folds, in mm; ``depth`` below ``radius``.
+    n_folds : int
+        The frequency n; about as many folds along a quarter of a circle as n divided by 4.
+    dtype : torch.dtype
+
+    Raises
+    ------
+    ValueError
+        If ``depth`` is not in [0, radius), or ``radius`` is not positive.
+    """
+    require_positive(radius, "radius")
+    if not 0 <= depth < radius:
+        raise ValueError(
+            f"depth is {depth!r}; it must be in [0, radius) = [0, {radius:g}) for the surface to be a graph"
+        )
+    sphere = icosphere(subdivisions)
+    phase = n_folds * sphere.vertices
+    profile = torch.sin(phase + torch.cos(phase.roll(-1, dims=1))).mean(dim=1)
+    return sphere.with_vertices((radius + depth * profile)[:, None] * sphere.vertices).to(dtype)
+
+
+def cube(side: float = 1.0, dtype: torch.dtype = torch.float64) -> Mesh:
+    """The surface of a cube centred at the origin: 8 vertices, 12 triangles.
+
+    Raises
+    ------
+    ValueError
+        If ``side`` is not positive.
+    """
+    require_positive(side, "side")
+    corners = torch.tensor(list(itertools.product((-0.5, 0.5), repeat=3)), dtype=dtype)  # index = 4x + 2y + z
+    squares = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = [[a, b, c] for a, b, c, _ in squares] + [[a, c, d] for a, _, c, d in squares]
+    return Mesh(side * corners, torch.tensor(faces))
+
+
+def tetrahedron(corners: Float[Tensor, "4 3"] | None = None) -> Mesh:
+    """The surface of a tetrahedron, its faces turned outward whatever the order of the corners.
+
+    Parameters
+    ----------
+    corners : tensor, optional
+        Four points; every other corner of the cube [−1, 1]³, a regular tetrahedron, if left out.
+
+    Raises
+    ------
+    ValueError
+        If there are not four points in R³, or they lie in one plane.
+    """
+    if corners is None:
+        corners = torch.tensor([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=torch.float64)
+    require_shape(corners, "corners", 3)
+    require_finite(corners, "corners")
+    if len(corners) != 4:
+        raise ValueError(f"corners has {len(corners)} rows; a tetrahedron has 4")
+    mesh = Mesh(corners, torch.tensor([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]))
+    volume = float(signed_volume(mesh).detach())
+    if abs(volume) <= 1e-12 * float(torch.linalg.vector_norm((corners - corners[0]).detach(), dim=1).max()) ** 3:
+        raise ValueError("the four corners lie in one plane; a tetrahedron needs a volume: move one of them")
+    return mesh if volume > 0 else Mesh(corners, mesh.faces.flip(1))
+
+
+def split_in_four(
+    points: Float[Tensor, "V 3"], faces: Int64[Tensor, "F 3"]
+) -> tuple[Float[Tensor, "W 3"], Int64[Tensor, "G 3"]]:
+    """Every triangle cut at its edge midpoints into four; shared midpoints are shared, orientation stays."""
+    n_points, n_faces = len(points), len(faces)
+    halves = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).sort(dim=1).values
+    keys, which = torch.unique(halves[:, 0] * n_points + halves[:, 1], return_inverse=True)
+    midpoints = (points[keys // n_points] + points[keys % n_points]) / 2
+    ab, bc, ca = (n_points + which).view(3, n_faces)
+    a, b, c = faces.T
+    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    return torch.cat([points, midpoints]), torch.cat([torch.stack(part, dim=1) for part in parts])
+
+
+def require_positive(value: float, name: str) -> None:
+    """Require a finite number above zero.
+
+    Raises
+    ------
+    ValueError
+        For anything else.
+    """
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed, in units of the vertices")
+
+
+def _icosahedron() -> tuple[Tensor, Tensor]:
+    golden = (1 + math.sqrt(5)) / 2
+    flat = [(a, b * golden) for a, b in itertools.product((-1.0, 1.0), repeat=2)]
+    corners = [(0.0, *p) for p in flat] + [(*p, 0.0) for p in flat] + [(p[1], 0.0, p[0]) for p in flat]
+    points = torch.tensor(corners, dtype=torch.float64)
+    points = points / torch.linalg.vector_norm(points, dim=1, keepdim=True)
+    near = torch.cdist(points, points) < 1.1  # the edge is 1.05 for radius one, the next distance 1.70
+    faces = [
+        f for f in itertools.combinations(range(12), 3) if near[f[0], f[1]] and near[f[1], f[2]] and near[f[0], f[2]]
+    ]
+    # Three corners run counter-clockwise seen from outside if their determinant is positive.
+    outward = [f if torch.det(points[list(f)]) > 0 else (f[0], f[2], f[1]) for f in faces]
+    return points, torch.tensor(outward)

@@ -1,0 +1,133 @@
+"""The ruler: how close a predicted surface is to its target."""
+
+import numpy as np
+
+from meshot.errors import require_positive_integer
+from meshot.mesh import Mesh
+from meshot.mesh.geometry import face_areas, signed_volume
+from meshot.mesh.topology import euler_number, self_intersecting_faces
+from meshot.metrics.definitions import BLURRED_EMD, ROWS
+from meshot.metrics.distances import (
+    Surface,
+    SurfaceSample,
+    average_surface_distance,
+    hausdorff_distance,
+    normal_agreement,
+)
+from meshot.metrics.evaluation import Evaluation, Metric
+from meshot.metrics.input_checks import require_same_space, warn_of_defects
+from meshot.metrics.transport import earth_movers_distance, sinkhorn_distance, sliced_distance
+from meshot.metrics.triangles import edge_length_variation, face_area_variation, smallest_angles
+from meshot.types import Array
+
+N_DIRECTIONS = 200
+
+
+def evaluate(
+    predicted: Mesh,
+    target: Mesh,
+    n_points: int = 100_000,
+    seed: int = 0,
+    n_emd_points: int = 5_000,
+    emd_blur: float | None = None,
+) -> Evaluation:
+    """All metrics between a predicted and a target surface, each with its unit, definition and same-surface floor.
+
+    The floor is what two independent samples of the target score against each other, with the same numbers of points
+    and the same seed: a perfect prediction would do no better.
+
+    Parameters
+    ----------
+    predicted, target : Mesh
+        In the same space, in mm.
+    n_points : int
+        Drawn on each surface for everything but the earth mover's distance.
+    seed : int
+        Of the points. The same surfaces and the same seed give the same numbers.
+    n_emd_points : int
+        For the earth mover's distance, at most ``n_points``: the first of the same points.
+    emd_blur : float, optional
+        In mm: takes the earth mover's distance by Sinkhorn's algorithm, see
+        ``meshot.metrics.transport.sinkhorn_distance``. Exact if left out.
+
+    Raises
+    ------
+    ValueError
+        If a count, the seed or the blur does not fit, a vertex is NaN, a surface has no area, the surfaces do not
+        overlap, or one is more than ten times as large as the other (metres beside millimetres).
+
+    Warns
+    -----
+    UserWarning
+        If the boxes around the surfaces share less than half of the smaller one, or one is twice the other; if a mesh
+        is open, non-manifold, not consistently oriented, or inside out: distances hold all the same, volume, Euler
+        number or signed normals do not.
+
+    Notes
+    -----
+    300 000 faces, 100 000 points, two cores: seconds for everything but the earth mover's distance, which takes about
+    8 s for 5 000 points and as long again for its floor.
+    """
+    require_positive_integer(n_points, "n_points")
+    require_positive_integer(n_emd_points, "n_emd_points")
+    if n_emd_points > n_points:
+        raise ValueError(f"n_emd_points is {n_emd_points}, above n_points = {n_points}; lower it, or draw more points")
+    surfaces = Surface(predicted), Surface(target)
+    require_same_space(*surfaces)
+    of_the_meshes = mesh_properties(predicted), mesh_properties(target)
+    for mesh, name, numbers in zip((predicted, target), ("predicted", "target"), of_the_meshes, strict=True):
+        warn_of_defects(mesh, name, numbers["volume"])
+    streams = np.random.SeedSequence(seed).spawn(2)
+    of_predicted, of_target, of_target_again = (
+        surface.sample(n_points, np.random.default_rng(stream))
+        for surface, stream in zip((*surfaces, surfaces[1]), (*streams, streams[0]), strict=True)
+    )
+    values = _compare(*surfaces, of_predicted, of_target) | of_the_meshes[0]
+    floors = _compare(surfaces[1], surfaces[1], of_target_again, of_target) | of_the_meshes[1]
+    for numbers, sample in ((values, of_predicted), (floors, of_target_again)):
+        numbers["emd"] = _emd(sample.points[:n_emd_points], of_target.points[:n_emd_points], emd_blur)
+    definitions = {key: row.definition for key, row in ROWS.items()} | ({"emd": BLURRED_EMD} if emd_blur else {})
+    settings = {
+        "n_points": n_points,
+        "n_emd_points": n_emd_points,
+        "n_directions": N_DIRECTIONS,
+        "emd_blur": emd_blur,
+    }
+    return Evaluation(
+        **{
+            key: Metric(row.name, values[key], row.unit, definitions[key].format(**settings), floors[key])
+            for key, row in ROWS.items()
+        }
+    )
+
+
+def _emd(points: Array, others: Array, blur: float | None) -> float:
+    if blur is None:
+        return earth_movers_distance(points, others)
+    return sinkhorn_distance(points, others, blur)
+
+
+def _compare(predicted: Surface, target: Surface, sample: SurfaceSample, of_target: SurfaceSample) -> dict[str, float]:
+    there, back = target.offsets(sample), predicted.offsets(of_target)
+    return {
+        "swd": sliced_distance(sample.points, of_target.points, N_DIRECTIONS),
+        "assd": average_surface_distance(there, back),
+        "hausdorff": hausdorff_distance(there, back),
+        "normals": normal_agreement(there, back),
+        "signed_normals": normal_agreement(there, back, signed=True),
+    }
+
+
+def mesh_properties(mesh: Mesh) -> dict[str, float]:
+    """The numbers of :func:`meshot.evaluate` that need no other surface, by name, in units of the vertices."""
+    n_crossing = len(self_intersecting_faces(mesh))
+    return {
+        "intersecting_faces": n_crossing,
+        "intersecting_share": 100 * n_crossing / len(mesh.faces),
+        "euler_number": euler_number(mesh),
+        "area": float(face_areas(mesh).sum()),
+        "volume": float(signed_volume(mesh)),
+        "edge_variation": edge_length_variation(mesh),
+        "area_variation": face_area_variation(mesh),
+        "smallest_angle": float(smallest_angles(mesh).mean()),
+    }

@@ -1,0 +1,115 @@
+"""Algorithm 1 of the paper: a network learns flows from initial surfaces to true ones, through a loss of measures."""
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from meshot.flow import integrate
+from meshot.mesh import Mesh
+from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
+from meshot.model import DeformationNetwork
+from meshot.pipeline.deformation.carrying import deformed, standardised
+from meshot.pipeline.deformation.data import DeformationExample, digest
+from meshot.pipeline.deformation.settings import DeformationConfig, DeformationSettings
+from meshot.train import Report, Training, TrainingState, train
+from meshot.types import Tensor
+
+_ORDER, _LOSS = 0, 1  # streams of randomness
+
+
+def train_deformation(
+    config: DeformationConfig,
+    training: Sequence[DeformationExample],
+    validation: Sequence[DeformationExample],
+    folder: str | os.PathLike | None = None,
+    report: Report | None = None,
+    device: torch.device | None = None,
+) -> Training:
+    """Train a network from its first weights, or go on where a stopped training was.
+
+    Parameters
+    ----------
+    config : DeformationConfig
+    training, validation : sequence of DeformationExample
+        Of the side that the configuration names. The best network is that with the least mean ASSD in validation.
+    folder : path, optional
+        Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``). If a state is there
+        already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
+    report : callable of (steps done, steps in all, line of the log), optional
+    device : torch.device, optional
+        The processor if left out.
+
+    Raises
+    ------
+    ValueError
+        If there are no examples, or the folder holds a training of something else.
+    FloatingPointError
+        If the loss or a gradient is not finite; it names the step and the subject.
+
+    References
+    ----------
+    Le et al., ICLR 2024, Algorithm 1.
+    """
+    if not training or not validation:
+        raise ValueError(
+            f"{len(training)} examples for training and {len(validation)} for validation came; at least one of each is "
+            "needed"
+        )
+    settings, device = config.training, device or torch.device("cpu")
+    network = config.new_network().to(device)
+    state = TrainingState(network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
+    data = {
+        name: {"n_scans": len(part), "sha256": digest(part)}
+        for name, part in (("training", training), ("validation", validation))
+    }
+    targets = [Surface(item.target) for item in validation]
+
+    def loss_of(step: int) -> tuple[Tensor, str]:
+        item = _example(step, training, settings)
+        random = np.random.default_rng([settings.seed, _LOSS, step])
+        predicted = carried(item.coarse.to(device), item, network, settings)
+        try:
+            return config.loss(predicted, item.target.to(device), random), item.name
+        except ValueError as error:  # such as a mesh that has lost its area
+            raise FloatingPointError(
+                f"the prediction of step {step} ({item.name}) carries no loss: {error}; lower the learning rate"
+            ) from error
+
+    train(
+        state, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, targets, settings),
+        config.as_dict() | {"data": data}, folder, report,
+    )  # fmt: skip
+    return Training(network.cpu(), state.best_step, state.lines, state.seconds, data)
+
+
+def carried(mesh: Mesh, item: DeformationExample, network: DeformationNetwork, settings: DeformationSettings) -> Mesh:
+    """The predicted mesh: every vertex at the end of its trajectory; differentiable in the network."""
+    path = "visited" if mesh.vertices.device.type == "cpu" else "convolved"
+    field = network.velocity_in(standardised(item.scan, item.initial), path)
+    return mesh.with_vertices(integrate(field, mesh.vertices, settings.n_flow_steps, settings.method))
+
+
+def _example(step: int, training: Sequence[DeformationExample], settings: DeformationSettings) -> DeformationExample:
+    """The subject of a step: every epoch goes through all of them in a new order."""
+    epoch, place = divmod(step, len(training))
+    return training[np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(len(training))[place]]
+
+
+def _validation(
+    network: DeformationNetwork,
+    validation: Sequence[DeformationExample],
+    targets: Sequence[Surface],
+    settings: DeformationSettings,
+) -> dict:
+    """Means over the subjects, in mm of the standard space; the loss of the validation is the ASSD."""
+    rows = []
+    for item, target in zip(validation, targets, strict=True):
+        found = Surface(deformed(item.initial, item.scan, network, settings.n_flow_steps, settings.method))
+        there, back = offsets_between(found, target, settings.n_points)
+        rows.append(
+            [average_surface_distance(there, back), hausdorff_distance(there, back), normal_agreement(there, back)]
+        )
+    distance, farthest, normals = np.mean(rows, axis=0).tolist()
+    return {"validation_loss": distance, "hausdorff90_mm": farthest, "normals": normals}

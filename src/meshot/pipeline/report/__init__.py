@@ -1,0 +1,5 @@
+"""The folder of a reconstruction: surfaces, transform, numbers, pictures, one page of HTML."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,2 @@
+from .files import PAGE as PAGE
+from .files import reconstructed as reconstructed

@@ -1,0 +1,140 @@
+"""A reconstruction from a scan to a folder: surfaces, transform, numbers and a page to look at."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from meshot.files import whole_folder
+from meshot.mesh import write_mesh
+from meshot.metrics import vertex_distances
+from meshot.pipeline.networks import TrainedNetworks
+from meshot.pipeline.reconstruction import Reconstruction, reconstruct
+from meshot.pipeline.report.numbers import numbers_of_scan, numbers_of_surface
+from meshot.pipeline.report.page import reconstruction_page
+from meshot.pipeline.report.pictures import slice_pictures, surface_view
+from meshot.pipeline.stages import StageClock
+from meshot.provenance import provenance
+from meshot.volume import Volume, centre_ras, read_volume
+
+REPORT, TIMING, TRANSFORM, PAGE = "report.json", "timing.json", "to_standard.json", "report.html"
+FORMATS = ("", ".surf.gii", ".ply")
+SHORT = {"left": "lh", "right": "rh"}
+
+
+def reconstructed(
+    path: str | os.PathLike,
+    folder: str | os.PathLike,
+    networks: TrainedNetworks,
+    n_steps: int | None = None,
+    replace: bool = False,
+    template: Volume | None = None,
+) -> dict:
+    """Reconstruct the white surfaces of a scan and write everything, with a progress bar; whole or not at all.
+
+    Into ``folder`` go, for each side, the surfaces ``white`` and ``initial`` in scanner RAS, as FreeSurfer, GIfTI and
+    PLY; ``to_standard.json``, ``report.json``, ``timing.json`` and ``report.html``, which needs nothing beside it.
+
+    Parameters
+    ----------
+    path : path
+        Of a T1, in any format that nibabel knows.
+    folder : path
+        New or empty; or an earlier reconstruction, if ``replace``.
+    networks : TrainedNetworks
+    n_steps : int, optional
+        Of the flow; as many as the networks were trained with if left out.
+    template : Volume, optional
+        As in :func:`meshot.pipeline.reconstruct`.
+    replace : bool
+
+    Returns
+    -------
+    dict
+        What ``report.json`` holds.
+
+    Raises
+    ------
+    ValueError
+        If the scan, the folder or a number will not do.
+    """
+    path, folder = Path(path), Path(folder)
+    _require_free(folder, replace)
+    scan = read_volume(path)
+    with whole_folder(folder, replace) as temporary, tqdm(unit="stage", leave=False, delay=0.1) as bar:
+
+        def tell(stage: str, n_done: int, n_stages: int) -> None:
+            bar.total = n_stages + 2
+            bar.set_description(stage or "surfaces and numbers", refresh=False)
+            bar.update(n_done - bar.n)
+            bar.refresh()
+
+        n_steps = networks.n_steps if n_steps is None else n_steps
+        found = reconstruct(scan, networks.segmentation, networks.deformation, n_steps, tell, template, networks.method)
+        clock = StageClock(2)
+        with clock.stage("surfaces and numbers"):
+            distances = {side: vertex_distances(s.final, s.initial) for side, s in found.surfaces.items()}
+            _write_surfaces(temporary, found, scan)
+            report = _report(found, scan, path.name, networks, distances)
+        bar.update()
+        bar.set_description("pictures")
+        with clock.stage("pictures"):
+            slices, view = slice_pictures(found, scan), surface_view(found, distances)
+        report["seconds"] = {
+            "processor": _rounded(found.cpu_seconds | clock.cpu_seconds),
+            "clock": _rounded(found.wall_seconds | clock.wall_seconds),
+            "threads": torch.get_num_threads(),
+        }
+        _write_texts(temporary, report, reconstruction_page(report, slices, view))
+        bar.update()
+    return report
+
+
+def _require_free(folder: Path, replace: bool) -> None:
+    """Refuse before minutes are spent; and never take away what is no reconstruction."""
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    if not replace:
+        raise ValueError(f"{folder} exists and is not empty; choose another folder, or replace it with --overwrite")
+    if not (folder / REPORT).is_file() or not (folder / PAGE).is_file():
+        raise ValueError(f"{folder} holds no reconstruction, and is not replaced; choose another folder")
+
+
+def _write_surfaces(folder: Path, found: Reconstruction, scan: Volume) -> None:
+    for side, surface in found.surfaces.items():
+        for name, mesh in (("white", surface.final), ("initial", surface.initial)):
+            for suffix in FORMATS:
+                write_mesh(folder / f"{SHORT[side]}.{name}{suffix}", mesh, centre_ras(scan))
+
+
+def _report(
+    found: Reconstruction, scan: Volume, name: str, networks: TrainedNetworks, distances: dict[str, np.ndarray]
+) -> dict:
+    return {
+        "scan": numbers_of_scan(scan, name),
+        "warnings": list(found.warnings),
+        "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
+        "n_steps": found.n_steps,
+        "method": networks.method,
+        "to_standard": found.scan.to_standard.tolist(),
+        "weights": networks.records,
+    } | provenance()
+
+
+def _write_texts(folder: Path, report: dict, page: str) -> None:
+    transform = {
+        "from": f"scanner RAS of {report['scan']['name']}, in mm",
+        "to": "MNI152, in mm",
+        "matrix": report["to_standard"],
+    }
+    for name, content in ((REPORT, report), (TIMING, report["seconds"]), (TRANSFORM, transform)):
+        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+        (folder / name).write_text(text + "\n", encoding="utf-8")
+    (folder / PAGE).write_text(page, encoding="utf-8")
+
+
+def _rounded(seconds: dict[str, float]) -> dict[str, float]:
+    return {name: round(value, 2) for name, value in seconds.items()}

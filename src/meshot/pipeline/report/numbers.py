@@ -1,0 +1,82 @@
+"""What can be counted and measured on a reconstruction without knowing the truth; plain numbers, for JSON."""
+
+import numpy as np
+
+from meshot.mesh import Mesh
+from meshot.mesh.geometry import face_areas, signed_volume
+from meshot.mesh.topology import self_intersecting_faces, topology
+from meshot.pipeline.quality_warnings import voxels_given_up
+from meshot.pipeline.reconstruction import HemisphereSurface
+from meshot.types import Array, Float
+from meshot.volume import Volume, voxel_sizes
+
+
+def numbers_of_scan(scan: Volume, name: str) -> dict:
+    """Name, size and values of a scan, and where it lies.
+
+    Parameters
+    ----------
+    scan : Volume
+    name : str
+        Of its file.
+    """
+    return {
+        "name": name,
+        "n_voxels": list(scan.data.shape),
+        "voxel_mm": voxel_sizes(scan).round(4).tolist(),
+        "lowest_value": float(scan.data.min()),
+        "highest_value": float(scan.data.max()),
+        "affine": scan.affine.tolist(),
+    }
+
+
+def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]) -> dict:
+    """Everything about one hemisphere: both meshes, how far apart they are, and what had to be mended.
+
+    Parameters
+    ----------
+    surface : HemisphereSurface
+    distances : array
+        Of the vertices of the final surface from the initial one, in mm.
+    """
+    n_lost, share = voxels_given_up(surface.segmented)
+    settled = surface.settled
+    counts = _counts(surface.final)  # of both, which share their faces
+    return {
+        "initial": counts | _measures(surface.initial),
+        "final": counts | _measures(surface.final),
+        "distance_from_initial_mm": {
+            "mean": float(distances.mean()),
+            "percentile_95": float(np.percentile(distances, 95)),
+            "largest": float(distances.max()),
+        },
+        "n_voxels_given_up": n_lost,
+        "share_of_voxels_given_up": share,
+        "mending": None
+        if settled is None
+        else {
+            "n_faces_crossing_before": settled.n_crossing,
+            "n_retreats": settled.n_retreats,
+            "largest_move_mm": settled.largest_move,
+        },
+    }
+
+
+def _counts(mesh: Mesh) -> dict:
+    found = topology(mesh)
+    return {
+        "n_vertices": len(mesh.vertices),
+        "n_faces": len(mesh.faces),
+        "euler_number": found.euler_number,
+        "n_components": found.n_components,
+        "n_boundary_edges": found.n_boundary_edges,
+        "n_nonmanifold_edges": found.n_nonmanifold_edges,
+    }
+
+
+def _measures(mesh: Mesh) -> dict:
+    return {
+        "n_self_intersecting_faces": len(self_intersecting_faces(mesh)),
+        "volume_cm3": float(signed_volume(mesh)) / 1000,
+        "area_cm2": float(face_areas(mesh).sum()) / 100,
+    }

@@ -1,0 +1,95 @@
+"""The pictures of a reconstruction: slices with outlines, and the surfaces to be turned."""
+
+import dataclasses
+
+import numpy as np
+import torch
+from scipy.ndimage import affine_transform
+
+from meshot.mesh import Mesh
+from meshot.pipeline.reconstruction import Reconstruction
+from meshot.types import Array, Float
+from meshot.view import PLANES, interactive, slice_figure, still_of
+from meshot.volume import Volume, voxel_sizes
+
+_MARGIN_MM = 12.0
+_WIDTH_INCHES = 5.6
+_HEADROOM = 1.4  # white matter shown as light grey lets the lines stand out
+#: Plane, and where between the ends of the surfaces along the axis across it.
+_CUTS = (
+    ("axial", 0.45), ("axial", 0.65), ("coronal", 0.4), ("coronal", 0.6), ("sagittal", 0.3), ("sagittal", 0.7),
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """A still for the page: a PNG in base64, and the sentence for those who do not see it."""
+
+    png: str
+    alt: str
+
+
+def slice_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
+    """Slices of the original scan, two in each plane, with the outlines of the initial and the final surfaces."""
+    stages = {"initial surface": [s.initial for s in found.surfaces.values()]}
+    if found.n_steps:
+        stages["final surface"] = [s.final for s in found.surfaces.values()]
+    meshes = {name: _together(parts) for name, parts in stages.items()}
+    vertices = torch.cat([mesh.vertices for mesh in meshes.values()]).numpy()
+    box = vertices.min(axis=0), vertices.max(axis=0)
+    dark, bright = np.percentile(scan.data, [1, 99])
+    limits = float(dark), float(dark + _HEADROOM * max(bright - dark, 1e-6))
+    pictures = []
+    for plane, share in _CUTS:
+        axis = PLANES[plane][0]
+        through = (box[0] + box[1]) / 2
+        through[axis] = box[0][axis] + share * (box[1][axis] - box[0][axis])
+        slab = _slab(scan, box, axis, through[axis])
+        figure = slice_figure(slab, meshes, through, (plane,), limits, _WIDTH_INCHES)
+        place = f"{plane.capitalize()} slice of the scan at {'xyz'[axis]} = {through[axis]:.0f} mm"
+        alt = f"{place}, with the outline of the {' and the '.join(meshes)}"
+        pictures.append(Picture(still_of(figure), alt))
+    return pictures
+
+
+def _slab(scan: Volume, box: tuple[np.ndarray, np.ndarray], axis: int, position: float) -> Volume:
+    """One layer of the scan, upright and no larger than what is looked at, however the scan lies."""
+    low, high = box[0] - _MARGIN_MM, box[1] + _MARGIN_MM
+    low[axis] = high[axis] = position
+    spacing = float(voxel_sizes(scan).min())
+    affine = np.diag([spacing] * 3 + [1.0])
+    affine[:3, 3] = low
+    shape = tuple(int(n) + 1 for n in (high - low) / spacing)
+    to_voxel = np.linalg.inv(scan.affine) @ affine
+    values = scan.data.astype(np.float32)
+    darkest = float(values.min())
+    return Volume(affine_transform(values, to_voxel[:3, :3], to_voxel[:3, 3], shape, order=1, cval=darkest), affine)
+
+
+def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]) -> str:
+    """The final surfaces, coloured by their distance from the initial ones; HTML, or a sentence where nothing draws.
+
+    Parameters
+    ----------
+    found : Reconstruction
+    distances : dict
+        By side: of every vertex, in mm.
+    """
+    meshes = {side: surface.final for side, surface in found.surfaces.items()}
+    alt = "The white surfaces of the left and the right hemisphere"
+    try:
+        if not found.n_steps:
+            return interactive(meshes, alt=f"{alt}, as the segmentation has them.").page
+        limit = max(float(np.percentile(numbers, 99)) for numbers in distances.values())
+        return interactive(
+            meshes, distances, alt=f"{alt}, coloured by the distance from the initial surface.",
+            label="distance from the initial surface", limits=(0.0, max(round(limit, 1), 0.1)),
+        ).page  # fmt: skip
+    except RuntimeError as error:  # no OpenGL here
+        return f"<p>{error}</p>"
+
+
+def _together(meshes: list[Mesh]) -> Mesh:
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + int(start) for mesh, start in zip(meshes, starts)]
+    return Mesh(torch.cat([mesh.vertices for mesh in meshes]), torch.cat(faces))

@@ -1,0 +1,118 @@
+"""Training the segmentation network: Adam on overlap and cross-entropy, resumable, with validation."""
+
+import contextlib
+import os
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from meshot.model import SegmentationNetwork, segmentation_loss
+from meshot.pipeline.segmentation.augmentation import augmented
+from meshot.pipeline.segmentation.data import Example, digest
+from meshot.pipeline.segmentation.settings import SegmentationConfig, SegmentationSettings
+from meshot.train import Report, Training, TrainingState, chosen_device, train
+from meshot.types import Float, Tensor
+from meshot.volume import dice
+
+_ORDER, _AUGMENTATION = 0, 1  # streams of randomness
+
+
+def train_segmentation(
+    config: SegmentationConfig,
+    training: Sequence[Example],
+    validation: Sequence[Example],
+    folder: str | os.PathLike | None = None,
+    report: Report | None = None,
+    device: torch.device | None = None,
+) -> Training:
+    """Train a network from its first weights, or go on where a stopped training was.
+
+    Parameters
+    ----------
+    config : SegmentationConfig
+    training, validation : sequence of Example
+        All on grids of one size.
+    folder : path, optional
+        Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``). If a state is there
+        already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
+    report : callable of (steps done, steps in all, line of the log), optional
+    device : torch.device, optional
+        The accelerator if there is one, else the processor, if left out.
+
+    Raises
+    ------
+    ValueError
+        If there are no examples, their grids differ, or the folder holds a training of something else.
+    FloatingPointError
+        If the loss or a gradient is not finite; it names the step and the scans.
+    """
+    _require_examples(training, validation)
+    settings, device = config.training, device or chosen_device()
+    network = config.new_network().to(device)
+    state = TrainingState(network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
+    data = {
+        name: {"n_scans": len(part), "sha256": digest(part)}
+        for name, part in (("training", training), ("validation", validation))
+    }
+
+    def loss_of(step: int) -> tuple[Tensor, str]:
+        names, image, fractions = _batch(step, training, settings)
+        return _loss(network, image.to(device), fractions.to(device), settings)[0], ", ".join(names)
+
+    train(
+        state, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, settings, device),
+        config.as_dict() | {"data": data}, folder, report,
+    )  # fmt: skip
+    return Training(network.cpu(), state.best_step, state.lines, state.seconds, data)
+
+
+def _require_examples(training: Sequence[Example], validation: Sequence[Example]) -> None:
+    shapes = {item.image.shape for item in (*training, *validation)}
+    if not training or not validation or len(shapes) != 1:
+        raise ValueError(
+            f"{len(training)} examples for training and {len(validation)} for validation came, on grids "
+            f"{sorted(shapes)}; at least one of each is needed, all on one grid"
+        )
+
+
+def _batch(
+    step: int, training: Sequence[Example], settings: SegmentationSettings
+) -> tuple[list[str], Float[Tensor, "b 1 x y z"], Float[Tensor, "b 2 x y z"]]:
+    """Names, images and fractions of one step: every epoch goes through all examples in a new order."""
+    per_epoch = -(-len(training) // settings.batch_size)
+    epoch, place = divmod(step, per_epoch)
+    order = np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(len(training))
+    chosen = [training[i] for i in order[place * settings.batch_size : (place + 1) * settings.batch_size]]
+    random = np.random.default_rng([settings.seed, _AUGMENTATION, step])
+    changes = settings.augmentation()
+    pairs = [augmented(*item.tensors(settings.soft_labels), random, changes) for item in chosen]
+    images, fractions = (torch.stack(part) for part in zip(*pairs))
+    return [item.name for item in chosen], images, fractions
+
+
+def _loss(
+    network: SegmentationNetwork, image: Tensor, fractions: Tensor, settings: SegmentationSettings
+) -> tuple[Tensor, Tensor]:
+    short = settings.precision == "bfloat16"
+    with torch.autocast(image.device.type, torch.bfloat16) if short else contextlib.nullcontext():
+        logits = network(image)
+    logits = logits.float()
+    return segmentation_loss(logits, fractions, settings.dice_weight), logits
+
+
+@torch.no_grad()
+def _validation(
+    network: SegmentationNetwork, validation: Sequence[Example], settings: SegmentationSettings, device: torch.device
+) -> dict:
+    """Mean loss and Dice over the scans of the validation."""
+    losses, overlaps = [], []
+    for item in validation:
+        image, fractions = (part[None].to(device) for part in item.tensors(settings.soft_labels))
+        loss, logits = _loss(network, image, fractions, settings)
+        found = (torch.softmax(logits, dim=1)[0, 1:] > 0.5).cpu().numpy()
+        truth = (fractions[0] > 0.5).cpu().numpy()
+        losses.append(float(loss))
+        overlaps.append([dice(a, b) for a, b in zip(found, truth)])
+    left, right = np.mean(overlaps, axis=0).tolist()
+    return {"validation_loss": float(np.mean(losses)), "dice_left": left, "dice_right": right}

@@ -1,0 +1,144 @@
+"""Committed results: what was found, and everything needed to find it again."""
+
+import datetime
+import importlib.metadata
+import json
+import platform
+import subprocess
+from pathlib import Path
+
+import torch
+
+from meshot.files import whole_file
+
+RECORDED = ("numpy", "scipy", "torch", "torchdiffeq", "POT", "geomloss", "libigl", "numba", "scikit-image", "nilearn")
+PACKAGE = Path(__file__).parent
+EXPERIMENTS = (":(top,glob)experiments/**/*.py", ":(top,glob)experiments/**/*.yaml")
+FIELDS = ("results", "config", "command", "data", "seconds", "commit", "date", "versions", "machine")
+
+
+def write_results(
+    path: str | Path,
+    results: dict,
+    config: dict,
+    command: str,
+    data: str,
+    seconds: float,
+    made: dict | None = None,
+) -> None:
+    """Write a results file (JSON) with its provenance, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Usually ``experiments/NAME/results.json``.
+    results : dict
+        What was measured: numbers, strings, lists and dicts.
+    config : dict
+        Every setting, seeds included.
+    command : str
+        The one command that makes this file again.
+    data : str
+        What it stands on, such as "synthetic polygons" or "MNI152 group average".
+    seconds : float
+        How long it took.
+    made : dict, optional
+        What :func:`meshot.provenance.provenance` said when the work began; what it says now if left out.
+
+    Raises
+    ------
+    ValueError
+        If something in ``results`` or ``config`` is not JSON, or not finite.
+    """
+    record = {
+        "results": results,
+        "config": config,
+        "command": command,
+        "data": data,
+        "seconds": round(seconds, 1),
+    } | (made or provenance())
+    try:
+        text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"the results for {path} cannot be written as JSON ({error}); use finite numbers, lists, dicts"
+        ) from error
+    with whole_file(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def rounded(value: object) -> object:
+    """Results in six significant digits, in whatever dicts and lists they are, so that a committed file stays small."""
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [rounded(item) for item in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+def provenance() -> dict:
+    """What the code and the machine are: commit, date, versions, machine."""
+    return {
+        "commit": commit_of(PACKAGE),
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
+        "versions": {"python": platform.python_version()} | {name: package_version(name) for name in RECORDED},
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, "
+        f"{torch.backends.cpu.get_cpu_capability()}",
+    }
+
+
+def read_results(path: str | Path) -> dict:
+    """Read a results file and check that its provenance is complete.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, truncated, not JSON, or lacks a field of the provenance.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist; run the experiment that makes it (see experiments/README.md)")
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path} is not whole JSON ({error}); run its experiment again") from error
+    missing = [field for field in FIELDS if field not in record]
+    if missing:
+        raise ValueError(
+            f"{path} lacks {', '.join(missing)}; results without provenance do not count: run its experiment again"
+        )
+    return record
+
+
+def provenance_lines(record: dict) -> str:
+    """Where a result comes from, as text to print under a table or a figure."""
+    versions = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+    return (
+        f"made by   {record['command']}\ncommit    {record['commit']}, {record['date']}\ndata      {record['data']}\n"
+        f"took      {record['seconds']} s on {record['machine']}\nversions  {versions}"
+    )
+
+
+def package_version(name: str) -> str:
+    """The installed version of a distribution, or "not installed"."""
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def commit_of(package: Path) -> str:
+    """The commit of the checkout that holds the package, marked if tracked code or settings have changed since.
+
+    Code is all that is in the package, and scripts and settings in ``experiments/``; results are not.
+    """
+    try:
+        head = subprocess.run(
+            ["git", "rev-parse", "--short=12", "HEAD"], cwd=package, capture_output=True, text=True, check=True
+        )
+        changed = subprocess.run(
+            ["git", "diff", "--quiet", "HEAD", "--", ".", *EXPERIMENTS], cwd=package, check=False
+        ).returncode
+    except (OSError, subprocess.CalledProcessError):
+        return "not in a git checkout"
+    return head.stdout.strip() + ("+changes" if changed else "")

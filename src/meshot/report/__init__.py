@@ -1,1 +1,0 @@
-"""Results with their provenance, numbers as they are printed, and the ledger of claims."""

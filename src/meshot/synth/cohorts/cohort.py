@@ -1,0 +1,238 @@
+"""A cohort on disk, laid out as BIDS and its derivatives are, and how to read it.
+
+::
+
+    COHORT/dataset_description.json, participants.tsv, recipe.yaml, manifest.json
+    COHORT/sub-001/anat/sub-001_T1w.nii.gz, .json          the scan, in scanner RAS, and how it was made
+                        sub-001_dseg.nii.gz                tissue of every voxel of the scan
+                        sub-001_hemi-L_white.surf.gii      the true surfaces, in scanner RAS (mm); L, R; white, pial
+    COHORT/derivatives/standard/sub-001/anat/
+                        sub-001_space-MNI152_desc-standard_T1w.nii.gz    what the network sees, in [0, 1]
+                        sub-001_space-MNI152_desc-standard_dseg.nii.gz   inside the left (1) and right (2) white surface
+                        sub-001_from-T1w_to-MNI152_mode-image_xfm.json   scanner RAS to MNI152, in mm
+
+A subject who was scanned more than once has a folder for each session, and a name such as ``sub-001_ses-02_run-1``.
+"""
+
+import csv
+import dataclasses
+import json
+import os
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from meshot.anatomy import HEMISPHERES, Hemisphere
+from meshot.mesh import Mesh, read_mesh
+from meshot.types import Array, Float
+from meshot.volume import StandardScan, Volume, read_volume, transform_points
+
+Surface = Literal["white", "pial"]
+Space = Literal["scanner", "standard"]
+SPLITS = ("train", "validation", "test")
+KINDS = ("template", "procedural")
+#: Values in the ``dseg`` of a scan; 0 is air. In the standard space only 1 and 2 occur.
+LABELS = {
+    "left white": 1, "right white": 2, "left grey": 3, "right grey": 4, "deep grey": 5, "hindbrain": 6, "fluid": 7,
+    "skull": 8, "scalp": 9,
+}  # fmt: skip
+#: What the names of the files of a scan end in.
+T1, FACTS, TISSUE, SURFACE = "T1w.nii.gz", "T1w.json", "dseg.nii.gz", "hemi-{}_{}.surf.gii"
+STANDARD_T1, STANDARD_LABELS = "space-MNI152_desc-standard_T1w.nii.gz", "space-MNI152_desc-standard_dseg.nii.gz"
+TRANSFORM = "from-T1w_to-MNI152_mode-image_xfm.json"
+_STANDARD = Path("derivatives") / "standard"
+
+
+@dataclasses.dataclass(frozen=True)
+class Participant:
+    """One row of ``participants.tsv``.
+
+    Parameters
+    ----------
+    participant_id : str
+        Such as ``sub-001``.
+    split : str
+        One of ``SPLITS``.
+    kind : str
+        "template" (made from fsaverage5) or "procedural" (made without it).
+    seed : int
+        Of the anatomy.
+    """
+
+    participant_id: str
+    split: str
+    kind: str
+    seed: int
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Subject:
+    """One scan of a participant and what is known of it; every method reads from disk.
+
+    Parameters
+    ----------
+    cohort : pathlib.Path
+        The folder of the cohort.
+    participant : Participant
+    session, run : str, optional
+        Such as "01" and "1"; None where the participant was scanned once.
+    """
+
+    cohort: Path
+    participant: Participant
+    session: str | None = None
+    run: str | None = None
+
+    @property
+    def name(self) -> str:
+        """What all its file names begin with, such as ``sub-001`` or ``sub-001_ses-02_run-1``."""
+        parts = (
+            self.participant.participant_id,
+            self.session and f"ses-{self.session}",
+            self.run and f"run-{self.run}",
+        )
+        return "_".join(part for part in parts if part)
+
+    @property
+    def _anat(self) -> Path:
+        session = [f"ses-{self.session}"] if self.session else []
+        return Path(self.participant.participant_id, *session, "anat")
+
+    def file(self, ending: str, standard: bool = False) -> Path:
+        """The path of one of its files, such as that which ends in ``T1w.nii.gz``."""
+        return self.cohort / (_STANDARD if standard else "") / self._anat / f"{self.name}_{ending}"
+
+    def files(self) -> list[Path]:
+        """All its files that exist, in the order of their names."""
+        found = [p for standard in (False, True) for p in self.file("", standard).parent.glob(f"{self.name}_*")]
+        return sorted(found, key=lambda path: path.name)
+
+    def scan(self) -> Volume:
+        """The T1-weighted scan, in arbitrary units; its affine leads to scanner RAS."""
+        return read_volume(self.file(T1))
+
+    def tissue(self) -> Volume:
+        """The tissue that fills most of each voxel of the scan, see ``LABELS``."""
+        return _labels(self.file(TISSUE))
+
+    def surface(self, kind: Surface, hemisphere: Hemisphere, space: Space = "scanner") -> Mesh:
+        """A true surface, in scanner RAS or in the standard space (MNI152), in mm.
+
+        Raises
+        ------
+        ValueError
+            If kind, hemisphere or space is another word.
+        """
+        if kind not in ("white", "pial") or hemisphere not in HEMISPHERES or space not in ("scanner", "standard"):
+            raise ValueError(
+                f"no surface {kind!r} {hemisphere!r} in space {space!r}; white or pial, left or right, scanner or "
+                "standard"
+            )
+        mesh = read_mesh(self.file(SURFACE.format(hemisphere[0].upper(), kind)))
+        if space == "scanner":
+            return mesh
+        return mesh.with_vertices(transform_points(self.to_standard(), mesh.vertices))
+
+    def to_standard(self) -> Float[Array, "4 4"]:
+        """The affine that takes scanner RAS to MNI152 space, in mm."""
+        return np.array(_json(self.file(TRANSFORM, standard=True))["matrix"], dtype=np.float64)
+
+    def standard(self) -> StandardScan:
+        """The scan on the standard grid, with values in [0, 1], and the way back to the scanner."""
+        return StandardScan(read_volume(self.file(STANDARD_T1, standard=True)), self.to_standard())
+
+    def standard_labels(self) -> Volume:
+        """Standard grid: 1 inside the left white surface, 2 inside the right one, 0 elsewhere."""
+        return _labels(self.file(STANDARD_LABELS, standard=True))
+
+    def facts(self) -> dict:
+        """How the scan was made: every knob as it was drawn, seeds, position (the sidecar of the scan)."""
+        return _json(self.file(FACTS))
+
+
+def participants(
+    cohort_dir: str | os.PathLike, split: str | None = None, unfinished: bool = False
+) -> list[Participant]:
+    """Who is in a cohort, in the order of their names.
+
+    Parameters
+    ----------
+    cohort_dir : path
+    split : str, optional
+        One of ``SPLITS``; all if left out.
+    unfinished : bool
+        Whether to list those who are planned but not yet made as well.
+
+    Raises
+    ------
+    ValueError
+        If there is no cohort, its table is broken, or ``split`` is another word.
+    """
+    if split is not None and split not in SPLITS:
+        raise ValueError(f"split is {split!r}; one of {', '.join(SPLITS)} is needed, or None for all")
+    cohort, path = Path(cohort_dir), Path(cohort_dir) / "participants.tsv"
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist: {cohort} is no cohort; make one with data_synth/make_cohort.py")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file, delimiter="\t"))
+    try:
+        found = [Participant(r["participant_id"], r["split"], r["kind"], int(r["seed"])) for r in rows]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is no table of participants ({error!r}); make the cohort again") from error
+    found = [p for p in found if split in (None, p.split)]
+    return found if unfinished else [p for p in found if (cohort / p.participant_id).is_dir()]
+
+
+def read_subject(
+    cohort_dir: str | os.PathLike, participant_id: str, session: str | None = None, run: str | None = None
+) -> Subject:
+    """One scan; of a participant who was scanned more than once the first that fits.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    found = [
+        scan
+        for scan in scans(cohort_dir)
+        if scan.participant.participant_id == participant_id
+        and session in (None, scan.session)
+        and run in (None, scan.run)
+    ]
+    if not found:
+        wanted = "_".join(x for x in (participant_id, session and f"ses-{session}", run and f"run-{run}") if x)
+        known = [p.participant_id for p in participants(cohort_dir)]
+        raise ValueError(f"there is no finished scan {wanted} in {cohort_dir}; it has {', '.join(known) or 'none yet'}")
+    return found[0]
+
+
+def scans(cohort_dir: str | os.PathLike, split: str | None = None) -> list[Subject]:
+    """Every finished scan of a cohort: one for each participant, or one for each session and run.
+
+    Raises
+    ------
+    ValueError
+        As :func:`participants`.
+    """
+    cohort, found = Path(cohort_dir), []
+    for participant in participants(cohort, split):
+        for path in sorted((cohort / participant.participant_id).rglob("*_T1w.nii.gz")):
+            parts = dict(part.split("-", 1) for part in path.name.split("_")[:-1])
+            found.append(Subject(cohort, participant, parts.get("ses"), parts.get("run")))
+    return found
+
+
+def _labels(path: Path) -> Volume:
+    volume = read_volume(path)
+    return volume.with_data(volume.data.astype(np.uint8))
+
+
+def _json(path: Path) -> dict:
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist; make the cohort again")
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path} is not whole JSON ({error}); make the cohort again") from error

@@ -1,0 +1,199 @@
+"""Cohorts made on disk from a recipe: in parallel, resumable, and with a manifest of what was made."""
+
+import concurrent.futures
+import dataclasses
+import functools
+import itertools
+import json
+import multiprocessing
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import torch
+
+from meshot.errors import require_positive_integer
+from meshot.files import whole_file
+from meshot.synth.cohorts import cohort
+from meshot.synth.cohorts.cohort import Participant, Subject
+from meshot.synth.cohorts.manifest import content_hash, write_manifest
+from meshot.synth.cohorts.recipe import (
+    Recipe,
+    drawn_appearance,
+    drawn_position,
+    drawn_shape,
+    drawn_structures,
+    plan,
+    read_recipe,
+    recipe_text,
+)
+from meshot.synth.scanning import Anatomy, rounded, simulated_scan, standardised, surface_facts, write_scan
+from meshot.synth.subject import CorticalSurfaces, Shape, synthetic_subject
+
+#: Entries of a recipe that may change while what was made already stays.
+_GROWING = ("subjects", "procedural_subjects", "days")
+
+
+@dataclasses.dataclass(frozen=True)
+class Visit:
+    """One participant on one day: what is made at once, and appears on disk at once.
+
+    Parameters
+    ----------
+    participant : Participant
+    session : str, optional
+        Such as "01"; None if each participant is scanned only once.
+    """
+
+    participant: Participant
+    session: str | None
+
+    @property
+    def folder(self) -> Path:
+        """Where it lies in the cohort; that this folder is there means that all of it is."""
+        return Path(self.participant.participant_id, *([f"ses-{self.session}"] if self.session else []))
+
+
+def visits(recipe: Recipe) -> list[Visit]:
+    """Everything there is to make, in order."""
+    once = recipe.days == recipe.scans_per_day == 1
+    sessions = [None] if once else [f"{day + 1:02d}" for day in range(recipe.days)]
+    return [Visit(participant, session) for session in sessions for participant in plan(recipe)]
+
+
+def open_cohort(recipe: Recipe, folder: str | os.PathLike) -> list[Visit]:
+    """Lay out a cohort, or open one that was begun; what is still to be made.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds a cohort made from another recipe, or something else.
+    """
+    folder = Path(folder)
+    kept = folder / "recipe.yaml"
+    if kept.exists():
+        before, now = (dataclasses.asdict(r) for r in (read_recipe(kept), recipe))
+        other = [key for key in now if before[key] != now[key] and key not in _GROWING]
+        if other or (before["days"] * before["scans_per_day"] == 1) != (now["days"] * now["scans_per_day"] == 1):
+            raise ValueError(
+                f"{folder} holds a cohort made from another recipe (different: {', '.join(other) or 'days'}); "
+                "choose another folder"
+            )
+    elif folder.exists() and any(folder.iterdir()):
+        raise ValueError(f"{folder} is not empty and holds no cohort; choose another folder")
+    _write(kept, recipe_text(recipe))
+    rows = ["participant_id\tsplit\tkind\tseed"]
+    rows += ["\t".join(map(str, dataclasses.astuple(participant))) for participant in plan(recipe)]
+    _write(folder / "participants.tsv", "\n".join(rows) + "\n")
+    _write(folder / "dseg.tsv", "index\tname\n" + "".join(f"{i}\t{name}\n" for name, i in cohort.LABELS.items()))
+    for place, kind in ((folder, "raw"), (folder / "derivatives" / "standard", "derivative")):
+        _write(place / "dataset_description.json", _description(recipe, kind))
+    return [visit for visit in visits(recipe) if not (folder / visit.folder).is_dir()]
+
+
+def _description(recipe: Recipe, kind: str) -> str:
+    content = {"Name": recipe.name, "BIDSVersion": "1.10.0", "DatasetType": kind, "License": "see data_synth/README.md"}
+    content["GeneratedBy"] = [{"Name": "meshot", "Description": "synthetic: no person was scanned"}]
+    return json.dumps(content, indent=1) + "\n"
+
+
+def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Iterator[str]:
+    """Make what is still missing of a cohort, and yield the folder of each visit when it is whole on disk.
+
+    Parameters
+    ----------
+    recipe : Recipe
+    folder : path
+    jobs : int
+        How many processes share the work, each with one thread.
+
+    Raises
+    ------
+    ValueError
+        As :func:`open_cohort`, or if ``jobs`` is not a positive integer.
+    """
+    require_positive_integer(jobs, "jobs")
+    missing, folder = open_cohort(recipe, folder), Path(folder)
+    make = functools.partial(make_visit, recipe, folder)
+    if jobs == 1:
+        yield from map(make, missing)
+    else:
+        # A fork would copy the locks of other threads; a fresh process cannot inherit them.
+        context = multiprocessing.get_context("spawn")
+        with concurrent.futures.ProcessPoolExecutor(
+            jobs, context, initializer=torch.set_num_threads, initargs=(1,)
+        ) as pool:
+            futures = [pool.submit(make, visit) for visit in missing]
+            try:
+                for future in concurrent.futures.as_completed(futures):
+                    yield future.result()
+            finally:
+                pool.shutdown(cancel_futures=True)
+    write_manifest(recipe, folder)
+
+
+def make_visit(recipe: Recipe, folder: Path, visit: Visit) -> str:
+    """Make all scans of one visit in a hidden folder, then move them to their place."""
+    place = folder / visit.folder
+    derived = folder / "derivatives" / "standard" / visit.folder
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".making-") as hidden:
+        started = time.process_time()
+        seconds, hashes = {}, {}
+        for run in range(recipe.scans_per_day):
+            name = str(run + 1) if recipe.scans_per_day > 1 else None
+            subject = Subject(Path(hidden), visit.participant, visit.session, name)
+            seconds[subject.name] = make_scan(recipe, subject, run)
+            hashes[subject.name] = {p.name: content_hash(p) for p in subject.files()}
+        log = {"cpu_seconds": seconds | {"total": time.process_time() - started}, "hashes": hashes}
+        made = Path(hidden)
+        # The derivatives first: the folder of the scans is the sign that all is there.
+        for source, target in (
+            (made / "derivatives" / "standard" / visit.folder, derived),
+            (made / visit.folder, place),
+        ):
+            shutil.rmtree(target, ignore_errors=True)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if target == place:
+                _write(folder / "logs" / f"{'_'.join(visit.folder.parts)}.json", json.dumps(log, indent=1) + "\n")
+            os.replace(source, target)
+    return str(visit.folder)
+
+
+@functools.lru_cache(maxsize=1)
+def _surfaces(shape: Shape, seed: int) -> CorticalSurfaces:
+    """Kept, since the scans of one subject follow each other."""
+    return synthetic_subject(shape, seed)
+
+
+def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
+    """Make one scan with everything that belongs to it, and write it; CPU seconds of each stage."""
+    seed, clock = place.participant.seed, [time.process_time()]
+    shape, appearance = drawn_shape(recipe, place.participant.kind), drawn_appearance(recipe, seed)
+    anatomy = Anatomy(**drawn_structures(recipe, seed), head_mm=recipe.head_mm, n_lines=recipe.n_lines)
+    surfaces = _surfaces(shape, seed)
+    clock.append(time.process_time())
+    scan_seed = [seed, 3, int(place.session or 0), run]
+    scan = simulated_scan(surfaces, anatomy, appearance, drawn_position(recipe), scan_seed)
+    clock.append(time.process_time())
+    standard = standardised(scan, recipe.registration_mm)
+    clock.append(time.process_time())
+    knobs = {"shape": shape, "appearance": appearance, "anatomy": anatomy, "position": drawn_position(recipe)}
+    facts = {
+        "participant": dataclasses.asdict(place.participant),
+        "scan_seed": scan_seed,
+        "knobs": {name: rounded(dataclasses.asdict(value)) for name, value in knobs.items()},
+        "head_to_scanner": rounded(scan.head_to_scanner.tolist()),
+        "deformation_strength": rounded(surfaces.strength),
+        "surfaces": surface_facts(scan, surfaces),
+    }
+    write_scan(place, scan, standard, facts)
+    clock.append(time.process_time())
+    return dict(zip(("geometry", "image", "registration", "writing"), (b - a for a, b in itertools.pairwise(clock))))
+
+
+def _write(path: Path, text: str) -> None:
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

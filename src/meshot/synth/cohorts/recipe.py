@@ -1,0 +1,217 @@
+"""Recipes of cohorts: YAML files in which every knob is checked, and what they draw for each subject."""
+
+import dataclasses
+import math
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from meshot.errors import require_positive_integer
+from meshot.synth.cohorts.cohort import KINDS, SPLITS, Participant
+from meshot.synth.imaging import TISSUES, Appearance
+from meshot.synth.position import Position
+from meshot.synth.subject import Shape
+
+#: A number, or two between which one is drawn for each subject.
+Range = tuple[float, float]
+_EXTRAS = {"ventricles": (0.0, 3.0), "below": (0.0, 3.0)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Recipe:
+    """All that, with nothing else, determines a cohort.
+
+    Parameters
+    ----------
+    name : str
+    seed : int
+    subjects, procedural_subjects : int
+        How many are made from the template, and how many without it; the latter are all in the test split.
+    split : mapping
+        Parts of the template subjects, by ``SPLITS``; they sum to one.
+    days, scans_per_day : int
+        1 and 1: each subject is scanned once. Else a session for each day, and new position, grid, texture, bias field
+        and noise for each scan.
+    shape, procedural_shape : mapping
+        Knobs of :class:`meshot.synth.Shape`.
+    appearance : mapping
+        Knobs of :class:`meshot.synth.Appearance`; a number, or a range to draw from once for each subject.
+    position : mapping
+        Knobs of :class:`meshot.synth.Position`.
+    structures : mapping
+        ``ventricles`` and ``below``, see :func:`meshot.synth.structures.structures_of`; numbers or ranges.
+    head_mm : tuple
+        Fluid, skull and scalp around the brain, in mm; empty for a brain without its skull.
+    n_lines : int
+        Lines across each voxel for partial volume.
+    registration_mm : int
+        Voxel size of the MNI152 average that scans are registered to: 1, or 2, 4, 8 for tests.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of its range, or a knob is not known.
+    """
+
+    name: str
+    seed: int
+    subjects: int = 40
+    procedural_subjects: int = 0
+    split: Mapping[str, float] = dataclasses.field(default_factory=lambda: dict(zip(SPLITS, (0.7, 0.1, 0.2))))
+    days: int = 1
+    scans_per_day: int = 1
+    shape: Mapping[str, object] = dataclasses.field(default_factory=dict)
+    procedural_shape: Mapping[str, object] = dataclasses.field(default_factory=dict)
+    appearance: Mapping[str, object] = dataclasses.field(default_factory=dict)
+    position: Mapping[str, object] = dataclasses.field(default_factory=dict)
+    structures: Mapping[str, object] = dataclasses.field(default_factory=dict)
+    head_mm: tuple[float, ...] = ()
+    n_lines: int = 3
+    registration_mm: int = 1
+
+    def __post_init__(self):
+        for name in ("days", "scans_per_day", "n_lines"):
+            require_positive_integer(getattr(self, name), name)
+        for name in ("seed", "subjects", "procedural_subjects"):
+            _require_count(getattr(self, name), name)
+        if self.registration_mm not in (1, 2, 4, 8):
+            raise ValueError(f"registration_mm is {self.registration_mm!r}; 1, 2, 4 or 8 is needed")
+        _require_split(self.split)
+        if len(self.head_mm) not in (0, 3) or not all(_is_number(x) and x > 0 for x in self.head_mm):
+            raise ValueError(f"head_mm is {list(self.head_mm)}; three thicknesses > 0 or none are needed")
+        _require_known(self.structures, list(_EXTRAS), "structures")
+        for end in (0, 1):  # whatever lies between two values that are possible is possible
+            drawn_shape(self, "template"), drawn_shape(self, "procedural")
+            _appearance(self.appearance, lambda value: _range(value)[end])  # noqa: B023
+            drawn_position(self)
+            for name, (low, high) in _EXTRAS.items():
+                value = _range(self.structures.get(name, 1.0))[end]
+                if not low <= value <= high:
+                    raise ValueError(f"structures: {name} is {value}; {low} to {high} is needed")
+
+
+def read_recipe(path: str | os.PathLike, **changes: object) -> Recipe:
+    """A recipe from a YAML file, with some of its entries replaced.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing or no YAML, names something unknown, or as :class:`Recipe`.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist; the recipes lie in data_synth/")
+    try:
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is no YAML ({error}); see data_synth/tiny.yaml for one that is") from error
+    if not isinstance(entries, dict):
+        raise ValueError(f"{path} holds {type(entries).__name__}; entries such as 'subjects: 40' are needed")
+    known = [field.name for field in dataclasses.fields(Recipe)]
+    _require_known(entries, known, str(path))
+    absent = [name for name in ("name", "seed") if name not in entries]
+    if absent:
+        raise ValueError(f"{path} lacks {' and '.join(absent)}")
+    entries = {k: tuple(v) if isinstance(v, list) else v for k, v in entries.items() if v is not None}
+    return Recipe(**entries | changes)
+
+
+def recipe_text(recipe: Recipe) -> str:
+    """A recipe as YAML, such that reading it gives the same recipe."""
+    entries = {key: list(v) if isinstance(v, tuple) else v for key, v in dataclasses.asdict(recipe).items()}
+    return yaml.safe_dump(entries, sort_keys=False, allow_unicode=True)
+
+
+def plan(recipe: Recipe) -> list[Participant]:
+    """Who will be in the cohort. More subjects later leave those before them as they were.
+
+    Each goes to the split that lacks most of its share, so that every multiple of ten subjects is split exactly in
+    tenths; nothing is lost by this order, since every subject is drawn on its own.
+    """
+    counts, found = dict.fromkeys(SPLITS, 0), []
+    for i in range(recipe.subjects):
+        split = max(SPLITS, key=lambda s: recipe.split.get(s, 0.0) * (i + 1) - counts[s])
+        counts[split] += 1
+        found.append(Participant(f"sub-{i + 1:03d}", split, "template", _seed(recipe, "template", i)))
+    for i in range(recipe.procedural_subjects):
+        found.append(Participant(f"sub-p{i + 1:02d}", "test", "procedural", _seed(recipe, "procedural", i)))
+    return found
+
+
+def _seed(recipe: Recipe, kind: str, index: int) -> int:
+    return int(np.random.SeedSequence([recipe.seed, KINDS.index(kind), index]).generate_state(1)[0])
+
+
+def drawn_shape(recipe: Recipe, kind: str) -> Shape:
+    """The anatomy's knobs; what differs between subjects is drawn with the surfaces."""
+    knobs = recipe.shape if kind == "template" else recipe.procedural_shape
+    _require_known(knobs, [f.name for f in dataclasses.fields(Shape) if f.name != "kind"], "shape")
+    return _made(Shape, {"kind": kind} | {k: tuple(v) if isinstance(v, list) else v for k, v in knobs.items()})
+
+
+def drawn_appearance(recipe: Recipe, seed: int) -> Appearance:
+    """What one subject's tissues emit, and the scanner's faults."""
+    rng = np.random.default_rng([seed, 1])
+    return _appearance(recipe.appearance, lambda value: float(rng.uniform(*_range(value))))
+
+
+def drawn_structures(recipe: Recipe, seed: int) -> dict[str, float]:
+    """How large the inner structures of one subject are."""
+    rng = np.random.default_rng([seed, 2])
+    return {name: float(rng.uniform(*_range(recipe.structures.get(name, 1.0)))) for name in _EXTRAS}
+
+
+def drawn_position(recipe: Recipe) -> Position:
+    """The knobs of the position; they are bounds, and each scan draws within them."""
+    _require_known(recipe.position, [f.name for f in dataclasses.fields(Position)], "position")
+    return _made(Position, {k: tuple(v) if isinstance(v, list) else v for k, v in recipe.position.items()})
+
+
+def _appearance(knobs: Mapping[str, object], draw: Callable[[object], float]) -> Appearance:
+    _require_known(knobs, [f.name for f in dataclasses.fields(Appearance)], "appearance")
+    signal = knobs.get("signal")
+    if not isinstance(signal, Mapping):
+        raise ValueError(f"appearance: signal is {signal!r}; a number or a range for each of {', '.join(TISSUES)}")
+    signal = {tissue: draw(value) for tissue, value in sorted(signal.items())}
+    rest = {name: draw(value) for name, value in sorted(knobs.items()) if name != "signal"}
+    return _made(Appearance, {"signal": signal} | rest)
+
+
+def _made(kind: type, knobs: dict) -> object:
+    try:
+        return kind(**knobs)
+    except TypeError as error:
+        raise ValueError(f"{kind.__name__} cannot be made from {knobs}: {error}") from error
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _range(value: object) -> Range:
+    ends = value if isinstance(value, list | tuple) else (value, value)
+    if len(ends) != 2 or not all(map(_is_number, ends)) or ends[0] > ends[1]:
+        raise ValueError(f"{value!r} is neither a number nor a range [low, high]")
+    return float(ends[0]), float(ends[1])
+
+
+def _require_known(entries: object, known: list[str], where: str) -> None:
+    if not isinstance(entries, Mapping):
+        raise ValueError(f"{where} holds {entries!r}; entries such as 'knob: number' are needed")
+    unknown = sorted(str(k) for k in entries if k not in known)
+    if unknown:
+        raise ValueError(f"{where} names {', '.join(unknown)}, which is unknown; known are {', '.join(known)}")
+
+
+def _require_count(value: object, name: str) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise ValueError(f"{name} is {value!r}; an integer >= 0 is needed")
+
+
+def _require_split(split: Mapping[str, float]) -> None:
+    _require_known(split, list(SPLITS), "split")
+    if not all(_is_number(part) and part >= 0 for part in split.values()) or abs(sum(split.values()) - 1) > 1e-9:
+        raise ValueError(f"split is {dict(split)}; parts >= 0 that sum to one are needed")

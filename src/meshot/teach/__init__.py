@@ -1,1 +1,0 @@
-"""Checkers for the exercises: each gives a hint, not just a verdict, and needs no network."""

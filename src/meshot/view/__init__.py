@@ -1,0 +1,9 @@
+"""Pictures of volumes and surfaces: slices, stills, and a view that a reader can turn.
+
+Used by the report of a reconstruction and by the book. The turning view is one piece of HTML that needs no network.
+``style`` holds the colours and line styles.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,74 @@
+"""Whether surfaces can be drawn here: VTK without OpenGL ends in a segmentation fault, so ask before it is used.
+
+``python -m meshot.view.display`` prints the verdict and exits with 0 or 1.
+"""
+
+import functools
+import os
+import subprocess
+import sys
+
+VARIABLE = "VTK_DEFAULT_OPENGL_WINDOW"
+WINDOWS = {
+    "linux": ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"),
+    "darwin": ("vtkCocoaRenderWindow",),
+    "win32": ("vtkWin32OpenGLRenderWindow",),
+}
+REMEDY = (
+    "surfaces cannot be drawn: no OpenGL was found. On Debian or Ubuntu: "
+    "apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"
+)
+# Only drawing tells: a library may load and yet find no device, and then VTK takes the process with it.
+_TRIAL = """
+import sys
+from vtkmodules import vtkRenderingOpenGL2
+window = getattr(vtkRenderingOpenGL2, sys.argv[1])()
+window.SetOffScreenRendering(1)
+window.SetSize(8, 8)
+window.Render()
+sys.exit(0 if window.SupportsOpenGL() else 1)
+"""
+
+
+@functools.cache
+def usable_window() -> str | None:
+    """The name of VTK's window class that draws without a screen here, or None.
+
+    Each candidate draws once in a process of its own (.3 s), where a crash does no harm. The class that the
+    environment variable ``VTK_DEFAULT_OPENGL_WINDOW`` names is tried first.
+    """
+    candidates = dict.fromkeys([os.environ.get(VARIABLE, ""), *WINDOWS.get(sys.platform, WINDOWS["linux"])])
+    return next((name for name in candidates if name and _draws(name)), None)
+
+
+def _draws(window: str) -> bool:
+    trial = [sys.executable, "-c", _TRIAL, window]
+    try:
+        return subprocess.run(trial, capture_output=True, timeout=60, check=False).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
+
+
+def require_display() -> None:
+    """Make VTK use the window class that works here; to be called before the first picture.
+
+    Raises
+    ------
+    RuntimeError
+        If none works, with the packages to install.
+    """
+    window = usable_window()
+    if window is None:
+        raise RuntimeError(REMEDY)
+    os.environ[VARIABLE] = window
+
+
+def main() -> int:
+    """Print the verdict; the exit status is 0 if surfaces can be drawn, else 1."""
+    window = usable_window()
+    print(REMEDY if window is None else f"surfaces can be drawn ({window})", file=sys.stdout if window else sys.stderr)
+    return 0 if window else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,147 @@
+"""Surfaces that a reader can turn: a still first, the interactive view by a click, all in one piece of HTML."""
+
+import base64
+import dataclasses
+import html
+import io
+import json
+from collections.abc import Mapping
+
+import matplotlib.colors
+import matplotlib.image
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.ticker import MaxNLocator
+
+from meshot.mesh import Mesh
+from meshot.view.angles import View, view_from
+from meshot.view.page import filled, identity
+from meshot.view.scene_data import scene_data
+from meshot.view.scene_page import BAR, PAGE, STYLE
+from meshot.view.scene_script import SCRIPT
+from meshot.view.surface import framing, surface_image
+from meshot.view.values import COLOUR_MAP, Values, bar_label, colour_limits, named, pointed_ends
+
+STILL_SIZE = (880, 660)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scene:
+    """A piece of HTML that notebooks and the book show as it is.
+
+    Parameters
+    ----------
+    page : str
+        Style, still, data and script.
+    names : tuple of str
+        What can be switched between.
+    """
+
+    page: str
+    names: tuple[str, ...]
+
+    def _repr_html_(self) -> str:
+        return self.page
+
+    def __repr__(self) -> str:
+        return f"Scene({', '.join(name for name in self.names if name) or 'one surface'}; run the cell to turn it)"
+
+
+def interactive(
+    meshes: Mesh | Mapping[str, Mesh],
+    values: Values | Mapping[str, Values] | None = None,
+    *,
+    alt: str,
+    title: str = "",
+    label: str = "",
+    unit: str = "mm",
+    limits: tuple[float, float] | None = None,
+    colour_map: str = COLOUR_MAP,
+    view: str = "left",
+) -> Scene:
+    """An interactive view of one or several surfaces: turned by dragging, zoomed by the wheel, switched by name.
+
+    It needs no network and no file beside it, in a notebook and in the book. Places are rounded to 1/16383 of the
+    largest extent, values to 1/254 of the limits. The HTML takes about 6 bytes a face, 3 more for each further mesh on
+    the same faces, and 55 kB for the still and the viewer: .18 MB for a surface of 20 000 faces with values.
+
+    The still depends on the OpenGL and the data on the zlib of the machine, so tag the cell ``nbval-ignore-output``.
+
+    Parameters
+    ----------
+    meshes : Mesh or mapping
+        By name, if there are several; the first is shown first. The same mesh may come under several names, with other
+        values: it is stored once.
+    values : array or mapping, optional
+        One number for each vertex, by the names of the meshes; NaN, and a mesh without values, are drawn plain.
+    alt : str
+        What is to be seen, for those who do not see it.
+    title : str
+        Above the picture.
+    label, unit : str
+        What the values are, for the colour bar; the unit is that of the values.
+    limits : tuple, optional
+        The ends of the colour map, of the finite values if left out.
+    colour_map : str
+        A name that matplotlib knows.
+    view : str
+        From where it is seen at first, see :func:`meshot.view.angles.view_from`.
+
+    Raises
+    ------
+    ValueError
+        If ``alt`` is empty, or the values do not belong to the vertices, or the view is unknown.
+    RuntimeError
+        If there is no OpenGL here to draw the still.
+    """
+    if not alt.strip():
+        raise ValueError("alt is empty; say in a sentence what is to be seen")
+    meshes, values = named(meshes, values)
+    limits = colour_limits(values, limits)
+    sight = view_from(view)
+    data = json.dumps(
+        scene_data(meshes, values, limits, colour_map, sight, STILL_SIZE[0] / STILL_SIZE[1]), separators=(",", ":")
+    ).replace("<", "\\u003c")
+    first = next(iter(meshes))
+    marks = {
+        "@STYLE@": STYLE,
+        "@BAR@": _bar(values, limits, colour_map, bar_label(label, unit)) if values else "",
+        "@SCRIPT@": SCRIPT,
+        "@ID@": identity("scene", data + title + alt),
+        "@ALT@": html.escape(alt, quote=True),
+        "@TITLE@": html.escape(title),
+        "@STILL@": _still(meshes, first, values, limits, colour_map, sight),
+        "@DATA@": data,
+    }
+    return Scene(filled(PAGE, marks), tuple(meshes))
+
+
+def _still(
+    meshes: Mapping[str, Mesh],
+    first: str,
+    values: Mapping[str, np.ndarray],
+    limits: tuple[float, float],
+    colour_map: str,
+    view: View,
+) -> str:
+    frame = framing(list(meshes.values()), [view], STILL_SIZE[0] / STILL_SIZE[1])
+    image = surface_image(meshes[first], view, values.get(first), limits, colour_map, STILL_SIZE, *frame)
+    buffer = io.BytesIO()
+    matplotlib.image.imsave(buffer, image, format="webp", pil_kwargs={"quality": 80})
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def _bar(values: Mapping[str, np.ndarray], limits: tuple[float, float], colour_map: str, label: str) -> str:
+    low, high = limits
+    slack = 1e-9 * (high - low)
+    ends = pointed_ends(values, limits)
+    beyond = {"neither": "", "min": f"below {low:g}", "max": f"above {high:g}", "both": f"beyond {low:g} and {high:g}"}
+    label += f"; {beyond[ends]}: the colour of the end" if beyond[ends] else ""
+    ramp = [matplotlib.colors.to_hex(colour) for colour in colormaps[colour_map](np.linspace(0, 1, 17))]
+    ticks = "".join(
+        f'<span style="left:{100 * (tick - low) / (high - low):.4g}%">{f"{tick:g}".replace("-", "−")}</span>'
+        for tick in MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
+        if low - slack <= tick <= high + slack
+    )
+    marks = {"@BAR_LABEL@": html.escape(label, quote=True), "@LOW@": f"{low:g}", "@HIGH@": f"{high:g}"}
+    return filled(BAR, marks | {"@COLOURS@": ", ".join(ramp), "@TICKS@": ticks})

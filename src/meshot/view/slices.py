@@ -1,0 +1,165 @@
+"""Slices of a volume, with the lines in which surfaces meet them, in mm."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from meshot.mesh import Mesh
+from meshot.mesh.geometry import plane_section
+from meshot.types import Array, Float
+from meshot.view.style.colours import GREEN, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
+from meshot.view.values import Values
+from meshot.volume import Volume, mm_to_voxel, sample_volume, voxel_sizes, voxel_to_mm
+
+# Those bright enough to be seen on a grey image, the most unlike first.
+LINE_COLOURS = (VERMILLION, SKY, YELLOW, GREEN, PURPLE, ORANGE)
+# The axis across the slice, the axes of the picture, and the letters at its left, right, bottom and top.
+PLANES = {
+    "axial": (2, (0, 1), ("L", "R", "P", "A")),
+    "coronal": (1, (0, 2), ("L", "R", "I", "S")),
+    "sagittal": (0, (1, 2), ("P", "A", "I", "S")),
+}
+
+
+def slice_image(
+    volume: Volume, axis: int, position_mm: float, spacing: float | None = None
+) -> tuple[Float[Array, "rows columns"], tuple[float, float, float, float]]:
+    """The volume on the plane where world coordinate ``axis`` equals ``position_mm``, and its extent in mm.
+
+    The plane is that of the scanner, whatever the orientation of the voxels, which are interpolated linearly; what is
+    outside the volume is NaN.
+
+    Parameters
+    ----------
+    volume : Volume
+    axis : int
+        0 (sagittal), 1 (coronal) or 2 (axial).
+    position_mm : float
+    spacing : float, optional
+        Size of the picture's pixels in mm; that of the smallest voxel side if left out.
+
+    Returns
+    -------
+    tuple
+        The pixels, the first row at the bottom, and (left, right, bottom, top): the outer edges of the border pixels.
+    """
+    spacing = float(voxel_sizes(volume).min()) if spacing is None else spacing
+    low, high = _world_box(volume)
+    across, along = (i for i in range(3) if i != axis)
+    columns, rows = (low[i] + spacing * np.arange(int((high[i] - low[i]) / spacing + 1.5)) for i in (across, along))
+    points = np.empty((len(rows), len(columns), 3))
+    points[..., axis], points[..., across], points[..., along] = position_mm, columns, rows[:, None]
+    points = torch.from_numpy(points.reshape(-1, 3))
+    places = mm_to_voxel(volume, points)
+    last = torch.tensor(volume.data.shape) - 1
+    inside = ((places > -1e-6) & (places < last + 1e-6)).all(dim=1)
+    values = sample_volume(volume, points).where(inside, points.new_tensor(torch.nan))
+    half = spacing / 2
+    extent = (columns[0] - half, columns[-1] + half, rows[0] - half, rows[-1] + half)
+    return values.reshape(len(rows), len(columns)).numpy(), tuple(float(edge) for edge in extent)
+
+
+def _world_box(volume: Volume) -> tuple[np.ndarray, np.ndarray]:
+    corners = torch.tensor(list(np.ndindex(2, 2, 2)), dtype=torch.float64) * (torch.tensor(volume.data.shape) - 1)
+    corners_mm = voxel_to_mm(volume, corners).numpy()
+    return corners_mm.min(axis=0), corners_mm.max(axis=0)
+
+
+def slice_figure(
+    volume: Volume,
+    meshes: Mapping[str, Mesh] | None = None,
+    through_mm: Values | None = None,
+    planes: Sequence[str] = ("axial", "coronal", "sagittal"),
+    limits: tuple[float, float] | None = None,
+    width_inches: float = 8.0,
+) -> Figure:
+    """Slices through one point, with the lines in which surfaces meet them; the right side is on the right.
+
+    Parameters
+    ----------
+    volume : Volume
+    meshes : mapping, optional
+        Surfaces by name, in scanner RAS, in mm; the names make the legend.
+    through_mm : three numbers, optional
+        The point, in scanner RAS; the middle of the surfaces, or of the volume, if left out.
+    planes : sequence of str
+        Of "axial", "coronal" and "sagittal".
+    limits : tuple, optional
+        What is black and what is white; the 1st and the 99th percentile if left out.
+    width_inches : float
+        Of the figure.
+
+    Raises
+    ------
+    ValueError
+        If a plane has another name, or the point lies outside the volume.
+    """
+    unknown = [plane for plane in planes if plane not in PLANES]
+    if unknown or not planes:
+        raise ValueError(f"planes are {list(planes)}; one or more of {', '.join(PLANES)} are needed")
+    meshes = meshes or {}
+    through = _middle(volume, meshes) if through_mm is None else np.asarray(through_mm, dtype=float)
+    low, high = _world_box(volume)
+    if through.shape != (3,) or (through < low).any() or (through > high).any():
+        raise ValueError(
+            f"through_mm is {through.tolist()}; a point in the volume is needed: between {low.round(1).tolist()} and "
+            f"{high.round(1).tolist()} in scanner RAS"
+        )
+    black, white = np.percentile(volume.data, [1, 99]) if limits is None else limits
+    slices = [slice_image(volume, PLANES[plane][0], float(through[PLANES[plane][0]])) for plane in planes]
+    figure, axes = _panels([extent for _, extent in slices], width_inches)
+    for plane, ax, (image, extent) in zip(planes, axes, slices):
+        axis, shown, letters = PLANES[plane]
+        ax.imshow(image, extent=extent, origin="lower", cmap="gray", vmin=black, vmax=white)
+        _draw_contours(ax, meshes, axis, float(through[axis]), shown)
+        _label(ax, plane, axis, float(through[axis]), shown, letters)
+    if meshes:
+        handles, names = axes[0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside lower center", ncols=len(names), frameon=False)
+    return figure
+
+
+def _panels(extents: Sequence[tuple], width_inches: float) -> tuple[Figure, np.ndarray]:
+    """Axes as wide as what they show, so that a millimetre is equally long in all."""
+    widths = [right - left for left, right, _, _ in extents]
+    height_mm = max(top - bottom for _, _, bottom, top in extents)
+    # The labels of an axis take about .8 inch in either direction.
+    height = (width_inches - 0.8 * len(extents)) * height_mm / sum(widths) + 1.2
+    options = {"width_ratios": widths, "layout": "constrained", "squeeze": False}
+    figure, axes = plt.subplots(1, len(extents), figsize=(width_inches, height), **options)
+    for ax in axes[0]:
+        ax.set_facecolor("black")
+    return figure, axes[0]
+
+
+def _middle(volume: Volume, meshes: Mapping[str, Mesh]) -> np.ndarray:
+    boxes = [_world_box(volume)] if not meshes else []
+    for mesh in meshes.values():
+        vertices = mesh.vertices.detach().cpu().double().numpy()
+        boxes.append((vertices.min(axis=0), vertices.max(axis=0)))
+    return (np.min([low for low, _ in boxes], axis=0) + np.max([high for _, high in boxes], axis=0)) / 2
+
+
+def _draw_contours(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: float, shown: tuple[int, int]) -> None:
+    for (name, mesh), colour in zip(meshes.items(), itertools.cycle(LINE_COLOURS)):
+        segments = plane_section(mesh, axis, position)[:, :, list(shown)].detach().cpu().numpy()
+        lines = LineCollection(segments, colors=colour, linewidths=1.2, label=name, capstyle="round")
+        ax.add_collection(lines, autolim=False)  # the picture ends where the volume does
+
+
+def _label(ax: Axes, plane: str, axis: int, position: float, shown: tuple[int, int], letters: Sequence[str]) -> None:
+    ax.set_title(f"{plane}, {'xyz'[axis]} = {position:.1f} mm".replace("-", "−"), fontsize=10)
+    ax.set_xlabel(f"{'xyz'[shown[0]]} (mm)")
+    ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)")
+    places = [(0.02, 0.5), (0.98, 0.5), (0.5, 0.02), (0.5, 0.98)]
+    sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
+    for letter, place, (across, along) in zip(letters, places, sides):
+        ax.text(
+            *place, letter, transform=ax.transAxes, ha=across, va=along, color="white", fontweight="bold", fontsize=9
+        )

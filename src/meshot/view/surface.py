@@ -1,0 +1,218 @@
+"""Stills of surfaces: shaded, coloured by a value at each vertex, to scale."""
+
+import itertools
+import warnings
+from collections.abc import Mapping, Sequence
+from types import ModuleType
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from meshot.mesh import Mesh
+from meshot.types import Array, Float
+from meshot.view.angles import View, view_from
+from meshot.view.display import require_display
+from meshot.view.values import COLOUR_MAP, Values, bar_label, colour_limits, named, pointed_ends
+
+PLAIN = (0.80, 0.79, 0.76)
+AMBIENT, DIFFUSE = 0.3, 0.7
+
+
+def surface_image(
+    mesh: Mesh,
+    view: View,
+    values: Values | None = None,
+    limits: tuple[float, float] = (0.0, 1.0),
+    colour_map: str = COLOUR_MAP,
+    size: tuple[int, int] = (600, 450),
+    centre: Float[Array, " 3"] | None = None,
+    half_height: float | None = None,
+) -> np.ndarray:
+    """The picture of a surface in parallel projection, on a transparent ground.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    view : View
+    values : array, optional
+        One for each vertex; NaN is drawn in the plain colour.
+    limits : tuple
+        The values at the ends of the colour map.
+    colour_map : str
+        A name that matplotlib knows.
+    size : tuple
+        Width and height in pixels.
+    centre : array, optional
+        The point in the middle of the picture; of the surface's bounding box if left out.
+    half_height : float, optional
+        Half of what the picture's height shows, in units of the vertices; what fits if left out.
+
+    Returns
+    -------
+    numpy.ndarray
+        Red, green, blue and opacity in 0 … 255, shape (height, width, 4).
+
+    Raises
+    ------
+    RuntimeError
+        If there is no OpenGL here.
+    """
+    pyvista = _drawing_library()
+    if centre is None or half_height is None:
+        centre, half_height = framing([mesh], [view], size[0] / size[1])
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="none")
+    try:
+        plotter.add_light(pyvista.Light(light_type="headlight"))
+        plotter.add_mesh(_polygons(pyvista, mesh, values), **_material(values, limits, colour_map))
+        plotter.enable_anti_aliasing("ssaa")
+        _, up, towards = view.axes
+        distance = 10 * half_height
+        plotter.camera_position = [centre + distance * towards, centre, up]
+        plotter.enable_parallel_projection()
+        plotter.camera.parallel_scale = half_height
+        plotter.camera.clipping_range = (0.1 * distance, 2 * distance)
+        return plotter.screenshot(transparent_background=True, return_img=True)
+    finally:
+        plotter.close()
+
+
+def _drawing_library() -> ModuleType:
+    """pyvista, after the check that VTK will not crash."""
+    require_display()
+    with warnings.catch_warnings():
+        # In a notebook tqdm, which pyvista imports, misses widgets that nothing here uses, and says so with a path.
+        warnings.filterwarnings("ignore", message="IProgress not found")
+        import pyvista
+    return pyvista
+
+
+def _polygons(pyvista: ModuleType, mesh: Mesh, values: Values | None) -> object:
+    vertices = mesh.vertices.detach().cpu().numpy()
+    polygons = pyvista.PolyData.from_regular_faces(vertices, mesh.faces.cpu().numpy())
+    if values is not None:
+        polygons["values"] = np.asarray(values, dtype=float)
+    return polygons
+
+
+def _material(values: Values | None, limits: tuple[float, float], colour_map: str) -> dict:
+    shading = {"smooth_shading": True, "ambient": AMBIENT, "diffuse": DIFFUSE, "specular": 0.0}
+    if values is None:
+        return shading | {"color": PLAIN}
+    colouring = {"scalars": "values", "clim": limits, "cmap": colour_map, "nan_color": PLAIN}
+    return shading | colouring | {"show_scalar_bar": False, "interpolate_before_map": True}
+
+
+def framing(meshes: Sequence[Mesh], views: Sequence[View], aspect: float) -> tuple[Float[Array, " 3"], float]:
+    """The centre and the half height that show all meshes whole in all views, with a small margin.
+
+    ``aspect`` is width over height.
+    """
+    vertices = np.concatenate([mesh.vertices.detach().cpu().double().numpy() for mesh in meshes])
+    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    reach = [np.abs((vertices - centre) @ view.axes[:2].T).max(axis=0) for view in views]
+    return centre, 1.1 * max(max(height, width / aspect) for width, height in reach)
+
+
+def surface_figure(
+    meshes: Mesh | Mapping[str, Mesh],
+    values: Values | Mapping[str, Values] | None = None,
+    views: Sequence[str] = ("left", "right"),
+    hemisphere: str | Mapping[str, str] | None = None,
+    label: str = "",
+    unit: str = "mm",
+    limits: tuple[float, float] | None = None,
+    colour_map: str = COLOUR_MAP,
+    panel_inches: tuple[float, float] = (3.2, 2.4),
+    resolution: int = 150,
+    length_unit: str = "mm",
+) -> Figure:
+    """A figure of one or several surfaces, a row for each and a column for each view, all at one scale.
+
+    Parameters
+    ----------
+    meshes : Mesh or mapping
+        By name, if there are several.
+    values : array or mapping, optional
+        One number for each vertex, by the names of the meshes; a mesh without values is drawn plain.
+    views : sequence of str
+        See :func:`meshot.view.angles.view_from`.
+    hemisphere : str or mapping, optional
+        "left" or "right", for all meshes or by name: what "lateral" and "medial" mean; then letters say which way
+        the brain looks.
+    label, unit : str
+        What the values are, for the colour bar; the unit is that of the values.
+    limits : tuple, optional
+        The ends of the colour map, of the finite values if left out; values beyond get the colour of the end, and the
+        bar a pointed one.
+    colour_map : str
+        A name that matplotlib knows.
+    panel_inches : tuple
+        Width and height of one picture.
+    resolution : int
+        Pixels per inch.
+    length_unit : str
+        The unit of the vertices, for the scale bar.
+
+    Raises
+    ------
+    ValueError
+        If the values do not belong to the vertices, or a view is unknown.
+    RuntimeError
+        If there is no OpenGL here.
+    """
+    meshes, values = named(meshes, values)
+    limits = colour_limits(values, limits)
+    sides = hemisphere if isinstance(hemisphere, Mapping) else dict.fromkeys(meshes, hemisphere)
+    sights = {name: [view_from(view, sides.get(name)) for view in views] for name in meshes}
+    every_view = list(itertools.chain(*sights.values()))
+    centre, half_height = framing(list(meshes.values()), every_view, panel_inches[0] / panel_inches[1])
+    size = tuple(round(inches * resolution) for inches in panel_inches)
+    figure, axes = _panels(len(meshes), len(views), panel_inches, resolution, bar=bool(values))
+    for (name, mesh), line in zip(meshes.items(), axes):
+        for view, ax in zip(sights[name], line):
+            image = surface_image(mesh, view, values.get(name), limits, colour_map, size, centre, half_height)
+            _draw_panel(ax, image, half_height, view.letters() if sides.get(name) else ())
+            ax.set_title(f"{name}, {view.name}" if name else view.name, fontsize=11)
+    _draw_scale(axes[-1, 0], half_height, length_unit)
+    if values:
+        colours = ScalarMappable(Normalize(*limits), colour_map)
+        options = {"extend": pointed_ends(values, limits), "location": "bottom", "aspect": 40, "shrink": 0.6}
+        figure.colorbar(colours, ax=axes, label=bar_label(label, unit), **options)
+    return figure
+
+
+def _panels(n_rows: int, n_columns: int, inches: tuple[float, float], resolution: int, bar: bool) -> tuple:
+    titles, bar_inches = 0.3 * n_rows, 0.75 * bar
+    return plt.subplots(
+        n_rows,
+        n_columns,
+        figsize=(inches[0] * n_columns, inches[1] * n_rows + titles + bar_inches),
+        dpi=resolution,
+        squeeze=False,
+        facecolor="white",
+        layout="constrained",
+    )
+
+
+def _draw_panel(ax: Axes, image: np.ndarray, half_height: float, letters: Sequence[str]) -> None:
+    half_width = half_height * image.shape[1] / image.shape[0]
+    ax.imshow(image, extent=(-half_width, half_width, -half_height, half_height))
+    ax.set_axis_off()
+    places = [(0.01, 0.5), (0.99, 0.5), (0.5, 0.01), (0.5, 0.99)]
+    sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
+    for letter, place, (across, along) in zip(letters, places, sides):
+        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, fontsize=10, color="0.3")
+
+
+def _draw_scale(ax: Axes, half_height: float, unit: str) -> None:
+    """A bar of a round length at the lower right, about a third of the half height."""
+    magnitude = 10.0 ** np.floor(np.log10(half_height / 2))
+    length = magnitude * max(step for step in (1, 2, 5) if step * magnitude <= half_height / 2)
+    right, bottom = ax.get_xlim()[1], -0.97 * half_height
+    ax.plot([0.97 * right - length, 0.97 * right], [bottom, bottom], color="0.2", linewidth=2, solid_capstyle="butt")
+    text = f"{length:g} {unit}".strip()
+    ax.text(0.97 * right - length / 2, bottom + 0.03 * half_height, text, ha="center", va="bottom", fontsize=9)

@@ -1,0 +1,83 @@
+"""How a training went: loss and overlap over its steps."""
+
+import os
+from collections.abc import Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
+
+from meshot.files import whole_file
+from meshot.view.style.colours import BLUE, ORANGE, SKY, VERMILLION, WIDTH
+
+
+def training_figure(log: Sequence[dict]) -> Figure:
+    """Loss of every step and its running mean; beside it what was validated: Dice of both sides, or distances in mm.
+
+    Parameters
+    ----------
+    log : sequence of dict
+        As :class:`meshot.train.Training` holds it.
+
+    Raises
+    ------
+    ValueError
+        If it holds no step.
+    """
+    steps = [line for line in log if "loss" in line]
+    checks = [line for line in log if "validation_loss" in line]
+    if not steps:
+        raise ValueError("the log holds no step: nothing was trained yet")
+    of_distances = any("hausdorff90_mm" in line for line in checks)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(1.3 * WIDTH, 3.0), layout="constrained")
+    at, losses = np.array([line["step"] for line in steps]), np.array([line["loss"] for line in steps])
+    width = max(1, len(at) // 30)
+    left.semilogy(at, losses, color=SKY, linewidth=0.6 if width > 1 else 2, label="one step")
+    if width > 1:
+        mean = np.convolve(losses, np.ones(width) / width, "valid")
+        left.semilogy(at[width - 1 :], mean, color=BLUE, label=f"mean of {width} steps")
+    checked = [line["step"] for line in checks]
+    if of_distances:
+        left.set(xlabel="step", ylabel="loss")
+        _distances(right, checked, checks)
+    else:
+        left.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
+        left.set(xlabel="step", ylabel="cross-entropy + 1 − Dice")
+        _overlap(right, checked, checks)
+    # After the last semilogy, which brings back its own.
+    for formatted in (left.yaxis.set_major_formatter, left.yaxis.set_minor_formatter):
+        formatted(LogFormatter())
+    left.legend()
+    if checks:
+        right.legend()
+    return figure
+
+
+def _overlap(axes: Axes, steps: list[int], checks: list[dict]) -> None:
+    for side, colour, dashes in (("left", VERMILLION, "-"), ("right", BLUE, "--")):
+        axes.plot(steps, [line[f"dice_{side}"] for line in checks], dashes, marker=".", color=colour, label=side)
+    axes.set(xlabel="step", ylabel="Dice on validation", ylim=(None, 1.0))
+
+
+def _distances(axes: Axes, steps: list[int], checks: list[dict]) -> None:
+    for key, name, colour, dashes in (
+        ("hausdorff90_mm", "Hausdorff at 90 %", ORANGE, "--"), ("validation_loss", "ASSD", BLUE, "-"),
+    ):  # fmt: skip
+        axes.plot(steps, [line[key] for line in checks], dashes, marker=".", color=colour, label=name)
+    axes.set(xlabel="step", ylabel="on validation (mm)", ylim=(0, None))
+
+
+def write_training_figure(path: str | os.PathLike, log: Sequence[dict]) -> None:
+    """The picture of a log as a file, whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        As :func:`meshot.view.training_figure`.
+    """
+    figure = training_figure(log)
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, dpi=120)
+    plt.close(figure)

@@ -1,0 +1,79 @@
+"""Claim 24: which distance is raised to the power p."""
+
+from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Verdict
+from meshot_book.notebook import digits, markdown_table
+
+#: Two costs agree if they differ by no more than the errors of solvers and of finitely many directions.
+AGREES = 0.01
+
+
+def judge_ground_cost(record: dict) -> Verdict:
+    """Claim 24 from ``experiments/ground_cost``: is the cost of transport the sum of p-th powers over coordinates?
+
+    Reproduced if for every exponent both costs give the same values between surfaces; with a condition if for some
+    exponents only (which are named); else not.
+    """
+    results = record["results"]
+    same = [row["p"] for row in results["summary"] if abs(row["ratio_mean"] - 1) < AGREES]
+    status = CONDITION if same else NOT_REPRODUCED
+    if len(same) == len(results["summary"]):
+        status = REPRODUCED
+    return Verdict(
+        status=status,
+        ours=_sentence(results, same),
+        tolerance=(
+            "reproduced if between sampled surfaces ‖x − y‖_p^p and ‖x − y‖₂^p give the same W_p^p (to "
+            f"{AGREES:.0%}) for every exponent tried; with a condition if for some. A loss counts as Euclidean if it "
+            f"charges two points the same (to {AGREES:.0%}) for a step along an axis and along a diagonal"
+        ),
+        numbers="\n\n".join(markdown_table(rows) for rows in (_surfaces(results), _losses(results))),
+    )
+
+
+def _sentence(results: dict, same: list[float]) -> str:
+    others = [row for row in results["summary"] if row["p"] not in same]
+    where = f"both costs agree for p = {', '.join(str(p) for p in same)}" if same else "the costs never agree"
+    differ = "; ".join(
+        f"for p = {row['p']} the paper's gives {digits(row['ratio_mean'], 3)} times the Euclidean W_p^p, pulls "
+        f"{digits(row['mean_angle_degrees_mean'], 2)}° aside, and changes by up to "
+        f"{row['turning_coordinates_mean']:.1%} when both surfaces turn"
+        for row in others
+    )
+    euclidean = [row for row in results["asked"] if abs(row["diagonal_over_axis"] - 1) < AGREES]
+    ours = (
+        f"{len(euclidean)} of {len(results['asked'])} losses and metrics of ours, asked with two points, are Euclidean"
+    )
+    return "; ".join(part for part in (where, differ, ours) if part)
+
+
+def _surfaces(results: dict) -> list[dict]:
+    """Both costs between two surfaces."""
+    return [
+        {
+            "p": row["p"],
+            "W_p, Euclidean (mm)": row["euclidean_root_mm_mean"],
+            "W_p, coordinates (mm)": row["coordinates_root_mm_mean"],
+            "ratio of W_p^p": row["ratio_mean"],
+            "other partner": f"{row['other_partner_mean']:.0%}",
+            "angle of pulls (°)": row["mean_angle_degrees_mean"],
+            "change by turning, Euclidean": f"{row['turning_euclidean_mean']:.2%}",
+            "coordinates": f"{row['turning_coordinates_mean']:.2%}",
+            "minimisers apart (mm)": row["minimisers_apart_mm_mean"],
+            "seeds": row["n_seeds"],
+        }
+        for row in results["summary"]
+    ]
+
+
+def _losses(results: dict) -> list[dict]:
+    """What each loss charges for a step, and how it depends on the way that the step goes."""
+    return [
+        {
+            "loss": row["loss"],
+            "p": row["p"],
+            "cost of a step z over ‖z‖₂^p": row["axis_over_step"],
+            "diagonal over axis": row["diagonal_over_axis"],
+            "Σ|zₖ|^p would say": row["coordinates_would_say"],
+        }
+        for row in results["asked"]
+    ]

@@ -1,0 +1,101 @@
+"""Claim 12: what a Lipschitz flow promises, and what the triangles of a mesh make of it."""
+
+import itertools
+
+import numpy as np
+
+from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Verdict
+from meshot_book.notebook import digits, markdown_table
+
+_NAMES = {"sliced": "sliced Wasserstein", "chamfer": "Chamfer"}
+
+
+def judge_self_intersection(record: dict) -> Verdict:
+    """Claim 12 from ``experiments/self_intersection``: does a Lipschitz flow keep a mesh from crossing itself?
+
+    Carried meshes count where the theorem applies to the points: Euler steps with h·Lip < 1 along the paths and no
+    flip. Reproduced if no face crosses there, nor in any fit by a flow. With a condition if faces do cross somewhere,
+    but some fineness of the flow leaves none in any fit, whatever the loss, while free vertices leave some.
+    """
+    results = record["results"]
+    safe = _safe_cases(results["carried"])
+    crossed = [row for row in safe if row["most"] > 0]
+    by_spacing = _most_by_spacing(results["fits"])
+    free, flows = by_spacing.pop(0.0), by_spacing
+    clean = [spacing for spacing, most in flows.items() if most == 0]
+    status = CONDITION if clean and free > 0 else NOT_REPRODUCED
+    if not crossed and len(clean) == len(flows):
+        status = REPRODUCED
+    return Verdict(
+        status=status,
+        ours=_sentence(safe, crossed, free, flows, clean),
+        tolerance=(
+            "reproduced if no face crosses another in any mesh carried by Euler steps with h·Lip < 1 and without a "
+            "flip, nor in any fit by a flow; with a condition if some do, but none in any fit by flows of some "
+            "fineness, under any loss, while free vertices leave some (exact counts)"
+        ),
+        numbers=_table(results["fits"], record["config"]),
+    )
+
+
+def _safe_cases(carried: list[dict]) -> list[dict]:
+    """One entry for each carried mesh with h·Lip < 1 along its paths, by Euler, without a flip."""
+    return [
+        {"level": int(level), "most": found["most"], "flips": row["flips"]}
+        for fit in carried
+        for row in fit["rows"]
+        if row["way"] == "euler" and row["step_times_lipschitz"] < 1 and row["flips"] == 0
+        for level, found in row["levels"].items()
+    ]
+
+
+def _most_by_spacing(fits: list[dict]) -> dict[float, int]:
+    """The most crossing faces, at the end or on the way, that any fit of that fineness has; 0 is no flow."""
+    found: dict[float, int] = {}
+    for row in fits:
+        most = max(row["crossing"], row.get("most_on_the_way", 0))
+        found[row["spacing"]] = max(found.get(row["spacing"], 0), most)
+    return found
+
+
+def _sentence(safe: list[dict], crossed: list[dict], free: int, flows: dict[float, int], clean: list[float]) -> str:
+    finest = (
+        f"none in any fit by flows with a finest grid of {_list(clean)} mm" if clean else "some in fits by every flow"
+    )
+    dirty = [spacing for spacing in flows if spacing not in clean]
+    rest = "; ".join(f"up to {flows[spacing]} faces at {spacing:g} mm" for spacing in sorted(dirty, reverse=True))
+    return (
+        f"points are safe, triangles are not: with h·Lip < 1 and no flip, faces cross in {len(crossed)} of {len(safe)} "
+        f"carried meshes; {finest}{'; ' + rest if rest else ''}; up to {free} faces where vertices are free"
+    )
+
+
+def _list(spacings: list[float]) -> str:
+    return ", ".join(f"{spacing:g}" for spacing in sorted(spacings, reverse=True))
+
+
+def _table(fits: list[dict], config: dict) -> str:
+    """A row for every pair, loss, encoding and fineness: means over the seeds."""
+
+    def name(row: dict) -> tuple:
+        return row["pair"], row["loss"], row["encoding"], row["spacing"]
+
+    rows = []
+    for (pair, loss, encoding, spacing), group in itertools.groupby(sorted(fits, key=name), key=name):
+        found = list(group)
+        n_faces = 20 * 4 ** config["pairs"][pair]["level"]
+        crossing = np.array([row["crossing"] for row in found], dtype=float)
+        steep = [row["step_times_lipschitz"] for row in found if "step_times_lipschitz" in row]
+        rows.append(
+            {
+                "surface": f"{pair}, {n_faces} faces",
+                "loss": f"{_NAMES[loss]}, {encoding}",
+                "finest grid (mm)": f"{spacing:g}" if spacing else "no flow",
+                "crossing faces": f"{crossing.mean():.1f} ± {crossing.std(ddof=1):.1f}",
+                "SI (%)": digits(100 * crossing.mean() / n_faces, 2),
+                "h·Lip": digits(np.mean(steep), 2) if steep else "",
+                "ASSD (mm)": digits(np.mean([row["assd"] for row in found]), 3),
+                "seeds": len(found),
+            }
+        )
+    return markdown_table(rows)

@@ -1,0 +1,80 @@
+"""Claim 7: the varifold against samples with as many points, the exact continuous value being the truth."""
+
+from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Verdict
+from meshot_book.notebook import digits, markdown_table
+
+
+def judge_varifold(record: dict) -> Verdict:
+    """Claim 7 from ``experiments/encoding_rates``: does the varifold approximate a mesh better than samples do?
+
+    A duel is a mesh (family and level), a space, an exponent and a quantity (error of SW_p^p to another mesh; SW_p to
+    the mesh itself), at equal numbers of supports. The varifold wins it if the 95 % interval of the ratio of mean
+    errors, samples over varifold, lies above one, and loses it if the interval lies below.
+    """
+    results = record["results"]
+    won = [row for row in results["duels"] if row["low"] > 1]
+    lost = [row for row in results["duels"] if row["high"] < 1]
+    status = CONDITION if won else NOT_REPRODUCED
+    if len(won) == len(results["duels"]):
+        status = REPRODUCED
+    return Verdict(
+        status=status,
+        ours=_sentence(results, won, lost),
+        tolerance=(
+            "reproduced if at equal numbers of supports the 95 % interval of (mean error of samples) / (mean error of "
+            "the varifold) lies above 1 in every duel (mesh × space × p × quantity); with a condition if in some"
+        ),
+        numbers="\n\n".join([_rate_table(results["rates"]), _duel_table(results["duels"])]),
+    )
+
+
+def _sentence(results: dict, won: list[dict], lost: list[dict]) -> str:
+    n_duels = len(results["duels"])
+    even = [row for row in results["rates"] if row["family"] != "uneven_cube"]
+    own = _range([row for row in even if row["quantity"] == "own" and row["encoding"] == "barycentres"])
+    sampled = _range([row for row in even if row["quantity"] == "own" and row["encoding"] == "samples"])
+    largest = max(results["duels"], key=lambda row: row["low"])
+    text = (
+        f"the varifold wins {len(won)} of {n_duels} duels, loses {len(lost)}, and {n_duels - len(won) - len(lost)} are "
+        f"open; SW_p to its own mesh falls with the edge length h like {own}, that of samples like {sampled}; the "
+        f"largest advantage is a factor of {digits(largest['ratio'], 2)} "
+        f"({_name(largest)}, {largest['n_faces']} supports)"
+    )
+    if lost:
+        text += f"; lost: {', '.join(dict.fromkeys(_name(row) for row in lost))}"
+    return text
+
+
+def _name(row: dict) -> str:
+    return row["family"].replace("_", " ")
+
+
+def _range(rows: list[dict]) -> str:
+    slopes = sorted(row["slope"] for row in rows)
+    return f"h^{slopes[0]:.2f} to h^{slopes[-1]:.2f}"
+
+
+def _rate_table(rates: list[dict]) -> str:
+    """Slopes in the edge length, a line for each family, space, exponent and quantity."""
+    lines: dict[tuple, dict] = {}
+    for row in rates:
+        if row["encoding"] not in ("barycentres", "samples"):
+            continue
+        what = "to another mesh, SW_p^p" if row["quantity"] == "other" else "to its own mesh, SW_p"
+        line = lines.setdefault(
+            (row["family"], row["d"], row["p"], row["quantity"]),
+            {"mesh": _name(row), "space": f"R^{row['d']}", "p": row["p"], "error": what},
+        )
+        title = "varifold: slope in h" if row["encoding"] == "barycentres" else "samples: slope in h"
+        line[title] = f"{row['slope']:.2f} [{row['low']:.2f}, {row['high']:.2f}]".replace("-", "−")
+    return markdown_table(list(lines.values()))
+
+
+def _duel_table(duels: list[dict]) -> str:
+    """Ratios of errors, a line for each mesh."""
+    lines: dict[tuple, dict] = {}
+    for row in duels:
+        line = lines.setdefault((row["family"], row["level"]), {"mesh": _name(row), "supports": row["n_faces"]})
+        title = f"R^{row['d']}, p = {row['p']}, {'another' if row['quantity'] == 'other' else 'own'}"
+        line[title] = f"{digits(row['ratio'], 2)} [{digits(row['low'], 2)}, {digits(row['high'], 2)}]"
+    return markdown_table(list(lines.values()))

@@ -1,0 +1,1 @@
+from .convergence_exercises import drawn_curves as drawn_curves

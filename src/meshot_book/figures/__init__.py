@@ -1,0 +1,1 @@
+"""Figures and players, one room for each part of the book."""

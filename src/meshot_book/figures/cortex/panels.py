@@ -1,0 +1,93 @@
+"""One slice of several volumes side by side, at one scale, with the lines in which surfaces meet it."""
+
+import itertools
+from collections.abc import Mapping
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from meshot.mesh import Mesh
+from meshot.mesh.geometry import plane_section
+from meshot.view import LINE_COLOURS, PLANES, slice_image
+from meshot.view.style import WIDTH
+from meshot.volume import Volume
+
+
+def slice_panels(
+    volumes: Mapping[str, Volume],
+    plane: str,
+    position_mm: float,
+    meshes: Mapping[str, Mapping[str, Mesh]] | None = None,
+    limits: tuple[float, float] | None = None,
+    label: str = "",
+    colour_map: str = "gray",
+    columns: int = 3,
+) -> Figure:
+    """The same plane through several volumes, in scanner mm, with one scale of grey for all.
+
+    Parameters
+    ----------
+    volumes : mapping
+        By title.
+    plane : str
+        "axial", "coronal" or "sagittal".
+    position_mm : float
+        Where the plane is.
+    meshes : mapping, optional
+        By title, surfaces by name, drawn over the volume of that title.
+    limits : tuple, optional
+        What is black and what is white; the extremes of all slices if left out.
+    label : str
+        Of the colour bar, with its unit; no bar if empty.
+    colour_map : str
+    columns : int
+        Panels in a row.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to show, or the plane has another name.
+    """
+    if plane not in PLANES or not volumes:
+        raise ValueError(f"plane is {plane!r}, of {len(volumes)} volumes; one of {', '.join(PLANES)}, and a volume")
+    axis, shown, _ = PLANES[plane]
+    slices = {name: slice_image(volume, axis, position_mm) for name, volume in volumes.items()}
+    if limits is None:
+        limits = tuple(float(f([f(image) for image, _ in slices.values()])) for f in (np.nanmin, np.nanmax))
+    n_rows = -(-len(slices) // columns)
+    extents = [extent for _, extent in slices.values()]
+    ratio = max(top - bottom for *_, bottom, top in extents) / max(right - left for left, right, *_ in extents)
+    width = WIDTH / columns
+    size = (WIDTH, n_rows * ((width - 0.35) * ratio + 0.65) + 0.3)
+    figure, axes = plt.subplots(n_rows, columns, figsize=size, layout="constrained", squeeze=False)
+    for ax in axes.flat[len(slices) :]:
+        ax.set_axis_off()
+    for k, (ax, (name, (image, extent))) in enumerate(zip(axes.flat, slices.items())):
+        drawn = ax.imshow(image, extent=extent, origin="lower", cmap=colour_map, vmin=limits[0], vmax=limits[1])
+        ax.set_facecolor("black")
+        ax.set_title(name, fontsize=10)
+        ax.tick_params(labelsize=8)
+        if k % columns == 0:
+            ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)", fontsize=9)
+        if k >= len(slices) - columns:
+            ax.set_xlabel(f"{'xyz'[shown[0]]} (mm)", fontsize=9)
+        _draw_lines(ax, (meshes or {}).get(name, {}), axis, position_mm, shown)
+    if meshes:
+        _legend(figure, axes)
+    if label:
+        figure.colorbar(drawn, ax=axes, label=label, location="bottom", shrink=0.6, aspect=40)
+    return figure
+
+
+def _draw_lines(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: float, shown: tuple[int, int]) -> None:
+    for (name, mesh), colour in zip(meshes.items(), itertools.cycle(LINE_COLOURS)):
+        segments = plane_section(mesh, axis, position)[:, :, list(shown)].detach().cpu().numpy()
+        ax.add_collection(LineCollection(segments, colors=colour, linewidths=1.0, label=name), autolim=False)
+
+
+def _legend(figure: Figure, axes: np.ndarray) -> None:
+    named = {name: line for ax in axes.flat for line, name in zip(*ax.get_legend_handles_labels())}
+    figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=len(named), frameon=False, fontsize=9)

@@ -1,0 +1,5 @@
+"""Figures and players of transport on a line and of slicing: chapters 02 and 03."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

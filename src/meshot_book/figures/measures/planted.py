@@ -1,0 +1,127 @@
+"""Planted errors side by side: their sections through the surface, and what each metric makes of them."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from meshot.mesh import Mesh
+from meshot.mesh.geometry import plane_section
+from meshot.types import Array, Float, Tensor
+from meshot.view.style import TARGET, VERMILLION, WIDTH
+
+Segments = Float[Array, "n 2 2"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Window:
+    """A square that looks at a plane through a surface.
+
+    Parameters
+    ----------
+    centre : tensor
+        In the middle of the square, in space.
+    axis : int
+        The coordinate that the plane holds fixed: 0, 1 or 2.
+    half : float
+        Half the side of the square.
+    """
+
+    centre: Float[Tensor, " 3"]
+    axis: int
+    half: float
+
+    def lines(self, mesh: Mesh) -> Segments:
+        """What of a surface is seen: line segments relative to the middle of the square."""
+        cut = plane_section(mesh, self.axis, float(self.centre[self.axis]))
+        kept = [k for k in range(3) if k != self.axis]
+        flat = (cut - self.centre)[:, :, kept].detach().cpu().double().numpy()
+        return flat[(np.abs(flat) <= self.half).all(axis=2).any(axis=1)]
+
+
+def sections_figure(panels: Mapping[str, tuple[Window, Mesh]], target: Mesh, columns: int = 3) -> Figure:
+    """Each damaged surface over its target, in its window: the target grey and wide, the damaged one thin.
+
+    Dots are where the plane crosses the edges of the damaged mesh: they say how finely it is cut.
+    """
+    rows = math.ceil(len(panels) / columns)
+    size = (WIDTH, WIDTH / columns * 1.16 * rows + 0.4)
+    figure, axes = plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False)
+    for ax in axes.flat[len(panels) :]:
+        ax.set_visible(False)
+    for ax, (name, (window, mesh)) in zip(axes.flat, panels.items()):
+        ax.add_collection(LineCollection(window.lines(target), colors=TARGET, linewidths=4, alpha=0.6))
+        lines = window.lines(mesh)
+        ax.add_collection(LineCollection(lines, colors=VERMILLION, linewidths=1.4))
+        ax.plot(*lines.reshape(-1, 2).T, ".", color=VERMILLION, markersize=3)
+        ax.set(xlim=(-window.half, window.half), ylim=(-window.half, window.half), aspect="equal")
+        ax.set(xticks=[], yticks=[])
+        ax.set_title(name, fontsize=11)
+        ax.spines[:].set_visible(True)
+        _draw_length(ax, window.half)
+    return figure
+
+
+def _draw_length(ax: Axes, half: float) -> None:
+    length = round_length(half)
+    ax.plot([0.92 * half - length, 0.92 * half], [-0.88 * half] * 2, color="0.2", linewidth=2)
+    ax.text(0.94 * half, -0.84 * half, f"{length:g} mm", ha="right", va="bottom", fontsize=10)
+
+
+def round_length(half: float) -> float:
+    """The longest of 1, 2, 5, 10, … that is at most half of ``half``: what a bar of scale shows."""
+    magnitude = 10.0 ** math.floor(math.log10(half / 2))
+    return magnitude * max(step for step in (1, 2, 5) if step * magnitude <= half / 2)
+
+
+def ratio_figure(
+    values: Sequence[Sequence[str]],
+    ratios: Float[Array, "rows columns"],
+    names: Sequence[str],
+    metrics: Sequence[str],
+    label: str,
+    limits: tuple[float, float] = (2.0, 50.0),
+) -> Figure:
+    """A table whose cells are coloured by how far each value stands above its yardstick.
+
+    Parameters
+    ----------
+    values : sequence of sequences
+        What is written in the cells.
+    ratios : array
+        At or below the lower limit the cell stays white; infinity is drawn as the upper limit.
+    names, metrics : sequences of str
+        Of the rows and of the columns.
+    label : str
+        What the colours mean.
+    limits : tuple
+
+    Raises
+    ------
+    ValueError
+        If the values, ratios and names do not belong together.
+    """
+    if ratios.shape != (len(names), len(metrics)) or [len(row) for row in values] != [len(metrics)] * len(names):
+        raise ValueError(f"ratios has shape {ratios.shape}; ({len(names)}, {len(metrics)}) is needed, as many values")
+    figure, ax = plt.subplots(figsize=(WIDTH, 0.36 * len(names) + 1.9), layout="constrained")
+    shown = np.where(ratios > limits[0], np.minimum(ratios, limits[1]), np.nan)
+    image = ax.imshow(shown, norm=LogNorm(*limits), cmap="viridis_r", aspect="auto")
+    for (i, j), ratio in np.ndenumerate(shown):
+        dark = np.isfinite(ratio) and ratio > math.sqrt(limits[0] * limits[1])
+        ax.text(j, i, values[i][j], ha="center", va="center", fontsize=10, color="white" if dark else "black")
+    ax.set_xticks(range(len(metrics)), metrics, rotation=50, ha="left", rotation_mode="anchor")
+    ax.xaxis.tick_top()
+    ax.set_yticks(range(len(names)), names)
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
+    bar = figure.colorbar(image, location="bottom", aspect=40, shrink=0.7, label=label, extend="max")
+    ticks = [tick for tick in (1, 2, 3, 5, 10, 20, 30, 50, 100) if limits[0] <= tick <= limits[1]]
+    bar.set_ticks(ticks, labels=[str(tick) for tick in ticks])
+    bar.minorticks_off()
+    return figure

@@ -1,0 +1,83 @@
+"""Claims 20 and 22: each status is reached by results that deserve it."""
+
+import pytest
+
+from meshot_book.claims import ledger
+from meshot_book.claims.rules.deforming import judge_evenness, judge_supports
+
+
+def difference(at, low, high, encoding="varifold", target="folded", assd=(0.1, 0.2)):
+    row = {"target": target, "start": "sphere", "encoding": encoding, "supports": "full", "at": at, "n_seeds": 5}
+    for name in ("edge_variation", "area_variation"):
+        row |= {f"{name}_low": low, f"{name}_high": high, f"{name}_gap": 0.05}
+        row |= {f"{name}_chamfer": 0.3, f"{name}_sliced": 0.25}
+    row |= {"assd_low": assd[0], "assd_high": assd[1], "assd_gap": 0.15, "assd_chamfer": 0.2, "assd_sliced": 0.05}
+    return row
+
+
+def of_differences(*rows):
+    return {"results": {"differences": list(rows)}}
+
+
+def test_evenness_reproduced_where_every_comparison_says_so():
+    single = difference("steps", 0, 0, target="fsaverage5_right") | {
+        f"{name}_{end}": None for name in ("assd", "edge_variation", "area_variation") for end in ("low", "high")
+    }
+    rows = [difference("steps", 0.1, 0.2), difference("seconds", 0.1, 0.2), difference("closeness", -0.2, -0.1), single]
+    verdict = judge_evenness(of_differences(*rows))
+    assert verdict.status == ledger.REPRODUCED
+    assert (
+        "0.25 with sliced Wasserstein against 0.3 with Chamfer (sphere, varifold, all supports; equal steps)"
+        in verdict.ours
+    )
+    assert "more even in 2 of 2 comparisons. It ends nearer in 2 and farther in 0" in verdict.ours
+    assert "equally near, it is more even in 0 of 1, Chamfer in 1" in verdict.ours
+    assert verdict.numbers.count("\n") == 5
+    assert "+0.05 |" in verdict.numbers.splitlines()[-1]
+
+
+def test_evenness_with_a_condition_names_the_others():
+    rows = [difference("steps", 0.1, 0.2, assd=(-0.2, -0.1)), difference("steps", -0.1, 0.2, encoding="samples")]
+    verdict = judge_evenness(of_differences(*rows))
+    assert verdict.status == ledger.CONDITION
+    assert "1 of 2 comparisons (not all: sphere, samples, all supports)" in verdict.ours
+    assert "farther in 1" in verdict.ours
+
+
+def test_evenness_needs_edges_and_areas():
+    row = difference("steps", 0.1, 0.2) | {"area_variation_low": -0.1}
+    assert judge_evenness(of_differences(row)).status == ledger.NOT_REPRODUCED
+
+
+def supports(growth_of_all, growth_of_carried):
+    growth = {"all": growth_of_all, "drawn": 1.5, "carried": growth_of_carried}
+    costs = []
+    for loss in ("sliced", "chamfer"):
+        for variant in growth:
+            for n_faces, share in ((320, 0.0), (5120, 1.0), (20480, growth[variant])):
+                row = {"loss": loss, "variant": variant, "n_faces": n_faces, "step_bytes": 1e6 * share}
+                costs.append(row | {"loss_bytes": 1e5, "step_seconds": 0.1, "loss_seconds": 0.05})
+    fit = {"assd_mean": 0.03, "assd_sd": 0.001, "edge_variation_mean": 0.2, "edge_variation_sd": 0.01}
+    fit |= {"intersecting_faces_mean": 0.0, "n_seeds": 5}
+    fits = [{"variant": "all", "n_supports": 5120} | fit, {"variant": "drawn", "n_supports": 125} | fit]
+    gap = {"variant": "drawn", "n_supports": 125, "n_seeds": 5, "assd_gap": 0.2, "assd_low": 0.1, "assd_high": 0.3}
+    results = {"costs": costs, "fits": fits, "differences": [gap]}
+    return {"results": results, "config": {"cost": {"n_supports": 2000}}}
+
+
+@pytest.mark.parametrize(
+    ("of_all", "of_carried", "status"),
+    [(4.0, 1.0, ledger.CONDITION), (4.0, 2.0, ledger.REPRODUCED), (1.0, 1.0, ledger.NOT_REPRODUCED)],
+)
+def test_supports(of_all, of_carried, status):
+    verdict = judge_supports(supports(of_all, of_carried))
+    assert verdict.status == status
+    begun = (
+        f"From 5120 to 20480 faces the memory of a step grows by a factor of {of_all:g} (all faces), 1.5 (drawn after"
+    )
+    assert begun in verdict.ours
+    assert (
+        "0.03 mm with all 5120; with fewer, change [95 %] in mm: 125 drawn after the flow (+0.200 [+0.100, +0.300])"
+        in verdict.ours
+    )
+    assert verdict.numbers.count("| drawn before the flow |") == 6

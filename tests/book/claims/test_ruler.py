@@ -1,0 +1,101 @@
+"""Verdicts on the ruler follow from numbers: each status is reached by results that deserve it."""
+
+import pytest
+
+from meshot_book.claims import ledger
+from meshot_book.claims.rules.ruler import judge_counts, judge_floor, judge_table
+
+
+def broken(n, names=("Table 1, ADNI left, A",)):
+    return {"convention": "roots", "n_rows": 32, "n_broken": n, "broken": dict.fromkeys(names[: min(n, 1)], 1.5)}
+
+
+def table(printed, swapped):
+    pattern = {"cohort": "ADNI", "n_rows": 10, "emd_above_swd": 9, "emd_sd_below_swd_sd": 8, "exceptions": []}
+    place = {"table": "Table 1", "part": "ADNI left", "column": "emd", "system": "A"}
+    odd = [place | {"sd": 0.013, "next_sd": 0.13, "factor": 10}, place | {"sd": 0.5, "next_sd": 0.6, "factor": 1.2}]
+    twice = [
+        {"cell": "swd right sd", "table_1": 0.223, "table_3": 0.232, "equal": False},
+        {"cell": "emd right sd", "table_1": 0.068, "table_3": 0.068, "equal": True},
+    ]
+    found = {"allowance": 1.38, "as_printed": [broken(n) for n in printed], "pattern": [pattern]}
+    found |= {"oasis_exchanged": [broken(n) for n in swapped], "deviations": odd, "printed_twice": twice}
+    return {"results": {"table": found}}
+
+
+@pytest.mark.parametrize(
+    ("printed", "swapped", "status"),
+    [
+        ([14, 12], [6, 2], ledger.NOT_REPRODUCED),
+        ([14, 12], [6, 0], ledger.CONDITION),
+        ([14, 0], [6, 2], ledger.REPRODUCED),
+    ],
+)
+def test_the_columns(printed, swapped, status):
+    verdict = judge_table(table(printed, swapped))
+    assert verdict.status == status
+    assert f"14 of 32 break SW₂ ≤ W₂/√3, with the OASIS columns exchanged {swapped[0]} of 32" in verdict.ours
+    assert "| Table 1, ADNI left: the smallest deviation of EMD | ± 0.013 (A) |" in verdict.numbers
+    assert "± 0.5" not in verdict.numbers
+    assert "0.223 (Table 1)" in verdict.numbers
+    assert "0.068" not in verdict.numbers
+
+
+def floors(*highs):
+    readings = [
+        {"reading": f"reading {i}", "low": 0.9 * high, "high": high, "unit": "mm", "how": "extrapolated"}
+        for i, high in enumerate(highs)
+    ]
+    direct = [
+        {"metric": metric, "at_target": {"measured": {"value": v, "low": v, "high": v}}}
+        for metric, v in (("sw2", 0.2), ("point_to_point", 0.4), ("point_to_face", 3e-15))
+    ]
+    return {"results": {"readings": readings, "number_mm": 0.702, "floors": direct}}
+
+
+@pytest.mark.parametrize(
+    ("highs", "status"),
+    [
+        ((1.2, 0.9, 0.5), ledger.NOT_REPRODUCED),
+        ((1.2, 0.9, 0.35), ledger.CONDITION),
+        ((0.3, 0.2, 0.35), ledger.REPRODUCED),
+    ],
+)
+def test_the_floor(highs, status):
+    verdict = judge_floor(floors(*highs))
+    assert verdict.status == status
+    assert "0.2 to 0.2 mm in SW₂" in verdict.ours
+    assert "ASSD to the faces | 0 (rounding)" in verdict.numbers
+
+
+def test_floors_above_the_number_are_counted():
+    assert "above 0.702 mm in 2 of 3 readings" in judge_floor(floors(1.2, 0.9, 0.5)).ours
+
+
+def counts(single=7.7e-4, mean=1e-5, factors=(130.0, 40.0)):
+    share = {"n_faces": 260_000, "smallest_nonzero_percent": single, "pairs_below_bound_over_scans": 10}
+    share |= {"smallest_nonzero_mean_percent": mean}
+    columns = [{"column": "c", "cortexode_percent": 0.01, "cortexode_faces": 26.0, "factor": f} for f in factors]
+    found = {"typical_faces": 260_000, "bound_percent": 1e-4, "stated_factor": 100, "n_scans": 80}
+    return {"results": {"counts": found | {"shares": [share], "factors": columns}}}
+
+
+@pytest.mark.parametrize(
+    ("record", "status"),
+    [
+        (counts(), ledger.CONDITION),
+        (counts(single=5e-5), ledger.CONDITION),
+        (counts(factors=(130.0, 120.0)), ledger.CONDITION),
+        (counts(single=5e-5, factors=(130.0, 120.0)), ledger.REPRODUCED),
+        (counts(mean=2e-4), ledger.NOT_REPRODUCED),
+        (counts(factors=(13.0, 4.0)), ledger.NOT_REPRODUCED),
+    ],
+)
+def test_counts(record, status):
+    assert judge_counts(record).status == status
+
+
+def test_counts_are_said():
+    verdict = judge_counts(counts())
+    assert "one crossing pair is 0.00077 %" in verdict.ours
+    assert "100 or more in 1 of 2 columns" in verdict.ours

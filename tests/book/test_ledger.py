@@ -1,0 +1,67 @@
+"""The ledger says what the committed results say, and nothing else."""
+
+import json
+
+import pytest
+
+from make_ledger import PAGE, ledger_page
+from meshot_book.claims import ledger
+from meshot_book.claims.rules import JUDGES
+
+
+def test_the_committed_page_is_the_generated_one():
+    assert PAGE.read_text(encoding="utf-8") == ledger_page(), "run: make ledger"
+
+
+def test_every_claim_has_a_row(root):
+    page = PAGE.read_text(encoding="utf-8")
+    assert all(f"| {number} | " in page for number in range(1, 25))
+
+
+RECORD = {
+    "results": {"gain": 2.0}, "config": {}, "command": "python experiments/x/run.py", "data": "synthetic",
+    "seconds": 1.0, "commit": "abc", "date": "2026-01-01", "versions": {}, "machine": "x86_64",
+}  # fmt: skip
+
+
+def judge(record: dict) -> ledger.Verdict:
+    gain = record["results"]["gain"]
+    return ledger.Verdict(ledger.REPRODUCED if gain > 1 else ledger.NOT_REPRODUCED, f"gain {gain}", "gain > 1")
+
+
+@pytest.fixture
+def house(tmp_path):
+    claims = tmp_path / "claims.yaml"
+    claims.write_text("- {id: 7, claim: a gain, where: Fig. 9, paper: '3', experiment: x, chapter: 01_a}\n")
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "results.json").write_text(json.dumps(RECORD))
+    return tmp_path
+
+
+def page(house, judges):
+    return ledger.ledger_page(house / "claims.yaml", house, judges)
+
+
+def test_status_follows_the_results(house):
+    assert "[reproduced](#claim-7)" in page(house, {7: judge})
+    (house / "x" / "results.json").write_text(json.dumps(RECORD | {"results": {"gain": 0.5}}))
+    assert "[not reproduced](#claim-7)" in page(house, {7: judge})
+    assert "python experiments/x/run.py" in page(house, {7: judge})
+
+
+def test_a_claim_without_results_or_judge_is_an_error(house):
+    with pytest.raises(ValueError, match="no judge"):
+        page(house, {})
+    (house / "x" / "results.json").unlink()
+    with pytest.raises(ValueError, match="does not exist"):
+        page(house, {7: judge})
+
+
+def test_a_status_must_be_one_of_the_five():
+    with pytest.raises(ValueError, match="splendid"):
+        ledger.Verdict("splendid", "", "")
+
+
+def test_every_judge_has_a_claim(root):
+    claims = (root / "book" / "claims.yaml").read_text()
+    assert all(f"- id: {number}\n" in claims for number in JUDGES)

@@ -1,0 +1,302 @@
+"""``meshot reconstruct`` as a user meets it: files, page, folders in the way, bad scans."""
+
+import json
+import re
+import shutil
+
+import nibabel
+import numpy as np
+import pytest
+
+from bright_head import CENTRES, bright_template, write_bright_weights
+from browser import offline_browser, watched_page
+from meshot.cli import main
+from meshot.mesh.io import read_mesh
+from meshot.metrics.distances import vertex_distances
+from meshot.model.deformation import DeformationNetwork
+from meshot.model.weights import read_weights, write_weights
+from meshot.pipeline import reconstruction
+from meshot.pipeline.networks import DEFORMATION
+from meshot.pipeline.report import files as written
+from meshot.pipeline.report import pictures as reconstruction_pictures
+from meshot.pipeline.report.page import _table
+from meshot.view import display
+from meshot.volume.io import write_volume
+from meshot.volume.volume import centre_ras
+from preflight import browser as browser_path
+
+SURFACES = [
+    f"{side}.{name}{suffix}" for side in ("lh", "rh") for name in ("white", "initial") for suffix in written.FORMATS
+]
+TEXTS = ["report.html", "report.json", "timing.json", "to_standard.json"]
+NAME = "<one & only>.nii.gz"
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("reconstruct")
+    write_bright_weights(folder / "weights")
+    write_volume(folder / NAME, bright_template())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def context():
+    with offline_browser(browser_path()) as found:
+        yield found
+
+
+@pytest.fixture(autouse=True)
+def small_template(monkeypatch):
+    monkeypatch.setattr(reconstruction, "mni152_t1", bright_template)
+
+
+def words(place, out, *more):
+    return ["reconstruct", str(place / NAME), "-o", str(place / out), "--weights", str(place / "weights"), *more]
+
+
+@pytest.fixture(scope="module")
+def found():
+    """The reconstruction that :func:`made` wrote."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def made(place, found):
+    def kept(*arguments):
+        found.append(reconstruction.reconstruct(*arguments))
+        return found[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reconstruction, "mni152_t1", bright_template)
+        patch.setattr(written, "reconstruct", kept)
+        assert main(words(place, "out", "--steps", "2")) == 0
+    return place / "out"
+
+
+@pytest.fixture
+def quick(made, found, monkeypatch):
+    """For what happens around a reconstruction: the one that was made, and a single slice."""
+    monkeypatch.setattr(written, "reconstruct", lambda *_: found[0])
+    monkeypatch.setattr(reconstruction_pictures, "_CUTS", (("axial", 0.5),))
+
+
+@pytest.mark.parametrize(("more", "expected"), [([], (3, "midpoint")), (["--steps", "2"], (2, "midpoint"))])
+def test_a_flow_is_integrated_as_it_was_learned(place, tmp_path, monkeypatch, more, expected):
+    shutil.copytree(place, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("out*"))
+    for name in DEFORMATION.values():
+        path = tmp_path / "weights" / name
+        record = {"training": {"n_flow_steps": 3, "method": "midpoint"}}
+        write_weights(path, read_weights(path, DeformationNetwork)[0], record)
+    seen = []
+
+    def stop(initial: object, image: object, network: object, *how: object) -> None:
+        seen.append(how)
+        raise ValueError("seen enough")
+
+    monkeypatch.setattr(reconstruction, "deformed", stop)
+    assert main(words(tmp_path, "out", *more)) == 2
+    assert seen == [expected]
+
+
+def test_everything_is_there_and_nothing_else(made, place):
+    assert sorted(f.name for f in made.iterdir()) == sorted(SURFACES + TEXTS)
+    assert not list(place.glob(".writing*"))
+
+
+def test_all_formats_hold_the_same_surface_where_the_scanner_saw_it(made):
+    for side, short in (("left", "lh"), ("right", "rh")):
+        for name in ("white", "initial"):
+            one, *others = (read_mesh(made / f"{short}.{name}{suffix}") for suffix in written.FORMATS)
+            for other in others:
+                np.testing.assert_allclose(other.vertices, one.vertices, atol=1e-4)
+                assert np.array_equal(other.faces, one.faces)
+        middle = read_mesh(made / f"{short}.initial").vertices.mean(dim=0)
+        np.testing.assert_allclose(middle, CENTRES[side], atol=0.5)
+        header = nibabel.freesurfer.read_geometry(made / f"{short}.white", read_metadata=True)[2]
+        np.testing.assert_allclose(header["cras"], centre_ras(bright_template()), atol=1e-6)
+
+
+def test_the_numbers_are_those_of_the_files(made):
+    report = json.loads((made / "report.json").read_text())
+    assert report["scan"]["name"] == NAME
+    assert report["n_steps"] == 2
+    assert len(report["weights"]) == 3
+    assert {"commit", "versions", "date", "machine"} <= set(report)
+    for side, short in (("left", "lh"), ("right", "rh")):
+        white, initial = read_mesh(made / f"{short}.white"), read_mesh(made / f"{short}.initial")
+        numbers = report["surfaces"][side]
+        assert numbers["final"]["n_faces"] == len(white.faces)
+        assert (numbers["final"]["euler_number"], numbers["final"]["n_self_intersecting_faces"]) == (2, 0)
+        distances = vertex_distances(white, initial)
+        found = numbers["distance_from_initial_mm"]
+        assert found["mean"] == pytest.approx(distances.mean(), abs=1e-3)
+        assert found["percentile_95"] == pytest.approx(np.percentile(distances, 95), abs=1e-3)
+        assert 0.5 < found["mean"] < found["percentile_95"] < found["largest"] < 2.2
+        assert numbers["final"]["volume_cm3"] == pytest.approx(4 / 3 * np.pi * 3.2**3, rel=0.05)
+    timing = json.loads((made / "timing.json").read_text())
+    assert timing == report["seconds"]
+    assert list(timing["processor"])[-2:] == ["surfaces and numbers", "pictures"]
+    assert len(timing["clock"]) == 8
+
+
+def test_the_transform_leads_to_the_standard_space_and_back(made):
+    transform = json.loads((made / "to_standard.json").read_text())
+    matrix = np.array(transform["matrix"])
+    moved = [read_mesh(made / f"lh.{name}").vertices.numpy() for name in ("white", "initial")]
+    # In the standard space the flow of these weights goes up by 2 mm.
+    np.testing.assert_allclose(
+        (moved[0] - moved[1]) @ matrix[:3, :3].T, np.tile([0, 0, 2.0], (len(moved[0]), 1)), atol=1e-3
+    )
+    assert NAME in transform["from"]
+
+
+@pytest.mark.parametrize("width", [400, 1280])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_is_whole_in_itself(made, context, width, scheme):
+    with watched_page(context, made / "report.html") as (page, troubles):
+        page.emulate_media(color_scheme=scheme)
+        page.set_viewport_size({"width": width, "height": 800})
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+        assert all(page.eval_on_selector_all("img", "e => e.map(x => x.alt.length > 20 && x.naturalWidth > 100)"))
+        assert page.locator(".slices img").count() == 6
+        assert NAME in page.locator("h1").text_content()
+        assert "Not for clinical use" in page.locator("header").text_content()
+        ground, text = page.evaluate(
+            "() => [getComputedStyle(document.body)].flatMap(s => [s.backgroundColor, s.color])"
+        )
+        dark = [sum(map(int, colour[4:-1].split(","))) < 384 for colour in (ground, text)]
+        assert dark == ([True, False] if scheme == "dark" else [False, True])
+        page.locator(".surface-scene .start").click()
+        page.wait_for_selector(".surface-scene canvas")
+        assert troubles == []
+
+
+def test_the_page_says_what_the_numbers_say(made, context):
+    report = json.loads((made / "report.json").read_text())
+    with watched_page(context, made / "report.html") as (page, _):
+        text = page.locator("main").text_content()
+        rows = {r.split("\t")[0]: r.split("\t")[1:] for r in page.locator("tr").all_inner_texts()}
+    assert rows["Euler number χ (a sphere has 2)"] == ["2"] * 4
+    assert rows["self-intersecting faces"] == ["0"] * 4
+    assert rows["volume inside (cm³)"][1] == f"{report['surfaces']['left']['final']['volume_cm3']:.3g}"
+    assert all(warning in text for warning in report["warnings"])
+    assert "by <hand>" in text
+
+
+def test_warnings_stand_out_and_reach_the_command_line(place, made, monkeypatch, capsys):
+    monkeypatch.setattr(reconstruction, "doubts_about_scan", lambda *_: ["it <looks> odd"])
+    assert main(words(place, "odd", "--initial-only")) == 0
+    said = capsys.readouterr()
+    assert "meshot: warning: it <looks> odd" in said.err
+    assert "Not for clinical use" in said.out
+    page = (place / "odd" / "report.html").read_text()
+    assert "it &lt;looks&gt; odd" in page
+    assert "the initial surfaces are the result" in page
+    assert "crossed after the flow" not in page
+    assert (place / "odd" / "lh.white").read_bytes() == (place / "odd" / "lh.initial").read_bytes()
+
+
+def test_without_opengl_the_page_says_so(place, quick, monkeypatch):
+    monkeypatch.setattr(display, "usable_window", lambda: None)
+    assert main(words(place, "plain")) == 0
+    page = (place / "plain" / "report.html").read_text()
+    assert "surfaces cannot be drawn" in page
+    assert page.count("<img") == 1
+
+
+def last_line(capsys) -> str:
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    return said.err.splitlines()[-1]
+
+
+def test_a_folder_in_the_way_is_kept_unless_it_is_an_earlier_reconstruction(place, made, quick, capsys):
+    before = {f.name: f.stat().st_mtime_ns for f in made.iterdir()}
+    assert main(words(place, "out")) == 2
+    assert "or replace it with --overwrite" in last_line(capsys)
+    assert {f.name: f.stat().st_mtime_ns for f in made.iterdir()} == before
+    precious = place / "precious"
+    precious.mkdir()
+    (precious / "thesis.txt").write_text("years")
+    assert main(words(place, "precious", "--overwrite")) == 2
+    assert "holds no reconstruction" in last_line(capsys)
+    assert (precious / "thesis.txt").read_text() == "years"
+    again = place / "again"
+    again.mkdir()
+    for name in ("report.json", "report.html", "left_over"):
+        (again / name).write_text("old")
+    assert main(words(place, "again", "--overwrite")) == 0
+    assert sorted(f.name for f in again.iterdir()) == sorted(SURFACES + TEXTS)
+
+
+def test_a_failure_on_the_way_leaves_nothing(place, quick, monkeypatch, capsys):
+    def fail(*_):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(written, "reconstruction_page", fail)
+    before = sorted(place.iterdir())
+    assert main(words(place, "half")) == 2
+    assert last_line(capsys).endswith("meshot: no space left")
+    assert sorted(place.iterdir()) == before
+
+
+def save(path, data, affine):
+    image = nibabel.Nifti1Image(data, None)
+    if affine is not None:
+        image.header.set_sform(affine, 1)
+    image.header["qform_code"] = 0
+    nibabel.save(image, path)
+
+
+GOOD = np.random.default_rng(0).normal(50, 5, (12, 13, 14)).astype(np.float32)
+PLACE = np.diag([4.0, 4.0, 4.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("data", "affine", "why"),
+    [
+        (np.full((12, 13, 14), 7, np.float32), PLACE, "7.0 everywhere"),
+        (np.where(GOOD > 60, np.nan, GOOD), PLACE, "NaN or infinite"),
+        (np.stack([GOOD, GOOD], axis=-1), PLACE, "three axes are needed"),
+        (GOOD, None, "neither sform nor qform"),
+        (GOOD, np.diag([4.0, 4.0, 0.0, 1.0]), "singular"),
+        (None, None, "does not exist"),
+        (b"", None, "not a whole image"),
+        (b"half", None, "not a whole image"),
+    ],
+    ids=["constant", "nan", "4D", "no affine", "flat affine", "absent", "empty file", "truncated"],
+)
+def test_bad_scans_end_in_one_line_and_leave_nothing(place, tmp_path, capsys, data, affine, why):
+    path = tmp_path / "scan.nii.gz"
+    if isinstance(data, bytes):
+        path.write_bytes((place / NAME).read_bytes()[:-300] if data else b"")
+    elif data is not None:
+        save(path, data, affine)
+    weights = ["--weights", str(place / "weights")]
+    assert main(["reconstruct", str(path), "-o", str(tmp_path / "out"), *weights]) == 2
+    line = last_line(capsys)
+    assert "meshot: " in line
+    assert why in line
+    assert [f.name for f in tmp_path.iterdir() if f != path] == []
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        (["--steps", "0"], "steps is 0"),
+        (["--threads", "0"], "threads is 0"),
+        (["--weights", "/nowhere"], "segmentation.safetensors are missing: there is none in /nowhere"),
+    ],
+)
+def test_bad_choices_end_in_one_line(place, capsys, more, why):
+    assert main(words(place, "never", *more)) == 2
+    assert why in last_line(capsys)
+    assert not (place / "never").exists()
+
+
+def test_numbers_on_the_page_have_no_exponents():
+    page = _table(["", "left"], [("area", 1138.4), ("faces", 174540), ("volume", 361.21), ("none", 0)])
+    found = re.findall("<td>(.*?)</td>", page)
+    assert found == ["1\u202f138", "174\u202f540", "361", "0"]

@@ -1,0 +1,117 @@
+"""Results files are whole, finite, and say where they come from; numbers print alike everywhere."""
+
+import json
+import math
+import subprocess
+
+import pytest
+
+from meshot.provenance import (
+    FIELDS,
+    PACKAGE,
+    commit_of,
+    package_version,
+    provenance_lines,
+    read_results,
+    rounded,
+    write_results,
+)
+from meshot_book.notebook.environment import environment_card
+from meshot_book.notebook.numbers import digits, markdown_table, table
+
+
+@pytest.fixture
+def written(tmp_path):
+    path = tmp_path / "results.json"
+    write_results(path, {"w2": [0.1, 0.2]}, {"seed": 3}, "python experiments/x/run.py", "synthetic", 12.34)
+    return path
+
+
+def test_results_come_back_with_provenance(written):
+    record = read_results(written)
+    assert record["results"] == {"w2": [0.1, 0.2]}
+    assert set(record) == set(FIELDS)
+    lines = provenance_lines(record)
+    assert "python experiments/x/run.py" in lines
+    assert f"torch {record['versions']['torch']}" in lines
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    for name in ("src/meshot/loss/sliced.py", "experiments/ddot/small.yaml", "experiments/ddot/results.json"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("as committed\n")
+    for words in (["init", "-q"], ["add", "."], ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "a"]):
+        subprocess.run(["git", *words], cwd=tmp_path, check=True)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "mark"),
+    [
+        ("src/meshot/loss/sliced.py", "+changes"),
+        ("experiments/ddot/small.yaml", "+changes"),
+        ("experiments/ddot/results.json", ""),
+    ],
+)
+def test_changes_of_code_and_settings_mark_the_commit(checkout, name, mark):
+    clean = commit_of(checkout / "src/meshot")
+    assert len(clean) == 12
+    (checkout / name).write_text("not committed\n")
+    assert commit_of(checkout / "src/meshot") == clean + mark
+
+
+def test_the_package_is_what_is_looked_at(tmp_path):
+    assert PACKAGE.name == "meshot"
+    assert (PACKAGE / "loss").is_dir()
+    assert commit_of(tmp_path) == "not in a git checkout"
+
+
+def test_results_are_rounded_wherever_they_are():
+    assert rounded({"a": [1 / 3, {"b": 2e9 / 3}], "n": 12345678, "c": True, "d": None, "e": "1.23456789"}) == {
+        "a": [0.333333, {"b": 666667000.0}], "n": 12345678, "c": True, "d": None, "e": "1.23456789"
+    }  # fmt: skip
+
+
+def test_bad_results_are_refused(tmp_path, written):
+    with pytest.raises(ValueError, match="does not exist"):
+        read_results(tmp_path / "none.json")
+    half = tmp_path / "half.json"
+    half.write_text(written.read_text()[:-40])
+    with pytest.raises(ValueError, match="not whole JSON"):
+        read_results(half)
+    poor = tmp_path / "poor.json"
+    poor.write_text(json.dumps({"results": {}}))
+    with pytest.raises(ValueError, match="lacks config, command"):
+        read_results(poor)
+    with pytest.raises(ValueError, match="as JSON"):
+        write_results(written, {"w2": math.nan}, {}, "", "", 0.0)
+    assert read_results(written)["results"] == {"w2": [0.1, 0.2]}
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(math.pi, "3.142"), (-0.0, "0"), (1234567.0, "1.235e+06"), (2.0, "2"), (1e-9, "1e-09"), (math.inf, "inf")],
+)
+def test_four_digits(value, text):
+    assert digits(value) == text
+
+
+def test_tables_align():
+    rows = [{"loss": "Chamfer", "W2": 0.47123}, {"loss": "SW", "W2": 12.0}]
+    assert table(rows) == "loss         W2\nChamfer  0.4712\nSW           12"
+    assert table([]) == "(no rows)"
+
+
+def test_a_markdown_table_has_a_rule_and_four_digits():
+    assert markdown_table([{"m": 10, "error": 1 / 3}, {"m": 20}]).splitlines() == [
+        "| m | error |", "| --- | --- |", "| 10 | 0.3333 |", "| 20 |  |",
+    ]  # fmt: skip
+
+
+def test_the_card_names_what_ran():
+    card = environment_card(0.0, 7)
+    assert "seed 7" in card
+    assert f"torch {package_version('torch')}" in card
+    assert package_version("no-such-package") == "not installed"

@@ -1,0 +1,30 @@
+"""The picture of a training's log."""
+
+import matplotlib.pyplot as plt
+import pytest
+
+from meshot.view.training import training_figure, write_training_figure
+
+LOG = [{"step": i, "loss": 1 / i, "learning_rate": 0.1} for i in range(1, 61)]
+CHECK = {"step": 60, "validation_loss": 0.2, "dice_left": 0.9, "dice_right": 0.8, "cpu_seconds": 1.0}
+
+
+def test_lines_are_those_of_the_log():
+    figure = training_figure([*LOG, CHECK])
+    loss, overlap = figure.axes
+    by_name = {line.get_label(): line for line in (*loss.lines, *overlap.lines)}
+    assert by_name["one step"].get_ydata().tolist() == [1 / i for i in range(1, 61)]
+    assert by_name["mean of 2 steps"].get_xdata()[0] == 2
+    assert by_name["mean of 2 steps"].get_ydata()[0] == pytest.approx(0.75)
+    assert by_name["validation"].get_xydata().tolist() == [[60, 0.2]]
+    assert by_name["left"].get_ydata().tolist() == [0.9]
+    assert by_name["right"].get_ydata().tolist() == [0.8]
+    assert loss.get_yscale() == "log"
+    plt.close(figure)
+
+
+def test_a_picture_is_written_and_an_empty_log_refused(tmp_path):
+    write_training_figure(tmp_path / "a.png", LOG)
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(ValueError, match="holds no step"):
+        training_figure([CHECK])
