@@ -15,7 +15,7 @@ from ruler import medians, timed
 
 from meshot.anatomy import fsaverage5_surface, mni152_t1
 from meshot.mesh import Mesh
-from meshot.pipeline import reconstruct, trained_networks
+from meshot.pipeline import load_networks, reconstruct
 from meshot.pipeline.deformation import N_STEPS, deformed, read_deformation_config
 from meshot.provenance import write_results
 from meshot.synth import loop_subdivided
@@ -46,7 +46,7 @@ def flow(settings: str) -> dict:
 
 def whole(initial_only: bool) -> list[dict]:
     """Every stage of a reconstruction of the MNI152 average with the networks that come with the package, and all."""
-    networks = trained_networks(with_deformation=not initial_only)
+    networks = load_networks(with_deformation=not initial_only)
     found = reconstruct(mni152_t1(), networks.segmentation, networks.deformation)
     stages = [
         {"part": name, "CPU s": found.cpu_seconds[name], "wall s": found.wall_seconds[name]}

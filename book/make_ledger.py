@@ -4,7 +4,7 @@ from pathlib import Path
 
 from meshot.files import whole_file
 from meshot_book.claims import ledger_page as page_of_claims
-from meshot_book.claims.rules import JUDGES
+from meshot_book.claims.rules import RULES
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "book" / "ledger.md"
@@ -12,7 +12,7 @@ PAGE = ROOT / "book" / "ledger.md"
 
 def ledger_page() -> str:
     """The ledger as the committed results make it."""
-    return page_of_claims(ROOT / "book" / "claims.yaml", ROOT / "experiments", JUDGES)
+    return page_of_claims(ROOT / "book" / "claims.yaml", ROOT / "experiments", RULES)
 
 
 if __name__ == "__main__":

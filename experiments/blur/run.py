@@ -14,7 +14,7 @@ from fitting import judged, make_pair, run_once
 from limits import limit_rows
 from scipy import stats
 
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.mesh.geometry import face_areas
 from meshot.provenance import rounded, write_results
 
@@ -29,7 +29,7 @@ def main() -> None:
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
     todo = [(run, seed) for seed in config["seeds"] for run in config["losses"]]
-    found = finished(todo, lambda task: run_once(*task, config), partial)
+    found = run_jobs(todo, lambda task: run_once(*task, config), partial)
     rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
     results = summarise(rows) | {"limits": limit_rows(config)} | yardsticks(config)
     seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)

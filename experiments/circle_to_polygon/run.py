@@ -12,7 +12,7 @@ import yaml
 from summary import floors, summarise
 from toy import run_once
 
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
@@ -51,7 +51,7 @@ def main() -> None:
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
     todo = [(run, seed) for run in sweep_runs(config) for seed in config["seeds"]]
-    found = finished(todo, lambda task: run_once(*task, config), partial)
+    found = run_jobs(todo, lambda task: run_once(*task, config), partial)
     rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
     results = summarise(rows) | {"floors": floors(config)}
     seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)

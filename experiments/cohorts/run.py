@@ -14,7 +14,7 @@ import scipy.ndimage
 import torch
 import yaml
 
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.provenance import write_results
 from meshot.synth.cohorts import LABELS, Subject, read_subject, scans
 
@@ -36,7 +36,7 @@ def main() -> None:
         for scan in scans(folder / name)
     ]
     partial = HERE / "partial.jsonl"
-    rows = finished(tasks, lambda task: summary_of(task, folder), partial, time.process_time)
+    rows = run_jobs(tasks, lambda task: summary_of(task, folder), partial, time.process_time)
     results = {"scans": [row["task"] | row["found"] for row in rows]}
     results["cpu_seconds"] = {
         name: cpu_seconds(folder / name) for name in config["cohorts"] if (folder / name).is_dir()

@@ -9,7 +9,7 @@ import sys
 
 from trainings import HERE, arguments, read_config, segmentation_network
 
-from meshot.mesh.editing import mended
+from meshot.mesh.editing import smooth_crossings
 from meshot.model import network_digest
 from meshot.pipeline.deformation import InitialSurfaces, write_example
 from meshot.provenance import provenance
@@ -27,7 +27,7 @@ def main(words: list[str] | None = None) -> int:
     subject = scans(config["cohorts"][COHORT], config["evaluation"]["split"])[0]
     example = InitialSurfaces(config["initial"], network).example(subject, SIDE, INITIAL_FACES)
     # Simplified faces may cross; what the flow starts from must not.
-    example = dataclasses.replace(example, initial=mended(example.coarse))
+    example = dataclasses.replace(example, initial=smooth_crossings(example.coarse))
     record = provenance() | {"cohort": COHORT, "side": SIDE, "segmentation_sha256": network_digest(network)}
     write_example(asked.output, example, record, TARGET_FACES)
     return 0

@@ -6,7 +6,7 @@ import time
 from places import Places, places
 
 from meshot.anatomy import Hemisphere
-from meshot.flow.crossings import settled
+from meshot.flow.crossings import repair_crossings
 from meshot.mesh import Mesh
 from meshot.metrics import Evaluation, evaluate
 from meshot.model import DeformationNetwork
@@ -51,13 +51,13 @@ def flow_row(found: Seen, network: DeformationNetwork, training: DeformationSett
     started = time.process_time()
     carried = deformed(found.initial, found.scan.volume, network, training.n_flow_steps, training.method)
     flowed = time.process_time()
-    result = settled(found.initial, carried)
+    result = repair_crossings(found.initial, carried)
     seconds = {"cpu_seconds_flow": flowed - started, "cpu_seconds_settling": time.process_time() - flowed}
     last = numbers(evaluated(result.mesh, found, settings))
     return {
         "flow": numbers(evaluated(carried, found, settings)) if result.n_crossing else last,
         "settled": last | found.truth.errors(in_scanner(result.mesh, found.scan)),
-        "n_retreats": result.n_retreats,
+        "n_retreats": result.n_backtracks,
         "largest_move_mm": result.largest_move,
     } | seconds
 

@@ -18,7 +18,7 @@ from measuring import flow_row, initial_row, seen
 from summary import summarised
 from trainings import HERE, Wanted, arguments, read_config, record_of, segmentation_network, wanted
 
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline.deformation import InitialSurfaces
 from meshot.provenance import provenance, rounded, write_results
@@ -86,7 +86,7 @@ def measured(
         return {"commit": commit} | flow_row(found, network(task["of"]), training, settings)
 
     tasks = tasks_of(there, subjects, digests_of(there, config, network_digest(segmentation)), data)
-    return finished(tasks, work, partial, time.process_time)
+    return run_jobs(tasks, work, partial, time.process_time)
 
 
 def described(each: Wanted, config: dict, segmentation: str) -> dict:

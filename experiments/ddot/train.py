@@ -21,7 +21,7 @@ from tqdm import tqdm
 from trainings import Wanted, arguments, keep, read_config, segmentation_network, segmentation_weights, wanted
 
 from meshot.pipeline import LOG, STATE_FOLDER
-from meshot.pipeline.deformation import InitialSurfaces, trained_deformation
+from meshot.pipeline.deformation import InitialSurfaces, run_deformation_training
 from meshot.synth.cohorts import scans
 
 SECONDS_BETWEEN_LOOKS = 5.0
@@ -42,7 +42,7 @@ def made(each: Wanted, config: dict) -> None:
     """
     torch.set_num_threads(1)
     with alone(each.state(config)):
-        trained_deformation(
+        run_deformation_training(
             config["settings"], [config["cohorts"][each.cohort]], each.state(config), segmentation_weights(config),
             config["initial"], each.changes(config), torch.device("cpu"),
         )  # fmt: skip

@@ -12,7 +12,7 @@ import torch
 from meshot import Mesh
 from meshot.anatomy import fsaverage5_surface
 from meshot.files import whole_file
-from meshot.mesh.editing import laplacian_smoothing, mended
+from meshot.mesh.editing import laplacian_smoothing, smooth_crossings
 from meshot.mesh.geometry import signed_volume
 from meshot.mesh.shapes import folded_sphere, icosphere
 
@@ -20,7 +20,7 @@ from meshot.mesh.shapes import folded_sphere, icosphere
 def target_mesh(target: str, seed: int, config: dict) -> Mesh:
     """A member of the analytic family (stretched and turned by the seed), or fsaverage5's white surface, mended."""
     if target != "folded":
-        return mended(fsaverage5_surface("white", target.removeprefix("fsaverage5_")))
+        return smooth_crossings(fsaverage5_surface("white", target.removeprefix("fsaverage5_")))
     shape = config["folded"]
     generator = np.random.default_rng([seed, 0])
     stretch = 1 + shape["stretch"] * generator.uniform(-1, 1, 3)

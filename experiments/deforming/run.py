@@ -55,7 +55,7 @@ from summary import differences, summarise
 
 from meshot import Mesh
 from meshot.files import whole_file
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
@@ -191,7 +191,7 @@ def main() -> None:
         lines = [line for line in partial.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
         done = {json.loads(line)["key"] for line in lines}
         tasks = [task for task in tasks if json.dumps(task, sort_keys=True) in done]
-    rows = finished(tasks, lambda task: work(task, config), partial, time.process_time)
+    rows = run_jobs(tasks, lambda task: work(task, config), partial, time.process_time)
     of_trials = [row for row in rows if row["task"]["seed"] == config["trials"]["seed"]]
     results = collect([row for row in rows if row not in of_trials], of_trials, config)
     meshes = dict(stored_meshes(results["fits"], config))

@@ -29,7 +29,7 @@ from variants import fit_loss, pair_of_meshes
 from meshot import evaluate
 from meshot.flow.fields import grid_around
 from meshot.flow.fitting import FitSettings, fit_flow
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
@@ -99,7 +99,7 @@ def main() -> None:
     began = time.process_time()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    rows = finished(planned_fits(config), lambda task: fit_once(task, config), partial, time.process_time)
+    rows = run_jobs(planned_fits(config), lambda task: fit_once(task, config), partial, time.process_time)
     summary, of_costs = summarise(rows), time.process_time()
     results = {"costs": cost_rows(config), "fits": summary, "differences": differences(summary)}
     seconds = max(sum(row["seconds"] for row in rows) + time.process_time() - of_costs, time.process_time() - began)

@@ -13,7 +13,7 @@ from extrapolation import Groups, matching_law, power_law, ratios_of, slope_of, 
 from readings import emd_readings, paper_number
 from samples import measured, surface_of
 
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.mesh.geometry import face_areas
 from meshot.provenance import rounded, write_results
 
@@ -27,7 +27,7 @@ def main() -> None:
     started = time.process_time()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    rows = finished(all_tasks(config), measured, partial, time.process_time)
+    rows = run_jobs(all_tasks(config), measured, partial, time.process_time)
     results = summarise(rows, config)
     seconds = max(sum(row["seconds"] for row in rows), time.process_time() - started)
     command, data = "python experiments/floors/run.py", "fsaverage5 white and pial surfaces (group averages)"

@@ -24,7 +24,7 @@ def mended_chain(leg: dict, legs: list[Leg], start: Mesh) -> tuple[list[Leg], Me
         counts["cut"] = crossings(legs, start)
     if "standstill" in leg:
         legs = stilled_chain(legs, start, leg["standstill"])
-        counts["stilled"] = crossings(legs, start)
+        counts["damped"] = crossings(legs, start)
     seconds = {"cpu": time.process_time() - began["cpu"], "wall": time.perf_counter() - began["wall"]}
     return legs, start, {"crossings": counts, "n_faces": len(start.faces), "seconds": seconds}
 

@@ -16,7 +16,7 @@ surface with neither the folds nor the connectivity. Each ends in a chain of flo
 - ``fits``, one for each leg (see ``measuring.fit_record``): ``loss`` (means over ten iterations), at every check
   ``checked_iteration``, ``checked_loss``, ``checked_crossings``, ``assd``, ``cpu_seconds``; ``retreat_iteration``,
   ``best_iteration``, ``n_steps``; ``mending`` {``crossings`` of the leg as it was ``fitted``, with the start ``cut``
-  where the chain stretches it, with the flow ``stilled`` where faces crossed; ``n_faces`` after cutting; ``seconds``};
+  where the chain stretches it, with the flow ``damped`` where faces crossed; ``n_faces`` after cutting; ``seconds``};
   ``seconds`` and ``cpu_seconds_in_all``, mending included;
 - ``before``, ``after``: ``metrics`` {name: value, unit, definition, floor}, ``smallest_angles`` {percentile: degrees};
 - ``path`` (see ``measuring.watched_path``): ``crossings`` after every step of the chain, the first before any;

@@ -6,7 +6,7 @@ import torch
 from meshot.anatomy import Hemisphere, fsaverage5_surface
 from meshot.flow.fitting import Leg, chain_end
 from meshot.mesh import Mesh
-from meshot.mesh.editing import decimated, laplacian_smoothing, mended, with_edges_split
+from meshot.mesh.editing import decimated, laplacian_smoothing, smooth_crossings, with_edges_split
 from meshot.mesh.geometry import edge_lengths, mesh_edges
 from meshot.volume import Volume
 from meshot.volume.surfaces import enclosed_fractions, isosurface
@@ -16,7 +16,7 @@ MOST_CUTS = 8  # rounds; an edge is then a 256th of what it was
 
 def target_surface(side: Hemisphere) -> Mesh:
     """fsaverage5's white surface; its right hemisphere has four crossing faces, which are mended."""
-    return mended(fsaverage5_surface("white", side))
+    return smooth_crossings(fsaverage5_surface("white", side))
 
 
 def start_surface(side: Hemisphere, start: dict) -> Mesh:
@@ -33,7 +33,7 @@ def remeshed(mesh: Mesh, voxel: float, n_faces: int, evening: int) -> Mesh:
     shape = np.ceil((upper - lower) / voxel).astype(int) + 7
     grid = Volume(np.zeros(shape, dtype=np.float32), affine)
     surface = isosurface(grid.with_data(enclosed_fractions(mesh, grid).astype(np.float32)))
-    return mended(laplacian_smoothing(decimated(surface, n_faces).to(torch.float64), evening))
+    return smooth_crossings(laplacian_smoothing(decimated(surface, n_faces).to(torch.float64), evening))
 
 
 @torch.no_grad()

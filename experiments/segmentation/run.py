@@ -17,7 +17,7 @@ import yaml
 from summary import summary
 
 from meshot.anatomy import HEMISPHERES
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.mesh.topology import self_intersecting_faces, topology
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
 from meshot.model import SegmentationNetwork, read_weights
@@ -112,7 +112,7 @@ def main(words: list[str] | None = None) -> None:
 
     tasks = [{"subject": name, "side": side} for name in subjects for side in HEMISPHERES]
     partial = asked.output.with_suffix(".partial")
-    rows = finished(tasks, work, partial, time.process_time)
+    rows = run_jobs(tasks, work, partial, time.process_time)
     hemispheres = [row["task"] | row["found"] for row in rows]
     results = {"hemispheres": hemispheres, "summary": summary(hemispheres), "weights": described(network, record)}
     seconds = sum(row["seconds"] for row in rows)

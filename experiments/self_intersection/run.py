@@ -22,7 +22,7 @@ from carrying import carried_row, given_row
 from fitting import fit_row
 from summary import differences
 
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.provenance import rounded, write_results
 
 HERE = Path(__file__).resolve().parent
@@ -51,7 +51,7 @@ def main() -> None:
     torch.set_num_threads(1)
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    rows = finished(tasks(config), lambda task: WORK[task["table"]](task, config), partial, time.process_time)
+    rows = run_jobs(tasks(config), lambda task: WORK[task["table"]](task, config), partial, time.process_time)
     results: dict[str, list] = {name: [] for name in WORK}
     for row in rows:
         found = row["found"] if isinstance(row["found"], dict) else {"rows": row["found"]}

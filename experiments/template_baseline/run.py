@@ -15,7 +15,7 @@ import yaml
 from baseline import perfect_mask_surface, registered_template, template_in_standard_space
 
 from meshot.anatomy import HEMISPHERES
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.metrics import evaluate
 from meshot.provenance import write_results
 from meshot.synth.cohorts import participants, read_recipe, read_subject
@@ -39,7 +39,7 @@ def main() -> None:
         for side in HEMISPHERES
     ]
     partial = HERE / "partial.jsonl"
-    rows = finished(tasks, lambda task: score(task, folder, config), partial, time.process_time)
+    rows = run_jobs(tasks, lambda task: score(task, folder, config), partial, time.process_time)
     results = {"scores": [row["task"] | row["found"] for row in rows]}
     results["summary"] = summarise(results["scores"])
     seconds = sum(row["seconds"] for row in rows)

@@ -13,7 +13,7 @@ from limits import chamfer_limit
 from measured import MEASURES, errors
 from summary import summarise
 
-from meshot.jobs import finished
+from meshot.jobs import run_jobs
 from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
@@ -37,7 +37,7 @@ def main() -> None:
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
     limits = [chamfer_limit(pair, config) for pair in config["chamfer"]["pairs"]]
-    rows = finished(tasks(config), lambda task: errors(task, limits, config), partial, time.process_time)
+    rows = run_jobs(tasks(config), lambda task: errors(task, limits, config), partial, time.process_time)
     rows = [row | {"values": row["found"]} for row in rows]
     results = summarise(rows, config) | {"limits": limits}
     seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)

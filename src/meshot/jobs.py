@@ -10,7 +10,7 @@ from tqdm import tqdm
 from meshot.files import whole_file
 
 
-def finished(
+def run_jobs(
     tasks: Iterable[object],
     work: Callable[[object], object],
     partial: Path,

@@ -63,15 +63,15 @@ def fitted_slope(
     _require_fit(x, rows, statistic)
     logs = np.log(np.asarray(x, dtype=np.float64))
     counts = np.array([len(row) for row in rows], dtype=np.float64)
-    pull = counts * (logs - np.average(logs, weights=counts))
-    pull /= pull @ logs  # slope = pull @ log(error): a weighted least-squares line
+    weights = counts * (logs - np.average(logs, weights=counts))
+    weights /= weights @ logs  # slope = weights @ log(error): a weighted least-squares line
     heights = np.log(averages(rows, statistic))
-    slope = float(pull @ heights)
+    slope = float(weights @ heights)
     if counts.max() == 1:
         return _students(logs, heights, slope)
     generator = numpy_generator(generator)
     drawn = np.zeros(n_draws)
-    for weight, row in zip(pull, rows):
+    for weight, row in zip(weights, rows):
         again = row[generator.integers(len(row), size=(n_draws, len(row)))]
         drawn += weight * np.log(averages(again, statistic))
     low, high = np.quantile(drawn, [0.025, 0.975])

@@ -6,7 +6,7 @@ import pytest
 
 from make_ledger import PAGE, ledger_page
 from meshot_book.claims import ledger
-from meshot_book.claims.rules import JUDGES
+from meshot_book.claims.rules import RULES
 
 
 def test_the_committed_page_is_the_generated_one():
@@ -64,4 +64,4 @@ def test_a_status_must_be_one_of_the_five():
 
 def test_every_judge_has_a_claim(root):
     claims = (root / "book" / "claims.yaml").read_text()
-    assert all(f"- id: {number}\n" in claims for number in JUDGES)
+    assert all(f"- id: {number}\n" in claims for number in RULES)

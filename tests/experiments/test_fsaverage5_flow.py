@@ -86,7 +86,7 @@ def test_a_leg_that_makes_faces_cross_is_mended(part):
     leg = {"longest_edge": 3.0, "standstill": 3.0}
     legs, start, told = part("mending").mended_chain(leg, [Leg(field, 4)], sphere)
     assert told["crossings"]["fitted"] > 0
-    assert told["crossings"]["stilled"] == 0
+    assert told["crossings"]["damped"] == 0
     end = part("surfaces").carried(legs, start)
     assert len(self_intersecting_faces(end)) == 0
     assert told["n_faces"] == len(end.faces) > len(sphere.faces)

@@ -76,9 +76,9 @@ def test_killed_and_resumed_ends_in_the_same_field(tmp_path, stop):
     whole = fit_flow(quick_field(), SOURCE, quick_loss(), QUICK)
     path = tmp_path / "fit.safetensors"
     with pytest.raises(Killed):
-        fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, checkpoint=path, report=kill)
+        fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, checkpoint=path, progress=kill)
     seen = []
-    resumed = fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, path, report=lambda i, loss: seen.append(i))
+    resumed = fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, path, progress=lambda i, loss: seen.append(i))
     assert seen[0] == stop // 4 * 4 + 1
     assert torch.equal(weights(whole), weights(resumed))
     assert torch.equal(whole.mesh.vertices, resumed.mesh.vertices)
@@ -101,7 +101,7 @@ def test_what_is_watched_is_kept_through_a_kill(tmp_path):
     assert torch.equal(weights(whole), weights(fit_flow(quick_field(), SOURCE, quick_loss(), QUICK)))
     path = tmp_path / "fit.safetensors"
     with pytest.raises(Killed):
-        fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, checkpoint=path, report=kill, watch=watch)
+        fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, checkpoint=path, progress=kill, watch=watch)
     assert fit_flow(quick_field(), SOURCE, quick_loss(), QUICK, checkpoint=path, watch=watch).history == whole.history
 
 

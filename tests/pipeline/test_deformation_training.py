@@ -19,7 +19,7 @@ from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
 from meshot.pipeline.deformation.carrying import deformed, standardised
 from meshot.pipeline.deformation.data import InitialSurfaces
-from meshot.pipeline.deformation.files import trained_deformation
+from meshot.pipeline.deformation.files import run_deformation_training
 from meshot.pipeline.deformation.settings import DeformationConfig, deformation_config, read_deformation_config
 from meshot.pipeline.deformation.training import train_deformation
 from meshot.synth.cohorts.cohort import scans
@@ -99,7 +99,7 @@ def test_a_stopped_training_ends_with_the_same_weights(tmp_path, whole, examples
             raise Kill
 
     with pytest.raises(Kill):
-        train_deformation(TINY, *examples, folder=tmp_path, report=die)
+        train_deformation(TINY, *examples, folder=tmp_path, progress=die)
     resumed = train_deformation(TINY, *examples, folder=tmp_path)
     assert same(resumed.network, whole.network)
     assert without_seconds(resumed.log) == without_seconds(whole.log)
@@ -260,7 +260,7 @@ def test_everything_is_written_with_its_provenance(tmp_path, cohort):
     config = tmp_path / "c.yaml"
     config.write_text(json.dumps(TINY.as_dict()))
     out = tmp_path / "out"
-    found = trained_deformation(
+    found = run_deformation_training(
         config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial", ["training.n_faces=400"],
         torch.device("cpu"),
     )  # fmt: skip
@@ -289,7 +289,7 @@ def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypa
 
     def record(now: str) -> dict:
         monkeypatch.setattr(results, "commit_of", lambda _: now)
-        trained_deformation(*words)
+        run_deformation_training(*words)
         return json.loads((out / "weights.json").read_text())
 
     def stop(*_: object) -> None:
@@ -300,7 +300,7 @@ def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypa
         patch.setattr("meshot.train.engine._validated", stop)
         monkeypatch.setattr(results, "commit_of", lambda _: "first")
         with pytest.raises(Kill):
-            trained_deformation(*words)
+            run_deformation_training(*words)
     found = record("second")
     assert found["commit"] == "second"
     assert found["results"]["commits"] == ["first", "second"]
@@ -313,7 +313,7 @@ def test_a_network_too_large_to_be_kept_is_refused_at_once(tmp_path, cohort):
     config = tmp_path / "c.yaml"
     config.write_text(json.dumps(TINY.as_dict()))
     with pytest.raises(ValueError, match="MB; at most 10 MB are kept"):
-        trained_deformation(
+        run_deformation_training(
             config, [cohort], tmp_path / "out", tmp_path / "segmentation.safetensors", tmp_path / "initial",
             ["network.width=128", "network.hidden=[9000, 2000]"],
         )  # fmt: skip

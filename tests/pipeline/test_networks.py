@@ -10,7 +10,7 @@ from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import network_digest, read_weights, write_weights
 from meshot.pipeline import networks as shipped
 from meshot.pipeline.deformation.settings import read_deformation_config
-from meshot.pipeline.networks import DEFORMATION, SEGMENTATION, trained_networks, weights_path
+from meshot.pipeline.networks import DEFORMATION, SEGMENTATION, load_networks, weights_path
 from meshot.provenance import read_results
 
 
@@ -20,7 +20,7 @@ def folder(tmp_path):
 
 
 def test_networks_come_with_their_records(folder):
-    networks = trained_networks(folder)
+    networks = load_networks(folder)
     assert set(networks.deformation) == {"left", "right"}
     assert networks.segmentation.config() == {"width": 1, "depth": 1, "fold": 1}
     assert set(networks.records) == {SEGMENTATION, *DEFORMATION.values()}
@@ -30,26 +30,26 @@ def test_networks_come_with_their_records(folder):
 def test_without_deformation_its_files_are_not_needed(folder):
     for name in DEFORMATION.values():
         (folder / name).unlink()
-    assert trained_networks(folder, with_deformation=False).deformation is None
+    assert load_networks(folder, with_deformation=False).deformation is None
     with pytest.raises(
         ValueError, match=r"deformation_left.safetensors are missing: there is none in .*--initial-only"
     ):
-        trained_networks(folder)
+        load_networks(folder)
 
 
 def test_the_shipped_ones_are_used_if_no_folder_is_named(folder, monkeypatch):
     monkeypatch.setattr(shipped, "SHIPPED", folder)
     assert weights_path(SEGMENTATION) == folder / SEGMENTATION
-    assert trained_networks().records[SEGMENTATION]["command"] == "made by hand"
+    assert load_networks().records[SEGMENTATION]["command"] == "made by hand"
     (folder / SEGMENTATION).unlink()
     with pytest.raises(ValueError, match="this installation came without them"):
-        trained_networks()
+        load_networks()
 
 
 def test_sides_are_not_taken_for_a_segmentation(folder):
     shutil.copy(folder / DEFORMATION["left"], folder / SEGMENTATION)
     with pytest.raises(ValueError, match="does not hold the weights of a SegmentationNetwork"):
-        trained_networks(folder)
+        load_networks(folder)
 
 
 def with_record(folder, side, record):
@@ -59,33 +59,33 @@ def with_record(folder, side, record):
 
 def test_the_flow_of_the_other_side_is_refused(folder):
     with_record(folder, "right", {"training": {"side": "right"}})
-    trained_networks(folder)
+    load_networks(folder)
     with_record(folder, "right", {"training": {"side": "left"}})
     with pytest.raises(ValueError, match=r"deformation_right.* holds the flow of the left side; that of the right"):
-        trained_networks(folder)
+        load_networks(folder)
 
 
 def test_a_flow_from_other_initial_surfaces_is_refused(folder):
     segmentation = read_weights(folder / SEGMENTATION, SegmentationNetwork)[0]
     with_record(folder, "left", {"results": {"segmentation_sha256": network_digest(segmentation)}})
-    trained_networks(folder)
+    load_networks(folder)
     with_record(folder, "left", {"results": {"segmentation_sha256": "0" * 64}})
     with pytest.raises(ValueError, match=r"deformation_left.* learned from initial surfaces of another network than"):
-        trained_networks(folder)
+        load_networks(folder)
 
 
 def test_flows_are_integrated_as_they_were_learned(folder):
-    assert (trained_networks(folder).n_steps, trained_networks(folder).method) == (10, "euler")
+    assert (load_networks(folder).n_steps, load_networks(folder).method) == (10, "euler")
     with_record(folder, "left", {"training": {"n_flow_steps": 4, "method": "rk4"}})
     with pytest.raises(ValueError, match="both sides need the same: train one of them anew"):
-        trained_networks(folder)
+        load_networks(folder)
     with_record(folder, "right", {"training": {"n_flow_steps": 4, "method": "rk4"}})
-    assert (trained_networks(folder).n_steps, trained_networks(folder).method) == (4, "rk4")
+    assert (load_networks(folder).n_steps, load_networks(folder).method) == (4, "rk4")
 
 
 def test_what_is_shipped_can_be_read(root):
     assert {path.name for path in shipped.SHIPPED.iterdir()} == {SEGMENTATION, *DEFORMATION.values()}
-    networks = trained_networks()
+    networks = load_networks()
     for record in networks.records.values():
         assert len(record["commit"]) == 12  # nothing that was not committed
     for side, name in DEFORMATION.items():

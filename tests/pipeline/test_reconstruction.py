@@ -6,13 +6,13 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from bright_head import balls, bright_head, bright_template, brightness_network, shifting_network
-from meshot.flow.crossings.settling import SettledSurface
+from meshot.flow.crossings.repair import RepairedSurface
 from meshot.mesh.geometry.areas import signed_volume
 from meshot.mesh.shapes.solids import icosphere
 from meshot.mesh.topology.counts import SPHERE, topology
 from meshot.mesh.topology.intersection import self_intersecting_faces
 from meshot.metrics.distances import vertex_distances
-from meshot.pipeline.quality_warnings import agreement_with, doubts_about_scan, doubts_about_surfaces
+from meshot.pipeline.quality_warnings import agreement_with, scan_warnings, surface_warnings
 from meshot.pipeline.reconstruction import reconstruct
 from meshot.pipeline.segmentation.surface import SegmentedSurface
 from meshot.volume.standard import StandardScan, place_on_grid
@@ -131,7 +131,7 @@ def place(matrix: np.ndarray) -> StandardScan:
     ids=["fits", "small", "large", "mirrored", "aside"],
 )
 def test_doubts_about_a_scan(change, words):
-    found = doubts_about_scan(place(change), bright_template())
+    found = scan_warnings(place(change), bright_template())
     assert all(any(word in doubt for doubt in found) for word in words)
     assert len(found) >= len(words)
     assert bool(found) == bool(words)
@@ -151,20 +151,20 @@ def test_doubts_about_surfaces():
         return SegmentedSurface(ball, ball, masked(0), masked(500), masked(n_left))
 
     ball = icosphere(3, 40.0)
-    calm = SettledSurface(ball, 0, 0, 0.0)
-    assert doubts_about_surfaces("left", ball, segmented(495), calm) == []
-    assert doubts_about_surfaces("left", ball, segmented(495), None) == []
-    (small,) = doubts_about_surfaces("left", icosphere(3, 30.0), segmented(500), calm)
+    calm = RepairedSurface(ball, 0, 0, 0.0)
+    assert surface_warnings("left", ball, segmented(495), calm) == []
+    assert surface_warnings("left", ball, segmented(495), None) == []
+    (small,) = surface_warnings("left", icosphere(3, 30.0), segmented(500), calm)
     assert "left surface encloses 112 cm³" in small
-    (large,) = doubts_about_surfaces("right", icosphere(3, 50.0), segmented(500), calm)
+    (large,) = surface_warnings("right", icosphere(3, 50.0), segmented(500), calm)
     assert "right surface encloses 519 cm³" in large
-    (given_up,) = doubts_about_surfaces("right", ball, segmented(480), calm)
+    (given_up,) = surface_warnings("right", ball, segmented(480), calm)
     assert "20 voxels (4.0 %) of the right" in given_up
-    (crossed,) = doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 64, 0, 0.31))
+    (crossed,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 64, 0, 0.31))
     assert "64 faces (5 %) of the left surface crossed after the flow" in crossed
     assert "retreats" not in crossed
-    (retreated,) = doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 6, 2, 3.0))
+    (retreated,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 2, 3.0))
     assert "2 retreats" in retreated
-    assert doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 6, 0, 3.0)) == []
-    (far,) = doubts_about_surfaces("left", ball, segmented(500), SettledSurface(ball, 6, 0, 7.5))
+    assert surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 3.0)) == []
+    (far,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 7.5))
     assert "moved vertices by up to 7.5 mm" in far

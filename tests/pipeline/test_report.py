@@ -185,7 +185,7 @@ def test_the_page_says_what_the_numbers_say(made, context):
 
 
 def test_warnings_stand_out_and_reach_the_command_line(place, made, monkeypatch, capsys):
-    monkeypatch.setattr(reconstruction, "doubts_about_scan", lambda *_: ["it <looks> odd"])
+    monkeypatch.setattr(reconstruction, "scan_warnings", lambda *_: ["it <looks> odd"])
     assert main(words(place, "odd", "--initial-only")) == 0
     said = capsys.readouterr()
     assert "meshot: warning: it <looks> odd" in said.err

@@ -69,12 +69,12 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, whole, examples,
             raise Kill
 
     with pytest.raises(Kill):
-        train_segmentation(TINY, *examples, folder=tmp_path, report=die)
+        train_segmentation(TINY, *examples, folder=tmp_path, progress=die)
     resumed = train_segmentation(TINY, *examples, folder=tmp_path)
     assert same(resumed.network, whole.network)
     assert without_seconds(resumed.log) == without_seconds(whole.log)
     assert without_seconds(read_log(tmp_path / "log.jsonl")) == without_seconds(whole.log)
-    finished = train_segmentation(TINY, *examples, folder=tmp_path, report=die)  # no step left to die in
+    finished = train_segmentation(TINY, *examples, folder=tmp_path, progress=die)  # no step left to die in
     assert same(finished.network, whole.network)
 
 

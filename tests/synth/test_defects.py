@@ -22,7 +22,7 @@ from meshot.synth.defects.planted import (
     with_hole,
     with_spike,
 )
-from meshot.synth.defects.sulcal_walls import facing_banks, with_bridge, with_crossing
+from meshot.synth.defects.sulcal_walls import facing_walls, with_bridge, with_crossing
 
 SPHERE_MESH = icosphere(3, 10.0)
 TOP = torch.tensor([0.0, 0.0, 10.0], dtype=torch.float64)
@@ -105,7 +105,7 @@ def test_flipped_faces_are_counted_and_stay():
 
 
 def test_banks_face_each_other(folded):
-    banks = facing_banks(folded, 2.0, 8.0)
+    banks = facing_walls(folded, 2.0, 8.0)
     assert float(banks.gaps.min()) >= 2
     assert float(banks.gaps.max()) <= 8
     assert bool((banks.gaps.diff() <= 0).all())
@@ -188,7 +188,7 @@ def test_a_bridge_that_would_cross_is_not_built():
 
 
 def test_a_crossing_goes_as_far_as_it_says(folded):
-    banks = facing_banks(folded, 2.0, 8.0)
+    banks = facing_walls(folded, 2.0, 8.0)
     moves = (with_crossing(folded, 0.5, 2.0, 8.0).vertices - folded.vertices).norm(dim=1)
     torch.testing.assert_close(moves[moves > 0], banks.gaps[-1].expand(3) + 0.5)
 

@@ -31,16 +31,16 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
-    from meshot.pipeline import trained_networks
-    from meshot.pipeline.report import PAGE, reconstructed
+    from meshot.pipeline import load_networks
+    from meshot.pipeline.report import PAGE, write_reconstruction
 
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
     if chosen.steps is not None:
         require_positive_integer(chosen.steps, "steps")
-    networks = trained_networks(chosen.weights, not chosen.initial_only)
-    report = reconstructed(chosen.scan, chosen.output, networks, chosen.steps, chosen.overwrite)
+    networks = load_networks(chosen.weights, not chosen.initial_only)
+    report = write_reconstruction(chosen.scan, chosen.output, networks, chosen.steps, chosen.overwrite)
     for side, surface in report["surfaces"].items():
         final = surface["final"]
         print(

@@ -33,12 +33,12 @@ def add_to(commands: Commands) -> None:
 def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
     from meshot.pipeline import SEGMENTATION, weights_path
-    from meshot.pipeline.deformation import trained_deformation
+    from meshot.pipeline.deformation import run_deformation_training
 
     segmentation = chosen.segmentation or weights_path(SEGMENTATION)
     run_training(
         chosen,
-        lambda: trained_deformation(
+        lambda: run_deformation_training(
             chosen.config,
             chosen.data,
             chosen.output,

@@ -21,10 +21,10 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
-    from meshot.pipeline.segmentation import trained_segmentation
+    from meshot.pipeline.segmentation import run_segmentation_training
 
     run_training(
         chosen,
-        lambda: trained_segmentation(chosen.config, chosen.data, chosen.output, chosen.changes, device_of(chosen)),
+        lambda: run_segmentation_training(chosen.config, chosen.data, chosen.output, chosen.changes, device_of(chosen)),
         lambda best: f"Dice {best['dice_left']:.4f} left, {best['dice_right']:.4f} right",
     )

@@ -8,7 +8,7 @@ import torch
 from torch.autograd.function import once_differentiable
 
 from meshot.errors import require_same_space
-from meshot.loss import _kernel_exact_law, _kernel_exact_pull, _kernel_exact_walk
+from meshot.loss import _kernel_exact_gradient, _kernel_exact_law, _kernel_exact_walk
 from meshot.loss.directions import require_directions
 from meshot.measure import DiscreteMeasure, SurfaceMeasure
 from meshot.threads import in_chunks
@@ -138,9 +138,9 @@ class _ExactCost(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor | None, ...]:
+    def backward(ctx: Any, grad_output: Tensor) -> tuple[Tensor | None, ...]:
         wanted = ctx.needs_input_grad[:4]
-        return (*(pull * g if w else None for g, w in zip(ctx.saved_tensors, wanted)), None, None, None)
+        return (*(grad_output * g if w else None for g, w in zip(ctx.saved_tensors, wanted)), None, None, None)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -196,11 +196,11 @@ class _Line:
     def pull(self, direction: Float[Array, " d"]) -> None:
         """Add the gradient of this direction."""
         if self.side.cells is None:
-            _kernel_exact_pull.pull_points(
+            _kernel_exact_gradient.pull_points(
                 self.law, self.moments, self.order, self.side.weights, *self.work, self.to_projected, self.to_weights
             )
         else:
-            _kernel_exact_pull.pull_surface(
+            _kernel_exact_gradient.pull_surface(
                 self.law, self.moments, self.side.cells, self.side.weights, self.rank, self.work,
                 self.to_projected, self.to_weights,
             )  # fmt: skip

@@ -146,8 +146,8 @@ class _FusedSliced(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx, pull):
-        return *(None if g is None else pull * g for g in ctx.gradients), None, None
+    def backward(ctx, grad_output):
+        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None
 
 
 def _same_equal_masses(weights: Tensor, others: Tensor) -> bool:

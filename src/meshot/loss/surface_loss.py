@@ -96,40 +96,42 @@ class SurfaceLoss:
         if not 0 <= self.normal_scale < math.inf:
             raise ValueError(f"normal_scale is {self.normal_scale!r}; a length >= 0 is needed, in mm")
 
-    def __call__(self, source: Mesh, target: Mesh, random: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss between two meshes, times ``factor``; whatever is drawn is drawn from ``random``."""
+    def __call__(self, source: Mesh, target: Mesh, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss between two meshes, times ``factor``; whatever is drawn is drawn from ``generator``."""
         n_samples = self.n_supports or len(source.faces)
-        first, second = (self.measure(mesh, n_samples, random) for mesh in (source, target))
-        return self.factor * self._between(first, second, random)
+        first, second = (self.measure(mesh, n_samples, generator) for mesh in (source, target))
+        return self.factor * self._between(first, second, generator)
 
-    def measure(self, mesh: Mesh, n_samples: int, random: np.random.Generator) -> Measure:
+    def measure(self, mesh: Mesh, n_samples: int, generator: np.random.Generator) -> Measure:
         """The encoding of a mesh."""
         if self.encoding == "surface":
             return surface(mesh)
         if self.encoding == "samples":
-            return empirical(mesh, n_samples, random)
+            return empirical(mesh, n_samples, generator)
         if self.n_supports is None:
             return varifold(mesh, self.normal_scale, self.detach_weights)
-        return varifold_sample(mesh, self.n_supports, random, self.normal_scale, self.detach_weights)
+        return varifold_sample(mesh, self.n_supports, generator, self.normal_scale, self.detach_weights)
 
-    def _between(self, source: Measure, target: Measure, random: np.random.Generator) -> Float[Tensor, ""]:
+    def _between(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         if self.loss == "chamfer":
             return chamfer(source, target)
         if self.loss == "sinkhorn":
             return sinkhorn_divergence(source, target, self.p, self.blur)
         if self.window is not None:
-            return self._in_windows(source, target, random)
+            return self._in_windows(source, target, generator)
         places = source.vertices if isinstance(source, SurfaceMeasure) else source.points
-        directions = random_directions(self.n_directions, places.shape[1], random).to(places)
+        directions = random_directions(self.n_directions, places.shape[1], generator).to(places)
         return sliced_wasserstein(source, target, directions, self.p)
 
     def _in_windows(
-        self, source: DiscreteMeasure, target: DiscreteMeasure, random: np.random.Generator
+        self, source: DiscreteMeasure, target: DiscreteMeasure, generator: np.random.Generator
     ) -> Float[Tensor, ""]:
         """Around places drawn on the target by area, each with directions of its own."""
-        lines = random_directions(self.n_windows * self.n_directions, source.points.shape[1], random).to(source.points)
+        lines = random_directions(self.n_windows * self.n_directions, source.points.shape[1], generator).to(
+            source.points
+        )
         shares = target.weights.double().cpu().numpy()
-        drawn = random.choice(len(shares), self.n_windows, p=shares / shares.sum())
+        drawn = generator.choice(len(shares), self.n_windows, p=shares / shares.sum())
         centres = target.points[torch.from_numpy(drawn).to(lines.device), :3]
         sets = lines.reshape(self.n_windows, self.n_directions, -1)
         return windowed_sliced_wasserstein(source, target, centres, self.window, sets, self.p)

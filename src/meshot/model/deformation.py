@@ -70,14 +70,14 @@ class DeformationNetwork(nn.Module):
             require_positive_integer(count, name)
         if not extent > 0:
             raise ValueError(f"extent is {extent!r}; a positive length is needed, in mm")
-        random = numpy_generator(generator)
+        generator = numpy_generator(generator)
         self.extent = float(extent)
-        self.of_position = _linear(3, width, random)
-        self.cubes = CubeConvolution(width, n_scales, size, random)
-        self.of_image = _linear(width, width, random)
+        self.of_position = _linear(3, width, generator)
+        self.cubes = CubeConvolution(width, n_scales, size, generator)
+        self.of_image = _linear(width, width, generator)
         sizes = [2 * width, *hidden]
-        self.perceptron = nn.ModuleList(_linear(*counts, random) for counts in itertools.pairwise(sizes))
-        self.to_velocity = _linear(sizes[-1], 3, random)
+        self.perceptron = nn.ModuleList(_linear(*counts, generator) for counts in itertools.pairwise(sizes))
+        self.to_velocity = _linear(sizes[-1], 3, generator)
         nn.init.zeros_(self.to_velocity.weight)
 
     def forward(
@@ -172,10 +172,10 @@ def _norm(layer: nn.Linear) -> Float[Tensor, ""]:
     return torch.linalg.matrix_norm(layer.weight, ord=2)
 
 
-def _linear(n_in: int, n_out: int, random: np.random.Generator) -> nn.Linear:
+def _linear(n_in: int, n_out: int, generator: np.random.Generator) -> nn.Linear:
     """Weights normal with standard deviation 1/√(inputs), biases uniform in ± the same; float64."""
     layer = nn.utils.skip_init(nn.Linear, n_in, n_out, dtype=torch.float64)
     with torch.no_grad():
-        layer.weight.copy_(torch.from_numpy(random.standard_normal((n_out, n_in)) / n_in**0.5))
-        layer.bias.copy_(torch.from_numpy(random.uniform(-1, 1, n_out) / n_in**0.5))
+        layer.weight.copy_(torch.from_numpy(generator.standard_normal((n_out, n_in)) / n_in**0.5))
+        layer.bias.copy_(torch.from_numpy(generator.uniform(-1, 1, n_out) / n_in**0.5))
     return layer

@@ -120,10 +120,10 @@ def _block(n_in: int, n_out: int) -> nn.Sequential:
 
 @torch.no_grad()
 def _initialise(network: nn.Module, generator: Generator) -> None:
-    random = numpy_generator(generator)
+    generator = numpy_generator(generator)
     for layer in network.modules():
         if isinstance(layer, nn.Conv3d):
             scale = np.sqrt(2 / (layer.in_channels * _KERNEL**3))
-            layer.weight.copy_(torch.from_numpy(scale * random.standard_normal(tuple(layer.weight.shape))))
+            layer.weight.copy_(torch.from_numpy(scale * generator.standard_normal(tuple(layer.weight.shape))))
             if layer.bias is not None:
                 layer.bias.zero_()

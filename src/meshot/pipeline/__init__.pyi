@@ -10,7 +10,7 @@ from .initial_surface import (
     tissue_surface as tissue_surface,
 )
 from .networks import SEGMENTATION as SEGMENTATION
-from .networks import trained_networks as trained_networks
+from .networks import load_networks as load_networks
 from .networks import weights_path as weights_path
 from .reconstruction import reconstruct as reconstruct
 from .training_files import LOG as LOG

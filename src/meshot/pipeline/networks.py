@@ -52,7 +52,7 @@ def weights_path(name: str, folder: str | os.PathLike | None = None) -> Path:
     return path
 
 
-def trained_networks(folder: str | os.PathLike | None = None, with_deformation: bool = True) -> TrainedNetworks:
+def load_networks(folder: str | os.PathLike | None = None, with_deformation: bool = True) -> TrainedNetworks:
     """The networks of a reconstruction, ready to use.
 
     Parameters

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import affine_transform
 
-from meshot.flow.crossings import SettledSurface
+from meshot.flow.crossings import RepairedSurface
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import signed_volume
 from meshot.pipeline.segmentation.surface import SegmentedSurface
@@ -23,7 +23,7 @@ LARGEST_CROSSING = 0.005
 LONGEST_MENDING_MM = 6.0
 
 
-def doubts_about_scan(scan: StandardScan, template: Volume) -> list[str]:
+def scan_warnings(scan: StandardScan, template: Volume) -> list[str]:
     """Whether the registered scan looks like the template and has about its size.
 
     Parameters
@@ -31,23 +31,23 @@ def doubts_about_scan(scan: StandardScan, template: Volume) -> list[str]:
     scan : StandardScan
     template : Volume
     """
-    doubts = []
+    found = []
     agreement = agreement_with(scan.volume, template)
     if agreement < LOWEST_AGREEMENT:
-        doubts.append(
+        found.append(
             f"the registered scan and the template agree poorly (correlation {agreement:.2f}, {LOWEST_AGREEMENT} or "
             "more is usual): look whether the brain stands upright in the slices, is a T1, and without its skull"
         )
     determinant = float(np.linalg.det(scan.to_standard[:3, :3]))
     scale = abs(determinant) ** (1 / 3)
     if not SCALES[0] < scale < SCALES[1]:
-        doubts.append(
+        found.append(
             f"the registration scales the scan by {scale:.2f}; {SCALES[0]} to {SCALES[1]} is usual: are the voxel "
             "sizes in its header right?"
         )
     if determinant < 0:
-        doubts.append("the registration mirrors the scan: left and right may be exchanged")
-    return doubts
+        found.append("the registration mirrors the scan: left and right may be exchanged")
+    return found
 
 
 def agreement_with(image: Volume, template: Volume) -> float:
@@ -66,9 +66,7 @@ def agreement_with(image: Volume, template: Volume) -> float:
     return float(np.corrcoef(image.data.ravel(), there.ravel())[0, 1])
 
 
-def doubts_about_surfaces(
-    side: str, final: Mesh, segmented: SegmentedSurface, settled: SettledSurface | None
-) -> list[str]:
+def surface_warnings(side: str, final: Mesh, segmented: SegmentedSurface, settled: RepairedSurface | None) -> list[str]:
     """Whether one hemisphere has a plausible volume, and how much of it had to be mended.
 
     Parameters
@@ -77,37 +75,37 @@ def doubts_about_surfaces(
     final : Mesh
         In mm of the scanner.
     segmented : SegmentedSurface
-    settled : SettledSurface or None
+    settled : RepairedSurface or None
     """
-    doubts = []
+    found = []
     volume = float(signed_volume(final)) / 1000
     if not VOLUMES_CM3[0] < volume < VOLUMES_CM3[1]:
-        doubts.append(
+        found.append(
             f"the {side} surface encloses {volume:.0f} cm³; {VOLUMES_CM3[0]:.0f} to {VOLUMES_CM3[1]:.0f} are plausible"
         )
     n_lost, loss = voxels_given_up(segmented)
     if loss > LARGEST_LOSS:
-        doubts.append(
+        found.append(
             f"{n_lost} voxels ({100 * loss:.1f} %) of the {side} white matter were given up to make it a ball without "
             f"handles; {100 * LARGEST_LOSS:.0f} % or less is usual"
         )
     if settled is not None and _much_was_settled(settled):
         share = 100 * settled.n_crossing / len(final.faces)
-        doubts.append(
+        found.append(
             f"{settled.n_crossing} faces ({share:.2g} %) of the {side} surface crossed after the flow; mending moved "
             f"vertices by up to {settled.largest_move:.2g} mm" + _retreats(settled)
         )
-    return doubts
+    return found
 
 
-def _much_was_settled(settled: SettledSurface) -> bool:
+def _much_was_settled(settled: RepairedSurface) -> bool:
     """A few faces cross after nearly every flow; that alone is in the numbers, not among the doubts."""
     many = settled.n_crossing > LARGEST_CROSSING * len(settled.mesh.faces)
-    return many or settled.n_retreats > 0 or settled.largest_move > LONGEST_MENDING_MM
+    return many or settled.n_backtracks > 0 or settled.largest_move > LONGEST_MENDING_MM
 
 
-def _retreats(settled: SettledSurface) -> str:
-    return f", with {settled.n_retreats} retreats towards the initial surface" if settled.n_retreats else ""
+def _retreats(settled: RepairedSurface) -> str:
+    return f", with {settled.n_backtracks} retreats towards the initial surface" if settled.n_backtracks else ""
 
 
 def voxels_given_up(segmented: SegmentedSurface) -> tuple[int, float]:

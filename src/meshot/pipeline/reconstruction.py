@@ -5,11 +5,11 @@ from collections.abc import Mapping
 
 from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
 from meshot.errors import require_positive_integer
-from meshot.flow.crossings import SettledSurface, settled
+from meshot.flow.crossings import RepairedSurface, repair_crossings
 from meshot.mesh import Mesh
 from meshot.model import N_STEPS, DeformationNetwork, SegmentationNetwork
 from meshot.pipeline.deformation.carrying import deformed
-from meshot.pipeline.quality_warnings import doubts_about_scan, doubts_about_surfaces
+from meshot.pipeline.quality_warnings import scan_warnings, surface_warnings
 from meshot.pipeline.segmentation.segmenting import in_scanner, white_matter
 from meshot.pipeline.segmentation.surface import SegmentedSurface, segmented_surface
 from meshot.pipeline.stages import Progress, StageClock
@@ -27,14 +27,14 @@ class HemisphereSurface:
         self-intersecting face.
     segmented : SegmentedSurface
         The stages of the initial surface, in the standard space.
-    settled : SettledSurface or None
+    settled : RepairedSurface or None
         What the flow left with crossing faces, and how that was mended, in the standard space; None without a flow.
     """
 
     initial: Mesh
     final: Mesh
     segmented: SegmentedSurface
-    settled: SettledSurface | None
+    settled: RepairedSurface | None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def reconstruct(
 
     Registration to the MNI152 average → white matter of both sides → initial surfaces → flow → faces that cross apart
     → back to the scanner. Without crossing faces, whatever the networks do: see
-    :func:`meshot.flow.crossings.settled`.
+    :func:`meshot.flow.crossings.repair_crossings`.
 
     Parameters
     ----------
@@ -116,17 +116,19 @@ def reconstruct(
     for side in HEMISPHERES if deformation is not None else ():
         with clock.stage(f"flow, {side}"):
             initial = segmented[side].mesh
-            settlement[side] = settled(initial, deformed(initial, standard.volume, deformation[side], n_steps, method))
+            settlement[side] = repair_crossings(
+                initial, deformed(initial, standard.volume, deformation[side], n_steps, method)
+            )
     clock.end()
     surfaces = {side: _in_scanner(segmented[side], settlement.get(side), standard) for side in HEMISPHERES}
-    doubts = doubts_about_scan(standard, template)
+    found = scan_warnings(standard, template)
     for side, surface in surfaces.items():
-        doubts += doubts_about_surfaces(side, surface.final, surface.segmented, surface.settled)
+        found += surface_warnings(side, surface.final, surface.segmented, surface.settled)
     steps = 0 if deformation is None else n_steps
-    return Reconstruction(standard, surfaces, clock.cpu_seconds, clock.wall_seconds, tuple(doubts), steps)
+    return Reconstruction(standard, surfaces, clock.cpu_seconds, clock.wall_seconds, tuple(found), steps)
 
 
-def _in_scanner(segmented: SegmentedSurface, found: SettledSurface | None, scan: StandardScan) -> HemisphereSurface:
+def _in_scanner(segmented: SegmentedSurface, found: RepairedSurface | None, scan: StandardScan) -> HemisphereSurface:
     initial = in_scanner(segmented.mesh, scan)
     final = initial if found is None else in_scanner(found.mesh, scan)
     return HemisphereSurface(initial, final, segmented, found)

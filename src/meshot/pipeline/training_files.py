@@ -10,14 +10,14 @@ from tqdm import tqdm
 
 from meshot.model import write_weights
 from meshot.provenance import provenance, write_results
-from meshot.train import Report, Training, TrainingLog, read_log
+from meshot.train import Progress, Training, TrainingLog, read_log
 from meshot.view import write_training_figure
 
 WEIGHTS, RECORD, LOG, PICTURE = "weights.safetensors", "weights.json", "log.jsonl", "training.png"
 STATE_FOLDER, SESSIONS = "state", "sessions.jsonl"
 
 
-def watched_training(folder: Path, made: dict, train: Callable[[Report], Training]) -> Training:
+def run_watched_training(folder: Path, made: dict, train: Callable[[Progress], Training]) -> Training:
     """Run a training under a progress bar that shows the last loss and the last validation.
 
     ``made`` is the provenance when the command began, since files may change while it runs: with the first step that is

@@ -5,7 +5,7 @@ import scipy.spatial
 import torch
 
 from meshot.mesh import Mesh
-from meshot.mesh.editing import mended
+from meshot.mesh.editing import smooth_crossings
 from meshot.mesh.topology import self_intersecting_faces
 from meshot.types import Float, Int64, Tensor
 
@@ -85,7 +85,7 @@ def _mended_around(whole: Mesh, crossing: Int64[Tensor, " n"]) -> Mesh:
     tree = scipy.spatial.cKDTree(points[np.unique(whole.faces[crossing].numpy())])
     near = torch.from_numpy(tree.query(points, distance_upper_bound=_REACH)[0] < _REACH)
     used, faces = torch.unique(whole.faces[near[whole.faces].any(dim=1)], return_inverse=True)
-    part = mended(Mesh(whole.vertices[used], faces), _SMOOTHINGS)
+    part = smooth_crossings(Mesh(whole.vertices[used], faces), _SMOOTHINGS)
     vertices = whole.vertices.clone()
     vertices[used] = on_lattice(part.vertices)
     return whole.with_vertices(vertices)

@@ -20,7 +20,7 @@ from .engine import (
     Plan as Plan,
 )
 from .engine import (
-    Report as Report,
+    Progress as Progress,
 )
 from .engine import (
     Training as Training,

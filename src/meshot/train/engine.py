@@ -17,7 +17,7 @@ STATE, LOG = "training.safetensors", "log.jsonl"
 SCHEDULES = ("constant", "cosine")
 
 #: Called with (steps done, steps in all, line of the log).
-Report = Callable[[int, int, dict], None]
+Progress = Callable[[int, int, dict], None]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def train(
     validate: Callable[[], dict],
     made_with: dict,
     folder: str | os.PathLike | None = None,
-    report: Report | None = None,
+    progress: Progress | None = None,
 ) -> None:
     """Go on from ``state``, or from what ``folder`` holds, until the plan is fulfilled; the state then knows the best.
 
@@ -124,7 +124,7 @@ def train(
         Settings and data: a training goes on only with the same.
     folder : path, optional
         Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``).
-    report : callable, optional
+    progress : callable, optional
 
     Raises
     ------
@@ -141,8 +141,8 @@ def train(
     def note(line: dict) -> None:
         state.lines.append(line)
         log.add(line)
-        if report is not None:
-            report(state.step, plan.n_steps, line)
+        if progress is not None:
+            progress(state.step, plan.n_steps, line)
 
     while state.step < plan.n_steps and not _out_of_patience(state, plan):
         note(_step(state, plan, loss_of))

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def points_needed(function: object) -> None:
@@ -44,7 +44,7 @@ def points_needed(function: object) -> None:
         "an exact root",
     ]
     cases = [Case(name, row) for name, row in zip(names, rows)]
-    judge(function, _least, cases, mistakes, "points_needed")
+    check_answer(function, _least, cases, mistakes, "points_needed")
 
 
 def _root(p: float, joint: float, first: float, second: float, tolerance: float) -> float:
@@ -72,7 +72,7 @@ def wrong_curve(function: object) -> None:
             "a curve can also fall faster than it claims: take the size of the difference",
         ),
     ]
-    judge(function, _wrong, [_drawn_case(seed) for seed in range(12)], mistakes, "wrong_curve")
+    check_answer(function, _wrong, [_drawn_case(seed) for seed in range(12)], mistakes, "wrong_curve")
 
 
 def drawn_curves(seed: int) -> tuple[Float[Tensor, " n"], Float[Tensor, "k n"], Float[Tensor, " k"]]:
@@ -117,7 +117,7 @@ def mean_gap(function: object) -> None:
     ]
     pairs = [(0.5, 1), (0.5, 2), (0.25, 10), (0.9, 7), (0.01, 100), (0.5, 500), (0.0, 5), (1.0, 5)]
     cases = [Case(f"F(y) = {share} and {m} points", (share, m)) for share, m in pairs]
-    judge(function, _gap, cases, mistakes, "mean_gap")
+    check_answer(function, _gap, cases, mistakes, "mean_gap")
 
 
 def _gap(share: float, n_points: int) -> float:

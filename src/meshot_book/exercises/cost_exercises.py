@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 Distances = Callable[[Tensor, Tensor], Tensor]
 
@@ -44,7 +44,7 @@ def merged_cells(function: object) -> None:
         Case("six steps and four", ([1, 5, 2, 2, 4, 6], [6, 3, 1, 10])),
         Case("the same masses in another order", ([1, 2, 3, 4], [4, 3, 2, 1])),
     ]
-    judge(function, _n_cells, cases, mistakes, "merged_cells")
+    check_answer(function, _n_cells, cases, mistakes, "merged_cells")
 
 
 def _ends(masses: Sequence[int]) -> set[int]:
@@ -85,7 +85,7 @@ def growth_exponent(function: object) -> None:
         "two rows": (sizes[1:3], np.array([0.5, 0.7])),
     }
     cases = [Case(name, tuple(column.tolist() for column in columns)) for name, columns in tables.items()]
-    judge(function, _exponent, cases, mistakes, "growth_exponent")
+    check_answer(function, _exponent, cases, mistakes, "growth_exponent")
 
 
 def _exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
@@ -131,7 +131,9 @@ def blocked_chamfer(function: object) -> None:
         Case("one point and one target", (x[:1], y[:1], _allowing(1), 1)),
         Case("points in the plane", (x[:, :2].clone(), y[:, :2].clone(), _allowing(30), 30)),
     ]
-    judge(function, lambda x, y, s, k: _mean_nearest(x, y) + _mean_nearest(y, x), cases, mistakes, "blocked_chamfer")
+    check_answer(
+        function, lambda x, y, s, k: _mean_nearest(x, y) + _mean_nearest(y, x), cases, mistakes, "blocked_chamfer"
+    )
 
 
 def _allowing(limit: int) -> Distances:

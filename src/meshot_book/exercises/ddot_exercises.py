@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def count_weights(function: object) -> None:
@@ -48,7 +48,7 @@ def count_weights(function: object) -> None:
         Case("the small network", (32, (128, 64), 3, 5)),
         Case("the paper's width", (128, (512, 256), 3, 5)),
     ]
-    judge(function, _counted, cases, mistakes, "count_weights")
+    check_answer(function, _counted, cases, mistakes, "count_weights")
 
 
 def _counted(
@@ -101,7 +101,7 @@ def feature_at(function: object) -> None:
         Case("a place beyond the end", (row, five, 7.4)),
         Case("a place that no cube reaches from", (row, three, 20.5)),
     ]
-    judge(function, _cut, cases, mistakes, "feature_at")
+    check_answer(function, _cut, cases, mistakes, "feature_at")
 
 
 def _row_at(row: Float[Tensor, " n"], places: np.ndarray, beyond: str) -> np.ndarray:
@@ -150,7 +150,7 @@ def alignment(function: object) -> None:
         Case("masses that do not sum to one", (pulls[:4], needed[:4], masses[:4])),
         Case("equal masses", (pulls[:3], needed[:3], torch.full((3,), 1 / 3, dtype=torch.float64))),
     ]
-    judge(function, _aligned, cases, mistakes, "alignment")
+    check_answer(function, _aligned, cases, mistakes, "alignment")
 
 
 def _cosines(first: Float[Tensor, "n 3"], second: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
@@ -199,7 +199,7 @@ def pull_of_regions(function: object) -> None:
         Case("area lacking at the beginning", (places[:3], lack[1:], full[:3])),
         Case("mass that crosses a whole region", (places[:3], torch.ones(3).double(), full[[1, 1, 0]] ** 3)),
     ]
-    judge(function, _regional, cases, mistakes, "pull_of_regions")
+    check_answer(function, _regional, cases, mistakes, "pull_of_regions")
 
 
 def _regional(

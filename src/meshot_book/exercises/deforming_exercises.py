@@ -7,7 +7,7 @@ import torch
 from meshot.mesh import Mesh
 from meshot.mesh.shapes import folded_sphere, icosphere
 from meshot.types import Float, Int64, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 Curves = tuple[Tensor, Tensor, Tensor, Tensor]
 
@@ -45,7 +45,7 @@ def edge_variation(function: object) -> None:
             _triangles([[0, 0, 0], [1, 0, 0], [0, 2, 0], [1, 3, 1], [0, 5, 0]], [[0, 1, 2], [1, 3, 2], [2, 3, 4]]),
         ),
     ]
-    judge(function, lambda v, f: _variation(_lengths(v, _edges(f))), cases, mistakes, "edge_variation")
+    check_answer(function, lambda v, f: _variation(_lengths(v, _edges(f))), cases, mistakes, "edge_variation")
 
 
 def _arrays(mesh: Mesh) -> tuple[Tensor, Tensor]:
@@ -107,7 +107,7 @@ def safe_steps(function: object) -> None:
         Case("no velocity", (0 * drawn,)),
         Case("one moment and one point", (torch.tensor([[2.5]], dtype=torch.float64),)),
     ]
-    judge(function, lambda norms: math.floor(norms.max()) + 1, cases, mistakes, "safe_steps")
+    check_answer(function, lambda norms: math.floor(norms.max()) + 1, cases, mistakes, "safe_steps")
 
 
 def equal_time(function: object) -> None:
@@ -136,7 +136,7 @@ def equal_time(function: object) -> None:
         ),
     ]
     cases = [Case(name, curves) for name, curves in _histories().items()]
-    judge(function, lambda t, x, s, y: _both(t, x, s, y, min(t[-1], s[-1])), cases, mistakes, "equal_time")
+    check_answer(function, lambda t, x, s, y: _both(t, x, s, y, min(t[-1], s[-1])), cases, mistakes, "equal_time")
 
 
 def _histories() -> dict[str, Curves]:

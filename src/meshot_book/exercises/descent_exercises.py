@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def nearest_pull(function: object) -> None:
@@ -30,7 +30,7 @@ def nearest_pull(function: object) -> None:
         Case("points far from the target", (x + 100, y)),
         Case("points in R³", tuple(torch.from_numpy(generator.normal(size=(n, 3))) for n in (6, 4))),
     ]
-    judge(function, _to_nearest, cases, mistakes, "nearest_pull")
+    check_answer(function, _to_nearest, cases, mistakes, "nearest_pull")
 
 
 def _nearest(points: Float[Tensor, "n d"], target: Float[Tensor, "m d"]) -> Float[Tensor, "n d"]:
@@ -84,7 +84,7 @@ def line_pull(function: object) -> None:
         Case("a target that is the points, shuffled", (x, x.flip(0), u)),
         Case("points in R³", (*solid, torch.tensor([2.0, -1.0, 2.0], dtype=torch.float64) / 3)),
     ]
-    judge(function, _along, cases, mistakes, "line_pull")
+    check_answer(function, _along, cases, mistakes, "line_pull")
 
 
 def _along(
@@ -108,4 +108,4 @@ def largest_rate(function: object) -> None:
     ]
     pairs = [(0, 0.0), (0, 0.9), (1, 0.0), (1, 0.9), (4, 0.5), (30, 0.9), (678, 0.99)]
     cases = [Case(f"{calls} calls and momentum {momentum}", (calls, momentum)) for calls, momentum in pairs]
-    judge(function, lambda calls, momentum: (1 + momentum) / (1 + calls), cases, mistakes, "largest_rate")
+    check_answer(function, lambda calls, momentum: (1 + momentum) / (1 + calls), cases, mistakes, "largest_rate")

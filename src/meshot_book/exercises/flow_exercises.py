@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def _spin(time: float, points: Float[Tensor, "n 2"]) -> Float[Tensor, "n 2"]:
@@ -52,7 +52,7 @@ def euler_flow(function: object) -> None:
         Case("no velocity", (_still, points, 3)),
         Case("points on a line", (_grow, points[:, :1], 6)),
     ]
-    judge(function, _euler, cases, mistakes, "euler_flow")
+    check_answer(function, _euler, cases, mistakes, "euler_flow")
 
 
 def _euler(velocity: object, points: Tensor, n_steps: int, n_taken: int | None = None) -> Tensor:
@@ -93,7 +93,7 @@ def undo_step(function: object) -> None:
         Case("a step of length zero", (_wave, points, 0.0)),
         Case("points on a line, step 0.6", (_wave, points[:, :1], 0.6)),
     ]
-    judge(function, _undone, cases, mistakes, "undo_step")
+    check_answer(function, _undone, cases, mistakes, "undo_step")
 
 
 def _undone(velocity: object, images: Tensor, step: float) -> Tensor:
@@ -130,7 +130,7 @@ def pieces_needed(function: object) -> None:
         (3.0, 7.0, 0.05),
     ]
     cases = [Case(f"length {s}, bend {c}, gap {g}", (s, c, g)) for s, c, g in triples]
-    judge(function, _pieces, cases, mistakes, "pieces_needed")
+    check_answer(function, _pieces, cases, mistakes, "pieces_needed")
 
 
 def _pieces(length: float, bend: float, gap: float) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def noise_from_air(function: object) -> None:
@@ -30,7 +30,7 @@ def noise_from_air(function: object) -> None:
     for sigma, shape in ((3.0, (400,)), (0.5, (7, 8, 9)), (12.0, (50,))):
         real, imaginary = (torch.from_numpy(sigma * rng.standard_normal(shape)) for _ in range(2))
         cases.append(Case(f"air of shape {shape} under noise of {sigma}", (torch.hypot(real, imaginary),)))
-    judge(function, lambda v: ((v**2).mean() / 2).sqrt(), cases, mistakes, "noise_from_air")
+    check_answer(function, lambda v: ((v**2).mean() / 2).sqrt(), cases, mistakes, "noise_from_air")
 
 
 def grid_affine(function: object) -> None:
@@ -71,7 +71,7 @@ def grid_affine(function: object) -> None:
         case("plain voxels of 1 mm", (10, 20, 30), (10, 20, 30), (0, 0, 0)),
         case("flat voxels", (100, 100, 60), (50, 40, 10), (-7, 12, 3)),
     ]
-    judge(function, lambda e, s, c: _affine(e / s, c - e / s * (s - 1) / 2), cases, mistakes, "grid_affine")
+    check_answer(function, lambda e, s, c: _affine(e / s, c - e / s * (s - 1) / 2), cases, mistakes, "grid_affine")
 
 
 def _affine(sizes: Float[Tensor, " 3"], first: Float[Tensor, " 3"]) -> Float[Tensor, "4 4"]:
@@ -103,7 +103,7 @@ def pixel_share(function: object) -> None:
         cases.append(Case(f"a normal at {degrees} degrees, {offset} from the centre", (normal, offset)))
     cases.append(Case("a pixel that lies wholly inside", (cases[3].arguments[0], 2.0)))
     cases.append(Case("a pixel that lies wholly outside", (cases[5].arguments[0], -2.0)))
-    judge(function, _share, cases, mistakes, "pixel_share")
+    check_answer(function, _share, cases, mistakes, "pixel_share")
 
 
 def _share(normal: Float[Tensor, " 2"], offset: float) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def quantiles(function: object) -> None:
@@ -44,7 +44,7 @@ def quantiles(function: object) -> None:
         Case("two points in one place", (torch.tensor([2.0, 1.0, 2.0]).double(), _masses(generator, 3), levels)),
         Case("a point without mass", (x[:3], torch.tensor([0.25, 0.0, 0.75]).double(), levels)),
     ]
-    judge(function, _quantiles, cases, mistakes, "quantiles")
+    check_answer(function, _quantiles, cases, mistakes, "quantiles")
 
 
 def transport_cost(function: object) -> None:
@@ -78,7 +78,7 @@ def transport_cost(function: object) -> None:
         Case("one point and six", (x[:1], torch.ones(1, dtype=torch.float64), y, b, 1.5)),
         Case("the same measure twice, shuffled", (x, a, x.flip(0), a.flip(0), 2.0)),
     ]
-    judge(function, _cost, cases, mistakes, "transport_cost")
+    check_answer(function, _cost, cases, mistakes, "transport_cost")
 
 
 def weight_gradient(function: object) -> None:
@@ -112,7 +112,7 @@ def weight_gradient(function: object) -> None:
         Case("one target point", (x, a, y[:1], torch.ones(1, dtype=torch.float64), 2.0)),
         Case("one source point", (x[:1], torch.ones(1, dtype=torch.float64), y, b, 2.0)),
     ]
-    judge(function, _potential, cases, mistakes, "weight_gradient")
+    check_answer(function, _potential, cases, mistakes, "weight_gradient")
 
 
 def _normal(generator: np.random.Generator, n: int) -> Float[Tensor, " n"]:

@@ -9,7 +9,7 @@ from meshot.mesh import Mesh
 from meshot.mesh.geometry import face_areas, face_barycentres, face_normals, signed_volume
 from meshot.mesh.shapes import cube, folded_sphere, icosphere, tetrahedron
 from meshot.types import Float, Int64, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 Loss = Callable[[float], float]
 
@@ -42,7 +42,7 @@ def face_weights(function: object) -> None:
         Case("a folded surface", (folded.vertices, folded.faces)),
         Case("a face without area", (empty, torch.tensor([[0, 1, 2], [0, 1, 3]]))),
     ]
-    judge(function, lambda v, f: _areas(v, f) / _areas(v, f).sum(), cases, mistakes, "face_weights")
+    check_answer(function, lambda v, f: _areas(v, f) / _areas(v, f).sum(), cases, mistakes, "face_weights")
 
 
 def _areas(vertices: Float[Tensor, "V 3"], faces: Int64[Tensor, "F 3"]) -> Float[Tensor, " F"]:
@@ -83,7 +83,7 @@ def tent_density(function: object) -> None:
             (torch.tensor([1.0, 4.0, 4.0]).double(), torch.tensor([0.5, 2.0, 3.5, 5.0]).double()),
         ),
     ]
-    judge(function, _tent, cases, mistakes, "tent_density")
+    check_answer(function, _tent, cases, mistakes, "tent_density")
 
 
 def _tent(
@@ -123,7 +123,7 @@ def scale_for_share(function: object) -> None:
         Case("normals that saturate at large scales", (_saturating(1.0, 30.0, 0.5), 0.6)),
         Case("lengths in metres", (_saturating(1e-6, 2.0, 1e-3), 0.25)),
     ]
-    judge(
+    check_answer(
         function,
         lambda loss, share: _solved(lambda s: 1 - loss(0) / loss(s), share),
         cases,
@@ -182,7 +182,7 @@ def is_inside_out(function: object) -> None:
         Case("the same, inside out", (block.vertices, block.faces.flip(1))),
         Case("the same, its faces in another order", (other.vertices, other.faces)),
     ]
-    judge(function, _inside_out, cases, mistakes, "is_inside_out")
+    check_answer(function, _inside_out, cases, mistakes, "is_inside_out")
 
 
 def _inside_out(vertices: Float[Tensor, "V 3"], faces: Int64[Tensor, "F 3"]) -> bool:

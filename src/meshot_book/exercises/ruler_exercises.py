@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from meshot.types import Bool, Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def without_floor(function: object) -> None:
@@ -32,7 +32,7 @@ def without_floor(function: object) -> None:
         Case("a value at its floor", (2.5, 2.5)),
         Case("a value below its floor", (1.1, 1.3)),
     ]
-    judge(function, lambda v, f: math.sqrt(max(v**2 - f**2, 0.0)), cases, mistakes, "without_floor")
+    check_answer(function, lambda v, f: math.sqrt(max(v**2 - f**2, 0.0)), cases, mistakes, "without_floor")
 
 
 def two_sided(function: object) -> None:
@@ -70,7 +70,7 @@ def two_sided(function: object) -> None:
         Case("an error that one side sees", (torch.cat([numbers[:80], numbers[:20] + 50]) / 10, numbers[:100] / 10)),
         Case("a perfect side", (torch.zeros(7, dtype=torch.float64), numbers[:9])),
     ]
-    judge(function, lambda a, b: _pair(_mean(a, b), _quantile(a, b)), cases, mistakes, "two_sided")
+    check_answer(function, lambda a, b: _pair(_mean(a, b), _quantile(a, b)), cases, mistakes, "two_sided")
 
 
 def _mean(a: Float[Tensor, " n"], b: Float[Tensor, " m"]) -> Tensor:
@@ -103,7 +103,7 @@ def pairs_left(function: object) -> None:
         Case("a coarse mesh", (0.01, 20_480, 3)),
         Case("a generous bound", (1.03, 335_872, 7)),
     ]
-    judge(function, lambda p, f, n: int(p / 100 * f * n / 2), cases, mistakes, "pairs_left")
+    check_answer(function, lambda p, f, n: int(p / 100 * f * n / 2), cases, mistakes, "pairs_left")
 
 
 def breaks_bound(function: object) -> None:
@@ -131,7 +131,7 @@ def breaks_bound(function: object) -> None:
     emd = torch.tensor([1.368, 1.051, 0.912, 0.803, 0.728, 0.425, 1.0, 0.6], dtype=torch.float64)
     swd = torch.tensor([1.357, 0.823, 0.525, 0.250, 0.420, 0.785, 0.5, 0.15], dtype=torch.float64)
     cases = [Case(f"columns written as {word}", (emd, swd, word)) for word in ("roots", "squares", "half")]
-    judge(function, _breaks, cases, mistakes, "breaks_bound")
+    check_answer(function, _breaks, cases, mistakes, "breaks_bound")
 
 
 def _breaks(emd: Float[Tensor, " n"], swd: Float[Tensor, " n"], written: str) -> Bool[Tensor, " n"]:

@@ -8,7 +8,7 @@ import torch
 
 from meshot.mesh.shapes import icosphere
 from meshot.types import Float, Int64, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def handles(function: object) -> None:
@@ -39,7 +39,7 @@ def handles(function: object) -> None:
         Case("a torus whose vertices are numbered with gaps", (3 * ring + 10,)),
         Case("a ring with two holes", (_two_holes(),)),
     ]
-    judge(function, lambda f: (2 - _euler(f)) // 2, cases, mistakes, "handles")
+    check_answer(function, lambda f: (2 - _euler(f)) // 2, cases, mistakes, "handles")
 
 
 def _sides(faces: Int64[Tensor, "F 3"]) -> Int64[Tensor, "S 2"]:
@@ -103,7 +103,7 @@ def surface_ras(function: object) -> None:
         Case("an oblique scan", (points, oblique, (120, 140, 61))),
         Case("one point", (points[:1], oblique, (10, 20, 30))),
     ]
-    judge(function, lambda p, a, s: p - _centre(a, s), cases, mistakes, "surface_ras")
+    check_answer(function, lambda p, a, s: p - _centre(a, s), cases, mistakes, "surface_ras")
 
 
 def _half(shape: tuple[int, ...] | list[int]) -> Float[Tensor, " 3"]:
@@ -142,7 +142,7 @@ def is_simple(function: object) -> None:
         mask = torch.tensor([*values[:4], False, *values[4:]]).reshape(3, 3)
         drawn = " / ".join("".join(".#"[int(v)] for v in row) for row in mask)
         cases.append(Case(f"the neighbourhood {drawn}", (mask,)))
-    judge(function, _is_simple, cases, mistakes, "is_simple")
+    check_answer(function, _is_simple, cases, mistakes, "is_simple")
 
 
 def _ring_of(mask: Tensor) -> Tensor:

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 AGREE, DIFFER = 1e-9, 1e-3
 
@@ -46,7 +46,7 @@ def sliced_cost(function: object) -> None:
         Case("points in R²", (x[:, :2], y[:, :2], torch.eye(2, dtype=torch.float64))),
         Case("points that project to the same place", (x[[0, 0, 1]], y[[2, 2, 2]], u)),
     ]
-    judge(function, _sliced, cases, mistakes, "sliced_cost")
+    check_answer(function, _sliced, cases, mistakes, "sliced_cost")
 
 
 def _gaps(points: Float[Tensor, "n d"], target: Float[Tensor, "n d"], directions: Float[Tensor, "L d"]) -> Tensor:
@@ -97,7 +97,7 @@ def lines_needed(function: object) -> None:
         Case("three lines", (costs[:3], 0.05)),
         Case("30 lines", (torch.from_numpy(generator.chisquare(1, size=30)), 0.02)),
     ]
-    judge(function, _lines, cases, mistakes, "lines_needed")
+    check_answer(function, _lines, cases, mistakes, "lines_needed")
 
 
 def _lines(costs: Float[Tensor, " L"], relative_error: float) -> int:
@@ -125,7 +125,7 @@ def ghost_pair(function: object) -> None:
     cases = [Case(name, (line,)) for name, line in zip(names, lines, strict=True)]
     cases += [Case("the two axes", (torch.eye(2, dtype=torch.float64),))]
     tried = function if not callable(function) else lambda directions: _looked_at(function(directions), directions)
-    judge(tried, lambda directions: _pattern(1, 1, 1), cases, mistakes, "ghost_pair")
+    check_answer(tried, lambda directions: _pattern(1, 1, 1), cases, mistakes, "ghost_pair")
 
 
 def _pattern(agree: float, equally_many: float, differ: float) -> Tensor:

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def soft_overlap(function: object) -> None:
@@ -40,7 +40,7 @@ def soft_overlap(function: object) -> None:
         Case("two maps that share nothing", (masks[0], 1 - masks[0])),
         Case("two empty maps", (empty, empty.clone())),
     ]
-    judge(function, _overlap, cases, mistakes, "soft_overlap")
+    check_answer(function, _overlap, cases, mistakes, "soft_overlap")
 
 
 def _overlap(first: Tensor, second: Tensor) -> float:
@@ -65,7 +65,7 @@ def mask_euler(function: object) -> None:
             "voxels at the far border are left out: a grid of n voxels has n + 1 layers of corners",
         ),
     ]
-    judge(function, _euler, [Case(name, (mask,)) for name, mask in _masks()], mistakes, "mask_euler")
+    check_answer(function, _euler, [Case(name, (mask,)) for name, mask in _masks()], mistakes, "mask_euler")
 
 
 def _masks() -> list[tuple[str, Tensor]]:
@@ -118,7 +118,7 @@ def row_distance(function: object) -> None:
         Case("two bands", (torch.tensor([0.0, 0.7, 0.1, 0, 0, 0.55, 1, 0.2, 0], dtype=torch.float64), 2.0)),
         Case("a mask", (torch.tensor([0.0, 0, 1, 1, 1, 0], dtype=torch.float64), 1.0)),
     ]
-    judge(function, _row, cases, mistakes, "row_distance")
+    check_answer(function, _row, cases, mistakes, "row_distance")
 
 
 def _row(fractions: Float[Tensor, " n"], size: float) -> Float[Tensor, " n"]:

@@ -52,7 +52,9 @@ class Mistake:
     hint: str
 
 
-def judge(function: object, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake], name: str) -> None:
+def check_answer(
+    function: object, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake], name: str
+) -> None:
     """Print one line that begins with ✓ or ✗.
 
     Parameters

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from meshot.flow.fitting import pulls
+from meshot.flow.fitting import forces
 from meshot.loss import chamfer, wasserstein
 from meshot.measure import DiscreteMeasure
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
 def blur_in_coordinates(function: object) -> None:
@@ -24,7 +24,7 @@ def blur_in_coordinates(function: object) -> None:
     ]
     given = [(5.0, 100.0, 2), (5.0, 100.0, 1), (1.0, 90.0, 2), (0.3, 40.0, 1), (20.0, 10.0, 2)]
     cases = [Case(f"{b} mm in a box of ±{r} mm, p = {p}", (b, r, p)) for b, r, p in given]
-    judge(function, lambda b, r, p: (b / r, (b / r) ** p), cases, mistakes, "blur_in_coordinates")
+    check_answer(function, lambda b, r, p: (b / r, (b / r) ** p), cases, mistakes, "blur_in_coordinates")
 
 
 def smallest_flip(function: object) -> None:
@@ -41,7 +41,7 @@ def smallest_flip(function: object) -> None:
     ]
     given = [(1.0, 10.0), (6.0, 10.0), (2.0, 1.0), (0.5, 3.0), (10.0, 87.0), (2.0, 0.5)]
     cases = [Case(f"a floor of {f} mm and a normal scale of {s} mm", (f, s)) for f, s in given]
-    judge(function, lambda f, s: min(1.0, f**2 / (4 * s**2)), cases, mistakes, "smallest_flip")
+    check_answer(function, lambda f, s: min(1.0, f**2 / (4 * s**2)), cases, mistakes, "smallest_flip")
 
 
 def debiased(function: object) -> None:
@@ -73,7 +73,7 @@ def debiased(function: object) -> None:
         Case("a set and itself", (_entropic(2), x, x, 2)),
         Case("a far translation", (_entropic(2), x, x + 9, 2)),
     ]
-    judge(function, lambda c, x, y, p: p * (c(x, y) - (c(x, x) + c(y, y)) / 2), cases, mistakes, "debiased")
+    check_answer(function, lambda c, x, y, p: p * (c(x, y) - (c(x, x) + c(y, y)) / 2), cases, mistakes, "debiased")
 
 
 def _entropic(p: int, epsilon: float = 0.5, n_iterations: int = 100) -> Callable[[Tensor, Tensor], float]:
@@ -116,7 +116,7 @@ def trap(function: object) -> None:
         points = function(target)
         return None if points is None else _rest_and_distance(points, target)
 
-    judge(tried if callable(function) else function, lambda y: torch.tensor([1.0, 1.0]), cases, mistakes, "trap")
+    check_answer(tried if callable(function) else function, lambda y: torch.tensor([1.0, 1.0]), cases, mistakes, "trap")
 
 
 def _rest_and_distance(points: object, target: Float[Tensor, "n d"]) -> Float[Tensor, " 2"]:
@@ -133,6 +133,6 @@ def _rest_and_distance(points: object, target: Float[Tensor, "n d"]) -> Float[Te
             f"shape {tuple(points.shape)} came, {tuple(target.shape)} is needed: as many points as targets"
         )
     goal = DiscreteMeasure(target)
-    force = pulls(lambda x: chamfer(DiscreteMeasure(x), goal), points).norm(dim=1).max()
+    force = forces(lambda x: chamfer(DiscreteMeasure(x), goal), points).norm(dim=1).max()
     apart = wasserstein(DiscreteMeasure(points), goal)
     return torch.tensor([float(force) < 1e-6, float(apart) > 1e-6]).double()

@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.axioms import METRICS, judge_axioms
+from meshot_book.claims.rules.axioms import METRICS, axioms_verdict
 
 FAILING = ("Sinkhorn, p = 1", "root of Sinkhorn, p = 2", "root of Chamfer")
 
@@ -33,7 +33,7 @@ def record():
 
 
 def test_finitely_many_directions_are_the_condition(record):
-    verdict = judge_axioms(record)
+    verdict = axioms_verdict(record)
     assert verdict.status == ledger.CONDITION
     assert "root of Chamfer: 1.3" in verdict.ours
     assert "1 of 1 constructions" in verdict.ours
@@ -42,7 +42,7 @@ def test_finitely_many_directions_are_the_condition(record):
 
 def test_reproduced_if_no_ghosts_were_found(record):
     record["results"]["ghosts"][0]["own"] = 0.1
-    assert judge_axioms(record).status == ledger.REPRODUCED
+    assert axioms_verdict(record).status == ledger.REPRODUCED
 
 
 @pytest.mark.parametrize(
@@ -59,4 +59,4 @@ def test_reproduced_if_no_ghosts_were_found(record):
 )
 def test_not_reproduced_if_one_part_fails(record, spoil):
     spoil(record["results"])
-    assert judge_axioms(record).status == ledger.NOT_REPRODUCED
+    assert axioms_verdict(record).status == ledger.NOT_REPRODUCED

@@ -5,7 +5,7 @@ import copy
 import pytest
 
 from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED
-from meshot_book.claims.rules.convergence import judge_directions, judge_theorem
+from meshot_book.claims.rules.convergence import directions_verdict, theorem_verdict
 
 SIZE = {
     "pair": "generic", "d": 3, "p": 2, "slope": -0.5, "low": -0.52, "high": -0.48, "bound_slope": -0.43,
@@ -29,7 +29,7 @@ def theorem():
 
 
 def test_theorem_as_it_stands(theorem):
-    verdict = judge_theorem(theorem)
+    verdict = theorem_verdict(theorem)
     assert verdict.status == REPRODUCED
     assert "−0.50 [−0.52, −0.48]" in verdict.ours
     assert "holds throughout" in verdict.ours
@@ -37,16 +37,16 @@ def test_theorem_as_it_stands(theorem):
 
 def test_a_constant_that_grows_is_a_condition(theorem):
     theorem["results"]["distance"][0] |= {"ratio_low": [1.0, 1.1, 2.1], "ratio": [1.0, 1.5, 3.0]}
-    verdict = judge_theorem(theorem)
+    verdict = theorem_verdict(theorem)
     assert verdict.status == CONDITION
     assert "1000 mm apart err 3 times as much as concentric ones, and 2 times as much as 10 mm apart" in verdict.ours
     theorem["results"]["distance"][0]["p"] = 1
-    assert judge_theorem(theorem).status == REPRODUCED
+    assert theorem_verdict(theorem).status == REPRODUCED
 
 
 def test_a_slope_that_may_be_too_flat_refutes(theorem):
     theorem["results"]["sizes"][0]["high"] = -0.42
-    assert judge_theorem(theorem).status == NOT_REPRODUCED
+    assert theorem_verdict(theorem).status == NOT_REPRODUCED
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_a_slope_that_may_be_too_flat_refutes(theorem):
 )
 def test_a_broken_bound_refutes(theorem, part, change):
     theorem["results"][part][0] |= change
-    verdict = judge_theorem(theorem)
+    verdict = theorem_verdict(theorem)
     assert verdict.status == NOT_REPRODUCED
     assert "exceeded 1 times" in verdict.ours
 
@@ -70,6 +70,6 @@ def test_a_broken_bound_refutes(theorem, part, change):
     ],
 )
 def test_directions(change, status):
-    verdict = judge_directions({"results": {"directions": [DIRECTION, DIRECTION | change]}})
+    verdict = directions_verdict({"results": {"directions": [DIRECTION, DIRECTION | change]}})
     assert verdict.status == status
     assert "translation, d = 3" in verdict.numbers

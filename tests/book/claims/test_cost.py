@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
-from meshot_book.claims.rules.cost import BRUTE, OURS, TREE, judge_memory, judge_speed
+from meshot_book.claims.rules.cost import BRUTE, OURS, TREE, memory_verdict, speed_verdict
 
 
 def speed_record(tree=2.0, brute=50.0, exponent=1.1):
@@ -29,13 +29,13 @@ def speed_record(tree=2.0, brute=50.0, exponent=1.1):
     ],
 )
 def test_speed(change, status):
-    verdict = judge_speed(speed_record(**change))
+    verdict = speed_verdict(speed_record(**change))
     assert verdict.status == status
     assert "m = 100000 (s)" in verdict.numbers
 
 
 def test_speed_says_by_how_much():
-    said = judge_speed(speed_record(tree=0.9)).ours
+    said = speed_verdict(speed_record(tree=0.9)).ours
     assert "1.1 (d = 3)" in said
     assert "50× the time" in said
     assert "0.9× with a k-d tree" in said
@@ -54,13 +54,13 @@ def memory_record(lazy, kinds=("dense", "lazy")):
 
 @pytest.mark.parametrize(("lazy", "status"), [(1e7, NOT_REPRODUCED), (3e8, CONDITION), (7e8, REPRODUCED)])
 def test_memory(lazy, status):
-    verdict = judge_memory(memory_record(lazy))
+    verdict = memory_verdict(memory_record(lazy))
     assert verdict.status == status
     assert "m = 10000: 800 MB dense" in verdict.ours.replace("8e+02", "800")
     assert OURS not in verdict.numbers
 
 
 def test_memory_without_a_lazy_variant():
-    verdict = judge_memory(memory_record(1e7, ("dense",)))
+    verdict = memory_verdict(memory_record(1e7, ("dense",)))
     assert verdict.status == NOT_TESTABLE
     assert "no lazy" in verdict.ours

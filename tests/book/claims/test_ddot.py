@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.ddot import METRICS, judge_ablation, judge_systems
+from meshot_book.claims.rules.ddot import METRICS, ablation_verdict, systems_verdict
 
 OURS, RIVAL = {"gap": -0.1, "low": -0.2, "high": -0.05}, {"gap": 0.1, "low": 0.05, "high": 0.2}
 OPEN = {"gap": 0.01, "low": -0.1, "high": 0.2}
@@ -33,7 +33,7 @@ def test_better_in_every_cell_holds_with_a_condition():
     columns = [difference(place, "cortexode", ALL_OURS) for place in COLUMNS]
     both = difference(("oasis_like", "both"), "cortexode", dict.fromkeys(METRICS, RIVAL))
     seeds = [{"cohort": "oasis_like", "side": "left", "seeds": [0, 1]} | ALL_OURS]
-    verdict = judge_systems(results([*columns, both, difference(COLUMNS[0], "initial", ALL_OPEN)], seeds))
+    verdict = systems_verdict(results([*columns, both, difference(COLUMNS[0], "initial", ALL_OPEN)], seeds))
     assert verdict.status == ledger.CONDITION
     assert "in 4 of 4 columns: DDOT is better in 20 of 20 cells, CortexODE in 0" in verdict.ours
     assert "ASSD 4 : 0, Chamfer normals 4 : 0" in verdict.ours
@@ -54,22 +54,22 @@ def test_better_in_every_cell_holds_with_a_condition():
 def test_one_lost_cell_of_twenty_is_granted_and_each_column_needs_a_distance(changes, status):
     changes = [*changes, *[{}] * (4 - len(changes))]
     columns = [difference(place, "cortexode", ALL_OURS | c) for place, c in zip(COLUMNS, changes, strict=True)]
-    assert judge_systems(results(columns)).status == status
+    assert systems_verdict(results(columns)).status == status
 
 
 def test_seeds_that_disagree_leave_a_cell_undecided():
     column = difference(COLUMNS[0], "cortexode", ALL_OURS)
     for over_seeds in (ALL_OPEN, dict.fromkeys(METRICS, RIVAL) | {"normals": OURS}):
         seeds = [{"cohort": "oasis_like", "side": "left", "seeds": [0, 1]} | over_seeds]
-        verdict = judge_systems(results([column], seeds))
+        verdict = systems_verdict(results([column], seeds))
         assert verdict.status == ledger.NOT_REPRODUCED
         assert "in 1 of 4 columns: DDOT is better in 0 of 5 cells, CortexODE in 0" in verdict.ours
     elsewhere = [{"cohort": "oasis_like", "side": "right", "seeds": [0, 1]} | ALL_OPEN]
-    assert judge_systems(results([column], elsewhere)).status == ledger.CONDITION
+    assert systems_verdict(results([column], elsewhere)).status == ledger.CONDITION
 
 
 def test_without_a_fair_pair_nothing_is_tested():
-    verdict = judge_systems(results([difference(COLUMNS[0], "initial", ALL_OURS)]))
+    verdict = systems_verdict(results([difference(COLUMNS[0], "initial", ALL_OURS)]))
     assert (verdict.status, verdict.numbers) == (ledger.NOT_TESTED, "")
 
 
@@ -80,7 +80,7 @@ def grid(**arms):
 
 
 def test_ablation_holds_with_a_condition():
-    verdict = judge_ablation(grid(sliced_surface=ALL_OPEN, cortexode=ALL_OPEN | {"assd_mm": RIVAL}))
+    verdict = ablation_verdict(grid(sliced_surface=ALL_OPEN, cortexode=ALL_OPEN | {"assd_mm": RIVAL}))
     assert verdict.status == ledger.CONDITION
     assert verdict.ours.startswith("adni like, left, DDOT with one thing exchanged. samples for the varifold: worse in")
     assert "Chamfer for sliced Wasserstein: worse in EMD, SWD, ASSD, better in nothing" in verdict.ours
@@ -92,16 +92,16 @@ def test_ablation_holds_with_a_condition():
 
 @pytest.mark.parametrize("arm", ["sliced_samples", "chamfer_varifold", "sinkhorn_varifold"])
 def test_ablation_fails_by_one_exchange(arm):
-    assert judge_ablation(grid(**{arm: ALL_OPEN})).status == ledger.NOT_REPRODUCED
+    assert ablation_verdict(grid(**{arm: ALL_OPEN})).status == ledger.NOT_REPRODUCED
     mixed = ALL_OURS | {"assd_mm": RIVAL}
-    verdict = judge_ablation(grid(**{arm: mixed}))
+    verdict = ablation_verdict(grid(**{arm: mixed}))
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "worse in EMD, SWD, better in ASSD" in verdict.ours
-    assert judge_ablation(grid(**{arm: ALL_OPEN | {"swd_mm": OURS}})).status == ledger.CONDITION
+    assert ablation_verdict(grid(**{arm: ALL_OPEN | {"swd_mm": OURS}})).status == ledger.CONDITION
 
 
 def test_one_exchange_that_is_better_is_enough_while_others_are_missing():
-    verdict = judge_ablation(grid(sliced_samples=None, chamfer_varifold=ALL_OURS | {"assd_mm": RIVAL}))
+    verdict = ablation_verdict(grid(sliced_samples=None, chamfer_varifold=ALL_OURS | {"assd_mm": RIVAL}))
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "Chamfer for sliced Wasserstein: worse in EMD, SWD, better in ASSD" in verdict.ours
     assert "; not trained yet: sliced, samples. ASSD in mm" in verdict.ours
@@ -110,11 +110,11 @@ def test_one_exchange_that_is_better_is_enough_while_others_are_missing():
 
 
 def test_ablation_says_what_is_missing():
-    verdict = judge_ablation(grid(chamfer_varifold=None))
+    verdict = ablation_verdict(grid(chamfer_varifold=None))
     assert verdict.status == ledger.NOT_TESTED
     assert "Sinkhorn, on 500 faces, for sliced Wasserstein: worse in EMD, SWD, ASSD, better in nothing" in verdict.ours
     assert "; not trained yet: Chamfer, varifold. ASSD in mm" in verdict.ours
     assert verdict.numbers.count("\n") == 1 + 4
-    verdict = judge_ablation(results([]))
+    verdict = ablation_verdict(results([]))
     assert verdict.status == ledger.NOT_TESTED
     assert verdict.ours.endswith(": sliced, samples; Chamfer, varifold; Sinkhorn, varifold of 500")

@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.deforming import judge_evenness, judge_supports
+from meshot_book.claims.rules.deforming import evenness_verdict, supports_verdict
 
 
 def difference(at, low, high, encoding="varifold", target="folded", assd=(0.1, 0.2)):
@@ -24,7 +24,7 @@ def test_evenness_reproduced_where_every_comparison_says_so():
         f"{name}_{end}": None for name in ("assd", "edge_variation", "area_variation") for end in ("low", "high")
     }
     rows = [difference("steps", 0.1, 0.2), difference("seconds", 0.1, 0.2), difference("closeness", -0.2, -0.1), single]
-    verdict = judge_evenness(of_differences(*rows))
+    verdict = evenness_verdict(of_differences(*rows))
     assert verdict.status == ledger.REPRODUCED
     assert (
         "0.25 with sliced Wasserstein against 0.3 with Chamfer (sphere, varifold, all supports; equal steps)"
@@ -38,7 +38,7 @@ def test_evenness_reproduced_where_every_comparison_says_so():
 
 def test_evenness_with_a_condition_names_the_others():
     rows = [difference("steps", 0.1, 0.2, assd=(-0.2, -0.1)), difference("steps", -0.1, 0.2, encoding="samples")]
-    verdict = judge_evenness(of_differences(*rows))
+    verdict = evenness_verdict(of_differences(*rows))
     assert verdict.status == ledger.CONDITION
     assert "1 of 2 comparisons (not all: sphere, samples, all supports)" in verdict.ours
     assert "farther in 1" in verdict.ours
@@ -46,7 +46,7 @@ def test_evenness_with_a_condition_names_the_others():
 
 def test_evenness_needs_edges_and_areas():
     row = difference("steps", 0.1, 0.2) | {"area_variation_low": -0.1}
-    assert judge_evenness(of_differences(row)).status == ledger.NOT_REPRODUCED
+    assert evenness_verdict(of_differences(row)).status == ledger.NOT_REPRODUCED
 
 
 def supports(growth_of_all, growth_of_carried):
@@ -70,7 +70,7 @@ def supports(growth_of_all, growth_of_carried):
     [(4.0, 1.0, ledger.CONDITION), (4.0, 2.0, ledger.REPRODUCED), (1.0, 1.0, ledger.NOT_REPRODUCED)],
 )
 def test_supports(of_all, of_carried, status):
-    verdict = judge_supports(supports(of_all, of_carried))
+    verdict = supports_verdict(supports(of_all, of_carried))
     assert verdict.status == status
     begun = (
         f"From 5120 to 20480 faces the memory of a step grows by a factor of {of_all:g} (all faces), 1.5 (drawn after"

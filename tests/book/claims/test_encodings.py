@@ -5,7 +5,7 @@ import copy
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.encodings import judge_continuous, judge_normal_scale, judge_sample_gradient
+from meshot_book.claims.rules.encodings import continuous_verdict, normal_scale_verdict, sample_gradient_verdict
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def exact():
 
 
 def test_of_practical_use(exact):
-    verdict = judge_continuous(exact)
+    verdict = continuous_verdict(exact)
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "2.0 times its CPU time" in verdict.ours
     assert "at most 1.0%" in verdict.ours
@@ -40,13 +40,13 @@ def test_accurate_but_not_practical_is_a_condition(exact, lapse):
         exact["results"]["time"]["ratio_to_exact"]["100000 points"] = 0.5
     else:
         exact["results"]["descent"][0]["end"]["sliced_distance"] = 0.4
-    assert judge_continuous(exact).status == ledger.CONDITION
+    assert continuous_verdict(exact).status == ledger.CONDITION
 
 
 @pytest.mark.parametrize(("part", "key"), [("values", "error"), ("gradients", "largest_relative_error")])
 def test_inaccurate_means_theoretical(exact, part, key):
     exact["results"]["accuracy"][part][0][key] = 0.01
-    assert judge_continuous(exact).status == ledger.REPRODUCED
+    assert continuous_verdict(exact).status == ledger.REPRODUCED
 
 
 def sweep(name, shares, half_extent=80.0):
@@ -62,7 +62,7 @@ def scales():
 
 
 def test_a_scale_between_the_conventions_is_a_condition(scales):
-    verdict = judge_normal_scale(scales)
+    verdict = normal_scale_verdict(scales)
     assert verdict.status == ledger.CONDITION
     assert "1 to 2 % of its gradient" in verdict.ours
     assert "normals of 10 to 10 mm" in verdict.ours
@@ -72,12 +72,12 @@ def test_a_scale_between_the_conventions_is_a_condition(scales):
 def test_both_conventions_within_bounds_reproduce_it(scales):
     for pair in scales["results"]["pairs"]:
         pair["rows"][0]["gradient_share"] = pair["rows"][2]["gradient_share"] = 0.5
-    assert judge_normal_scale(scales).status == ledger.REPRODUCED
+    assert normal_scale_verdict(scales).status == ledger.REPRODUCED
 
 
 def test_no_scale_for_all_refutes_it(scales):
     scales["results"]["pairs"][0]["rows"][1]["gradient_share"] = 0.99
-    verdict = judge_normal_scale(scales)
+    verdict = normal_scale_verdict(scales)
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "no scale fits all" in verdict.ours
 
@@ -96,7 +96,7 @@ def gradients():
 
 
 def test_biased_but_forgiving_is_a_condition(gradients):
-    verdict = judge_sample_gradient(gradients)
+    verdict = sample_gradient_verdict(gradients)
     assert verdict.status == ledger.CONDITION
     assert "0.25 (0.24 to 0.26) instead of 0.375" in verdict.ours
     assert "biased in 2 of 2 cases" in verdict.ours
@@ -105,11 +105,11 @@ def test_biased_but_forgiving_is_a_condition(gradients):
 def test_unbiased_reproduces_it(gradients):
     for part in ("curve", "losses"):
         gradients["results"][part][0]["fixed_draws"] = slope(0.376)
-    assert judge_sample_gradient(gradients).status == ledger.REPRODUCED
+    assert sample_gradient_verdict(gradients).status == ledger.REPRODUCED
 
 
 def test_a_descent_that_ends_elsewhere_refutes_it(gradients):
     for end in gradients["results"]["descent"]:
         if end["kind"].startswith("samples") and end["n_corners"] == 6:
             end["sliced_distance"] = 0.2
-    assert judge_sample_gradient(gradients).status == ledger.NOT_REPRODUCED
+    assert sample_gradient_verdict(gradients).status == ledger.NOT_REPRODUCED

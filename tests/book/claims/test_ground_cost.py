@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.ground_cost import judge_ground_cost
+from meshot_book.claims.rules.ground_cost import ground_cost_verdict
 
 
 def summary(p, ratio):
@@ -23,7 +23,7 @@ def record():
 
 
 def test_agreement_for_one_exponent_is_a_condition(record):
-    verdict = judge_ground_cost(record)
+    verdict = ground_cost_verdict(record)
     assert verdict.status == ledger.CONDITION
     assert "both costs agree for p = 2; for p = 1 the paper's gives 1.47 times" in verdict.ours
     assert "1 of 2 losses and metrics" in verdict.ours
@@ -32,11 +32,11 @@ def test_agreement_for_one_exponent_is_a_condition(record):
 
 def test_reproduced_where_all_agree(record):
     record["results"]["summary"][0]["ratio_mean"] = 0.999
-    assert judge_ground_cost(record).status == ledger.REPRODUCED
+    assert ground_cost_verdict(record).status == ledger.REPRODUCED
 
 
 def test_not_reproduced_where_none_agrees(record):
     record["results"]["summary"][1]["ratio_mean"] = 0.9
-    verdict = judge_ground_cost(record)
+    verdict = ground_cost_verdict(record)
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "never agree" in verdict.ours

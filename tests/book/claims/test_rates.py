@@ -5,7 +5,7 @@ import copy
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.rates import holds, judge_chamfer_rate, judge_transport_rate
+from meshot_book.claims.rules.rates import chamfer_rate_verdict, holds, transport_rate_verdict
 
 
 def row(shape, d, relation, p, slope, expected, half=0.01):
@@ -35,7 +35,7 @@ def test_an_interval_holds_what_lies_a_little_beyond_its_ends():
 
 
 def test_rates_as_stated_are_reproduced(transport):
-    verdict = judge_transport_rate(transport)
+    verdict = transport_rate_verdict(transport)
     assert verdict.status == ledger.REPRODUCED
     assert "in 2 of 2 cases, pair × p (cube in R^3 equal, cube in R^6 equal), is faster in 0 (none)" in verdict.ours
     assert verdict.numbers.count("\n") == 3
@@ -46,20 +46,20 @@ def test_a_pair_that_is_faster_or_slower_is_a_condition(transport):
     for kind, slope in (("transport", -0.5), ("sliced", -0.5)):
         record["results"][kind] += [row("ellipsoid", 6, "equal", 1, slope, -0.5)]
         record["results"][kind] += [row("two_cubes", 3, "equal", 2, -0.25, None)]
-    verdict = judge_transport_rate(record)
+    verdict = transport_rate_verdict(record)
     assert verdict.status == ledger.CONDITION
     assert "faster in 1 (ellipsoid in R^6 equal), and slower in 1 (two cubes in R^3 equal)" in verdict.ours
 
 
 def test_a_sliced_slope_that_knows_the_dimension_is_a_failure(transport):
     transport["results"]["sliced"][1] = row("cube", 6, "equal", 2, -0.3, -0.5)
-    assert judge_transport_rate(transport).status == ledger.NOT_REPRODUCED
+    assert transport_rate_verdict(transport).status == ledger.NOT_REPRODUCED
 
 
 def test_no_pair_with_the_stated_rate_is_a_failure(transport):
     for found in transport["results"]["transport"]:
         found |= {"slope": -0.9, "low": -0.91, "high": -0.89}
-    assert judge_transport_rate(transport).status == ledger.NOT_REPRODUCED
+    assert transport_rate_verdict(transport).status == ledger.NOT_REPRODUCED
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def chamfer():
 
 
 def test_a_rate_on_every_surface_refutes_the_claim(chamfer):
-    verdict = judge_chamfer_rate(chamfer)
+    verdict = chamfer_rate_verdict(chamfer)
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "on 2 of 2 pairs" in verdict.ours
     assert "−1.00 to −1.00 where the surfaces are equal" in verdict.ours
@@ -82,11 +82,11 @@ def test_a_rate_on_every_surface_refutes_the_claim(chamfer):
 
 def test_an_interval_must_end_below_the_mark_not_only_begin_there(chamfer):
     chamfer["results"]["chamfer"][1] |= {"slope": -0.45, "low": -0.5, "high": -0.4}
-    assert judge_chamfer_rate(chamfer).status == ledger.CONDITION
+    assert chamfer_rate_verdict(chamfer).status == ledger.CONDITION
 
 
 def test_a_slow_surface_is_a_condition_and_slow_ones_only_bear_the_claim_out(chamfer):
     chamfer["results"]["chamfer"][1] |= {"slope": -0.3, "low": -0.31, "high": -0.29}
-    assert judge_chamfer_rate(chamfer).status == ledger.CONDITION
+    assert chamfer_rate_verdict(chamfer).status == ledger.CONDITION
     chamfer["results"]["chamfer"][0] |= {"slope": -0.1, "low": -0.2, "high": 0.0}
-    assert judge_chamfer_rate(chamfer).status == ledger.REPRODUCED
+    assert chamfer_rate_verdict(chamfer).status == ledger.REPRODUCED

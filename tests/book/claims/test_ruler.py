@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.ruler import judge_counts, judge_floor, judge_table
+from meshot_book.claims.rules.ruler import counts_verdict, floor_verdict, table_verdict
 
 
 def broken(n, names=("Table 1, ADNI left, A",)):
@@ -32,7 +32,7 @@ def table(printed, swapped):
     ],
 )
 def test_the_columns(printed, swapped, status):
-    verdict = judge_table(table(printed, swapped))
+    verdict = table_verdict(table(printed, swapped))
     assert verdict.status == status
     assert f"14 of 32 break SW₂ ≤ W₂/√3, with the OASIS columns exchanged {swapped[0]} of 32" in verdict.ours
     assert "| Table 1, ADNI left: the smallest deviation of EMD | ± 0.013 (A) |" in verdict.numbers
@@ -62,14 +62,14 @@ def floors(*highs):
     ],
 )
 def test_the_floor(highs, status):
-    verdict = judge_floor(floors(*highs))
+    verdict = floor_verdict(floors(*highs))
     assert verdict.status == status
     assert "0.2 to 0.2 mm in SW₂" in verdict.ours
     assert "ASSD to the faces | 0 (rounding)" in verdict.numbers
 
 
 def test_floors_above_the_number_are_counted():
-    assert "above 0.702 mm in 2 of 3 readings" in judge_floor(floors(1.2, 0.9, 0.5)).ours
+    assert "above 0.702 mm in 2 of 3 readings" in floor_verdict(floors(1.2, 0.9, 0.5)).ours
 
 
 def counts(single=7.7e-4, mean=1e-5, factors=(130.0, 40.0)):
@@ -92,10 +92,10 @@ def counts(single=7.7e-4, mean=1e-5, factors=(130.0, 40.0)):
     ],
 )
 def test_counts(record, status):
-    assert judge_counts(record).status == status
+    assert counts_verdict(record).status == status
 
 
 def test_counts_are_said():
-    verdict = judge_counts(counts())
+    verdict = counts_verdict(counts())
     assert "one crossing pair is 0.00077 %" in verdict.ours
     assert "100 or more in 1 of 2 columns" in verdict.ours

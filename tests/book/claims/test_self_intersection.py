@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.self_intersection import judge_self_intersection
+from meshot_book.claims.rules.self_intersection import self_intersection_verdict
 
 
 def fit(spacing, crossing, seed):
@@ -24,7 +24,7 @@ def record():
 
 
 def test_a_condition_where_only_coarse_flows_leave_none(record):
-    verdict = judge_self_intersection(record)
+    verdict = self_intersection_verdict(record)
     assert verdict.status == ledger.CONDITION
     assert "faces cross in 1 of 2 carried meshes; none in any fit by flows with a finest grid of 6 mm" in verdict.ours
     assert "up to 8 faces at 3 mm; up to 40 faces where vertices are free" in verdict.ours
@@ -37,16 +37,16 @@ def test_reproduced_where_nothing_crosses_under_a_flow(record):
     results = record["results"]
     results["fits"] = [row for row in results["fits"] if row["spacing"] != 3.0]
     results["carried"] = [carried(0)]
-    assert judge_self_intersection(record).status == ledger.REPRODUCED
+    assert self_intersection_verdict(record).status == ledger.REPRODUCED
     results["carried"] = [carried(3, step_times_lipschitz=1.2), carried(3, flips=1), carried(3, way="rk4")]
-    assert judge_self_intersection(record).status == ledger.REPRODUCED
+    assert self_intersection_verdict(record).status == ledger.REPRODUCED
     results["carried"] = [carried(1)]
-    assert judge_self_intersection(record).status == ledger.CONDITION
+    assert self_intersection_verdict(record).status == ledger.CONDITION
 
 
 def test_faces_that_cross_on_the_way_count(record):
     next(row for row in record["results"]["fits"] if row["spacing"] == 6.0)["most_on_the_way"] = 2
-    verdict = judge_self_intersection(record)
+    verdict = self_intersection_verdict(record)
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "some in fits by every flow; up to 2 faces at 6 mm; up to 8 faces at 3 mm" in verdict.ours
 
@@ -54,4 +54,4 @@ def test_faces_that_cross_on_the_way_count(record):
 def test_a_flow_gets_no_credit_where_free_vertices_do_not_cross_either(record):
     for row in record["results"]["fits"]:
         row["crossing"] *= bool(row["spacing"])
-    assert judge_self_intersection(record).status == ledger.NOT_REPRODUCED
+    assert self_intersection_verdict(record).status == ledger.NOT_REPRODUCED

@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.sinkhorn import SHOWN, judge_blur
+from meshot_book.claims.rules.sinkhorn import SHOWN, blur_verdict
 
 
 def difference(blur, low, high, **more):
@@ -36,7 +36,7 @@ def record():
 
 
 def test_reproduced_where_every_blur_is_weaker(record):
-    verdict = judge_blur(record)
+    verdict = blur_verdict(record)
     assert verdict.status == ledger.REPRODUCED
     assert "weaker at a blur of 5, 20 mm, on surfaces 92 mm wide" in verdict.ours
     assert verdict.numbers.count("Sinkhorn, 5 mm") == 2
@@ -46,7 +46,7 @@ def test_reproduced_where_every_blur_is_weaker(record):
 
 def test_a_blur_that_is_better_is_a_condition(record):
     record["results"]["differences"][0] = difference(5.0, -0.2, -0.1, scaling=0.8)
-    verdict = judge_blur(record)
+    verdict = blur_verdict(record)
     assert verdict.status == ledger.CONDITION
     assert "weaker at a blur of 20 mm; better at a blur of 5 (annealed by 0.8) mm" in verdict.ours
 
@@ -54,6 +54,6 @@ def test_a_blur_that_is_better_is_a_condition(record):
 def test_one_distance_alone_does_not_make_a_blur_weaker(record):
     for row in record["results"]["differences"][:2]:
         row["sw2_surface_low"] = -0.1
-    verdict = judge_blur(record)
+    verdict = blur_verdict(record)
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "neither weaker nor better at a blur of 5, 20 mm" in verdict.ours

@@ -5,7 +5,7 @@ import copy
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.toy import judge_toy
+from meshot_book.claims.rules.toy import toy_verdict
 
 
 def row(polygon, loss, w2, **more):
@@ -27,7 +27,7 @@ def record():
 
 
 def test_reproduced_where_every_interval_agrees(record):
-    verdict = judge_toy(record)
+    verdict = toy_verdict(record)
     assert verdict.status == ledger.REPRODUCED
     assert "0.223 and 90% (Chamfer), against 0.014 and 90% (sliced Wasserstein, redrawn)" in verdict.ours
     assert "2 of 2 settings" in verdict.ours
@@ -37,7 +37,7 @@ def test_reproduced_where_every_interval_agrees(record):
 def test_a_setting_where_coverage_does_not_agree_is_a_condition(record):
     altered = copy.deepcopy(record)
     altered["results"]["differences"][1]["coverage_high"] = 0.01
-    verdict = judge_toy(altered)
+    verdict = toy_verdict(altered)
     assert verdict.status == ledger.CONDITION
     assert "letter e" in verdict.ours
 
@@ -45,4 +45,4 @@ def test_a_setting_where_coverage_does_not_agree_is_a_condition(record):
 def test_not_reproduced_where_no_interval_agrees(record):
     for entry in record["results"]["differences"]:
         entry["w2_low"] = -0.01
-    assert judge_toy(record).status == ledger.NOT_REPRODUCED
+    assert toy_verdict(record).status == ledger.NOT_REPRODUCED

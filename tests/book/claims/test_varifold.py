@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.varifold import judge_varifold
+from meshot_book.claims.rules.varifold import varifold_verdict
 
 
 def duel(family, low, high, quantity="own"):
@@ -23,7 +23,7 @@ def record():
 
 
 def test_reproduced_where_every_duel_is_won(record):
-    verdict = judge_varifold(record)
+    verdict = varifold_verdict(record)
     assert verdict.status == ledger.REPRODUCED
     assert "wins 2 of 2 duels, loses 0, and 0 are open" in verdict.ours
     assert "a factor of 20 (cube, 48 supports)" in verdict.ours
@@ -33,14 +33,14 @@ def test_reproduced_where_every_duel_is_won(record):
 
 def test_a_duel_lost_or_open_is_a_condition(record):
     record["results"]["duels"].append(duel("uneven_cube", 0.1, 0.5))
-    verdict = judge_varifold(record)
+    verdict = varifold_verdict(record)
     assert verdict.status == ledger.CONDITION
     assert verdict.ours.endswith("lost: uneven cube")
     record["results"]["duels"][-1] |= {"low": 0.9, "high": 1.2}
-    assert judge_varifold(record).status == ledger.CONDITION
+    assert varifold_verdict(record).status == ledger.CONDITION
 
 
 def test_not_reproduced_where_no_duel_is_won(record):
     for row in record["results"]["duels"]:
         row |= {"low": 0.5, "high": 0.9}
-    assert judge_varifold(record).status == ledger.NOT_REPRODUCED
+    assert varifold_verdict(record).status == ledger.NOT_REPRODUCED

@@ -5,7 +5,7 @@ import copy
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.weights import judge_weights
+from meshot_book.claims.rules.weights import weights_verdict
 
 
 def difference(encoding, low, high):
@@ -27,7 +27,7 @@ def record():
 
 
 def test_reproduced_where_the_choice_does_not_matter(record):
-    verdict = judge_weights(record)
+    verdict = weights_verdict(record)
     assert verdict.status == ledger.REPRODUCED
     assert "Merged costs agree with POT and SciPy to 3e-15 in 60 cases" in verdict.ours
     assert "varifold: nearer on 0, farther on 0 of 1 targets" in verdict.ours
@@ -39,7 +39,7 @@ def test_reproduced_where_the_choice_does_not_matter(record):
 def test_a_difference_either_way_is_a_condition(record, low, high, words):
     altered = copy.deepcopy(record)
     altered["results"]["differences"][1] = difference("varifold", low, high)
-    verdict = judge_weights(altered)
+    verdict = weights_verdict(altered)
     assert verdict.status == ledger.CONDITION
     assert words in verdict.ours
 
@@ -47,4 +47,4 @@ def test_a_difference_either_way_is_a_condition(record, low, high, words):
 @pytest.mark.parametrize("library", ["pot_sorting", "scipy"])
 def test_not_reproduced_where_another_library_disagrees(record, library):
     record["results"]["merging"][0][library] = 1e-9
-    assert judge_weights(record).status == ledger.NOT_REPRODUCED
+    assert weights_verdict(record).status == ledger.NOT_REPRODUCED

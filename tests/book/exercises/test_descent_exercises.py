@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.fitting.forces import pulls
+from meshot.flow.fitting.force import forces
 from meshot.loss.nearest import chamfer
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
@@ -17,7 +17,7 @@ def nearest(x, y):
 
 def loop_line_pull(x, y, u):
     """By the loss itself: the gradient along one direction, halved and turned round."""
-    return pulls(lambda z: sliced_wasserstein(DiscreteMeasure(z), DiscreteMeasure(y), u[None]), x)
+    return forces(lambda z: sliced_wasserstein(DiscreteMeasure(z), DiscreteMeasure(y), u[None]), x)
 
 
 def simulated_rate(n_calls, momentum):
@@ -47,7 +47,7 @@ def test_independent_solutions_pass(capsys, checker, function):
 def test_the_first_arrow_is_that_of_chamfer():
     generator = np.random.default_rng(5)
     x, y = (torch.from_numpy(generator.normal(size=(1, 2)) + shift) for shift in (0, 3))
-    both = pulls(lambda z: chamfer(DiscreteMeasure(z), DiscreteMeasure(y)), x)
+    both = forces(lambda z: chamfer(DiscreteMeasure(z), DiscreteMeasure(y)), x)
     torch.testing.assert_close(both, 2 * (nearest(x, y) - x))
 
 

@@ -6,14 +6,14 @@ import warnings
 import pytest
 import torch
 
-from meshot_book.exercises.verdict import Case, Mistake, judge
+from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 CASES = [Case("two", (torch.tensor([1.0, 2.0]),)), Case("three", (torch.tensor([3.0, -1.0, 0.5]),))]
 MISTAKES = [Mistake(lambda x: -2 * x, "mind the sign"), Mistake(lambda x: x[:2], "too short a look")]
 
 
 def said(capsys, function):
-    judge(function, lambda x: 2 * x, CASES, MISTAKES, "double")
+    check_answer(function, lambda x: 2 * x, CASES, MISTAKES, "double")
     out, err = capsys.readouterr()
     assert err == ""
     assert out.count("\n") == 1

@@ -1,3 +1,4 @@
+from .damping import without_crossings as without_crossings
 from .guard import (
     PathReport as PathReport,
 )
@@ -12,6 +13,5 @@ from .guard import (
 )
 from .jacobian import point_jacobians as point_jacobians
 from .jacobian import sampled_lipschitz as sampled_lipschitz
-from .settling import SettledSurface as SettledSurface
-from .settling import settled as settled
-from .standstill import without_crossings as without_crossings
+from .repair import RepairedSurface as RepairedSurface
+from .repair import repair_crossings as repair_crossings

@@ -51,13 +51,13 @@ class NetworkVelocity(LearnedVelocity):
         if not extent > 0:
             raise ValueError(f"extent is {extent!r}; a positive length is needed, in units of the points")
         self.n_dimensions, self.extent, self.with_time = n_dimensions, float(extent), with_time
-        random = numpy_generator(generator)
+        generator = numpy_generator(generator)
         sizes = [n_dimensions + with_time, *[width] * n_layers, n_dimensions]
         self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
         for index, (n_in, n_out) in enumerate(itertools.pairwise(sizes)):
             scale = last_scale if index == n_layers else 1.0
-            self.weights.append(torch.from_numpy(scale / n_in**0.5 * random.standard_normal((n_out, n_in))))
-            self.biases.append(torch.from_numpy(scale * random.uniform(-1, 1, n_out)))
+            self.weights.append(torch.from_numpy(scale / n_in**0.5 * generator.standard_normal((n_out, n_in))))
+            self.biases.append(torch.from_numpy(scale * generator.uniform(-1, 1, n_out)))
 
     def forward(self, time: Float[Tensor, ""], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
         """The velocity of every point at one time."""

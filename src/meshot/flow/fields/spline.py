@@ -118,15 +118,15 @@ class _Spline(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx, pull):
+    def backward(ctx, grad_output):
         coefficients, places = ctx.saved_tensors
-        lattice, where, pull = coefficients.numpy(), places.numpy(), pull.contiguous().numpy()
+        lattice, where, given = coefficients.numpy(), places.numpy(), grad_output.contiguous().numpy()
         to_places = torch.empty_like(places)
         out = to_places.numpy()
 
         def chunk(i: int, j: int) -> Tensor:
             buffer = torch.zeros_like(coefficients)
-            interpolate_backward(lattice, where[i:j], pull[i:j], buffer.numpy(), out[i:j])
+            interpolate_backward(lattice, where[i:j], given[i:j], buffer.numpy(), out[i:j])
             return buffer
 
         return sum(in_chunks(chunk, len(where), SMALLEST_CHUNK)), to_places

@@ -15,8 +15,8 @@ from .fit import Fit as Fit
 from .fit import FitLoss as FitLoss
 from .fit import fit_flow as fit_flow
 from .fit import sliced_loss as sliced_loss
-from .forces import probe_pulls as probe_pulls
-from .forces import pulls as pulls
+from .force import forces as forces
+from .force import probe_forces as probe_forces
 from .progress import fit_progress as fit_progress
 from .settings import FitSettings as FitSettings
 from .settings import Guard as Guard

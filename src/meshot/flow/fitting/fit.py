@@ -10,8 +10,8 @@ import numpy as np
 import torch
 
 from meshot.flow.fields.field import LearnedVelocity
+from meshot.flow.fitting.backtracking import backtrack, carried, passes, require_no_crossings
 from meshot.flow.fitting.checkpoint import HISTORY, FitState, read_state, write_state
-from meshot.flow.fitting.retreat import carried, passes, require_no_crossings, retreat
 from meshot.flow.fitting.settings import FitSettings, Guard
 from meshot.loss import quasi_directions, sliced_wasserstein
 from meshot.measure import DiscreteMeasure
@@ -46,7 +46,7 @@ def fit_flow(
     loss: FitLoss,
     settings: FitSettings | None = None,
     checkpoint: str | os.PathLike | None = None,
-    report: Callable[[int, float], None] | None = None,
+    progress: Callable[[int, float], None] | None = None,
     guard: Guard | None = None,
     watch: Watch | None = None,
 ) -> Fit:
@@ -67,7 +67,7 @@ def fit_flow(
     checkpoint : path, optional
         A safetensors file, written whole every ``save_every`` iterations. If it is there already, the fit goes on from
         it and ends with the same field as if it had never stopped.
-    report : callable of (iterations done, loss), optional
+    progress : callable of (iterations done, loss), optional
         Called after every iteration; :func:`meshot.flow.fitting.progress.fit_progress` makes one that draws a bar.
     guard : Guard, optional
         Count the faces that cross at every check, and back off when there are any.
@@ -102,8 +102,8 @@ def fit_flow(
             _check(state, mesh, loss, settings, guard, watch)
         if checkpoint is not None and (_is_done(state, settings, guard) or state.iteration % settings.save_every == 0):
             write_state(checkpoint, state, kept)
-        if report is not None:
-            report(state.iteration, value)
+        if progress is not None:
+            progress(state.iteration, value)
     state.restore_best()
     with torch.no_grad():
         result = carried(state, mesh, settings)
@@ -182,6 +182,6 @@ def _check(
             )
         state.history.setdefault(name, []).append(float(number))
     if guard is not None and not passes(state, moved, guard):
-        retreat(state, mesh, settings, guard)
+        backtrack(state, mesh, settings, guard)
     elif value < state.best_loss:
         state.keep_as_best(value)

@@ -10,7 +10,7 @@ from meshot.flow.fitting.settings import FitSettings
 
 @contextlib.contextmanager
 def fit_progress(settings: FitSettings, description: str = "fit") -> Iterator[Callable[[int, float], None]]:
-    """A ``report`` for :func:`meshot.flow.fitting.fit_flow`: a progress bar with the loss, on standard error."""
+    """A ``progress`` for :func:`meshot.flow.fitting.fit_flow`: a progress bar with the loss, on standard error."""
     with tqdm(total=settings.n_iterations, desc=description) as bar:
 
         def report(done: int, loss: float) -> None:

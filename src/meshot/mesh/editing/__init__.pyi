@@ -1,6 +1,6 @@
+from .crossings import smooth_crossings as smooth_crossings
 from .decimation import decimated as decimated
 from .decimation import simplified as simplified
-from .mending import mended as mended
 from .smoothing import (
     laplacian_smoothing as laplacian_smoothing,
 )

@@ -4,7 +4,7 @@ from .data import DeformationExample as DeformationExample
 from .data import InitialSurfaces as InitialSurfaces
 from .example_file import read_example as read_example
 from .example_file import write_example as write_example
-from .files import trained_deformation as trained_deformation
+from .files import run_deformation_training as run_deformation_training
 from .settings import (
     DeformationConfig as DeformationConfig,
 )

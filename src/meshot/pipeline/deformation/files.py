@@ -12,12 +12,12 @@ from meshot.pipeline.deformation.data import InitialSurfaces
 from meshot.pipeline.deformation.settings import read_deformation_config
 from meshot.pipeline.deformation.training import train_deformation
 from meshot.pipeline.networks import SEGMENTATION, SHIPPED
-from meshot.pipeline.training_files import STATE_FOLDER, shown_command, watched_training, write_trained
+from meshot.pipeline.training_files import STATE_FOLDER, run_watched_training, shown_command, write_trained
 from meshot.provenance import provenance
 from meshot.train import Training, chosen_device
 
 
-def trained_deformation(
+def run_deformation_training(
     config_path: str | os.PathLike,
     cohorts: Sequence[str | os.PathLike],
     folder: str | os.PathLike,
@@ -59,7 +59,7 @@ def trained_deformation(
         )
         for split in ("train", "validation")
     )
-    found = watched_training(
+    found = run_watched_training(
         folder,
         made,
         lambda report: train_deformation(

@@ -13,7 +13,7 @@ from meshot.model import DeformationNetwork
 from meshot.pipeline.deformation.carrying import deformed, standardised
 from meshot.pipeline.deformation.data import DeformationExample, digest
 from meshot.pipeline.deformation.settings import DeformationConfig, DeformationSettings
-from meshot.train import Report, Training, TrainingState, train
+from meshot.train import Progress, Training, TrainingState, train
 from meshot.types import Tensor
 
 _ORDER, _LOSS = 0, 1  # streams of randomness
@@ -24,7 +24,7 @@ def train_deformation(
     training: Sequence[DeformationExample],
     validation: Sequence[DeformationExample],
     folder: str | os.PathLike | None = None,
-    report: Report | None = None,
+    progress: Progress | None = None,
     device: torch.device | None = None,
 ) -> Training:
     """Train a network from its first weights, or go on where a stopped training was.
@@ -37,7 +37,7 @@ def train_deformation(
     folder : path, optional
         Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``). If a state is there
         already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
-    report : callable of (steps done, steps in all, line of the log), optional
+    progress : callable of (steps done, steps in all, line of the log), optional
     device : torch.device, optional
         The processor if left out.
 
@@ -68,10 +68,10 @@ def train_deformation(
 
     def loss_of(step: int) -> tuple[Tensor, str]:
         item = _example(step, training, settings)
-        random = np.random.default_rng([settings.seed, _LOSS, step])
+        generator = np.random.default_rng([settings.seed, _LOSS, step])
         predicted = carried(item.coarse.to(device), item, network, settings)
         try:
-            return config.loss(predicted, item.target.to(device), random), item.name
+            return config.loss(predicted, item.target.to(device), generator), item.name
         except ValueError as error:  # such as a mesh that has lost its area
             raise FloatingPointError(
                 f"the prediction of step {step} ({item.name}) carries no loss: {error}; lower the learning rate"
@@ -79,7 +79,7 @@ def train_deformation(
 
     train(
         state, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, targets, settings),
-        config.as_dict() | {"data": data}, folder, report,
+        config.as_dict() | {"data": data}, folder, progress,
     )  # fmt: skip
     return Training(network.cpu(), state.best_step, state.lines, state.seconds, data)
 

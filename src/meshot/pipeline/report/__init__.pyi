@@ -1,2 +1,2 @@
 from .files import PAGE as PAGE
-from .files import reconstructed as reconstructed
+from .files import write_reconstruction as write_reconstruction

@@ -25,7 +25,7 @@ FORMATS = ("", ".surf.gii", ".ply")
 SHORT = {"left": "lh", "right": "rh"}
 
 
-def reconstructed(
+def write_reconstruction(
     path: str | os.PathLike,
     folder: str | os.PathLike,
     networks: TrainedNetworks,

@@ -56,7 +56,7 @@ def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]
         if settled is None
         else {
             "n_faces_crossing_before": settled.n_crossing,
-            "n_retreats": settled.n_retreats,
+            "n_retreats": settled.n_backtracks,
             "largest_move_mm": settled.largest_move,
         },
     }

@@ -69,7 +69,7 @@ def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> s
     Parameters
     ----------
     report : dict
-        As :func:`meshot.pipeline.report.reconstructed` writes it to ``report.json``.
+        As :func:`meshot.pipeline.report.write_reconstruction` writes it to ``report.json``.
     slices : sequence of Picture
     view : str
         HTML of the surfaces.

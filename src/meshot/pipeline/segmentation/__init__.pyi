@@ -1,6 +1,6 @@
 from .data import example as example
 from .data import reduced_volume as reduced_volume
-from .files import trained_segmentation as trained_segmentation
+from .files import run_segmentation_training as run_segmentation_training
 from .segmenting import in_scanner as in_scanner
 from .segmenting import segment as segment
 from .settings import segmentation_config as segmentation_config

@@ -69,25 +69,25 @@ def augmented(
     Mirroring the first axis makes a left hemisphere a right one, so that the two maps change places with it. What
     moves in at a border is empty.
     """
-    random = numpy_generator(generator)
-    mirror, moves = random.random() < by.flip, random.integers(-by.shift, by.shift + 1, 3).tolist()
-    gamma, gain = 1 + by.intensity * random.uniform(-1, 1, 2)
+    generator = numpy_generator(generator)
+    mirror, moves = generator.random() < by.flip, generator.integers(-by.shift, by.shift + 1, 3).tolist()
+    gamma, gain = 1 + by.intensity * generator.uniform(-1, 1, 2)
     image = (gain * image.clamp(min=0) ** gamma).clamp(max=1)
     if by.turn or by.stretch or by.bend:
-        image, fractions = _warped(torch.cat([image, fractions]), random, by).split([1, 2])
+        image, fractions = _warped(torch.cat([image, fractions]), generator, by).split([1, 2])
     if mirror:
         image, fractions = image.flip(1), fractions.flip(0).flip(1)
     return _moved(image, moves), _moved(fractions, moves)
 
 
-def _warped(values: Float[Tensor, "3 x y z"], random: np.random.Generator, by: Augmentation) -> Tensor:
+def _warped(values: Float[Tensor, "3 x y z"], generator: np.random.Generator, by: Augmentation) -> Tensor:
     """Turned, stretched and bent about the middle of the grid, in voxels."""
     shape = values.shape[1:]
-    turned = Rotation.from_euler("xyz", random.uniform(-by.turn, by.turn, 3), degrees=True).as_matrix()
-    matrix = turned * (1 + by.stretch * random.uniform(-1, 1, 3))
+    turned = Rotation.from_euler("xyz", generator.uniform(-by.turn, by.turn, 3), degrees=True).as_matrix()
+    matrix = turned * (1 + by.stretch * generator.uniform(-1, 1, 3))
     axes = [torch.arange(n, dtype=values.dtype) - (n - 1) / 2 for n in shape]
     places = torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1) @ torch.from_numpy(matrix).to(values).T
-    nodes = torch.from_numpy(random.normal(scale=by.bend, size=(1, 3, *(_BEND_NODES,) * 3))).to(values)
+    nodes = torch.from_numpy(generator.normal(scale=by.bend, size=(1, 3, *(_BEND_NODES,) * 3))).to(values)
     bends = interpolate(nodes, size=tuple(shape), mode="trilinear", align_corners=True)[0].movedim(0, -1)
     # grid_sample wants the last axis first, and a grid from -1 to 1 between the outermost voxels.
     halves = values.new_tensor([max(n - 1, 1) / 2 for n in shape])

@@ -11,12 +11,12 @@ from meshot.model import require_small
 from meshot.pipeline.segmentation.data import read_examples
 from meshot.pipeline.segmentation.settings import read_segmentation_config
 from meshot.pipeline.segmentation.training import train_segmentation
-from meshot.pipeline.training_files import STATE_FOLDER, shown_command, watched_training, write_trained
+from meshot.pipeline.training_files import STATE_FOLDER, run_watched_training, shown_command, write_trained
 from meshot.provenance import provenance
 from meshot.train import Training
 
 
-def trained_segmentation(
+def run_segmentation_training(
     config_path: str | os.PathLike,
     cohorts: Sequence[str | os.PathLike],
     folder: str | os.PathLike,
@@ -48,7 +48,7 @@ def trained_segmentation(
         read_examples(cohorts, split, config.training.reduction, lambda found, s=split: tqdm(found, desc=f"read {s}"))
         for split in ("train", "validation")
     )
-    found = watched_training(
+    found = run_watched_training(
         folder,
         made,
         lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report, device),

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from meshot.mesh import Mesh
-from meshot.mesh.editing import mended, taubin_smoothing
+from meshot.mesh.editing import smooth_crossings, taubin_smoothing
 from meshot.mesh.topology import self_intersecting_faces
 from meshot.volume import Volume, cropped, voxel_sizes, voxel_to_mm
 from meshot.volume.surfaces import (
@@ -84,6 +84,6 @@ def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -
 def _without_crossings(smoothed: Mesh, raw: Mesh) -> Mesh:
     """The smoothed mesh, mended where faces cross; if that fails, the raw one, in which none do."""
     try:
-        return mended(smoothed)
+        return smooth_crossings(smoothed)
     except ValueError:
-        return raw if not len(self_intersecting_faces(raw)) else mended(raw)
+        return raw if not len(self_intersecting_faces(raw)) else smooth_crossings(raw)

@@ -11,7 +11,7 @@ from meshot.model import SegmentationNetwork, segmentation_loss
 from meshot.pipeline.segmentation.augmentation import augmented
 from meshot.pipeline.segmentation.data import Example, digest
 from meshot.pipeline.segmentation.settings import SegmentationConfig, SegmentationSettings
-from meshot.train import Report, Training, TrainingState, chosen_device, train
+from meshot.train import Progress, Training, TrainingState, chosen_device, train
 from meshot.types import Float, Tensor
 from meshot.volume import dice
 
@@ -23,7 +23,7 @@ def train_segmentation(
     training: Sequence[Example],
     validation: Sequence[Example],
     folder: str | os.PathLike | None = None,
-    report: Report | None = None,
+    progress: Progress | None = None,
     device: torch.device | None = None,
 ) -> Training:
     """Train a network from its first weights, or go on where a stopped training was.
@@ -36,7 +36,7 @@ def train_segmentation(
     folder : path, optional
         Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``). If a state is there
         already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
-    report : callable of (steps done, steps in all, line of the log), optional
+    progress : callable of (steps done, steps in all, line of the log), optional
     device : torch.device, optional
         The accelerator if there is one, else the processor, if left out.
 
@@ -62,7 +62,7 @@ def train_segmentation(
 
     train(
         state, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, settings, device),
-        config.as_dict() | {"data": data}, folder, report,
+        config.as_dict() | {"data": data}, folder, progress,
     )  # fmt: skip
     return Training(network.cpu(), state.best_step, state.lines, state.seconds, data)
 
@@ -84,9 +84,9 @@ def _batch(
     epoch, place = divmod(step, per_epoch)
     order = np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(len(training))
     chosen = [training[i] for i in order[place * settings.batch_size : (place + 1) * settings.batch_size]]
-    random = np.random.default_rng([settings.seed, _AUGMENTATION, step])
+    generator = np.random.default_rng([settings.seed, _AUGMENTATION, step])
     changes = settings.augmentation()
-    pairs = [augmented(*item.tensors(settings.soft_labels), random, changes) for item in chosen]
+    pairs = [augmented(*item.tensors(settings.soft_labels), generator, changes) for item in chosen]
     images, fractions = (torch.stack(part) for part in zip(*pairs))
     return [item.name for item in chosen], images, fractions
 

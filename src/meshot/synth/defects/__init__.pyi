@@ -22,6 +22,6 @@ from .planted import (
 from .planted import (
     with_spike as with_spike,
 )
-from .sulcal_walls import facing_banks as facing_banks
+from .sulcal_walls import facing_walls as facing_walls
 from .sulcal_walls import with_bridge as with_bridge
 from .sulcal_walls import with_crossing as with_crossing

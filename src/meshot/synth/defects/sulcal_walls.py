@@ -15,7 +15,7 @@ FACING = 0.8  # the least cosine between a normal and the way across
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Banks:
+class SulcalWalls:
     """Pairs of faces that look at each other across a gap, the widest gaps first.
 
     Parameters
@@ -30,7 +30,7 @@ class Banks:
     gaps: Float[Tensor, " n"]
 
 
-def facing_banks(mesh: Mesh, narrowest: float, widest: float) -> Banks:
+def facing_walls(mesh: Mesh, narrowest: float, widest: float) -> SulcalWalls:
     """Pairs of faces whose outward normals point at each other, ``narrowest`` to ``widest`` apart.
 
     Raises
@@ -52,7 +52,7 @@ def facing_banks(mesh: Mesh, narrowest: float, widest: float) -> Banks:
             f"no two faces look at each other from {narrowest:g} to {widest:g} apart; widen the range, or fold deeper"
         )
     order = np.lexsort((pairs[kept, 0], -gaps[kept]))
-    return Banks(torch.from_numpy(pairs[kept][order].astype(np.int64)), torch.from_numpy(gaps[kept][order]))
+    return SulcalWalls(torch.from_numpy(pairs[kept][order].astype(np.int64)), torch.from_numpy(gaps[kept][order]))
 
 
 def with_bridge(mesh: Mesh, narrowest: float = 2.0, widest: float = 8.0) -> Mesh:
@@ -63,9 +63,9 @@ def with_bridge(mesh: Mesh, narrowest: float = 2.0, widest: float = 8.0) -> Mesh
     Raises
     ------
     ValueError
-        As :func:`meshot.synth.defects.facing_banks`, or if every tube would cross the surface.
+        As :func:`meshot.synth.defects.facing_walls`, or if every tube would cross the surface.
     """
-    banks = facing_banks(mesh, narrowest, widest)
+    banks = facing_walls(mesh, narrowest, widest)
     n_crossing, wanted = len(self_intersecting_faces(mesh)), euler_number(mesh) - 2
     for one, other in banks.faces.tolist():
         bridged = _joined(mesh, one, other)
@@ -97,11 +97,11 @@ def with_crossing(mesh: Mesh, depth: float, narrowest: float = 1.0, widest: floa
     Raises
     ------
     ValueError
-        As :func:`meshot.synth.defects.facing_banks`, or if the depth is not positive.
+        As :func:`meshot.synth.defects.facing_walls`, or if the depth is not positive.
     """
     if not depth > 0:
         raise ValueError(f"depth is {depth!r}; a length > 0 is needed, how far beyond the other bank")
-    one, other = facing_banks(mesh, narrowest, widest).faces[-1].tolist()
+    one, other = facing_walls(mesh, narrowest, widest).faces[-1].tolist()
     middles = face_barycentres(mesh)
     across = middles[other] - middles[one]
     moved = mesh.vertices.clone()

@@ -1,43 +1,43 @@
 """From results to verdicts: the rule for each tested claim, by its number."""
 
 from meshot_book.claims.ledger import Judge
-from meshot_book.claims.rules.axioms import judge_axioms
-from meshot_book.claims.rules.convergence import judge_directions, judge_theorem
-from meshot_book.claims.rules.cost import judge_memory, judge_speed
-from meshot_book.claims.rules.ddot import judge_ablation, judge_systems
-from meshot_book.claims.rules.deforming import judge_evenness, judge_supports
-from meshot_book.claims.rules.encodings import judge_continuous, judge_normal_scale, judge_sample_gradient
-from meshot_book.claims.rules.ground_cost import judge_ground_cost
-from meshot_book.claims.rules.rates import judge_chamfer_rate, judge_transport_rate
-from meshot_book.claims.rules.ruler import judge_counts, judge_floor, judge_table
-from meshot_book.claims.rules.self_intersection import judge_self_intersection
-from meshot_book.claims.rules.sinkhorn import judge_blur
-from meshot_book.claims.rules.toy import judge_toy
-from meshot_book.claims.rules.varifold import judge_varifold
-from meshot_book.claims.rules.weights import judge_weights
+from meshot_book.claims.rules.axioms import axioms_verdict
+from meshot_book.claims.rules.convergence import directions_verdict, theorem_verdict
+from meshot_book.claims.rules.cost import memory_verdict, speed_verdict
+from meshot_book.claims.rules.ddot import ablation_verdict, systems_verdict
+from meshot_book.claims.rules.deforming import evenness_verdict, supports_verdict
+from meshot_book.claims.rules.encodings import continuous_verdict, normal_scale_verdict, sample_gradient_verdict
+from meshot_book.claims.rules.ground_cost import ground_cost_verdict
+from meshot_book.claims.rules.rates import chamfer_rate_verdict, transport_rate_verdict
+from meshot_book.claims.rules.ruler import counts_verdict, floor_verdict, table_verdict
+from meshot_book.claims.rules.self_intersection import self_intersection_verdict
+from meshot_book.claims.rules.sinkhorn import blur_verdict
+from meshot_book.claims.rules.toy import toy_verdict
+from meshot_book.claims.rules.varifold import varifold_verdict
+from meshot_book.claims.rules.weights import weights_verdict
 
-JUDGES: dict[int, Judge] = {
-    1: judge_toy,
-    2: judge_theorem,
-    3: judge_transport_rate,
-    4: judge_chamfer_rate,
-    5: judge_directions,
-    6: judge_continuous,
-    7: judge_varifold,
-    8: judge_normal_scale,
-    9: judge_weights,
-    10: judge_speed,
-    11: judge_axioms,
-    12: judge_self_intersection,
-    13: judge_systems,
-    14: judge_table,
-    15: judge_floor,
-    16: judge_counts,
-    17: judge_ablation,
-    18: judge_blur,
-    20: judge_supports,
-    21: judge_memory,
-    22: judge_evenness,
-    23: judge_sample_gradient,
-    24: judge_ground_cost,
+RULES: dict[int, Judge] = {
+    1: toy_verdict,
+    2: theorem_verdict,
+    3: transport_rate_verdict,
+    4: chamfer_rate_verdict,
+    5: directions_verdict,
+    6: continuous_verdict,
+    7: varifold_verdict,
+    8: normal_scale_verdict,
+    9: weights_verdict,
+    10: speed_verdict,
+    11: axioms_verdict,
+    12: self_intersection_verdict,
+    13: systems_verdict,
+    14: table_verdict,
+    15: floor_verdict,
+    16: counts_verdict,
+    17: ablation_verdict,
+    18: blur_verdict,
+    20: supports_verdict,
+    21: memory_verdict,
+    22: evenness_verdict,
+    23: sample_gradient_verdict,
+    24: ground_cost_verdict,
 }

@@ -7,7 +7,7 @@ METRICS = ("SW₁", "SW₂", "W₁", "W₂")
 CLEARLY = 1.01
 
 
-def judge_axioms(record: dict) -> ledger.Verdict:
+def axioms_verdict(record: dict) -> ledger.Verdict:
     """The verdict on claim 11 from ``experiments/axioms/results.json``."""
     results = record["results"]
     found = {row["loss"]: row for row in results["triangles"]}

@@ -11,7 +11,7 @@ LEAST_DIRECTIONS = 10
 LARGEST_RATIO = 2.0
 
 
-def judge_theorem(record: dict) -> Verdict:
+def theorem_verdict(record: dict) -> Verdict:
     """Claim 2 from ``experiments/convergence``: is the error at most C·R·√((d+1) log m / m), C of p and R alone?
 
     The rate holds where the whole interval of the slope lies at or below the slope of √(log m / m) over the same sizes.
@@ -86,7 +86,7 @@ def _distance_table(rows: list[dict]) -> str:
     )
 
 
-def judge_directions(record: dict) -> Verdict:
+def directions_verdict(record: dict) -> Verdict:
     """Claim 5 from ``experiments/convergence``: is the error over random directions √(Var/L)?"""
     rows = record["results"]["directions"]
     off_slope = [row for row in rows if max(abs(row[end] + 0.5) for end in ("low", "high")) > SLOPE_TOLERANCE]

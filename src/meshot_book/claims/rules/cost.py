@@ -8,7 +8,7 @@ SMALLEST = 10_000  # supports; below, all losses are fast
 HIGHEST_EXPONENT = 1.5  # halfway between m and m²
 
 
-def judge_speed(record: dict) -> Verdict:
+def speed_verdict(record: dict) -> Verdict:
     """Claim 10 from ``experiments/cost``: does sorting scale like m log m, and is it faster than Chamfer?"""
     cases = [row for row in record["results"]["cases"] if row["m"] >= SMALLEST]
     ratios = {rival: _ratios(cases, rival) for rival in (BRUTE, TREE)}
@@ -53,7 +53,7 @@ def _range(ratios: dict[tuple[int, int], float], d: int | None = None) -> str:
     return " to ".join(dict.fromkeys(f"{digits(value, 2)}×" for value in (min(found), max(found))))
 
 
-def judge_memory(record: dict) -> Verdict:
+def memory_verdict(record: dict) -> Verdict:
     """Claim 21 from ``experiments/cost``: must Sinkhorn hold a number for every pair of supports?
 
     Judged at the largest size at which a library's dense variant was measured, against its lazy one.

@@ -25,7 +25,7 @@ ARMS = {
 }  # fmt: skip
 
 
-def judge_systems(record: dict) -> Verdict:
+def systems_verdict(record: dict) -> Verdict:
     """Claim 13 from ``experiments/ddot``: DDOT against CortexODE, with all but the loss alike.
 
     A cell is a metric on one side of one cohort. It goes to the one that the interval over subjects favours, and, where
@@ -51,7 +51,7 @@ def judge_systems(record: dict) -> Verdict:
     )
 
 
-def judge_ablation(record: dict) -> Verdict:
+def ablation_verdict(record: dict) -> Verdict:
     """Claim 17 from ``experiments/ddot``: is DDOT better than with another encoding, or another loss?
 
     One seed each, so that the claim can at best hold with a condition.

@@ -9,7 +9,7 @@ STEADY = 1.1  # times the memory on the mesh before counts as the same
 LOSSES = {"sliced": "sliced Wasserstein", "chamfer": "Chamfer"}
 
 
-def judge_evenness(record: dict) -> Verdict:
+def evenness_verdict(record: dict) -> Verdict:
     """Claim 22 from ``experiments/deforming``: Chamfer minus sliced Wasserstein in the variation of edges and areas.
 
     The analytic target has the seeds for an interval; it is judged after equal steps and after equal seconds.
@@ -74,7 +74,7 @@ def _gap(row: dict, name: str) -> str:
     return f"{gap:+.3g}{interval}"
 
 
-def judge_supports(record: dict) -> Verdict:
+def supports_verdict(record: dict) -> Verdict:
     """Claim 20 from ``experiments/fixed_supports``: does memory grow with the mesh, and does a fixed number mend it?"""
     grows = all(_growth(record, loss, "all") > STEADY for loss in LOSSES)
     mended = all(_growth(record, loss, "carried") <= STEADY for loss in LOSSES)

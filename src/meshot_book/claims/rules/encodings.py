@@ -9,7 +9,7 @@ CONTROLS = ("white and shifted", "white and inside out")  # these differ in one 
 CLOSE = 0.1
 
 
-def judge_continuous(record: dict) -> Verdict:
+def continuous_verdict(record: dict) -> Verdict:
     """Claim 6 from ``experiments/exact_value``: is the continuous encoding of theoretical use only?
 
     It is of practical use if value and gradient are exact, if both together cost less than 10⁵ samples, and if a
@@ -79,7 +79,7 @@ def _descent_table(rows: list[dict]) -> str:
     return markdown_table(shown)
 
 
-def judge_normal_scale(record: dict) -> Verdict:
+def normal_scale_verdict(record: dict) -> Verdict:
     """Claim 8 from ``experiments/normal_scale``: can positions and unit normals share one space, whatever the units?
 
     Both are seen where each has at least a twentieth of the gradient. The conventions are vertices in mm (a normal is
@@ -145,7 +145,7 @@ def _scale_table(rows: list[dict]) -> str:
     return markdown_table(shown)
 
 
-def judge_sample_gradient(record: dict) -> Verdict:
+def sample_gradient_verdict(record: dict) -> Verdict:
     """Claim 23 from ``experiments/sample_gradient``: can a mesh be optimised through points sampled from it?
 
     Fixed draws are biased where the 95 % interval of their mean slope excludes the exact slope. Whether that matters is

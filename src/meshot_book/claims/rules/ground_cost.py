@@ -7,7 +7,7 @@ from meshot_book.notebook import digits, markdown_table
 AGREES = 0.01
 
 
-def judge_ground_cost(record: dict) -> Verdict:
+def ground_cost_verdict(record: dict) -> Verdict:
     """Claim 24 from ``experiments/ground_cost``: is the cost of transport the sum of p-th powers over coordinates?
 
     Reproduced if for every exponent both costs give the same values between surfaces; with a condition if for some

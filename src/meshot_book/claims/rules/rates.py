@@ -8,7 +8,7 @@ from meshot_book.notebook import markdown_table
 SLACK = 0.05
 
 
-def judge_transport_rate(record: dict) -> Verdict:
+def transport_rate_verdict(record: dict) -> Verdict:
     """Claim 3 from ``experiments/transport_rates``: SW like m^-½ in every dimension, W like m^(-1/d).
 
     Sliced Wasserstein agrees if the interval of its slope, widened by :data:`SLACK`, holds −½ for every pair with
@@ -88,7 +88,7 @@ def _transport_table(results: dict) -> str:
     )
 
 
-def judge_chamfer_rate(record: dict) -> Verdict:
+def chamfer_rate_verdict(record: dict) -> Verdict:
     """Claim 4 from ``experiments/transport_rates``: does sampled Chamfer lack a rate of convergence?
 
     On a pair of surfaces it has one, no worse than that of sliced Wasserstein, if the upper end of the interval of its

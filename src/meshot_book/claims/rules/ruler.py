@@ -7,7 +7,7 @@ USABLE = 0.5  # a floor up to this share of a number leaves three quarters of it
 STRIKING = 3  # a smallest deviation of a column so many times below the next one
 
 
-def judge_table(record: dict) -> Verdict:
+def table_verdict(record: dict) -> Verdict:
     """Claim 14 from ``experiments/paper_table``: do the EMD and SWD columns fit together?
 
     On the same points SW₂ ≤ W₂/√3, up to the error of the directions. The columns are consistent if under one way of
@@ -80,7 +80,7 @@ def _oddities_table(table: dict) -> str:
     return markdown_table(rows)
 
 
-def judge_floor(record: dict) -> Verdict:
+def floor_verdict(record: dict) -> Verdict:
     """Claim 15 from ``experiments/floors``: does an EMD of .70 mm say how good a surface is?
 
     It does in a reading (which distance, which root) whose floor, two samples of one surface, is at most half the
@@ -142,7 +142,7 @@ def _metric_table(record: dict) -> str:
     return markdown_table(rows)
 
 
-def judge_counts(record: dict) -> Verdict:
+def counts_verdict(record: dict) -> Verdict:
     """Claim 16 from ``experiments/paper_table``: shares of intersecting faces, as counts.
 
     Two faces are the fewest that cross. A bound below their share can hold on one surface only if nothing crosses;

@@ -10,7 +10,7 @@ from meshot_book.notebook import digits, markdown_table
 _NAMES = {"sliced": "sliced Wasserstein", "chamfer": "Chamfer"}
 
 
-def judge_self_intersection(record: dict) -> Verdict:
+def self_intersection_verdict(record: dict) -> Verdict:
     """Claim 12 from ``experiments/self_intersection``: does a Lipschitz flow keep a mesh from crossing itself?
 
     Carried meshes count where the theorem applies to the points: Euler steps with h·Lip < 1 along the paths and no

@@ -8,7 +8,7 @@ RULER = {"w2_varifold": "W₂ of varifolds", "sw2_surface": "SW₂ of surfaces"}
 SHOWN = RULER | {"assd": "ASSD", "emd": "EMD"}
 
 
-def judge_blur(record: dict) -> Verdict:
+def blur_verdict(record: dict) -> Verdict:
     """Claim 18 from ``experiments/blur``: at which blurs does a fit by Sinkhorn end further away than one by slices?
 
     A blur is weaker where the 95 % intervals over seeds of Sinkhorn minus sliced Wasserstein lie above zero in exact W₂

@@ -3,7 +3,7 @@
 from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Verdict
 
 
-def judge_toy(record: dict) -> Verdict:
+def toy_verdict(record: dict) -> Verdict:
     """Claim 1 from ``experiments/circle_to_polygon``: is Chamfer trapped where sliced Wasserstein is not?
 
     A setting is a polygon, a sampling, and directions redrawn or fixed, with both losses at their means and the paper's

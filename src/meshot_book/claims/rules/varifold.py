@@ -4,7 +4,7 @@ from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Ver
 from meshot_book.notebook import digits, markdown_table
 
 
-def judge_varifold(record: dict) -> Verdict:
+def varifold_verdict(record: dict) -> Verdict:
     """Claim 7 from ``experiments/encoding_rates``: does the varifold approximate a mesh better than samples do?
 
     A duel is a mesh (family and level), a space, an exponent and a quantity (error of SW_p^p to another mesh; SW_p to

@@ -6,7 +6,7 @@ LARGEST_ERROR = 1e-12
 LIBRARIES = ("pot_sorting", "pot_linear_program", "scipy")
 
 
-def judge_weights(record: dict) -> Verdict:
+def weights_verdict(record: dict) -> Verdict:
     """Claim 9 from ``experiments/weights_and_areas``: is merging right, and must gradients pass through the areas?
 
     Merging is right where it differs from POT and SciPy by roundoff alone. The unstated choice matters where the 95 %

@@ -7,10 +7,10 @@ import torch
 
 from meshot.flow.crossings.guard import crossings_along
 from meshot.flow.fields.grid import grid_around
+from meshot.flow.fitting.backtracking import backtrack
 from meshot.flow.fitting.checkpoint import FitState
 from meshot.flow.fitting.fit import Fit, fit_flow
 from meshot.flow.fitting.progress import fit_progress
-from meshot.flow.fitting.retreat import retreat
 from meshot.flow.fitting.settings import FitSettings, Guard
 from meshot.mesh.topology.intersection import self_intersecting_faces
 from meshot_book.examples.counterexample import tip_over_face
@@ -102,7 +102,7 @@ def test_more_steps_where_the_steps_are_at_fault(max_steps, slope, n_steps):
     assert state.optimiser.state
     nodes = torch.arange(velocity.levels[1].shape[1]).double()
     velocity.levels[1].data[..., 0] = 0.5 * slope * nodes[:, None, None]  # v = slope · x, up to a constant
-    retreat(state, PAIR, QUICK, Guard(max_steps=max_steps, slow_down=0.25))
+    backtrack(state, PAIR, QUICK, Guard(max_steps=max_steps, slow_down=0.25))
     assert state.n_steps == n_steps
     assert state.rate_factor == 0.25
     assert not state.optimiser.state  # momentum that led to the crossing is forgotten
@@ -143,7 +143,7 @@ def test_coarse_levels_go_first():
 
 def test_bar_counts(capsys):
     with fit_progress(QUICK, "pair") as report:
-        fit_flow(field(), PAIR, through, QUICK, report=report)
+        fit_flow(field(), PAIR, through, QUICK, progress=report)
     assert "60/60" in capsys.readouterr().err
 
 

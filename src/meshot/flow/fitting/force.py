@@ -1,4 +1,4 @@
-"""Where a loss pulls: at the points themselves, and at places where no point is yet."""
+"""The force of a loss: on the points themselves, and at positions where no point is yet."""
 
 import torch
 
@@ -7,11 +7,11 @@ from meshot.flow.fitting.descent import PointLoss
 from meshot.types import Float, Tensor
 
 
-def pulls(loss: PointLoss, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
-    """Where every point is pulled: −n/2 times the gradient of the loss.
+def forces(loss: PointLoss, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
+    """The force on every point, −n/2 times the gradient of the loss: the direction in which a descent moves it.
 
     The factor undoes the mean over n points and the 2 of the square, so that for the mean of squared distances
-    ‖xᵢ − yᵢ‖² the pull on xᵢ is the vector yᵢ − xᵢ, in units of the points.
+    ‖xᵢ − yᵢ‖² the force on xᵢ is the vector yᵢ − xᵢ, in units of the points.
 
     Parameters
     ----------
@@ -31,14 +31,14 @@ def pulls(loss: PointLoss, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]
     return -len(points) / 2 * gradient
 
 
-def probe_pulls(loss: PointLoss, points: Float[Tensor, "n d"], probes: Float[Tensor, "k d"]) -> Float[Tensor, "k d"]:
-    """Where one more point would be pulled: each probe in turn joins the points, and its pull is taken.
+def probe_forces(loss: PointLoss, points: Float[Tensor, "n d"], probes: Float[Tensor, "k d"]) -> Float[Tensor, "k d"]:
+    """The force on one more point: each probe in turn joins the points, and its force is taken.
 
     One evaluation of the loss per probe.
 
     Raises
     ------
     ValueError
-        As :func:`pulls`.
+        As :func:`meshot.flow.fitting.forces`.
     """
-    return torch.stack([pulls(loss, torch.cat([points, probe[None]]))[-1] for probe in probes])
+    return torch.stack([forces(loss, torch.cat([points, probe[None]]))[-1] for probe in probes])

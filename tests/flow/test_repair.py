@@ -3,8 +3,7 @@
 import pytest
 import torch
 
-from meshot.flow.crossings import settling
-from meshot.flow.crossings.settling import settled
+from meshot.flow.crossings.repair import repair_crossings
 from meshot.mesh.shapes.solids import folded_sphere, icosphere
 from meshot.mesh.topology.intersection import self_intersecting_faces
 
@@ -13,9 +12,9 @@ BALL = icosphere(4, 10.0)
 
 def test_what_does_not_cross_is_left_alone():
     carried = BALL.with_vertices(BALL.vertices * 1.3 + 5)
-    found = settled(BALL, carried)
+    found = repair_crossings(BALL, carried)
     assert found.mesh is carried
-    assert (found.n_crossing, found.n_retreats, found.largest_move) == (0, 0, 0.0)
+    assert (found.n_crossing, found.n_backtracks, found.largest_move) == (0, 0, 0.0)
 
 
 def test_a_small_defect_is_smoothed_and_the_rest_stays():
@@ -23,10 +22,10 @@ def test_a_small_defect_is_smoothed_and_the_rest_stays():
     edge = BALL.faces[2000, :2]
     carried[edge] = carried[edge].flip(0) * 1.05
     crossed = BALL.with_vertices(carried)
-    found = settled(BALL, crossed)
+    found = repair_crossings(BALL, crossed)
     assert found.n_crossing == len(self_intersecting_faces(crossed)) > 0
     assert len(self_intersecting_faces(found.mesh)) == 0
-    assert found.n_retreats == 0
+    assert found.n_backtracks == 0
     assert int((found.mesh.vertices != carried).any(dim=1).sum()) < 60
     assert found.largest_move == float((found.mesh.vertices - carried).norm(dim=1).max()) > 0
 
@@ -39,11 +38,11 @@ def with_pole_pushed_through(depth: float) -> torch.Tensor:
 
 
 def test_what_smoothing_cannot_mend_goes_back_in_places(monkeypatch):
-    monkeypatch.setattr(settling, "_MENDING_ROUNDS", 3)
+    monkeypatch.setattr(repair, "_MENDING_ROUNDS", 3)
     carried = BALL.with_vertices(with_pole_pushed_through(25.0) + torch.tensor([1.0, 0, 0]))
-    found = settled(BALL, carried)
+    found = repair_crossings(BALL, carried)
     assert found.n_crossing > 0
-    assert found.n_retreats > 0
+    assert found.n_backtracks > 0
     assert len(self_intersecting_faces(found.mesh)) == 0
     equator = (BALL.vertices[:, 2].abs() < 1).nonzero()[:, 0]
     torch.testing.assert_close(found.mesh.vertices[equator], carried.vertices[equator])
@@ -54,16 +53,16 @@ def test_in_the_end_the_initial_surface_is_what_is_left():
     """Smoothed until nothing crosses it would be a ball, and no folds left."""
     initial = folded_sphere(3)
     wild = initial.vertices + 20 * torch.randn(initial.vertices.shape, generator=torch.Generator().manual_seed(0))
-    found = settled(initial, initial.with_vertices(wild), max_retreats=1)
+    found = repair_crossings(initial, initial.with_vertices(wild), max_backtracks=1)
     assert len(self_intersecting_faces(found.mesh)) == 0
     assert torch.equal(found.mesh.vertices, initial.vertices)
 
 
 def test_doors():
     with pytest.raises(ValueError, match="other faces"):
-        settled(BALL, icosphere(3, 10.0))
-    with pytest.raises(ValueError, match="max_retreats is 0"):
-        settled(BALL, BALL, 0)
+        repair_crossings(BALL, icosphere(3, 10.0))
+    with pytest.raises(ValueError, match="max_backtracks is 0"):
+        repair_crossings(BALL, BALL, 0)
     crossed = BALL.with_vertices(with_pole_pushed_through(25.0))
     with pytest.raises(ValueError, match="initial surface cross"):
-        settled(crossed, crossed)
+        repair_crossings(crossed, crossed)

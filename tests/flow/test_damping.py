@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from meshot.flow.crossings.standstill import stilled, without_crossings
+from meshot.flow.crossings.damping import damped, without_crossings
 from meshot.flow.fields.grid import GridVelocity, grid_around
 from meshot.flow.integration import integrate
 from meshot.mesh.editing.subdivision import with_edges_split
@@ -27,7 +27,7 @@ def uniform(interpolation: str = "cubic") -> GridVelocity:
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])
 def test_still_near_places_and_as_before_away_from_them(interpolation):
     field, place = uniform(interpolation), torch.tensor([[3.0, -1.0, 2.0]]).double()
-    calm = stilled(field, place, 8.0)
+    calm = damped(field, place, 8.0)
     generator = torch.Generator().manual_seed(0)
     points = 40 * torch.rand(4000, 3, generator=generator, dtype=torch.float64) - 20
     points[:100] = place + points[:100] / 40  # at most .9 mm away
@@ -91,9 +91,9 @@ def test_a_field_without_fault_is_returned_as_it_is():
 def test_doors(unchecked):
     field, mesh = uniform(), plates()
     with pytest.raises(ValueError, match="radius"):
-        stilled(field, mesh.vertices, 0.0)
+        damped(field, mesh.vertices, 0.0)
     with pytest.raises(ValueError, match="places"):
-        stilled(field, mesh.vertices[:, :2], 1.0)
+        damped(field, mesh.vertices[:, :2], 1.0)
     with pytest.raises(ValueError, match="max_rounds"):
         without_crossings(field, mesh, max_rounds=0)
     leaning = mesh.vertices.clone()

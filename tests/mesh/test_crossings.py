@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
-from meshot.mesh.editing.mending import _ring_around, mended
+from meshot.mesh.editing.crossings import _ring_around, smooth_crossings
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes.solids import folded_sphere, icosphere, tetrahedron
 from meshot.mesh.topology.intersection import self_intersecting_faces
@@ -24,14 +24,14 @@ def spiked() -> Mesh:
 
 def test_a_mesh_without_crossings_is_returned_as_it_is():
     mesh = icosphere(2)
-    assert mended(mesh) is mesh
+    assert smooth_crossings(mesh) is mesh
 
 
 @pytest.mark.parametrize("hemisphere", HEMISPHERES)
 def test_real_surfaces_change_at_a_handful_of_vertices(hemisphere):
     white = fsaverage5_surface("white", hemisphere)
     assert len(self_intersecting_faces(white)) == {"left": 0, "right": 4}[hemisphere]
-    clean = mended(white)
+    clean = smooth_crossings(white)
     assert len(self_intersecting_faces(clean)) == 0
     assert clean.faces is white.faces
     moved = (clean.vertices - white.vertices).norm(dim=1)
@@ -42,7 +42,7 @@ def test_real_surfaces_change_at_a_handful_of_vertices(hemisphere):
 def test_spikes_in_a_large_mesh(spiked):
     before = self_intersecting_faces(spiked)
     assert len(before) > 20
-    clean = mended(spiked)
+    clean = smooth_crossings(spiked)
     assert len(self_intersecting_faces(clean)) == 0
     moved = (clean.vertices != spiked.vertices).any(dim=1)
     # Only corners of faces that crossed at some time, or their neighbours: a spike is short-ranged.
@@ -53,7 +53,7 @@ def test_spikes_in_a_large_mesh(spiked):
 def test_the_dtype_stays_and_the_input_is_left_alone():
     white = fsaverage5_surface("white", "right").to(torch.float32)
     kept = white.vertices.clone()
-    clean = mended(white)
+    clean = smooth_crossings(white)
     assert clean.vertices.dtype == torch.float32
     assert torch.equal(white.vertices, kept)
     assert len(self_intersecting_faces(clean)) == 0
@@ -77,10 +77,10 @@ def test_two_pieces_that_pierce_each_other_cannot_be_mended():
     # Both shrink towards their common centre and stay as crossed as they were.
     both = Mesh(torch.cat([first.vertices, -first.vertices]), torch.cat([first.faces, first.faces.flip(1) + 4]))
     with pytest.raises(ValueError, match="8 faces still cross after 3 rounds"):
-        mended(both, max_rounds=3)
+        smooth_crossings(both, max_rounds=3)
 
 
 @pytest.mark.parametrize("max_rounds", [0, -1, 2.5])
 def test_rounds_must_be_a_positive_integer(max_rounds, unchecked):
     with pytest.raises(ValueError, match="max_rounds"):
-        mended(icosphere(1), max_rounds)
+        smooth_crossings(icosphere(1), max_rounds)

@@ -40,7 +40,7 @@ def passes(state: FitState, mesh: Mesh, guard: Guard) -> bool:
 
 
 @torch.no_grad()
-def retreat(state: FitState, mesh: Mesh, settings: FitSettings, guard: Guard) -> None:
+def backtrack(state: FitState, mesh: Mesh, settings: FitSettings, guard: Guard) -> None:
     """Back to the best state that passed, with a smaller learning rate and without momentum.
 
     Where the steps are at fault, their number is doubled until h·Lip < 1 along the paths that crossed, unless the best

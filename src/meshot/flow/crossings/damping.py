@@ -14,7 +14,7 @@ from meshot.types import Float, Tensor
 
 
 @torch.no_grad()
-def stilled(field: GridVelocity, places: Float[Tensor, "n 3"], radius: float) -> GridVelocity:
+def damped(field: GridVelocity, places: Float[Tensor, "n 3"], radius: float) -> GridVelocity:
     """The field brought to a stand around some places, at all times: on its finest grid, of one level.
 
     Coefficients up to ``radius`` from a place become zero, and from there to twice as far they rise to what they were,
@@ -54,7 +54,7 @@ def without_crossings(
     """The field brought to a stand wherever it would make faces of the mesh cross, in as many rounds as that takes.
 
     A round carries the mesh, finds the faces that cross at the end, and stills the field along their paths, as
-    :func:`meshot.flow.crossings.standstill.stilled` does, one ``radius`` farther in every third round. The flow stays
+    :func:`meshot.flow.crossings.damping.damped` does, one ``radius`` farther in every third round. The flow stays
     one of a smooth field, and is untouched elsewhere: what is lost is closeness at those faces. Compare
     :class:`meshot.flow.fitting.Guard`, which makes the whole fit back off.
 
@@ -66,7 +66,7 @@ def without_crossings(
     n_steps, method
         As in :func:`meshot.integrate`.
     radius : float
-        In mm, see :func:`meshot.flow.crossings.standstill.stilled`.
+        In mm, see :func:`meshot.flow.crossings.damping.damped`.
     max_rounds : int
 
     Returns
@@ -78,7 +78,7 @@ def without_crossings(
     ------
     ValueError
         If faces of the mesh cross before it is carried, or still do after so many rounds; or as
-        :func:`meshot.flow.crossings.standstill.stilled`.
+        :func:`meshot.flow.crossings.damping.damped`.
     """
     require_positive_integer(max_rounds, "max_rounds")
     if len(self_intersecting_faces(mesh)):
@@ -94,4 +94,4 @@ def without_crossings(
             raise ValueError(f"{len(crossing)} faces still cross after {max_rounds} rounds: enlarge the radius")
         corners = torch.unique(mesh.faces[crossing])
         places = torch.cat([places, positions[:, corners].flatten(0, 1)])
-        calmed = stilled(field, places, radius * (1 + round_ // 3))
+        calmed = damped(field, places, radius * (1 + round_ // 3))

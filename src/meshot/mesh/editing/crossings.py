@@ -12,7 +12,7 @@ _ROUNDS_PER_RING = 5
 _AMOUNT = 0.5  # part of the way to the mean of the neighbours, in each round
 
 
-def mended(mesh: Mesh, max_rounds: int = 50) -> Mesh:
+def smooth_crossings(mesh: Mesh, max_rounds: int = 50) -> Mesh:
     """The mesh with the neighbourhood of crossing faces smoothed until no faces cross; every other vertex stays.
 
     A round counts the crossing faces and lets their corners, and the vertices around them, go half of the way to the

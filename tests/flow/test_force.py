@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.fitting.forces import probe_pulls, pulls
+from meshot.flow.fitting.force import forces, probe_forces
 from meshot.loss.directions import quasi_directions
 from meshot.loss.nearest import chamfer
 from meshot.loss.sliced import sliced_wasserstein
@@ -32,14 +32,14 @@ def chamfer_arrows(points, target):
 
 def test_chamfer_pulls_are_the_two_sums(clouds):
     points, target = clouds
-    found = pulls(lambda x: chamfer(DiscreteMeasure(x), DiscreteMeasure(target)), points)
+    found = forces(lambda x: chamfer(DiscreteMeasure(x), DiscreteMeasure(target)), points)
     torch.testing.assert_close(found, chamfer_arrows(points, target), rtol=1e-12, atol=1e-12)
 
 
 def test_sliced_pull_towards_a_translated_copy_is_half_the_way(clouds):
     points, shift = clouds[0], torch.tensor([0.3, -0.7], dtype=torch.float64)
     target = DiscreteMeasure(points + shift)
-    found = pulls(lambda x: sliced_wasserstein(DiscreteMeasure(x), target, quasi_directions(8, 2)), points)
+    found = forces(lambda x: sliced_wasserstein(DiscreteMeasure(x), target, quasi_directions(8, 2)), points)
     # The mean of θθᵀ over equal angles is exactly I/2.
     torch.testing.assert_close(found, (shift / 2).expand(6, 2), rtol=1e-12, atol=1e-12)
 
@@ -47,13 +47,13 @@ def test_sliced_pull_towards_a_translated_copy_is_half_the_way(clouds):
 def test_probe_feels_what_a_further_point_would(clouds):
     points, target = clouds
     probes = torch.tensor([[0.1, 0.2], [3.0, 0.0]], dtype=torch.float64)
-    found = probe_pulls(lambda x: chamfer(DiscreteMeasure(x), DiscreteMeasure(target)), points, probes)
+    found = probe_forces(lambda x: chamfer(DiscreteMeasure(x), DiscreteMeasure(target)), points, probes)
     wanted = [chamfer_arrows(torch.cat([points, probe[None]]), target)[-1] for probe in probes]
     torch.testing.assert_close(found, torch.stack(wanted), rtol=1e-12, atol=1e-12)
 
 
 def test_bad_points(unchecked):
     with pytest.raises(ValueError, match="floating point"):
-        pulls(torch.sum, torch.ones(2, 2, dtype=torch.int64))
+        forces(torch.sum, torch.ones(2, 2, dtype=torch.int64))
     with pytest.raises(ValueError, match="shape"):
-        pulls(torch.sum, torch.ones(2))
+        forces(torch.sum, torch.ones(2))
