@@ -12,6 +12,7 @@ RANKS = {
     "metrics": 3, "loss": 3,
     "flow": 4, "train": 4, "anatomy": 4,
     "synth": 5, "model": 5, "view": 5,
+    "systems": 6,
     "pipeline": 7,
     "cli": 8,
 }  # fmt: skip

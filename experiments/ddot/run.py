@@ -20,7 +20,7 @@ from trainings import HERE, Wanted, arguments, read_config, record_of, segmentat
 
 from meshot.jobs import run_jobs
 from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest, read_weights
-from meshot.pipeline.deformation import InitialSurfaces
+from meshot.pipeline import InitialSurfaces
 from meshot.provenance import provenance, rounded, write_results
 from meshot.synth.cohorts import Subject, scans
 
@@ -82,7 +82,7 @@ def measured(
         found = hemisphere(task["cohort"], task["subject"], task["side"])
         if task["of"] == INITIAL:
             return {"commit": commit} | initial_row(found, settings)
-        training = by_name[task["of"]].settings(config).training
+        training = by_name[task["of"]].settings(config)["training"]
         return {"commit": commit} | flow_row(found, network(task["of"]), training, settings)
 
     tasks = tasks_of(there, subjects, digests_of(there, config, network_digest(segmentation)), data)

@@ -1,6 +1,5 @@
 """The experiment on trained flows, on phantoms: trainings in their order, stopped and gone on with, then measured."""
 
-import dataclasses
 import hashlib
 import json
 import math
@@ -13,7 +12,7 @@ import torch
 import yaml
 from scipy import stats
 
-from meshot.loss.surface_loss import SurfaceLoss
+from meshot.loss.composed import surface_loss
 from meshot.mesh.editing.smoothing import laplacian_smoothing
 from meshot.mesh.geometry.areas import vertex_areas
 from meshot.mesh.io import write_mesh
@@ -24,11 +23,12 @@ from meshot.metrics.distances import Surface, vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline.deformation.data import DeformationExample, InitialSurfaces
-from meshot.pipeline.deformation.example_file import read_example
-from meshot.pipeline.deformation.settings import read_deformation_config
+from meshot.pipeline.examples import InitialSurfaces
 from meshot.provenance import read_results
 from meshot.synth.cohorts.cohort import scans
+from meshot.systems import get_system, read_settings
+from meshot.systems.deformation.data import DeformationExample
+from meshot.systems.deformation.example_file import read_example
 from meshot.train import engine as training
 from meshot.volume.volume import Volume
 from phantoms import write_phantom_cohort
@@ -38,7 +38,6 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 COMMITTED = (FOLDER / "results.json").is_file()
 SETTINGS = {
     "network": {"width": 4, "hidden": [8], "n_scales": 1, "size": 3},
-    "loss": {"n_directions": 10},
     "training": {"n_epochs": 3, "learning_rate": 0.01, "n_faces": 400, "n_points": 500, "save_every": 1},
 }
 
@@ -102,15 +101,15 @@ def test_the_fair_pairs_come_first_and_nothing_is_made_twice(part, config):
 def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
     monkeypatch.chdir(root)
     found = [each.settings(config) for each in part("trainings").wanted(config, ["adni_like_left_*"])]
-    assert len({json.dumps(each.network) for each in found}) == 1
-    assert len({each.training for each in found}) == 1
-    assert len({(each.loss.loss, each.loss.encoding, each.loss.window) for each in found}) == len(found) == 8
-    chamfer = [each.loss for each in found if each.loss.loss == "chamfer"]
-    assert {each.encoding for each in chamfer} == {"samples", "varifold"}
-    assert {each.factor for each in chamfer} == {1000}
-    assert {each.loss.n_supports for each in found if each.loss.loss == "sinkhorn"} == {500}
-    others = [each.settings(config).training for each in part("trainings").wanted(config, ["oasis_like_*_ddot_*"])]
-    assert [(each.side, each.seed) for each in others] == [
+    losses = [each["loss"] for each in found]
+    assert len({json.dumps(each | {"loss": None}) for each in found}) == 1
+    assert len({(each["loss"], each["encoding"]) for each in losses}) == len(found) == 8
+    chamfer = [each for each in losses if each["loss"] == "chamfer"]
+    assert {each["encoding"] for each in chamfer} == {"samples", "varifold"}
+    assert {each["factor"] for each in chamfer} == {1000}
+    assert {each["n_supports"] for each in losses if each["loss"] == "sinkhorn"} == {500}
+    others = [each.settings(config)["training"] for each in part("trainings").wanted(config, ["oasis_like_*_ddot_*"])]
+    assert [(each["side"], each["seed"]) for each in others] == [
         ("left", 0),
         ("right", 0),
         *[("left", i) for i in (1, 2, 3, 4)],
@@ -131,9 +130,8 @@ def test_what_is_missing_is_trained_and_kept(part, place, capsys):
     kept = {file.name for file in (place / "weights").iterdir()}
     assert kept == {f"alpha_left_ddot_0{suffix}" for suffix in (".safetensors", ".json", ".log.jsonl")}
     record = read_results(place / "weights" / "alpha_left_ddot_0.json")
-    assert record["command"].endswith(
-        "--set loss.loss=sliced loss.encoding=varifold training.side=left training.seed=0"
-    )
+    assert record["command"].startswith("meshot train ddot settings.yaml --data alpha ")
+    assert record["command"].endswith("--set training.side=left training.seed=0")
     assert record["results"]["n_steps"] == 6
     before = (place / "weights" / "alpha_left_ddot_0.safetensors").stat().st_mtime_ns
     assert train.main(words) == 0
@@ -166,7 +164,7 @@ def test_a_training_that_fails_or_is_taken_does_not_stop_the_others(part, place,
     train, trainings, words = part("train"), part("trainings"), ["--config", str(place / "config.yaml")]
     monkeypatch.setattr(train, "SECONDS_BETWEEN_LOOKS", 0.1)
     config = trainings.read_config(place / "config.yaml")
-    config["arms"]["cortexode"].append("loss.factor=1.0e+39")  # beyond float32
+    config["arms"]["cortexode"]["changes"] = ["loss.factor=1.0e+39"]  # beyond float32
     (place / "config.yaml").write_text(yaml.safe_dump(config))
     assert train.main([*words, "--jobs", "2", "--only", "*_0"]) == 1
     assert "failed: alpha_left_cortexode_0;" in capfd.readouterr().err
@@ -348,15 +346,15 @@ def test_networks_that_cannot_be_compared_are_refused(part, place):
     with pytest.raises(ValueError, match="b learned from other data than a"):
         run.require_fair([fair, fair | {"name": "b", "data": 2}])
     record = json.loads(each.kept(config, ".json").read_text())
-    del record["config"]["loss"]["window"]  # a name that came later
+    del record["config"]["loss"]["p"]  # a name that came later
     each.kept(config, ".json").write_text(json.dumps(record))
     assert trainings.record_of(each, config)["results"]["best_step"] > 0
-    config["arms"]["ddot"].append("training.n_epochs=4")
+    config["arms"]["ddot"]["changes"] = ["training.n_epochs=4"]
     with pytest.raises(ValueError, match="was trained with other settings than"):
         trainings.record_of(each, config)
     record["config"]["loss"]["loss"] = "nearest"
     each.kept(config, ".json").write_text(json.dumps(record))
-    with pytest.raises(ValueError, match=r"alpha_left_ddot_0.json will not do: loss is 'nearest'"):
+    with pytest.raises(ValueError, match=r"alpha_left_ddot_0.json: .*will not do: loss is 'nearest'"):
         trainings.record_of(each, config)
 
 
@@ -497,11 +495,19 @@ def test_the_kept_hemisphere_is_the_first_of_the_test_split(part, place):
 def test_shipped_flows_are_trained_as_the_windowed_arm_but_on_both_cohorts(part, config):
     trainings = part("trainings")
     (each,) = trainings.wanted(config, ["oasis_like_left_windowed_0"])
-    found, arm = read_deformation_config(FOLDER / "shipped.yaml", ["training.side=left"]), each.settings(config)
-    assert (found.network, found.loss) == (arm.network, arm.loss)
+    found, arm = read_settings(get_system("windows"), "shipped", ["training.side=left"]), each.settings(config)
+    assert (found["network"], found["loss"]) == (arm["network"], arm["loss"])
     # Twice as many subjects, half as many epochs: as many steps, and validations at the same ones.
-    halved = {"n_epochs": arm.training.n_epochs // 2, "validate_every": arm.training.validate_every // 2}
-    assert found.training == dataclasses.replace(arm.training, **halved)
+    halved = {name: arm["training"][name] // 2 for name in ("n_epochs", "validate_every")}
+    assert found["training"] == arm["training"] | halved
+
+
+def test_every_record_that_is_kept_was_trained_as_the_configuration_says(part, config, root, monkeypatch):
+    monkeypatch.chdir(root)
+    there = [each for each in part("trainings").wanted(config) if each.is_made(config)]
+    assert len(there) == len(list((FOLDER / "weights").glob("*.json"))) > 20
+    for each in there:
+        assert part("trainings").record_of(each, config)["results"]["best_step"] > 0
 
 
 def test_pulls_of_a_shifted_sphere_are_known(part):
@@ -510,7 +516,7 @@ def test_pulls_of_a_shifted_sphere_are_known(part):
     way = pulls.needed(small, Surface(ball))
     outwards = ball.vertices * 0.1
     assert float((way - outwards).norm(dim=1).max()) < 0.01
-    nearest = pulls.pull(SurfaceLoss("chamfer", "varifold", normal_scale=0.0), small, ball, 0)
+    nearest = pulls.pull(surface_loss({"loss": "chamfer", "normal_scale": 0.0}), small, ball, 0)
     assert pulls.cosine(nearest, way, areas) > 0.99
     assert pulls.cosine(-nearest, 3 * way, areas) < -0.99
     turned = torch.stack([-outwards[:, 1], outwards[:, 0], 0 * areas], dim=1)

@@ -36,5 +36,4 @@ from .sliced import (
 from .sliced import (
     sliced_wasserstein as sliced_wasserstein,
 )
-from .surface_loss import SurfaceLoss as SurfaceLoss
 from .windowed import windowed_sliced_wasserstein as windowed_sliced_wasserstein

@@ -21,7 +21,8 @@ def write_weights(path: str | os.PathLike, network: nn.Module, record: dict) -> 
     Parameters
     ----------
     path : path
-    network : SegmentationNetwork or DeformationNetwork
+    network : module
+        With a method ``config``, whose result makes another of the same form.
     record : dict
         JSON: settings, seed, data, commit, versions, seconds. The form of the network is added.
 
@@ -71,7 +72,7 @@ def read_weights(path: str | os.PathLike, kind: type[Network]) -> tuple[Network,
     ----------
     path : path
     kind : type
-        ``SegmentationNetwork`` or ``DeformationNetwork``.
+        The class of the network, such as ``SegmentationNetwork``.
 
     Raises
     ------

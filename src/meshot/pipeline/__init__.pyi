@@ -1,3 +1,4 @@
+from .examples import InitialSurfaces as InitialSurfaces
 from .hemisphere import hemisphere_region as hemisphere_region
 from .hemisphere import restricted as restricted
 from .initial_surface import (
@@ -11,8 +12,9 @@ from .initial_surface import (
 )
 from .networks import SEGMENTATION as SEGMENTATION
 from .networks import load_networks as load_networks
-from .networks import weights_path as weights_path
+from .networks import segmentation_weights as segmentation_weights
 from .reconstruction import reconstruct as reconstruct
+from .system_training import run_system_training as run_system_training
 from .training_files import LOG as LOG
 from .training_files import RECORD as RECORD
 from .training_files import STATE_FOLDER as STATE_FOLDER

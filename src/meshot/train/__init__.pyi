@@ -32,5 +32,5 @@ from .engine import (
     require_plan_settings as require_plan_settings,
 )
 from .engine import (
-    train as train,
+    train_network as train_network,
 )

@@ -3,6 +3,7 @@
 import dataclasses
 import os
 from collections.abc import Mapping, Sequence
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import yaml
@@ -10,31 +11,22 @@ import yaml
 Groups = dict[str, dict]
 
 
-def read_groups(path: str | os.PathLike, known: Mapping[str, set[str]]) -> Groups:
-    """The groups of settings in a YAML file; a group that is left out is empty.
-
-    Parameters
-    ----------
-    path : path
-    known : mapping
-        The settings of each group that something reads.
+def read_groups(path: str | os.PathLike | Traversable) -> Groups:
+    """The groups of settings in a YAML file, whatever their names: see :func:`meshot.train.checked_groups`.
 
     Raises
     ------
     ValueError
-        If the file is missing or no YAML, or names something unknown.
+        If the file is missing, is no YAML, or holds something else.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise ValueError(
-            f"{path} does not exist; experiments/segmentation and experiments/ddot hold tiny.yaml, small.yaml and "
-            "paper.yaml"
-        )
+    file = path if isinstance(path, Traversable) else Path(path)
+    if not file.is_file():
+        raise ValueError(f"{path} does not exist; a YAML file with groups of settings is needed")
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise ValueError(f"{path} is no YAML ({error})") from error
-    return checked_groups(content, known, str(path))
+    return _require_groups(content, str(path))
 
 
 def checked_groups(content: object, known: Mapping[str, set[str]], name: str) -> Groups:
@@ -45,8 +37,7 @@ def checked_groups(content: object, known: Mapping[str, set[str]], name: str) ->
     ValueError
         If they are no groups, or name something unknown.
     """
-    if not isinstance(content, dict) or not all(isinstance(part, dict) for part in content.values()):
-        raise ValueError(f"{name} holds {content!r}; groups of settings are needed: {', '.join(known)}")
+    content = _require_groups(content, name)
     strange = [key for key in content if key not in known]
     strange += [f"{group}.{key}" for group in known for key in content.get(group, {}) if key not in known[group]]
     if strange:
@@ -59,6 +50,12 @@ def checked_groups(content: object, known: Mapping[str, set[str]], name: str) ->
                     "a sign: write 1.0e-4"
                 )
     return {group: dict(content.get(group, {})) for group in known}
+
+
+def _require_groups(content: object, name: str) -> Groups:
+    if not isinstance(content, dict) or not all(isinstance(part, dict) for part in content.values()):
+        raise ValueError(f"{name} holds {content!r}; groups of settings are needed, such as training: {{seed: 1}}")
+    return content
 
 
 def _is_number(text: str) -> bool:

@@ -45,6 +45,17 @@ class Training:
     cpu_seconds: float
     data: dict
 
+    def results(self) -> dict:
+        """What is kept of the training in a record, as JSON."""
+        return {
+            "best_step": self.best_step,
+            "n_steps": max(line["step"] for line in self.log),
+            "cpu_seconds": round(self.cpu_seconds, 1),
+            "n_weights": sum(parameter.numel() for parameter in self.network.parameters()),
+            "validations": [line for line in self.log if "validation_loss" in line],
+            "data": self.data,
+        }
+
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
@@ -101,27 +112,28 @@ def chosen_device() -> torch.device:
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
-def train(
-    state: TrainingState,
+def train_network(
+    network: nn.Module,
     plan: Plan,
     loss_of: Callable[[int], tuple[torch.Tensor, str]],
     validate: Callable[[], dict],
     made_with: dict,
     folder: str | os.PathLike | None = None,
     progress: Progress | None = None,
-) -> None:
-    """Go on from ``state``, or from what ``folder`` holds, until the plan is fulfilled; the state then knows the best.
+) -> Training:
+    """Train a network with Adam, or go on from what ``folder`` holds, until the plan is fulfilled.
 
     Parameters
     ----------
-    state : TrainingState
+    network : module
+        Changed in place: at the end it is in its best state, on the processor.
     plan : Plan
     loss_of : callable of step
         The loss of a step, and the name of what it was computed from.
     validate : callable
         A line of the log with ``validation_loss``. A ``ValueError`` of it is taken for the network's failure.
     made_with : dict
-        Settings and data: a training goes on only with the same.
+        Settings, and under ``data`` what the network learns from: a training goes on only with the same.
     folder : path, optional
         Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``).
     progress : callable, optional
@@ -133,10 +145,24 @@ def train(
     FloatingPointError
         If the loss or a gradient is not finite, or the validation fails; it names the step, and the examples of a loss.
     """
-    saved = None if folder is None else Path(folder) / STATE
+    state = TrainingState(network, torch.optim.Adam(network.parameters(), lr=plan.learning_rate))
+    _train(state, plan, loss_of, validate, made_with, None if folder is None else Path(folder), progress)
+    return Training(network.cpu(), state.best_step, state.lines, state.seconds, made_with.get("data", {}))
+
+
+def _train(
+    state: TrainingState,
+    plan: Plan,
+    loss_of: Callable[[int], tuple[torch.Tensor, str]],
+    validate: Callable[[], dict],
+    made_with: dict,
+    folder: Path | None,
+    progress: Progress | None,
+) -> None:
+    saved = None if folder is None else folder / STATE
     if saved is not None and saved.exists():
         read_training(saved, state, made_with)
-    log, clock = TrainingLog(None if folder is None else Path(folder) / LOG, state.lines), time.process_time()
+    log, clock = TrainingLog(None if folder is None else folder / LOG, state.lines), time.process_time()
 
     def note(line: dict) -> None:
         state.lines.append(line)

@@ -121,7 +121,7 @@ def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = (
     ValueError
         If the file is missing or no YAML, names something unknown, or a value will not do.
     """
-    return segmentation_config(changed_groups(read_groups(path, _KNOWN), changes), os.fspath(path))
+    return segmentation_config(changed_groups(read_groups(path), changes), os.fspath(path))
 
 
 def segmentation_config(content: object, name: str = "the configuration") -> SegmentationConfig:

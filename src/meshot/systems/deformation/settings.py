@@ -1,15 +1,13 @@
-"""How a deformation network is made and trained: the numbers, read from a YAML file."""
+"""How a deformation network is made and trained: the numbers, as a YAML file states them."""
 
 import dataclasses
-import os
-from collections.abc import Sequence
 
-from meshot.anatomy import HEMISPHERES
+from meshot.anatomy import HEMISPHERES, Hemisphere
 from meshot.errors import require_positive_integer
 from meshot.flow import METHODS
-from meshot.loss import SurfaceLoss
+from meshot.loss.composed import SurfaceLoss, loss_setting_names, surface_loss
 from meshot.model import N_STEPS, DeformationNetwork
-from meshot.train import Groups, Plan, changed_groups, checked_groups, read_groups, require_plan_settings, setting_names
+from meshot.train import Groups, Plan, checked_groups, require_plan_settings, setting_names
 
 NETWORK = {"width", "hidden", "n_scales", "size", "extent"}
 
@@ -21,7 +19,7 @@ class DeformationSettings:
     Parameters
     ----------
     side : str
-        "left" or "right": each hemisphere has its own network.
+        "left", "right" or "both": each hemisphere has its own network.
     n_epochs : int
         How often every training subject is seen.
     learning_rate, schedule
@@ -45,7 +43,7 @@ class DeformationSettings:
         If a number is outside its range or a name is unknown.
     """
 
-    side: str = "left"
+    side: str = "both"
     n_epochs: int = 300
     learning_rate: float = 1e-4
     schedule: str = "constant"
@@ -62,9 +60,14 @@ class DeformationSettings:
         require_plan_settings(self)
         for name in ("n_faces", "n_flow_steps", "n_points"):
             require_positive_integer(getattr(self, name), name)
-        for name, known in (("side", HEMISPHERES), ("method", METHODS)):
+        for name, known in (("side", (*HEMISPHERES, "both")), ("method", METHODS)):
             if getattr(self, name) not in known:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; one of {', '.join(known)} is needed")
+
+    @property
+    def sides(self) -> tuple[Hemisphere, ...]:
+        """The hemispheres that are trained."""
+        return HEMISPHERES if self.side == "both" else (self.side,)
 
     def plan(self, n_subjects: int) -> Plan:
         """The same in steps, for so many training subjects."""
@@ -86,30 +89,13 @@ class DeformationConfig:
         """Plain numbers and words, for JSON."""
         return {
             "network": dict(self.network),
-            "loss": dataclasses.asdict(self.loss),
+            "loss": self.loss.settings(),
             "training": dataclasses.asdict(self.training),
         }
 
     def new_network(self) -> DeformationNetwork:
         """The network before training, float32; its weights come from the seed."""
         return DeformationNetwork(**self.network, generator=self.training.seed).float()
-
-
-def read_deformation_config(path: str | os.PathLike, changes: Sequence[str] = ()) -> DeformationConfig:
-    """Read a configuration; what it leaves out has the value of the paper, where the paper gives one.
-
-    Parameters
-    ----------
-    path : path
-    changes : sequence of str
-        Such as ``loss.encoding=samples``, in place of what the file says.
-
-    Raises
-    ------
-    ValueError
-        If the file is missing or no YAML, names something unknown, or a value will not do.
-    """
-    return deformation_config(changed_groups(read_groups(path, _known()), changes), os.fspath(path))
 
 
 def deformation_config(content: object, name: str = "the configuration") -> DeformationConfig:
@@ -123,7 +109,7 @@ def deformation_config(content: object, name: str = "the configuration") -> Defo
     groups = checked_groups(content, _known(), name)
     try:
         config = DeformationConfig(
-            groups["network"], SurfaceLoss(**groups["loss"]), DeformationSettings(**groups["training"])
+            groups["network"], surface_loss(groups["loss"]), DeformationSettings(**groups["training"])
         )
         config.new_network()
     except (ValueError, TypeError) as error:
@@ -132,4 +118,4 @@ def deformation_config(content: object, name: str = "the configuration") -> Defo
 
 
 def _known() -> dict[str, set[str]]:
-    return {"network": NETWORK, "loss": setting_names(SurfaceLoss), "training": setting_names(DeformationSettings)}
+    return {"network": NETWORK, "loss": loss_setting_names(), "training": setting_names(DeformationSettings)}

@@ -11,9 +11,9 @@ import torch
 
 from meshot.mesh.shapes.solids import icosphere
 from meshot.model.deformation import DeformationNetwork
-from meshot.pipeline.deformation import example_file as deformation_file
-from meshot.pipeline.deformation.carrying import deformed
-from meshot.pipeline.deformation.example_file import read_example, write_example
+from meshot.systems.deformation import example_file as deformation_file
+from meshot.systems.deformation.carrying import deformed
+from meshot.systems.deformation.example_file import read_example, write_example
 from meshot.volume.volume import Volume
 from phantoms import phantom_deformations
 

@@ -12,7 +12,7 @@ import torch
 from meshot.files import whole_file
 from meshot.mesh import Mesh
 from meshot.mesh.editing import simplified
-from meshot.pipeline.deformation.data import DeformationExample
+from meshot.systems.deformation.data import DeformationExample
 from meshot.types import Array, Tensor
 from meshot.volume import Volume, mm_to_voxel
 

@@ -16,13 +16,16 @@ from meshot.measure.discrete import varifold
 from meshot.metrics.distances import vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline.deformation.carrying import deformed, standardised
-from meshot.pipeline.deformation.data import InitialSurfaces
-from meshot.pipeline.deformation.files import run_deformation_training
-from meshot.pipeline.deformation.settings import DeformationConfig, deformation_config, read_deformation_config
-from meshot.pipeline.deformation.training import train_deformation
+from meshot.model.weights import write_weights
+from meshot.pipeline.examples import InitialSurfaces
+from meshot.pipeline.system_training import run_system_training
+from meshot.provenance import read_results
 from meshot.synth.cohorts.cohort import scans
+from meshot.systems import get_system, read_settings
+from meshot.systems.deformation.carrying import deformed, standardised
+from meshot.systems.deformation.data import hemisphere_example
+from meshot.systems.deformation.settings import DeformationConfig, deformation_config
+from meshot.systems.deformation.training import train_deformation
 from meshot.volume.sampling import sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
 
@@ -36,6 +39,7 @@ TINY = deformation_config(
         },
     }
 )  # fmt: skip
+RIGHT = [("right", "white")]
 
 
 class Kill(Exception):
@@ -81,7 +85,7 @@ def test_one_step_is_algorithm_1_by_hand(examples):
 @pytest.mark.parametrize("loss", [{}, {"loss": "chamfer", "encoding": "samples", "factor": 1000.0}])
 def test_surfaces_come_nearer_even_those_never_seen(examples, loss):
     content = TINY.as_dict()
-    content["loss"] |= loss
+    content["loss"] = loss or content["loss"]
     content["training"] |= {"n_epochs": 40, "validate_every": 20}
     found = train_deformation(deformation_config(content), *examples)
     item = examples[1][0]
@@ -106,9 +110,9 @@ def test_a_stopped_training_ends_with_the_same_weights(tmp_path, whole, examples
 
 
 VICTIM = """
-from pipeline.test_deformation_training import TINY
+from systems.test_deformation_training import TINY
 from phantoms import phantom_deformations
-from meshot.pipeline.deformation_training import train_deformation
+from meshot.systems.deformation_training import train_deformation
 train_deformation(TINY, phantom_deformations(3), phantom_deformations(1, seed=50), folder={folder!r})
 """
 
@@ -174,29 +178,21 @@ def test_gain_and_offset_of_the_scanner_do_not_matter(whole, examples):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("training: {side: middle}", "side is 'middle'; one of left, right"),
+        ("training: {side: middle}", "side is 'middle'; one of left, right, both"),
         ("training: {method: heun}", "method is 'heun'"),
         ("training: {n_faces: 0}", "n_faces is 0"),
         ("training: {seed: -1}", "seed is -1"),
         ("loss: {p: 3}", "p is 3"),
         ("network: {width: 0}", "width is 0"),
         ("loss: {mass: 1}", r"loss\.mass, which nothing reads"),
+        ("loss: {window: 1}", "window is set, which sliced on varifold does not use"),
     ],
 )
 def test_a_configuration_that_will_not_do(tmp_path, text, words):
     path = tmp_path / "a.yaml"
     path.write_text(text)
     with pytest.raises(ValueError, match=words):
-        read_deformation_config(path)
-
-
-def test_the_configurations_of_the_experiment_can_be_read(root):
-    paper = read_deformation_config(root / "experiments" / "ddot" / "paper.yaml")
-    assert (paper.loss.n_directions, paper.training.n_epochs, paper.training.learning_rate) == (100, 300, 1e-4)
-    assert (
-        read_deformation_config(root / "experiments" / "ddot" / "small.yaml", ["loss.loss=chamfer"]).loss.loss
-        == "chamfer"
-    )
+        read_settings(get_system("ddot"), path)
 
 
 @pytest.fixture
@@ -217,19 +213,24 @@ def cohort(tmp_path, monkeypatch):
 def test_initial_surfaces_are_made_once_for_each_network(tmp_path, cohort, monkeypatch):
     network = SegmentationNetwork(2, 1)
     surfaces = InitialSurfaces(tmp_path / "initial", network)
-    first = surfaces.examples([cohort], "train", "right", 500)
+    found = surfaces.examples([cohort], "train", RIGHT, RIGHT)
+    first = [hemisphere_example(item, "right", 500) for item in found]
     assert [item.name for item in first] == ["phantoms/sub-001", "phantoms/sub-002"]
     assert len(first[0].coarse.faces) == 500 < len(first[0].initial.faces)
     assert float(vertex_distances(first[0].initial, first[0].target).mean()) < 1.5
-    monkeypatch.setattr("meshot.pipeline.deformation.data.initial_surfaces", None)
-    again = InitialSurfaces(tmp_path / "initial", network).examples([cohort], "train", "right", 500)
-    assert torch.equal(again[1].initial.vertices, first[1].initial.vertices)
+    monkeypatch.setattr("meshot.pipeline.examples.initial_surfaces", None)
+    again = InitialSurfaces(tmp_path / "initial", network).examples([cohort], "train", RIGHT, RIGHT)
+    assert torch.equal(again[1].scan.initial["right", "white"].vertices.float(), first[1].initial.vertices)
     with pytest.raises(TypeError):  # another network has surfaces of its own
         InitialSurfaces(tmp_path / "initial", SegmentationNetwork(2, 1, generator=1)).examples(
-            [cohort], "train", "left", 9
+            [cohort], "train", RIGHT, RIGHT
         )
     with pytest.raises(ValueError, match="no scan of the split 'test'"):
-        surfaces.examples([cohort], "test", "left", 500)
+        surfaces.examples([cohort], "test", RIGHT, RIGHT)
+    (bare, _) = surfaces.examples([cohort], "train", RIGHT, ())  # for a system that needs none
+    assert (bare.scan.initial, set(bare.targets)) == ({}, set(RIGHT))
+    with pytest.raises(ValueError, match="none is made of right pial"):
+        surfaces.examples([cohort], "train", RIGHT, [("right", "pial")])
 
 
 def test_initial_surfaces_are_found_by_their_scan(tmp_path, cohort, monkeypatch):
@@ -241,7 +242,7 @@ def test_initial_surfaces_are_found_by_their_scan(tmp_path, cohort, monkeypatch)
     monkeypatch.chdir(cohort)
     (here,) = [found for found in scans(".") if found.name == subject.name]
     assert surfaces.path(here, "left", here.standard()) == kept
-    assert surfaces.example(here, "left", 500).name == "phantoms/sub-001"
+    assert surfaces.example(here, RIGHT, ()).name == "phantoms/sub-001"
     # What another training may have read stays as it is.
     surfaces.path(subject, "right", subject.standard()).unlink()
     before = kept.stat().st_mtime_ns
@@ -260,26 +261,32 @@ def test_everything_is_written_with_its_provenance(tmp_path, cohort):
     config = tmp_path / "c.yaml"
     config.write_text(json.dumps(TINY.as_dict()))
     out = tmp_path / "out"
-    found = run_deformation_training(
-        config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial", ["training.n_faces=400"],
+    changes = ["training.n_faces=400"]
+    found = run_system_training(
+        "ddot", config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial", changes,
         torch.device("cpu"),
     )  # fmt: skip
-    network, record = read_weights(out / "weights.safetensors", DeformationNetwork)
-    assert same(network, found.network)
-    assert record["training"]["n_faces"] == 400
-    assert record["command"] == (
-        "meshot train c.yaml --data phantoms -o out --segmentation segmentation.safetensors "
-        f"--threads {torch.get_num_threads()} --device cpu --set training.n_faces=400"
-    )
-    assert record["results"]["segmentation_sha256"]
-    assert (out / "training.png").stat().st_size > 5000
-    assert len((out / "log.jsonl").read_text().splitlines()) == len(found.log)
+    again = get_system("ddot").load(out)
+    assert set(again.parts) == {"left_white", "right_white"}
+    for name, part in again.parts.items():
+        assert same(part.network, found.parts[name].network)
+        assert part.record["training"] == TINY.as_dict()["training"] | {"n_faces": 400, "side": name.split("_")[0]}
+        assert (part.record["system"], part.record["part"]) == ("ddot", name)
+        assert part.record["command"] == (
+            "meshot train ddot c.yaml --data phantoms -o out --segmentation segmentation.safetensors "
+            f"--threads {torch.get_num_threads()} --device cpu --set training.n_faces=400"
+        )
+        assert part.record["results"]["segmentation_sha256"]
+        assert read_results(out / f"{name}.json")["config"]["training"] == part.record["training"]
+        assert (out / f"{name}.png").stat().st_size > 5000
+        assert len((out / f"{name}.log.jsonl").read_text().splitlines()) == len(found.parts[name].log)
+    assert not same(*(part.network for part in again.parts.values()))
 
 
 def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypatch):
     config, out = tmp_path / "c.yaml", tmp_path / "out"
     config.write_text(json.dumps(TINY.as_dict()))
-    words = config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial"
+    words = "ddot", config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial"
 
     read = InitialSurfaces.examples
 
@@ -289,8 +296,8 @@ def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypa
 
     def record(now: str) -> dict:
         monkeypatch.setattr(results, "commit_of", lambda _: now)
-        run_deformation_training(*words)
-        return json.loads((out / "weights.json").read_text())
+        run_system_training(*words)
+        return json.loads((out / "left_white.json").read_text())
 
     def stop(*_: object) -> None:
         raise Kill
@@ -300,7 +307,7 @@ def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypa
         patch.setattr("meshot.train.engine._validated", stop)
         monkeypatch.setattr(results, "commit_of", lambda _: "first")
         with pytest.raises(Kill):
-            run_deformation_training(*words)
+            run_system_training(*words)
     found = record("second")
     assert found["commit"] == "second"
     assert found["results"]["commits"] == ["first", "second"]
@@ -313,8 +320,8 @@ def test_a_network_too_large_to_be_kept_is_refused_at_once(tmp_path, cohort):
     config = tmp_path / "c.yaml"
     config.write_text(json.dumps(TINY.as_dict()))
     with pytest.raises(ValueError, match="MB; at most 10 MB are kept"):
-        run_deformation_training(
-            config, [cohort], tmp_path / "out", tmp_path / "segmentation.safetensors", tmp_path / "initial",
+        run_system_training(
+            "ddot", config, [cohort], tmp_path / "out", tmp_path / "segmentation.safetensors", tmp_path / "initial",
             ["network.width=128", "network.hidden=[9000, 2000]"],
         )  # fmt: skip
     assert not (tmp_path / "initial").exists()

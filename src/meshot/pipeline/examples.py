@@ -1,46 +1,20 @@
-"""What the deformation network learns from: initial surfaces, made once and kept on disk, beside the true ones."""
+"""Cohorts as examples for systems: initial surfaces, made once and kept on disk, beside the true ones."""
 
-import dataclasses
 import hashlib
 import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from meshot.anatomy import HEMISPHERES, Hemisphere
 from meshot.mesh import Mesh, read_mesh, write_mesh
-from meshot.mesh.editing import simplified
 from meshot.model import SegmentationNetwork, network_digest
 from meshot.pipeline.segmentation.segmenting import initial_surfaces
 from meshot.pipeline.splits import scans_of
 from meshot.synth.cohorts import Subject
-from meshot.volume import StandardScan, Volume
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class DeformationExample:
-    """One hemisphere of one subject in the standard space; meshes and scan in float32.
-
-    Parameters
-    ----------
-    name : str
-    scan : Volume
-        On the standard grid, in [0, 1].
-    initial : Mesh
-        Where the flow starts.
-    coarse : Mesh
-        The same with fewer faces, for training.
-    target : Mesh
-        The true white surface.
-    """
-
-    name: str
-    scan: Volume
-    initial: Mesh
-    coarse: Mesh
-    target: Mesh
+from meshot.systems import Example, Scan, SurfaceKey
+from meshot.volume import StandardScan
 
 
 class InitialSurfaces:
@@ -81,26 +55,31 @@ class InitialSurfaces:
         """Where the initial surface of one side is kept."""
         return self.folder / _cohort(subject) / f"{subject.name}_{_scan_digest(scan)}_{side}.surf.gii"
 
-    def example(self, subject: Subject, side: Hemisphere, n_faces: int) -> DeformationExample:
-        """One hemisphere, ready for training or validation."""
+    def example(self, subject: Subject, surfaces: Sequence[SurfaceKey], needs: Sequence[SurfaceKey]) -> Example:
+        """One subject, with the true surfaces that are named and the initial ones that are needed.
+
+        Raises
+        ------
+        ValueError
+            If an initial surface other than the white one is needed, or the cohort has no such true surface.
+        """
         standard = subject.standard()
-        initial, scan = self._of(subject, side, standard), standard.volume
-        return DeformationExample(
-            f"{_cohort(subject)}/{subject.name}",
-            scan.with_data(scan.data.astype("float32")),
-            initial.to(torch.float32),
-            simplified(initial, n_faces).to(torch.float32),
-            subject.surface("white", side, "standard").to(torch.float32),
-        )
+        strange = [" ".join(key) for key in needs if key[1] != "white"]
+        if strange:
+            raise ValueError(f"initial surfaces are made of white matter; none is made of {', '.join(strange)}")
+        initial = {key: self._of(subject, key[0], standard) for key in needs}
+        image = standard.volume.with_data(standard.volume.data.astype(np.float32))
+        targets = {key: subject.surface(key[1], key[0], "standard") for key in surfaces}
+        return Example(f"{_cohort(subject)}/{subject.name}", Scan(image, initial), targets)
 
     def examples(
         self,
         cohorts: Sequence[str | os.PathLike],
         split: str,
-        side: Hemisphere,
-        n_faces: int,
+        surfaces: Sequence[SurfaceKey],
+        needs: Sequence[SurfaceKey],
         progress: Callable[[list], Iterable] = iter,
-    ) -> list[DeformationExample]:
+    ) -> list[Example]:
         """Every scan of a split, of one or more cohorts on disk.
 
         Parameters
@@ -108,9 +87,8 @@ class InitialSurfaces:
         cohorts : sequence of path
         split : str
             "train", "validation" or "test".
-        side : str
-        n_faces : int
-            Of the coarse surfaces.
+        surfaces, needs : sequence of keys
+            True and initial surfaces: those of a system.
         progress : callable
             Wraps the list of scans, such as tqdm does.
 
@@ -119,7 +97,7 @@ class InitialSurfaces:
         ValueError
             If a folder is no cohort or none has a scan in the split.
         """
-        return [self.example(subject, side, n_faces) for subject in progress(scans_of(cohorts, split))]
+        return [self.example(subject, surfaces, needs) for subject in progress(scans_of(cohorts, split))]
 
 
 def _cohort(subject: Subject) -> str:
@@ -130,13 +108,3 @@ def _cohort(subject: Subject) -> str:
 def _scan_digest(scan: StandardScan) -> str:
     content = np.ascontiguousarray(scan.volume.data).tobytes() + scan.volume.affine.tobytes()
     return hashlib.sha256(content).hexdigest()[:12]
-
-
-def digest(examples: Sequence[DeformationExample]) -> str:
-    """SHA-256 of the names and values of all examples, in their order."""
-    total = hashlib.sha256()
-    for item in examples:
-        total.update(item.name.encode() + item.scan.data.tobytes())
-        for mesh in (item.initial, item.coarse, item.target):
-            total.update(mesh.vertices.numpy().tobytes() + mesh.faces.numpy().tobytes())
-    return total.hexdigest()

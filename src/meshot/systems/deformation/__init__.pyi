@@ -1,10 +1,9 @@
 from .carrying import deformed as deformed
 from .carrying import standardised as standardised
 from .data import DeformationExample as DeformationExample
-from .data import InitialSurfaces as InitialSurfaces
+from .data import hemisphere_example as hemisphere_example
 from .example_file import read_example as read_example
 from .example_file import write_example as write_example
-from .files import run_deformation_training as run_deformation_training
 from .settings import (
     DeformationConfig as DeformationConfig,
 )
@@ -14,7 +13,5 @@ from .settings import (
 from .settings import (
     deformation_config as deformation_config,
 )
-from .settings import (
-    read_deformation_config as read_deformation_config,
-)
+from .system import DeformationSystem as DeformationSystem
 from .training import train_deformation as train_deformation

@@ -47,7 +47,7 @@ def deformed(
         In the space of the image, in mm; any number of vertices, since the flow moves the whole space.
     image : Volume
         On the standard grid; its gain and offset do not matter, see
-        :func:`meshot.pipeline.deformation.standardised`.
+        :func:`meshot.systems.deformation.standardised`.
     network : DeformationNetwork
     n_steps, method : int, str
         See :func:`meshot.integrate`.
@@ -60,7 +60,7 @@ def deformed(
     Raises
     ------
     ValueError
-        As :func:`meshot.integrate` and :func:`meshot.pipeline.deformation.standardised`; or if the flow leaves the
+        As :func:`meshot.integrate` and :func:`meshot.systems.deformation.standardised`; or if the flow leaves the
         numbers that are finite.
     """
     parameter = next(network.parameters())

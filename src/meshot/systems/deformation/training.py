@@ -10,10 +10,10 @@ from meshot.flow import integrate
 from meshot.mesh import Mesh
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
 from meshot.model import DeformationNetwork
-from meshot.pipeline.deformation.carrying import deformed, standardised
-from meshot.pipeline.deformation.data import DeformationExample, digest
-from meshot.pipeline.deformation.settings import DeformationConfig, DeformationSettings
-from meshot.train import Progress, Training, TrainingState, train
+from meshot.systems.deformation.carrying import deformed, standardised
+from meshot.systems.deformation.data import DeformationExample, digest
+from meshot.systems.deformation.settings import DeformationConfig, DeformationSettings
+from meshot.train import Progress, Training, chosen_device, train_network
 from meshot.types import Tensor
 
 _ORDER, _LOSS = 0, 1  # streams of randomness
@@ -39,7 +39,7 @@ def train_deformation(
         already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
     progress : callable of (steps done, steps in all, line of the log), optional
     device : torch.device, optional
-        The processor if left out.
+        The accelerator if there is one, else the processor, if left out.
 
     Raises
     ------
@@ -57,9 +57,8 @@ def train_deformation(
             f"{len(training)} examples for training and {len(validation)} for validation came; at least one of each is "
             "needed"
         )
-    settings, device = config.training, device or torch.device("cpu")
+    settings, device = config.training, device or chosen_device()
     network = config.new_network().to(device)
-    state = TrainingState(network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
     data = {
         name: {"n_scans": len(part), "sha256": digest(part)}
         for name, part in (("training", training), ("validation", validation))
@@ -77,11 +76,10 @@ def train_deformation(
                 f"the prediction of step {step} ({item.name}) carries no loss: {error}; lower the learning rate"
             ) from error
 
-    train(
-        state, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, targets, settings),
+    return train_network(
+        network, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, targets, settings),
         config.as_dict() | {"data": data}, folder, progress,
     )  # fmt: skip
-    return Training(network.cpu(), state.best_step, state.lines, state.seconds, data)
 
 
 def carried(mesh: Mesh, item: DeformationExample, network: DeformationNetwork, settings: DeformationSettings) -> Mesh:
