@@ -18,7 +18,7 @@ from meshot.pipeline.segmentation.settings import (
     segmentation_config,
 )
 from meshot.pipeline.segmentation.training import _batch, train_segmentation
-from meshot.train.checkpoint import read_log
+from meshot.train.log import read_log
 from phantoms import phantom_examples, phantom_scan, phantom_surfaces
 
 TINY = segmentation_config(

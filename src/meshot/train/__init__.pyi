@@ -1,6 +1,3 @@
-from .checkpoint import TrainingLog as TrainingLog
-from .checkpoint import TrainingState as TrainingState
-from .checkpoint import read_log as read_log
 from .configuration import (
     Groups as Groups,
 )
@@ -16,21 +13,14 @@ from .configuration import (
 from .configuration import (
     setting_names as setting_names,
 )
-from .engine import (
-    Plan as Plan,
-)
-from .engine import (
-    Progress as Progress,
-)
-from .engine import (
-    Training as Training,
-)
-from .engine import (
-    chosen_device as chosen_device,
-)
-from .engine import (
-    require_plan_settings as require_plan_settings,
-)
-from .engine import (
-    train_network as train_network,
-)
+from .engine import Progress as Progress
+from .engine import Task as Task
+from .engine import Training as Training
+from .engine import chosen_device as chosen_device
+from .engine import train as train
+from .engine import train_network as train_network
+from .log import TrainingLog as TrainingLog
+from .log import read_log as read_log
+from .plan import Plan as Plan
+from .plan import require_plan_settings as require_plan_settings
+from .state import TrainingState as TrainingState

@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from meshot.systems import Part, SurfaceSystem
-from meshot.train import Plan, Progress, checked_groups, train_network
+from meshot.train import Plan, Progress, Task, checked_groups, train_network
 
 DEFAULTS = {"n_steps": 30, "learning_rate": 0.1}
 
@@ -26,7 +26,8 @@ class Toy(SurfaceSystem):
         """One part, trained on ``loss()`` and validated by ``validate()``."""
         plan = Plan(settings["training"]["n_steps"], 10, 5, None, settings["training"]["learning_rate"], "cosine")
         found = train_network(
-            network, plan, lambda _: (loss(), "all"), lambda: {"validation_loss": float(validate().detach())}, settings,
+            network, plan,
+            Task(lambda _: (loss(), "all"), lambda _: {"validation_loss": float(validate().detach())}), settings,
             None if folder is None else folder / part, progress,
         )  # fmt: skip
         return Part(found.network, settings | {"results": found.results()}, found.log)

@@ -39,6 +39,8 @@ class SegmentationSettings:
         In epochs; stop after ``patience`` validations in a row without a lower loss (None: never).
     save_every : int
         In steps.
+    averaging : float
+        Of the weights: see :class:`meshot.train.Plan`.
     seed : int
         Of everything random; step i draws from (seed, i), so that a resumed training draws what it would have drawn.
     precision : str
@@ -66,6 +68,7 @@ class SegmentationSettings:
     validate_every: int = 1
     patience: int | None = None
     save_every: int = 50
+    averaging: float = 0.0
     seed: int = 0
     precision: str = "float32"
 
@@ -87,7 +90,7 @@ class SegmentationSettings:
         per_epoch = -(-n_examples // self.batch_size)
         return Plan(
             self.n_epochs * per_epoch, self.validate_every * per_epoch, self.save_every, self.patience,
-            self.learning_rate, self.schedule,
+            self.learning_rate, self.schedule, self.averaging,
         )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from meshot.model import SegmentationNetwork, segmentation_loss
 from meshot.pipeline.segmentation.augmentation import augmented
 from meshot.pipeline.segmentation.data import Example, digest
 from meshot.pipeline.segmentation.settings import SegmentationConfig, SegmentationSettings
-from meshot.train import Progress, Training, chosen_device, train_network
+from meshot.train import Progress, Task, Training, chosen_device, train_network
 from meshot.types import Float, Tensor
 from meshot.volume import dice
 
@@ -60,7 +60,8 @@ def train_segmentation(
         return _loss(network, image.to(device), fractions.to(device), settings)[0], ", ".join(names)
 
     return train_network(
-        network, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, settings, device),
+        network, settings.plan(len(training)),
+        Task(loss_of, lambda _: _validation(network, validation, settings, device)),
         config.as_dict() | {"data": data}, folder, progress,
     )  # fmt: skip
 

@@ -34,6 +34,8 @@ class DeformationSettings:
         On each surface, for the distance of the validation.
     save_every : int
         In steps.
+    averaging : float
+        Of the weights: see :class:`meshot.train.Plan`.
     seed : int
         Of everything random; step i draws from (seed, i), so that a resumed training draws what it would have drawn.
 
@@ -54,6 +56,7 @@ class DeformationSettings:
     patience: int | None = None
     n_points: int = 20_000
     save_every: int = 100
+    averaging: float = 0.0
     seed: int = 0
 
     def __post_init__(self):
@@ -73,7 +76,7 @@ class DeformationSettings:
         """The same in steps, for so many training subjects."""
         return Plan(
             self.n_epochs * n_subjects, self.validate_every * n_subjects, self.save_every, self.patience,
-            self.learning_rate, self.schedule,
+            self.learning_rate, self.schedule, self.averaging,
         )  # fmt: skip
 
 

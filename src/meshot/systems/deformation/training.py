@@ -13,7 +13,7 @@ from meshot.model import DeformationNetwork
 from meshot.systems.deformation.carrying import deformed, standardised
 from meshot.systems.deformation.data import DeformationExample, digest
 from meshot.systems.deformation.settings import DeformationConfig, DeformationSettings
-from meshot.train import Progress, Training, chosen_device, train_network
+from meshot.train import Progress, Task, Training, chosen_device, train_network
 from meshot.types import Tensor
 
 _ORDER, _LOSS = 0, 1  # streams of randomness
@@ -77,7 +77,8 @@ def train_deformation(
             ) from error
 
     return train_network(
-        network, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, targets, settings),
+        network, settings.plan(len(training)),
+        Task(loss_of, lambda step: _validation(step, network, validation, targets, settings)),
         config.as_dict() | {"data": data}, folder, progress,
     )  # fmt: skip
 
@@ -96,18 +97,26 @@ def _example(step: int, training: Sequence[DeformationExample], settings: Deform
 
 
 def _validation(
+    step: int,
     network: DeformationNetwork,
     validation: Sequence[DeformationExample],
     targets: Sequence[Surface],
     settings: DeformationSettings,
 ) -> dict:
     """Means over the subjects, in mm of the standard space; the loss of the validation is the ASSD."""
-    rows = []
-    for item, target in zip(validation, targets, strict=True):
-        found = Surface(deformed(item.initial, item.scan, network, settings.n_flow_steps, settings.method))
-        there, back = offsets_between(found, target, settings.n_points)
-        rows.append(
-            [average_surface_distance(there, back), hausdorff_distance(there, back), normal_agreement(there, back)]
-        )
+    try:
+        rows = [_distances(item, target, network, settings) for item, target in zip(validation, targets, strict=True)]
+    except ValueError as error:  # such as a flow that leaves the finite numbers
+        raise FloatingPointError(
+            f"the validation after step {step} failed: {error}; lower the learning rate. The last saved state is whole"
+        ) from error
     distance, farthest, normals = np.mean(rows, axis=0).tolist()
     return {"validation_loss": distance, "hausdorff90_mm": farthest, "normals": normals}
+
+
+def _distances(
+    item: DeformationExample, target: Surface, network: DeformationNetwork, settings: DeformationSettings
+) -> list[float]:
+    found = Surface(deformed(item.initial, item.scan, network, settings.n_flow_steps, settings.method))
+    there, back = offsets_between(found, target, settings.n_points)
+    return [average_surface_distance(there, back), hausdorff_distance(there, back), normal_agreement(there, back)]
