@@ -153,7 +153,7 @@ def main(words: list[str] | None = None) -> None:
     commits = list(dict.fromkeys(line["found"].pop("commit") for line in found))
     rows = [_row(line, {each.name: each for each in there}, subjects) for line in found]
     results = {"missing": missing, "commits": commits, "data_sha256": data}
-    results |= summarised(rows, config["evaluation"]) | {"trainings": trainings}
+    results |= summarised(rows, config["evaluation"], config["comparison"]) | {"trainings": trainings}
     stands_on = f"held-out subjects of the synthetic cohorts {', '.join(cohorts)}"
     seconds = sum(line["seconds"] for line in found)
     write_results(asked.output, rounded(results), config, "python experiments/ddot/run.py", stands_on, seconds)

@@ -377,6 +377,9 @@ SETTINGS_OF_SUMMARY = {
 }  # fmt: skip
 
 
+COMPARED = {"ours": "ddot", "rival": "cortexode", "also": ["windowed"]}
+
+
 def cohort_of(values, sides=("left", "right")):
     return [
         hemisphere(arm, seed, side, f"sub-{i}", value + (0.01 * i if arm != "initial" else 0.0))
@@ -386,7 +389,7 @@ def cohort_of(values, sides=("left", "right")):
 
 def test_differences_are_paired_over_subjects(part):
     found = part("summary").summarised(cohort_of([("initial", None, 1.0), ("ddot", 0, 0.2), ("cortexode", 0, 0.3)]),
-                                       SETTINGS_OF_SUMMARY)  # fmt: skip
+                                       SETTINGS_OF_SUMMARY, COMPARED)  # fmt: skip
     gaps = {(d["first"], d["second"], d["side"]): d for d in found["differences"]}
     assert len(gaps) == 9
     for side in ("left", "right", "both"):
@@ -396,8 +399,8 @@ def test_differences_are_paired_over_subjects(part):
         assert against["gap"] == pytest.approx(-0.785)
         assert -0.8 <= against["low"] < -0.785 < against["high"] <= -0.77
     pairs = part("summary")._pairs
-    assert pairs(["initial", "ddot"]) == [("ddot", "initial")]
-    assert pairs(["initial", "cortexode", "windowed"]) == [
+    assert pairs(["initial", "ddot"], COMPARED) == [("ddot", "initial")]
+    assert pairs(["initial", "cortexode", "windowed"], COMPARED) == [
         ("windowed", "cortexode"), ("cortexode", "initial"), ("windowed", "initial"),
     ]  # fmt: skip
     values = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
@@ -409,20 +412,20 @@ def test_differences_are_paired_over_subjects(part):
 def test_seeds_give_a_spread_and_students_interval(part):
     ours, rival = [0.2, 0.22, 0.21, 0.25, 0.19], [0.3, 0.28, 0.33, 0.31, 0.3]
     values = [("ddot", s, v) for s, v in enumerate(ours)] + [("cortexode", s, v) for s, v in enumerate(rival)]
-    (line,) = part("summary").seeds(cohort_of([*values, ("ddot", 7, 9.0)], ["left"]))
+    (line,) = part("summary").seeds(cohort_of([*values, ("ddot", 7, 9.0)], ["left"]), COMPARED)
     assert line["seeds"] == [0, 1, 2, 3, 4]
     interval = stats.ttest_rel(ours, rival).confidence_interval(0.95)
     found = line["assd_mm"]
     assert (found["low"], found["high"]) == pytest.approx(tuple(interval))
     assert found["ddot"]["sd"] == pytest.approx(np.std(ours, ddof=1))
     assert line["flow_crossing_percent"]["gap"] == line["flow_crossing_percent"]["high"] == 0
-    assert part("summary").seeds(cohort_of(values[:5])) == []
+    assert part("summary").seeds(cohort_of(values[:5]), COMPARED) == []
 
 
 def test_each_target_is_seen_to_be_missed(part):
     def of(assd):
         rows = cohort_of([("initial", None, 0.5), ("ddot", 0, assd)], ["left"])
-        (line,) = part("summary").targets(rows, SETTINGS_OF_SUMMARY["targets"])
+        (line,) = part("summary").targets(rows, SETTINGS_OF_SUMMARY["targets"], COMPARED)
         return line
 
     names = ("enough_of_initial", "assd_reached", "stretch_assd_reached", "stretch_normals_reached")
@@ -440,7 +443,7 @@ def test_groups_keep_kinds_apart_and_count_crossings(part):
     rows = [hemisphere("initial", None, "left", f"sub-{i}", 1.0) for i in range(2)]
     rows += [hemisphere("ddot", 0, "left", "sub-0", 0.2, 3.0)]
     rows += [hemisphere("ddot", 0, "left", "sub-1", 0.4), hemisphere("ddot", 0, "left", "sub-2", 9) | {"kind": "odd"}]
-    begun, ours, odd = part("summary").summarised(rows, SETTINGS_OF_SUMMARY)["summary"]
+    begun, ours, odd = part("summary").summarised(rows, SETTINGS_OF_SUMMARY, COMPARED)["summary"]
     assert (ours["n_subjects"], ours["n_subjects_crossing_before"], ours["n_subjects_crossing"]) == (2, 1, 0)
     assert ours["assd_mm"] == {"mean": pytest.approx(0.3), "sd": pytest.approx(0.2 / math.sqrt(2))}
     assert ours["by_depth"] == [pytest.approx(0.3), None]
@@ -456,7 +459,7 @@ def test_committed_results_follow_from_their_rows(part, record, config, results)
     assert sorted(results["missing"] + [each["name"] for each in results["trainings"]]) == sorted(planned)
     for each in results["trainings"]:
         assert (FOLDER / "weights" / f"{each['name']}.safetensors").is_file()
-    again = part("summary").summarised(results["subjects"], config["evaluation"])
+    again = part("summary").summarised(results["subjects"], config["evaluation"], config["comparison"])
     for table in ("targets", "differences", "seeds", "summary"):
         flat, kept = (flattened(rows[table]) for rows in (again, results))
         assert flat.keys() == kept.keys()
