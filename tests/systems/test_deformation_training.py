@@ -112,7 +112,7 @@ def test_a_stopped_training_ends_with_the_same_weights(tmp_path, whole, examples
 VICTIM = """
 from systems.test_deformation_training import TINY
 from phantoms import phantom_deformations
-from meshot.systems.deformation_training import train_deformation
+from meshot.systems.deformation import train_deformation
 train_deformation(TINY, phantom_deformations(3), phantom_deformations(1, seed=50), folder={folder!r})
 """
 
@@ -198,14 +198,14 @@ def test_a_configuration_that_will_not_do(tmp_path, text, words):
 @pytest.fixture
 def cohort(tmp_path, monkeypatch):
     """Phantoms on disk, and a segmentation that finds what is bright on either side, without being trained."""
-    import meshot.pipeline.segmentation as segmentation
+    import meshot.pipeline.segmentation.segmenting as segmenting
 
     def bright(scan, network):
         left = np.arange(scan.data.shape[0])[:, None, None] < scan.data.shape[0] // 2
         high = np.clip((scan.data - 0.45) / 0.3, 0, 1)
         return {"left": scan.with_data(high * left), "right": scan.with_data(high * ~left)}
 
-    monkeypatch.setattr(segmentation, "segment", bright)
+    monkeypatch.setattr(segmenting, "segment", bright)
     write_weights(tmp_path / "segmentation.safetensors", SegmentationNetwork(2, 1), {})
     return write_phantom_cohort(tmp_path / "phantoms", ["train", "train", "validation"])
 

@@ -43,4 +43,4 @@ class System(Toy):
         return {"threshold": cls.trained("threshold", network, *losses, settings, folder, progress)}
 
     def find_surfaces(self, scan):
-        return {KEY: isosurface(left(scan), float(self.parts["threshold"].network.value))}
+        return {KEY: isosurface(left(scan), float(self.parts["threshold"].network.value.detach()))}

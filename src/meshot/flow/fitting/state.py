@@ -25,4 +25,5 @@ class FitState(TrainingState):
 
     @n_steps.setter
     def n_steps(self, value: int) -> None:
+        """The same, from now on."""
         self.extras["n_steps"] = value
