@@ -15,8 +15,9 @@ from ruler import medians, timed
 
 from meshot.anatomy import fsaverage5_surface, mni152_t1
 from meshot.mesh import Mesh
+from meshot.model import N_STEPS
 from meshot.pipeline import load_networks, reconstruct
-from meshot.pipeline.deformation import N_STEPS, deformed, read_deformation_config
+from meshot.pipeline.deformation import deformed, read_deformation_config
 from meshot.provenance import write_results
 from meshot.synth import loop_subdivided
 from meshot.volume import standard_scan

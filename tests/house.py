@@ -107,11 +107,14 @@ def _far_from_home(place: str, top: str) -> list[str]:
 
 
 def is_door(src: Path, module: str, name: str) -> bool:
-    """Whether a name may be imported from a module from outside: the module is a package, or a room of one file."""
+    """Whether a name may be imported from a module from outside: a door shows it, or the room is a single file."""
     place = src.joinpath(*module.split("."))
-    if place.is_dir():
-        return not (place / f"{name}.py").is_file() or len(module.split(".")) == 1
-    return len(module.split(".")) == 2
+    if not place.is_dir():
+        return len(module.split(".")) == 2
+    if (place / name).is_dir() or (len(module.split(".")) == 1 and (place / f"{name}.py").is_file()):
+        return True
+    stub = place / "__init__.pyi"
+    return name in shown_names(stub) if stub.is_file() else not (place / f"{name}.py").is_file()
 
 
 def outside_breaches(src: Path, code: str) -> list[str]:
@@ -122,4 +125,6 @@ def outside_breaches(src: Path, code: str) -> list[str]:
 
 def shown_names(stub: Path) -> list[str]:
     """The names that a door shows."""
-    return [name for _, name in imports(stub.read_text(encoding="utf-8"))]
+    tree = ast.parse(stub.read_text(encoding="utf-8"))
+    imported = [name for _, name in imports(stub.read_text(encoding="utf-8"))]
+    return imported + [node.target.id for node in tree.body if isinstance(node, ast.AnnAssign)]
