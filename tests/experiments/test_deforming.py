@@ -102,8 +102,8 @@ def test_a_fit_rebuilds_its_committed_numbers(part, record, config, one_thread):
 def test_settings_rebuild(part, record, config):
     (row,) = chosen(record["results"]["settings"], target="folded", start="sphere", seed=1)
     found = part("run").describe({name: row[name] for name in SETTING}, config)
-    # Six digits are committed. A point that lies, to rounding, as near to one face as to another may be given to either,
-    # and another normal moves the mean over both sides by up to 2 / (2 n_points): room for four such points.
+    # Six digits are committed. A point that lies, to rounding, as near to one face as to another may be given to
+    # either, and another normal moves the mean over both sides by up to 2 / (2 n_points): room for four such points.
     normals = {"normals", "signed_normals"}
     for kind in ("floor", "begin"):
         assert found[kind] == {
