@@ -112,7 +112,7 @@ def _squared_halved(piece, atoms, wanted, moments, moments_target):
     """∫(x − y)² dz over any piece, halved along its steeper side until it is flat."""
     waiting, halvings = [piece], [0]
     cost = 0.0
-    while waiting:
+    while waiting:  # at most 2¹⁵ times: a piece is not halved for ever
         piece, done = waiting.pop(), halvings.pop()
         a, b = piece[3], piece[4]
         if done == _HALVINGS or max(abs(a), abs(b)) <= _STEEP:
@@ -197,7 +197,9 @@ def walk(power, source, target, wanted, moments, moments_target):
     i, j, cost = 0, 0, 0.0
     left, share, at, density = mass[0], 0.0, 0.0, 1 - change[0]
     left_target, share_target, at_target, density_target = mass_target[0], 0.0, 0.0, 1 - change_target[0]
-    while i < len(x) - 1 or j < len(y) - 1:
+    for _ in range(len(x) + len(y) - 2):  # every step ends a cell of one side at least
+        if i == len(x) - 1 and j == len(y) - 1:
+            break
         last, last_target = left <= left_target, left_target <= left
         dz = min(left, left_target)
         left, left_target = left - dz, left_target - dz
@@ -225,4 +227,6 @@ def walk(power, source, target, wanted, moments, moments_target):
         if last_target:
             j += 1
             left_target, share_target, at_target, density_target = mass_target[j], 0.0, 0.0, 1 - change_target[j]
+    if i < len(x) - 1 or j < len(y) - 1:
+        raise ValueError("the walk over two laws did not reach their ends: a mass is NaN; laws need finite masses")
     return cost
