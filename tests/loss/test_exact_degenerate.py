@@ -99,7 +99,7 @@ def test_the_scale_does_not_matter(p, scale):
 
 
 def test_a_cost_beyond_float64_is_refused():
+    vertices = torch.eye(3, dtype=torch.float64) * 1e160
+    measure = SurfaceMeasure(vertices, torch.tensor([[0, 1, 2]]), torch.ones(1).double())
     with pytest.raises(ValueError, match="exceeds float64"):
-        vertices = torch.eye(3, dtype=torch.float64) * 1e160
-        measure = SurfaceMeasure(vertices, torch.tensor([[0, 1, 2]]), torch.ones(1).double())
         exact_sliced_wasserstein(measure, measure, torch.eye(3).double())

@@ -190,6 +190,11 @@ def walk(power, source, target, wanted, moments, moments_target):
     """W_p^p between two laws (x, extent, mass, change), and the moments of φ′ over the cells of those ``wanted``.
 
     Moments are ∫φ′ξᵏ dx for k = 0, 1, 2 with ξ from 0 to 1 across the cell; at an atom the first is ∫φ′ dz instead.
+
+    Raises
+    ------
+    ValueError
+        If a mass is NaN, so that the walk does not reach the end of both laws.
     """
     x, dx, mass, change = source
     y, dy, mass_target, change_target = target

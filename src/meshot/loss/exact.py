@@ -167,7 +167,7 @@ def _unit(places: Tensor, others: Tensor, p: int) -> float:
     """The power of two next to the size of the coordinates: in this unit no power of them leaves float64."""
     largest = max(float(np.abs(_array(each)).max()) for each in (places, others))
     digits = math.frexp(largest)[1] - 1
-    if p * digits > 1000:
+    if p * digits > 1023:
         raise ValueError(
             f"coordinates reach {largest:.3g}, and their power {p} exceeds float64: scale both measures down"
         )
