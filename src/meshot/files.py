@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from meshot.scratch import OLD, scratch_folder
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
+_SAID = re.compile(r"No space left on device|\d+ requested and \d+ written")  # safetensors; numpy
 _IN_THE_WAY = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)
 
 
@@ -141,7 +143,7 @@ def _naming_a_full_disk(path: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if getattr(error, "errno", None) in _FULL or os.strerror(errno.ENOSPC) in str(error):
+        if getattr(error, "errno", None) in _FULL or _SAID.search(str(error)):
             message = f"the disk or quota of {path.parent} is full; make room, or write elsewhere"
             raise OSError(errno.ENOSPC, message, str(path)) from error
         raise
