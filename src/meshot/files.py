@@ -15,6 +15,11 @@ _SAID = re.compile(r"No space left on device|\d+ requested and \d+ written")  # 
 _IN_THE_WAY = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)
 
 
+def printable_name(path: str | os.PathLike) -> str:
+    """A path as text that can be printed and stored: bytes that are no UTF-8 become U+FFFD."""
+    return os.fsencode(path).decode("utf-8", errors="replace")
+
+
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary path beside ``path``, with its suffixes, that takes its name when the block ends without an error.

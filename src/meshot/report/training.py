@@ -9,6 +9,7 @@ import torch
 from tqdm import tqdm
 
 from meshot.figures.training import write_training_figure
+from meshot.files import printable_name
 from meshot.model.weights import write_weights
 from meshot.pipeline.checkpoint import TrainingLog, read_log
 from meshot.pipeline.training import Report, Training
@@ -104,4 +105,4 @@ def shown_command(
 def _shown(path: str | os.PathLike) -> str:
     """A path as it may be written down: relative, without where this machine keeps its files."""
     path = Path(path)
-    return path.as_posix() if not path.is_absolute() else path.name
+    return printable_name(path.as_posix() if not path.is_absolute() else path.name)
