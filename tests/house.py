@@ -6,7 +6,8 @@ from pathlib import Path
 
 #: Folder or module of ``meshot`` -> rank; imports point to lower ranks only.
 RANKS = {
-    "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "provenance": 0, "statistics": 0, "jobs": 0,
+    "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "compressed": 0, "plain_yaml": 0,
+    "scratch": 0, "stored_state": 0, "provenance": 0, "statistics": 0, "jobs": 0,
     "mesh": 1,
     "volume": 2, "measure": 2,
     "metrics": 3, "loss": 3,
@@ -28,7 +29,7 @@ HOMES = {
     "SimpleITK": ("meshot/volume/registration",),
     "skimage": ("meshot/volume/",),
     "igl": ("meshot/mesh/", "meshot/metrics/"),
-    "ot": ("meshot/loss/", "meshot/metrics/", "meshot_book/examples/"),
+    "ot": ("meshot/loss/", "meshot/metrics/"),
     "geomloss": ("meshot/loss/", "meshot/metrics/"),
     "torchdiffeq": ("meshot/flow/integration",),
     "nilearn": ("meshot/anatomy/",),
@@ -37,7 +38,7 @@ HOMES = {
     "vtkmodules": ("meshot/view/", "meshot_book/figures/"),
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),
     "IPython": ("meshot_book/figures/",),
-    "yaml": ("meshot/synth/", "meshot/train/", "meshot/pipeline/", "meshot/cli", "meshot_book/claims/"),
+    "yaml": ("meshot/plain_yaml", "meshot/synth/cohorts/recipe", "meshot_book/claims/"),
 }
 MOST_NAMES = 20
 

@@ -108,7 +108,7 @@ def test_a_stopped_training_ends_with_the_same_weights(tmp_path, whole, examples
 VICTIM = """
 from pipeline.test_deformation_training import TINY
 from phantoms import phantom_deformations
-from meshot.pipeline.deformation_training import train_deformation
+from meshot.pipeline.deformation.training import train_deformation
 train_deformation(TINY, phantom_deformations(3), phantom_deformations(1, seed=50), folder={folder!r})
 """
 
@@ -315,6 +315,6 @@ def test_a_network_too_large_to_be_kept_is_refused_at_once(tmp_path, cohort):
     with pytest.raises(ValueError, match="MB; at most 10 MB are kept"):
         run_deformation_training(
             config, [cohort], tmp_path / "out", tmp_path / "segmentation.safetensors", tmp_path / "initial",
-            ["network.width=128", "network.hidden=[9000, 2000]"],
+            ["network.width=128", "network.hidden=[2000, 2000]"],
         )  # fmt: skip
     assert not (tmp_path / "initial").exists()

@@ -83,6 +83,14 @@ def test_flows_are_integrated_as_they_were_learned(folder):
     assert (load_networks(folder).n_steps, load_networks(folder).method) == (4, "rk4")
 
 
+@pytest.mark.parametrize("group", ["training", "results"])
+@pytest.mark.parametrize("content", [None, 3, "left", ["side"]])
+def test_a_record_whose_groups_are_none_is_refused(folder, group, content):
+    with_record(folder, "left", {group: content})
+    with pytest.raises(ValueError, match=f"says of its {group} .*names and values are needed"):
+        load_networks(folder)
+
+
 def test_what_is_shipped_can_be_read(root):
     assert {path.name for path in shipped.SHIPPED.iterdir()} == {SEGMENTATION, *DEFORMATION.values()}
     networks = load_networks()

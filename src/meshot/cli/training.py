@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 
 from meshot.errors import require_positive_integer
+from meshot.files import printable_name
 from meshot.train import Training
 
 
@@ -58,5 +59,5 @@ def run_training(chosen: argparse.Namespace, train: Callable[[], Training], said
     best = next(line for line in found.log if line["step"] == found.best_step and "validation_loss" in line)
     print(
         f"best after {found.best_step} steps: {said(best)} on validation; {found.cpu_seconds:.0f} s of processor time; "
-        f"weights in {chosen.output}"
+        f"weights in {printable_name(chosen.output)}"
     )

@@ -93,6 +93,8 @@ class SurfaceLoss:
         for name in ("blur", "factor", *(("window",) if self.window is not None else ())):
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; a finite number > 0 is needed")
+        if not isinstance(self.detach_weights, bool):
+            raise ValueError(f"detach_weights is {self.detach_weights!r}; true or false is needed")
         if not 0 <= self.normal_scale < math.inf:
             raise ValueError(f"normal_scale is {self.normal_scale!r}; a length >= 0 is needed, in mm")
 

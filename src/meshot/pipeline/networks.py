@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import reprlib
 from pathlib import Path
 
 from meshot.model import N_STEPS, DeformationNetwork, SegmentationNetwork, network_digest, read_weights
@@ -75,9 +76,16 @@ def load_networks(folder: str | os.PathLike | None = None, with_deformation: boo
     deformation = {}
     for side, name in DEFORMATION.items():
         deformation[side], records[name] = read_weights(weights_path(name, folder), DeformationNetwork)
+        _require_groups(name, records[name])
         _require_fitting(side, name, records[name], network_digest(segmentation))
     n_steps, method = _integration([records[name] for name in DEFORMATION.values()])
     return TrainedNetworks(segmentation, deformation, records, n_steps, method)
+
+
+def _require_groups(name: str, record: dict) -> None:
+    for group in ("training", "results"):
+        if not isinstance(record.get(group, {}), dict):
+            raise ValueError(f"{name} says of its {group} {reprlib.repr(record[group])}; names and values are needed")
 
 
 def _require_fitting(side: str, name: str, record: dict, segmentation: str) -> None:

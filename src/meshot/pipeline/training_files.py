@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
+from meshot.files import printable_name
 from meshot.model import write_weights
 from meshot.provenance import provenance, write_results
 from meshot.train import Progress, Training, TrainingLog, read_log
@@ -103,4 +104,4 @@ def shown_command(
 def _shown(path: str | os.PathLike) -> str:
     """A path as it may be written down: relative, without where this machine keeps its files."""
     path = Path(path)
-    return path.as_posix() if not path.is_absolute() else path.name
+    return printable_name(path.as_posix() if not path.is_absolute() else path.name)

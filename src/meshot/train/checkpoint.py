@@ -5,12 +5,12 @@ import math
 import os
 from pathlib import Path
 
-import safetensors
 import safetensors.torch
 import torch
 from torch import nn
 
 from meshot.files import whole_file
+from meshot.stored_state import read_tensors, stored_parts
 from meshot.types import Tensor
 
 
@@ -72,28 +72,35 @@ def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict
         raise ValueError(
             f"the training in {path} was made with another {' and '.join(changed)}: use the same, or another folder"
         )
-    parts: dict[str, dict[str, Tensor]] = {part: {} for part in ("network", "best", "adam")}
-    for name, value in tensors.items():
-        part, key = name.split("/", 1)
-        parts[part][key] = value
-    state.network.load_state_dict(parts["network"])
-    moments: dict[int, dict[str, Tensor]] = {}
-    for key, value in parts["adam"].items():
-        index, name = key.split("/")
-        moments.setdefault(int(index), {})[name] = value
+    try:
+        own, best, moments = stored_parts(tensors, "network", state.network, state.optimiser)
+        step, best_step, best_loss, seconds, lines = _progress(header)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is the state of another training ({error}): remove it to start anew") from error
+    state.network.load_state_dict(own)
     state.optimiser.load_state_dict({"state": moments, "param_groups": state.optimiser.state_dict()["param_groups"]})
-    state.best = parts["best"]
-    state.step, state.best_step = header["step"], header["best_step"]
-    state.best_loss, state.seconds = float.fromhex(header["best_loss"]), header["seconds"]
-    state.lines = header["lines"]
+    state.best = best
+    state.step, state.best_step, state.best_loss, state.seconds, state.lines = (
+        step, best_step, best_loss, seconds, lines,
+    )  # fmt: skip
+
+
+def _progress(header: dict) -> tuple[int, int, float, float, list[dict]]:
+    """Steps, best step, best loss, seconds and lines of the log."""
+    step, best_step, seconds, lines = (header[name] for name in ("step", "best_step", "seconds", "lines"))
+    if type(step) is not int or type(best_step) is not int or not 0 <= best_step <= step:
+        raise ValueError(f"it is at step {step!r}, its best at {best_step!r}")
+    if not isinstance(seconds, int | float) or not 0 <= seconds < math.inf:
+        raise ValueError(f"it took {seconds!r} seconds")
+    if not isinstance(lines, list) or not all(isinstance(line, dict) for line in lines):
+        raise ValueError("its log is no list of entries")
+    return step, best_step, float.fromhex(header["best_loss"]), seconds, lines
 
 
 def _read(path: str | os.PathLike) -> tuple[dict, dict[str, Tensor]]:
     try:
-        with safetensors.safe_open(path, framework="pt") as file:
-            header = json.loads((file.metadata() or {})["training"])
-            return header, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-    except (safetensors.SafetensorError, KeyError, json.JSONDecodeError) as error:
+        return read_tensors(path, "training", "made_with")
+    except ValueError as error:
         raise ValueError(f"{path} is not a whole state of a training ({error}): remove it to start anew") from error
 
 
@@ -132,8 +139,11 @@ def read_log(path: str | os.PathLike) -> list[dict]:
     path = Path(path)
     if not path.is_file():
         raise ValueError(f"{path} does not exist; a training writes it as it goes")
-    text = path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8", errors="replace")
     try:
-        return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
-    except json.JSONDecodeError as error:
+        lines = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is no log of a training ({error})") from error
+    if not all(isinstance(line, dict) for line in lines):
+        raise ValueError(f"{path} is no log of a training: a line holds no names and values")
+    return lines

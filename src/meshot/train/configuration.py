@@ -2,10 +2,11 @@
 
 import dataclasses
 import os
+import reprlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import yaml
+from meshot.plain_yaml import parsed_yaml, read_yaml
 
 Groups = dict[str, dict]
 
@@ -30,11 +31,7 @@ def read_groups(path: str | os.PathLike, known: Mapping[str, set[str]]) -> Group
             f"{path} does not exist; experiments/segmentation and experiments/ddot hold tiny.yaml, small.yaml and "
             "paper.yaml"
         )
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} is no YAML ({error})") from error
-    return checked_groups(content, known, str(path))
+    return checked_groups(read_yaml(path), known, str(path))
 
 
 def checked_groups(content: object, known: Mapping[str, set[str]], name: str) -> Groups:
@@ -46,8 +43,8 @@ def checked_groups(content: object, known: Mapping[str, set[str]], name: str) ->
         If they are no groups, or name something unknown.
     """
     if not isinstance(content, dict) or not all(isinstance(part, dict) for part in content.values()):
-        raise ValueError(f"{name} holds {content!r}; groups of settings are needed: {', '.join(known)}")
-    strange = [key for key in content if key not in known]
+        raise ValueError(f"{name} holds {reprlib.repr(content)}; groups of settings are needed: {', '.join(known)}")
+    strange = [str(key) for key in content if key not in known]
     strange += [f"{group}.{key}" for group in known for key in content.get(group, {}) if key not in known[group]]
     if strange:
         raise ValueError(f"{name} sets {', '.join(strange)}, which nothing reads; known are {dict(known)}")
@@ -84,8 +81,8 @@ def changed_groups(groups: Groups, changes: Sequence[str]) -> Groups:
         if not (equals and group and point and setting):
             raise ValueError(f"{change!r} changes nothing; write group.setting=value, such as training.seed=1")
         try:
-            found.setdefault(group, {})[setting] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
+            found.setdefault(group, {})[setting] = parsed_yaml(value)
+        except ValueError as error:
             raise ValueError(f"{change!r}: the value is no YAML ({error})") from error
     return found
 

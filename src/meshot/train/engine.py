@@ -90,7 +90,7 @@ def require_plan_settings(settings: object) -> None:
         require_positive_integer(settings.patience, "patience")
     if not 0 < settings.learning_rate < math.inf:
         raise ValueError(f"learning_rate is {settings.learning_rate!r}; a finite number > 0 is needed")
-    if settings.seed < 0:
+    if isinstance(settings.seed, bool) or not isinstance(settings.seed, int) or settings.seed < 0:
         raise ValueError(f"seed is {settings.seed!r}; an integer >= 0 is needed")
     if settings.schedule not in SCHEDULES:
         raise ValueError(f"schedule is {settings.schedule!r}; one of {', '.join(SCHEDULES)} is needed")

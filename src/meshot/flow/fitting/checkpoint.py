@@ -4,12 +4,12 @@ import json
 import math
 import os
 
-import safetensors
 import safetensors.torch
 import torch
 
 from meshot.files import whole_file
 from meshot.flow.fields.field import LearnedVelocity
+from meshot.stored_state import read_tensors, stored_parts
 from meshot.types import Tensor
 
 HISTORY = (
@@ -21,6 +21,9 @@ HISTORY = (
     "checked_crossings",
     "retreat_iteration",
 )
+
+#: What else the header holds, by the name in the state.
+_NUMBERS = {"iteration": int, "best_iteration": int, "n_steps": int, "best_n_steps": int, "history": dict}
 
 
 class FitState:
@@ -82,33 +85,29 @@ def read_state(path: str | os.PathLike, state: FitState, settings: dict) -> None
         raise ValueError(
             f"the checkpoint {path} was made with other settings ({', '.join(changed)}): use those, or remove the file"
         )
-    parts = {part: {} for part in ("field", "best", "adam")}
-    for name, value in tensors.items():
-        part, key = name.split("/", 1)
-        parts[part][key] = value
-    shapes = {name: tuple(value.shape) for name, value in state.field.state_dict().items()}
-    same_shapes = shapes == {name: tuple(value.shape) for name, value in parts["field"].items()}
-    if not same_shapes or header["kind"] != str(state.field):
-        raise ValueError(f"the checkpoint {path} holds a field of another kind or size: remove the file to start anew")
-    state.field.load_state_dict(parts["field"])
-    moments: dict[int, dict[str, Tensor]] = {}
-    for key, value in parts["adam"].items():
-        index, name = key.split("/")
-        moments.setdefault(int(index), {})[name] = value
+    try:
+        if header["kind"] != str(state.field):
+            raise ValueError(f"it holds a {header['kind']}")
+        own, best, moments = stored_parts(tensors, "field", state.field, state.optimiser)
+        for name, kind in _NUMBERS.items():
+            if type(header[name]) is not kind:
+                raise ValueError(f"its {name} is {header[name]!r}")
+        losses = float.fromhex(header["best_loss"]), float.fromhex(header["rate_factor"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"the checkpoint {path} holds a field of another kind or size ({error}): remove the file to start anew"
+        ) from error
+    state.field.load_state_dict(own)
     state.optimiser.load_state_dict({"state": moments, "param_groups": state.optimiser.state_dict()["param_groups"]})
-    state.best, state.best_loss = parts["best"], float.fromhex(header["best_loss"])
-    state.iteration, state.best_iteration = header["iteration"], header["best_iteration"]
-    state.n_steps, state.best_n_steps = header["n_steps"], header["best_n_steps"]
-    state.rate_factor = float.fromhex(header["rate_factor"])
-    state.history = header["history"]
+    state.best, (state.best_loss, state.rate_factor) = best, losses
+    for name in _NUMBERS:
+        setattr(state, name, header[name])
 
 
 def _read(path: str | os.PathLike) -> tuple[dict, dict[str, Tensor]]:
     try:
-        with safetensors.safe_open(path, framework="pt") as file:
-            header = json.loads((file.metadata() or {})["fit"])
-            return header, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-    except (safetensors.SafetensorError, KeyError, json.JSONDecodeError) as error:
+        return read_tensors(path, "fit", "settings")
+    except ValueError as error:
         raise ValueError(
             f"{path} is not a whole checkpoint of a fit ({error}): remove the file to start anew"
         ) from error

@@ -1,20 +1,11 @@
-from .carrying import deformed as deformed
-from .carrying import standardised as standardised
-from .data import DeformationExample as DeformationExample
-from .data import InitialSurfaces as InitialSurfaces
-from .example_file import read_example as read_example
-from .example_file import write_example as write_example
+from .carrying import deformed as deformed, standardised as standardised
+from .data import DeformationExample as DeformationExample, InitialSurfaces as InitialSurfaces
+from .example_file import read_example as read_example, write_example as write_example
 from .files import run_deformation_training as run_deformation_training
 from .settings import (
     DeformationConfig as DeformationConfig,
-)
-from .settings import (
     DeformationSettings as DeformationSettings,
-)
-from .settings import (
     deformation_config as deformation_config,
-)
-from .settings import (
     read_deformation_config as read_deformation_config,
 )
 from .training import train_deformation as train_deformation
