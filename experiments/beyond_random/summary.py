@@ -13,7 +13,7 @@ def summarise(rows: list[dict], config: dict) -> dict:
     for row in rows:
         task = row["task"]
         sizes = groups.setdefault((task["pair"], task["d"]), {})
-        sizes.setdefault(task["n_directions"], {}).update(row["values"])
+        sizes.setdefault(task["n_directions"], {}).update(row["found"])
     found = []
     for (pair, d), sizes in groups.items():
         truth = reference(sizes)

@@ -29,7 +29,7 @@ def main() -> None:
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
     todo = [(run, seed) for seed in config["seeds"] for run in config["losses"]]
-    found = run_jobs(todo, lambda task: run_once(*task, config), partial)
+    found = run_jobs(todo, lambda task: run_once(*task, config), partial, folder=HERE, config=config)
     rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
     results = summarise(rows) | {"limits": limit_rows(config)} | yardsticks(config)
     seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)

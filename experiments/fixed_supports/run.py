@@ -95,7 +95,10 @@ def main() -> None:
     began = time.process_time()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    rows = run_jobs(planned_fits(config), lambda task: fit_once(task, config), partial, time.process_time)
+    rows = run_jobs(
+        planned_fits(config), lambda task: fit_once(task, config), partial, folder=HERE, config=config,
+        clock=time.process_time,
+    )  # fmt: skip
     summary, of_costs = summarise(rows), time.process_time()
     results = {"costs": cost_rows(config), "fits": summary, "differences": differences(summary)}
     seconds = max(sum(row["seconds"] for row in rows) + time.process_time() - of_costs, time.process_time() - began)

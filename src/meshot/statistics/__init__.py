@@ -1,6 +1,6 @@
 """Statistics of repetitions: what chance does to a mean, to a difference between two arms, and to a fitted slope.
 
-Intervals hold 95 %: Student's where a few seeds are compared, the percentile bootstrap where there are many repetitions.
+Intervals hold 95 %: Student's for the mean of a few seeds, the percentile bootstrap for statistics of many repetitions.
 """
 
 import lazy_loader

@@ -54,7 +54,7 @@ def paired_interval(first: Values, second: Values) -> Interval:
         If the lengths differ, there are fewer than two pairs, or a value is not finite.
     """
     if len(first) != len(second):
-        raise ValueError(f"there are {len(first)} and {len(second)} values; pairs are needed: one of each for every seed")
+        raise ValueError(f"there are {len(first)} and {len(second)} values; pairs are needed, one of each for a seed")
     return mean_interval(np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64))
 
 
