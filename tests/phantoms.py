@@ -13,8 +13,7 @@ from meshot.mesh.editing.smoothing import laplacian_smoothing
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes.solids import icosphere
-from meshot.pipeline.segmentation.data import Example as SegmentationExample
-from meshot.pipeline.segmentation.data import example
+from meshot.pipeline.segmentation.data import Example as SegmentationExample, example
 from meshot.systems.deformation.data import DeformationExample
 from meshot.systems.examples import Example, Scan, SurfaceKey
 from meshot.volume.io import write_volume

@@ -115,3 +115,10 @@ def test_the_card_names_what_ran():
     assert "seed 7" in card
     assert f"torch {package_version('torch')}" in card
     assert package_version("no-such-package") == "not installed"
+
+
+@pytest.mark.parametrize("content", [b"3", b"[]", b"null", b"\xff\xfe", b"[" * 100_000, b"1" * 5000])
+def test_files_that_hold_no_record(tmp_path, content):
+    (tmp_path / "r.json").write_bytes(content)
+    with pytest.raises(ValueError, match=r"is not whole JSON|lacks results"):
+        read_results(tmp_path / "r.json")

@@ -3,7 +3,7 @@
 Run as ``python experiments/ddot/run.py`` once some of the networks are there (see ``train.py``): those that are missing
 are named in the results, and measured when the command is given again. Every finished hemisphere is kept in a file
 beside the output, so that a run that was stopped, or has more networks now, goes on where it was; ``commits`` of the
-results are those that measured. Remove that file where the code that measures has changed.
+results are those that measured. Where the code that measures has changed, everything is measured again.
 """
 
 import functools
@@ -86,7 +86,7 @@ def measured(
         return {"commit": commit} | flow_row(found, network(task["of"]), training, settings)
 
     tasks = tasks_of(there, subjects, digests_of(there, config, network_digest(segmentation)), data)
-    return run_jobs(tasks, work, partial, time.process_time)
+    return run_jobs(tasks, work, partial, folder=HERE, config=settings, clock=time.process_time)
 
 
 def described(each: Wanted, config: dict, segmentation: str) -> dict:

@@ -4,7 +4,8 @@ import itertools
 from collections.abc import Iterable
 
 import numpy as np
-from scipy import stats
+
+from meshot.statistics import bootstrap_interval, paired_interval
 
 INITIAL = "initial"
 MAIN = "template"  # the kind of subject that trainings know; the procedural ones stand apart
@@ -83,7 +84,7 @@ def differences(rows: list[dict], settings: dict, comparison: dict) -> list[dict
         for (first, second), side in itertools.product(_pairs(by_arm, comparison), ("left", "right", "both")):
             one, other = (_of_side(by_arm[arm], side) for arm in (first, second))
             subjects = [subject for subject in one if subject in other]
-            if subjects:
+            if len(subjects) > 1:
                 about = {"cohort": part[0]["cohort"], "side": side, "first": first, "second": second}
                 gaps = {key: resampled([one[s][key] - other[s][key] for s in subjects], settings) for key in COMPARED}
                 found.append(about | {"n_subjects": len(subjects)} | gaps)
@@ -116,10 +117,8 @@ def _of_side(sides: dict[str, dict[str, dict]], side: str) -> dict[str, dict[str
 
 def resampled(gaps: list[float], settings: dict) -> dict[str, float]:
     """The mean of paired differences, and between which values 95 % of the means of resampled ones lie."""
-    values, random = np.array(gaps), np.random.default_rng(settings["seed"])
-    means = values[random.integers(len(values), size=(settings["n_resamples"], len(values)))].mean(axis=1)
-    low, high = np.quantile(means, [0.025, 0.975]).tolist()
-    return {"gap": float(values.mean()), "low": low, "high": high}
+    gap, low, high = bootstrap_interval(gaps, n_draws=settings["n_resamples"], generator=settings["seed"])
+    return {"gap": gap, "low": low, "high": high}
 
 
 def seeds(rows: list[dict], comparison: dict) -> list[dict]:
@@ -147,13 +146,9 @@ def _mean_of_seeds(rows: list[dict], arm: str) -> dict[int, dict[str, float]]:
 
 
 def _over_seeds(means: dict[str, dict[int, dict[str, float]]], shared: list[int], key: str) -> dict:
-    values = {arm: np.array([found[seed][key] for seed in shared]) for arm, found in means.items()}
-    first, second = values.values()
-    gaps = first - second
-    half = float(stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / np.sqrt(len(gaps)))
-    mean = float(gaps.mean())
-    spreads = {arm: _spread(found.tolist()) for arm, found in values.items()}
-    return spreads | {"gap": mean, "low": mean - half, "high": mean + half}
+    values = {arm: [found[seed][key] for seed in shared] for arm, found in means.items()}
+    gap, low, high = paired_interval(*values.values())
+    return {arm: _spread(found) for arm, found in values.items()} | {"gap": gap, "low": low, "high": high}
 
 
 def targets(rows: list[dict], wanted: dict, comparison: dict) -> list[dict]:

@@ -102,8 +102,8 @@ def require_same_space(source: Tensor, target: Tensor) -> None:
         )
 
 
-def require_positive_integer(value: object, name: str) -> None:
-    """Require an integer of at least one.
+def require_positive_integer(value: object, name: str, most: int | None = None) -> None:
+    """Require an integer of at least one and, unless None, at most ``most``.
 
     Raises
     ------
@@ -112,3 +112,5 @@ def require_positive_integer(value: object, name: str) -> None:
     """
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise ValueError(f"{name} is {value!r}; an integer >= 1 is needed")
+    if most is not None and value > most:
+        raise ValueError(f"{name} is {value!r}; at most {most} is possible")

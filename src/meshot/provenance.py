@@ -100,9 +100,9 @@ def read_results(path: str | Path) -> dict:
         raise ValueError(f"{path} does not exist; run the experiment that makes it (see experiments/README.md)")
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not whole JSON ({error}); run its experiment again") from error
-    missing = [field for field in FIELDS if field not in record]
+    missing = [field for field in FIELDS if not isinstance(record, dict) or field not in record]
     if missing:
         raise ValueError(
             f"{path} lacks {', '.join(missing)}; results without provenance do not count: run its experiment again"

@@ -89,6 +89,14 @@ def test_a_flow_from_other_initial_surfaces_is_refused(folder):
         load(folder)
 
 
+@pytest.mark.parametrize("group", ["training", "results"])
+@pytest.mark.parametrize("content", [None, 3, "left", ["side"]])
+def test_a_record_whose_groups_are_none_is_refused(folder, group, content):
+    with_record(folder, "left_white", {group: content})
+    with pytest.raises(ValueError, match=f"says of its {group} .*names and values are needed"):
+        load(folder)
+
+
 def test_what_is_shipped_can_be_read(root):
     assert default_system() in system_names()
     found = load_networks()

@@ -1,6 +1,7 @@
 """``meshot reconstruct`` as a user meets it: files, page, folders in the way, bad scans."""
 
 import json
+import os
 import re
 
 import nibabel
@@ -13,8 +14,7 @@ from meshot.cli import main
 from meshot.mesh.io import read_mesh
 from meshot.metrics.distances import vertex_distances
 from meshot.pipeline import reconstruction
-from meshot.pipeline.report import files as written
-from meshot.pipeline.report import pictures as reconstruction_pictures
+from meshot.pipeline.report import files as written, pictures as reconstruction_pictures
 from meshot.pipeline.report.page import _table
 from meshot.view import display
 from meshot.volume.io import write_volume
@@ -282,3 +282,13 @@ def test_numbers_on_the_page_have_no_exponents():
     page = _table(["", "left"], [("area", 1138.4), ("faces", 174540), ("volume", 361.21), ("none", 0)])
     found = re.findall("<td>(.*?)</td>", page)
     assert found == ["1\u202f138", "174\u202f540", "361", "0"]
+
+
+def test_names_that_are_no_utf8(place, capsys):
+    """A scan and a folder named in Latin-1: everything is written, and the report says U+FFFD for the byte."""
+    scan, out = place / os.fsdecode(b"caf\xe9.nii.gz"), place / os.fsdecode(b"sal\xe9")
+    shutil.copy(place / NAME, scan)
+    assert main(["reconstruct", str(scan), "-o", str(out), *own_weights(place), "--initial-only"]) == 0
+    assert json.loads((out / "report.json").read_text(encoding="utf-8"))["scan"]["name"] == "caf\ufffd.nii.gz"
+    assert "caf\ufffd.nii.gz" in (out / "report.html").read_text(encoding="utf-8")
+    assert "sal\ufffd" in capsys.readouterr().out

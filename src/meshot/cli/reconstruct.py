@@ -8,6 +8,7 @@ import torch
 
 from meshot.cli.note import NOTE, Commands
 from meshot.errors import require_positive_integer
+from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
@@ -48,4 +49,4 @@ def _run(chosen: argparse.Namespace) -> None:
         )
     for warning in report["warnings"]:
         warnings.warn(warning, stacklevel=1)
-    print(f"{sum(report['seconds']['clock'].values()):.0f} s; look at {chosen.output / PAGE}. {NOTE}")
+    print(f"{sum(report['seconds']['clock'].values()):.0f} s; look at {printable_name(chosen.output / PAGE)}. {NOTE}")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from meshot.cli.note import NOTE, Commands
 from meshot.cli.training import add_training_arguments, best_line, device_of, run_training
+from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
@@ -45,4 +46,4 @@ def _run(chosen: argparse.Namespace) -> None:
     for name, part in trained.parts.items():
         results = part.record["results"]
         print(f"{name}: {best_line(results['best_step'], part.log, results['cpu_seconds'])}")
-    print(f"weights in {chosen.output}")
+    print(f"weights in {printable_name(chosen.output)}")

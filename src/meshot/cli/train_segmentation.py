@@ -4,6 +4,7 @@ import argparse
 
 from meshot.cli.note import NOTE, Commands
 from meshot.cli.training import add_training_arguments, best_line, device_of, run_training
+from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
@@ -27,4 +28,4 @@ def _run(chosen: argparse.Namespace) -> None:
         chosen,
         lambda: run_segmentation_training(chosen.config, chosen.data, chosen.output, chosen.changes, device_of(chosen)),
     )
-    print(f"{best_line(found.best_step, found.log, found.cpu_seconds)}; weights in {chosen.output}")
+    print(f"{best_line(found.best_step, found.log, found.cpu_seconds)}; weights in {printable_name(chosen.output)}")

@@ -1,5 +1,7 @@
 """Entropic transport, debiased, by GeomLoss."""
 
+import math
+
 import geomloss
 
 from meshot.errors import require_same_space
@@ -50,8 +52,8 @@ def sinkhorn_divergence(
     require_same_space(source.points, target.points)
     if p not in (1, 2):
         raise ValueError(f"p is {p!r}; 1 or 2 is needed, the costs that GeomLoss has")
-    if not blur > 0:
-        raise ValueError(f"blur is {blur!r}; a number > 0 is needed, in units of the points")
+    if not 0 < blur < math.inf:
+        raise ValueError(f"blur is {blur!r}; a finite number > 0 is needed, in units of the points")
     if not 0 < scaling < 1:
         raise ValueError(f"scaling is {scaling!r}; a number in (0, 1) is needed")
     loss = geomloss.SamplesLoss("sinkhorn", p=p, blur=blur, scaling=scaling, debias=True, backend="tensorized")

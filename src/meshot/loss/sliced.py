@@ -1,5 +1,7 @@
 """The sliced Wasserstein loss: transport along lines, averaged over directions."""
 
+import math
+
 import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
@@ -106,8 +108,8 @@ def slice_costs(
 
 def _checked_directions(source: DiscreteMeasure, target: DiscreteMeasure, directions: Tensor, p: float) -> Tensor:
     require_same_space(source.points, target.points)
-    if not p >= 1:
-        raise ValueError(f"p is {p!r}; a number >= 1 is needed (below one, sorting is not optimal)")
+    if not 1 <= p < math.inf:
+        raise ValueError(f"p is {p!r}; a finite number >= 1 is needed (below one, sorting is not optimal)")
     return require_directions(directions, source.points)
 
 

@@ -9,6 +9,7 @@ from typing import TypeVar
 import torch
 from tqdm import tqdm
 
+from meshot.files import printable_name
 from meshot.provenance import provenance, write_results
 from meshot.train import Progress, TrainingLog, read_log
 from meshot.view import write_training_figure
@@ -108,4 +109,4 @@ def shown_command(
 def _shown(path: str | os.PathLike) -> str:
     """A path as it may be written down: relative, without where this machine keeps its files."""
     path = Path(path)
-    return path.as_posix() if not path.is_absolute() else path.name
+    return printable_name(path.as_posix() if not path.is_absolute() else path.name)

@@ -3,6 +3,7 @@
 import abc
 import dataclasses
 import os
+import reprlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
@@ -182,6 +183,11 @@ class SurfaceSystem(abc.ABC):
                 f"(--weights), or train them (meshot train {cls.name})"
             )
         network, record = read_weights(path, cls.networks[path.stem])
+        for group in ("training", "results"):
+            if not isinstance(record.get(group, {}), dict):
+                raise ValueError(
+                    f"{path} says of its {group} {reprlib.repr(record[group])}; names and values are needed"
+                )
         if record.get("system", cls.name) != cls.name:
             raise ValueError(
                 f"{path} holds weights of the system {record['system']}; {cls.name} was asked for: take --system "

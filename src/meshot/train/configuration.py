@@ -2,11 +2,12 @@
 
 import dataclasses
 import os
+import reprlib
 from collections.abc import Mapping, Sequence
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-import yaml
+from meshot.plain_yaml import parsed_yaml, read_yaml
 
 Groups = dict[str, dict]
 
@@ -22,11 +23,7 @@ def read_groups(path: str | os.PathLike | Traversable) -> Groups:
     file = path if isinstance(path, Traversable) else Path(path)
     if not file.is_file():
         raise ValueError(f"{path} does not exist; a YAML file with groups of settings is needed")
-    try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} is no YAML ({error})") from error
-    return _require_groups(content, str(path))
+    return _require_groups(read_yaml(file), str(path))
 
 
 def checked_groups(content: object, known: Mapping[str, set[str]], name: str) -> Groups:
@@ -38,7 +35,7 @@ def checked_groups(content: object, known: Mapping[str, set[str]], name: str) ->
         If they are no groups, or name something unknown.
     """
     content = _require_groups(content, name)
-    strange = [key for key in content if key not in known]
+    strange = [str(key) for key in content if key not in known]
     strange += [f"{group}.{key}" for group in known for key in content.get(group, {}) if key not in known[group]]
     if strange:
         raise ValueError(f"{name} sets {', '.join(strange)}, which nothing reads; known are {dict(known)}")
@@ -54,7 +51,9 @@ def checked_groups(content: object, known: Mapping[str, set[str]], name: str) ->
 
 def _require_groups(content: object, name: str) -> Groups:
     if not isinstance(content, dict) or not all(isinstance(part, dict) for part in content.values()):
-        raise ValueError(f"{name} holds {content!r}; groups of settings are needed, such as training: {{seed: 1}}")
+        raise ValueError(
+            f"{name} holds {reprlib.repr(content)}; groups of settings are needed, such as training: {{seed: 1}}"
+        )
     return content
 
 
@@ -81,8 +80,8 @@ def changed_groups(groups: Groups, changes: Sequence[str]) -> Groups:
         if not (equals and group and point and setting):
             raise ValueError(f"{change!r} changes nothing; write group.setting=value, such as training.seed=1")
         try:
-            found.setdefault(group, {})[setting] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
+            found.setdefault(group, {})[setting] = parsed_yaml(value)
+        except ValueError as error:
             raise ValueError(f"{change!r}: the value is no YAML ({error})") from error
     return found
 

@@ -42,8 +42,11 @@ def read_log(path: str | os.PathLike) -> list[dict]:
     path = Path(path)
     if not path.is_file():
         raise ValueError(f"{path} does not exist; a training writes it as it goes")
-    text = path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8", errors="replace")
     try:
-        return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
-    except json.JSONDecodeError as error:
+        lines = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is no log of a training ({error})") from error
+    if not all(isinstance(line, dict) for line in lines):
+        raise ValueError(f"{path} is no log of a training: a line holds no names and values")
+    return lines

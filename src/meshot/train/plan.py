@@ -58,7 +58,7 @@ def require_plan_settings(settings: object) -> None:
         raise ValueError(f"learning_rate is {settings.learning_rate!r}; a finite number > 0 is needed")
     if not 0 <= settings.averaging < 1:
         raise ValueError(f"averaging is {settings.averaging!r}; a share in [0, 1) is needed, 0 for none")
-    if settings.seed < 0:
+    if isinstance(settings.seed, bool) or not isinstance(settings.seed, int) or settings.seed < 0:
         raise ValueError(f"seed is {settings.seed!r}; an integer >= 0 is needed")
     if settings.schedule not in SCHEDULES:
         raise ValueError(f"schedule is {settings.schedule!r}; one of {', '.join(SCHEDULES)} is needed")

@@ -6,16 +6,14 @@ import math
 import os
 from collections.abc import Iterator
 
-import safetensors
 import safetensors.torch
 import torch
 from torch import nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from meshot.files import whole_file
+from meshot.train.stored import read_tensors, stored_parts
 from meshot.types import Tensor
-
-PARTS = ("network", "best", "adam", "average")
 
 
 class TrainingState:
@@ -115,31 +113,42 @@ def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict
         raise ValueError(
             f"the training in {path} was made with another {' and '.join(changed)}: use the same, or another place"
         )
-    parts: dict[str, dict[str, Tensor]] = {part: {} for part in PARTS}
-    for name, value in tensors.items():
-        part, key = name.split("/", 1)
-        parts[part][key] = value
-    shapes = {name: value.shape for name, value in state.network.state_dict().items()}
-    if header["kind"] != str(state.network) or shapes != {k: value.shape for k, value in parts["network"].items()}:
-        raise ValueError(f"the training in {path} is of a network of another kind or size: remove it to start anew")
-    state.network.load_state_dict(parts["network"])
-    if state.average is not None:
-        state.average.load_state_dict(parts["average"])
-    moments: dict[int, dict[str, Tensor]] = {}
-    for key, value in parts["adam"].items():
-        index, name = key.split("/")
-        moments.setdefault(int(index), {})[name] = value
+    average = {name: tensors.pop(name) for name in list(tensors) if name.startswith("average/")}
+    try:
+        if header["kind"] != str(state.network):
+            raise ValueError(f"its network is {header['kind']}")
+        own, best, moments = stored_parts(tensors, state.network, state.optimiser)
+        progress = _progress(header, state.extras)
+        if state.average is not None:
+            state.average.load_state_dict({name.removeprefix("average/"): value for name, value in average.items()})
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise ValueError(f"{path} is the state of another training ({error}): remove it to start anew") from error
+    state.network.load_state_dict(own)
     state.optimiser.load_state_dict({"state": moments, "param_groups": state.optimiser.state_dict()["param_groups"]})
-    state.best = parts["best"]
-    for name in ("step", "best_step", "seconds", "lines", "extras", "best_extras"):
-        setattr(state, name, header[name])
-    state.best_loss, state.rate_factor = (float.fromhex(header[name]) for name in ("best_loss", "rate_factor"))
+    state.best = best
+    for name, value in progress.items():
+        setattr(state, name, value)
+
+
+def _progress(header: dict, extras: dict) -> dict:
+    """What else belongs to the state, by name."""
+    found = {name: header[name] for name in ("step", "best_step", "seconds", "lines", "extras", "best_extras")}
+    step, best_step, seconds = (header[name] for name in ("step", "best_step", "seconds"))
+    if type(step) is not int or type(best_step) is not int or not 0 <= best_step <= step:
+        raise ValueError(f"it is at step {step!r}, its best at {best_step!r}")
+    if not isinstance(seconds, int | float) or not 0 <= seconds < math.inf:
+        raise ValueError(f"it took {seconds!r} seconds")
+    if not isinstance(header["lines"], list) or not all(isinstance(line, dict) for line in header["lines"]):
+        raise ValueError("its log is no list of entries")
+    kinds = {name: type(value) for name, value in extras.items()}
+    for one in (header["extras"], header["best_extras"]):
+        if not isinstance(one, dict) or {name: type(value) for name, value in one.items()} != kinds:
+            raise ValueError(f"its extras are {one!r}")
+    return found | {name: float.fromhex(header[name]) for name in ("best_loss", "rate_factor")}
 
 
 def _read(path: str | os.PathLike) -> tuple[dict, dict[str, Tensor]]:
     try:
-        with safetensors.safe_open(path, framework="pt") as file:
-            header = json.loads((file.metadata() or {})["training"])
-            return header, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-    except (safetensors.SafetensorError, KeyError, json.JSONDecodeError) as error:
+        return read_tensors(path, "training", "made_with")
+    except ValueError as error:
         raise ValueError(f"{path} is not a whole state of a training ({error}): remove it to start anew") from error

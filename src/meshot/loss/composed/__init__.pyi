@@ -1,14 +1,16 @@
-from .encodings import ENCODINGS as ENCODINGS
-from .encodings import Encoding as Encoding
-from .encodings import SampleEncoding as SampleEncoding
-from .encodings import SurfaceEncoding as SurfaceEncoding
-from .encodings import VarifoldEncoding as VarifoldEncoding
-from .measure_losses import LOSSES as LOSSES
-from .measure_losses import ChamferLoss as ChamferLoss
-from .measure_losses import MeasureLoss as MeasureLoss
-from .measure_losses import SinkhornLoss as SinkhornLoss
-from .measure_losses import SlicedLoss as SlicedLoss
-from .measure_losses import WindowedLoss as WindowedLoss
-from .surfaces import SurfaceLoss as SurfaceLoss
-from .surfaces import loss_setting_names as loss_setting_names
-from .surfaces import surface_loss as surface_loss
+from .encodings import (
+    ENCODINGS as ENCODINGS,
+    Encoding as Encoding,
+    SampleEncoding as SampleEncoding,
+    SurfaceEncoding as SurfaceEncoding,
+    VarifoldEncoding as VarifoldEncoding,
+)
+from .measure_losses import (
+    LOSSES as LOSSES,
+    ChamferLoss as ChamferLoss,
+    MeasureLoss as MeasureLoss,
+    SinkhornLoss as SinkhornLoss,
+    SlicedLoss as SlicedLoss,
+    WindowedLoss as WindowedLoss,
+)
+from .surfaces import SurfaceLoss as SurfaceLoss, loss_setting_names as loss_setting_names, surface_loss as surface_loss

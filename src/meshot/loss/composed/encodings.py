@@ -55,6 +55,8 @@ class VarifoldEncoding(Encoding):
 
     def __post_init__(self):
         _require_supports(self.n_supports)
+        if not isinstance(self.detach_weights, bool):
+            raise ValueError(f"detach_weights is {self.detach_weights!r}; true or false is needed")
         if not 0 <= self.normal_scale < math.inf:
             raise ValueError(f"normal_scale is {self.normal_scale!r}; a length >= 0 is needed, in mm")
 

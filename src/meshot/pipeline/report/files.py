@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from meshot.files import whole_folder
+from meshot.files import printable_name, whole_folder
 from meshot.mesh import write_mesh
 from meshot.metrics import vertex_distances
 from meshot.pipeline.networks import TrainedNetworks
@@ -74,7 +74,7 @@ def write_reconstruction(
         with clock.stage("surfaces and numbers"):
             distances = {side: vertex_distances(s.final, s.initial) for side, s in found.surfaces.items()}
             _write_surfaces(temporary, found, scan)
-            report = _report(found, scan, path.name, networks, distances)
+            report = _report(found, scan, printable_name(path.name), networks, distances)
         bar.update()
         bar.set_description("pictures")
         with clock.stage("pictures"):

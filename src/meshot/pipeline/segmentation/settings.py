@@ -78,6 +78,8 @@ class SegmentationSettings:
         if not 0 <= self.dice_weight < math.inf:
             raise ValueError(f"dice_weight is {self.dice_weight!r}; a finite number >= 0 is needed")
         self.augmentation()
+        if not isinstance(self.soft_labels, bool):
+            raise ValueError(f"soft_labels is {self.soft_labels!r}; true or false is needed")
         if self.precision not in PRECISIONS:
             raise ValueError(f"precision is {self.precision!r}; one of {', '.join(PRECISIONS)} is needed")
 

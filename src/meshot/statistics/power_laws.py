@@ -7,6 +7,7 @@ import numpy as np
 from scipy import stats
 
 from meshot.rng import Generator, numpy_generator
+from meshot.statistics.intervals import LEVEL, percentile_interval
 
 Values = Sequence[float] | np.ndarray
 Rows = Sequence[Values] | np.ndarray
@@ -74,7 +75,7 @@ def fitted_slope(
     for weight, row in zip(weights, rows):
         again = row[generator.integers(len(row), size=(n_draws, len(row)))]
         drawn += weight * np.log(averages(again, statistic))
-    low, high = np.quantile(drawn, [0.025, 0.975])
+    low, high = percentile_interval(drawn)
     return Slope(slope, float(low), float(high))
 
 
@@ -86,10 +87,7 @@ def averages(errors: Rows, statistic: str = "mean") -> np.ndarray:
 
 
 def _students(logs: np.ndarray, heights: np.ndarray, slope: float) -> Slope:
-    centred = logs - logs.mean()
-    left = heights - heights.mean() - slope * centred
-    freedom = len(logs) - 2
-    half = stats.t.ppf(0.975, freedom) * np.sqrt(left @ left / freedom / (centred @ centred))
+    half = stats.t.ppf((1 + LEVEL) / 2, len(logs) - 2) * stats.linregress(logs, heights).stderr
     return Slope(slope, float(slope - half), float(slope + half))
 
 
