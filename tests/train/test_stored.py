@@ -102,7 +102,7 @@ def fit_state() -> FitState:
         ("best_loss", 3),
         ("rate_factor", "z"),
         ("kind", 1),
-    ],  # fmt: skip
+    ],
 )
 def test_a_checkpoint_with_a_damaged_header_changes_nothing(tmp_path, entry, value):
     path = tmp_path / "fit.safetensors"
