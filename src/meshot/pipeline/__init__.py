@@ -1,7 +1,7 @@
 """From a scan to surfaces: conform, segment, find an initial surface, deform, report.
 
-:func:`reconstruct` is the whole way. ``segmentation`` finds white matter, a system of :mod:`meshot.systems` the surfaces,
-which :func:`run_system_training` trains on cohorts; ``report`` writes the folder of a reconstruction and its page.
+:func:`reconstruct` is the whole way. ``segmentation`` finds white matter, and a system of :mod:`meshot.systems`, which
+:func:`run_system_training` trains, the surfaces; ``report`` writes the folder of a reconstruction and its page.
 Surfaces are in scanner RAS, in mm.
 """
 
