@@ -61,6 +61,19 @@ def count(content: bytes, random: np.random.Generator) -> bytes:
     return content[:place] + value.to_bytes(width, order) + content[place + width :]
 
 
+def field(content: bytes, random: np.random.Generator) -> bytes:
+    """A field of an image's header: sizes, kind of number, where the voxels begin, scale, units, codes of the space."""
+    if content[344:347] in (b"n+1", b"ni1"):
+        place = int(random.choice([40, 42, 44, 46, 48, 70, 72, 76, 80, 108, 112, 116, 122, 252, 254, 280]))
+    elif content[:4] == b"\x00\x00\x00\x01":
+        place = int(random.choice([4, 8, 12, 16, 20, 24, 28, 30, 34, 42]))
+    else:
+        return count(content, random)
+    value = int(COUNTS[random.integers(len(COUNTS))]) % 65536 if random.random() < 0.5 else int(random.integers(3000))
+    order = "little" if content[:1] == b"\x5c" else "big"
+    return content[:place] + value.to_bytes(2, order) + content[place + 2 :]
+
+
 def number(content: bytes, random: np.random.Generator) -> bytes:
     """A number in text that is giant, negative, no number, or none."""
     found = list(re.finditer(rb"-?\d+(\.\d+)?(e-?\d+)?", content[: 1 << 16]))
@@ -114,4 +127,4 @@ def nested(content: bytes, random: np.random.Generator) -> bytes:
     return [b"[" * 5000, YAML_BOMB, content[:place] + b"[" * 2000 + content[place:]][random.integers(3)]
 
 
-_DAMAGE = (cut, cut, flip, flip, count, count, number, number, number, swap, lines, header, xml, nested)
+_DAMAGE = (cut, cut, flip, flip, count, count, field, field, number, number, number, swap, lines, header, xml, nested)

@@ -8,6 +8,7 @@ import tempfile
 import time
 import traceback
 import warnings
+from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -66,9 +67,12 @@ def _work(connection: Connection) -> None:
             connection.send(verdict(connection.recv(), Path(folder)))
 
 
-def trials(numbers: range) -> dict[int, str]:
-    """What was found wrong, by the number of the file; a process that hangs or dies is replaced."""
-    found, worker, connection = {}, None, None
+def trials(numbers: range) -> Iterator[tuple[int, str]]:
+    """The number of each file that was not refused as it should be, and what happened.
+
+    A process that hangs or dies is replaced.
+    """
+    worker, connection = None, None
     for number in numbers:
         if worker is None:
             worker, connection = _started()
@@ -78,13 +82,12 @@ def trials(numbers: range) -> dict[int, str]:
         except (EOFError, OSError):
             said = f"{content_of(number)[0]}: the process died"
         if said:
-            found[number] = said
+            yield number, said
         if said.endswith(("hangs", "died")):
             worker.kill()
             worker = None
     if worker is not None:
         worker.kill()
-    return found
 
 
 def _started() -> tuple[multiprocessing.Process, Connection]:
