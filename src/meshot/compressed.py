@@ -2,9 +2,10 @@
 
 import bz2
 import gzip
+import io
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 _BLOCK = 1 << 20
@@ -37,7 +38,7 @@ def unpacked_size(path: str | os.PathLike, largest: int) -> int:
 def _blocks(path: Path, largest: int) -> Iterator[bytes]:
     n_bytes = 0
     try:
-        with _opener(path)(path, "rb") as file:
+        with opened(path) as file:
             while block := file.read(_BLOCK):
                 n_bytes += len(block)
                 if n_bytes > largest:
@@ -47,7 +48,13 @@ def _blocks(path: Path, largest: int) -> Iterator[bytes]:
         raise ValueError(f"{path} is cut short or damaged: {error}; get the file again") from error
 
 
-def _opener(path: Path) -> object:
+def opened(path: str | os.PathLike) -> io.BufferedIOBase:
+    """A file to read from, decompressed on the way if it is gzip or bzip2 by its first bytes."""
+    path = Path(path)
+    return _opener(path)(path, "rb")
+
+
+def _opener(path: Path) -> Callable[..., io.BufferedIOBase]:
     with path.open("rb") as file:
         head = file.read(3)
     return next((opener for mark, opener in _OPENERS.items() if head.startswith(mark)), open)

@@ -166,3 +166,21 @@ def test_voxels_in_a_file_of_their_own(tmp_path):
     (tmp_path / "a.img").write_bytes((tmp_path / "a.img").read_bytes()[:-40])
     with pytest.raises(ValueError, match="do not fit into the"):
         read_volume(tmp_path / "a.img")
+
+
+@pytest.mark.parametrize("kind", [nibabel.Nifti1Image, nibabel.Nifti2Image])
+@pytest.mark.parametrize("size", [None, 2**31 - 16, 4000, -16, 0])
+def test_extensions_of_a_header_must_fit(tmp_path, kind, size):
+    image = kind(values(), OBLIQUE)
+    image.header.extensions.append(nibabel.nifti1.Nifti1Extension("comment", b"by hand" * 9))
+    nibabel.save(image, tmp_path / "a.nii")
+    content = bytearray((tmp_path / "a.nii").read_bytes())
+    place = int.from_bytes(content[:4], "little") + 4
+    assert int.from_bytes(content[place : place + 4], "little") == 80
+    if size is None:
+        np.testing.assert_array_equal(read_volume(tmp_path / "a.nii").data, values())
+        return
+    content[place : place + 4] = size.to_bytes(4, "little", signed=True)
+    (tmp_path / "a.nii").write_bytes(content)
+    with pytest.raises(ValueError, match="an extension of its header declares"):
+        read_volume(tmp_path / "a.nii")

@@ -1,16 +1,19 @@
 """What an image file must be before its voxels are read: whole, real numbers, in three axes, no larger than it says."""
 
 import math
+import struct
 from pathlib import Path
 
 import nibabel
 import numpy as np
 
-from meshot.compressed import unpacked_size
+from meshot.compressed import opened, unpacked_size
 from meshot.types import Array, Float
 
 #: The most voxels that are read: a cube of 512. And the most bytes that a compressed file may hold.
 LARGEST_VOXELS, LARGEST_BYTES = 1 << 27, 1 << 29
+#: By the size of a NIfTI header: the mark of a file that holds its voxels too; where and as what their place stands.
+_HEADERS = {348: (b"n+1\0", 108, "f"), 540: (b"n+2\0", 168, "q")}
 _MM = {"meter": 1e3, "mm": 1.0, "micron": 1e-3, "unknown": 1.0}
 #: Formats whose voxels lie in the file one after another, so that the file cannot be smaller than they are.
 _FLAT = (nibabel.AnalyzeImage, nibabel.MGHImage)
@@ -26,6 +29,7 @@ def checked_image(path: Path) -> nibabel.spatialimages.SpatialImage:
         than the file holds; if it is a surface, a series, or holds colours or complex numbers.
     """
     n_bytes = unpacked_size(path, LARGEST_BYTES)
+    _require_room_for_extensions(path, n_bytes)
     image = nibabel.load(path)
     if not isinstance(image, nibabel.spatialimages.SpatialImage):
         raise ValueError(f"it holds a {type(image).__name__}, no image on a grid")
@@ -47,6 +51,27 @@ def checked_image(path: Path) -> nibabel.spatialimages.SpatialImage:
                 f"{shape} voxels of {kind.itemsize} bytes do not fit into the {found} bytes of {holder.name}"
             )
     return image
+
+
+def _require_room_for_extensions(path: Path, n_bytes: int) -> None:
+    """NIfTI may put blocks between header and voxels; nibabel makes room for what they declare before it reads."""
+    with opened(path) as file:
+        head = file.read(544)
+        order = next((mark for mark in "<>" if head[:4] in (struct.pack(f"{mark}i", n) for n in _HEADERS)), None)
+        if order is None:
+            return
+        (place,) = struct.unpack(f"{order}i", head[:4])
+        single, offset, kind = _HEADERS[place]
+        stop = n_bytes
+        if single in head[:348]:
+            (stop,) = struct.unpack_from(f"{order}{kind}", head, offset)
+        place += 4
+        while place + 8 <= min(stop, n_bytes):
+            file.seek(place)
+            (size,) = struct.unpack(f"{order}i", file.read(4))
+            if not 8 <= size <= n_bytes - place:
+                raise ValueError(f"an extension of its header declares {size} bytes; {n_bytes - place} are left")
+            place += size
 
 
 def affine_mm(image: nibabel.spatialimages.SpatialImage) -> Float[Array, "4 4"]:
