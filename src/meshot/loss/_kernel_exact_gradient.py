@@ -21,7 +21,7 @@ from numba import njit
 
 from meshot._kernels import INNER, kernel
 
-_inner = INNER | {"error_model": "numpy"}
+_inner = INNER | {"error_model": "numpy", "forceinline": True}
 
 
 @njit(**_inner)

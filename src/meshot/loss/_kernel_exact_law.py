@@ -18,7 +18,7 @@ from numba import njit
 
 from meshot._kernels import INNER, kernel
 
-_inner = INNER | {"error_model": "numpy"}
+_inner = INNER | {"error_model": "numpy", "forceinline": True}
 _GENTLE = 16.0  # the slope up to which a piece is scanned, in units of mass/extent²
 
 

@@ -19,7 +19,7 @@ from numba import njit
 
 from meshot._kernels import INNER, kernel
 
-_inner = INNER | {"error_model": "numpy"}
+_inner = INNER | {"error_model": "numpy", "forceinline": True}
 _FLAT, _STEEP = 4e-3, 0.1  # up to which change of density four and eight nodes reach roundoff
 _HALVINGS = 14  # at a density that starts at zero, 2⁻¹⁴ of the extent holds 2⁻²⁸ of the mass
 _NODES_4, _WEIGHTS_4 = (1 + np.polynomial.legendre.leggauss(4)[0]) / 2, np.polynomial.legendre.leggauss(4)[1] / 2
@@ -108,7 +108,7 @@ def _squared(piece, nodes, weights, atoms, wanted, moments, moments_target):
     return cost
 
 
-@njit(**_inner)
+@njit(error_model="numpy", **INNER)
 @no_type_check
 def _squared_halved(piece, atoms, wanted, moments, moments_target):
     """∫(x − y)² dz over any piece, halved along its steeper side until it is flat."""
