@@ -10,6 +10,10 @@ from numba.core import event
 #: Options of what only kernels call: without what Python and C would call it by, it compiles in half the time.
 INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _announcements: dict[object, str] = {}  # by kernel; taken out of here when it is made
+_lost: list[str] = []  # kernels that cannot be kept
+
+
+_NOWHERE = "no folder to keep them in can be written to: set NUMBA_CACHE_DIR to one"
 
 
 def kernel(purpose: str, seconds: int, **options: Any) -> Callable[[Callable], Any]:
@@ -34,15 +38,24 @@ def kernel(purpose: str, seconds: int, **options: Any) -> Callable[[Callable], A
         try:
             found, said = njit(cache=True, **options)(function), f"once; about {seconds} s"
         except RuntimeError:  # what numba raises if it finds no folder
-            found = njit(**options)(function)
-            said = (
-                f"about {seconds} s in every process, since no folder to keep them in can be written to; "
-                "set NUMBA_CACHE_DIR to one"
-            )
+            found, said = njit(**options)(function), f"about {seconds} s in every process; {_NOWHERE}"
+            _lost.append(function.__qualname__)
         _announcements[found] = f"meshot: compiling the kernels of {purpose}, {said}"
         return found
 
     return compiled
+
+
+def require_kept() -> None:
+    """Require that the kernels that were imported so far are kept once they are compiled.
+
+    Raises
+    ------
+    ValueError
+        If there is no folder for them.
+    """
+    if _lost:
+        raise ValueError(f"compiled kernels are lost when the process ends; {_NOWHERE}")
 
 
 class _Announcing(event.Listener):

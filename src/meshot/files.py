@@ -78,3 +78,22 @@ def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Pat
             if old.is_dir():
                 os.replace(old, path)
             raise
+
+
+def named_file(name: str | os.PathLike, folder: Path) -> Path:
+    """A YAML file: a path as it is, a bare word as the file of that name in a folder of the package.
+
+    Raises
+    ------
+    ValueError
+        If it is a bare word, and there is none of that name.
+    """
+    path = Path(name)
+    if path.suffix or len(path.parts) != 1:
+        return path
+    known = sorted(file.stem for file in folder.glob("*.yaml"))
+    if path.name not in known:
+        raise ValueError(
+            f"{path.name} is not known; the package has {', '.join(known)}, or name a file: {path.name}.yaml"
+        )
+    return folder / f"{path.name}.yaml"

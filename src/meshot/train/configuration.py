@@ -26,10 +26,7 @@ def read_groups(path: str | os.PathLike, known: Mapping[str, set[str]]) -> Group
     """
     path = Path(path)
     if not path.is_file():
-        raise ValueError(
-            f"{path} does not exist; experiments/segmentation and experiments/ddot hold tiny.yaml, small.yaml and "
-            "paper.yaml"
-        )
+        raise ValueError(f"{path} does not exist; a YAML file with groups of settings is needed")
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:

@@ -28,7 +28,7 @@ def run_segmentation_training(
     Parameters
     ----------
     config_path : path
-        Such as ``experiments/segmentation/small.yaml``.
+        A YAML file, or the name of one that comes with the package, such as "small".
     cohorts : sequence of path
     folder : path
         See :func:`meshot.pipeline.training_files.write_trained`; ``state/`` is what a stopped training goes on from.
