@@ -6,7 +6,7 @@ from pathlib import Path
 
 #: Folder or module of ``meshot`` -> rank; imports point to lower ranks only.
 RANKS = {
-    "_kernels": 0,
+    "_kernels": 0, "extras": 0,
     "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "provenance": 0, "statistics": 0, "jobs": 0,
     "mesh": 1,
     "volume": 2, "measure": 2,
@@ -14,6 +14,7 @@ RANKS = {
     "flow": 4, "train": 4, "anatomy": 4,
     "synth": 5, "model": 5, "view": 5,
     "pipeline": 7,
+    "": 7,  # the front door itself, which only the command line goes through
     "cli": 8,
 }  # fmt: skip
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.

@@ -5,7 +5,11 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import yaml
+from meshot.extras import needing
+
+with needing("cortex"):
+    import yaml
+
 
 Groups = dict[str, dict]
 

@@ -7,14 +7,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from meshot.errors import require_positive_integer
+from meshot.extras import needing
 from meshot.files import named_file
 from meshot.synth.cohorts.cohort import KINDS, SPLITS, Participant
 from meshot.synth.imaging import TISSUES, Appearance
 from meshot.synth.position import Position
 from meshot.synth.subject import Shape
+
+with needing("cortex"):
+    import yaml
 
 #: A number, or two between which one is drawn for each subject.
 Range = tuple[float, float]
