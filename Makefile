@@ -83,7 +83,7 @@ benchmark: $(READY)
 
 cohorts: $(READY)
 	@for name in $(COHORTS); do \
-	  $(RUN) data_synth/make_cohort.py data_synth/$$name.yaml build/cohorts/$$name --jobs $(JOBS) || exit 1; done
+	  $(BIN)meshot make-cohort $$name build/cohorts/$$name --jobs $(JOBS) || exit 1; done
 
 lock:
 	@$(PIP) uv

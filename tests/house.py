@@ -6,8 +6,8 @@ from pathlib import Path
 
 #: Folder or module of ``meshot`` -> rank; imports point to lower ranks only.
 RANKS = {
-    "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "compressed": 0, "plain_yaml": 0,
-    "scratch": 0, "provenance": 0, "statistics": 0, "jobs": 0,
+    "_kernels": 0, "extras": 0, "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "compressed": 0,
+    "plain_yaml": 0, "scratch": 0, "provenance": 0, "statistics": 0, "jobs": 0,
     "mesh": 1,
     "volume": 2, "measure": 2,
     "metrics": 3, "loss": 3, "train": 3,
@@ -15,6 +15,7 @@ RANKS = {
     "synth": 5, "model": 5, "view": 5,
     "systems": 6,
     "pipeline": 7,
+    "": 7,  # the front door itself, which only the command line goes through
     "cli": 8,
 }  # fmt: skip
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.

@@ -152,3 +152,22 @@ def _naming_a_full_disk(path: Path) -> Iterator[None]:
             message = f"the disk or quota of {path.parent} is full; make room, or write elsewhere"
             raise OSError(errno.ENOSPC, message, str(path)) from error
         raise
+
+
+def named_file(name: str | os.PathLike, folder: Path) -> Path:
+    """A YAML file: a path as it is, a bare word as the file of that name in a folder of the package.
+
+    Raises
+    ------
+    ValueError
+        If it is a bare word, and there is none of that name.
+    """
+    path = Path(name)
+    if path.suffix or len(path.parts) != 1:
+        return path
+    known = sorted(file.stem for file in folder.glob("*.yaml"))
+    if path.name not in known:
+        raise ValueError(
+            f"{path.name} is not known; the package has {', '.join(known)}, or name a file: {path.name}.yaml"
+        )
+    return folder / f"{path.name}.yaml"

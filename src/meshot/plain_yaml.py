@@ -4,7 +4,10 @@ import os
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-import yaml
+from meshot.extras import needing
+
+with needing("cortex"):
+    import yaml
 
 #: The longest text, in characters, that is parsed.
 LONGEST = 1 << 20

@@ -1,6 +1,7 @@
 """Committed results: what was found, and everything needed to find it again."""
 
 import datetime
+import hashlib
 import importlib.metadata
 import json
 import platform
@@ -130,6 +131,12 @@ def provenance_lines(record: dict) -> str:
         f"made by   {record['command']}\ncommit    {record['commit']}, {record['date']}\ndata      {record['data']}\n"
         f"took      {record['seconds']} s on {record['machine']}{by}\nversions  {versions}"
     )
+
+
+def file_digest(path: str | Path) -> str:
+    """The SHA-256 of a file, in hexadecimal digits."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def package_version(name: str) -> str:

@@ -12,21 +12,20 @@ import nibabel
 import numpy as np
 import torch
 
-from meshot.flow.checkpoint import FitState, read_state, write_state
-from meshot.flow.grid import GridVelocity
-from meshot.flow.storage import read_velocity, write_velocity
-from meshot.mesh.io import read_mesh, write_mesh
+from meshot.flow.fields import GridVelocity, read_velocity, write_velocity
+from meshot.flow.fitting.state import FitState
+from meshot.mesh import read_mesh, write_mesh
 from meshot.mesh.shapes import icosphere
-from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline.checkpoint import TrainingState, read_log, read_training, write_training
-from meshot.pipeline.deformation_settings import read_deformation_config
-from meshot.pipeline.segmentation_settings import read_segmentation_config
-from meshot.report.results import FIELDS, read_results
-from meshot.synth.recipe import read_recipe
-from meshot.volume.io import read_volume
+from meshot.model import SegmentationNetwork, read_weights, write_weights
+from meshot.pipeline.segmentation.settings import read_segmentation_config
+from meshot.provenance import FIELDS, read_results
+from meshot.synth.cohorts import read_recipe
+from meshot.systems.deformation.settings import deformation_config
+from meshot.train import TrainingState, read_groups, read_log
+from meshot.train.state import read_training, write_training
+from meshot.volume import read_volume
 
-ROOT = Path(__file__).parents[2]
+PACKAGE = Path(__file__).parents[2] / "src" / "meshot"
 OFF = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n4 0 1 2 3\n"
 PLY = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
@@ -40,16 +39,16 @@ STL = (
 def fit_state() -> FitState:
     """A small field before its fit."""
     field = GridVelocity(torch.zeros(3), torch.ones(3), (0.5,), 1)
-    return FitState(field, torch.optim.Adam(field.parameters()), 4)
+    return FitState(field, 0.001, 4)
 
 
 def training_state() -> TrainingState:
     """A small network after one step."""
     network = SegmentationNetwork(2, 2)
-    optimiser = torch.optim.Adam(network.parameters())
+    state = TrainingState(network, 0.001)
     sum(parameter.sum() for parameter in network.parameters()).backward()
-    optimiser.step()
-    return TrainingState(network, optimiser)
+    state.optimiser.step()
+    return state
 
 
 def _written(name: str, write: Callable[[Path], object]) -> bytes:
@@ -97,9 +96,12 @@ KINDS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
     "b.nii": (lambda: _image(nibabel.Nifti2Image, False), read_volume),
     "a.mgh": (lambda: _image(nibabel.MGHImage, False), read_volume),
     "a.mgz": (lambda: _image(nibabel.MGHImage, True), read_volume),
-    "ddot.yaml": (lambda: (ROOT / "experiments/ddot/tiny.yaml").read_bytes(), read_deformation_config),
-    "segmentation.yaml": (lambda: (ROOT / "experiments/segmentation/tiny.yaml").read_bytes(), read_segmentation_config),
-    "recipe.yaml": (lambda: (ROOT / "data_synth/tiny.yaml").read_bytes(), read_recipe),
+    "ddot.yaml": (
+        lambda: (PACKAGE / "systems/ddot/tiny.yaml").read_bytes(),
+        lambda path: deformation_config(read_groups(path)),
+    ),
+    "segmentation.yaml": (lambda: (PACKAGE / "pipeline/segmentation/tiny.yaml").read_bytes(), read_segmentation_config),
+    "recipe.yaml": (lambda: (PACKAGE / "synth/cohorts/tiny.yaml").read_bytes(), read_recipe),
     "weights.safetensors": (
         lambda: _written("w.safetensors", lambda path: write_weights(path, SegmentationNetwork(2, 2), {"seed": 1})),
         lambda path: read_weights(path, SegmentationNetwork),
@@ -109,8 +111,8 @@ KINDS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
         lambda path: read_training(path, training_state(), {"a": 1}),
     ),
     "fit.safetensors": (
-        lambda: _written("f.safetensors", lambda path: write_state(path, fit_state(), {"a": 1})),
-        lambda path: read_state(path, fit_state(), {"a": 1}),
+        lambda: _written("f.safetensors", lambda path: write_training(path, fit_state(), {"a": 1})),
+        lambda path: read_training(path, fit_state(), {"a": 1}),
     ),
     "velocity.safetensors.gz": (
         lambda: _written("v.safetensors.gz", lambda path: write_velocity(path, fit_state().field)),

@@ -166,9 +166,9 @@ def test_settings_outside_their_range_are_refused(settings, message):
         SegmentationSettings(**settings)
 
 
-def test_configurations_are_read_and_checked(tmp_path, root):
+def test_configurations_are_read_and_checked(tmp_path):
     for name in ("tiny", "small", "paper"):
-        config = read_segmentation_config(root / "experiments" / "segmentation" / f"{name}.yaml")
+        config = read_segmentation_config(name)
         assert json.loads(json.dumps(config.as_dict()))["training"]["n_epochs"] > 0
     assert (config.training.learning_rate, config.training.schedule, config.training.n_epochs) == (
         1e-4,
@@ -186,8 +186,10 @@ def test_configurations_are_read_and_checked(tmp_path, root):
         path.write_text(text)
         with pytest.raises(ValueError, match=message):
             read_segmentation_config(path)
-    with pytest.raises(ValueError, match=r"tiny\.yaml, small\.yaml"):
+    with pytest.raises(ValueError, match="does not exist"):
         read_segmentation_config(tmp_path / "none.yaml")
+    with pytest.raises(ValueError, match="the package has paper, small, tiny"):
+        read_segmentation_config("none")
 
 
 def test_a_trained_network_finds_the_sides_and_their_surfaces(examples):

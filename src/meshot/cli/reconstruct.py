@@ -4,10 +4,7 @@ import argparse
 import warnings
 from pathlib import Path
 
-import torch
-
 from meshot.cli.note import NOTE, Commands
-from meshot.errors import require_positive_integer
 from meshot.files import printable_name
 
 
@@ -33,6 +30,9 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
+    import torch
+
+    from meshot.errors import require_positive_integer
     from meshot.pipeline import load_networks
     from meshot.pipeline.report import PAGE, write_reconstruction
 

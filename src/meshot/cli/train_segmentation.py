@@ -14,7 +14,7 @@ def add_to(commands: Commands) -> None:
         help="train the network that finds white matter",
         description="Learn left and right white matter from cohorts; stopped, the same command goes on, and with "
         f"--threads 1 --device cpu ends with the same weights. {NOTE}",
-        epilog="Configurations: experiments/segmentation/tiny.yaml, small.yaml, paper.yaml.",
+        epilog="Configurations that come with the package: tiny, small, paper.",
     )
     add_training_arguments(command, "training.precision=bfloat16")
     command.set_defaults(run=_run)

@@ -3,18 +3,19 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-import torch
-
-from meshot.errors import require_positive_integer
+if TYPE_CHECKING:  # for annotations only: help must come at once
+    import torch
 
 Trained = TypeVar("Trained")
 
 
 def add_training_arguments(command: argparse.ArgumentParser, change: str) -> None:
     """Configuration, cohorts, output, changes (``change`` is an example), threads and device."""
-    command.add_argument("config", type=Path, help="a YAML file: form of the network, and how it is trained")
+    command.add_argument(
+        "config", type=Path, help="the form of the network and how it is trained: a name, or a YAML file"
+    )
     command.add_argument("--data", type=Path, nargs="+", required=True, metavar="COHORT", help="folders of cohorts")
     command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="for weights, log, picture")
     command.add_argument(
@@ -25,7 +26,7 @@ def add_training_arguments(command: argparse.ArgumentParser, change: str) -> Non
     command.add_argument("--device", help="cpu, cuda, ... (default: the accelerator if there is one, else cpu)")
 
 
-def device_of(chosen: argparse.Namespace) -> torch.device | None:
+def device_of(chosen: argparse.Namespace) -> "torch.device | None":
     """The device that was asked for.
 
     Raises
@@ -33,6 +34,8 @@ def device_of(chosen: argparse.Namespace) -> torch.device | None:
     ValueError
         If torch knows none of that name, or has none here.
     """
+    import torch
+
     if chosen.device is None:
         return None
     try:
@@ -50,6 +53,10 @@ def run_training(chosen: argparse.Namespace, train: Callable[[], Trained]) -> Tr
     ValueError
         If a number of threads will not do, or a loss or gradient was not finite.
     """
+    import torch
+
+    from meshot.errors import require_positive_integer
+
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)

@@ -38,7 +38,7 @@ def run_segmentation_training(
     Parameters
     ----------
     config_path : path
-        Such as ``experiments/segmentation/small.yaml``.
+        A YAML file, or the name of one that comes with the package, such as "small".
     cohorts : sequence of path
     folder : path
         For ``segmentation.safetensors`` and its record, log and picture: see

@@ -4,12 +4,16 @@ import dataclasses
 import math
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 from meshot.errors import require_positive_integer
+from meshot.files import named_file
 from meshot.model import SegmentationNetwork
 from meshot.pipeline.segmentation.augmentation import Augmentation
 from meshot.train import Plan, changed_groups, checked_groups, read_groups, require_plan_settings, setting_names
 
+#: Where the configurations lie that come with the package.
+SETTINGS = Path(__file__).parent
 PRECISIONS = ("float32", "bfloat16")
 
 
@@ -118,6 +122,7 @@ def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = (
     Parameters
     ----------
     path : path
+        A YAML file, or the name of one that comes with the package: tiny, small, paper.
     changes : sequence of str
         Such as ``training.precision=bfloat16``, in place of what the file says.
 
@@ -126,7 +131,7 @@ def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = (
     ValueError
         If the file is missing or no YAML, names something unknown, or a value will not do.
     """
-    return segmentation_config(changed_groups(read_groups(path), changes), os.fspath(path))
+    return segmentation_config(changed_groups(read_groups(named_file(path, SETTINGS)), changes), os.fspath(path))
 
 
 def segmentation_config(content: object, name: str = "the configuration") -> SegmentationConfig:

@@ -98,7 +98,7 @@ def _manifest(folder: Path) -> dict:
     participants(folder)
     path = folder / "manifest.json"
     if not path.is_file():
-        raise ValueError(f"{path} does not exist: the cohort is not finished; go on with data_synth/make_cohort.py")
+        raise ValueError(f"{path} does not exist: the cohort is not finished; go on with meshot make-cohort")
     return json.loads(path.read_text(encoding="utf-8"))
 
 
