@@ -90,7 +90,7 @@ def main(words: list[str] | None = None) -> int:
     settings, started = config["pulls"], time.process_time()
     torch.set_num_threads(config["evaluation"]["n_threads"])
     surfaces = InitialSurfaces(config["initial"], segmentation_network(config))
-    losses = {name: SurfaceLoss(**values) for name, values in settings["losses"].items()}
+    losses = {name: SurfaceLoss(**({"normal_scale": 1.0} | values)) for name, values in settings["losses"].items()}
     subjects = [s for cohort in config["cohorts"].values() for s in scans(cohort, settings["split"])]
     rows = []
     for subject in tqdm(subjects, desc="pulls"):

@@ -42,7 +42,7 @@ def arm_loss(arm: dict, target: Mesh, config: dict) -> FitLoss:
             return chamfer(source, goal)
         if arm["loss"] == "sinkhorn":
             return sinkhorn_divergence(source, goal, **config["sinkhorn"])
-        places = source.vertices if isinstance(source, SurfaceMeasure) else source.points
+        places = source.places
         directions = quasi_directions(n_directions, places.shape[1], int(generator.integers(2**31)))
         return sliced_wasserstein(source, goal, directions.to(places))
 
@@ -60,7 +60,11 @@ def _encoder(arm: dict, n_faces: int, config: dict) -> Callable[[Mesh, np.random
     if arm["encoding"] == "surface":
         return lambda mesh, generator: surface(mesh)
     if arm["encoding"] == "samples":
-        return lambda mesh, generator: empirical(mesh, n_faces if whole else arm["supports"], generator)
+        return lambda mesh, generator: empirical(
+            mesh, n_faces if whole else arm["supports"], generator, detach_weights=True
+        )
     if whole:
-        return lambda mesh, generator: varifold(mesh, scale)
-    return lambda mesh, generator: varifold_sample(mesh, arm["supports"], generator, scale, detached)
+        return lambda mesh, generator: varifold(mesh, normal_scale=scale)
+    return lambda mesh, generator: varifold_sample(
+        mesh, arm["supports"], generator, normal_scale=scale, detach_weights=detached
+    )

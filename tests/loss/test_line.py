@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshot.loss.lines.plan import monotone_plan
-from meshot.loss.sliced import quantile_cost
+from meshot.loss.plain import quantile_cost
 
 
 def drawn(seed, n):

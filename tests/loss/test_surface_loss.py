@@ -28,7 +28,9 @@ def random() -> np.random.Generator:
 
 
 def test_ddot_is_the_sliced_loss_between_varifolds():
-    wanted = sliced_wasserstein(varifold(SOURCE, 3.0), varifold(TARGET, 3.0), random_directions(100, 6, random()))
+    wanted = sliced_wasserstein(
+        varifold(SOURCE, normal_scale=3.0), varifold(TARGET, normal_scale=3.0), random_directions(100, 6, random())
+    )
     assert float(SurfaceLoss(normal_scale=3.0)(SOURCE, TARGET, random())) == float(wanted)
 
 
@@ -40,7 +42,7 @@ def test_cortexode_is_chamfer_between_samples_times_a_thousand():
 
 def test_every_other_pair_of_names():
     draw = random()
-    drawn = [varifold_sample(mesh, 200, draw, 2.0, True) for mesh in (SOURCE, TARGET)]
+    drawn = [varifold_sample(mesh, 200, draw, normal_scale=2.0, detach_weights=True) for mesh in (SOURCE, TARGET)]
     loss = SurfaceLoss("chamfer", n_supports=200, normal_scale=2.0, detach_weights=True)
     assert float(loss(SOURCE, TARGET, random())) == float(chamfer(*drawn))
     draw = random()
@@ -53,10 +55,10 @@ def test_every_other_pair_of_names():
 
 
 def test_in_windows_every_window_has_its_directions_and_lies_on_the_target():
-    draw, goal = random(), varifold(TARGET, 3.0)
+    draw, goal = random(), varifold(TARGET, normal_scale=3.0)
     directions = random_directions(4 * 10, 6, draw).reshape(4, 10, 6)
     centres = goal.points[draw.choice(len(goal.weights), 4, p=goal.weights.numpy()), :3]
-    wanted = windowed_sliced_wasserstein(varifold(SOURCE, 3.0), goal, centres, 5.0, directions, 1)
+    wanted = windowed_sliced_wasserstein(varifold(SOURCE, normal_scale=3.0), goal, centres, 5.0, directions, 1)
     loss = SurfaceLoss(normal_scale=3.0, window=5.0, n_windows=4, n_directions=10, p=1)
     assert float(loss(SOURCE, TARGET, random())) == float(wanted)
     assert float(dataclasses.replace(loss, window=None)(SOURCE, TARGET, random())) != pytest.approx(float(wanted))

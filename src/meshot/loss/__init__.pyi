@@ -22,14 +22,10 @@ from .error_bar import (
 from .linear_program import wasserstein as wasserstein
 from .nearest import chamfer as chamfer
 from .nearest import nearest_neighbours as nearest_neighbours
+from .plain import plain_sliced_wasserstein as plain_sliced_wasserstein
+from .plain import quantile_cost as quantile_cost
 from .quasi_sets import CONSTRUCTIONS as CONSTRUCTIONS
 from .sinkhorn import sinkhorn_divergence as sinkhorn_divergence
-from .sliced import (
-    plain_sliced_wasserstein as plain_sliced_wasserstein,
-)
-from .sliced import (
-    quantile_cost as quantile_cost,
-)
 from .sliced import (
     slice_costs as slice_costs,
 )

@@ -8,8 +8,10 @@ import torch
 from meshot.errors import as_floating, require_positive_integer, require_shape
 from meshot.loss.quasi_sets import CONSTRUCTIONS, Construction, orthonormal_blocks, unit_rows
 from meshot.rng import Generator, numpy_generator
-from meshot.types import Float, Tensor
+from meshot.types import Array, Float, Tensor
 
+#: Unit rows, or how many of them: what a sliced loss takes.
+Directions = Float[Tensor, "..."] | Float[Array, "..."] | int | np.integer
 #: The construction that ``quasi_directions`` takes where none is named; elsewhere, the Sobol sequence.
 DEFAULTS = {2: "equal angles", 3: "spiral"}
 
@@ -132,14 +134,24 @@ def _construction(method: str | None, d: int) -> Construction:
     return construct
 
 
-def require_directions(directions: Tensor, like: Tensor) -> Tensor:
+def require_directions(directions: Directions, like: Tensor) -> Tensor:
     """Directions for the space of ``like``: unit rows of the same dimension, moved to its dtype and device.
+
+    Parameters
+    ----------
+    directions : tensor, array or int
+        Unit rows; or a number of them, which are then even ones, always the same: :func:`meshot.quasi_directions`.
+    like : tensor
+        Points of the space.
 
     Raises
     ------
     ValueError
-        If the shape does not fit, or a row is not of unit length.
+        If a number is no positive integer, the shape does not fit, or a row is not of unit length.
     """
+    if isinstance(directions, int | np.integer):
+        n = require_positive_integer(directions, "directions")
+        return quasi_directions(n, like.shape[-1], dtype=like.dtype, device=like.device)
     directions = as_floating(directions, "directions")
     require_shape(directions, "directions", like.shape[-1])
     lengths = torch.linalg.vector_norm(directions.detach(), dim=1)

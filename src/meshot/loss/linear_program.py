@@ -5,18 +5,27 @@ import warnings
 import ot
 import torch
 
-from meshot.errors import require_same_space
-from meshot.measure import DiscreteMeasure
+from meshot.measure import MeasureLike, as_point_measures
 from meshot.types import Float, Tensor
 
 
 def wasserstein(
-    source: DiscreteMeasure, target: DiscreteMeasure, p: float = 2, max_iterations: int = 10_000_000
+    source: MeasureLike, target: MeasureLike, p: float = 2, max_iterations: int = 10_000_000
 ) -> Float[Tensor, ""]:
     """The Wasserstein distance W_p^p with ground cost ‖x − y‖₂^p, exactly, by linear programming.
 
     Differentiable: the optimal plan is held fixed for the points (envelope theorem), the dual potentials are the
     gradient in the weights, defined up to a constant. The paper writes ‖x − y‖_p^p; for p = 2 the two costs agree.
+
+    Parameters
+    ----------
+    source, target : measure of points, Mesh, Contour, array or tensor
+        Any numbers of supports, any weights. An (n, d) array or tensor stands for points of equal weight, a mesh for
+        the barycentres of its faces, weighted by area (:func:`meshot.empirical` draws points on it).
+    p : float
+        The exponent, at least 1.
+    max_iterations : int
+        Of the solver.
 
     Returns
     -------
@@ -26,7 +35,8 @@ def wasserstein(
     Raises
     ------
     ValueError
-        If the measures live in different spaces, ``p`` < 1, or the solver stops before it is done.
+        If an argument is no measure of points, the measures live in different spaces,
+        ``p`` < 1, or the solver stops before it is done.
 
     Notes
     -----
@@ -36,10 +46,10 @@ def wasserstein(
     ----------
     Bonneel et al., *Displacement Interpolation Using Lagrangian Mass Transport*, 2011 (the solver in POT).
     """
-    require_same_space(source.points, target.points)
+    source, target = as_point_measures(source, target)
     if not p >= 1:
         raise ValueError(f"p is {p!r}; a number >= 1 is needed")
-    squared = _squared_distances(source.points, target.points)
+    squared = _squared_distances(source.places, target.places)
     cost = squared if p == 2 else torch.where(squared > 0, squared, torch.ones_like(squared)).pow(p / 2) * (squared > 0)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

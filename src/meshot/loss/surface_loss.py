@@ -12,18 +12,19 @@ from meshot.loss.nearest import chamfer
 from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.loss.windowed import windowed_sliced_wasserstein
-from meshot.measure import DiscreteMeasure, SurfaceMeasure, empirical, surface, varifold, varifold_sample
+from meshot.measure import Measure, empirical, surface, varifold, varifold_sample
 from meshot.mesh import Mesh
 from meshot.types import Float, Tensor
 
 LOSSES = ("sliced", "chamfer", "sinkhorn")
 ENCODINGS = ("varifold", "samples", "surface")
-Measure = DiscreteMeasure | SurfaceMeasure
 
 
 @dataclasses.dataclass(frozen=True)
 class SurfaceLoss:
-    """A loss on an encoding: DDOT is ``SurfaceLoss()``, CortexODE ``SurfaceLoss("chamfer", "samples", factor=1000)``.
+    """A loss on an encoding.
+
+    DDOT is ``SurfaceLoss(normal_scale=1.0)``, CortexODE ``SurfaceLoss("chamfer", "samples", factor=1000)``.
 
     Parameters
     ----------
@@ -35,9 +36,11 @@ class SurfaceLoss:
         So many faces (varifold) or points (samples) are drawn anew at every call, on both sides. If left out, the
         varifold has all faces, and there are as many samples as the source has faces.
     normal_scale : float
-        The length of a unit normal in the varifold, in mm. The paper gives none.
+        The length of a unit normal in the varifold, in mm; at zero, the default of every encoding, normals are not
+        compared. The paper gives none. Samples and the continuous surface are of positions only, whatever it is.
     detach_weights : bool
-        Stop the gradient through the areas of the varifold.
+        Stop the gradient through the areas of the varifold. It always goes through those of the surface, and never
+        through those of samples, as in CortexODE.
     n_directions : int
         Of the sliced loss, drawn anew at every call: L; in windows, for each of them.
     window : float, optional
@@ -65,7 +68,7 @@ class SurfaceLoss:
     loss: str = "sliced"
     encoding: str = "varifold"
     n_supports: int | None = None
-    normal_scale: float = 1.0
+    normal_scale: float = 0.0
     detach_weights: bool = False
     n_directions: int = 100
     window: float | None = None
@@ -89,7 +92,7 @@ class SurfaceLoss:
         if self.loss == "chamfer" and self.p != 2:
             raise ValueError(f"p is {self.p!r}; Chamfer squares its distances: 2 is needed")
         for name in ("n_directions", "n_windows", *(("n_supports",) if self.n_supports is not None else ())):
-            require_positive_integer(getattr(self, name), name)
+            object.__setattr__(self, name, require_positive_integer(getattr(self, name), name))
         for name in ("blur", "factor", *(("window",) if self.window is not None else ())):
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; a finite number > 0 is needed")
@@ -107,10 +110,12 @@ class SurfaceLoss:
         if self.encoding == "surface":
             return surface(mesh)
         if self.encoding == "samples":
-            return empirical(mesh, n_samples, generator)
+            return empirical(mesh, n_samples, generator, detach_weights=True)
         if self.n_supports is None:
-            return varifold(mesh, self.normal_scale, self.detach_weights)
-        return varifold_sample(mesh, self.n_supports, generator, self.normal_scale, self.detach_weights)
+            return varifold(mesh, normal_scale=self.normal_scale, detach_weights=self.detach_weights)
+        return varifold_sample(
+            mesh, self.n_supports, generator, normal_scale=self.normal_scale, detach_weights=self.detach_weights
+        )
 
     def _between(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         if self.loss == "chamfer":
@@ -119,19 +124,15 @@ class SurfaceLoss:
             return sinkhorn_divergence(source, target, self.p, self.blur)
         if self.window is not None:
             return self._in_windows(source, target, generator)
-        places = source.vertices if isinstance(source, SurfaceMeasure) else source.points
-        directions = random_directions(self.n_directions, places.shape[1], generator).to(places)
+        directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
         return sliced_wasserstein(source, target, directions, self.p)
 
-    def _in_windows(
-        self, source: DiscreteMeasure, target: DiscreteMeasure, generator: np.random.Generator
-    ) -> Float[Tensor, ""]:
+    def _in_windows(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """Around places drawn on the target by area, each with directions of its own."""
-        lines = random_directions(self.n_windows * self.n_directions, source.points.shape[1], generator).to(
-            source.points
-        )
+        d = source.places.shape[1]
+        lines = random_directions(self.n_windows * self.n_directions, d, generator).to(source.places)
         shares = target.weights.double().cpu().numpy()
         drawn = generator.choice(len(shares), self.n_windows, p=shares / shares.sum())
-        centres = target.points[torch.from_numpy(drawn).to(lines.device), :3]
+        centres = target.places[torch.from_numpy(drawn).to(lines.device), :3]
         sets = lines.reshape(self.n_windows, self.n_directions, -1)
         return windowed_sliced_wasserstein(source, target, centres, self.window, sets, self.p)
