@@ -38,7 +38,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 COMMITTED = (FOLDER / "results.json").is_file()
 SETTINGS = {
     "network": {"width": 4, "hidden": [8], "n_scales": 1, "size": 3},
-    "loss": {"n_directions": 10},
+    "loss": {"n_directions": 10, "normal_scale": 1.0},
     "training": {"n_epochs": 3, "learning_rate": 0.01, "n_faces": 400, "n_points": 500, "save_every": 1},
 }
 

@@ -29,7 +29,7 @@ from phantoms import phantom_deformations, write_phantom_cohort
 TINY = deformation_config(
     {
         "network": {"width": 6, "hidden": [8], "n_scales": 2, "size": 3, "extent": 10.0},
-        "loss": {"n_directions": 20},
+        "loss": {"n_directions": 20, "normal_scale": 1.0},
         "training": {
             "n_epochs": 3, "learning_rate": 0.01, "n_flow_steps": 2, "save_every": 2, "n_points": 500,
             "schedule": "cosine",
