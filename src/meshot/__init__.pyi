@@ -1,4 +1,6 @@
 from .flow import integrate as integrate
+from .flow.fitting import Deformation as Deformation
+from .flow.fitting import deform as deform
 from .loss import (
     SlicedEstimate as SlicedEstimate,
 )

@@ -10,6 +10,8 @@ from .chain import (
 from .chain import (
     chain_trajectory as chain_trajectory,
 )
+from .deforming import Deformation as Deformation
+from .deforming import deform as deform
 from .descent import descend as descend
 from .fit import Fit as Fit
 from .fit import FitLoss as FitLoss
