@@ -33,6 +33,13 @@ class SurfaceMeasure:
     ValueError
         If an array is empty, has another shape or dtype, or holds NaN; if a cell names a vertex that does not exist,
         or one twice; if a weight is negative or the weights do not sum to one.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> corners = torch.tensor([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    >>> meshot.SurfaceMeasure(corners, torch.tensor([[0, 1], [1, 2]]), torch.tensor([0.5, 0.5]))
+    SurfaceMeasure(2 segments on 3 vertices in R^2, torch.float32)
     """
 
     vertices: Float[Tensor, "V d"]
@@ -125,6 +132,13 @@ def surface(
     References
     ----------
     Le et al., ICLR 2024, Section 3.1, calls this the (hierarchical) continuous probability measure of a mesh.
+
+    Examples
+    --------
+    >>> import meshot
+    >>> from meshot.mesh.shapes import icosphere
+    >>> meshot.surface(icosphere(1))
+    SurfaceMeasure(80 triangles on 42 vertices in R^3, torch.float64)
     """
     extras = Extras(shape, normal_scale, features, face_features, feature_scale)
     cells, weights = cells_of(shape), cell_shares(shape)

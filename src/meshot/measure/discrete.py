@@ -29,6 +29,12 @@ class DiscreteMeasure:
     ValueError
         If an array is empty, has another shape or dtype, or holds NaN; if a weight is negative or the weights do not
         sum to one.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> meshot.DiscreteMeasure(torch.zeros(4, 3), torch.tensor([0.1, 0.2, 0.3, 0.4]))
+    DiscreteMeasure(4 points in R^3, torch.float32)
     """
 
     points: Float[Tensor, "n d"]
@@ -110,6 +116,13 @@ def empirical(
     ----------
     Le et al., *Diffeomorphic Mesh Deformation via Efficient Optimal Transport*, ICLR 2024, Section 3.1. Mohamed et al.,
     *Monte Carlo Gradient Estimation in Machine Learning*, JMLR 2020, on the two parts of such a gradient.
+
+    Examples
+    --------
+    >>> import meshot
+    >>> from meshot.mesh.shapes import icosphere
+    >>> meshot.empirical(icosphere(1), 1000, generator=0)
+    DiscreteMeasure(1000 points in R^3, torch.float64)
     """
     extras = Extras(shape, normal_scale, features, face_features, feature_scale)
     drawn, barycentric = sample_locations(shape, n_points, generator)
@@ -159,6 +172,15 @@ def varifold(
     References
     ----------
     Le et al., ICLR 2024, Section 3.1; Kaltenmark, Charlier and Charon, CVPR 2017.
+
+    Examples
+    --------
+    >>> import meshot
+    >>> from meshot.mesh.shapes import icosphere
+    >>> meshot.varifold(icosphere(1), normal_scale=0.5)
+    DiscreteMeasure(80 points in R^6, torch.float64)
+    >>> meshot.varifold(icosphere(1))
+    DiscreteMeasure(80 points in R^3, torch.float64)
     """
     extras = Extras(shape, normal_scale, features, face_features, feature_scale)
     cells, weights = cells_of(shape), cell_shares(shape)

@@ -50,6 +50,15 @@ def read_mesh(path: str | os.PathLike, c_ras: tuple[float, float, float] | None 
     ValueError
         If the file is missing, truncated, of no known format, or no triangle mesh; if a FreeSurfer surface does not
         say where it lies and ``c_ras`` is not given.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, meshot
+    >>> from meshot.mesh.shapes import cube
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "cube.vtp")
+    >>> meshot.write_mesh(path, cube())
+    >>> meshot.read_mesh(path)
+    Mesh(8 vertices, 12 faces, torch.float64)
     """
     path = Path(path)
     if not path.is_file():
@@ -91,6 +100,15 @@ def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, f
     ------
     ValueError
         If the suffix is unknown, or ``c_ras`` is not three finite numbers.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, meshot
+    >>> from meshot.mesh.shapes import cube
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "cube.ply")
+    >>> meshot.write_mesh(path, cube())
+    >>> path.exists()
+    True
     """
     path, kind = Path(path), _format_of_name(Path(path))
     if kind is None:

@@ -77,6 +77,15 @@ class Mesh(_Shape):
     ValueError
         If an array is empty, has another shape or dtype, holds NaN, names a vertex that does not exist, or a
         triangle names a vertex twice.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> mesh = meshot.Mesh(torch.eye(3), torch.tensor([[0, 1, 2]]))
+    >>> mesh
+    Mesh(3 vertices, 1 faces, torch.float32)
+    >>> meshot.Mesh.from_trimesh(mesh.to_trimesh())
+    Mesh(3 vertices, 1 faces, torch.float64)
     """
 
     vertices: Float[Tensor, "V 3"]
@@ -139,6 +148,13 @@ class Contour(_Shape):
     ------
     ValueError
         As :class:`Mesh`.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> corners = torch.tensor([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    >>> meshot.Contour(corners, torch.tensor([[0, 1], [1, 2], [2, 0]]))
+    Contour(3 vertices, 3 edges, torch.float32)
     """
 
     vertices: Float[Tensor, "V 2"]
