@@ -32,6 +32,12 @@ def random_directions(
     ------
     ValueError
         If ``n`` or ``d`` is not a positive integer.
+
+    Examples
+    --------
+    >>> import meshot
+    >>> meshot.random_directions(5, 3, generator=0).norm(dim=1).round(decimals=9).tolist()
+    [1.0, 1.0, 1.0, 1.0, 1.0]
     """
     require_positive_integer(n, "n")
     require_positive_integer(d, "d")
@@ -63,6 +69,13 @@ def orthogonal_directions(
     References
     ----------
     Rowland et al., *Orthogonal Estimation of Wasserstein Distances*, AISTATS 2019.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> block = meshot.orthogonal_directions(3, 3, generator=0)
+    >>> torch.allclose(block @ block.T, torch.eye(3, dtype=torch.float64))
+    True
     """
     require_positive_integer(n, "n")
     require_positive_integer(d, "d")
@@ -110,6 +123,12 @@ def quasi_directions(
     References
     ----------
     Nguyen, Bariletto and Ho, *Quasi-Monte Carlo for 3D Sliced Wasserstein*, ICLR 2024.
+
+    Examples
+    --------
+    >>> import meshot
+    >>> meshot.quasi_directions(100, 3).shape
+    torch.Size([100, 3])
     """
     from scipy.stats import ortho_group
 

@@ -45,6 +45,12 @@ def wasserstein(
     References
     ----------
     Bonneel et al., *Displacement Interpolation Using Lagrangian Mass Transport*, 2011 (the solver in POT).
+
+    Examples
+    --------
+    >>> import numpy as np, meshot
+    >>> float(meshot.wasserstein(np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]])))
+    25.0
     """
     source, target = as_point_measures(source, target)
     if not p >= 1:

@@ -45,6 +45,12 @@ def chamfer(source: MeasureLike, target: MeasureLike, neighbours: str = "tree") 
     References
     ----------
     Barrow et al., IJCAI 1977; Le et al., ICLR 2024, Equation 1.
+
+    Examples
+    --------
+    >>> import numpy as np, meshot
+    >>> float(meshot.chamfer(np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]])))  # 5² there, 5² back
+    50.0
     """
     source, target = as_point_measures(source, target)
     there = nearest_neighbours(source.places, target.places, neighbours)

@@ -1,12 +1,14 @@
 """The sliced loss in plain torch: transport on many lines at once, on any device."""
 
+from typing import NamedTuple
+
 import numpy as np
 import torch
 
 from meshot.loss.directions import Directions, require_directions
 from meshot.measure import Measure, MeasureLike, as_point_measures
 from meshot.threads import in_chunks
-from meshot.types import Float, Tensor
+from meshot.types import Float, Int64, Tensor
 
 
 def plain_sliced_wasserstein(
@@ -46,12 +48,12 @@ def checked_lines(source: Measure, directions: Directions, p: float) -> Float[Te
 def plain_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, " L"]:
     """W_p^p between two measures of points along every direction, differentiable in all of them."""
     projected, projected_target = directions @ source.places.T, directions @ target.places.T
-    if _same_equal_masses(source.weights, target.weights):
+    if same_equal_masses(source.weights, target.weights):
         return paired_cost(projected, projected_target, p)
     return quantile_cost(projected, source.weights, projected_target, target.weights, p)
 
 
-def _same_equal_masses(weights: Tensor, others: Tensor) -> bool:
+def same_equal_masses(weights: Tensor, others: Tensor) -> bool:
     """Whether every point of both measures carries the same fixed mass, so that transport pairs sorted points."""
     if weights.shape != others.shape or weights.requires_grad or others.requires_grad:
         return False
@@ -60,11 +62,12 @@ def _same_equal_masses(weights: Tensor, others: Tensor) -> bool:
 
 def paired_cost(source: Float[Tensor, "L n"], target: Float[Tensor, "L n"], p: float = 2) -> Float[Tensor, " L"]:
     """W_p^p between equally many points of equal mass on a line, for every row: the mean over sorted pairs."""
-    gap = source.gather(1, _row_order(source)) - target.gather(1, _row_order(target))
+    gap = source.gather(1, row_order(source)) - target.gather(1, row_order(target))
     return power(gap, p).mean(dim=1)
 
 
-def _row_order(values: Tensor, kind: str = "quicksort") -> Tensor:
+def row_order(values: Float[Tensor, "L n"], kind: str = "quicksort") -> Int64[Tensor, "L n"]:
+    """The order that sorts every row."""
     # On a CPU, NumPy sorts several times faster than torch; a stable sort of a few sorted runs merges them.
     if values.device.type == "cpu" and values.dtype in (torch.float32, torch.float64):
         rows = values.detach().numpy()
@@ -80,16 +83,34 @@ def quantile_cost(
     target_weights: Float[Tensor, " m"],
     p: float = 2,
 ) -> Float[Tensor, " L"]:
-    """W_p^p between weighted points on a line, for every row: ∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz.
+    """W_p^p between weighted points on a line, for every row: ∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz."""
+    cells = quantile_cells(source, source_weights, target, target_weights)
+    return (power(cells.gap, p) * cells.mass).sum(dim=1)
 
-    The quantile functions are steps; merging their jumps cuts [0, 1] into cells on which both are constant.
+
+class QuantileCells(NamedTuple):
+    """The cells of [0, 1] on which two quantile functions are constant, for every row.
+
+    The quantile functions are steps; merging their jumps cuts [0, 1] into cells.
     """
-    source_order, target_order = _row_order(source), _row_order(target)
+
+    source_order: Int64[Tensor, "L n"]
+    target_order: Int64[Tensor, "L m"]
+    order: Int64[Tensor, "L k"]  # of the ends of the steps of both sides, the source first
+    source_step: Int64[Tensor, "L k"]  # which step of either side a cell lies in
+    target_step: Int64[Tensor, "L k"]
+    gap: Float[Tensor, "L k"]
+    mass: Float[Tensor, "L k"]
+
+
+def quantile_cells(source: Tensor, source_weights: Tensor, target: Tensor, target_weights: Tensor) -> QuantileCells:
+    """The cells between weighted points on a line, for every row."""
+    source_order, target_order = row_order(source), row_order(target)
     source, target = source.gather(1, source_order), target.gather(1, target_order)
     source_mass = source_weights[source_order].cumsum(dim=1)  # (L, n): where each step of F⁻¹ ends
     target_mass = target_weights[target_order].cumsum(dim=1)
     ends = torch.cat([source_mass, target_mass], dim=1)
-    order = _row_order(ends, "stable")
+    order = row_order(ends, "stable")
     cell_ends = ends.gather(1, order)  # (L, n + m)
     # How many steps of either side have ended before a cell tells which step it lies in.
     of_source = (order < source.shape[1]).long()
@@ -97,8 +118,8 @@ def quantile_cost(
     source_step = ended.clamp(max=source.shape[1] - 1)
     target_step = (torch.arange(ends.shape[1], device=ends.device) - ended).clamp(max=target.shape[1] - 1)
     gap = source.gather(1, source_step) - target.gather(1, target_step)
-    cell_mass = torch.diff(cell_ends, dim=1, prepend=torch.zeros_like(cell_ends[:, :1]))
-    return (power(gap, p) * cell_mass).sum(dim=1)
+    mass = torch.diff(cell_ends, dim=1, prepend=torch.zeros_like(cell_ends[:, :1]))
+    return QuantileCells(source_order, target_order, order, source_step, target_step, gap, mass)
 
 
 def power(gap: Tensor, p: float) -> Tensor:

@@ -67,6 +67,12 @@ def sinkhorn_divergence(
     ----------
     Feydy et al., *Interpolating between Optimal Transport and MMD using Sinkhorn Divergences*, AISTATS 2019; Séjourné
     et al., *Sinkhorn Divergences for Unbalanced Optimal Transport*, 2019.
+
+    Examples
+    --------
+    >>> import numpy as np, meshot
+    >>> round(float(meshot.sinkhorn_divergence(np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]]), blur=0.1)), 4)
+    25.0
     """
     source, target = as_point_measures(source, target)
     if p not in (1, 2):

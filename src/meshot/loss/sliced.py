@@ -3,6 +3,7 @@
 import torch
 from torch.autograd.function import once_differentiable
 
+from meshot.loss.chunked import chunked_costs, chunked_sliced_wasserstein
 from meshot.loss.directions import Directions
 from meshot.loss.exact import exact_slice_costs, exact_sliced_wasserstein
 from meshot.loss.fused import fused_slices
@@ -50,22 +51,34 @@ def sliced_wasserstein(
     -----
     On a CPU a compiled kernel takes the directions one by one on ``torch.get_num_threads()`` threads: O(L (n + m)) time
     for spread-out points, memory for one direction per thread, the same result in every run with as many threads. Its
-    gradient can be taken once. Elsewhere, and where the directions need a gradient, it is
+    gradient can be taken once. On other devices the same holds of plain torch, which takes the directions in chunks, so
+    that their number costs no memory. Where the directions need a gradient it is
     :func:`meshot.loss.plain_sliced_wasserstein`.
 
     References
     ----------
     Bonneel et al., *Sliced and Radon Wasserstein Barycenters of Measures*, 2015; Le et al., ICLR 2024, Equation 5.
+
+    Examples
+    --------
+    >>> import numpy as np, meshot
+    >>> points = np.random.default_rng(0).normal(size=(50, 3))
+    >>> lines = meshot.orthogonal_directions(3, 3, generator=0)
+    >>> round(float(meshot.sliced_wasserstein(points, points + 1, lines)), 6)  # a translation by t costs |t|²/d
+    1.0
+    >>> from meshot.mesh.shapes import icosphere
+    >>> round(float(meshot.sliced_wasserstein(icosphere(4), icosphere(4, 2.0))), 2)  # spheres: (r − s)²/3
+    0.33
     """
     source, target = as_measures(source, target)
     if source.cells is not None or target.cells is not None:
         return exact_sliced_wasserstein(source, target, directions, p)
     directions = checked_lines(source, directions, p)
-    if _for_kernel(source.places) and not directions.requires_grad:
-        return _FusedSliced.apply(
-            source.places, source.weights, target.places, target.weights, directions.detach(), float(p)
-        )
-    return plain_costs(source, target, directions, p).mean()
+    if directions.requires_grad:
+        return plain_costs(source, target, directions, p).mean()
+    if not _for_kernel(source.places):
+        return chunked_sliced_wasserstein(source, target, directions, p)
+    return _FusedSliced.apply(source.places, source.weights, target.places, target.weights, directions, float(p))
 
 
 def slice_costs(
@@ -94,6 +107,14 @@ def slice_costs(
     Notes
     -----
     Where a gradient is wanted it is taken in plain torch, with memory O(L (n + m)) rather than for one direction.
+
+    Examples
+    --------
+    >>> import numpy as np, meshot
+    >>> points = np.random.default_rng(0).normal(size=(50, 3))
+    >>> costs = meshot.slice_costs(points, points + np.array([3.0, 0.0, 0.0]), np.eye(3))
+    >>> [round(float(cost), 6) for cost in costs]
+    [9.0, 0.0, 0.0]
     """
     source, target = as_measures(source, target)
     if source.cells is not None or target.cells is not None:
@@ -103,7 +124,7 @@ def slice_costs(
     wanted = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
     if _for_kernel(source.places) and not wanted:
         return torch.from_numpy(fused_slices(tensors[:4], directions, p, (False,) * 4)[0]).to(source.places)
-    return plain_costs(source, target, directions, p)
+    return (plain_costs if wanted else chunked_costs)(source, target, directions, p)
 
 
 def _for_kernel(points: Tensor) -> bool:

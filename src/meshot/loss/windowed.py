@@ -59,6 +59,14 @@ def windowed_sliced_wasserstein(
     ValueError
         If an argument is no measure of points, the shapes do not fit, the radius is no
         positive number, or no window holds mass of both measures.
+
+    Examples
+    --------
+    >>> import numpy as np, torch, meshot
+    >>> points = np.random.default_rng(0).normal(size=(50, 3))
+    >>> centres = torch.zeros(1, 3, dtype=torch.float64)
+    >>> round(float(meshot.windowed_sliced_wasserstein(points, points, centres, radius=1.0)), 9)
+    0.0
     """
     source, target = as_point_measures(source, target)
     centres = as_floating(centres, "centres")
