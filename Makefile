@@ -13,11 +13,14 @@ PIP := $(BIN)pip install -q --disable-pip-version-check
 COHORTS ?= oasis_like adni_like test_retest
 JOBS ?= 2
 
-.PHONY: help book test html notebooks ledger lab lint lock benchmark cohorts clean distclean
+FILES ?= 5000
+
+.PHONY: help book test fuzz html notebooks ledger lab lint lock benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
 	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
+	@echo "make fuzz       read 5000 damaged files of every kind (an hour at most; FILES=500 for fewer)"
 	@echo "make html       render the book from the stored outputs (seconds)"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make ledger     write the claims ledger from the committed results"
@@ -60,6 +63,9 @@ test: $(READY)
 	@$(MAKE) --no-print-directory lint
 	$(RUN) -m pytest
 	$(RUN) tests/check_notebooks.py
+
+fuzz: $(READY)
+	$(RUN) tests/fuzz/run.py --files $(FILES) --keep build/fuzz
 
 lint: $(READY)
 	$(BIN)ruff check .

@@ -6,12 +6,14 @@ from pathlib import Path
 
 #: Folder or module of ``meshot`` -> rank; imports point to lower ranks only.
 RANKS = {
-    "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "provenance": 0, "statistics": 0, "jobs": 0,
+    "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "compressed": 0, "plain_yaml": 0,
+    "scratch": 0, "provenance": 0, "statistics": 0, "jobs": 0,
     "mesh": 1,
     "volume": 2, "measure": 2,
-    "metrics": 3, "loss": 3,
-    "flow": 4, "train": 4, "anatomy": 4,
+    "metrics": 3, "loss": 3, "train": 3,
+    "flow": 4, "anatomy": 4,
     "synth": 5, "model": 5, "view": 5,
+    "systems": 6,
     "pipeline": 7,
     "cli": 8,
 }  # fmt: skip
@@ -28,7 +30,7 @@ HOMES = {
     "SimpleITK": ("meshot/volume/registration",),
     "skimage": ("meshot/volume/",),
     "igl": ("meshot/mesh/", "meshot/metrics/"),
-    "ot": ("meshot/loss/", "meshot/metrics/", "meshot_book/examples/"),
+    "ot": ("meshot/loss/", "meshot/metrics/"),
     "geomloss": ("meshot/loss/", "meshot/metrics/"),
     "torchdiffeq": ("meshot/flow/integration",),
     "nilearn": ("meshot/anatomy/",),
@@ -37,7 +39,7 @@ HOMES = {
     "vtkmodules": ("meshot/view/", "meshot_book/figures/"),
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),
     "IPython": ("meshot_book/figures/",),
-    "yaml": ("meshot/synth/", "meshot/train/", "meshot/pipeline/", "meshot/cli", "meshot_book/claims/"),
+    "yaml": ("meshot/plain_yaml", "meshot/synth/cohorts/recipe", "meshot_book/claims/"),
 }
 MOST_NAMES = 20
 
@@ -107,11 +109,14 @@ def _far_from_home(place: str, top: str) -> list[str]:
 
 
 def is_door(src: Path, module: str, name: str) -> bool:
-    """Whether a name may be imported from a module from outside: the module is a package, or a room of one file."""
+    """Whether a name may be imported from a module from outside: a door shows it, or the room is a single file."""
     place = src.joinpath(*module.split("."))
-    if place.is_dir():
-        return not (place / f"{name}.py").is_file() or len(module.split(".")) == 1
-    return len(module.split(".")) == 2
+    if not place.is_dir():
+        return len(module.split(".")) == 2
+    if (place / name).is_dir() or (len(module.split(".")) == 1 and (place / f"{name}.py").is_file()):
+        return True
+    stub = place / "__init__.pyi"
+    return name in shown_names(stub) if stub.is_file() else not (place / f"{name}.py").is_file()
 
 
 def outside_breaches(src: Path, code: str) -> list[str]:
@@ -122,4 +127,6 @@ def outside_breaches(src: Path, code: str) -> list[str]:
 
 def shown_names(stub: Path) -> list[str]:
     """The names that a door shows."""
-    return [name for _, name in imports(stub.read_text(encoding="utf-8"))]
+    tree = ast.parse(stub.read_text(encoding="utf-8"))
+    imported = [name for _, name in imports(stub.read_text(encoding="utf-8"))]
+    return imported + [node.target.id for node in tree.body if isinstance(node, ast.AnnAssign)]

@@ -20,7 +20,7 @@ from meshot import (
 from meshot.files import whole_file
 from meshot.flow.fields import grid_around
 from meshot.flow.fitting import FitSettings, fit_flow, sliced_loss
-from meshot.loss import SurfaceLoss
+from meshot.loss.composed import SlicedLoss, SurfaceLoss, VarifoldEncoding
 from meshot.mesh import shapes
 from meshot.mesh.mesh import closed_contour
 from meshot.rng import numpy_generator
@@ -121,7 +121,7 @@ def test_a_count_may_be_an_integer_of_numpy(unchecked, tmp_path, kind):
     assert len(empirical(cube, kind(7), 0).points) == len(empirical(cube, 7, kind(0)).points) == 7
     assert sliced_wasserstein_estimate(cube, cube, kind(6), 0).n_directions == 6
     assert integrate(lambda time, x: x, cube.vertices, kind(4)).shape == (8, 3)
-    assert SurfaceLoss(n_directions=kind(4), n_supports=kind(9))(cube, cube, np.random.default_rng(0)) >= 0
+    assert SurfaceLoss(VarifoldEncoding(kind(9)), SlicedLoss(kind(4)))(cube, cube, np.random.default_rng(0)) >= 0
     settings = FitSettings(n_iterations=kind(2), n_steps=kind(2), n_directions=(kind(2), kind(4)), check_every=kind(1))
     field = grid_around(cube.vertices, spacings=(1.0,), margin=1.0)
     loss = sliced_loss(cube, varifold)

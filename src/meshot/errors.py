@@ -103,8 +103,8 @@ def require_same_space(source: Tensor, target: Tensor) -> None:
         )
 
 
-def require_positive_integer(value: object, name: str) -> int:
-    """The value as an int of Python; an integer of at least one is required, Python's or NumPy's.
+def require_positive_integer(value: object, name: str, most: int | None = None) -> int:
+    """The value as an int of Python; an integer of at least one, Python's or NumPy's, and at most ``most`` is required.
 
     Raises
     ------
@@ -113,4 +113,6 @@ def require_positive_integer(value: object, name: str) -> int:
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ValueError(f"{name} is {value!r}; an integer >= 1 is needed")
+    if most is not None and value > most:
+        raise ValueError(f"{name} is {value!r}; at most {most} is possible")
     return int(value)

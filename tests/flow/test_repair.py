@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from meshot.flow.crossings import repair
 from meshot.flow.crossings.repair import repair_crossings
 from meshot.mesh.shapes.solids import folded_sphere, icosphere
 from meshot.mesh.topology.intersection import self_intersecting_faces

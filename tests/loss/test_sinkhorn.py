@@ -96,8 +96,8 @@ def test_a_backend_on_keops_says_what_is_missing_or_agrees(backend):
     ("change", "message"),
     [
         ({"p": 3}, "p is 3"),
-        ({"blur": 0.0}, "blur is 0.0; a number > 0 is needed, in units of the points"),
-        ({"reach": 0.0}, "reach is 0.0; a number > 0 is needed, in units of the points"),
+        ({"blur": 0.0}, "blur is 0.0; a finite number > 0 is needed, in units of the points"),
+        ({"reach": 0.0}, "reach is 0.0; a finite number > 0 is needed, in units of the points"),
         ({"scaling": 1.0}, "scaling"),
         ({"backend": "auto"}, "backend is 'auto'; one of tensorized, online, multiscale is needed"),
     ],

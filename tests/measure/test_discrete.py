@@ -156,3 +156,26 @@ def test_memory_for_a_sample_of_the_varifold_does_not_grow_with_the_mesh():
         return peak_saved_bytes(step)
 
     assert held(5) == held(3)
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float32, torch.float64])
+@pytest.mark.parametrize("n", [3, 7, 49, 1000])
+def test_equal_masses_are_those_of_a_measure_in_every_dtype(dtype, n):
+    assert DiscreteMeasure(torch.zeros(n, 2, dtype=dtype)).weights.dtype == dtype
+
+
+@pytest.mark.parametrize(("dtype", "allowed"), [(torch.float32, 1e-4), (torch.float64, 1e-8)])
+def test_how_far_from_one_a_sum_may_be(dtype, allowed):
+    points = torch.zeros(2, 1, dtype=dtype)
+    for off in (-allowed, allowed):
+        DiscreteMeasure(points, torch.tensor([0.5, 0.5 + 0.98 * off], dtype=dtype))
+        with pytest.raises(ValueError, match="sum to"):
+            DiscreteMeasure(points, torch.tensor([0.5, 0.5 + 1.02 * off], dtype=dtype))
+
+
+def test_a_feature_is_worth_its_own_number_by_default():
+    mesh = icosphere(1)
+    for encode in (lambda **given: empirical(mesh, 20, 0, **given), lambda **given: varifold(mesh, **given)):
+        plain = encode(features=mesh.vertices)
+        assert torch.equal(plain.points, encode(features=mesh.vertices, feature_scale=1.0).points)
+    assert torch.equal(*empirical(mesh, 20, 0, features=mesh.vertices).points.split(3, dim=1))

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from meshot import Contour, Mesh, empirical, sliced_wasserstein, surface, triangulate, varifold
+from meshot.loss.composed import VarifoldEncoding
 from meshot.loss.linear_program import wasserstein
-from meshot.loss.surface_loss import SurfaceLoss
 from meshot.measure.discrete import varifold_sample
 from meshot.mesh.geometry.areas import face_normals
 from meshot.mesh.mesh import closed_contour
@@ -205,7 +205,7 @@ def test_every_encoding_has_the_same_defaults(encode):
     assert torch.equal(by_default.places, encode(shape, normal_scale=0.0).places)
     assert encode(shape, normal_scale=1.0).places.shape[1] == 6
     assert not encode(shape, detach_weights=True).weights.requires_grad
-    assert (SurfaceLoss().normal_scale, SurfaceLoss().detach_weights) == (0, False)
+    assert (VarifoldEncoding().normal_scale, VarifoldEncoding().detach_weights) == (0, False)
 
 
 def test_encoding_arguments_are_keywords_in_one_order():

@@ -20,6 +20,7 @@ import torch
 from meshot.mesh.shapes.solids import icosphere
 from meshot.mesh.topology.counts import SPHERE, topology
 from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.provenance import processor
 from meshot.synth import scanning
 from meshot.synth.cohorts import generation
 from meshot.synth.cohorts.cohort import LABELS, participants, read_subject, scans
@@ -119,6 +120,7 @@ def test_what_was_stopped_goes_on_and_ends_the_same(quick, tmp_path, monkeypatch
     assert list(make_cohort(RECIPE, tmp_path / "c")) == ["sub-002", "sub-p01"]
     first, second = ((tmp_path / name / "manifest.json").read_text() for name in ("whole", "c"))
     assert first == second
+    assert json.loads(first)["processors"] == [processor()]
     assert list(make_cohort(RECIPE, tmp_path / "c")) == []
 
 

@@ -3,7 +3,8 @@
 import argparse
 
 from meshot.cli.note import NOTE, Commands
-from meshot.cli.training import add_training_arguments, device_of, run_training
+from meshot.cli.training import add_training_arguments, best_line, device_of, run_training
+from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
@@ -23,8 +24,8 @@ def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
     from meshot.pipeline.segmentation import run_segmentation_training
 
-    run_training(
+    found = run_training(
         chosen,
         lambda: run_segmentation_training(chosen.config, chosen.data, chosen.output, chosen.changes, device_of(chosen)),
-        lambda best: f"Dice {best['dice_left']:.4f} left, {best['dice_right']:.4f} right",
     )
+    print(f"{best_line(found.best_step, found.log, found.cpu_seconds)}; weights in {printable_name(chosen.output)}")

@@ -3,11 +3,13 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import torch
 
 from meshot.errors import require_positive_integer
-from meshot.train import Training
+
+Trained = TypeVar("Trained")
 
 
 def add_training_arguments(command: argparse.ArgumentParser, change: str) -> None:
@@ -40,8 +42,8 @@ def device_of(chosen: argparse.Namespace) -> torch.device | None:
     return torch.device(chosen.device)
 
 
-def run_training(chosen: argparse.Namespace, train: Callable[[], Training], said: Callable[[dict], str]) -> None:
-    """Train on as many threads as asked for, then say what the best validation was.
+def run_training(chosen: argparse.Namespace, train: Callable[[], Trained]) -> Trained:
+    """Train on as many threads as asked for.
 
     Raises
     ------
@@ -52,11 +54,13 @@ def run_training(chosen: argparse.Namespace, train: Callable[[], Training], said
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
     try:
-        found = train()
+        return train()
     except FloatingPointError as error:
         raise ValueError(str(error)) from error
-    best = next(line for line in found.log if line["step"] == found.best_step and "validation_loss" in line)
-    print(
-        f"best after {found.best_step} steps: {said(best)} on validation; {found.cpu_seconds:.0f} s of processor time; "
-        f"weights in {chosen.output}"
-    )
+
+
+def best_line(best_step: int, log: list[dict], cpu_seconds: float) -> str:
+    """The best validation of a training, as one line."""
+    best = next(line for line in log if line["step"] == best_step and "validation_loss" in line)
+    numbers = ", ".join(f"{key} {value:.4g}" for key, value in best.items() if key not in ("step", "cpu_seconds"))
+    return f"best after {best_step} steps: {numbers} on validation; {cpu_seconds:.0f} s of processor time"

@@ -93,6 +93,8 @@ def _lay_triangles(tree, size, x, rank, cells, weights, mass, jumps, limit):
             mass[i] += weights[k]
             continue
         peak = 2 * weights[k] / height
+        if peak == 0:  # no mass, no density: two corners that coincide would make its slope 0/0
+            continue
         if peak <= limit * up and peak <= limit * down:
             rise, fall = _on_grid(peak / up, grid), _on_grid(peak / down, grid)
             jumps[i, 0] += rise
@@ -150,6 +152,19 @@ def _place(projected, order, rank, x):
     return x[n] - x[0]
 
 
+@njit(inline="always")
+@no_type_check
+def _share(mass):
+    """Divide masses by their sum, and refuse a sum that has left the numbers."""
+    total = mass.sum()
+    if not (total > 0 and total < np.inf):
+        raise ValueError(
+            "the law of a projected measure has a mass that is NaN, infinite or zero; the coordinates are too large or "
+            "too small for float64: scale both measures to a size of about 1"
+        )
+    mass /= total
+
+
 @njit(**_options)
 @no_type_check
 def lay_surface(projected, order, cells, weights, rank, tree, jumps, x, extent, mass, change):
@@ -177,7 +192,7 @@ def lay_surface(projected, order, cells, weights, rank, tree, jumps, x, extent, 
         end = max(tree[size + i, 1] + density, 0.0)
         mass[i] += (start + end) / 2 * extent[i]
         change[i] = (end - start) / (end + start) if extent[i] > 0 and end + start > 0 else 0.0
-    mass[:n] /= mass[:n].sum()
+    _share(mass[:n])
     extent[n], mass[n], change[n] = 0.0, np.inf, 0.0
 
 
@@ -193,5 +208,5 @@ def lay_points(projected, order, weights, x, extent, mass, change):
         x[2 * i] = x[2 * i + 1] = projected[order[i]]
         mass[2 * i] = weights[order[i]]
         extent[2 * i + 1] = projected[order[min(i + 1, n - 1)]] - projected[order[i]]
-    mass[: 2 * n] /= mass[: 2 * n].sum()
+    _share(mass[: 2 * n])
     x[2 * n], mass[2 * n] = x[2 * n - 1], np.inf

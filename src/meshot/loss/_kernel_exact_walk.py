@@ -112,7 +112,7 @@ def _squared_halved(piece, atoms, wanted, moments, moments_target):
     """∫(x − y)² dz over any piece, halved along its steeper side until it is flat."""
     waiting, halvings = [piece], [0]
     cost = 0.0
-    while waiting:
+    while waiting:  # at most 2¹⁵ times: a piece is not halved for ever
         piece, done = waiting.pop(), halvings.pop()
         a, b = piece[3], piece[4]
         if done == _HALVINGS or max(abs(a), abs(b)) <= _STEEP:
@@ -190,6 +190,11 @@ def walk(power, source, target, wanted, moments, moments_target):
     """W_p^p between two laws (x, extent, mass, change), and the moments of φ′ over the cells of those ``wanted``.
 
     Moments are ∫φ′ξᵏ dx for k = 0, 1, 2 with ξ from 0 to 1 across the cell; at an atom the first is ∫φ′ dz instead.
+
+    Raises
+    ------
+    ValueError
+        If a mass is NaN, so that the walk does not reach the end of both laws.
     """
     x, dx, mass, change = source
     y, dy, mass_target, change_target = target
@@ -197,7 +202,9 @@ def walk(power, source, target, wanted, moments, moments_target):
     i, j, cost = 0, 0, 0.0
     left, share, at, density = mass[0], 0.0, 0.0, 1 - change[0]
     left_target, share_target, at_target, density_target = mass_target[0], 0.0, 0.0, 1 - change_target[0]
-    while i < len(x) - 1 or j < len(y) - 1:
+    for _ in range(len(x) + len(y) - 2):  # every step ends a cell of one side at least
+        if i == len(x) - 1 and j == len(y) - 1:
+            break
         last, last_target = left <= left_target, left_target <= left
         dz = min(left, left_target)
         left, left_target = left - dz, left_target - dz
@@ -225,4 +232,6 @@ def walk(power, source, target, wanted, moments, moments_target):
         if last_target:
             j += 1
             left_target, share_target, at_target, density_target = mass_target[j], 0.0, 0.0, 1 - change_target[j]
+    if i < len(x) - 1 or j < len(y) - 1:
+        raise ValueError("the walk over two laws did not reach their ends: a mass is NaN; laws need finite masses")
     return cost

@@ -174,11 +174,11 @@ def translation_spread(d: int, p: float = 2) -> float:
     Raises
     ------
     ValueError
-        If ``d`` is not a positive integer or ``p`` < 1.
+        If ``d`` is not a positive integer, or ``p`` is no finite number >= 1.
     """
     require_positive_integer(d, "d")
-    if not p >= 1:
-        raise ValueError(f"p is {p!r}; a number >= 1 is needed")
+    if not 1 <= p < math.inf:
+        raise ValueError(f"p is {p!r}; a finite number >= 1 is needed")
     log_ratio = _log_moment(2 * p, d) - 2 * _log_moment(p, d)
     return math.sqrt(max(math.expm1(log_ratio), 0.0))
 

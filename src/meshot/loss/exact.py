@@ -1,6 +1,7 @@
 """The sliced Wasserstein loss of continuous measures without sampling: exact along every direction."""
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,8 @@ def exact_sliced_wasserstein(
     Raises
     ------
     ValueError
-        If the measures live in different spaces, the directions do not fit or require a gradient, or ``p`` is neither
-        1 nor 2.
+        If the measures live in different spaces, the directions do not fit or require a gradient, ``p`` is neither 1
+        nor 2, or the cost would exceed float64.
 
     Notes
     -----
@@ -69,10 +70,11 @@ def exact_slice_costs(
     Takes and raises what :func:`meshot.loss.exact.exact_sliced_wasserstein` does, of which this is the inside.
     """
     directions = _checked(source, target, directions, p)
-    sides = [_side(m.places.detach(), m.weights.detach(), m.cells, False) for m in (source, target)]
+    unit = _unit(source.places, target.places, int(p))
+    sides = [_side(m.places, m.weights, m.cells, False, unit) for m in (source, target)]
     rows = _array(directions)
     parts = in_chunks(lambda start, stop: _costs(*sides, rows[start:stop], int(p))[0], len(rows))
-    return torch.from_numpy(np.concatenate(parts)).to(source.places)
+    return torch.from_numpy(np.concatenate(parts) * unit ** int(p)).to(source.places)
 
 
 def laid_law(measure: Measure, direction: Float[Tensor, " d"]) -> tuple[Float[Array, " n"], ...]:
@@ -116,15 +118,17 @@ class _ExactCost(torch.autograd.Function):
         directions: Tensor,
         p: int,
     ) -> Tensor:
-        source = _side(places, weights, cells[0], any(ctx.needs_input_grad[:2]))
-        target = _side(places_target, weights_target, cells[1], any(ctx.needs_input_grad[2:4]))
+        unit = _unit(places, places_target, p)
+        source = _side(places, weights, cells[0], any(ctx.needs_input_grad[:2]), unit)
+        target = _side(places_target, weights_target, cells[1], any(ctx.needs_input_grad[2:4]), unit)
         rows = _array(directions)
         parts = in_chunks(lambda start, stop: _costs(source, target, rows[start:stop], p), len(rows))
         costs = np.concatenate([part[0] for part in parts])
         like = (places, weights, places_target, weights_target)
-        gradients = [sum(part[1 + k] for part in parts) / len(rows) for k in range(4)]
+        powers = (unit ** (p - 1), unit**p) * 2
+        gradients = [sum(part[1 + k] for part in parts) / len(rows) * power for k, power in enumerate(powers)]
         ctx.save_for_backward(*(torch.from_numpy(g).to(t) for g, t in zip(gradients, like)))
-        return torch.tensor(costs.mean()).to(places)
+        return torch.tensor(costs.mean() * unit**p).to(places)
 
     @staticmethod
     @once_differentiable
@@ -143,9 +147,20 @@ class _Side:
     wanted: bool
 
 
-def _side(places: Tensor, weights: Tensor, cells: Tensor | None, wanted: bool) -> _Side:
+def _side(places: Tensor, weights: Tensor, cells: Tensor | None, wanted: bool, unit: float = 1.0) -> _Side:
     corners = None if cells is None else np.ascontiguousarray(cells.cpu().numpy())
-    return _Side(np.ascontiguousarray(_array(places).T), _array(weights), corners, wanted)
+    return _Side(np.ascontiguousarray(_array(places).T / unit), _array(weights), corners, wanted)
+
+
+def _unit(places: Tensor, others: Tensor, p: int) -> float:
+    """The power of two next to the size of the coordinates: in this unit no power of them leaves float64."""
+    largest = max(float(np.abs(_array(each)).max()) for each in (places, others))
+    digits = math.frexp(largest)[1] - 1
+    if p * digits > 1023:
+        raise ValueError(
+            f"coordinates reach {largest:.3g}, and their power {p} exceeds float64: scale both measures down"
+        )
+    return math.ldexp(1.0, digits)
 
 
 def _array(values: Tensor) -> Array:

@@ -33,8 +33,8 @@ def chamfer(source: MeasureLike, target: MeasureLike, neighbours: str = "tree") 
     Raises
     ------
     ValueError
-        If an argument is no measure of points, the measures live in different spaces,
-        or ``neighbours`` is neither of the two.
+        If an argument is no measure of points, the measures live in different spaces, ``neighbours`` is neither of the
+        two, or squared distances exceed the dtype.
 
     Notes
     -----
@@ -68,11 +68,14 @@ def nearest_neighbours(
     Raises
     ------
     ValueError
-        If ``method`` is neither "tree" nor "brute".
+        If ``method`` is neither "tree" nor "brute", or squared distances exceed the dtype.
     """
     if method not in NEIGHBOURS:
         raise ValueError(f"neighbours is {method!r}; one of {', '.join(NEIGHBOURS)} is needed")
     points, candidates = points.detach(), candidates.detach()
+    size = max(float(points.abs().max()), float(candidates.abs().max()))
+    if not 4 * points.shape[1] * size * size <= torch.finfo(points.dtype).max:
+        raise ValueError(f"coordinates reach {size:.3g}, and squared distances exceed {points.dtype}: scale both down")
     if method == "brute":
         blocks = points.split(max(1, _BLOCK // len(candidates)))
         return torch.cat([_distances(block, candidates).argmin(dim=1) for block in blocks])

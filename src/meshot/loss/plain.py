@@ -1,5 +1,6 @@
 """The sliced loss in plain torch: transport on many lines at once, on any device."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -38,10 +39,10 @@ def checked_lines(source: Measure, directions: Directions, p: float) -> Float[Te
     Raises
     ------
     ValueError
-        If ``p`` < 1, or the directions do not fit.
+        If ``p`` is no finite number >= 1, or the directions do not fit.
     """
-    if not p >= 1:
-        raise ValueError(f"p is {p!r}; a number >= 1 is needed (below one, sorting is not optimal)")
+    if not 1 <= p < math.inf:
+        raise ValueError(f"p is {p!r}; a finite number >= 1 is needed (below one, sorting is not optimal)")
     return require_directions(directions, source.places)
 
 

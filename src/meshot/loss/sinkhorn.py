@@ -1,6 +1,7 @@
 """Entropic transport, debiased, by GeomLoss."""
 
 import importlib.util
+import math
 
 import geomloss
 
@@ -78,8 +79,8 @@ def sinkhorn_divergence(
     if p not in (1, 2):
         raise ValueError(f"p is {p!r}; 1 or 2 is needed, the costs that GeomLoss has")
     for name, length in (("blur", blur), *((("reach", reach),) if reach is not None else ())):
-        if not length > 0:
-            raise ValueError(f"{name} is {length!r}; a number > 0 is needed, in units of the points")
+        if not 0 < length < math.inf:
+            raise ValueError(f"{name} is {length!r}; a finite number > 0 is needed, in units of the points")
     if not 0 < scaling < 1:
         raise ValueError(f"scaling is {scaling!r}; a number in (0, 1) is needed")
     _require_backend(backend)

@@ -1,6 +1,6 @@
 """Meshes from files and into files; in memory always scanner RAS, in mm."""
 
-import gzip
+import io
 import os
 import warnings
 from pathlib import Path
@@ -11,8 +11,16 @@ import numpy as np
 import torch
 import trimesh
 
+from meshot.compressed import unpacked
 from meshot.files import whole_file
 from meshot.mesh.convert import EXCHANGED, read_exchanged, write_exchanged
+from meshot.mesh.io_checks import (
+    LARGEST_BYTES,
+    require_all_read,
+    require_room_in_freesurfer,
+    require_room_in_gifti,
+    require_whole_text,
+)
 from meshot.mesh.mesh import Mesh
 from meshot.types import Array
 
@@ -163,9 +171,11 @@ def _format_of_content(path: Path) -> str | None:
 
 
 def _read_plain(path: Path, kind: str) -> tuple[Array, Array]:
-    with path.open("rb") as file:
-        mesh = trimesh.load_mesh(file, file_type=kind, process=False)
+    content = path.read_bytes()
+    declared = require_whole_text(content, kind)
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    require_all_read(declared, vertices, faces)
     if kind != "stl":
         return vertices, faces
     vertices, index = np.unique(vertices, axis=0, return_inverse=True)
@@ -173,8 +183,9 @@ def _read_plain(path: Path, kind: str) -> tuple[Array, Array]:
 
 
 def _read_gifti(path: Path) -> tuple[Array, Array]:
-    content = path.read_bytes()
-    image = nibabel.GiftiImage.from_bytes(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
+    content = unpacked(path, LARGEST_BYTES)
+    require_room_in_gifti(content)
+    image = nibabel.GiftiImage.from_bytes(content)
     points, triangles = (image.get_arrays_from_intent(f"NIFTI_INTENT_{name}") for name in ("POINTSET", "TRIANGLE"))
     if len(points) != 1 or len(triangles) != 1:
         raise ValueError(f"it holds {len(points)} point sets and {len(triangles)} triangle sets; one of each is needed")
@@ -194,6 +205,7 @@ def _gifti_image(vertices: Array, faces: Array) -> nibabel.GiftiImage:
 
 
 def _read_freesurfer(path: Path, c_ras: tuple[float, float, float] | None) -> tuple[Array, Array]:
+    require_room_in_freesurfer(path.read_bytes())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # nibabel warns of missing volume information; here that is an error
         vertices, faces, info = nibabel.freesurfer.read_geometry(path, read_metadata=True)

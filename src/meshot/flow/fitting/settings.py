@@ -5,6 +5,7 @@ import math
 
 from meshot.errors import require_positive_integer
 from meshot.flow.integration import GRADIENTS, METHODS
+from meshot.train import Plan
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -69,9 +70,9 @@ class FitSettings:
         if not 0 <= self.coarse_share <= 1:
             raise ValueError(f"coarse_share is {self.coarse_share!r}; a share in [0, 1] is needed")
 
-    def learning_rate_at(self, iteration: int) -> float:
-        """Half a cosine from ``learning_rate`` to zero."""
-        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * iteration / self.n_iterations))
+    def plan(self) -> Plan:
+        """The same, as the engine of all trainings takes it."""
+        return Plan(self.n_iterations, self.check_every, self.save_every, self.patience, self.learning_rate, "cosine")
 
     def n_directions_at(self, iteration: int) -> int:
         """First · 2^k, in equal stretches, up to the last."""

@@ -78,9 +78,9 @@ def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> s
         f'<img alt="{html.escape(p.alt, quote=True)}" src="data:image/png;base64,{p.png}">' for p in slices
     )
     flow = (
-        "Coloured by how far the flow has carried each place from the initial surface."
-        if report["n_steps"]
-        else "No flow was asked for: the initial surfaces are the result."
+        "Coloured by how far each place is from the initial surface."
+        if report["system"]
+        else "No system was asked for: the initial surfaces are the result."
     )
     return _PAGE.format(
         name=html.escape(report["scan"]["name"]), style=_STYLE, warnings=_warnings(report["warnings"]), images=images,
@@ -103,19 +103,20 @@ def _numbers(report: dict) -> str:
         ("self-intersecting faces", "n_self_intersecting_faces"),
         ("volume inside (cm³)", "volume_cm3"), ("area (cm²)", "area_cm2"),
     ]  # fmt: skip
-    stages = ("initial", "final") if report["n_steps"] else ("initial",)
+    stages = ("initial", "final") if report["system"] else ("initial",)
     columns = [(side, stage) for side in surfaces for stage in stages]
     rows = [(label, *(surfaces[side][stage][key] for side, stage in columns)) for label, key in meshes]
     first = _table(["", *(f"{side}, {stage}" for side, stage in columns)], rows)
     rows = []
-    if report["n_steps"]:
+    if report["system"]:
         words = {"mean": "mean", "percentile_95": "95 % below", "largest": "largest"}
         rows = [
             (f"distance from the initial surface, {word} (mm)",
              *(surfaces[side]["distance_from_initial_mm"][key] for side in surfaces))
             for key, word in words.items()
         ]  # fmt: skip
-        mending = [surfaces[side]["mending"] for side in surfaces]
+    mending = [surfaces[side]["mending"] for side in surfaces]
+    if all(mending):
         rows += [
             ("faces that crossed after the flow, before mending", *(m["n_faces_crossing_before"] for m in mending)),
             ("largest move by mending (mm)", *(m["largest_move_mm"] for m in mending)),
@@ -136,7 +137,8 @@ def _making(report: dict) -> str:
     matrix = "\n".join(" ".join(f"{value:11.6f}" for value in row) for row in report["to_standard"])
     records = "\n".join(f"{name}: {_record(record)}" for name, record in report["weights"].items())
     versions = ", ".join(f"{name} {version}" for name, version in report["versions"].items())
-    return f"""<p>Scan: {size} mm; {report["n_steps"]} steps of the flow ({report["method"]}); {report["date"]}.</p>
+    system = f"system {html.escape(report['system'])}" if report["system"] else "initial surfaces only"
+    return f"""<p>Scan: {size} mm; {system}; {report["date"]}.</p>
 {timing}
 <details><summary>Transform, weights, versions</summary>
 <p>From scanner RAS of the scan to MNI152, in mm:</p>
@@ -147,7 +149,7 @@ def _making(report: dict) -> str:
 </details>
 <details><summary>Files beside this page</summary>
 <ul><li>lh.white, rh.white: the surfaces, for FreeSurfer; the same as .surf.gii (GIfTI) and .ply; in scanner RAS</li>
-<li>lh.initial, rh.initial: the surfaces before the flow, likewise</li>
+<li>lh.initial, rh.initial: the initial surfaces, likewise</li>
 <li>to_standard.json: the transform; report.json: every number; timing.json: seconds of each stage</li></ul>
 </details>"""
 

@@ -39,6 +39,8 @@ class SegmentationSettings:
         In epochs; stop after ``patience`` validations in a row without a lower loss (None: never).
     save_every : int
         In steps.
+    averaging : float
+        Of the weights: see :class:`meshot.train.Plan`.
     seed : int
         Of everything random; step i draws from (seed, i), so that a resumed training draws what it would have drawn.
     precision : str
@@ -66,6 +68,7 @@ class SegmentationSettings:
     validate_every: int = 1
     patience: int | None = None
     save_every: int = 50
+    averaging: float = 0.0
     seed: int = 0
     precision: str = "float32"
 
@@ -75,6 +78,8 @@ class SegmentationSettings:
         if not 0 <= self.dice_weight < math.inf:
             raise ValueError(f"dice_weight is {self.dice_weight!r}; a finite number >= 0 is needed")
         self.augmentation()
+        if not isinstance(self.soft_labels, bool):
+            raise ValueError(f"soft_labels is {self.soft_labels!r}; true or false is needed")
         if self.precision not in PRECISIONS:
             raise ValueError(f"precision is {self.precision!r}; one of {', '.join(PRECISIONS)} is needed")
 
@@ -87,7 +92,7 @@ class SegmentationSettings:
         per_epoch = -(-n_examples // self.batch_size)
         return Plan(
             self.n_epochs * per_epoch, self.validate_every * per_epoch, self.save_every, self.patience,
-            self.learning_rate, self.schedule,
+            self.learning_rate, self.schedule, self.averaging,
         )  # fmt: skip
 
 
@@ -121,7 +126,7 @@ def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = (
     ValueError
         If the file is missing or no YAML, names something unknown, or a value will not do.
     """
-    return segmentation_config(changed_groups(read_groups(path, _KNOWN), changes), os.fspath(path))
+    return segmentation_config(changed_groups(read_groups(path), changes), os.fspath(path))
 
 
 def segmentation_config(content: object, name: str = "the configuration") -> SegmentationConfig:

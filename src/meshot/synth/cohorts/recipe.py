@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 
 from meshot.errors import require_positive_integer
+from meshot.plain_yaml import read_yaml
 from meshot.synth.cohorts.cohort import KINDS, SPLITS, Participant
 from meshot.synth.imaging import TISSUES, Appearance
 from meshot.synth.position import Position
@@ -104,10 +105,7 @@ def read_recipe(path: str | os.PathLike, **changes: object) -> Recipe:
     path = Path(path)
     if not path.is_file():
         raise ValueError(f"{path} does not exist; the recipes lie in data_synth/")
-    try:
-        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is no YAML ({error}); see data_synth/tiny.yaml for one that is") from error
+    entries = read_yaml(path)
     if not isinstance(entries, dict):
         raise ValueError(f"{path} holds {type(entries).__name__}; entries such as 'subjects: 40' are needed")
     known = [field.name for field in dataclasses.fields(Recipe)]
