@@ -25,7 +25,7 @@ def failures(test: doctest.DocTest) -> list[str]:
 
 def pytest_generate_tests(metafunc):
     if "public_name" in metafunc.fixturenames:
-        names = shown_names(metafunc.config.rootpath / ROOT_STUB)
+        names = [n for n in shown_names(metafunc.config.rootpath / ROOT_STUB) if not n.startswith("_")]
         assert len(names) > 20
         metafunc.parametrize("public_name", names)
 

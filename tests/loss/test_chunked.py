@@ -93,7 +93,7 @@ def test_half_precision_takes_this_path_too(dtype):
     """To the rounding of projections: 8 bits of bfloat16, of a cost that is a difference of some of them."""
     source, target = (problems.cloud(k, 40, 3).points + 2 * k for k in (0, 1))
     exact = float(sliced_wasserstein(source, target, LINES))
-    found = sliced_wasserstein(source.to(dtype), target.to(dtype), LINES.to(dtype))
+    found = sliced_wasserstein(source.to(dtype), target.to(dtype), LINES)
     assert found.dtype == dtype
     assert float(found) == pytest.approx(exact, rel=0.05)
     assert np.isfinite(float(found))
