@@ -26,7 +26,7 @@ NARROWER = {"metrics": {"mesh", "volume"} | {name for name, rank in RANKS.items(
 
 #: Library -> the folders or modules (prefixes, relative to src) that may import it.
 HOMES = {
-    "trimesh": ("meshot/mesh/io",),
+    "trimesh": ("meshot/mesh/io", "meshot/mesh/convert", "meshot/mesh/mesh"),
     "nibabel": ("meshot/mesh/io", "meshot/volume/io"),
     "SimpleITK": ("meshot/volume/registration",),
     "skimage": ("meshot/volume/",),
@@ -35,7 +35,7 @@ HOMES = {
     "geomloss": ("meshot/loss/", "meshot/metrics/"),
     "torchdiffeq": ("meshot/flow/integration",),
     "nilearn": ("meshot/anatomy/",),
-    "pyvista": ("meshot/view/", "meshot_book/figures/"),
+    "pyvista": ("meshot/mesh/convert", "meshot/mesh/mesh", "meshot/view/", "meshot_book/figures/"),
     "vtk": ("meshot/view/", "meshot_book/figures/"),
     "vtkmodules": ("meshot/view/", "meshot_book/figures/"),
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),

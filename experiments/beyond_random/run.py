@@ -36,7 +36,7 @@ def measures(pair: str, d: int, config: dict) -> tuple[DiscreteMeasure, Discrete
 
 
 def _encoded(mesh: Mesh, d: int, normal_scale: float) -> DiscreteMeasure:
-    encoded = varifold(mesh, normal_scale)
+    encoded = varifold(mesh, normal_scale=normal_scale)
     return DiscreteMeasure(encoded.points[:, :d].contiguous(), encoded.weights)
 
 

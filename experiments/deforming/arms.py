@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshot import Mesh, SurfaceMeasure, quasi_directions, sliced_wasserstein
+from meshot import Mesh, quasi_directions, sliced_wasserstein
 from meshot.flow.fitting import FitLoss
 from meshot.loss.composed import ENCODINGS, LOSSES, Encoding, MeasureLoss
 from meshot.types import Tensor
@@ -26,7 +26,7 @@ def arm_loss(arm: dict, target: Mesh, config: dict) -> FitLoss:
         if of_measures is not None:
             return of_measures(source, goal, generator)
         # The fit says how many directions, and they are even ones.
-        places = source.vertices if isinstance(source, SurfaceMeasure) else source.points
+        places = source.places
         directions = quasi_directions(n_directions, places.shape[1], int(generator.integers(2**31)))
         return sliced_wasserstein(source, goal, directions.to(places))
 

@@ -81,7 +81,7 @@ def fit(side: str, field: GridVelocity, stage: int, config: dict, place: Path) -
     settings = dict(config["stages"][stage])
     n_faces = settings.pop("n_faces")
     initial, target = (decimated(load(side, name, place), n_faces).to(torch.float32) for name in ("initial", "target"))
-    loss = sliced_loss(target, lambda mesh: varifold(mesh, config["normal_scale"]))
+    loss = sliced_loss(target, lambda mesh: varifold(mesh, normal_scale=config["normal_scale"]))
     settings = FitSettings(
         n_steps=config["n_steps"], seed=config["seed"] + stage, check_every=25, save_every=25,
         **settings | {"n_directions": tuple(settings["n_directions"])},

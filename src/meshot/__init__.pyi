@@ -1,4 +1,5 @@
 from .flow import integrate as integrate
+from .flow.fitting import Deformation as Deformation, deform as deform
 from .loss import (
     SlicedEstimate as SlicedEstimate,
     chamfer as chamfer,

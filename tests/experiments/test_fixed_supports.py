@@ -76,11 +76,11 @@ def test_every_way_to_draw_has_the_gradient_of_all_faces_in_the_mean(part, confi
         return variants.reweighted(part_of, before, scale)
 
     def drawn(mesh, seed):
-        return varifold_sample(mesh, 300, seed, scale)
+        return varifold_sample(mesh, 300, seed, normal_scale=scale)
 
-    whole = gradient(lambda mesh: varifold(mesh, scale))
+    whole = gradient(lambda mesh: varifold(mesh, normal_scale=scale))
     for encode in (carried, drawn):
         mean = sum(gradient(lambda mesh, s=s, e=encode: e(mesh, s)) for s in range(200)) / 200
         assert float((mean - whole).norm() / whole.norm()) < 0.15
-    stopped = gradient(lambda mesh: varifold(mesh, scale, detach_weights=True))
+    stopped = gradient(lambda mesh: varifold(mesh, normal_scale=scale, detach_weights=True))
     assert float((stopped - whole).norm() / whole.norm()) > 0.3

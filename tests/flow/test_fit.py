@@ -122,7 +122,9 @@ def test_best_state_is_kept():
     assert 0 < max(float(level.detach().abs().max()) for level in fit.field.levels) < 1.01e-6
 
 
-@pytest.mark.parametrize("encode", [lambda mesh: DiscreteMeasure(mesh.vertices), lambda mesh: empirical(mesh, 300, 7)])
+@pytest.mark.parametrize(
+    "encode", [lambda mesh: DiscreteMeasure(mesh.vertices), lambda mesh: empirical(mesh, 300, 7, detach_weights=True)]
+)
 def test_any_loss_on_any_encoding(encode):
     target = encode(TARGET)
     fit = fit_flow(

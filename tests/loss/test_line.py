@@ -7,7 +7,7 @@ import torch
 from hypothesis import given, settings, strategies as st
 
 from meshot.loss.lines.plan import monotone_plan
-from meshot.loss.sliced import quantile_cost
+from meshot.loss.plain import quantile_cost
 
 
 def drawn(seed, n):

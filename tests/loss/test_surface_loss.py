@@ -30,7 +30,9 @@ def random() -> np.random.Generator:
 
 
 def test_ddot_is_the_sliced_loss_between_varifolds():
-    wanted = sliced_wasserstein(varifold(SOURCE, 3.0), varifold(TARGET, 3.0), random_directions(100, 6, random()))
+    wanted = sliced_wasserstein(
+        varifold(SOURCE, normal_scale=3.0), varifold(TARGET, normal_scale=3.0), random_directions(100, 6, random())
+    )
     assert float(SurfaceLoss(VarifoldEncoding(normal_scale=3.0))(SOURCE, TARGET, random())) == float(wanted)
 
 
@@ -42,7 +44,7 @@ def test_cortexode_is_chamfer_between_samples_times_a_thousand():
 
 def test_every_other_pair_of_names():
     draw = random()
-    drawn = [varifold_sample(mesh, 200, draw, 2.0, True) for mesh in (SOURCE, TARGET)]
+    drawn = [varifold_sample(mesh, 200, draw, normal_scale=2.0, detach_weights=True) for mesh in (SOURCE, TARGET)]
     loss = SurfaceLoss(VarifoldEncoding(200, 2.0, True), ChamferLoss())
     assert float(loss(SOURCE, TARGET, random())) == float(chamfer(*drawn))
     draw = random()
@@ -55,10 +57,10 @@ def test_every_other_pair_of_names():
 
 
 def test_in_windows_every_window_has_its_directions_and_lies_on_the_target():
-    draw, goal = random(), varifold(TARGET, 3.0)
+    draw, goal = random(), varifold(TARGET, normal_scale=3.0)
     directions = random_directions(4 * 10, 6, draw).reshape(4, 10, 6)
     centres = goal.points[draw.choice(len(goal.weights), 4, p=goal.weights.numpy()), :3]
-    wanted = windowed_sliced_wasserstein(varifold(SOURCE, 3.0), goal, centres, 5.0, directions, 1)
+    wanted = windowed_sliced_wasserstein(varifold(SOURCE, normal_scale=3.0), goal, centres, 5.0, directions, 1)
     loss = SurfaceLoss(VarifoldEncoding(normal_scale=3.0), WindowedLoss(5.0, 4, 10, 1))
     assert float(loss(SOURCE, TARGET, random())) == float(wanted)
     everywhere = dataclasses.replace(loss, loss=SlicedLoss(10, 1))

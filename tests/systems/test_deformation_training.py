@@ -32,7 +32,7 @@ from phantoms import phantom_deformations, write_phantom_cohort
 TINY = deformation_config(
     {
         "network": {"width": 6, "hidden": [8], "n_scales": 2, "size": 3, "extent": 10.0},
-        "loss": {"n_directions": 20},
+        "loss": {"n_directions": 20, "normal_scale": 1.0},
         "training": {
             "n_epochs": 3, "learning_rate": 0.01, "n_flow_steps": 2, "save_every": 2, "n_points": 500,
             "schedule": "cosine",
@@ -72,7 +72,10 @@ def test_one_step_is_algorithm_1_by_hand(examples):
         network.velocity_in(standardised(one[0].scan, one[0].initial)), one[0].coarse.vertices, 2, "euler"
     )
     # both meshes to measures, and the loss between them
-    predicted, target = varifold(one[0].coarse.with_vertices(moved), 1.0), varifold(one[0].target, 1.0)
+    predicted, target = (
+        varifold(one[0].coarse.with_vertices(moved), normal_scale=1.0),
+        varifold(one[0].target, normal_scale=1.0),
+    )
     directions = random_directions(20, 6, np.random.default_rng([0, 1, 0]), torch.float32)
     loss = sliced_wasserstein(predicted, target, directions)
     loss.backward()

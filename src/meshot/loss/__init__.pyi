@@ -11,11 +11,10 @@ from .error_bar import (
 )
 from .linear_program import wasserstein as wasserstein
 from .nearest import chamfer as chamfer, nearest_neighbours as nearest_neighbours
+from .plain import plain_sliced_wasserstein as plain_sliced_wasserstein, quantile_cost as quantile_cost
 from .quasi_sets import CONSTRUCTIONS as CONSTRUCTIONS
 from .sinkhorn import sinkhorn_divergence as sinkhorn_divergence
 from .sliced import (
-    plain_sliced_wasserstein as plain_sliced_wasserstein,
-    quantile_cost as quantile_cost,
     slice_costs as slice_costs,
     sliced_wasserstein as sliced_wasserstein,
 )

@@ -38,7 +38,7 @@ class System(Toy):
                 mesh = item.scan.initial[KEY].to(torch.float32)
                 for network in chain:
                     mesh = network.carried(mesh)
-                found = found + chamfer(varifold(mesh, 0), varifold(item.targets[KEY].to(torch.float32), 0))
+                found = found + chamfer(varifold(mesh), varifold(item.targets[KEY].to(torch.float32)))
             return found
 
         parts, chain = {}, []

@@ -35,7 +35,7 @@ class System(Toy):
     def train_parts(cls, examples, settings, folder, progress, device):
         def far(network, items):
             pairs = [(network.placed(k), item.targets[key]) for item in items for k, key in enumerate(SIDES)]
-            return sum(chamfer(varifold(mesh, 0), varifold(goal.to(torch.float32), 0)) for mesh, goal in pairs)
+            return sum(chamfer(varifold(mesh), varifold(goal.to(torch.float32))) for mesh, goal in pairs)
 
         network = Placement()
         losses = (lambda: far(network, examples.training)), (lambda: far(network, examples.validation))

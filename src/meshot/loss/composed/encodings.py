@@ -8,10 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from meshot.errors import require_positive_integer
-from meshot.measure import DiscreteMeasure, SurfaceMeasure, empirical, surface, varifold, varifold_sample
+from meshot.measure import DiscreteMeasure, Measure, SurfaceMeasure, empirical, surface, varifold, varifold_sample
 from meshot.mesh import Mesh
-
-Measure = DiscreteMeasure | SurfaceMeasure
 
 
 class Encoding(abc.ABC):
@@ -39,9 +37,10 @@ class VarifoldEncoding(Encoding):
     n_supports : int, optional
         So many faces are drawn anew at every call; all faces if left out.
     normal_scale : float
-        The length of a unit normal, in mm. The paper gives none.
+        The length of a unit normal, in mm; at zero, the default of every encoding, normals are not compared. The paper
+        has 1 and names no unit.
     detach_weights : bool
-        Stop the gradient through the areas.
+        Stop the gradient through the areas; by default, as in every encoding, it goes through them.
 
     Raises
     ------
@@ -50,7 +49,7 @@ class VarifoldEncoding(Encoding):
     """
 
     n_supports: int | None = None
-    normal_scale: float = 1.0
+    normal_scale: float = 0.0
     detach_weights: bool = False
 
     def __post_init__(self):
@@ -63,13 +62,15 @@ class VarifoldEncoding(Encoding):
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> DiscreteMeasure:
         """The varifold of all faces, or of those drawn."""
         if self.n_supports is None:
-            return varifold(mesh, self.normal_scale, self.detach_weights)
-        return varifold_sample(mesh, self.n_supports, generator, self.normal_scale, self.detach_weights)
+            return varifold(mesh, normal_scale=self.normal_scale, detach_weights=self.detach_weights)
+        return varifold_sample(
+            mesh, self.n_supports, generator, normal_scale=self.normal_scale, detach_weights=self.detach_weights
+        )
 
 
 @dataclasses.dataclass(frozen=True)
 class SampleEncoding(Encoding):
-    """Points drawn by area, without normals: see :func:`meshot.empirical`.
+    """Points drawn by area, without normals or a gradient in their masses: see :func:`meshot.empirical`.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ class SampleEncoding(Encoding):
 
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> DiscreteMeasure:
         """The points."""
-        return empirical(mesh, self.n_supports or n_default, generator)
+        return empirical(mesh, self.n_supports or n_default, generator, detach_weights=True)
 
 
 @dataclasses.dataclass(frozen=True)

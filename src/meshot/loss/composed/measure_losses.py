@@ -9,13 +9,12 @@ import numpy as np
 import torch
 
 from meshot.errors import require_positive_integer
-from meshot.loss.composed.encodings import Measure
 from meshot.loss.directions import random_directions
 from meshot.loss.nearest import chamfer
 from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.loss.windowed import windowed_sliced_wasserstein
-from meshot.measure import DiscreteMeasure, SurfaceMeasure
+from meshot.measure import Measure
 from meshot.types import Float, Tensor
 
 
@@ -62,8 +61,7 @@ class SlicedLoss(MeasureLoss):
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss along fresh directions."""
-        places = source.vertices if isinstance(source, SurfaceMeasure) else source.points
-        directions = random_directions(self.n_directions, places.shape[1], generator).to(places)
+        directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
         return sliced_wasserstein(source, target, directions, self.p)
 
 
@@ -99,16 +97,13 @@ class WindowedLoss(MeasureLoss):
         require_positive_integer(self.n_directions, "n_directions")
         _require_exponent(self.p)
 
-    def __call__(
-        self, source: DiscreteMeasure, target: DiscreteMeasure, generator: np.random.Generator
-    ) -> Float[Tensor, ""]:
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss in fresh windows, each with directions of its own."""
-        lines = random_directions(self.n_windows * self.n_directions, source.points.shape[1], generator).to(
-            source.points
-        )
+        n_lines, d = self.n_windows * self.n_directions, source.places.shape[1]
+        lines = random_directions(n_lines, d, generator).to(source.places)
         shares = target.weights.double().cpu().numpy()
         drawn = generator.choice(len(shares), self.n_windows, p=shares / shares.sum())
-        centres = target.points[torch.from_numpy(drawn).to(lines.device), :3]
+        centres = target.places[torch.from_numpy(drawn).to(lines.device), :3]
         sets = lines.reshape(self.n_windows, self.n_directions, -1)
         return windowed_sliced_wasserstein(source, target, centres, self.window, sets, self.p)
 
@@ -117,9 +112,7 @@ class WindowedLoss(MeasureLoss):
 class ChamferLoss(MeasureLoss):
     """The Chamfer distance, squared: see :func:`meshot.chamfer`."""
 
-    def __call__(
-        self, source: DiscreteMeasure, target: DiscreteMeasure, generator: np.random.Generator
-    ) -> Float[Tensor, ""]:
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss; nothing is drawn."""
         return chamfer(source, target)
 
@@ -153,9 +146,7 @@ class SinkhornLoss(MeasureLoss):
         if not 0 < self.scaling < 1:
             raise ValueError(f"scaling is {self.scaling!r}; a number in (0, 1) is needed")
 
-    def __call__(
-        self, source: DiscreteMeasure, target: DiscreteMeasure, generator: np.random.Generator
-    ) -> Float[Tensor, ""]:
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss; nothing is drawn."""
         return sinkhorn_divergence(source, target, self.p, self.blur, self.scaling)
 

@@ -11,12 +11,15 @@ from meshot.loss.composed.measure_losses import LOSSES, MeasureLoss, SlicedLoss
 from meshot.mesh import Mesh
 from meshot.types import Float, Tensor
 
-_PAPERS_ENCODING, _PAPERS_LOSS = VarifoldEncoding(), SlicedLoss()
+_VARIFOLD, _SLICED = VarifoldEncoding(), SlicedLoss()
 
 
 @dataclasses.dataclass(frozen=True)
 class SurfaceLoss:
-    """A loss on an encoding: DDOT is ``SurfaceLoss()``, CortexODE ``SurfaceLoss(SampleEncoding(), ChamferLoss())``.
+    """A loss on an encoding.
+
+    DDOT is ``SurfaceLoss(VarifoldEncoding(normal_scale=1.0))``, CortexODE ``SurfaceLoss(SampleEncoding(),
+    ChamferLoss())``.
 
     Parameters
     ----------
@@ -37,8 +40,8 @@ class SurfaceLoss:
     Le et al., ICLR 2024, Algorithm 1 and Table 3; Ma et al., *CortexODE*, IEEE TMI 2022.
     """
 
-    encoding: Encoding = _PAPERS_ENCODING
-    loss: MeasureLoss = _PAPERS_LOSS
+    encoding: Encoding = _VARIFOLD
+    loss: MeasureLoss = _SLICED
     factor: float = 1.0
 
     def __post_init__(self):
@@ -66,7 +69,7 @@ def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss:
     Parameters
     ----------
     settings : mapping
-        ``loss`` and ``encoding`` are names (those of DDOT if left out); the others are fields of these two, and
+        ``loss`` and ``encoding`` are names (sliced, and varifold, if left out); the others are fields of these two, and
         ``factor``. None counts as left out.
 
     Raises
