@@ -13,7 +13,11 @@ class Threshold(torch.nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.value = torch.nn.Parameter(torch.tensor(0.3))
+        self.fifths = torch.nn.Parameter(torch.tensor(1.5))
+
+    @property
+    def value(self):
+        return self.fifths / 5
 
     def config(self):
         return {}
