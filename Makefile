@@ -15,12 +15,16 @@ JOBS ?= 2
 
 FILES ?= 5000
 
-.PHONY: help book test fuzz html notebooks ledger lab lint lock benchmark cohorts clean distclean
+# Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
+WARM = @$(BIN)meshot warmup
+
+.PHONY: help book test test-wheel fuzz html notebooks ledger lab lint lock benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
 	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
 	@echo "make fuzz       read 5000 damaged files of every kind (an hour at most; FILES=500 for fewer)"
+	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
 	@echo "make html       render the book from the stored outputs (seconds)"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make ledger     write the claims ledger from the committed results"
@@ -44,6 +48,7 @@ endif
 
 book: $(READY)
 	@$(RUN) tools/preflight.py python display
+	$(WARM)
 	@$(RUN) book/run_notebooks.py fresh
 	@$(RUN) book/build.py fresh
 
@@ -52,6 +57,7 @@ html: $(READY)
 
 notebooks: $(READY)
 	@$(RUN) tools/preflight.py python display
+	$(WARM)
 	@$(RUN) book/run_notebooks.py store $(NAME)
 	@$(RUN) tools/readme_picture.py
 
@@ -61,11 +67,15 @@ ledger: $(READY)
 test: $(READY)
 	@$(RUN) tools/preflight.py python display browser
 	@$(MAKE) --no-print-directory lint
+	$(WARM)
 	$(RUN) -m pytest
 	$(RUN) tests/check_notebooks.py
 
 fuzz: $(READY)
 	$(RUN) tests/fuzz/run.py --files $(FILES) --keep build/fuzz
+
+test-wheel: $(READY)
+	$(RUN) tests/check_wheel.py
 
 lint: $(READY)
 	$(BIN)ruff check .
