@@ -37,6 +37,7 @@ HOMES = {
     "vtkmodules": ("meshot/view/", "meshot_book/figures/"),
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),
     "IPython": ("meshot_book/figures/",),
+    "jinja2": ("meshot/view/page",),
     "yaml": ("meshot/synth/", "meshot/train/", "meshot/pipeline/", "meshot/cli", "meshot_book/claims/"),
 }
 MOST_NAMES = 20

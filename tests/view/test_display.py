@@ -41,7 +41,7 @@ def test_vtk_fails_in_its_own_process_where_no_driver_is():
 
 def test_a_machine_without_opengl_gets_one_sentence_with_the_packages():
     code = (
-        "from meshot.figures import display; display.WINDOWS['linux'] = ('vtkEGLRenderWindow',); "
+        "from meshot.view import display; display.WINDOWS['linux'] = ('vtkEGLRenderWindow',); "
         "raise SystemExit(display.main())"
     )
     done = _run("-c", code, VTK_DEFAULT_OPENGL_WINDOW="", **HIDDEN)

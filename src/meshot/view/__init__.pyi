@@ -1,7 +1,7 @@
 from .display import require_display as require_display
-from .page import OPENING as OPENING
+from .page import Page as Page
 from .page import filled as filled
-from .page import identity as identity
+from .page import live_page as live_page
 from .page import still_of as still_of
 from .scene import interactive as interactive
 from .slices import (
