@@ -1,7 +1,6 @@
 """``meshot reconstruct`` as a user meets it: files, page, folders in the way, bad scans."""
 
 import json
-import re
 import shutil
 
 import nibabel

@@ -17,6 +17,13 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 _IMPORT = re.compile(r"""^(?:@import|import\s[^;]*?\sfrom) "([^"]+)";\n""", re.MULTILINE)
+_QUOTED = re.compile(r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'|`(?:\\.|[^`\\])*`)""")
+#: Where white space says nothing, outside quotes: the formatter ends every statement with a semicolon.
+_LOOSE = {
+    ".js": re.compile(r"\s*([][{}();,:=<>?&|*/%])\s*| ?([+-]) (?![+-])"),
+    ".css": re.compile(r"\s*([{};,>])\s*|(?<=:)()\s+"),
+}
+_INDENT = re.compile(r"\s*\n\s*")
 _COMMENT = re.compile(r"^\s*(?:export (?=(?:async )?(?:function|const|class))|//.*\n|/\*.*\*/\n)", re.MULTILINE)
 
 
@@ -61,7 +68,8 @@ def live_page(stem: str, data: dict, words: str, **values: object) -> Page:
     """
     kind = posixpath.basename(stem).replace("_", "-")
     name = f"{kind}-" + hashlib.sha256(repr((data, values)).encode()).hexdigest()[:12]
-    return Page(filled(f"{stem}.html", stem=stem, kind=kind, id=name, data=data, **values), words)
+    html = filled(f"{stem}.html", stem=stem, kind=kind, id=name, data=data, **values)
+    return Page(_INDENT.sub("\n", html), words)
 
 
 def filled(template: str, **values: object) -> str:
@@ -78,7 +86,8 @@ def filled(template: str, **values: object) -> str:
 def joined(*names: str) -> str:
     """Scripts, or styles, and all that they import, as one piece: what is imported comes first, and once.
 
-    Comments, indentation and the words ``import`` and ``export`` are left out: the pieces share one scope.
+    Comments, loose white space and the words ``import`` and ``export`` are left out: the pieces share one scope. A
+    comment stands on a line of its own.
     """
     parts: dict[str, str] = {}
 
@@ -89,7 +98,7 @@ def joined(*names: str) -> str:
             for other in _IMPORT.findall(text):
                 add(posixpath.normpath(posixpath.join(posixpath.dirname(name), other)))
             del parts[name]
-            parts[name] = _squeezed(_IMPORT.sub("", text))
+            parts[name] = _squeezed(_IMPORT.sub("", text), _LOOSE[posixpath.splitext(name)[1]])
 
     for name in names:
         add(name)
@@ -109,9 +118,9 @@ def _text(name: str) -> str:
     return resources.files(package).joinpath(*path).read_text(encoding="utf-8")
 
 
-def _squeezed(text: str) -> str:
-    lines = (line.strip() for line in _COMMENT.sub("", text).splitlines())
-    return "\n".join(line for line in lines if line)
+def _squeezed(text: str, loose: re.Pattern) -> str:
+    pieces = _QUOTED.split(_COMMENT.sub("", text))
+    return "".join(piece if i % 2 else loose.sub(r"\1\2", piece) for i, piece in enumerate(pieces)).strip()
 
 
 _TEMPLATES = jinja2.Environment(

@@ -7,7 +7,7 @@ const FRAGMENT = `#version 300 es
   precision highp float; in vec3 facing; in float share; uniform sampler2D colours; uniform vec3 plain;
   uniform float ambient; out vec4 colour;
   void main() { float light = ambient + (1.0 - ambient) * abs(normalize(facing).z);
-    vec3 own = share < 0.0 ? plain : texture(colours, vec2((share * 255.0 + 0.5) / 256.0, 0.5)).rgb;
+    vec3 own = share < -0.001 ? plain : texture(colours, vec2((share * 255.0 + 0.5) / 256.0, 0.5)).rgb;
     colour = vec4(own * light, 1.0); }`;
 
 // A function that draws one of the surfaces of a scene, turned and enlarged.
