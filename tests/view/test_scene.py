@@ -133,8 +133,10 @@ def test_wheel_and_keys_zoom_turn_reset_and_leave(file, context):
 
 def test_names_switch_between_surfaces_even_before_the_first_click(file, context):
     with watched_page(context, file) as (page, troubles):
-        page.get_by_role("radio", name="plain").check()
+        page.get_by_role("radio", name="high & low").focus()
+        page.keyboard.press("ArrowRight")
         page.wait_for_selector(".surface-scene canvas")
+        assert page.evaluate("() => document.activeElement.type") == "radio"
         plain = pixels(page)
         middle = plain[plain.shape[0] // 2, plain.shape[1] // 2]
         assert np.ptp(middle) < 0.06

@@ -35,6 +35,12 @@ def costs(degrees, source=SOURCE, target=TARGET):
 
 
 NUMBERS = {"angle", "cost", "mean", "drawn", "estimate", "error"}
+WATCH_ANGLES = """() => {
+  window.angles = [];
+  const root = document.querySelector(".turning");
+  const note = () => window.angles.push(Number(root.dataset.angle));
+  new MutationObserver(note).observe(root, { attributes: true, attributeFilter: ["data-angle"] });
+}"""
 MEAN = costs(np.arange(180)).mean()
 
 
@@ -123,6 +129,39 @@ def test_turning_by_keyboard_hand_and_button(file, context):
         resting = shown(page)["angle"]
         page.wait_for_timeout(100)
         assert shown(page)["angle"] == resting
+        assert troubles == []
+
+
+def test_a_finger_turns_and_the_page_does_not_scroll_away(tmp_path, player, context):
+    path = page_file(tmp_path, player)
+    path.write_text(path.read_text().replace("</body>", "<div style='height:3000px'></div></body>"))
+    with watched_page(context, path) as (page, troubles):
+        page.set_viewport_size({"width": 400, "height": 800})
+        touch = page.context.new_cdp_session(page)
+        touch.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
+        box = page.locator(".turning svg").bounding_box()
+        scale = box["width"] / 700
+        x, y = box["x"] + 175 * scale, box["y"] + 175 * scale
+        for kind, place in (("Start", (x + 40, y)), ("Move", (x + 20, y - 20)), ("Move", (x, y - 40))):
+            point = {"x": place[0], "y": place[1]}
+            touch.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": [point]})
+            page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        assert shown(page)["angle"] == pytest.approx(90, abs=1)
+        assert page.evaluate("() => window.scrollY") == 0
+        assert troubles == []
+
+
+def test_reduced_motion_turns_the_line_in_steps(file, context):
+    with watched_page(context, file) as (page, troubles):
+        page.emulate_media(reduced_motion="reduce")
+        page.reload()
+        page.evaluate(WATCH_ANGLES)
+        page.locator(".turn").click()
+        page.wait_for_function("() => window.angles.at(-1) >= 60", timeout=10_000)
+        page.locator(".turn").click()
+        assert page.evaluate("() => [...new Set(window.angles)]") == [30, 45, 60]
+        assert page.locator(".turn").text_content() == "turn"
         assert troubles == []
 
 
