@@ -80,6 +80,9 @@ test-wheel: $(READY)
 lint: $(READY)
 	$(BIN)ruff check .
 	$(BIN)ruff format --check .
+	$(BIN)oxlint --deny-warnings src
+	$(BIN)oxfmt --check src
+	$(BIN)djlint --check --lint src
 
 lab: $(READY)
 	$(BIN)jupyter lab notebooks

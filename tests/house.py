@@ -40,6 +40,7 @@ HOMES = {
     "vtkmodules": ("meshot/view/", "meshot_book/figures/"),
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),
     "IPython": ("meshot_book/figures/",),
+    "jinja2": ("meshot/view/page",),
     "yaml": ("meshot/plain_yaml", "meshot/synth/cohorts/recipe", "meshot_book/claims/"),
 }
 MOST_NAMES = 20

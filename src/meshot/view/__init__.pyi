@@ -1,5 +1,5 @@
 from .display import require_display as require_display
-from .page import OPENING as OPENING, filled as filled, identity as identity, still_of as still_of
+from .page import Page as Page, filled as filled, live_page as live_page, still_of as still_of
 from .scene import interactive as interactive
 from .slices import (
     LINE_COLOURS as LINE_COLOURS,

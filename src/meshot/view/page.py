@@ -1,33 +1,108 @@
-"""What the pages have in common that notebooks and the book show as they are: opening, marks, name, still picture."""
+"""Pages that notebooks and the book show as they are: HTML, CSS and JavaScript from files, filled with data.
+
+A file is named by its path from the folder of the packages, such as ``meshot/view/assets/page.html``. A filled page
+holds its styles and scripts: it needs no network and no file beside it, in JupyterLab and in the book from file://.
+"""
 
 import base64
+import dataclasses
 import hashlib
 import io
-from collections.abc import Mapping
+import posixpath
+import re
+from importlib import resources
 
+import jinja2
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-#: How the script of a page begins. Shown twice, a page is brought to life once.
-OPENING = """(function () {
-  "use strict";
-  const data = @DATA@;
-  const root = document.getElementById("@ID@");
-  if (!root || root.dataset.ready) { return; }
-  root.dataset.ready = "yes";
-"""
+_IMPORT = re.compile(r"""^(?:@import|import\s[^;]*?\sfrom) "([^"]+)";\n""", re.MULTILINE)
+_QUOTED = re.compile(r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'|`(?:\\.|[^`\\])*`)""")
+#: Where white space says nothing, outside quotes: the formatter ends every statement with a semicolon.
+_LOOSE = {
+    ".js": re.compile(r"\s*([][{}();,:=<>?&|*/%])\s*| ?([+-]) (?![+-])"),
+    ".css": re.compile(r"\s*([{};,>])\s*|(?<=:)()\s+"),
+}
+_INDENT = re.compile(r"\s*\n\s*")
+_COMMENT = re.compile(r"^\s*(?:export (?=(?:async )?(?:function|const|class))|//.*\n|/\*.*\*/\n)", re.MULTILINE)
 
 
-def filled(page: str, marks: Mapping[str, str]) -> str:
-    """The page with every mark replaced, in the order given: what comes in early may hold later marks."""
-    for mark, text in marks.items():
-        page = page.replace(mark, text)
-    return page
+@dataclasses.dataclass(frozen=True, eq=False)
+class Page:
+    """A piece of HTML that notebooks and the book show as it is.
+
+    Parameters
+    ----------
+    html : str
+        Whole in itself: a still, and what brings it to life.
+    words : str
+        What is shown where HTML is not.
+    """
+
+    html: str
+    words: str
+
+    def _repr_html_(self) -> str:
+        return self.html
+
+    def __repr__(self) -> str:
+        return self.words
 
 
-def identity(kind: str, text: str) -> str:
-    """A name for the page's outermost element that depends on what it holds, and on nothing else."""
-    return f"{kind}-" + hashlib.sha256(text.encode()).hexdigest()[:12]
+def live_page(stem: str, data: dict, words: str, **values: object) -> Page:
+    """A page with data: the template ``stem.html``, which extends ``page.html``, with ``stem.css`` and ``stem.js``.
+
+    The script exports ``main(root, data)``, where root is the outermost element of the page. The template finds the
+    name of that element in ``id``: it depends on what the page holds, and on nothing else.
+
+    Parameters
+    ----------
+    stem : str
+        Path without suffix.
+    data : dict
+        Plain and finite, for JSON.
+    words : str
+        What is shown where HTML is not.
+    **values
+        What else the template asks for; ``alt`` always.
+    """
+    kind = posixpath.basename(stem).replace("_", "-")
+    name = f"{kind}-" + hashlib.sha256(repr((data, values)).encode()).hexdigest()[:12]
+    html = filled(f"{stem}.html", stem=stem, kind=kind, id=name, data=data, **values)
+    return Page(_INDENT.sub("\n", html), words)
+
+
+def filled(template: str, **values: object) -> str:
+    """A template with every value filled in and escaped; ``tojson`` writes data that no script can be closed by.
+
+    Raises
+    ------
+    jinja2.UndefinedError
+        If the template asks for a value that is not given.
+    """
+    return _TEMPLATES.get_template(template).render(values)
+
+
+def joined(*names: str) -> str:
+    """Scripts, or styles, and all that they import, as one piece: what is imported comes first, and once.
+
+    Comments, loose white space and the words ``import`` and ``export`` are left out: the pieces share one scope. A
+    comment stands on a line of its own.
+    """
+    parts: dict[str, str] = {}
+
+    def add(name: str) -> None:
+        if name not in parts:
+            parts[name] = ""
+            text = _text(name)
+            for other in _IMPORT.findall(text):
+                add(posixpath.normpath(posixpath.join(posixpath.dirname(name), other)))
+            del parts[name]
+            parts[name] = _squeezed(_IMPORT.sub("", text), _LOOSE[posixpath.splitext(name)[1]])
+
+    for name in names:
+        add(name)
+    return "\n".join(parts.values())
 
 
 def still_of(figure: Figure) -> str:
@@ -36,3 +111,24 @@ def still_of(figure: Figure) -> str:
     figure.savefig(buffer, format="png", dpi=80)
     plt.close(figure)
     return base64.b64encode(buffer.getvalue()).decode()
+
+
+def _text(name: str) -> str:
+    package, *path = name.split("/")
+    return resources.files(package).joinpath(*path).read_text(encoding="utf-8")
+
+
+def _squeezed(text: str, loose: re.Pattern) -> str:
+    pieces = _QUOTED.split(_COMMENT.sub("", text))
+    return "".join(piece if i % 2 else loose.sub(r"\1\2", piece) for i, piece in enumerate(pieces)).strip()
+
+
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.FunctionLoader(_text),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_TEMPLATES.globals["joined"] = joined
+_TEMPLATES.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}

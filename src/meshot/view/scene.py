@@ -1,10 +1,7 @@
 """Surfaces that a reader can turn: a still first, the interactive view by a click, all in one piece of HTML."""
 
 import base64
-import dataclasses
-import html
 import io
-import json
 from collections.abc import Mapping
 
 import matplotlib.colors
@@ -15,36 +12,12 @@ from matplotlib.ticker import MaxNLocator
 
 from meshot.mesh import Mesh
 from meshot.view.angles import View, view_from
-from meshot.view.page import filled, identity
+from meshot.view.page import Page, live_page
 from meshot.view.scene_data import scene_data
-from meshot.view.scene_page import BAR, PAGE, STYLE
-from meshot.view.scene_script import SCRIPT
 from meshot.view.surface import framing, surface_image
 from meshot.view.values import COLOUR_MAP, Values, bar_label, colour_limits, named, pointed_ends
 
 STILL_SIZE = (880, 660)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Scene:
-    """A piece of HTML that notebooks and the book show as it is.
-
-    Parameters
-    ----------
-    page : str
-        Style, still, data and script.
-    names : tuple of str
-        What can be switched between.
-    """
-
-    page: str
-    names: tuple[str, ...]
-
-    def _repr_html_(self) -> str:
-        return self.page
-
-    def __repr__(self) -> str:
-        return f"Scene({', '.join(name for name in self.names if name) or 'one surface'}; run the cell to turn it)"
 
 
 def interactive(
@@ -58,7 +31,7 @@ def interactive(
     limits: tuple[float, float] | None = None,
     colour_map: str = COLOUR_MAP,
     view: str = "left",
-) -> Scene:
+) -> Page:
     """An interactive view of one or several surfaces: turned by dragging, zoomed by the wheel, switched by name.
 
     It needs no network and no file beside it, in a notebook and in the book. Places are rounded to 1/16383 of the
@@ -99,21 +72,16 @@ def interactive(
     meshes, values = named(meshes, values)
     limits = colour_limits(values, limits)
     sight = view_from(view)
-    data = json.dumps(
-        scene_data(meshes, values, limits, colour_map, sight, STILL_SIZE[0] / STILL_SIZE[1]), separators=(",", ":")
-    ).replace("<", "\\u003c")
-    first = next(iter(meshes))
-    marks = {
-        "@STYLE@": STYLE,
-        "@BAR@": _bar(values, limits, colour_map, bar_label(label, unit)) if values else "",
-        "@SCRIPT@": SCRIPT,
-        "@ID@": identity("scene", data + title + alt),
-        "@ALT@": html.escape(alt, quote=True),
-        "@TITLE@": html.escape(title),
-        "@STILL@": _still(meshes, first, values, limits, colour_map, sight),
-        "@DATA@": data,
-    }
-    return Scene(filled(PAGE, marks), tuple(meshes))
+    names = ", ".join(name for name in meshes if name) or "one surface"
+    return live_page(
+        "meshot/view/assets/surface_scene",
+        scene_data(meshes, values, limits, colour_map, sight, STILL_SIZE[0] / STILL_SIZE[1]),
+        f"Scene({names}; run the cell to turn it)",
+        alt=alt,
+        title=title,
+        still=_still(meshes, next(iter(meshes)), values, limits, colour_map, sight),
+        bar=_bar(values, limits, colour_map, bar_label(label, unit)) if values else None,
+    )
 
 
 def _still(
@@ -131,17 +99,16 @@ def _still(
     return base64.b64encode(buffer.getvalue()).decode()
 
 
-def _bar(values: Mapping[str, np.ndarray], limits: tuple[float, float], colour_map: str, label: str) -> str:
+def _bar(values: Mapping[str, np.ndarray], limits: tuple[float, float], colour_map: str, label: str) -> dict:
     low, high = limits
     slack = 1e-9 * (high - low)
     ends = pointed_ends(values, limits)
     beyond = {"neither": "", "min": f"below {low:g}", "max": f"above {high:g}", "both": f"beyond {low:g} and {high:g}"}
     label += f"; {beyond[ends]}: the colour of the end" if beyond[ends] else ""
-    ramp = [matplotlib.colors.to_hex(colour) for colour in colormaps[colour_map](np.linspace(0, 1, 17))]
-    ticks = "".join(
-        f'<span style="left:{100 * (tick - low) / (high - low):.4g}%">{f"{tick:g}".replace("-", "−")}</span>'
+    colours = [matplotlib.colors.to_hex(colour) for colour in colormaps[colour_map](np.linspace(0, 1, 17))]
+    ticks = [
+        (f"{100 * (tick - low) / (high - low):.4g}", f"{tick:g}".replace("-", "−"))
         for tick in MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
         if low - slack <= tick <= high + slack
-    )
-    marks = {"@BAR_LABEL@": html.escape(label, quote=True), "@LOW@": f"{low:g}", "@HIGH@": f"{high:g}"}
-    return filled(BAR, marks | {"@COLOURS@": ", ".join(ramp), "@TICKS@": ticks})
+    ]
+    return {"label": label, "low": f"{low:g}", "high": f"{high:g}", "colours": colours, "ticks": ticks}

@@ -14,12 +14,18 @@ matplotlib.use("agg")
 import matplotlib.pyplot as plt
 from matplotlib.colors import to_rgb
 
+from browser import page_file, watched_page
 from meshot.mesh.sampling import even_points
 from meshot.mesh.shapes.contours import star
 from meshot.view.style.colours import LOSS_COLOURS, LOSS_DASHES, loss_line, use_style
 from meshot_book.figures.points.player import point_player
 from meshot_book.figures.points.points import box_around, curves_figure, draw_contour, force_figure, process_figure
 
+WATCH_STEPS = """() => {
+  window.steps = [];
+  const note = (changes) => changes.forEach((c) => window.steps.push(Number(c.target.textContent.split(" ")[1])));
+  new MutationObserver(note).observe(document.querySelector("output"), { childList: true });
+}"""
 SHAPE = star(5, 1.5, 0.35)
 POINTS = even_points(SHAPE, 20)
 
@@ -90,8 +96,8 @@ def test_player_holds_the_points_and_reaches_nowhere():
     page = player._repr_html_()
     assert repr(player) == "Player(2 frames; run the cell to see it move)"
     assert page == point_player(frames, [0, 10], SHAPE, 'what is "seen"')._repr_html_()
-    assert not re.search(r"@[A-Z]+@|https?:|src=\"(?!data:)", page)
-    assert 'aria-label="what is &quot;seen&quot;"' in page
+    assert not re.search(r"\{[{%]|https?:|src=\"(?!data:)", page)
+    assert 'aria-label="what is &#34;seen&#34;"' in page
     data = json.loads(re.search(r"const data = (\{.*?\});\n", page)[1])
     assert "<b>" not in page
     assert data["panels"][1]["name"] == "<b>"
@@ -104,3 +110,34 @@ def test_player_holds_the_points_and_reaches_nowhere():
 def test_player_needs_a_frame_for_each_step():
     with pytest.raises(ValueError, match="2 frames for 3 steps"):
         point_player({"Chamfer": torch.stack([POINTS, POINTS])}, [0, 1, 2], SHAPE, "x")
+
+
+def test_the_player_glides_pauses_and_goes_on(tmp_path, context):
+    """Points are drawn between the frames; a press pauses where they are, and the next goes on from there."""
+    frames = {"Chamfer": torch.stack([POINTS * (k / 100) for k in range(101)])}
+    player = point_player(frames, range(0, 10_001, 100), SHAPE, "points")
+    with watched_page(context, page_file(tmp_path, player)) as (page, troubles):
+        button, clock = page.locator(".controls button"), page.locator("output")
+        assert page.locator("img").is_hidden()
+        assert clock.text_content() == "step 10000"
+        page.evaluate(WATCH_STEPS)
+        button.click()
+        page.wait_for_function("() => window.steps.some((step) => step > 100)")
+        assert button.text_content() == "❚❚ pause"
+        button.click()
+        stopped = page.evaluate("() => window.steps.at(-1)")
+        page.wait_for_timeout(300)
+        assert page.evaluate("() => window.steps.at(-1)") == stopped
+        assert button.text_content() == "▶ play"
+        button.click()
+        page.wait_for_function("(stopped) => window.steps.at(-1) > stopped + 50", arg=stopped)
+        steps = page.evaluate("() => window.steps")
+        assert steps[0] == 0
+        assert steps == sorted(steps)
+        assert any(step % 100 for step in steps)
+        page.locator("input").focus()
+        page.keyboard.press("End")
+        assert button.text_content() == "▶ play"
+        assert clock.text_content() == "step 10000"
+        assert page.locator("input").get_attribute("aria-valuetext") == "step 10000"
+        assert troubles == []

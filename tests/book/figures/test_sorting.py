@@ -9,10 +9,11 @@ import pytest
 import torch
 
 from browser import page_file, watched_page
+from meshot.view.page import joined
 from meshot_book.figures.lines.sorting import sorting_player
-from meshot_book.figures.lines.sorting_script import ARITHMETIC
 
 SOURCE, TARGET = [1.0, 2.2, 2.9, 5.5], [3.0, 4.4, 0.8, 7.2, 9.3]
+ARITHMETIC = joined("meshot_book/figures/assets/pairing.js", "meshot_book/figures/assets/random.js")
 ALT = "two rows of <grains>"
 
 
@@ -110,7 +111,7 @@ def test_a_dragged_grain_takes_its_pairing_along(file, context):
 
 def test_a_finger_drags_and_the_page_does_not_scroll_away(tmp_path, player, context):
     path = tmp_path / "page.html"
-    path.write_text(f"<!doctype html><meta charset=utf-8><body>{player.page}<div style='height:3000px'>", "utf-8")
+    path.write_text(f"<!doctype html><meta charset=utf-8><body>{player.html}<div style='height:3000px'>", "utf-8")
     with watched_page(context, path) as (page, troubles):
         page.set_viewport_size({"width": 400, "height": 800})
         touch = page.context.new_cdp_session(page)
@@ -177,20 +178,20 @@ def test_exponents_and_pairings_switch(file, context):
 
 
 def test_without_scripts_the_still_stays(player):
-    words = re.sub(r"<script>.*</script>", "", player.page, flags=re.DOTALL)
+    words = re.sub(r"<script>.*</script>", "", player.html, flags=re.DOTALL)
     assert words.count("<img") == 1
     assert '<div class="controls" hidden>' in words
 
 
 def test_two_runs_give_the_same_page_that_reaches_nowhere(player):
     again = sorting_player(measure(SOURCE), measure(TARGET), ALT, measure([1.0, 3, 1, 2]), measure([2.0, 1, 1, 1, 4]))
-    assert again.page == player.page
+    assert again.html == player.html
     assert repr(player) == "SortingPlayer(9 grains; run the cell to move them)"
-    outside = player.page.replace("http://www.w3.org/2000/svg", "")
-    assert not re.search(r"@[A-Z]+@|https?:|src=\"(?!data:)|prefers-reduced|animat", outside)
-    assert "&lt;grains&gt;" in player.page
-    assert ALT not in player.page
-    data = json.loads(re.search(r"const data = (\{.*?\});\n", player.page)[1])
+    outside = player.html.replace("http://www.w3.org/2000/svg", "")
+    assert not re.search(r"\{[{%]|https?:|src=\"(?!data:)|prefers-reduced|animat", outside)
+    assert "&lt;grains&gt;" in player.html
+    assert ALT not in player.html
+    data = json.loads(re.search(r"const data = (\{.*?\});\n", player.html)[1])
     assert data["source"] == SOURCE
     assert data["target_masses"] == [2, 1, 1, 1, 4]
 

@@ -16,10 +16,11 @@ import matplotlib.pyplot as plt
 from browser import page_file, watched_page
 from meshot.loss.sliced import slice_costs, sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
+from meshot.view.page import joined
 from meshot_book.figures.lines.turned_line import turning_player
 from meshot_book.figures.lines.turning import line_costs, turning_figure
-from meshot_book.figures.lines.turning_page import ARITHMETIC
 
+ARITHMETIC = joined("meshot_book/figures/assets/line_costs.js", "meshot_book/figures/assets/random.js")
 GENERATOR = np.random.default_rng(3)
 SOURCE, TARGET = (torch.from_numpy(GENERATOR.normal(size=(9, 2)) + shift) for shift in ([0.5, 0], [-1, 0.3]))
 
@@ -33,6 +34,13 @@ def costs(degrees, source=SOURCE, target=TARGET):
     return slice_costs(DiscreteMeasure(source), DiscreteMeasure(target), directions(degrees)).numpy()
 
 
+NUMBERS = {"angle", "cost", "mean", "drawn", "estimate", "error"}
+WATCH_ANGLES = """() => {
+  window.angles = [];
+  const root = document.querySelector(".turning");
+  const note = () => window.angles.push(Number(root.dataset.angle));
+  new MutationObserver(note).observe(root, { attributes: true, attributeFilter: ["data-angle"] });
+}"""
 MEAN = costs(np.arange(180)).mean()
 
 
@@ -48,7 +56,7 @@ def file(tmp_path, player):
 
 def shown(page):
     data = page.locator(".turning").evaluate("node => Object.assign({}, node.dataset)")
-    return {name: float(value) for name, value in data.items() if name != "ready"}
+    return {name: float(value) for name, value in data.items() if name in NUMBERS}
 
 
 def test_costs_that_are_drawn_are_ours():
@@ -70,9 +78,9 @@ def test_picture_shows_points_curve_and_mean():
 def test_page_is_whole_and_reaches_nowhere(player):
     page = player._repr_html_()
     assert repr(player) == "TurningPlayer(9 points on either side; run the cell to turn the line)"
-    assert not re.search(r"@[A-Z]+@|src=\"(?!data:)", page)
+    assert not re.search(r"\{[{%]|src=\"(?!data:)", page)
     assert re.findall(r"https?://[^\"]*", page) == ["http://www.w3.org/2000/svg"]
-    assert 'aria-label="a line &amp; &quot;two clouds&quot;"' in page
+    assert 'aria-label="a line &amp; &#34;two clouds&#34;"' in page
     data = json.loads(re.search(r"const data = (\{.*?\});\n", page)[1])
     np.testing.assert_allclose(data["source"], SOURCE.numpy())
 
@@ -121,6 +129,39 @@ def test_turning_by_keyboard_hand_and_button(file, context):
         resting = shown(page)["angle"]
         page.wait_for_timeout(100)
         assert shown(page)["angle"] == resting
+        assert troubles == []
+
+
+def test_a_finger_turns_and_the_page_does_not_scroll_away(tmp_path, player, context):
+    path = page_file(tmp_path, player)
+    path.write_text(path.read_text().replace("</body>", "<div style='height:3000px'></div></body>"))
+    with watched_page(context, path) as (page, troubles):
+        page.set_viewport_size({"width": 400, "height": 800})
+        touch = page.context.new_cdp_session(page)
+        touch.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
+        box = page.locator(".turning svg").bounding_box()
+        scale = box["width"] / 700
+        x, y = box["x"] + 175 * scale, box["y"] + 175 * scale
+        for kind, place in (("Start", (x + 40, y)), ("Move", (x + 20, y - 20)), ("Move", (x, y - 40))):
+            point = {"x": place[0], "y": place[1]}
+            touch.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": [point]})
+            page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        assert shown(page)["angle"] == pytest.approx(90, abs=1)
+        assert page.evaluate("() => window.scrollY") == 0
+        assert troubles == []
+
+
+def test_reduced_motion_turns_the_line_in_steps(file, context):
+    with watched_page(context, file) as (page, troubles):
+        page.emulate_media(reduced_motion="reduce")
+        page.reload()
+        page.evaluate(WATCH_ANGLES)
+        page.locator(".turn").click()
+        page.wait_for_function("() => window.angles.at(-1) >= 60", timeout=10_000)
+        page.locator(".turn").click()
+        assert page.evaluate("() => [...new Set(window.angles)]") == [30, 45, 60]
+        assert page.locator(".turn").text_content() == "turn"
         assert troubles == []
 
 

@@ -79,12 +79,12 @@ def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]
     alt = "The white surfaces of the left and the right hemisphere"
     try:
         if not found.system:
-            return interactive(meshes, alt=f"{alt}, as the segmentation has them.").page
+            return interactive(meshes, alt=f"{alt}, as the segmentation has them.").html
         limit = max(float(np.percentile(numbers, 99)) for numbers in distances.values())
         return interactive(
             meshes, distances, alt=f"{alt}, coloured by the distance from the initial surface.",
             label="distance from the initial surface", limits=(0.0, max(round(limit, 1), 0.1)),
-        ).page  # fmt: skip
+        ).html  # fmt: skip
     except RuntimeError as error:  # no OpenGL here
         return f"<p>{error}</p>"
 

@@ -1,9 +1,5 @@
 """Two triangles under a flow of their points: a page on which a reader makes them cross, whole in itself, offline."""
 
-import dataclasses
-import html
-import json
-
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
@@ -13,32 +9,12 @@ from meshot.errors import require_positive_integer
 from meshot.flow import integrate
 from meshot.flow.fields import AnalyticField, Push, Vortex
 from meshot.types import Float, Tensor
-from meshot.view import filled, identity, still_of
+from meshot.view import Page, live_page, still_of
 from meshot.view.style import BLUE, ORANGE, WIDTH
-from meshot_book.figures.flows.crossing_page import PAGE
 
 LOWER = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]]
 #: What the page offers to move the triangles, by the names that its buttons have.
 FIELDS: dict[str, AnalyticField] = {"push": Push(-1.0, 0.3), "whirl": Vortex(6.0, 0.5)}
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class CrossingPlayer:
-    """A page that notebooks and the book show as it is.
-
-    Parameters
-    ----------
-    page : str
-        HTML, with style, script, data and a still picture inside.
-    """
-
-    page: str
-
-    def _repr_html_(self) -> str:
-        return self.page
-
-    def __repr__(self) -> str:
-        return "CrossingPlayer(run the cell to move two triangles)"
 
 
 def two_triangles(gap: float = 0.3) -> Float[Tensor, "2 3 2"]:
@@ -102,7 +78,7 @@ def crossing_figure(field: AnalyticField, gap: float, time: float, n_steps: int,
     return figure
 
 
-def crossing_player(description: str, gap: float = 0.3) -> CrossingPlayer:
+def crossing_player(description: str, gap: float = 0.3) -> Page:
     """Two triangles, a push or a whirl, and sliders for time, Euler steps, and the pieces of each side.
 
     A still picture comes first and stays where scripts may not run. Nothing moves unless the reader moves it. The page
@@ -125,15 +101,10 @@ def crossing_player(description: str, gap: float = 0.3) -> CrossingPlayer:
         reach = field.width if isinstance(field, Push) else field.radius
         fields[name] = {"strength": field.strength, "reach": reach, "lipschitz": float(field.lipschitz_bound())}
     data = {"corners": two_triangles(gap).tolist(), "fields": fields, "colours": [BLUE, ORANGE]}
-    text = json.dumps(data, separators=(",", ":"))
-    values = {
-        "@ID@": identity("crossing", text),
-        "@LABEL@": html.escape(description, quote=True),
-        "@STILL@": _picture(gap),
-        "@DATA@": text.replace("<", "\\u003c"),
-    }
-    return CrossingPlayer(filled(PAGE, values))
-
-
-def _picture(gap: float) -> str:
-    return still_of(crossing_figure(FIELDS["push"], gap, 0.6, 8, (1, 16)))
+    return live_page(
+        "meshot_book/figures/assets/crossing_player",
+        data,
+        "CrossingPlayer(run the cell to move two triangles)",
+        alt=description,
+        still=still_of(crossing_figure(FIELDS["push"], gap, 0.6, 8, (1, 16))),
+    )

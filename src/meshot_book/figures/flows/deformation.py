@@ -1,41 +1,12 @@
 """A surface on its way: an interactive view in which a reader moves through the time of a deformation, offline."""
 
-import dataclasses
-import html
-import json
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from meshot.mesh import Mesh
 from meshot.types import Array, Float, Tensor
-from meshot.view import COLOUR_MAP, filled, identity, interactive
-from meshot_book.figures.flows.deformation_page import PAGE
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Deformation:
-    """A piece of HTML that notebooks and the book show as it is.
-
-    Parameters
-    ----------
-    page : str
-        A still, an interactive view, and its controls.
-    names : tuple of str
-        What can be chosen.
-    n_frames : int
-        Moments in time of each deformation.
-    """
-
-    page: str
-    names: tuple[str, ...]
-    n_frames: int
-
-    def _repr_html_(self) -> str:
-        return self.page
-
-    def __repr__(self) -> str:
-        return f"Deformation({', '.join(self.names)}; {self.n_frames} frames; run the cell to see it move)"
+from meshot.view import COLOUR_MAP, Page, interactive, live_page
 
 
 def deformation_view(
@@ -51,7 +22,7 @@ def deformation_view(
     limits: tuple[float, float] | None = None,
     colour_map: str = COLOUR_MAP,
     view: str = "left",
-) -> Deformation:
+) -> Page:
     """A surface that deforms, one deformation at a time, with a slider for the time, a button, and a still first.
 
     It starts at rest, with the end of the first deformation. The surface can be turned and zoomed at any time. The
@@ -103,15 +74,14 @@ def deformation_view(
         meshes[name] = other
     options = {"label": label, "unit": unit, "limits": limits, "colour_map": colour_map, "view": view}
     scene = interactive(meshes, shades or None, alt=alt, **options)
-    data = json.dumps({"times": [float(t) for t in times], "choices": choices}, separators=(",", ":"))
-    marks = {
-        "@ID@": identity("deformation", data + scene.page),
-        "@LABEL@": html.escape(alt, quote=True),
-        "@LAST@": str(last),
-        "@DATA@": data.replace("<", "\\u003c"),
-        "@SCENE@": scene.page,
-    }
-    return Deformation(filled(PAGE, marks), (*paths, *beside), len(times))
+    return live_page(
+        "meshot_book/figures/assets/deformation",
+        {"times": [float(t) for t in times], "choices": choices},
+        f"Deformation({', '.join([*paths, *beside])}; {len(times)} frames; run the cell to see it move)",
+        alt=alt,
+        last=last,
+        scene=scene.html,
+    )
 
 
 def _require_frames(mesh: Mesh, paths: Mapping, times: Sequence[float], values: Mapping, beside: Mapping) -> None:

@@ -1,8 +1,5 @@
 """Sorting as transport: a page on which a reader drags grains and sees them paired, whole in itself, offline."""
 
-import dataclasses
-import html
-import json
 from collections.abc import Sequence
 
 import torch
@@ -10,32 +7,8 @@ import torch
 from meshot.errors import as_floating
 from meshot.loss.lines import monotone_plan
 from meshot.types import Float, Tensor
-from meshot.view import filled, identity, still_of
+from meshot.view import Page, live_page, still_of
 from meshot_book.figures.lines.line import pairing_figure, pairs_of
-from meshot_book.figures.lines.sorting_page import BEHAVIOUR, PAGE
-from meshot_book.figures.lines.sorting_script import ARITHMETIC
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class SortingPlayer:
-    """A page that notebooks and the book show as it is.
-
-    Parameters
-    ----------
-    page : str
-        HTML, with style, script, data and a still picture inside.
-    n_grains : int
-        On both sides together.
-    """
-
-    page: str
-    n_grains: int
-
-    def _repr_html_(self) -> str:
-        return self.page
-
-    def __repr__(self) -> str:
-        return f"SortingPlayer({self.n_grains} grains; run the cell to move them)"
 
 
 def sorting_player(
@@ -45,7 +18,7 @@ def sorting_player(
     source_masses: Float[Tensor, " n"] | None = None,
     target_masses: Float[Tensor, " m"] | None = None,
     exponents: Sequence[float] = (1, 1.5, 2, 3),
-) -> SortingPlayer:
+) -> Page:
     """Two rows of grains to be dragged, the pairing redrawn at once with its cost, sorted or at random.
 
     A still picture comes first and stays where scripts may not run. Nothing moves unless the reader moves it. Every
@@ -79,8 +52,15 @@ def sorting_player(
     data = {"range": [0, 10], "exponent": 2 if 2 in exponents else exponents[0]}
     data |= {name: values.tolist() for name, values in places.items()}
     data |= {f"{name}_masses": values.tolist() for name, values in masses.items()}
-    page = _filled(data, exponents, description, _picture(places["source"], places["target"]))
-    return SortingPlayer(page, len(places["source"]) + len(places["target"]))
+    n_grains = len(places["source"]) + len(places["target"])
+    return live_page(
+        "meshot_book/figures/assets/sorting",
+        data,
+        f"SortingPlayer({n_grains} grains; run the cell to move them)",
+        alt=description,
+        still=_picture(places["source"], places["target"]),
+        exponents=[(f"{p:g}", p == data["exponent"]) for p in exponents],
+    )
 
 
 def _positions(values: object, name: str) -> Tensor:
@@ -95,19 +75,6 @@ def _masses(values: object | None, places: Tensor, name: str) -> Tensor:
     if values.shape != places.shape or float(values.min()) <= 0:
         raise ValueError(f"{name} has shape {tuple(values.shape)}; {tuple(places.shape)} numbers > 0 are needed")
     return values
-
-
-def _filled(data: dict, exponents: Sequence[float], description: str, still: str) -> str:
-    text = json.dumps(data, separators=(",", ":"))
-    name = identity("sorting", text + repr(tuple(exponents)))
-    choices = "".join(
-        f'<label><input type="radio" name="{name}-exponent" value="{p:g}"{" checked" * (p == data["exponent"])}> '
-        f"p = {p:g}</label>"
-        for p in exponents
-    )
-    values = {"@BEHAVIOUR@": BEHAVIOUR, "@ARITHMETIC@": ARITHMETIC, "@EXPONENTS@": choices, "@DATA@": text}
-    values |= {"@ID@": name, "@STILL@": still, "@LABEL@": html.escape(description, quote=True)}
-    return filled(PAGE, values)
 
 
 def _picture(source: Tensor, target: Tensor) -> str:

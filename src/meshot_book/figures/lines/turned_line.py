@@ -1,43 +1,16 @@
 """A line that a reader turns: projections, sorted pairs and the cost by angle on a page whole in itself, offline."""
 
-import dataclasses
-import html
-import json
-
 from meshot.errors import as_floating, require_shape
 from meshot.types import Float, Tensor
-from meshot.view import filled, identity, still_of
+from meshot.view import Page, live_page, still_of
 from meshot_book.figures.lines.turning import ROWS, turning_figure
-from meshot_book.figures.lines.turning_page import ARITHMETIC, BEHAVIOUR, PAGE
 
 MOST_POINTS = 60
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class TurningPlayer:
-    """A page that notebooks and the book show as it is.
-
-    Parameters
-    ----------
-    page : str
-        HTML, with style, script, data and a still picture inside.
-    n_points : int
-        On either side.
-    """
-
-    page: str
-    n_points: int
-
-    def _repr_html_(self) -> str:
-        return self.page
-
-    def __repr__(self) -> str:
-        return f"TurningPlayer({self.n_points} points on either side; run the cell to turn the line)"
-
-
 def turning_player(
     source: Float[Tensor, "n 2"], target: Float[Tensor, "n 2"], description: str, angle: int = 30
-) -> TurningPlayer:
+) -> Page:
     """Two clouds and a line to be turned by slider, keyboard or hand, with random lines to be drawn and averaged.
 
     A still picture comes first and stays where scripts may not run. Nothing moves unless the reader moves it; a reader
@@ -66,18 +39,16 @@ def turning_player(
     if sizes["source"] != sizes["target"] or sizes["source"] > MOST_POINTS:
         raise ValueError(f"the clouds have {sizes} points; equally many, at most {MOST_POINTS}, are needed")
     data = {name: points.tolist() for name, points in clouds.items()} | {"angle": angle, "rows": ROWS}
-    text = json.dumps(data, separators=(",", ":"))
-    values = {"@BEHAVIOUR@": BEHAVIOUR, "@ARITHMETIC@": ARITHMETIC, "@DATA@": text, "@ANGLE@": str(angle)}
-    values |= {"@ID@": identity("turning", text)}
-    values |= {"@STILL@": _picture(*clouds.values(), angle), "@LABEL@": html.escape(description, quote=True)}
-    return TurningPlayer(filled(PAGE, values), sizes["source"])
+    return live_page(
+        "meshot_book/figures/assets/turning",
+        data,
+        f"TurningPlayer({sizes['source']} points on either side; run the cell to turn the line)",
+        alt=description,
+        still=still_of(turning_figure(*clouds.values(), angle)),
+    )
 
 
 def _places(points: object, name: str) -> Tensor:
     points = as_floating(points, name)
     require_shape(points, name, 2)
     return points.detach().cpu().double()
-
-
-def _picture(source: Tensor, target: Tensor, angle: int) -> str:
-    return still_of(turning_figure(source, target, angle))

@@ -1,17 +1,14 @@
 """Planted errors that a reader chooses, small to large, with what each metric says: whole in itself, offline."""
 
 import dataclasses
-import html
-import json
 import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from meshot.mesh import Mesh
-from meshot.view import filled, identity, still_of
+from meshot.view import Page, live_page, still_of
 from meshot_book.figures.measures.planted import Window, round_length, sections_figure
-from meshot_book.figures.measures.planted_page import BEHAVIOUR, PAGE
 
 SEEN = 2.0
 
@@ -37,27 +34,13 @@ class PlantedState:
     ratios: Sequence[float]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class PlantedPlayer:
-    """A page that notebooks and the book show as it is."""
-
-    page: str
-    names: tuple[str, ...]
-
-    def _repr_html_(self) -> str:
-        return self.page
-
-    def __repr__(self) -> str:
-        return f"PlantedPlayer({len(self.names)} errors; run the cell to choose one)"
-
-
 def planted_player(
     target: Mesh,
     errors: Mapping[str, tuple[Window, Sequence[PlantedState]]],
     metrics: Sequence[str],
     description: str,
     note: str,
-) -> PlantedPlayer:
+) -> Page:
     """A page with a choice of errors, a slider for the size, a section through the surface and a bar for each metric.
 
     A bar is as long as the value over its yardstick, on a logarithmic scale from a tenth to a hundred times, and grey
@@ -87,17 +70,15 @@ def planted_player(
         if any(len(state.values) != len(metrics) or len(state.ratios) != len(metrics) for state in states):
             raise ValueError(f"{name!r} does not have one value and one ratio for each of {len(metrics)} metrics")
     listed = [_error(name, target, *error) for name, error in errors.items()]
-    data = {"metrics": list(metrics), "errors": listed, "seen": SEEN, "note": note}
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    marks = {
-        "@BEHAVIOUR@": BEHAVIOUR,
-        "@DATA@": text,
-        "@ID@": identity("planted", text),
-        "@LABEL@": html.escape(description, quote=True),
-        "@OPTIONS@": "".join(f'<option value="{k}">{html.escape(name)}</option>' for k, name in enumerate(errors)),
-        "@STILL@": _picture(target, errors),
-    }
-    return PlantedPlayer(filled(PAGE, marks), tuple(errors))
+    return live_page(
+        "meshot_book/figures/assets/planted",
+        {"metrics": list(metrics), "errors": listed, "seen": SEEN},
+        f"PlantedPlayer({len(errors)} errors; run the cell to choose one)",
+        alt=description,
+        still=_picture(target, errors),
+        names=list(errors),
+        note=note,
+    )
 
 
 def _error(name: str, target: Mesh, window: Window, states: Sequence[PlantedState]) -> dict:

@@ -1,0 +1,62 @@
+// Let a node be turned: by mouse or finger (press, drag), by wheel or two fingers (zoom), by keys (name -> action).
+export function turnable(node, { press, drag, zoom, keys }) {
+  const fingers = new Map();
+  node.addEventListener("pointerdown", (event) => {
+    node.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    press?.(event);
+  });
+  node.addEventListener("pointermove", (event) => {
+    const finger = fingers.get(event.pointerId);
+    if (!finger) {
+      return;
+    }
+    const before = spread(fingers);
+    const dx = event.clientX - finger.x;
+    const dy = event.clientY - finger.y;
+    Object.assign(finger, { x: event.clientX, y: event.clientY });
+    if (fingers.size === 1) {
+      drag(event, dx, dy);
+    } else if (before) {
+      zoom?.(spread(fingers) / before);
+    }
+  });
+  for (const end of ["pointerup", "pointercancel"]) {
+    node.addEventListener(end, (event) => fingers.delete(event.pointerId));
+  }
+  if (node instanceof SVGElement) {
+    // The style touch-action does not reach SVG groups: without this a browser takes the finger for scrolling.
+    node.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
+  }
+  if (zoom) {
+    listenToWheel(node, zoom);
+  }
+  if (keys) {
+    listenToKeys(node, keys);
+  }
+}
+
+// How far two fingers are apart; 0 for one, or for more than two.
+function spread(fingers) {
+  const [a, b] = fingers.values();
+  return fingers.size === 2 ? Math.hypot(a.x - b.x, a.y - b.y) : 0;
+}
+
+function listenToWheel(node, zoom) {
+  const turnWheel = (event) => {
+    event.preventDefault();
+    zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015)));
+  };
+  node.addEventListener("wheel", turnWheel, { passive: false });
+}
+
+function listenToKeys(node, keys) {
+  node.addEventListener("keydown", (event) => {
+    if (!keys[event.key] || event.ctrlKey || event.metaKey || event.altKey) {
+      return;
+    }
+    event.preventDefault();
+    event.stopPropagation();
+    keys[event.key](event);
+  });
+}
