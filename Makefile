@@ -13,11 +13,18 @@ PIP := $(BIN)pip install -q --disable-pip-version-check
 COHORTS ?= oasis_like adni_like test_retest
 JOBS ?= 2
 
-.PHONY: help book test html notebooks ledger lab lint lock benchmark cohorts clean distclean
+FILES ?= 5000
+
+# Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
+WARM = @$(BIN)meshot warmup
+
+.PHONY: help book test test-wheel fuzz html notebooks ledger lab lint lock benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
 	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
+	@echo "make fuzz       read 5000 damaged files of every kind (an hour at most; FILES=500 for fewer)"
+	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
 	@echo "make html       render the book from the stored outputs (seconds)"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make ledger     write the claims ledger from the committed results"
@@ -41,6 +48,7 @@ endif
 
 book: $(READY)
 	@$(RUN) tools/preflight.py python display
+	$(WARM)
 	@$(RUN) book/run_notebooks.py fresh
 	@$(RUN) book/build.py fresh
 
@@ -49,6 +57,7 @@ html: $(READY)
 
 notebooks: $(READY)
 	@$(RUN) tools/preflight.py python display
+	$(WARM)
 	@$(RUN) book/run_notebooks.py store $(NAME)
 	@$(RUN) tools/readme_picture.py
 
@@ -58,8 +67,15 @@ ledger: $(READY)
 test: $(READY)
 	@$(RUN) tools/preflight.py python display browser
 	@$(MAKE) --no-print-directory lint
+	$(WARM)
 	$(RUN) -m pytest
 	$(RUN) tests/check_notebooks.py
+
+fuzz: $(READY)
+	$(RUN) tests/fuzz/run.py --files $(FILES) --keep build/fuzz
+
+test-wheel: $(READY)
+	$(RUN) tests/check_wheel.py
 
 lint: $(READY)
 	$(BIN)ruff check .
@@ -80,7 +96,7 @@ benchmark: $(READY)
 
 cohorts: $(READY)
 	@for name in $(COHORTS); do \
-	  $(RUN) data_synth/make_cohort.py data_synth/$$name.yaml build/cohorts/$$name --jobs $(JOBS) || exit 1; done
+	  $(BIN)meshot make-cohort $$name build/cohorts/$$name --jobs $(JOBS) || exit 1; done
 
 lock:
 	@$(PIP) uv

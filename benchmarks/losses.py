@@ -6,8 +6,8 @@ Run on an otherwise idle machine, after ``make benchmark`` has installed the pee
     python benchmarks/losses.py --quick    # small sizes, one round, nothing written
 
 It prints a table and writes ``experiments/cost/results.json``. Weighted measures on folded surfaces, points in R³ and
-points with normals in R⁶, value and gradient, the same directions for all, float64, two threads; every peer in turn,
-several rounds, medians. A peer is left out from the size on at which it would take too long or too much memory.
+points with normals in R⁶, value and gradient, the same directions for all, float64, two threads; every peer in a warm
+loop of its own, medians. A peer is left out from the size on at which it would take too long or too much memory.
 """
 
 import argparse

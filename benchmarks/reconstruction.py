@@ -17,15 +17,15 @@ from meshot.anatomy import fsaverage5_surface, mni152_t1
 from meshot.mesh import Mesh
 from meshot.model import N_STEPS
 from meshot.pipeline import load_networks, reconstruct
-from meshot.pipeline.deformation import deformed, read_deformation_config
 from meshot.provenance import write_results
 from meshot.synth import loop_subdivided
+from meshot.systems import get_system, read_settings
+from meshot.systems.deformation import deformed
 from meshot.volume import standard_scan
 from meshot_book.notebook import table
 
 ROOT = Path(__file__).resolve().parent.parent
 OUTPUT = ROOT / "experiments" / "cost" / "reconstruction.json"
-SETTINGS = ROOT / "experiments" / "ddot"
 SCAN_LIMIT_S, FLOW_LIMIT_S = 60.0, 5.0
 WHOLE, FLOW = "a scan, from volume to surfaces", "flow alone, {}"
 
@@ -37,7 +37,8 @@ def carried_surface() -> Mesh:
 
 def flow(settings: str) -> dict:
     """The flow of one network, in the MNI152 average."""
-    network = read_deformation_config(SETTINGS / f"{settings}.yaml").new_network()
+    kind = get_system("ddot")
+    network = kind.config(read_settings(kind, settings)).new_network()
     # Untrained, it does not move: let it wander by a millimetre or more, so that it visits what a trained one would.
     torch.nn.init.normal_(network.to_velocity.weight, std=0.3, generator=torch.Generator().manual_seed(0))
     surface = carried_surface()
@@ -47,8 +48,8 @@ def flow(settings: str) -> dict:
 
 def whole(initial_only: bool) -> list[dict]:
     """Every stage of a reconstruction of the MNI152 average with the networks that come with the package, and all."""
-    networks = load_networks(with_deformation=not initial_only)
-    found = reconstruct(mni152_t1(), networks.segmentation, networks.deformation)
+    networks = load_networks(initial_only=initial_only)
+    found = reconstruct(mni152_t1(), networks.segmentation, networks.system)
     stages = [
         {"part": name, "CPU s": found.cpu_seconds[name], "wall s": found.wall_seconds[name]}
         for name in found.cpu_seconds

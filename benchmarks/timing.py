@@ -51,32 +51,33 @@ def reason_to_stop(name: str, m: int, past: list[dict], config: dict) -> str:
 
 
 def compare(m: int, d: int, names: list[str], config: dict) -> tuple[list[dict], list[dict]]:
-    """Median seconds of every peer, round by round, so that all see the same disturbances; and who failed."""
-    calls, rows, failed = {}, {}, []
-    for name in tqdm(names, desc=f"d = {d}, m = {m}: warming up", leave=False):
+    """Median seconds of every peer in a warm loop of its own, and who failed.
+
+    In turns each would find the caches, the memory and the threads as another has left them, which costs the fast ones
+    most: nobody who calls a loss again and again meets that.
+    """
+    found, failed = [], []
+    for name in tqdm(names, desc=f"d = {d}, m = {m}", leave=False):
         size = support_count(name, m, config)
         try:
-            compile_for(name, d, config["n_directions"])
-            call = peers.PEERS[name].make(size, d, config["n_directions"], config["seed"])
-            first = timed(call)
+            times = warm_times(name, size, d, config)
         except Exception as error:  # a peer that fails is a finding, not the end
             failed.append({"peer": name, "d": d, "m": m, "why": f"{type(error).__name__}: {str(error)[:200]}"})
             continue
-        calls[name] = call
-        slow = first > config["slow"]
-        enough = slow and not peers.PEERS[name].compiles  # what is slow has no use for warming up
-        rounds = 0 if enough else 1 if slow else config["n_rounds"]
-        rows[name] = {"peer": name, "d": d, "m": size, "rounds": rounds, "times": [first] if enough else []}
-    for turn in tqdm(range(config["n_rounds"]), desc=f"d = {d}, m = {m}: rounds", leave=False):
-        for name, call in calls.items():
-            if turn < rows[name]["rounds"]:
-                rows[name]["times"].append(timed(call))
-    found = []
-    for row in rows.values():
-        times = row.pop("times")
-        row["rounds"] = len(times)
+        row = {"peer": name, "d": d, "m": size, "rounds": len(times)}
         found.append(row | {"seconds": statistics.median(times), "low": min(times), "high": max(times)})
     return found, failed
+
+
+def warm_times(name: str, size: int, d: int, config: dict) -> list[float]:
+    """Seconds of a peer's calls one after the other, the first left out unless it is so slow that it has to do."""
+    compile_for(name, d, config["n_directions"])
+    call = peers.PEERS[name].make(size, d, config["n_directions"], config["seed"])
+    first = timed(call)
+    slow = first > config["slow"]
+    if slow and not peers.PEERS[name].compiles:  # what is slow has no use for warming up
+        return [first]
+    return [timed(call) for _ in range(1 if slow else config["n_rounds"])]
 
 
 def compile_for(name: str, d: int, n_directions: int) -> None:

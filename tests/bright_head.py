@@ -79,5 +79,5 @@ def write_bright_weights(folder: Path, shift: tuple[float, float, float] = (0.0,
     folder.mkdir()
     write_weights(folder / "segmentation.safetensors", brightness_network(), {"command": "made by hand"})
     for side in CENTRES:
-        write_weights(folder / f"deformation_{side}.safetensors", shifting_network(shift), {"command": "by <hand>"})
+        write_weights(folder / f"{side}_white.safetensors", shifting_network(shift), {"command": "by <hand>"})
     return folder

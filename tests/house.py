@@ -6,13 +6,16 @@ from pathlib import Path
 
 #: Folder or module of ``meshot`` -> rank; imports point to lower ranks only.
 RANKS = {
-    "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "provenance": 0, "statistics": 0, "jobs": 0,
+    "_kernels": 0, "extras": 0, "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "compressed": 0,
+    "plain_yaml": 0, "scratch": 0, "provenance": 0, "statistics": 0, "jobs": 0,
     "mesh": 1,
     "volume": 2, "measure": 2,
-    "metrics": 3, "loss": 3,
-    "flow": 4, "train": 4, "anatomy": 4,
+    "metrics": 3, "loss": 3, "train": 3,
+    "flow": 4, "anatomy": 4,
     "synth": 5, "model": 5, "view": 5,
+    "systems": 6,
     "pipeline": 7,
+    "": 7,  # the front door itself, which only the command line goes through
     "cli": 8,
 }  # fmt: skip
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.
@@ -23,22 +26,22 @@ NARROWER = {"metrics": {"mesh", "volume"} | {name for name, rank in RANKS.items(
 
 #: Library -> the folders or modules (prefixes, relative to src) that may import it.
 HOMES = {
-    "trimesh": ("meshot/mesh/io",),
+    "trimesh": ("meshot/mesh/io", "meshot/mesh/convert", "meshot/mesh/mesh"),
     "nibabel": ("meshot/mesh/io", "meshot/volume/io"),
     "SimpleITK": ("meshot/volume/registration",),
     "skimage": ("meshot/volume/",),
     "igl": ("meshot/mesh/", "meshot/metrics/"),
-    "ot": ("meshot/loss/", "meshot/metrics/", "meshot_book/examples/"),
+    "ot": ("meshot/loss/", "meshot/metrics/"),
     "geomloss": ("meshot/loss/", "meshot/metrics/"),
     "torchdiffeq": ("meshot/flow/integration",),
     "nilearn": ("meshot/anatomy/",),
-    "pyvista": ("meshot/view/", "meshot_book/figures/"),
+    "pyvista": ("meshot/mesh/convert", "meshot/mesh/mesh", "meshot/view/", "meshot_book/figures/"),
     "vtk": ("meshot/view/", "meshot_book/figures/"),
     "vtkmodules": ("meshot/view/", "meshot_book/figures/"),
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),
     "IPython": ("meshot_book/figures/",),
     "jinja2": ("meshot/view/page",),
-    "yaml": ("meshot/synth/", "meshot/train/", "meshot/pipeline/", "meshot/cli", "meshot_book/claims/"),
+    "yaml": ("meshot/plain_yaml", "meshot/synth/cohorts/recipe", "meshot_book/claims/"),
 }
 MOST_NAMES = 20
 

@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from meshot.anatomy import HEMISPHERES
 from meshot.mesh.editing.decimation import simplified
 from meshot.mesh.editing.smoothing import laplacian_smoothing
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes.solids import icosphere
-from meshot.pipeline.deformation.data import DeformationExample
-from meshot.pipeline.segmentation.data import Example, example
+from meshot.pipeline.segmentation.data import Example as SegmentationExample, example
+from meshot.systems.deformation.data import DeformationExample
+from meshot.systems.examples import Example, Scan, SurfaceKey
 from meshot.volume.io import write_volume
 from meshot.volume.standard import StandardScan
 from meshot.volume.surfaces.voxelise import enclosed_fractions
@@ -44,7 +46,7 @@ def phantom_scan(surfaces: dict[str, Mesh], seed: int) -> StandardScan:
     return StandardScan(grid.with_data(np.clip(image, 0, 1)), np.eye(4))
 
 
-def phantom_examples(n: int, seed: int = 0, reduction: int = 1) -> list[Example]:
+def phantom_examples(n: int, seed: int = 0, reduction: int = 1) -> list[SegmentationExample]:
     """Several, each of its own shape and noise."""
     made = [(f"phantom-{i}", phantom_surfaces(seed + i), seed + i) for i in range(n)]
     return [example(name, phantom_scan(white, s).volume, white, reduction) for name, white, s in made]
@@ -63,6 +65,19 @@ def phantom_deformations(n: int, seed: int = 0, side: str = "left") -> list[Defo
         coarse = simplified(initial, 1000)
         found.append(DeformationExample(f"phantom-{i}", scan, initial, coarse, target.to(torch.float32)))
     return found
+
+
+def phantom_subjects(n: int, needs: Sequence[SurfaceKey], seed: int = 0) -> list[Example]:
+    """The same as examples for any system: both true surfaces, and the initial ones that it needs."""
+    sides = {side: phantom_deformations(n, seed, side) for side in HEMISPHERES}
+    return [
+        Example(
+            f"phantom-{seed + i}",
+            Scan(sides["left"][i].scan, {key: sides[key[0]][i].initial for key in needs}),
+            {(side, "white"): found[i].target for side, found in sides.items()},
+        )
+        for i in range(n)
+    ]
 
 
 def write_phantom_cohort(folder: Path, splits: Sequence[str]) -> Path:

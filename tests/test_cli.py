@@ -1,8 +1,14 @@
+import csv
+import hashlib
 import json
+import subprocess
+import sys
 from importlib.metadata import entry_points
+from pathlib import Path
 
 import pytest
 
+import meshot
 from meshot import evaluate, read_mesh, write_mesh
 from meshot.cli import main
 from meshot.mesh.shapes.solids import icosphere
@@ -22,7 +28,58 @@ def test_evaluate_prints_and_writes_what_the_function_finds(pair, tmp_path, caps
     assert main(["evaluate", *pair, *FEW, "--seed", "3", "--json", str(tmp_path / "found.json")]) == 0
     found = evaluate(*map(read_mesh, pair), n_points=2000, seed=3, n_emd_points=200)
     assert capsys.readouterr().out == f"{found}\n"
-    assert json.loads((tmp_path / "found.json").read_text()) == found.as_dict()
+    written = json.loads((tmp_path / "found.json").read_text())
+    assert written["metrics"] == found.as_dict()
+    assert written["version"] == meshot.__version__
+    assert written["settings"] == {"points": 2000, "emd_points": 200, "emd_blur": None, "seed": 3}
+    for name, path in zip(("predicted", "target"), pair, strict=True):
+        assert written["inputs"][name] == {"path": path, "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest()}
+
+
+def test_a_dash_is_stdout_and_nothing_else_is_there(pair, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["evaluate", *pair, *FEW, "--json", "-", "--definitions"]) == 0
+    assert json.loads(capsys.readouterr().out)["metrics"]["assd"]["unit"] == "mm"
+    assert not (tmp_path / "-").exists()
+
+
+def test_points_bound_the_points_of_the_emd(pair, capsys):
+    assert main(["evaluate", *pair, "--points", "300", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["settings"]["emd_points"] == 300
+
+
+def test_a_table_of_pairs_is_answered_by_a_table(pair, tmp_path, capsys):
+    names = [Path(path).name for path in pair]
+    (tmp_path / "pairs.tsv").write_text("subject\tpredicted\ttarget\n" + f"a\t{names[0]}\t{names[1]}\n" * 2)
+    words = ["evaluate", "--pairs", str(tmp_path / "pairs.tsv"), *FEW, "--seed", "3"]
+    assert main([*words, "--tsv", str(tmp_path / "found.tsv")]) == 0
+    capsys.readouterr()
+    assert main(words) == 0
+    assert capsys.readouterr().out == (tmp_path / "found.tsv").read_text()
+    rows = list(csv.DictReader((tmp_path / "found.tsv").read_text().splitlines(), dialect="excel-tab"))
+    found = evaluate(*map(read_mesh, pair), n_points=2000, seed=3, n_emd_points=200)
+    assert len(rows) == 2
+    assert float(rows[1]["assd"]) == found.assd.value
+    assert float(rows[1]["assd_floor"]) == found.assd.floor
+    assert (rows[0]["predicted"], rows[0]["seed"], rows[0]["version"]) == (pair[0], "3", meshot.__version__)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [([], "two surfaces"), (["one.ply"], "two surfaces"), (["--pairs", "pairs.tsv"], "columns predicted and target")],
+)
+def test_what_is_not_pairs_is_refused(tmp_path, monkeypatch, capsys, words, said):
+    monkeypatch.chdir(tmp_path)
+    Path("pairs.tsv").write_text("predicted,target\na.ply,b.ply\n")
+    assert main(["evaluate", *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_the_version_is_said(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--version"])
+    assert ended.value.code == 0
+    assert capsys.readouterr().out == f"meshot {meshot.__version__}\n"
 
 
 def test_definitions_and_blur(pair, capsys):
@@ -32,7 +89,12 @@ def test_definitions_and_blur(pair, capsys):
 
 def test_what_will_not_do_is_one_line_and_status_2(pair, tmp_path, capsys):
     (tmp_path / "broken.ply").write_bytes((tmp_path / "predicted.ply").read_bytes()[:300])
-    for wrong in (["no_such_file.ply", pair[1]], [str(tmp_path / "broken.ply"), pair[1]], [*pair, "--points", "0"]):
+    for wrong in (
+        ["no_such_file.ply", pair[1]],
+        [str(tmp_path / "broken.ply"), pair[1]],
+        [*pair, "--points", "0"],
+        [*pair, "--json", "-", "--tsv", "-"],
+    ):
         assert main(["evaluate", *wrong]) == 2
         said = capsys.readouterr()
         assert said.out == ""
@@ -57,3 +119,37 @@ def test_help_says_what_it_is_not_for(capsys):
 def test_the_command_is_installed_by_its_name():
     (command,) = entry_points(group="console_scripts", name="meshot")
     assert command.load() is main
+
+
+#: Loads in a second or more, or reads and draws what losses have nothing to do with.
+SLOW = {"torch", "numpy", "scipy", "numba", "yaml"}
+NOT_FOR_LOSSES = {
+    "ot", "geomloss", "torchdiffeq", "sklearn", "pandas", "trimesh", "igl", "nibabel", "nilearn", "vtk", "vtkmodules",
+    "pyvista", "matplotlib", "skimage", "SimpleITK",
+}  # fmt: skip
+LOSS = """
+import torch, meshot
+points = torch.rand(5, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+source, target = meshot.DiscreteMeasure(points), meshot.DiscreteMeasure(points + 1)
+meshot.sliced_wasserstein(source, target, meshot.quasi_directions(4, 3)).item()
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "unwanted"),
+    [
+        ("import meshot", SLOW | NOT_FOR_LOSSES),
+        ("from meshot.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass", SLOW | NOT_FOR_LOSSES),
+        ("from meshot.cli import main\ntry: main(['train', '--help'])\nexcept SystemExit: pass", SLOW | NOT_FOR_LOSSES),
+        (LOSS, NOT_FOR_LOSSES),
+    ],
+)
+def test_what_is_not_needed_is_not_loaded(code, unwanted):
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules, sep='\\n', file=sys.stderr)"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stderr.split())
+    assert "meshot" in loaded
+    assert loaded & unwanted == set()

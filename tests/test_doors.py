@@ -4,8 +4,24 @@ import numpy as np
 import pytest
 import torch
 
-from meshot import Contour, DiscreteMeasure, Mesh, errors
+from meshot import (
+    Contour,
+    DiscreteMeasure,
+    Mesh,
+    empirical,
+    errors,
+    integrate,
+    orthogonal_directions,
+    quasi_directions,
+    random_directions,
+    sliced_wasserstein_estimate,
+    varifold,
+)
 from meshot.files import whole_file
+from meshot.flow.fields import grid_around
+from meshot.flow.fitting import FitSettings, fit_flow, sliced_loss
+from meshot.loss.composed import SlicedLoss, SurfaceLoss, VarifoldEncoding
+from meshot.mesh import shapes
 from meshot.mesh.mesh import closed_contour
 from meshot.rng import numpy_generator
 
@@ -68,7 +84,7 @@ def test_contour_refuses(unchecked):
         (np.zeros((2, 2)), [-0.5, 1.5], "negative"),
         (np.zeros((2, 2)), [1.0], r"\(2,\) is needed"),
         (np.zeros((2, 2)), [0.5, np.nan], "NaN"),
-        (np.zeros((2, 2)), np.array([0.5, 0.5], dtype=np.float32), "convert one"),
+        (np.zeros((2, 2)), [0.5, 0.5 + 2e-5], "sum to 1.00002"),
         (np.array([[np.inf, 0]]), None, "infinite"),
     ],
 )
@@ -93,6 +109,25 @@ def test_other_spaces_are_refused():
 def test_counts_must_be_positive_integers(value):
     with pytest.raises(ValueError, match="integer >= 1"):
         errors.require_positive_integer(value, "n_points")
+
+
+@pytest.mark.parametrize("kind", [int, np.int64, np.int32, np.uint8])
+def test_a_count_may_be_an_integer_of_numpy(unchecked, tmp_path, kind):
+    cube = shapes.cube()
+    errors.require_positive_integer(kind(3), "n_points")
+    for directions in (random_directions, orthogonal_directions):
+        assert directions(kind(5), kind(3), 0).shape == (5, 3)
+    assert quasi_directions(kind(5), kind(3)).shape == (5, 3)
+    assert len(empirical(cube, kind(7), 0).points) == len(empirical(cube, 7, kind(0)).points) == 7
+    assert sliced_wasserstein_estimate(cube, cube, kind(6), 0).n_directions == 6
+    assert integrate(lambda time, x: x, cube.vertices, kind(4)).shape == (8, 3)
+    assert SurfaceLoss(VarifoldEncoding(kind(9)), SlicedLoss(kind(4)))(cube, cube, np.random.default_rng(0)) >= 0
+    settings = FitSettings(n_iterations=kind(2), n_steps=kind(2), n_directions=(kind(2), kind(4)), check_every=kind(1))
+    field = grid_around(cube.vertices, spacings=(1.0,), margin=1.0)
+    loss = sliced_loss(cube, varifold)
+    path = tmp_path / "fit.safetensors"
+    assert fit_flow(field, cube, loss, settings, checkpoint=path).best_iteration >= 1
+    assert fit_flow(field, cube, loss, settings, checkpoint=path).best_iteration >= 1
 
 
 @pytest.mark.parametrize("value", [None, -1, 0.5, True, "seed"])

@@ -1,6 +1,7 @@
 """The three lists of dependencies agree: every dependency, every range."""
 
 import re
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -20,7 +21,7 @@ CONDA_ONLY = {"python", "pip", "make", "setuptools"}
 def declared(root: Path) -> dict[str, Requirement]:
     project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
     lines = [*project["dependencies"], *(line for extra in project["optional-dependencies"].values() for line in extra)]
-    requirements = [Requirement(line) for line in lines]
+    requirements = [r for r in map(Requirement, lines) if r.name != "meshot"]  # an extra may hold another
     assert len({canonicalize_name(r.name) for r in requirements}) == len(requirements), "a dependency is declared twice"
     return {canonicalize_name(r.name): r for r in requirements}
 
@@ -82,15 +83,79 @@ IMPORT_NAMES = {
 STANDARD = sys.stdlib_module_names | {"meshot", "meshot_book", "vtkmodules"}
 
 
+#: What an installation without extras has to do with: losses, measures, meshes, flows, the ruler.
+PLAIN = ("measure", "mesh", "metrics", "loss", "flow", "model")
+
+
+def import_names(lines: list[str]) -> set[str]:
+    names = [canonicalize_name(Requirement(line).name) for line in lines]
+    return {IMPORT_NAMES.get(name, name) for name in names}
+
+
 def test_the_package_imports_what_it_declares_and_nothing_else(root):
     project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
-    names = [canonicalize_name(Requirement(line).name) for line in project["dependencies"]]
-    wanted = {IMPORT_NAMES.get(name, name) for name in names}
+    wanted = import_names(project["dependencies"] + project["optional-dependencies"]["cortex"])
     used = set()
     for file in (root / "src").rglob("*.py"):
         used |= {module.split(".")[0] for module, _ in imports(file.read_text(encoding="utf-8"))}
     assert used - STANDARD - wanted == set(), "imported, but not declared"
     assert wanted - used - {"tqdm"} == set(), "declared, but not imported"
+
+
+def run_without(names: set[str], code: str) -> subprocess.CompletedProcess:
+    """Run code as in an installation that lacks some libraries."""
+    code = f"import sys; sys.modules.update(dict.fromkeys({sorted(names)}))\n{code}"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+
+OPEN_EVERYTHING = """
+import importlib, meshot
+for name in dir(meshot):
+    getattr(meshot, name)
+for name in {rooms}:
+    room = importlib.import_module(name)
+    for shown in room.__all__:
+        getattr(room, shown)
+"""
+SAY_WHAT_FAILS = """
+import importlib
+for place in {places}:
+    room, name = place.rsplit(".", 1)
+    try:
+        getattr(importlib.import_module(room), name)
+    except ImportError as error:
+        print(error)
+"""
+#: A library of the extra, and what needs it.
+NEEDED = {
+    "SimpleITK": "meshot.volume.register_affine",
+    "skimage": "meshot.volume.surfaces.isosurface",
+    "nilearn": "meshot.anatomy.mni152_t1",
+    "yaml": "meshot.train.read_groups",
+    "matplotlib": "meshot.view.style",
+}
+
+
+def lacking(root: Path) -> set[str]:
+    extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    return import_names(extras["cortex"])
+
+
+def test_losses_need_no_extra(root):
+    doors = [door.parent for room in PLAIN for door in sorted((root / "src" / "meshot" / room).rglob("__init__.pyi"))]
+    rooms = [".".join(door.relative_to(root / "src").parts) for door in doors]
+    assert len(rooms) > 10
+    done = run_without(lacking(root), OPEN_EVERYTHING.format(rooms=rooms))
+    assert done.returncode == 0, done.stderr
+
+
+def test_what_needs_an_extra_names_it(root):
+    done = run_without(lacking(root), SAY_WHAT_FAILS.format(places=list(NEEDED.values())))
+    said = done.stdout.splitlines()
+    assert len(said) == len(NEEDED), done.stderr
+    for library, line in zip(NEEDED, said, strict=True):
+        assert line.startswith(library)
+        assert line.endswith("pip install 'meshot[cortex]'")
 
 
 @pytest.mark.parametrize(

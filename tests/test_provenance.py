@@ -2,10 +2,14 @@
 
 import json
 import math
+import platform
+import socket
 import subprocess
 
 import pytest
+import torch
 
+from meshot import provenance
 from meshot.provenance import (
     FIELDS,
     PACKAGE,
@@ -30,15 +34,17 @@ def written(tmp_path):
 def test_results_come_back_with_provenance(written):
     record = read_results(written)
     assert record["results"] == {"w2": [0.1, 0.2]}
-    assert set(record) == set(FIELDS)
+    assert set(record) == {*FIELDS, "processor"}
     lines = provenance_lines(record)
+    assert f"({record['processor']})" in lines
     assert "python experiments/x/run.py" in lines
     assert f"torch {record['versions']['torch']}" in lines
 
 
 @pytest.fixture
 def checkout(tmp_path):
-    for name in ("src/meshot/loss/sliced.py", "experiments/ddot/small.yaml", "experiments/ddot/results.json"):
+    for name in ("src/meshot/loss/sliced.py", "src/meshot_book/claims/ledger.py", "experiments/ddot/small.yaml",
+                 "experiments/ddot/results.json"):  # fmt: skip
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("as committed\n")
@@ -51,6 +57,7 @@ def checkout(tmp_path):
     ("name", "mark"),
     [
         ("src/meshot/loss/sliced.py", "+changes"),
+        ("src/meshot_book/claims/ledger.py", "+changes"),
         ("experiments/ddot/small.yaml", "+changes"),
         ("experiments/ddot/results.json", ""),
     ],
@@ -66,6 +73,35 @@ def test_the_package_is_what_is_looked_at(tmp_path):
     assert PACKAGE.name == "meshot"
     assert (PACKAGE / "loss").is_dir()
     assert commit_of(tmp_path) == "not in a git checkout"
+
+
+CPU_INFO = "processor\t: 0\nmodel name\t: Imagined 9000 CPU @ 1 GHz\n\nprocessor\t: 1\nmodel name\t: Another\n"
+
+
+def test_a_processor_has_a_model_and_instructions(tmp_path, monkeypatch):
+    instructions = torch.backends.cpu.get_cpu_capability()
+    monkeypatch.setattr(provenance, "CPU_INFO", tmp_path / "cpuinfo")
+    monkeypatch.setattr(platform, "processor", lambda: "arm")
+    assert provenance.processor() == f"arm, {instructions}"
+    (tmp_path / "cpuinfo").write_text(CPU_INFO)
+    assert provenance.processor() == f"Imagined 9000 CPU @ 1 GHz, {instructions}"
+    # Some processors are named by numbers alone.
+    (tmp_path / "cpuinfo").write_text("processor\t: 0\nCPU part\t: 0xd0c\n")
+    assert provenance.processor() == f"arm, {instructions}"
+
+
+def test_no_record_names_its_machine(monkeypatch):
+    host = "somebodys-machine"
+    monkeypatch.setattr(platform, "node", lambda: host)
+    monkeypatch.setattr(socket, "gethostname", lambda: host)
+    assert host not in json.dumps(provenance.provenance())
+
+
+def test_records_from_before_the_processor_was_noted_are_read(written):
+    old = json.loads(written.read_text())
+    del old["processor"]
+    written.write_text(json.dumps(old))
+    assert provenance_lines(read_results(written)).splitlines()[3] == f"took      12.3 s on {old['machine']}"
 
 
 def test_results_are_rounded_wherever_they_are():
@@ -115,3 +151,10 @@ def test_the_card_names_what_ran():
     assert "seed 7" in card
     assert f"torch {package_version('torch')}" in card
     assert package_version("no-such-package") == "not installed"
+
+
+@pytest.mark.parametrize("content", [b"3", b"[]", b"null", b"\xff\xfe", b"[" * 100_000, b"1" * 5000])
+def test_files_that_hold_no_record(tmp_path, content):
+    (tmp_path / "r.json").write_bytes(content)
+    with pytest.raises(ValueError, match=r"is not whole JSON|lacks results"):
+        read_results(tmp_path / "r.json")

@@ -4,7 +4,6 @@ Run as ``python experiments/beyond_random/run.py``. Finished pairs are kept in `
 that a run that was stopped goes on where it ended.
 """
 
-import json
 import time
 from pathlib import Path
 
@@ -13,10 +12,10 @@ import torch
 import yaml
 from estimators import METHODS, Controls, drawn_directions, least_directions
 from summary import summarise
-from tqdm import tqdm
 
 from meshot import DiscreteMeasure, Mesh, varifold
 from meshot.anatomy import fsaverage5_surface
+from meshot.jobs import run_jobs
 from meshot.loss import slice_costs
 from meshot.mesh.editing import decimated
 from meshot.mesh.shapes import ellipsoid, folded_sphere
@@ -37,7 +36,7 @@ def measures(pair: str, d: int, config: dict) -> tuple[DiscreteMeasure, Discrete
 
 
 def _encoded(mesh: Mesh, d: int, normal_scale: float) -> DiscreteMeasure:
-    encoded = varifold(mesh, normal_scale)
+    encoded = varifold(mesh, normal_scale=normal_scale)
     return DiscreteMeasure(encoded.points[:, :d].contiguous(), encoded.weights)
 
 
@@ -77,18 +76,10 @@ def main() -> None:
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    lines = partial.read_text(encoding="utf-8").splitlines() if partial.exists() else []
-    done = {line["key"]: line for line in map(json.loads, lines)}
-    for task in tqdm(tasks(config)):
-        key = json.dumps(task, sort_keys=True)
-        if key in done:
-            continue
-        before = time.process_time()
-        done[key] = {"key": key, "task": task, "values": estimates(task, config)}
-        done[key]["seconds"] = time.process_time() - before
-        with partial.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(done[key]) + "\n")
-    rows = [done[json.dumps(task, sort_keys=True)] for task in tasks(config)]
+    rows = run_jobs(
+        tasks(config), lambda task: estimates(task, config), partial, folder=HERE, config=config,
+        clock=time.process_time,
+    )  # fmt: skip
     seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
     command = "python experiments/beyond_random/run.py"
     data = "synthetic surfaces; FreeSurfer's fsaverage5, left hemisphere"

@@ -3,7 +3,8 @@
 import numpy as np
 from estimators import METHODS
 
-from meshot.statistics import fitted_slope
+from meshot.statistics import bootstrap_interval, fitted_slope
+from meshot.types import Array
 
 
 def summarise(rows: list[dict], config: dict) -> dict:
@@ -12,7 +13,7 @@ def summarise(rows: list[dict], config: dict) -> dict:
     for row in rows:
         task = row["task"]
         sizes = groups.setdefault((task["pair"], task["d"]), {})
-        sizes.setdefault(task["n_directions"], {}).update(row["values"])
+        sizes.setdefault(task["n_directions"], {}).update(row["found"])
     found = []
     for (pair, d), sizes in groups.items():
         truth = reference(sizes)
@@ -51,17 +52,14 @@ def _line(errors: dict[int, np.ndarray], random: dict[int, np.ndarray], config: 
     }
 
 
-def factor_saved(random: np.ndarray, errors: np.ndarray, n_draws: int = 2000) -> dict:
+def factor_saved(random: np.ndarray, errors: np.ndarray) -> dict:
     """The root mean square of one list of errors over that of another, with its 95 % interval (bootstrap)."""
-    generator = np.random.default_rng(0)
 
-    def drawn(values: np.ndarray) -> np.ndarray:
-        again = values[generator.integers(len(values), size=(n_draws, len(values)))]
-        return np.sqrt(np.mean(again**2, axis=1))
+    def factor(top: Array, bottom: Array, axis: int) -> Array:
+        return np.sqrt(np.mean(top**2, axis=axis) / np.mean(bottom**2, axis=axis))
 
-    low, high = np.quantile(drawn(random) / drawn(errors), [0.025, 0.975])
-    factor = np.sqrt(np.mean(random**2) / np.mean(errors**2))
-    return {"factor": _short(factor), "low": _short(low), "high": _short(high)}
+    found = bootstrap_interval(random, errors, statistic=factor)
+    return {name: _short(value) for name, value in zip(("factor", "low", "high"), found)}
 
 
 def _short(value: float) -> float:

@@ -51,13 +51,13 @@ def fit(run: dict, seed: int, config: dict) -> Mesh:
     """The mesh after the steps: Adam on free vertices, which does not feel by what factor a loss is multiplied."""
     start, target = make_pair(seed, config)
     scale = config["normal_scale_mm"]
-    loss = make_loss(run, varifold(target, scale), seed, config)
+    loss = make_loss(run, varifold(target, normal_scale=scale), seed, config)
     moving = start.vertices.clone().requires_grad_()
     optimiser = torch.optim.Adam([moving], lr=config["learning_rate_mm"])
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, config["n_steps"])
     for _ in range(config["n_steps"]):
         optimiser.zero_grad()
-        loss(varifold(start.with_vertices(moving), scale)).backward()
+        loss(varifold(start.with_vertices(moving), normal_scale=scale)).backward()
         optimiser.step()
         schedule.step()
     return start.with_vertices(moving.detach())
@@ -71,7 +71,7 @@ def judged(mesh: Mesh, target: Mesh, config: dict) -> dict[str, float]:
     samples = [s.sample(config["n_surface_points"], np.random.default_rng([9, k])) for k, s in enumerate(surfaces)]
     points = [sample_points(m, n_emd, np.random.default_rng([8, k])).numpy() for k, m in enumerate((mesh, target))]
     return {
-        "w2_varifold": exact_distance(varifold(mesh, scale), varifold(target, scale)),
+        "w2_varifold": exact_distance(varifold(mesh, normal_scale=scale), varifold(target, normal_scale=scale)),
         "sw2_surface": float(sliced_wasserstein(surface(mesh), surface(target), directions)) ** 0.5,
         "assd": average_surface_distance(surfaces[1].offsets(samples[0]), surfaces[0].offsets(samples[1])),
         "emd": earth_movers_distance(*points),

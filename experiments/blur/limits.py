@@ -13,7 +13,7 @@ def limit_rows(config: dict) -> list[dict]:
     """Value and gradient over the blur, for both exponents and annealings, between start and target of one seed."""
     start, target = make_pair(config["seeds"][0], config)
     scale = config["normal_scale_mm"]
-    measures = varifold(start, scale), varifold(target, scale)
+    measures = varifold(start, normal_scale=scale), varifold(target, normal_scale=scale)
     rows = []
     for p in config["limits"]["exponents"]:
         exact, energy = exact_cost(*measures, p), energy_distance(*measures, p)
@@ -50,7 +50,7 @@ def energy_distance(source: DiscreteMeasure, target: DiscreteMeasure, p: int) ->
 
 def vertex_gradient(mesh: Mesh, loss: object, normal_scale: float) -> Array:
     """The gradient of a loss between varifolds in the barycentres and normals of the moving side, per unit of mass."""
-    measure = varifold(mesh, normal_scale)
+    measure = varifold(mesh, normal_scale=normal_scale)
     points = measure.points.detach().clone().requires_grad_()
     (gradient,) = torch.autograd.grad(loss(DiscreteMeasure(points, measure.weights)), points)
     return _per_mass(gradient, measure.weights)

@@ -12,11 +12,11 @@ import torch
 import yaml
 from fitting import judged, make_pair, run_once
 from limits import limit_rows
-from scipy import stats
 
 from meshot.jobs import run_jobs
 from meshot.mesh.geometry import face_areas
 from meshot.provenance import rounded, write_results
+from meshot.statistics import arm_differences
 
 HERE = Path(__file__).resolve().parent
 MEASURED = ("w2_varifold", "sw2_surface", "assd", "emd")
@@ -29,7 +29,7 @@ def main() -> None:
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
     todo = [(run, seed) for seed in config["seeds"] for run in config["losses"]]
-    found = run_jobs(todo, lambda task: run_once(*task, config), partial)
+    found = run_jobs(todo, lambda task: run_once(*task, config), partial, folder=HERE, config=config)
     rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
     results = summarise(rows) | {"limits": limit_rows(config)} | yardsticks(config)
     seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)
@@ -55,12 +55,8 @@ def summarise(rows: list[dict]) -> dict[str, list[dict]]:
 
 def _difference(row: dict, sliced: dict) -> dict:
     found = {key: value for key, value in row.items() if key in ("loss", "blur_mm", "scaling")}
-    for name in MEASURED:
-        gaps = np.array(row[f"{name}_seeds"]) - np.array(sliced[f"{name}_seeds"])
-        half = stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / np.sqrt(len(gaps))
-        found[f"{name}_mean"] = float(gaps.mean())
-        found[f"{name}_low"], found[f"{name}_high"] = float(gaps.mean() - half), float(gaps.mean() + half)
-    return found
+    arms = ({name: arm[f"{name}_seeds"] for name in MEASURED} for arm in (row, sliced))
+    return found | arm_differences(*arms, centre="mean")
 
 
 def yardsticks(config: dict) -> dict:

@@ -51,7 +51,7 @@ def main() -> None:
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
     todo = [(run, seed) for run in sweep_runs(config) for seed in config["seeds"]]
-    found = run_jobs(todo, lambda task: run_once(*task, config), partial)
+    found = run_jobs(todo, lambda task: run_once(*task, config), partial, folder=HERE, config=config)
     rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
     results = summarise(rows) | {"floors": floors(config)}
     seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)

@@ -1,10 +1,11 @@
 """Means, deviations and intervals over seeds."""
 
 import numpy as np
-from scipy import stats
 from toy import draw_points, judged, polygon
 
 from meshot import DiscreteMeasure
+from meshot.provenance import rounded
+from meshot.statistics import arm_differences
 
 MEASURED = ("w2", "coverage", "coverage_3", "evenness", "off_contour", "chamfer", "sw")
 
@@ -38,12 +39,8 @@ def _statistics(group: list[dict]) -> dict:
 def _difference(trapped: dict, rival: dict) -> dict:
     """Paired over seeds: mean of Chamfer minus sliced Wasserstein and its 95 % interval (Student's t)."""
     found = {name: trapped[name] for name in ("polygon", "sampling")} | {"redraw": rival["redraw"]}
-    for name in MEASURED:
-        gaps = np.array(trapped[f"{name}_seeds"]) - np.array(rival[f"{name}_seeds"])
-        half = stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / np.sqrt(len(gaps))
-        found[f"{name}_mean"] = _short(gaps.mean())
-        found[f"{name}_low"], found[f"{name}_high"] = _short(gaps.mean() - half), _short(gaps.mean() + half)
-    return found | {"n_seeds": len(trapped["w2_seeds"])}
+    arms = ({name: arm[f"{name}_seeds"] for name in MEASURED} for arm in (trapped, rival))
+    return found | rounded(arm_differences(*arms, centre="mean")) | {"n_seeds": len(trapped["w2_seeds"])}
 
 
 def floors(config: dict) -> list[dict]:

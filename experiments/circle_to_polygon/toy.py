@@ -7,8 +7,7 @@ import numpy as np
 from meshot import DiscreteMeasure, chamfer, quasi_directions, random_directions, sliced_wasserstein
 from meshot.flow.fitting import descend
 from meshot.loss import regularity
-from meshot.mesh import Contour, closed_contour, even_points, sample_points
-from meshot.mesh import shapes as contours
+from meshot.mesh import Contour, closed_contour, even_points, sample_points, shapes as contours
 from meshot.mesh.geometry import edge_lengths
 from meshot.types import Tensor
 from meshot_book.examples import coverage, distance_to_contour, evenness, exact_distance

@@ -36,7 +36,10 @@ def main() -> None:
         for scan in scans(folder / name)
     ]
     partial = HERE / "partial.jsonl"
-    rows = run_jobs(tasks, lambda task: summary_of(task, folder), partial, time.process_time)
+    rows = run_jobs(
+        tasks, lambda task: summary_of(task, folder), partial, folder=HERE, config=config | {"made_in": str(folder)},
+        clock=time.process_time,
+    )  # fmt: skip
     results = {"scans": [row["task"] | row["found"] for row in rows]}
     results["cpu_seconds"] = {
         name: cpu_seconds(folder / name) for name in config["cohorts"] if (folder / name).is_dir()

@@ -6,7 +6,7 @@ from scipy.special import gammaln
 from sizes import named_slope, short
 
 from meshot import random_directions
-from meshot.statistics import fitted_slope
+from meshot.statistics import bootstrap_interval, fitted_slope
 from meshot.types import Array, Float, Tensor
 
 #: By what the shapes of the case "translation" are moved: twelve millimetres along one axis.
@@ -113,7 +113,5 @@ def _summary(values: dict, config: dict) -> dict:
 
 def _ratio(roots: Array, variance: float, seed: int) -> tuple[float, float, float]:
     """Root mean square over √(Var/L), with its 95 % bootstrap interval over groups of draws."""
-    squares, expected = np.square(roots), np.sqrt(variance)
-    again = squares[np.random.default_rng([seed, 5]).integers(len(squares), size=(2000, len(squares)))].mean(axis=1)
-    low, high = np.sqrt(np.quantile(again, [0.025, 0.975]))
-    return float(np.sqrt(squares.mean()) / expected), float(low / expected), float(high / expected)
+    found = bootstrap_interval(np.square(roots), generator=np.random.default_rng([seed, 5]))
+    return tuple(float(np.sqrt(square / variance)) for square in found)

@@ -4,7 +4,7 @@ import numpy as np
 from pairs import frames, sampled_costs, spheres
 from sizes import named_slope, short
 
-from meshot.statistics import averages, fitted_slope
+from meshot.statistics import averages, fitted_slope, percentile_interval
 
 
 def distance_runs(config: dict) -> list[dict]:
@@ -39,7 +39,7 @@ def distance_summary(rows: list[dict], config: dict) -> dict:
             # Draws are shared, so that repetitions are drawn anew for all distances at once.
             pick = np.random.default_rng([config["seed"], 7]).integers(errors.shape[1], size=(2000, errors.shape[1]))
             means = errors[:, pick].mean(axis=2)
-            low, high = np.quantile(means / means[0], [0.025, 0.975], axis=1)
+            low, high = percentile_interval(means / means[0])
             found.append(
                 {"n_points": n_points, "p": p, "apart": settings["apart"]}
                 | {"error": [short(value) for value in averages(errors)]}

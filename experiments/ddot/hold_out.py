@@ -11,9 +11,10 @@ from trainings import HERE, arguments, read_config, segmentation_network
 
 from meshot.mesh.editing import smooth_crossings
 from meshot.model import network_digest
-from meshot.pipeline.deformation import InitialSurfaces, write_example
+from meshot.pipeline import InitialSurfaces
 from meshot.provenance import provenance
 from meshot.synth.cohorts import scans
+from meshot.systems.deformation import hemisphere_example, write_example
 
 COHORT, SIDE = "oasis_like", "left"
 INITIAL_FACES, TARGET_FACES = 30_000, 30_000
@@ -25,7 +26,9 @@ def main(words: list[str] | None = None) -> int:
     config = read_config(asked.config)
     network = segmentation_network(config)
     subject = scans(config["cohorts"][COHORT], config["evaluation"]["split"])[0]
-    example = InitialSurfaces(config["initial"], network).example(subject, SIDE, INITIAL_FACES)
+    keys = [(SIDE, "white")]
+    example = InitialSurfaces(config["initial"], network).example(subject, keys, keys)
+    example = hemisphere_example(example, SIDE, INITIAL_FACES)
     # Simplified faces may cross; what the flow starts from must not.
     example = dataclasses.replace(example, initial=smooth_crossings(example.coarse))
     record = provenance() | {"cohort": COHORT, "side": SIDE, "segmentation_sha256": network_digest(network)}

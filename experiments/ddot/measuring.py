@@ -10,9 +10,10 @@ from meshot.flow.crossings import repair_crossings
 from meshot.mesh import Mesh
 from meshot.metrics import Evaluation, evaluate
 from meshot.model import DeformationNetwork
-from meshot.pipeline.deformation import DeformationSettings, InitialSurfaces, deformed
+from meshot.pipeline import InitialSurfaces
 from meshot.pipeline.segmentation import in_scanner
 from meshot.synth.cohorts import Subject
+from meshot.systems.deformation import deformed
 from meshot.volume import StandardScan
 
 #: Names in the results, and in an evaluation.
@@ -46,10 +47,10 @@ def initial_row(found: Seen, settings: dict) -> dict:
     return {"measured": measured, "floors": floors, "share": found.truth.shares(), "n_faces": len(found.initial.faces)}
 
 
-def flow_row(found: Seen, network: DeformationNetwork, training: DeformationSettings, settings: dict) -> dict:
+def flow_row(found: Seen, network: DeformationNetwork, training: dict, settings: dict) -> dict:
     """The surface that a flow leads to, as it is (``flow``) and with its crossing faces settled (``settled``)."""
     started = time.process_time()
-    carried = deformed(found.initial, found.scan.volume, network, training.n_flow_steps, training.method)
+    carried = deformed(found.initial, found.scan.volume, network, training["n_flow_steps"], training["method"])
     flowed = time.process_time()
     result = repair_crossings(found.initial, carried)
     seconds = {"cpu_seconds_flow": flowed - started, "cpu_seconds_settling": time.process_time() - flowed}

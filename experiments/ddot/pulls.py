@@ -12,13 +12,14 @@ import torch
 from tqdm import tqdm
 from trainings import HERE, arguments, read_config, segmentation_network
 
-from meshot.loss import SurfaceLoss
+from meshot.loss.composed import SurfaceLoss, surface_loss
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import face_areas, vertex_areas, vertex_normals
 from meshot.metrics import Surface, average_surface_distance, offsets_between
-from meshot.pipeline.deformation import DeformationExample, InitialSurfaces
+from meshot.pipeline import InitialSurfaces
 from meshot.provenance import rounded, write_results
 from meshot.synth.cohorts import scans
+from meshot.systems.deformation import DeformationExample, hemisphere_example
 from meshot.types import Float, Tensor
 
 Arrows = Float[Tensor, "vertex 3"]
@@ -90,11 +91,12 @@ def main(words: list[str] | None = None) -> int:
     settings, started = config["pulls"], time.process_time()
     torch.set_num_threads(config["evaluation"]["n_threads"])
     surfaces = InitialSurfaces(config["initial"], segmentation_network(config))
-    losses = {name: SurfaceLoss(**values) for name, values in settings["losses"].items()}
+    losses = {name: surface_loss(values) for name, values in settings["losses"].items()}
     subjects = [s for cohort in config["cohorts"].values() for s in scans(cohort, settings["split"])]
     rows = []
     for subject in tqdm(subjects, desc="pulls"):
-        example = surfaces.example(subject, settings["side"], settings["n_faces"])
+        keys = [(settings["side"], "white")]
+        example = hemisphere_example(surfaces.example(subject, keys, keys), settings["side"], settings["n_faces"])
         rows += measured(example, losses, settings["n_points"])
     data = f"{settings['split']} subjects of the synthetic cohorts {', '.join(config['cohorts'])}"
     write = {"rows": rows, "means": means(rows)}, settings, "python experiments/ddot/pulls.py", data

@@ -3,7 +3,7 @@
 Run as ``python experiments/ddot/run.py`` once some of the networks are there (see ``train.py``): those that are missing
 are named in the results, and measured when the command is given again. Every finished hemisphere is kept in a file
 beside the output, so that a run that was stopped, or has more networks now, goes on where it was; ``commits`` of the
-results are those that measured. Remove that file where the code that measures has changed.
+results are those that measured. Where the code that measures has changed, everything is measured again.
 """
 
 import functools
@@ -20,7 +20,7 @@ from trainings import HERE, Wanted, arguments, read_config, record_of, segmentat
 
 from meshot.jobs import run_jobs
 from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest, read_weights
-from meshot.pipeline.deformation import InitialSurfaces
+from meshot.pipeline import InitialSurfaces
 from meshot.provenance import provenance, rounded, write_results
 from meshot.synth.cohorts import Subject, scans
 
@@ -82,11 +82,11 @@ def measured(
         found = hemisphere(task["cohort"], task["subject"], task["side"])
         if task["of"] == INITIAL:
             return {"commit": commit} | initial_row(found, settings)
-        training = by_name[task["of"]].settings(config).training
+        training = by_name[task["of"]].settings(config)["training"]
         return {"commit": commit} | flow_row(found, network(task["of"]), training, settings)
 
     tasks = tasks_of(there, subjects, digests_of(there, config, network_digest(segmentation)), data)
-    return run_jobs(tasks, work, partial, time.process_time)
+    return run_jobs(tasks, work, partial, folder=HERE, config=settings, clock=time.process_time)
 
 
 def described(each: Wanted, config: dict, segmentation: str) -> dict:
@@ -153,7 +153,7 @@ def main(words: list[str] | None = None) -> None:
     commits = list(dict.fromkeys(line["found"].pop("commit") for line in found))
     rows = [_row(line, {each.name: each for each in there}, subjects) for line in found]
     results = {"missing": missing, "commits": commits, "data_sha256": data}
-    results |= summarised(rows, config["evaluation"]) | {"trainings": trainings}
+    results |= summarised(rows, config["evaluation"], config["comparison"]) | {"trainings": trainings}
     stands_on = f"held-out subjects of the synthetic cohorts {', '.join(cohorts)}"
     seconds = sum(line["seconds"] for line in found)
     write_results(asked.output, rounded(results), config, "python experiments/ddot/run.py", stands_on, seconds)

@@ -4,9 +4,10 @@ import itertools
 from collections.abc import Iterable
 
 import numpy as np
-from scipy import stats
 
-INITIAL, OURS, RIVAL, WINDOWED = "initial", "ddot", "cortexode", "windowed"
+from meshot.statistics import bootstrap_interval, paired_interval
+
+INITIAL = "initial"
 MAIN = "template"  # the kind of subject that trainings know; the procedural ones stand apart
 DISTANCES = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm")
 COMPARED = (*DISTANCES, "normals", "flow_crossing_percent")
@@ -14,13 +15,13 @@ FIRST_SEED = 0
 SECONDS = ("cpu_seconds_flow", "cpu_seconds_settling")
 
 
-def summarised(rows: list[dict], settings: dict) -> dict:
-    """Everything that follows from the rows, and the rows."""
+def summarised(rows: list[dict], settings: dict, comparison: dict) -> dict:
+    """Everything that follows from the rows, and the rows; ``comparison`` names our arm, its rival and others."""
     main = [row for row in rows if row["kind"] == MAIN]
     return {
-        "targets": targets(main, settings["targets"]),
-        "differences": differences(main, settings),
-        "seeds": seeds(main),
+        "targets": targets(main, settings["targets"], comparison),
+        "differences": differences(main, settings, comparison),
+        "seeds": seeds(main, comparison),
         "summary": [_group(part) for part in grouped(rows, ("cohort", "side", "arm", "seed", "kind"))],
         "subjects": rows,
     }
@@ -69,10 +70,10 @@ def _means(lists: list[list[float | None]]) -> list[float | None]:
     return [float(np.mean(column)) if column else None for column in columns]
 
 
-def differences(rows: list[dict], settings: dict) -> list[dict]:
-    """First minus second arm at the first seed, subject by subject: every flow against its start, DDOT against others.
+def differences(rows: list[dict], settings: dict, comparison: dict) -> list[dict]:
+    """First minus second arm at the first seed, subject by subject: every flow against its start, ours against others.
 
-    DDOT in windows stands against the rival too.
+    What else is compared stands against the rival too.
 
     ``side`` is "both" for the mean of the two sides of a subject. The interval holds 95 % of the means of resampled
     subjects (percentiles); with eight subjects it is about a fifth too narrow.
@@ -80,10 +81,10 @@ def differences(rows: list[dict], settings: dict) -> list[dict]:
     found = []
     for part in grouped(rows, ("cohort",)):
         by_arm = _by_arm(part)
-        for (first, second), side in itertools.product(_pairs(by_arm), ("left", "right", "both")):
+        for (first, second), side in itertools.product(_pairs(by_arm, comparison), ("left", "right", "both")):
             one, other = (_of_side(by_arm[arm], side) for arm in (first, second))
             subjects = [subject for subject in one if subject in other]
-            if subjects:
+            if len(subjects) > 1:
                 about = {"cohort": part[0]["cohort"], "side": side, "first": first, "second": second}
                 gaps = {key: resampled([one[s][key] - other[s][key] for s in subjects], settings) for key in COMPARED}
                 found.append(about | {"n_subjects": len(subjects)} | gaps)
@@ -99,9 +100,11 @@ def _by_arm(rows: list[dict]) -> dict[str, dict[str, dict[str, dict]]]:
     return found
 
 
-def _pairs(arms: Iterable[str]) -> list[tuple[str, str]]:
+def _pairs(arms: Iterable[str], comparison: dict) -> list[tuple[str, str]]:
+    ours, rival = comparison["ours"], comparison["rival"]
     flows = [arm for arm in arms if arm != INITIAL]
-    pairs = [(OURS, arm) for arm in flows if arm != OURS] + [(WINDOWED, RIVAL)] + [(arm, INITIAL) for arm in flows]
+    pairs = [(ours, arm) for arm in flows if arm != ours] + [(arm, rival) for arm in comparison["also"]]
+    pairs += [(arm, INITIAL) for arm in flows]
     return [pair for pair in pairs if set(pair) <= {INITIAL, *flows}]
 
 
@@ -114,21 +117,20 @@ def _of_side(sides: dict[str, dict[str, dict]], side: str) -> dict[str, dict[str
 
 def resampled(gaps: list[float], settings: dict) -> dict[str, float]:
     """The mean of paired differences, and between which values 95 % of the means of resampled ones lie."""
-    values, random = np.array(gaps), np.random.default_rng(settings["seed"])
-    means = values[random.integers(len(values), size=(settings["n_resamples"], len(values)))].mean(axis=1)
-    low, high = np.quantile(means, [0.025, 0.975]).tolist()
-    return {"gap": float(values.mean()), "low": low, "high": high}
+    gap, low, high = bootstrap_interval(gaps, n_draws=settings["n_resamples"], generator=settings["seed"])
+    return {"gap": gap, "low": low, "high": high}
 
 
-def seeds(rows: list[dict]) -> list[dict]:
+def seeds(rows: list[dict], comparison: dict) -> list[dict]:
     """Where both arms have several seeds: their means over subjects, seed by seed, and the interval of the difference.
 
     The interval is Student's, paired: equal seeds begin with the same weights and see the subjects in the same order.
     """
-    found = []
-    for part in grouped([row for row in rows if row["arm"] in (OURS, RIVAL)], ("cohort", "side")):
-        means = {arm: _mean_of_seeds(part, arm) for arm in (OURS, RIVAL)}
-        shared = sorted(means[OURS].keys() & means[RIVAL].keys())
+    found, arms = [], (comparison["ours"], comparison["rival"])
+    for part in grouped([row for row in rows if row["arm"] in arms], ("cohort", "side")):
+        means = {arm: _mean_of_seeds(part, arm) for arm in arms}
+        first, second = means.values()
+        shared = sorted(first.keys() & second.keys())
         if len(shared) > 1:
             about = {"cohort": part[0]["cohort"], "side": part[0]["side"], "seeds": shared}
             found.append(about | {key: _over_seeds(means, shared, key) for key in COMPARED})
@@ -144,21 +146,18 @@ def _mean_of_seeds(rows: list[dict], arm: str) -> dict[int, dict[str, float]]:
 
 
 def _over_seeds(means: dict[str, dict[int, dict[str, float]]], shared: list[int], key: str) -> dict:
-    values = {arm: np.array([means[arm][seed][key] for seed in shared]) for arm in (OURS, RIVAL)}
-    gaps = values[OURS] - values[RIVAL]
-    half = float(stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / np.sqrt(len(gaps)))
-    mean = float(gaps.mean())
-    spreads = {arm: _spread(found.tolist()) for arm, found in values.items()}
-    return spreads | {"gap": mean, "low": mean - half, "high": mean + half}
+    values = {arm: [found[seed][key] for seed in shared] for arm, found in means.items()}
+    gap, low, high = paired_interval(*values.values())
+    return {arm: _spread(found) for arm, found in values.items()} | {"gap": gap, "low": low, "high": high}
 
 
-def targets(rows: list[dict], wanted: dict) -> list[dict]:
-    """What was asked for, for each cohort and side, by DDOT, its rival and DDOT in windows: means over subjects."""
+def targets(rows: list[dict], wanted: dict, comparison: dict) -> list[dict]:
+    """What was asked for, for each cohort and side, by ours, its rival and the others: means over subjects."""
     found = []
     for part in grouped(rows, ("cohort", "side")):
         by_arm = {arm: sides[part[0]["side"]] for arm, sides in _by_arm(part).items()}
         about = {key: part[0][key] for key in ("cohort", "side")}
-        for arm in (OURS, RIVAL, WINDOWED):
+        for arm in (comparison["ours"], comparison["rival"], *comparison["also"]):
             if arm in by_arm:
                 found.append(about | {"arm": arm} | _reached(by_arm[arm], by_arm[INITIAL], wanted))
     return found

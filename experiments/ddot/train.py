@@ -18,10 +18,9 @@ from pathlib import Path
 
 import torch
 from tqdm import tqdm
-from trainings import Wanted, arguments, keep, read_config, segmentation_network, segmentation_weights, wanted
+from trainings import Wanted, arguments, keep, read_config, segmentation_network, wanted
 
-from meshot.pipeline import LOG, STATE_FOLDER
-from meshot.pipeline.deformation import InitialSurfaces, run_deformation_training
+from meshot.pipeline import STATE_FOLDER, InitialSurfaces, run_system_training, segmentation_weights
 from meshot.synth.cohorts import scans
 
 SECONDS_BETWEEN_LOOKS = 5.0
@@ -42,9 +41,9 @@ def made(each: Wanted, config: dict) -> None:
     """
     torch.set_num_threads(1)
     with alone(each.state(config)):
-        run_deformation_training(
-            config["settings"], [config["cohorts"][each.cohort]], each.state(config), segmentation_weights(config),
-            config["initial"], each.changes(config), torch.device("cpu"),
+        run_system_training(
+            each.system(config).name, config["settings"], [config["cohorts"][each.cohort]], each.state(config),
+            segmentation_weights(config["segmentation"]), config["initial"], each.changes(config), torch.device("cpu"),
         )  # fmt: skip
         keep(each, config)
 
@@ -108,7 +107,7 @@ def _started(each: Wanted, config: dict, words: list[str]) -> subprocess.Popen:
 
 def _steps(each: Wanted, config: dict) -> int:
     """How many steps are done, roughly: lines of the log, of which a few are validations."""
-    path = each.state(config) / STATE_FOLDER / LOG
+    path = each.state(config) / STATE_FOLDER / each.part / "log.jsonl"
     return path.read_bytes().count(b"\n") if path.is_file() else 0
 
 

@@ -10,10 +10,10 @@ import yaml
 
 from meshot.files import whole_file
 from meshot.model import SegmentationNetwork, read_weights
-from meshot.pipeline import LOG, RECORD, SEGMENTATION, WEIGHTS, weights_path
-from meshot.pipeline.deformation import DeformationConfig, deformation_config, read_deformation_config
+from meshot.pipeline import LOG, RECORD, WEIGHTS, segmentation_weights
 from meshot.provenance import read_results, rounded
-from meshot.train import TrainingLog, read_log
+from meshot.systems import SurfaceSystem, get_system, read_settings
+from meshot.train import Groups, TrainingLog, read_log
 
 HERE = Path(__file__).parent
 CURVE_POINTS = 110
@@ -33,13 +33,23 @@ class Wanted:
         """What its files are called."""
         return f"{self.cohort}_{self.side}_{self.arm}_{self.seed}"
 
-    def changes(self, config: dict) -> list[str]:
-        """What differs from the settings that all share."""
-        return [*config["arms"][self.arm], f"training.side={self.side}", f"training.seed={self.seed}"]
+    @property
+    def part(self) -> str:
+        """The part of the system that is trained."""
+        return f"{self.side}_white"
 
-    def settings(self, config: dict) -> DeformationConfig:
+    def system(self, config: dict) -> type[SurfaceSystem]:
+        """The system that the arm is, or is a variant of."""
+        return get_system(config["arms"][self.arm]["system"])
+
+    def changes(self, config: dict) -> list[str]:
+        """What differs from the settings that come with the system."""
+        own = config["arms"][self.arm].get("changes", [])
+        return [*own, f"training.side={self.side}", f"training.seed={self.seed}"]
+
+    def settings(self, config: dict) -> Groups:
         """All settings."""
-        return read_deformation_config(config["settings"], self.changes(config))
+        return read_settings(self.system(config), config["settings"], self.changes(config))
 
     def state(self, config: dict) -> Path:
         """The folder of the training itself."""
@@ -91,23 +101,18 @@ def wanted(config: dict, only: Iterable[str] = ("*",)) -> list[Wanted]:
     return chosen
 
 
-def segmentation_weights(config: dict) -> Path:
-    """Weights of the network that makes the initial surfaces."""
-    return Path(config["segmentation"]) if config["segmentation"] else weights_path(SEGMENTATION)
-
-
 def segmentation_network(config: dict) -> SegmentationNetwork:
     """The network that makes the initial surfaces."""
-    return read_weights(segmentation_weights(config), SegmentationNetwork)[0]
+    return read_weights(segmentation_weights(config["segmentation"]), SegmentationNetwork)[0]
 
 
 def keep(each: Wanted, config: dict) -> None:
     """Copy weights, record and thinned log to where they are kept; the record, which says that all is there, last."""
     folder = each.state(config)
-    TrainingLog(each.kept(config, ".log.jsonl"), thinned(read_log(folder / LOG)))
-    for source, suffix in ((WEIGHTS, ".safetensors"), (RECORD, ".json")):
+    TrainingLog(each.kept(config, LOG), thinned(read_log(folder / f"{each.part}{LOG}")))
+    for suffix in (WEIGHTS, RECORD):
         with whole_file(each.kept(config, suffix)) as temporary:
-            temporary.write_bytes((folder / source).read_bytes())
+            temporary.write_bytes((folder / f"{each.part}{suffix}").read_bytes())
 
 
 def thinned(log: list[dict], n_points: int = CURVE_POINTS) -> list[dict]:
@@ -134,7 +139,10 @@ def record_of(each: Wanted, config: dict) -> dict:
     path = each.kept(config, ".json")
     record = read_results(path)
     # Settings that came later than the record have their defaults there.
-    trained = deformation_config(record["config"], f"the configuration in {path}")
-    if trained.as_dict() != each.settings(config).as_dict():
+    try:
+        trained = each.system(config).complete(record["config"])
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    if trained != each.settings(config):
         raise ValueError(f"{path} was trained with other settings than {config['settings']} and the arm: train it anew")
     return record

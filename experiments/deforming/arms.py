@@ -1,26 +1,11 @@
 """The arms: a loss, what it compares, and with how many supports; each a loss of the carried mesh for the fit."""
 
-from collections.abc import Callable
-
 import numpy as np
 
-from meshot import (
-    DiscreteMeasure,
-    Mesh,
-    SurfaceMeasure,
-    chamfer,
-    empirical,
-    quasi_directions,
-    sinkhorn_divergence,
-    sliced_wasserstein,
-    surface,
-    varifold,
-)
+from meshot import Mesh, quasi_directions, sliced_wasserstein
 from meshot.flow.fitting import FitLoss
-from meshot.measure import varifold_sample
+from meshot.loss.composed import ENCODINGS, LOSSES, Encoding, MeasureLoss
 from meshot.types import Tensor
-
-Measure = DiscreteMeasure | SurfaceMeasure
 
 
 def planned_arms(config: dict) -> list[dict]:
@@ -31,18 +16,17 @@ def planned_arms(config: dict) -> list[dict]:
 
 def arm_loss(arm: dict, target: Mesh, config: dict) -> FitLoss:
     """The loss of a carried mesh to the target; whatever is drawn is drawn anew at every call, on both sides."""
-    encode = _encoder(arm, len(target.faces), config)
-    drawn = arm["encoding"] == "samples" or arm["supports"] != "full"
-    fixed = None if drawn else encode(target, np.random.default_rng(0))
+    encoding, of_measures = _encoding(arm, config), _loss(arm, config)
+    drawn, n_faces = arm["encoding"] == "samples" or arm["supports"] != "full", len(target.faces)
+    fixed = None if drawn else encoding.measure(target, n_faces, np.random.default_rng(0))
 
     def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
-        source = encode(mesh, generator)
-        goal = encode(target, generator) if fixed is None else fixed
-        if arm["loss"] == "chamfer":
-            return chamfer(source, goal)
-        if arm["loss"] == "sinkhorn":
-            return sinkhorn_divergence(source, goal, **config["sinkhorn"])
-        places = source.vertices if isinstance(source, SurfaceMeasure) else source.points
+        source = encoding.measure(mesh, n_faces, generator)
+        goal = encoding.measure(target, n_faces, generator) if fixed is None else fixed
+        if of_measures is not None:
+            return of_measures(source, goal, generator)
+        # The fit says how many directions, and they are even ones.
+        places = source.places
         directions = quasi_directions(n_directions, places.shape[1], int(generator.integers(2**31)))
         return sliced_wasserstein(source, goal, directions.to(places))
 
@@ -54,13 +38,14 @@ def n_supports(arm: dict, target: Mesh) -> int:
     return len(target.faces) if arm["supports"] == "full" else arm["supports"]
 
 
-def _encoder(arm: dict, n_faces: int, config: dict) -> Callable[[Mesh, np.random.Generator], Measure]:
-    whole, scale = arm["supports"] == "full", config["normal_scale"]
-    detached = arm.get("detached", config["few_detached"][arm["loss"]])
-    if arm["encoding"] == "surface":
-        return lambda mesh, generator: surface(mesh)
-    if arm["encoding"] == "samples":
-        return lambda mesh, generator: empirical(mesh, n_faces if whole else arm["supports"], generator)
-    if whole:
-        return lambda mesh, generator: varifold(mesh, scale)
-    return lambda mesh, generator: varifold_sample(mesh, arm["supports"], generator, scale, detached)
+def _encoding(arm: dict, config: dict) -> Encoding:
+    settings = {} if arm["supports"] == "full" or arm["encoding"] == "surface" else {"n_supports": arm["supports"]}
+    if arm["encoding"] == "varifold":
+        settings["normal_scale"] = config["normal_scale"]
+        if "n_supports" in settings:
+            settings["detach_weights"] = arm.get("detached", config["few_detached"][arm["loss"]])
+    return ENCODINGS[arm["encoding"]](**settings)
+
+
+def _loss(arm: dict, config: dict) -> MeasureLoss | None:
+    return None if arm["loss"] == "sliced" else LOSSES[arm["loss"]](**config.get(arm["loss"], {}))

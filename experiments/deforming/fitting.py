@@ -105,14 +105,14 @@ class Ruler:
     def __init__(self, goal: Mesh, config: dict):
         self.goal, self.config = goal, config
         self.surface = Surface(goal)
-        self.streams = np.random.SeedSequence(config["seed_verdict"]).spawn(2)
+        self.streams = np.random.SeedSequence(config["judge_seed"]).spawn(2)
         self.sample = self.surface.sample(config["n_points"], np.random.default_rng(self.streams[1]))
 
     def all(self, mesh: Mesh) -> tuple[dict[str, float], dict[str, float]]:
         """Every metric of the package, and the floors."""
         config = self.config
         counts = {"n_points": config["n_points"], "n_emd_points": config["n_emd_points"]}
-        found = evaluate(mesh, self.goal, seed=config["seed_verdict"], **counts).as_dict()
+        found = evaluate(mesh, self.goal, seed=config["judge_seed"], **counts).as_dict()
         values = {name: short(metric["value"]) for name, metric in found.items()}
         return values, {name: short(metric["floor"]) for name, metric in found.items()}
 

@@ -39,7 +39,6 @@ after each of its steps, named ``…/path/K``.
 """
 
 import argparse
-import json
 import shutil
 import time
 from collections.abc import Iterator
@@ -55,7 +54,7 @@ from summary import differences, summarise
 
 from meshot import Mesh
 from meshot.files import whole_file
-from meshot.jobs import run_jobs
+from meshot.jobs import fingerprint, finished_tasks, run_jobs
 from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
@@ -112,7 +111,7 @@ def work(task: dict, config: dict) -> dict:
     goal = target_mesh(task["target"], task["seed"], config)
     if is_kept(task, config):
         tensors = {name: mesh.vertices.contiguous() for name, mesh in meshes.items()}
-        with whole_file(_kept_at(task)) as temporary:
+        with whole_file(_kept_at(task, config)) as temporary:
             safetensors.torch.save_file(tensors, temporary)
     return {"n_supports": n_supports(task, goal)} | found
 
@@ -127,8 +126,9 @@ def _name(task: dict) -> str:
     return "_".join(str(task[part]) for part in ARM)
 
 
-def _kept_at(task: dict) -> Path:
-    return MESHES / ("_".join(str(task[name]) for name in (*SETTING, *ARM)) + ".safetensors")
+def _kept_at(task: dict, config: dict) -> Path:
+    name = "_".join(str(task[name]) for name in (*SETTING, *ARM))
+    return MESHES / fingerprint(HERE, config) / f"{name}.safetensors"
 
 
 def describe(setting: dict, config: dict) -> dict:
@@ -148,7 +148,7 @@ def stored_meshes(fits: list[dict], config: dict) -> Iterator[tuple[str, Mesh]]:
         begin = start_mesh(fit["start"], fit["target"], goal, config)
         yield f"{fit['target']}/target", goal
         yield f"{place}/begin", begin
-        tensors = safetensors.torch.load_file(_kept_at(fit))
+        tensors = safetensors.torch.load_file(_kept_at(fit, config))
         name = f"{place}/{_name(fit)}"
         yield name, begin.to(torch.float32).with_vertices(tensors["end"])
         for k in range(config["fit"]["n_steps"] + 1) if name in config["paths"] else ():
@@ -185,13 +185,12 @@ def main() -> None:
     started = time.process_time()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    MESHES.mkdir(exist_ok=True)
     tasks = sorted(planned_fits(config) + planned_trials(config), key=lambda task: stage(task, config))
     if early:
-        lines = [line for line in partial.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
-        done = {json.loads(line)["key"] for line in lines}
-        tasks = [task for task in tasks if json.dumps(task, sort_keys=True) in done]
-    rows = run_jobs(tasks, lambda task: work(task, config), partial, time.process_time)
+        tasks = finished_tasks(tasks, partial, folder=HERE, config=config)
+    rows = run_jobs(
+        tasks, lambda task: work(task, config), partial, folder=HERE, config=config, clock=time.process_time
+    )
     of_trials = [row for row in rows if row["task"]["seed"] == config["trials"]["seed"]]
     results = collect([row for row in rows if row not in of_trials], of_trials, config)
     meshes = dict(stored_meshes(results["fits"], config))
@@ -201,7 +200,7 @@ def main() -> None:
     write_results(HERE / "results.json", results, config, "python experiments/deforming/run.py", data, seconds)
     if not early:
         partial.unlink()
-        shutil.rmtree(MESHES)
+        shutil.rmtree(MESHES, ignore_errors=True)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 from fitting import CURVES, short
-from scipy import stats
+
+from meshot.provenance import rounded
+from meshot.statistics import arm_differences
 
 READ = ("seconds", "iteration", *CURVES)
 
@@ -80,15 +82,11 @@ _EQUAL: dict[str, Callable[[dict, dict, list[dict]], tuple[dict, dict]]] = {
 
 
 def _paired(pairs: list[tuple[dict, dict]]) -> dict:
-    found: dict = {}
-    for name in pairs[0][0]:
-        values = np.array([[one[name], other[name]] for one, other in pairs])
-        gaps = values[:, 0] - values[:, 1]
-        found[f"{name}_chamfer"], found[f"{name}_sliced"] = (short(x) for x in values.mean(axis=0))
-        found[f"{name}_gap"], found[f"{name}_low"], found[f"{name}_high"] = short(gaps.mean()), None, None
-        if len(gaps) > 1:
-            half = stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / np.sqrt(len(gaps))
-            found[f"{name}_low"], found[f"{name}_high"] = short(gaps.mean() - half), short(gaps.mean() + half)
+    chamfer, sliced = ({name: [arm[name] for arm in side] for name in side[0]} for side in zip(*pairs, strict=True))
+    gaps, found = rounded(arm_differences(chamfer, sliced)), {}
+    for name in chamfer:
+        found |= {f"{name}_chamfer": short(np.mean(chamfer[name])), f"{name}_sliced": short(np.mean(sliced[name]))}
+        found |= {f"{name}_{end}": gaps[f"{name}_{end}"] for end in ("gap", "low", "high")}
     return found
 
 

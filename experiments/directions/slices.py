@@ -47,7 +47,7 @@ def _pair(d: int, name: str, config: dict) -> tuple[Measure, Measure]:
         "ellipsoid": lambda: ellipsoid(level, tuple(config["radii"])),
         "folded": lambda: folded_sphere(level, 1.0, 0.2),
     }
-    encode = surface if d == 3 else lambda mesh: varifold(mesh, config["normal_scale"])
+    encode = surface if d == 3 else lambda mesh: varifold(mesh, normal_scale=config["normal_scale"])
     return encode(other[name]()), encode(icosphere(level))
 
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from meshot.statistics import percentile_interval
+
 RANKED_AT = 100
 
 
@@ -70,7 +72,7 @@ def _slopes(counts: list[int], rmse: np.ndarray) -> np.ndarray:
 
 
 def _interval(values: np.ndarray) -> dict:
-    low, high = np.quantile(values, (0.025, 0.975))
+    low, high = percentile_interval(values)
     return {"low": _short(low), "high": _short(high)}
 
 

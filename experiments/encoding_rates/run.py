@@ -4,9 +4,7 @@ Run as ``python experiments/encoding_rates/run.py``. Finished levels are kept in
 that a run that was stopped goes on where it ended. Errors repeat from run to run; the seconds of the last part do not.
 """
 
-import json
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import torch
@@ -14,14 +12,15 @@ import yaml
 from clock import measure_clock
 from measured import measure_level
 from summary import summarise, summarise_clock
-from tqdm import tqdm
 
+from meshot.jobs import run_jobs
 from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
+MEASURE = {"levels": measure_level, "clock": measure_clock}
 
 
-def tasks(config: dict) -> Iterator[tuple[dict, Callable]]:
+def tasks(config: dict) -> list[dict]:
     """Every level of every family in both spaces, the cheap ones first; the clock at the end."""
     found = [
         {"part": "levels", "family": family, "level": level, "d": d}
@@ -30,10 +29,8 @@ def tasks(config: dict) -> Iterator[tuple[dict, Callable]]:
         for d in (3, 6)
     ]
     largest = {"cortex_decimated": 1 / 320, "cortex_split": 2.0}
-    for task in sorted(found, key=lambda task: task["level"] * largest.get(task["family"], 1.0)):
-        yield task, measure_level
-    for name in ("white to pial", "tiny deformation"):
-        yield {"part": "clock", "pair": name}, measure_clock
+    found.sort(key=lambda task: task["level"] * largest.get(task["family"], 1.0))
+    return found + [{"part": "clock", "pair": name} for name in ("white to pial", "tiny deformation")]
 
 
 def main() -> None:
@@ -42,18 +39,10 @@ def main() -> None:
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    lines = partial.read_text(encoding="utf-8").splitlines() if partial.exists() else []
-    done = {line["key"]: line for line in map(json.loads, lines)}
-    for task, measure in tqdm(list(tasks(config))):
-        key = json.dumps(task, sort_keys=True)
-        if key in done:
-            continue
-        before = time.process_time()
-        found = measure(task, config)
-        done[key] = {"key": key, "task": task, "found": found, "seconds": time.process_time() - before}
-        with partial.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(done[key]) + "\n")
-    rows = [done[json.dumps(task, sort_keys=True)] for task, _ in tasks(config)]
+    rows = run_jobs(
+        tasks(config), lambda task: MEASURE[task["part"]](task, config), partial, folder=HERE, config=config,
+        clock=time.process_time,
+    )  # fmt: skip
     results = summarise(rows, config) | {"clock": summarise_clock(rows)}
     seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
     command = "python experiments/encoding_rates/run.py"

@@ -10,7 +10,7 @@ from meshot.mesh.geometry import face_areas, face_normals
 
 def continuous(mesh: Mesh, normal_scale: float) -> SurfaceMeasure:
     """The truth: the surface itself, with its scaled face normals unless the scale is zero."""
-    return surface(mesh, normal_scale)
+    return surface(mesh, normal_scale=normal_scale)
 
 
 def atoms(mesh: Mesh, rule: str, normal_scale: float) -> DiscreteMeasure:
@@ -19,7 +19,7 @@ def atoms(mesh: Mesh, rule: str, normal_scale: float) -> DiscreteMeasure:
     The barycentre rule with normals is the oriented varifold; the other two know positions only.
     """
     if rule == "barycentres":
-        encoded = varifold(mesh, normal_scale)
+        encoded = varifold(mesh, normal_scale=normal_scale)
         points = encoded.points if normal_scale > 0 else encoded.points[:, :3].contiguous()
         return DiscreteMeasure(points, encoded.weights)
     corners = mesh.vertices[mesh.faces]

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from meshot.statistics import fitted_slope
+from meshot.statistics import bootstrap_interval, fitted_slope
+from meshot.types import Array
 
 QUANTITIES = ("other", "own")
 
@@ -50,14 +51,14 @@ def _rate(errors: list[list[float]], group: list[dict], p: str, first: int) -> d
     }
 
 
-def ratio_of_means(samples: list[float], varifold: list[float], n_draws: int = 2000) -> dict:
+def ratio_of_means(samples: list[float], varifold: list[float]) -> dict:
     """Mean absolute error of samples over that of the varifold, with its 95 % interval (percentile bootstrap)."""
-    top, bottom = np.abs(samples), np.abs(varifold)
-    generator = np.random.default_rng(0)
-    drawn = top[generator.integers(len(top), size=(n_draws, len(top)))].mean(axis=1)
-    drawn /= bottom[generator.integers(len(bottom), size=(n_draws, len(bottom)))].mean(axis=1)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return {"ratio": _short(top.mean() / bottom.mean()), "low": _short(low), "high": _short(high)}
+
+    def ratio(top: Array, bottom: Array, axis: int) -> Array:
+        return top.mean(axis=axis) / bottom.mean(axis=axis)
+
+    found = bootstrap_interval(np.abs(samples), np.abs(varifold), statistic=ratio)
+    return {name: _short(value) for name, value in zip(("ratio", "low", "high"), found)}
 
 
 def summarise_clock(rows: list[dict]) -> list[dict]:

@@ -45,7 +45,7 @@ def _encoded(mesh: Mesh, encoding: str, n_points: int, generator: np.random.Gene
     if encoding == "continuous":
         return surface(mesh)
     if encoding == "samples":
-        return empirical(mesh, n_points, generator)
+        return empirical(mesh, n_points, generator, detach_weights=True)
     areas: Tensor = face_areas(mesh)
     return DiscreteMeasure(face_barycentres(mesh), areas / areas.sum())
 

@@ -50,7 +50,7 @@ def _sampled(pair: tuple[Mesh, Mesh], size: int, exact: float, directions: Tenso
     errors = []
     for seed in config["sampling"]["seeds"]:
         generator = np.random.default_rng([seed, size])
-        drawn = [empirical(mesh, size, generator) for mesh in pair]
+        drawn = [empirical(mesh, size, generator, detach_weights=True) for mesh in pair]
         errors.append(float(sliced_wasserstein(*drawn, directions)) / exact - 1)
     return {"mean_error": statistics.fmean(errors), "rms_error": float(np.sqrt(np.mean(np.square(errors))))}
 
@@ -90,7 +90,9 @@ def times(config: dict) -> dict:
         return sliced_wasserstein(surface(source.with_vertices(moving)), surface(target), directions)
 
     def sampled(size: int) -> Tensor:
-        drawn = [empirical(mesh, size, generator) for mesh in (source.with_vertices(moving), target)]
+        drawn = [
+            empirical(mesh, size, generator, detach_weights=True) for mesh in (source.with_vertices(moving), target)
+        ]
         return sliced_wasserstein(*drawn, directions)
 
     calls = {"exact, value": lambda: sliced_wasserstein(surface(source), surface(target), directions)}

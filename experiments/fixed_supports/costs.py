@@ -56,13 +56,13 @@ def one_step(loss: str, variant: str, field: LearnedVelocity | None, start: Mesh
     vertices = before.vertices if field is not None else before.vertices.clone().requires_grad_()
     mesh = before.with_vertices(vertices if field is None else integrate(field, vertices, config["n_steps"]))
     if variant == "all":
-        source, goal = varifold(mesh, scale), varifold(target, scale)
+        source, goal = varifold(mesh, normal_scale=scale), varifold(target, normal_scale=scale)
     else:
-        goal = varifold_sample(target, n_supports, generator, scale)
+        goal = varifold_sample(target, n_supports, generator, normal_scale=scale)
         if variant == "carried":
             source = reweighted(mesh, before, scale)
         else:
-            source = varifold_sample(mesh, n_supports, generator, scale, variant == "drawn")
+            source = varifold_sample(mesh, n_supports, generator, normal_scale=scale, detach_weights=variant == "drawn")
     compare(loss, source, goal, config["cost"]["n_directions"], 0).backward()
     for parameter in field.parameters() if field is not None else ():
         parameter.grad = None

@@ -15,7 +15,6 @@ a run that was stopped goes on where it ended.
 - ``differences``: paired over seeds, a fixed number minus all: ``assd_gap``, ``assd_low``, ``assd_high`` (95 %).
 """
 
-import math
 import time
 from pathlib import Path
 
@@ -23,14 +22,14 @@ import numpy as np
 import torch
 import yaml
 from costs import cost_rows
-from scipy import stats
 from variants import fit_loss, pair_of_meshes
 
 from meshot import evaluate
 from meshot.flow.fields import grid_around
 from meshot.flow.fitting import FitSettings, fit_flow
 from meshot.jobs import run_jobs
-from meshot.provenance import write_results
+from meshot.provenance import rounded, write_results
+from meshot.statistics import arm_differences
 
 HERE = Path(__file__).parent
 MEASURED = ("assd", "edge_variation", "intersecting_faces")
@@ -85,11 +84,8 @@ def differences(summary: list[dict]) -> list[dict]:
     whole = next(row for row in summary if row["variant"] == "all")
     rows = []
     for row in (row for row in summary if row["variant"] != "all"):
-        gaps = np.array(row["assd_seeds"]) - np.array(whole["assd_seeds"])
-        half = stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / math.sqrt(len(gaps))
-        ends = {"gap": gaps.mean(), "low": gaps.mean() - half, "high": gaps.mean() + half}
-        kind = {"variant": row["variant"], "n_supports": row["n_supports"], "n_seeds": len(gaps)}
-        rows.append(kind | {f"assd_{name}": short(value) for name, value in ends.items()})
+        kind = {"variant": row["variant"], "n_supports": row["n_supports"], "n_seeds": row["n_seeds"]}
+        rows.append(kind | rounded(arm_differences({"assd": row["assd_seeds"]}, {"assd": whole["assd_seeds"]})))
     return rows
 
 
@@ -99,7 +95,10 @@ def main() -> None:
     began = time.process_time()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    rows = run_jobs(planned_fits(config), lambda task: fit_once(task, config), partial, time.process_time)
+    rows = run_jobs(
+        planned_fits(config), lambda task: fit_once(task, config), partial, folder=HERE, config=config,
+        clock=time.process_time,
+    )  # fmt: skip
     summary, of_costs = summarise(rows), time.process_time()
     results = {"costs": cost_rows(config), "fits": summary, "differences": differences(summary)}
     seconds = max(sum(row["seconds"] for row in rows) + time.process_time() - of_costs, time.process_time() - began)

@@ -37,7 +37,7 @@ def drawn_part(mesh: Mesh, n_faces: int, generator: np.random.Generator) -> Mesh
 def reweighted(part: Mesh, before: Mesh, normal_scale: float) -> DiscreteMeasure:
     """Drawn faces after the flow: drawn by their areas before it, so that a mass is how much its face has grown."""
     growth = face_areas(part) / face_areas(before)
-    return DiscreteMeasure(varifold(part, normal_scale).points, growth / growth.sum())
+    return DiscreteMeasure(varifold(part, normal_scale=normal_scale).points, growth / growth.sum())
 
 
 def compare(loss: str, source: DiscreteMeasure, target: DiscreteMeasure, n_directions: int, seed: int) -> Tensor:
@@ -55,15 +55,17 @@ def fit_loss(variant: str, n_supports: int, start: Mesh, target: Mesh, normal_sc
     from the start: the fit carries all vertices, but to any that is not a corner of a drawn face there is no gradient,
     so that the same would come out if only the corners were "carried".
     """
-    whole = varifold(target, normal_scale)
+    whole = varifold(target, normal_scale=normal_scale)
 
     def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
         seed = int(generator.integers(2**31))
         if variant == "all":
-            return compare("sliced", varifold(mesh, normal_scale), whole, n_directions, seed)
-        goal = varifold_sample(target, n_supports, generator, normal_scale)
+            return compare("sliced", varifold(mesh, normal_scale=normal_scale), whole, n_directions, seed)
+        goal = varifold_sample(target, n_supports, generator, normal_scale=normal_scale)
         if variant != "carried":
-            source = varifold_sample(mesh, n_supports, generator, normal_scale, variant == "drawn")
+            source = varifold_sample(
+                mesh, n_supports, generator, normal_scale=normal_scale, detach_weights=variant == "drawn"
+            )
             return compare("sliced", source, goal, n_directions, seed)
         drawn, _ = sample_locations(start, n_supports, generator)
         part, before = (Mesh(m.vertices, m.faces[drawn]) for m in (mesh, start))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from meshot.statistics import fitted_slope
+from meshot.statistics import fitted_slope, percentile_interval
 
 Groups = dict[int, list[float]]
 
@@ -43,7 +43,7 @@ def with_interval(law: Callable[[Groups, int], float], groups: Groups, target_m:
     for _ in range(n_draws):
         again = {m: generator.choice(values, len(values)) for m, values in groups.items()}
         drawn.append(law(again, target_m))
-    low, high = np.quantile(drawn, [0.025, 0.975])
+    low, high = percentile_interval(drawn)
     return {"value": law(groups, target_m), "low": float(low), "high": float(high)}
 
 

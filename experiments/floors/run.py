@@ -27,7 +27,7 @@ def main() -> None:
     started = time.process_time()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    rows = run_jobs(all_tasks(config), measured, partial, time.process_time)
+    rows = run_jobs(all_tasks(config), measured, partial, folder=HERE, config=config, clock=time.process_time)
     results = summarise(rows, config)
     seconds = max(sum(row["seconds"] for row in rows), time.process_time() - started)
     command, data = "python experiments/floors/run.py", "fsaverage5 white and pial surfaces (group averages)"

@@ -57,10 +57,13 @@ def guard_of(leg: dict) -> Guard:
 def leg_loss(leg: dict, target: Mesh, normal_scale: float) -> FitLoss:
     """Sliced Wasserstein on oriented varifolds, or Chamfer on points drawn anew from both surfaces every time."""
     if leg["loss"] == "sliced":
-        return sliced_loss(target, lambda mesh: varifold(mesh, normal_scale))
+        return sliced_loss(target, lambda mesh: varifold(mesh, normal_scale=normal_scale))
 
     def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
-        return chamfer(empirical(mesh, leg["n_points"], generator), empirical(target, leg["n_points"], generator))
+        return chamfer(
+            empirical(mesh, leg["n_points"], generator, detach_weights=True),
+            empirical(target, leg["n_points"], generator, detach_weights=True),
+        )
 
     return loss
 

@@ -1,6 +1,6 @@
 """Flows from smooth starts to fsaverage5's white surface, both hemispheres, without a crossing face.
 
-Run as ``python experiments/fsaverage5_flow/run.py``, on one thread. Every fit saves as it goes and every finished part
+Run as ``python experiments/fsaverage5_flow/run.py``, on one thread. Every fit saves as it goes and every finished task
 is kept in ``partial/``, so that a run that was stopped goes on where it was and ends with the same result; ``--fresh``
 throws such parts away first.
 
@@ -28,8 +28,8 @@ The kept flows are read by ``stored.stored_flow(hemisphere, task)``: the start, 
 """
 
 import argparse
-import json
 import shutil
+import time
 from pathlib import Path
 
 import torch
@@ -41,8 +41,8 @@ from stored import read_flow, write_flow
 from surfaces import carried, start_surface, target_surface
 
 from meshot.anatomy import HEMISPHERES
-from meshot.files import whole_file
 from meshot.flow.fitting import Leg
+from meshot.jobs import fingerprint, run_jobs
 from meshot.mesh import Mesh
 from meshot.mesh.topology import self_intersecting_faces
 from meshot.provenance import write_results
@@ -51,41 +51,30 @@ HERE = Path(__file__).parent
 PARTIAL = HERE / "partial"
 
 
-def kept(name: str, make) -> dict:
-    """What ``make`` returns (JSON), from the file where an earlier run left it."""
-    path = PARTIAL / f"{name}.json"
-    if not path.exists():
-        record = make()
-        with whole_file(path) as temporary:
-            temporary.write_text(json.dumps(record), encoding="utf-8")
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
-def fit_chain(side: str, task: str, target: Mesh, config: dict) -> tuple[list[Leg], Mesh, list[dict]]:
+def fit_chain(side: str, task: str, target: Mesh, config: dict, place: Path) -> tuple[list[Leg], Mesh, list[dict]]:
     """The legs of a task, its start, and how each leg was fitted; those of the task that it goes on from come first.
 
-    The start is cut where the legs stretch it, if one of them asks for that.
+    The start is cut where the legs stretch it, if one of them asks for that. Fits save into ``place`` as they go.
     """
     settings = config["tasks"][task]
     if "after" in settings:
-        legs, start, records = fit_chain(side, settings["after"], target, config)
+        legs, start, records = fit_chain(side, settings["after"], target, config, place)
     else:
         legs, start, records = [], start_surface(side, config["starts"][settings["start"]]), []
     for index, leg in enumerate(settings["legs"]):
-        fit, seconds = fit_leg(f"{side}_{task}_{index}", leg, carried(legs, start), target, config, PARTIAL)
+        fit, seconds = fit_leg(f"{side}_{task}_{index}", leg, carried(legs, start), target, config, place)
         # Fitted in single precision, applied in double.
         legs, start, mending = mended_chain(leg, [*legs, Leg(fit.field.double(), fit.n_steps)], start)
         records = [*records, fit_record(leg, fit, seconds, mending)]
     return legs, start, records
 
 
-def do_task(side: str, task: str, config: dict) -> dict:
+def do_task(task: str, side: str, config: dict, place: Path) -> dict:
     """Everything about one task on one hemisphere."""
     settings, target = config["tasks"][task], target_surface(side)
-    legs, start, fits = fit_chain(side, task, target, config)
+    legs, start, fits = fit_chain(side, task, target, config, place)
     end = carried(legs, start)
-    before = kept(f"{side}_{task}_before", lambda: measured(start, target, config))
-    after = kept(f"{side}_{task}_after", lambda: measured(end, target, config))
+    before, after = measured(start, target, config), measured(end, target, config)
     assd, crossings = (after["metrics"][name]["value"] for name in ("assd", "intersecting_faces"))
     goal, stretch = settings["goal"], settings.get("stretch")
     record = {
@@ -102,7 +91,7 @@ def do_task(side: str, task: str, config: dict) -> dict:
         "fits": fits,
         "before": before,
         "after": after,
-        "path": kept(f"{side}_{task}_path", lambda: watched_path(legs, start)),
+        "path": watched_path(legs, start),
     }
     if task in config["kept"].get(side, []):
         record["stored"] = store(side, task, legs, start, target, config)
@@ -128,15 +117,21 @@ def main() -> None:
     torch.set_num_threads(config["n_threads"])
     if parser.parse_args().fresh:
         shutil.rmtree(PARTIAL, ignore_errors=True)
-    PARTIAL.mkdir(exist_ok=True)
-    done = {task: {side: do_task(side, task, config) for side in HEMISPHERES} for task in config["tasks"]}
-    results = {side: {task: done[task][side] for task in done} for side in HEMISPHERES}
+    place = PARTIAL / fingerprint(HERE, config)
+    place.mkdir(parents=True, exist_ok=True)
+    todo = [(task, side) for task in config["tasks"] for side in HEMISPHERES]
+    rows = run_jobs(
+        todo, lambda task: do_task(*task, config, place), PARTIAL / "tasks.jsonl", folder=HERE, config=config,
+        clock=time.process_time,
+    )  # fmt: skip
+    done = {row["task"]: row["found"] for row in rows}
+    results = {side: {task: done[task, side] for task in config["tasks"]} for side in HEMISPHERES}
     # A leg that two tasks share is counted once.
     seconds = sum(
         fit["seconds"]
         for task, settings in config["tasks"].items()
-        for record in done[task].values()
-        for fit in record["fits"][-len(settings["legs"]) :]
+        for side in HEMISPHERES
+        for fit in done[task, side]["fits"][-len(settings["legs"]) :]
     )
     command, data = "python experiments/fsaverage5_flow/run.py", "fsaverage5 (FreeSurfer): white surfaces"
     write_results(HERE / "results.json", results, config, command, data, seconds)

@@ -1,4 +1,8 @@
-"""Compare the Euclidean ground cost with the sum of p-th powers that the paper writes."""
+"""Compare the Euclidean ground cost with the sum of p-th powers that the paper writes.
+
+Run as ``python experiments/ground_cost/run.py``. Finished pairs of an exponent and a seed are kept in ``partial.jsonl``
+until all are done, so that a run that was stopped goes on where it ended.
+"""
 
 import time
 from pathlib import Path
@@ -7,8 +11,8 @@ import numpy as np
 import torch
 import yaml
 from costs import asked_rows, minimiser_row, sliced_rows, transport_row
-from tqdm import tqdm
 
+from meshot.jobs import run_jobs
 from meshot.provenance import rounded, write_results
 
 HERE = Path(__file__).resolve().parent
@@ -20,14 +24,19 @@ def main() -> None:
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     todo = [(p, seed) for p in config["exponents"] for seed in config["seeds"]]
-    rows = [
-        {"p": p, "seed": seed} | transport_row(seed, p, config) | minimiser_row(seed, p, config)
-        for p, seed in tqdm(todo)
-    ]
+    partial = HERE / "partial.jsonl"
+    found = run_jobs(todo, lambda task: row_of(*task, config), partial, folder=HERE, config=config)
+    rows = [row["found"] for row in found]
     results = {"summary": summarise(rows), "sliced": sliced_rows(config), "asked": asked_rows(config)}
     command = "python experiments/ground_cost/run.py"
-    seconds = time.perf_counter() - started
+    seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)
     write_results(HERE / "results.json", rounded(results), config, command, "synthetic surfaces", seconds)
+    partial.unlink()
+
+
+def row_of(p: float, seed: int, config: dict) -> dict:
+    """Everything measured at one exponent under one seed."""
+    return {"p": p, "seed": seed} | transport_row(seed, p, config) | minimiser_row(seed, p, config)
 
 
 def summarise(rows: list[dict]) -> list[dict]:

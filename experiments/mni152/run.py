@@ -1,10 +1,12 @@
 """From the MNI152 T1 to white surfaces, and a fitted flow from there to the surface of the white-matter map.
 
-Run as ``python experiments/mni152/run.py``. Every finished part is kept in ``partial/``, and every fit saves as it
+Run as ``python experiments/mni152/run.py``. Every finished task is kept in ``partial/``, and every fit saves as it
 goes, so that a run that was stopped goes on where it was and ends with the same result.
 """
 
+import itertools
 import json
+import os
 import shutil
 import time
 from pathlib import Path
@@ -17,8 +19,9 @@ from tqdm import tqdm
 from meshot.anatomy import HEMISPHERES, fsaverage5_surface, mni152_brain_mask, mni152_t1, mni152_white_matter
 from meshot.files import whole_file
 from meshot.flow import integrate
-from meshot.flow.fields import GridVelocity, grid_around, quantised_velocity, write_velocity
+from meshot.flow.fields import GridVelocity, grid_around, read_velocity, write_velocity
 from meshot.flow.fitting import FitSettings, fit_flow, sliced_loss
+from meshot.jobs import fingerprint, run_jobs
 from meshot.measure import varifold
 from meshot.mesh import Mesh
 from meshot.mesh.editing import decimated
@@ -32,21 +35,12 @@ from meshot.volume.surfaces import isosurface
 
 HERE = Path(__file__).parent
 PARTIAL = HERE / "partial"
+VELOCITY = "velocity_{}.safetensors.gz"
+PARTS = ("surfaces", "flow", "before", "after")
 
 
-def kept(name: str, make):
-    """What ``make`` returns (JSON), from the file where an earlier run left it, with the seconds it took."""
-    path = PARTIAL / f"{name}.json"
-    if not path.exists():
-        started = time.perf_counter()
-        record = {"value": make(), "seconds": time.perf_counter() - started}
-        with whole_file(path) as temporary:
-            temporary.write_text(json.dumps(record), encoding="utf-8")
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
-def make_surfaces(side: str, config: dict) -> dict:
-    """Initial surface and target of one hemisphere, into ``partial/``; what was counted on the way."""
+def make_surfaces(side: str, config: dict, place: Path) -> dict:
+    """Initial surface and target of one hemisphere, into ``place``; what was counted on the way."""
     t1, white_matter = mni152_t1(), mni152_white_matter()
     guide = (fsaverage5_surface(kind, side) for kind in ("white", "pial"))
     region = hemisphere_region(t1, *guide, side, **config["region"])
@@ -54,7 +48,7 @@ def make_surfaces(side: str, config: dict) -> dict:
     made = {name: tissue_surface(restricted(source, region), config["n_faces"]) for name, source in sources.items()}
     for name, surface in made.items():
         tensors = {"vertices": surface.mesh.vertices, "faces": surface.mesh.faces}
-        with whole_file(PARTIAL / f"{side}_{name}.safetensors") as temporary:
+        with whole_file(place / f"{side}_{name}.safetensors") as temporary:
             safetensors.torch.save_file(tensors, temporary)
     masks = [made[name].mask.data for name in ("initial", "target")]
     return {"dice_of_masks": dice(*masks)} | {name: count(surface) for name, surface in made.items()}
@@ -77,24 +71,24 @@ def count(surface: TissueSurface) -> dict:
     }
 
 
-def load(side: str, name: str) -> Mesh:
+def load(side: str, name: str, place: Path) -> Mesh:
     """A surface that :func:`make_surfaces` left."""
-    return Mesh(**safetensors.torch.load_file(PARTIAL / f"{side}_{name}.safetensors"))
+    return Mesh(**safetensors.torch.load_file(place / f"{side}_{name}.safetensors"))
 
 
-def fit(side: str, field: GridVelocity, stage: int, config: dict) -> tuple[GridVelocity, dict]:
+def fit(side: str, field: GridVelocity, stage: int, config: dict, place: Path) -> tuple[GridVelocity, dict]:
     """One stage of the fit, gone on with from its checkpoint; the field and how the loss fell."""
     settings = dict(config["stages"][stage])
     n_faces = settings.pop("n_faces")
-    initial, target = (decimated(load(side, name), n_faces).to(torch.float32) for name in ("initial", "target"))
-    loss = sliced_loss(target, lambda mesh: varifold(mesh, config["normal_scale"]))
+    initial, target = (decimated(load(side, name, place), n_faces).to(torch.float32) for name in ("initial", "target"))
+    loss = sliced_loss(target, lambda mesh: varifold(mesh, normal_scale=config["normal_scale"]))
     settings = FitSettings(
         n_steps=config["n_steps"], seed=config["seed"] + stage, check_every=25, save_every=25,
         **settings | {"n_directions": tuple(settings["n_directions"])},
     )  # fmt: skip
-    checkpoint = PARTIAL / f"{side}_stage{stage}.safetensors"
+    checkpoint = place / f"{side}_stage{stage}.safetensors"
     with tqdm(total=settings.n_iterations, desc=f"{side}, {n_faces} faces") as bar:
-        clock = PARTIAL / f"{side}_stage{stage}_seconds.json"
+        clock = place / f"{side}_stage{stage}_seconds.json"
         spent = json.loads(clock.read_text(encoding="utf-8")) if clock.exists() else 0.0
         started = time.perf_counter()
 
@@ -111,10 +105,9 @@ def fit(side: str, field: GridVelocity, stage: int, config: dict) -> tuple[GridV
     return fitted.field, history | {"best_iteration": fitted.best_iteration, "seconds": seconds}
 
 
-def hemisphere(side: str, config: dict) -> dict:
-    """Everything for one side; its velocity is written beside this file."""
-    surfaces = kept(f"{side}_surfaces", lambda: make_surfaces(side, config))
-    initial, target = load(side, "initial"), load(side, "target")
+def fit_stages(side: str, config: dict, place: Path) -> dict:
+    """The flow of one side, rounded, into ``place``; how it was fitted and what it does."""
+    initial, target = (load(side, name, place) for name in ("initial", "target"))
     spacings = tuple(config["grid"]["spacings"])
     field = grid_around(
         initial.vertices.float(), target.vertices.float(), margin=config["grid"]["margin"], spacings=spacings,
@@ -122,31 +115,43 @@ def hemisphere(side: str, config: dict) -> dict:
     )  # fmt: skip
     stages = []
     for stage in range(len(config["stages"])):
-        field, history = fit(side, field, stage, config)
+        field, history = fit(side, field, stage, config, place)
         stages.append(history)
-    # What is measured is what is kept: the rounded field, applied in double precision.
-    write_velocity(HERE / f"velocity_{side}.safetensors.gz", field, config["velocity_step"])
-    rounded = quantised_velocity(field, config["velocity_step"]).double()
-    with torch.no_grad():
-        carried = initial.with_vertices(integrate(rounded, initial.vertices, config["n_steps"]))
-    scores = {
-        when: kept(f"{side}_{when}", lambda mesh=mesh: score(mesh, target, config))
-        for when, mesh in (("before", initial), ("after", carried))
-    }
+    write_velocity(place / VELOCITY.format(side), field, config["velocity_step"])
+    rounded, moved = carried(side, config, place)
     return {
-        "surfaces": surfaces["value"] | {"seconds": surfaces["seconds"]},
         "fit": stages,
         "lipschitz_per_step": float(rounded.lipschitz_bound()) / config["n_steps"],
-        "largest_move_mm": float((carried.vertices - initial.vertices).norm(dim=1).max()),
-        "area_after_mm2": float(face_areas(carried).sum()),
-        "metrics": {when: record["value"] for when, record in scores.items()},
-        "seconds_of_metrics": sum(record["seconds"] for record in scores.values()),
+        "largest_move_mm": float((moved.vertices - initial.vertices).norm(dim=1).max()),
+        "area_after_mm2": float(face_areas(moved).sum()),
     }
 
 
-def score(mesh: Mesh, target: Mesh, config: dict) -> dict:
-    """All metrics with their floors."""
-    return evaluate(mesh, target, config["n_points"], config["seed"]).as_dict()
+def carried(side: str, config: dict, place: Path) -> tuple[GridVelocity, Mesh]:
+    """The flow that is kept, and where it leads, in double precision: what is measured is the rounded field."""
+    field, initial = read_velocity(place / VELOCITY.format(side)).double(), load(side, "initial", place)
+    with torch.no_grad():
+        return field, initial.with_vertices(integrate(field, initial.vertices, config["n_steps"]))
+
+
+def do_part(side: str, part: str, config: dict, place: Path) -> dict:
+    """One part of a side; ``before`` and ``after`` are all metrics with their floors."""
+    if part == "surfaces":
+        return make_surfaces(side, config, place)
+    if part == "flow":
+        return fit_stages(side, config, place)
+    mesh = load(side, "initial", place) if part == "before" else carried(side, config, place)[1]
+    return evaluate(mesh, load(side, "target", place), config["n_points"], config["seed"]).as_dict()
+
+
+def told(found: dict[str, dict], seconds: dict[str, float]) -> dict:
+    """One side of the results."""
+    return {
+        "surfaces": found["surfaces"] | {"seconds": seconds["surfaces"]},
+        **found["flow"],
+        "metrics": {when: found[when] for when in ("before", "after")},
+        "seconds_of_metrics": seconds["before"] + seconds["after"],
+    }
 
 
 def main() -> None:
@@ -155,14 +160,22 @@ def main() -> None:
     torch.set_num_threads(config["n_threads"])
     # Without this, torch adds gradients of shared corners in whatever order its threads arrive.
     torch.use_deterministic_algorithms(True)
-    PARTIAL.mkdir(exist_ok=True)
-    results = {side: hemisphere(side, config) for side in HEMISPHERES}
+    place = PARTIAL / fingerprint(HERE, config)
+    place.mkdir(parents=True, exist_ok=True)
+    todo, partial = list(itertools.product(HEMISPHERES, PARTS)), PARTIAL / "tasks.jsonl"
+    rows = run_jobs(todo, lambda task: do_part(*task, config, place), partial, folder=HERE, config=config)
+    found, spent = ({row["task"]: row[key] for row in rows} for key in ("found", "seconds"))
+    results = {
+        side: told(*({part: values[side, part] for part in PARTS} for values in (found, spent))) for side in HEMISPHERES
+    }
     seconds = sum(
         part["surfaces"]["seconds"] + part["seconds_of_metrics"] + sum(stage["seconds"] for stage in part["fit"])
         for part in results.values()
     )
     data = "MNI152 group average (ICBM 2009a, symmetric; not a person); guide: fsaverage5 (FreeSurfer)"
     write_results(HERE / "results.json", results, config, "python experiments/mni152/run.py", data, seconds)
+    for name in map(VELOCITY.format, HEMISPHERES):
+        os.replace(place / name, HERE / name)
     shutil.rmtree(PARTIAL)
 
 

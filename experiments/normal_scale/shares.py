@@ -58,7 +58,8 @@ def measure_scale(source: Mesh, target: Mesh, scale: float, config: dict) -> dic
     for seed in config["seeds"]:
         directions = quasi_directions(config["n_directions"], 6, seed)
         value, bare = (
-            float(sliced_wasserstein(varifold(source, s), varifold(target, s), directions)) for s in (scale, 0.0)
+            float(sliced_wasserstein(varifold(source, normal_scale=s), varifold(target, normal_scale=s), directions))
+            for s in (scale, 0.0)
         )
         values.append(value)
         shares.append(1 - bare / value)
@@ -75,8 +76,8 @@ def measure_scale(source: Mesh, target: Mesh, scale: float, config: dict) -> dic
 
 def _gradient_share(source: Mesh, target: Mesh, scale: float, directions: Tensor) -> float:
     vertices = source.vertices.clone().requires_grad_()
-    measure = varifold(source.with_vertices(vertices), scale, detach_weights=True)
-    loss = sliced_wasserstein(measure, varifold(target, scale), directions)
+    measure = varifold(source.with_vertices(vertices), normal_scale=scale, detach_weights=True)
+    loss = sliced_wasserstein(measure, varifold(target, normal_scale=scale), directions)
     (pull,) = torch.autograd.grad(loss, measure.points, retain_graph=True)
     parts = []
     for columns in (slice(0, 3), slice(3, 6)):
@@ -89,9 +90,10 @@ def _gradient_share(source: Mesh, target: Mesh, scale: float, directions: Tensor
 
 def _wrong_neighbours(source: Mesh, target: Mesh, scale: float) -> float:
     """The share of the source's area whose nearest support of the target faces the other way: another bank."""
-    here, there = varifold(source, scale), varifold(target, scale)
+    here, there = varifold(source, normal_scale=scale), varifold(target, normal_scale=scale)
     _, nearest = scipy.spatial.cKDTree(there.points.numpy()).query(here.points.numpy())
-    facing = (varifold(source).points[:, 3:] * varifold(target).points[nearest, 3:]).sum(dim=1)
+    normals, others = (varifold(mesh, normal_scale=1.0).points[:, 3:] for mesh in (source, target))
+    facing = (normals * others[nearest]).sum(dim=1)
     return float(here.weights[facing < 0].sum())
 
 

@@ -11,7 +11,7 @@ from meshot.mesh.shapes import regular_polygon, star
 KINDS: dict[str, Callable] = {
     "continuous": lambda contour, n, generator: surface(contour),
     "continuous, weights fixed": lambda contour, n, generator: surface(contour, detach_weights=True),
-    "samples, fixed draws": lambda contour, n, generator: empirical(contour, n, generator),
+    "samples, fixed draws": lambda contour, n, generator: empirical(contour, n, generator, detach_weights=True),
     "samples, carried": lambda contour, n, generator: empirical(contour, n, generator, detach_weights=False),
 }
 

@@ -20,7 +20,7 @@ from meshot.anatomy import HEMISPHERES
 from meshot.jobs import run_jobs
 from meshot.mesh.topology import self_intersecting_faces, topology
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
-from meshot.model import SegmentationNetwork, read_weights
+from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline.segmentation import in_scanner, segment, segmented_surface
 from meshot.provenance import write_results
 from meshot.synth.cohorts import Subject, scans
@@ -112,7 +112,8 @@ def main(words: list[str] | None = None) -> None:
 
     tasks = [{"subject": name, "side": side} for name in subjects for side in HEMISPHERES]
     partial = asked.output.with_suffix(".partial")
-    rows = run_jobs(tasks, work, partial, time.process_time)
+    made_with = config | {"weights": network_digest(network)}
+    rows = run_jobs(tasks, work, partial, folder=HERE, config=made_with, clock=time.process_time)
     hemispheres = [row["task"] | row["found"] for row in rows]
     results = {"hemispheres": hemispheres, "summary": summary(hemispheres), "weights": described(network, record)}
     seconds = sum(row["seconds"] for row in rows)

@@ -42,7 +42,7 @@ def _placement(seed: int, distance: float) -> tuple[list[torch.Tensor], torch.Te
 def make_encoding(name: str, config: dict) -> Callable[[Mesh], DiscreteMeasure]:
     """Varifolds, or the barycentres of the faces, weighted by their areas."""
     if name == "varifold":
-        return lambda mesh: varifold(mesh, config["fits"]["normal_scale"])
+        return lambda mesh: varifold(mesh, normal_scale=config["fits"]["normal_scale"])
 
     def barycentres(mesh: Mesh) -> DiscreteMeasure:
         return DiscreteMeasure(face_corners(mesh).mean(dim=1), varifold(mesh).weights)

@@ -51,7 +51,10 @@ def main() -> None:
     torch.set_num_threads(1)
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
-    rows = run_jobs(tasks(config), lambda task: WORK[task["table"]](task, config), partial, time.process_time)
+    rows = run_jobs(
+        tasks(config), lambda task: WORK[task["table"]](task, config), partial, folder=HERE, config=config,
+        clock=time.process_time,
+    )  # fmt: skip
     results: dict[str, list] = {name: [] for name in WORK}
     for row in rows:
         found = row["found"] if isinstance(row["found"], dict) else {"rows": row["found"]}

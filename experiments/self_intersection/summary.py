@@ -1,7 +1,6 @@
 """Paired differences over seeds in the number of crossing faces."""
 
-import numpy as np
-from scipy import stats
+from meshot.statistics import paired_interval
 
 
 def differences(fits: list[dict]) -> list[dict]:
@@ -27,7 +26,5 @@ def differences(fits: list[dict]) -> list[dict]:
 
 def paired(first: list[int], second: list[int]) -> dict[str, float]:
     """Mean of the differences over seeds and its 95 % interval by Student's t."""
-    gaps = np.array(first, dtype=float) - np.array(second, dtype=float)
-    half = stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / np.sqrt(len(gaps))
-    mean = float(gaps.mean())
-    return {"mean": mean, "low": mean - float(half), "high": mean + float(half), "n_seeds": len(gaps)}
+    mean, low, high = paired_interval(first, second)
+    return {"mean": mean, "low": low, "high": high, "n_seeds": len(first)}

@@ -39,7 +39,10 @@ def main() -> None:
         for side in HEMISPHERES
     ]
     partial = HERE / "partial.jsonl"
-    rows = run_jobs(tasks, lambda task: score(task, folder, config), partial, time.process_time)
+    rows = run_jobs(
+        tasks, lambda task: score(task, folder, config), partial, folder=HERE, config=config | {"made_in": str(folder)},
+        clock=time.process_time,
+    )  # fmt: skip
     results = {"scores": [row["task"] | row["found"] for row in rows]}
     results["summary"] = summarise(results["scores"])
     seconds = sum(row["seconds"] for row in rows)

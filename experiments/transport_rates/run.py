@@ -37,7 +37,10 @@ def main() -> None:
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"
     limits = [chamfer_limit(pair, config) for pair in config["chamfer"]["pairs"]]
-    rows = run_jobs(tasks(config), lambda task: errors(task, limits, config), partial, time.process_time)
+    rows = run_jobs(
+        tasks(config), lambda task: errors(task, limits, config), partial, folder=HERE, config=config,
+        clock=time.process_time,
+    )  # fmt: skip
     rows = [row | {"values": row["found"]} for row in rows]
     results = summarise(rows, config) | {"limits": limits}
     seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)

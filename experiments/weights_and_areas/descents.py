@@ -28,7 +28,7 @@ def encoded(mesh: Mesh, encoding: str, config: dict, detach: bool = False) -> Di
     """A mesh as the measure that a run compares."""
     if encoding == "surface":
         return surface(mesh, detach_weights=detach)
-    return varifold(mesh, config["normal_scale"], detach_weights=detach)
+    return varifold(mesh, normal_scale=config["normal_scale"], detach_weights=detach)
 
 
 def run_once(run: dict, seed: int, config: dict) -> dict:

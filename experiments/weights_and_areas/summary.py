@@ -2,7 +2,9 @@
 
 import numpy as np
 from descents import gradients_at_start, short
-from scipy import stats
+
+from meshot.provenance import rounded
+from meshot.statistics import arm_differences
 
 MEASURED = ("sw_surface", "sw_varifold", "assd", "edge_variation")
 
@@ -38,12 +40,11 @@ def _difference(full: dict, stopped: dict) -> dict:
     """Paired over seeds: gradients stopped minus gradients through the areas, and the 95 % interval (Student's t)."""
     found = {"target": full["target"], "encoding": full["encoding"]}
     found |= {"rate_full": full["learning_rate"], "rate_stopped": stopped["learning_rate"]}
+    arms = ({name: arm[f"{name}_seeds"] for name in MEASURED} for arm in (stopped, full))
+    gaps = rounded(arm_differences(*arms))
     for name in MEASURED:
-        gaps = np.array(stopped[f"{name}_seeds"]) - np.array(full[f"{name}_seeds"])
-        half = stats.t.ppf(0.975, len(gaps) - 1) * gaps.std(ddof=1) / np.sqrt(len(gaps))
-        found[f"{name}_full"], found[f"{name}_stopped"] = full[f"{name}_mean"], stopped[f"{name}_mean"]
-        found[f"{name}_gap"] = short(gaps.mean())
-        found[f"{name}_low"], found[f"{name}_high"] = short(gaps.mean() - half), short(gaps.mean() + half)
+        found |= {f"{name}_full": full[f"{name}_mean"], f"{name}_stopped": stopped[f"{name}_mean"]}
+        found |= {f"{name}_{end}": gaps[f"{name}_{end}"] for end in ("gap", "low", "high")}
     return found | {"n_seeds": full["n_seeds"]}
 
 

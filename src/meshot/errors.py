@@ -1,5 +1,6 @@
 """Checks at the door: each raises a ``ValueError`` that says what came, what is needed and how to mend it."""
 
+import numpy as np
 import torch
 
 from meshot.types import Tensor
@@ -20,9 +21,9 @@ def as_floating(values: object, name: str) -> Tensor:
             f"{name} cannot be made a tensor ({error}); pass an array of floating-point numbers"
         ) from error
     if not tensor.is_floating_point():
-        raise ValueError(
-            f"{name} has dtype {tensor.dtype}; floating point is needed: convert with .double() or .float()"
-        )
+        remedy = "take its .real part" if tensor.is_complex() else "convert with .double() or .float()"
+        array_remedy = "" if isinstance(values, Tensor) or tensor.is_complex() else ", an array with .astype(float)"
+        raise ValueError(f"{name} has dtype {tensor.dtype}; floating point is needed: {remedy}{array_remedy}")
     require_finite(tensor, name)
     return tensor
 
@@ -102,13 +103,16 @@ def require_same_space(source: Tensor, target: Tensor) -> None:
         )
 
 
-def require_positive_integer(value: object, name: str) -> None:
-    """Require an integer of at least one.
+def require_positive_integer(value: object, name: str, most: int | None = None) -> int:
+    """The value as an int of Python; an integer of at least one, Python's or NumPy's, and at most ``most`` is required.
 
     Raises
     ------
     ValueError
         For anything else.
     """
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ValueError(f"{name} is {value!r}; an integer >= 1 is needed")
+    if most is not None and value > most:
+        raise ValueError(f"{name} is {value!r}; at most {most} is possible")
+    return int(value)

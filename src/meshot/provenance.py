@@ -1,6 +1,7 @@
 """Committed results: what was found, and everything needed to find it again."""
 
 import datetime
+import hashlib
 import importlib.metadata
 import json
 import platform
@@ -13,7 +14,10 @@ from meshot.files import whole_file
 
 RECORDED = ("numpy", "scipy", "torch", "torchdiffeq", "POT", "geomloss", "libigl", "numba", "scikit-image", "nilearn")
 PACKAGE = Path(__file__).parent
-EXPERIMENTS = (":(top,glob)experiments/**/*.py", ":(top,glob)experiments/**/*.yaml")
+#: What is code besides the package itself, as git names it.
+OTHER_CODE = (":(top)src/meshot_book", ":(top,glob)experiments/**/*.py", ":(top,glob)experiments/**/*.yaml")
+CPU_INFO = Path("/proc/cpuinfo")
+#: What every record has; newer ones have more.
 FIELDS = ("results", "config", "command", "data", "seconds", "commit", "date", "versions", "machine")
 
 
@@ -77,14 +81,23 @@ def rounded(value: object) -> object:
 
 
 def provenance() -> dict:
-    """What the code and the machine are: commit, date, versions, machine."""
+    """What the code and the machine are: commit, date, versions, machine, processor."""
     return {
         "commit": commit_of(PACKAGE),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
         "versions": {"python": platform.python_version()} | {name: package_version(name) for name in RECORDED},
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, "
         f"{torch.backends.cpu.get_cpu_capability()}",
+        "processor": processor(),
     }
+
+
+def processor() -> str:
+    """The model of the processor and its instruction set, on which the last bits of results depend."""
+    lines = CPU_INFO.read_text(encoding="utf-8").splitlines() if CPU_INFO.is_file() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    model = next(iter(models), "") or platform.processor() or platform.machine() or "unknown model"
+    return f"{model}, {torch.backends.cpu.get_cpu_capability()}"
 
 
 def read_results(path: str | Path) -> dict:
@@ -100,9 +113,9 @@ def read_results(path: str | Path) -> dict:
         raise ValueError(f"{path} does not exist; run the experiment that makes it (see experiments/README.md)")
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not whole JSON ({error}); run its experiment again") from error
-    missing = [field for field in FIELDS if field not in record]
+    missing = [field for field in FIELDS if not isinstance(record, dict) or field not in record]
     if missing:
         raise ValueError(
             f"{path} lacks {', '.join(missing)}; results without provenance do not count: run its experiment again"
@@ -113,10 +126,17 @@ def read_results(path: str | Path) -> dict:
 def provenance_lines(record: dict) -> str:
     """Where a result comes from, as text to print under a table or a figure."""
     versions = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+    by = f" ({record['processor']})" if "processor" in record else ""
     return (
         f"made by   {record['command']}\ncommit    {record['commit']}, {record['date']}\ndata      {record['data']}\n"
-        f"took      {record['seconds']} s on {record['machine']}\nversions  {versions}"
+        f"took      {record['seconds']} s on {record['machine']}{by}\nversions  {versions}"
     )
+
+
+def file_digest(path: str | Path) -> str:
+    """The SHA-256 of a file, in hexadecimal digits."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def package_version(name: str) -> str:
@@ -130,14 +150,15 @@ def package_version(name: str) -> str:
 def commit_of(package: Path) -> str:
     """The commit of the checkout that holds the package, marked if tracked code or settings have changed since.
 
-    Code is all that is in the package, and scripts and settings in ``experiments/``; results are not.
+    Code is all that is in the package and in that of the book, and scripts and settings in ``experiments/``; results
+    are not.
     """
     try:
         head = subprocess.run(
             ["git", "rev-parse", "--short=12", "HEAD"], cwd=package, capture_output=True, text=True, check=True
         )
         changed = subprocess.run(
-            ["git", "diff", "--quiet", "HEAD", "--", ".", *EXPERIMENTS], cwd=package, check=False
+            ["git", "diff", "--quiet", "HEAD", "--", ".", *OTHER_CODE], cwd=package, check=False
         ).returncode
     except (OSError, subprocess.CalledProcessError):
         return "not in a git checkout"

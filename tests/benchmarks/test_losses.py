@@ -48,6 +48,18 @@ def test_a_peer_that_fails_is_noted(part, config, monkeypatch):
     assert failed[0]["why"] == "RuntimeError: no such kernel"
 
 
+def test_every_peer_has_a_warm_loop_of_its_own(part, config, monkeypatch):
+    """One call to warm up, then all that count, before another peer is called."""
+    peers, timing = part("peers"), part("timing")
+    said = []
+    monkeypatch.setattr(timing, "compile_for", lambda *_: None)
+    for name in (peers.OURS, peers.POT):
+        monkeypatch.setitem(peers.PEERS, name, peers.Peer(lambda *_, name=name: lambda: said.append(name)))
+    cases, _ = timing.compare(50, 3, [peers.OURS, peers.POT], config | {"n_rounds": 3})
+    assert said == [peers.OURS] * 4 + [peers.POT] * 4
+    assert [row["rounds"] for row in cases] == [3, 3]
+
+
 def test_who_would_take_too_long_or_too_much_is_left_out(part, config):
     peers, timing = part("peers"), part("timing")
     past = [{"peer": peers.BRUTE, "m": m, "seconds": 1e-7 * m**2} for m in (1000, 10_000)]

@@ -33,7 +33,9 @@ def test_the_committed_fit_by_slices_is_made_again(part, record, one_thread):
     mesh = fitting.fit({"loss": "sliced"}, 0, record["config"])
     scale = record["config"]["normal_scale_mm"]
     _, target = fitting.make_pair(0, record["config"])
-    found = fitting.exact_distance(fitting.varifold(mesh, scale), fitting.varifold(target, scale))
+    found = fitting.exact_distance(
+        fitting.varifold(mesh, normal_scale=scale), fitting.varifold(target, normal_scale=scale)
+    )
     # Two hundred steps amplify a last bit that another order of sums, or another CPU, leaves.
     assert found == pytest.approx(record["results"]["fits"][0]["w2_varifold_seeds"][0], rel=0.005)
 

@@ -84,9 +84,13 @@ def test_committed_errors_are_rebuilt(part, config, results, name):
 
 def test_committed_distances_and_bounds_are_rebuilt(part, config, results):
     distance, bounds = part("distance"), part("bounds")
-    errors = distance.distance_errors({"n_points": 100, "apart": 1000}, config)["errors"]
-    (row,) = [r for r in results["distance"] if (r["n_points"], r["p"]) == (100, 2)]
-    assert np.abs(errors[1]).mean() == pytest.approx(row["error"][-1], rel=1e-5)
+    runs = [run for run in distance.distance_runs(config) if run["n_points"] == 100]
+    rows = [{"run": run, "values": distance.distance_errors(run, config)} for run in runs]
+    small = config | {"distance": config["distance"] | {"points": [100]}}
+    again = distance.distance_summary(rows, small)["distance"]
+    for row, kept in zip(again, (r for r in results["distance"] if r["n_points"] == 100), strict=True):
+        for name in ("error", "ratio", "ratio_low", "ratio_high"):
+            assert row[name] == pytest.approx(kept[name], rel=1e-5)
     values = bounds.bound_values({"d": 3, "n_points": 100}, config)
     (row,) = [r for r in results["bounds"] if (r["d"], r["n_points"], r["p"]) == (3, 100, 2)]
     assert [values["sharper"][1], values["slice_error"][1]] == pytest.approx(

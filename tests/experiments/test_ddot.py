@@ -1,6 +1,5 @@
 """The experiment on trained flows, on phantoms: trainings in their order, stopped and gone on with, then measured."""
 
-import dataclasses
 import hashlib
 import json
 import math
@@ -13,7 +12,7 @@ import torch
 import yaml
 from scipy import stats
 
-from meshot.loss.surface_loss import SurfaceLoss
+from meshot.loss.composed import surface_loss
 from meshot.mesh.editing.smoothing import laplacian_smoothing
 from meshot.mesh.geometry.areas import vertex_areas
 from meshot.mesh.io import write_mesh
@@ -24,11 +23,12 @@ from meshot.metrics.distances import Surface, vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline.deformation.data import DeformationExample, InitialSurfaces
-from meshot.pipeline.deformation.example_file import read_example
-from meshot.pipeline.deformation.settings import read_deformation_config
+from meshot.pipeline.examples import InitialSurfaces
 from meshot.provenance import read_results
 from meshot.synth.cohorts.cohort import scans
+from meshot.systems import get_system, read_settings
+from meshot.systems.deformation.data import DeformationExample
+from meshot.systems.deformation.example_file import read_example
 from meshot.train import engine as training
 from meshot.volume.volume import Volume
 from phantoms import write_phantom_cohort
@@ -38,7 +38,6 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 COMMITTED = (FOLDER / "results.json").is_file()
 SETTINGS = {
     "network": {"width": 4, "hidden": [8], "n_scales": 1, "size": 3},
-    "loss": {"n_directions": 10},
     "training": {"n_epochs": 3, "learning_rate": 0.01, "n_faces": 400, "n_points": 500, "save_every": 1},
 }
 
@@ -102,15 +101,15 @@ def test_the_fair_pairs_come_first_and_nothing_is_made_twice(part, config):
 def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
     monkeypatch.chdir(root)
     found = [each.settings(config) for each in part("trainings").wanted(config, ["adni_like_left_*"])]
-    assert len({json.dumps(each.network) for each in found}) == 1
-    assert len({each.training for each in found}) == 1
-    assert len({(each.loss.loss, each.loss.encoding, each.loss.window) for each in found}) == len(found) == 8
-    chamfer = [each.loss for each in found if each.loss.loss == "chamfer"]
-    assert {each.encoding for each in chamfer} == {"samples", "varifold"}
-    assert {each.factor for each in chamfer} == {1000}
-    assert {each.loss.n_supports for each in found if each.loss.loss == "sinkhorn"} == {500}
-    others = [each.settings(config).training for each in part("trainings").wanted(config, ["oasis_like_*_ddot_*"])]
-    assert [(each.side, each.seed) for each in others] == [
+    losses = [each["loss"] for each in found]
+    assert len({json.dumps(each | {"loss": None}) for each in found}) == 1
+    assert len({(each["loss"], each["encoding"]) for each in losses}) == len(found) == 8
+    chamfer = [each for each in losses if each["loss"] == "chamfer"]
+    assert {each["encoding"] for each in chamfer} == {"samples", "varifold"}
+    assert {each["factor"] for each in chamfer} == {1000}
+    assert {each["n_supports"] for each in losses if each["loss"] == "sinkhorn"} == {500}
+    others = [each.settings(config)["training"] for each in part("trainings").wanted(config, ["oasis_like_*_ddot_*"])]
+    assert [(each["side"], each["seed"]) for each in others] == [
         ("left", 0),
         ("right", 0),
         *[("left", i) for i in (1, 2, 3, 4)],
@@ -131,9 +130,8 @@ def test_what_is_missing_is_trained_and_kept(part, place, capsys):
     kept = {file.name for file in (place / "weights").iterdir()}
     assert kept == {f"alpha_left_ddot_0{suffix}" for suffix in (".safetensors", ".json", ".log.jsonl")}
     record = read_results(place / "weights" / "alpha_left_ddot_0.json")
-    assert record["command"].endswith(
-        "--set loss.loss=sliced loss.encoding=varifold training.side=left training.seed=0"
-    )
+    assert record["command"].startswith("meshot train ddot settings.yaml --data alpha ")
+    assert record["command"].endswith("--set training.side=left training.seed=0")
     assert record["results"]["n_steps"] == 6
     before = (place / "weights" / "alpha_left_ddot_0.safetensors").stat().st_mtime_ns
     assert train.main(words) == 0
@@ -166,7 +164,7 @@ def test_a_training_that_fails_or_is_taken_does_not_stop_the_others(part, place,
     train, trainings, words = part("train"), part("trainings"), ["--config", str(place / "config.yaml")]
     monkeypatch.setattr(train, "SECONDS_BETWEEN_LOOKS", 0.1)
     config = trainings.read_config(place / "config.yaml")
-    config["arms"]["cortexode"].append("loss.factor=1.0e+39")  # beyond float32
+    config["arms"]["cortexode"]["changes"] = ["loss.factor=1.0e+39"]  # beyond float32
     (place / "config.yaml").write_text(yaml.safe_dump(config))
     assert train.main([*words, "--jobs", "2", "--only", "*_0"]) == 1
     assert "failed: alpha_left_cortexode_0;" in capfd.readouterr().err
@@ -348,15 +346,15 @@ def test_networks_that_cannot_be_compared_are_refused(part, place):
     with pytest.raises(ValueError, match="b learned from other data than a"):
         run.require_fair([fair, fair | {"name": "b", "data": 2}])
     record = json.loads(each.kept(config, ".json").read_text())
-    del record["config"]["loss"]["window"]  # a name that came later
+    del record["config"]["loss"]["p"]  # a name that came later
     each.kept(config, ".json").write_text(json.dumps(record))
     assert trainings.record_of(each, config)["results"]["best_step"] > 0
-    config["arms"]["ddot"].append("training.n_epochs=4")
+    config["arms"]["ddot"]["changes"] = ["training.n_epochs=4"]
     with pytest.raises(ValueError, match="was trained with other settings than"):
         trainings.record_of(each, config)
     record["config"]["loss"]["loss"] = "nearest"
     each.kept(config, ".json").write_text(json.dumps(record))
-    with pytest.raises(ValueError, match=r"alpha_left_ddot_0.json will not do: loss is 'nearest'"):
+    with pytest.raises(ValueError, match=r"alpha_left_ddot_0.json: .*will not do: loss is 'nearest'"):
         trainings.record_of(each, config)
 
 
@@ -379,6 +377,9 @@ SETTINGS_OF_SUMMARY = {
 }  # fmt: skip
 
 
+COMPARED = {"ours": "ddot", "rival": "cortexode", "also": ["windowed"]}
+
+
 def cohort_of(values, sides=("left", "right")):
     return [
         hemisphere(arm, seed, side, f"sub-{i}", value + (0.01 * i if arm != "initial" else 0.0))
@@ -388,7 +389,7 @@ def cohort_of(values, sides=("left", "right")):
 
 def test_differences_are_paired_over_subjects(part):
     found = part("summary").summarised(cohort_of([("initial", None, 1.0), ("ddot", 0, 0.2), ("cortexode", 0, 0.3)]),
-                                       SETTINGS_OF_SUMMARY)  # fmt: skip
+                                       SETTINGS_OF_SUMMARY, COMPARED)  # fmt: skip
     gaps = {(d["first"], d["second"], d["side"]): d for d in found["differences"]}
     assert len(gaps) == 9
     for side in ("left", "right", "both"):
@@ -398,8 +399,8 @@ def test_differences_are_paired_over_subjects(part):
         assert against["gap"] == pytest.approx(-0.785)
         assert -0.8 <= against["low"] < -0.785 < against["high"] <= -0.77
     pairs = part("summary")._pairs
-    assert pairs(["initial", "ddot"]) == [("ddot", "initial")]
-    assert pairs(["initial", "cortexode", "windowed"]) == [
+    assert pairs(["initial", "ddot"], COMPARED) == [("ddot", "initial")]
+    assert pairs(["initial", "cortexode", "windowed"], COMPARED) == [
         ("windowed", "cortexode"), ("cortexode", "initial"), ("windowed", "initial"),
     ]  # fmt: skip
     values = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
@@ -411,20 +412,20 @@ def test_differences_are_paired_over_subjects(part):
 def test_seeds_give_a_spread_and_students_interval(part):
     ours, rival = [0.2, 0.22, 0.21, 0.25, 0.19], [0.3, 0.28, 0.33, 0.31, 0.3]
     values = [("ddot", s, v) for s, v in enumerate(ours)] + [("cortexode", s, v) for s, v in enumerate(rival)]
-    (line,) = part("summary").seeds(cohort_of([*values, ("ddot", 7, 9.0)], ["left"]))
+    (line,) = part("summary").seeds(cohort_of([*values, ("ddot", 7, 9.0)], ["left"]), COMPARED)
     assert line["seeds"] == [0, 1, 2, 3, 4]
     interval = stats.ttest_rel(ours, rival).confidence_interval(0.95)
     found = line["assd_mm"]
     assert (found["low"], found["high"]) == pytest.approx(tuple(interval))
     assert found["ddot"]["sd"] == pytest.approx(np.std(ours, ddof=1))
     assert line["flow_crossing_percent"]["gap"] == line["flow_crossing_percent"]["high"] == 0
-    assert part("summary").seeds(cohort_of(values[:5])) == []
+    assert part("summary").seeds(cohort_of(values[:5]), COMPARED) == []
 
 
 def test_each_target_is_seen_to_be_missed(part):
     def of(assd):
         rows = cohort_of([("initial", None, 0.5), ("ddot", 0, assd)], ["left"])
-        (line,) = part("summary").targets(rows, SETTINGS_OF_SUMMARY["targets"])
+        (line,) = part("summary").targets(rows, SETTINGS_OF_SUMMARY["targets"], COMPARED)
         return line
 
     names = ("enough_of_initial", "assd_reached", "stretch_assd_reached", "stretch_normals_reached")
@@ -442,7 +443,7 @@ def test_groups_keep_kinds_apart_and_count_crossings(part):
     rows = [hemisphere("initial", None, "left", f"sub-{i}", 1.0) for i in range(2)]
     rows += [hemisphere("ddot", 0, "left", "sub-0", 0.2, 3.0)]
     rows += [hemisphere("ddot", 0, "left", "sub-1", 0.4), hemisphere("ddot", 0, "left", "sub-2", 9) | {"kind": "odd"}]
-    begun, ours, odd = part("summary").summarised(rows, SETTINGS_OF_SUMMARY)["summary"]
+    begun, ours, odd = part("summary").summarised(rows, SETTINGS_OF_SUMMARY, COMPARED)["summary"]
     assert (ours["n_subjects"], ours["n_subjects_crossing_before"], ours["n_subjects_crossing"]) == (2, 1, 0)
     assert ours["assd_mm"] == {"mean": pytest.approx(0.3), "sd": pytest.approx(0.2 / math.sqrt(2))}
     assert ours["by_depth"] == [pytest.approx(0.3), None]
@@ -458,7 +459,7 @@ def test_committed_results_follow_from_their_rows(part, record, config, results)
     assert sorted(results["missing"] + [each["name"] for each in results["trainings"]]) == sorted(planned)
     for each in results["trainings"]:
         assert (FOLDER / "weights" / f"{each['name']}.safetensors").is_file()
-    again = part("summary").summarised(results["subjects"], config["evaluation"])
+    again = part("summary").summarised(results["subjects"], config["evaluation"], config["comparison"])
     for table in ("targets", "differences", "seeds", "summary"):
         flat, kept = (flattened(rows[table]) for rows in (again, results))
         assert flat.keys() == kept.keys()
@@ -497,11 +498,19 @@ def test_the_kept_hemisphere_is_the_first_of_the_test_split(part, place):
 def test_shipped_flows_are_trained_as_the_windowed_arm_but_on_both_cohorts(part, config):
     trainings = part("trainings")
     (each,) = trainings.wanted(config, ["oasis_like_left_windowed_0"])
-    found, arm = read_deformation_config(FOLDER / "shipped.yaml", ["training.side=left"]), each.settings(config)
-    assert (found.network, found.loss) == (arm.network, arm.loss)
+    found, arm = read_settings(get_system("windows"), "shipped", ["training.side=left"]), each.settings(config)
+    assert (found["network"], found["loss"]) == (arm["network"], arm["loss"])
     # Twice as many subjects, half as many epochs: as many steps, and validations at the same ones.
-    halved = {"n_epochs": arm.training.n_epochs // 2, "validate_every": arm.training.validate_every // 2}
-    assert found.training == dataclasses.replace(arm.training, **halved)
+    halved = {name: arm["training"][name] // 2 for name in ("n_epochs", "validate_every")}
+    assert found["training"] == arm["training"] | halved
+
+
+def test_every_record_that_is_kept_was_trained_as_the_configuration_says(part, config, root, monkeypatch):
+    monkeypatch.chdir(root)
+    there = [each for each in part("trainings").wanted(config) if each.is_made(config)]
+    assert len(there) == len(list((FOLDER / "weights").glob("*.json"))) > 20
+    for each in there:
+        assert part("trainings").record_of(each, config)["results"]["best_step"] > 0
 
 
 def test_pulls_of_a_shifted_sphere_are_known(part):
@@ -510,7 +519,7 @@ def test_pulls_of_a_shifted_sphere_are_known(part):
     way = pulls.needed(small, Surface(ball))
     outwards = ball.vertices * 0.1
     assert float((way - outwards).norm(dim=1).max()) < 0.01
-    nearest = pulls.pull(SurfaceLoss("chamfer", "varifold", normal_scale=0.0), small, ball, 0)
+    nearest = pulls.pull(surface_loss({"loss": "chamfer", "normal_scale": 0.0}), small, ball, 0)
     assert pulls.cosine(nearest, way, areas) > 0.99
     assert pulls.cosine(-nearest, 3 * way, areas) < -0.99
     turned = torch.stack([-outwards[:, 1], outwards[:, 0], 0 * areas], dim=1)

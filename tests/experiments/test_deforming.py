@@ -86,17 +86,30 @@ def test_a_fit_rebuilds_its_committed_numbers(part, record, config, one_thread):
     task = {name: row[name] for name in (*SETTING, *ARM, "learning_rate")}
     found, meshes = part("fitting").fit_once(task, config)
     assert found["curve"]["assd"][0] == pytest.approx(row["curve"]["assd"][0], rel=1e-5)
+    # Adam divides by the size of the gradient, so that rounding decides the sign of steps where the gradient is nearly
+    # zero, and the path is chaotic: only the first of the twelve checks is compared closely. The end is one draw among
+    # many: it lies where the committed seeds lie (Student's prediction interval for one more, at 99.9 %).
     assert found["curve"]["assd"][1] == pytest.approx(row["curve"]["assd"][1], rel=0.01)
+    arm = {name: keys[name] for name in ("target", "start", "loss", "encoding")}
+    fits = chosen(record["results"]["fits"], supports=config["few_supports"], **arm)
     for name in ("assd", "edge_variation", "smallest_angle"):
-        assert found["end"][name] == pytest.approx(row["end"][name], rel=0.03)
+        seeds = np.array([fit["end"][name] for fit in fits])
+        reach = stats.t.ppf(0.9995, len(seeds) - 1) * seeds.std(ddof=1) * (1 + 1 / len(seeds)) ** 0.5
+        assert abs(found["end"][name] - seeds.mean()) < reach
     assert len(meshes) == config["fit"]["n_steps"] + 2
 
 
 def test_settings_rebuild(part, record, config):
     (row,) = chosen(record["results"]["settings"], target="folded", start="sphere", seed=1)
     found = part("run").describe({name: row[name] for name in SETTING}, config)
+    # Six digits are committed. A point that lies, to rounding, as near to one face as to another may be given to
+    # either, and another normal moves the mean over both sides by up to 2 / (2 n_points): room for four such points.
+    normals = {"normals", "signed_normals"}
     for kind in ("floor", "begin"):
-        assert found[kind] == pytest.approx(row[kind], rel=1e-5, abs=1e-9)
+        assert found[kind] == {
+            name: pytest.approx(value, rel=1e-5, abs=4 / config["n_points"] if name in normals else 1e-9)
+            for name, value in row[kind].items()
+        }
     assert found["floor"]["assd"] < 1e-9 < 1 < found["begin"]["assd"]
 
 

@@ -82,3 +82,9 @@ def test_a_small_part_repeats_the_committed_numbers(part, record, config, family
     for row in (row for row in rates if (row["family"], row["d"]) == (family, d)):
         lists = found["samples"] if row["encoding"] == "samples" else found["atoms"][row["encoding"]]
         assert np.abs(lists[str(row["p"])][row["quantity"]]).mean() == pytest.approx(row["error"][0], rel=1e-5)
+    keys, duels = {"family": family, "d": d, "level": level}, record["results"]["duels"]
+    for row in (row for row in duels if keys.items() <= row.items()):
+        samples, varifold = (lists[str(row["p"])][row["quantity"]] for lists in
+                             (found["samples"], found["atoms"]["barycentres"]))  # fmt: skip
+        duel = part("summary").ratio_of_means(samples, varifold)
+        assert duel == pytest.approx({name: row[name] for name in ("ratio", "low", "high")}, rel=1e-5)

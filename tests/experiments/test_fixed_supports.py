@@ -10,6 +10,7 @@ from scipy import stats
 from meshot import Mesh, varifold
 from meshot.measure.discrete import varifold_sample
 from meshot.mesh.sampling import sample_locations
+from meshot.provenance import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fixed_supports"
 
@@ -36,11 +37,18 @@ def test_bytes_of_a_step_rebuild(part, record, config, one_thread):
             assert found[name] == pytest.approx(row[name], rel=0.01)
 
 
-def test_a_fit_rebuilds_its_committed_number(part, record, config, one_thread):
-    row = next(r for r in record["results"]["fits"] if r["variant"] == "drawn")
-    found = part("run").fit_once({"variant": "drawn", "n_supports": row["n_supports"], "seed": 0}, config)
+def test_a_short_fit_rebuilds_its_committed_numbers(part, config, one_thread):
+    """The end of a whole fit is chaotic, its first iterations are not: see ``short.py``."""
+    short, committed = part("short"), read_results(FOLDER / "short.json")
+    assert committed["config"] == config
+    task = committed["results"]["task"]
+    # Rounding differs by some 1e-14 mm between processors. A nudge of 1e-7 mm shows, from above, what becomes of it.
+    found, nudged = (short.short_fit(task, config, nudge) for nudge in (0.0, 1e-7))
     for name in ("assd", "edge_variation"):
-        assert found[name] == pytest.approx(row[f"{name}_seeds"][0], rel=0.05)
+        written = 1e-5 * found[name]  # six digits
+        room = 2 * abs(nudged[name] - found[name]) + written
+        assert room < 0.01 * found[name]
+        assert found[name] == pytest.approx(committed["results"]["found"][name], rel=0, abs=room)
 
 
 def test_only_the_corners_of_drawn_faces_are_kept(part, config):
@@ -68,11 +76,11 @@ def test_every_way_to_draw_has_the_gradient_of_all_faces_in_the_mean(part, confi
         return variants.reweighted(part_of, before, scale)
 
     def drawn(mesh, seed):
-        return varifold_sample(mesh, 300, seed, scale)
+        return varifold_sample(mesh, 300, seed, normal_scale=scale)
 
-    whole = gradient(lambda mesh: varifold(mesh, scale))
+    whole = gradient(lambda mesh: varifold(mesh, normal_scale=scale))
     for encode in (carried, drawn):
         mean = sum(gradient(lambda mesh, s=s, e=encode: e(mesh, s)) for s in range(200)) / 200
         assert float((mean - whole).norm() / whole.norm()) < 0.15
-    stopped = gradient(lambda mesh: varifold(mesh, scale, detach_weights=True))
+    stopped = gradient(lambda mesh: varifold(mesh, normal_scale=scale, detach_weights=True))
     assert float((stopped - whole).norm() / whole.norm()) > 0.3

@@ -8,10 +8,10 @@ import torch
 from meshot.flow.crossings.guard import crossings_along
 from meshot.flow.fields.grid import grid_around
 from meshot.flow.fitting.backtracking import backtrack
-from meshot.flow.fitting.checkpoint import FitState
 from meshot.flow.fitting.fit import Fit, fit_flow
 from meshot.flow.fitting.progress import fit_progress
 from meshot.flow.fitting.settings import FitSettings, Guard
+from meshot.flow.fitting.state import FitState
 from meshot.mesh.topology.intersection import self_intersecting_faces
 from meshot_book.examples.counterexample import tip_over_face
 
@@ -88,14 +88,14 @@ def test_killed_and_resumed_backs_off_in_the_same_way(tmp_path, stop):
     assert min(whole.history["retreat_iteration"]) < 5
     assert max(whole.history["retreat_iteration"]) > 11
     assert same(whole, fit_flow(field(), PAIR, through, QUICK, path, guard=guard))
-    with pytest.raises(ValueError, match=r"other settings \(guard\)"):
+    with pytest.raises(ValueError, match="made with another guard"):
         fit_flow(field(), PAIR, through, QUICK, path)
 
 
 @pytest.mark.parametrize(("max_steps", "slope", "n_steps"), [(16, -3.0, 4), (3, -3.0, 2), (16, -0.5, 1)])
 def test_more_steps_where_the_steps_are_at_fault(max_steps, slope, n_steps):
     velocity = field()
-    state = FitState(velocity, torch.optim.Adam(velocity.parameters()), 1)
+    state = FitState(velocity, 1e-3, 1)
     for level in velocity.levels:
         level.grad = torch.zeros_like(level)
     state.optimiser.step()
@@ -107,7 +107,6 @@ def test_more_steps_where_the_steps_are_at_fault(max_steps, slope, n_steps):
     assert state.rate_factor == 0.25
     assert not state.optimiser.state  # momentum that led to the crossing is forgotten
     assert not velocity.levels[1].any()
-    assert state.history["retreat_iteration"] == [0]
 
 
 def test_a_mesh_that_crosses_from_the_start():

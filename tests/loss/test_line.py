@@ -4,11 +4,10 @@ import numpy as np
 import ot
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from meshot.loss.lines.plan import monotone_plan
-from meshot.loss.sliced import quantile_cost
+from meshot.loss.plain import quantile_cost
 
 
 def drawn(seed, n):

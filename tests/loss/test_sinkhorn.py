@@ -1,5 +1,8 @@
 """The Sinkhorn divergence: near exact transport for a small blur, POT's value for a large one, gradients, doors."""
 
+import importlib.util
+
+import geomloss
 import numpy as np
 import ot
 import pytest
@@ -56,8 +59,48 @@ def test_the_gradient_of_a_translation_is_twice_the_shift():
     assert torch.allclose(points.grad.sum(dim=0), -2 * shift, rtol=1e-3)
 
 
+@pytest.mark.parametrize("p", [1, 2])
+@pytest.mark.parametrize("reach", [0.3, 1.0, 5.0])
+def test_beyond_its_reach_mass_stays_unmatched(p, reach):
+    """Two Diracs of mass one at distance D: the divergence is (ε + 2ρ)(1 − exp(−C/(ε + 2ρ))) with C = D^p/p, ε = blur^p
+    and ρ = reach^p: Séjourné et al., 2019, for one pair of points. Ours is p times GeomLoss's."""
+    blur, distance = 0.05, 2.0
+    source, target = (DiscreteMeasure(torch.tensor([[x, 0.0]], dtype=torch.float64)) for x in (0.0, distance))
+    width = blur**p + 2 * reach**p
+    expected = p * width * (1 - np.exp(-(distance**p) / p / width))
+    # At p = 1 GeomLoss keeps distances from zero by 1e-4.
+    assert float(sinkhorn_divergence(source, target, p, blur, reach=reach)) == pytest.approx(expected, rel=1e-3)
+
+
+def test_arguments_reach_geomloss_as_they_are():
+    source, target = problems.cloud(0, 30, 3, weighted=True), problems.cloud(1, 20, 3, weighted=True)
+    options = {"p": 2, "blur": 0.1, "scaling": 0.7, "reach": 0.8}
+    theirs = geomloss.SamplesLoss("sinkhorn", backend="tensorized", **options)
+    expected = 2 * float(theirs(source.weights, source.points, target.weights, target.points))
+    assert float(sinkhorn_divergence(source, target, **options)) == expected
+
+
+@pytest.mark.parametrize("backend", ["online", "multiscale"])
+def test_a_backend_on_keops_says_what_is_missing_or_agrees(backend):
+    source, target = problems.cloud(0, 30, 3), problems.cloud(1, 20, 3)
+    if importlib.util.find_spec("pykeops") is None:
+        with pytest.raises(ValueError, match=f"backend '{backend}' needs KeOps.*pip install pykeops"):
+            sinkhorn_divergence(source, target, backend=backend)
+    else:
+        found = float(sinkhorn_divergence(source, target, backend=backend, scaling=0.9))
+        # Multiscale truncates what decays below single precision.
+        assert found == pytest.approx(float(sinkhorn_divergence(source, target, scaling=0.9)), rel=1e-3)
+
+
 @pytest.mark.parametrize(
-    ("change", "message"), [({"p": 3}, "p is 3"), ({"blur": 0.0}, "blur"), ({"scaling": 1.0}, "scaling")]
+    ("change", "message"),
+    [
+        ({"p": 3}, "p is 3"),
+        ({"blur": 0.0}, "blur is 0.0; a finite number > 0 is needed, in units of the points"),
+        ({"reach": 0.0}, "reach is 0.0; a finite number > 0 is needed, in units of the points"),
+        ({"scaling": 1.0}, "scaling"),
+        ({"backend": "auto"}, "backend is 'auto'; one of tensorized, online, multiscale is needed"),
+    ],
 )
 def test_doors(change, message):
     measure = problems.cloud(0, 3, 2)

@@ -4,10 +4,20 @@ import numpy as np
 import ot
 import pytest
 import torch
+from scipy.optimize import linear_sum_assignment
 
 import oracles
 import problems
-from meshot import DiscreteMeasure, chamfer, quasi_directions, random_directions, sliced_wasserstein, wasserstein
+from meshot import (
+    DiscreteMeasure,
+    chamfer,
+    quasi_directions,
+    random_directions,
+    sinkhorn_divergence,
+    sliced_wasserstein,
+    wasserstein,
+)
+from meshot.loss.error_bar import translation_spread
 
 CASES = [
     problems.translation(0, 40, 2),
@@ -134,6 +144,47 @@ def test_exponents_below_one_are_refused():
         sliced_wasserstein(plane, plane, torch.eye(2), 0.5)
     with pytest.raises(ValueError, match=r"p is 0.5"):
         wasserstein(plane, plane, 0.5)
+
+
+SCALES = pytest.mark.parametrize("scale", 10.0 ** np.arange(-12, 13, 3))
+
+
+@SCALES
+@pytest.mark.parametrize("p", [1, 2, 3])
+def test_the_scale_of_exact_transport_does_not_matter(p, scale):
+    """Against SciPy's assignment of the points at scale one; the tolerance of POT's solver is absolute."""
+    source, target = problems.cloud(0, 40, 3), problems.cloud(1, 40, 3)
+    costs = np.linalg.norm(source.points.numpy()[:, None] - target.points.numpy(), axis=2) ** p
+    expected = costs[linear_sum_assignment(costs)].mean()
+    points = (scale * source.points).requires_grad_()
+    value = wasserstein(DiscreteMeasure(points), DiscreteMeasure(scale * target.points), p)
+    assert float(value.detach()) == pytest.approx(expected * scale**p, rel=1e-9)
+    value.backward()
+    unscaled = source.points.clone().requires_grad_()
+    wasserstein(DiscreteMeasure(unscaled), target, p).backward()
+    torch.testing.assert_close(points.grad, unscaled.grad * scale ** (p - 1), rtol=1e-9, atol=0)
+
+
+@pytest.mark.parametrize("loss", [chamfer, wasserstein])
+def test_a_value_beyond_the_dtype_is_refused(loss):
+    plane = DiscreteMeasure(torch.eye(2, dtype=torch.float64) * 1e155)
+    with pytest.raises(ValueError, match=r"scale both (measures )?down"):
+        loss(plane, DiscreteMeasure(-plane.points))
+    half = DiscreteMeasure(torch.eye(2) * 1e20)
+    with pytest.raises(ValueError, match=r"exceeds? torch.float32"):
+        loss(half, DiscreteMeasure(-half.points))
+
+
+@pytest.mark.parametrize("p", [np.inf, np.nan])
+def test_exponents_that_are_not_finite_are_refused(p):
+    plane = DiscreteMeasure(torch.zeros(2, 2))
+    for loss in (wasserstein, lambda a, b, p: sliced_wasserstein(a, b, torch.eye(2), p)):
+        with pytest.raises(ValueError, match="a finite number >= 1"):
+            loss(plane, plane, p)
+    with pytest.raises(ValueError, match="a finite number >= 1"):
+        translation_spread(3, p)
+    with pytest.raises(ValueError, match="blur is inf; a finite number"):
+        sinkhorn_divergence(plane, plane, blur=np.inf)
 
 
 def test_an_unfinished_solver_is_an_error():

@@ -27,14 +27,15 @@ def test_varifold_by_hand():
 
 
 def test_varifold_of_a_square():
-    measure = varifold(closed_contour(torch.tensor([[0.0, 0], [3, 0], [3, 1], [0, 1]], dtype=torch.float64)))
+    square = closed_contour(torch.tensor([[0.0, 0], [3, 0], [3, 1], [0, 1]], dtype=torch.float64))
+    measure = varifold(square, normal_scale=1.0)
     assert torch.equal(measure.points[0], torch.tensor([1.5, 0, 0, -1], dtype=torch.float64))
     assert torch.allclose(measure.weights, torch.tensor([3.0, 1, 3, 1], dtype=torch.float64) / 8)
 
 
 def test_varifold_of_a_sphere_points_outward():
     sphere = icosphere(3, 2.0)
-    measure = varifold(sphere)
+    measure = varifold(sphere, normal_scale=1.0)
     places, normals = measure.points.split(3, dim=1)
     cosine = (places / places.norm(dim=1, keepdim=True) * normals).sum(dim=1)
     assert float(cosine.min()) > 0.99
@@ -53,7 +54,7 @@ def test_gradients_of_the_varifold():
     vertices = mesh.vertices + 0.1 * torch.from_numpy(np.random.default_rng(0).standard_normal((6, 3)))
 
     def encoded(v):
-        measure = varifold(mesh.with_vertices(v), 0.7)
+        measure = varifold(mesh.with_vertices(v), normal_scale=0.7)
         return measure.points, measure.weights
 
     assert torch.autograd.gradcheck(encoded, vertices.requires_grad_())
@@ -104,7 +105,9 @@ def test_a_sample_of_the_varifold_of_a_contour_and_with_features():
         map(tuple, varifold(square).points.tolist())
     )
     of_faces = torch.tensor([[1.0], [2.0]], dtype=torch.float64)
-    drawn = varifold_sample(triangle(), 50, 0, face_features=of_faces, features=torch.zeros(6, 2).double())
+    drawn = varifold_sample(
+        triangle(), 50, 0, normal_scale=1.0, face_features=of_faces, features=torch.zeros(6, 2).double()
+    )
     assert drawn.points.shape == (50, 9)
     assert torch.equal(drawn.points[:, 8] == 1, drawn.points[:, 2] == 1)
     with pytest.raises(ValueError, match="face_features"):
@@ -119,9 +122,18 @@ def test_the_mean_gradient_of_varifold_samples_is_that_of_the_varifold():
         return torch.autograd.grad(value, vertices)[0]
 
     def mean_gradient(detach):
-        return sum(gradient(lambda m, s=s: varifold_sample(m, 50, s, 3.0, detach)) for s in range(200)) / 200
+        return (
+            sum(
+                gradient(lambda m, s=s: varifold_sample(m, 50, s, normal_scale=3.0, detach_weights=detach))
+                for s in range(200)
+            )
+            / 200
+        )
 
-    whole, stopped = gradient(lambda m: varifold(m, 3.0)), gradient(lambda m: varifold(m, 3.0, detach_weights=True))
+    whole, stopped = (
+        gradient(lambda m: varifold(m, normal_scale=3.0)),
+        gradient(lambda m: varifold(m, normal_scale=3.0, detach_weights=True)),
+    )
     assert float((whole - stopped).norm() / whole.norm()) > 0.2  # there is something to tell apart
     assert float((mean_gradient(False) - whole).norm() / whole.norm()) < 0.06
     assert float((mean_gradient(True) - stopped).norm() / stopped.norm()) < 0.06
@@ -132,13 +144,38 @@ def test_memory_for_a_sample_of_the_varifold_does_not_grow_with_the_mesh():
     def held(subdivisions):
         mesh = icosphere(subdivisions)
         vertices = mesh.vertices.requires_grad_()
-        target = varifold(icosphere(1))
+        target = varifold(icosphere(1), normal_scale=1.0)
 
         def step():
             sliced_wasserstein(
-                varifold_sample(mesh.with_vertices(vertices), 100, 0), target, random_directions(4, 6, 0)
+                varifold_sample(mesh.with_vertices(vertices), 100, 0, normal_scale=1.0),
+                target,
+                random_directions(4, 6, 0),
             ).backward()
 
         return peak_saved_bytes(step)
 
     assert held(5) == held(3)
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float32, torch.float64])
+@pytest.mark.parametrize("n", [3, 7, 49, 1000])
+def test_equal_masses_are_those_of_a_measure_in_every_dtype(dtype, n):
+    assert DiscreteMeasure(torch.zeros(n, 2, dtype=dtype)).weights.dtype == dtype
+
+
+@pytest.mark.parametrize(("dtype", "allowed"), [(torch.float32, 1e-5), (torch.float64, 1e-5)])
+def test_how_far_from_one_a_sum_may_be(dtype, allowed):
+    points = torch.zeros(2, 1, dtype=dtype)
+    for off in (-allowed, allowed):
+        DiscreteMeasure(points, torch.tensor([0.5, 0.5 + 0.98 * off], dtype=dtype))
+        with pytest.raises(ValueError, match="sum to"):
+            DiscreteMeasure(points, torch.tensor([0.5, 0.5 + 1.02 * off], dtype=dtype))
+
+
+def test_a_feature_is_worth_its_own_number_by_default():
+    mesh = icosphere(1)
+    for encode in (lambda **given: empirical(mesh, 20, 0, **given), lambda **given: varifold(mesh, **given)):
+        plain = encode(features=mesh.vertices)
+        assert torch.equal(plain.points, encode(features=mesh.vertices, feature_scale=1.0).points)
+    assert torch.equal(*empirical(mesh, 20, 0, features=mesh.vertices).points.split(3, dim=1))

@@ -1,5 +1,6 @@
 """What the three encodings share: one order of coordinates, one set of scales, one limit."""
 
+import inspect
 import math
 
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 import torch
 
 from meshot import Contour, Mesh, empirical, sliced_wasserstein, surface, triangulate, varifold
+from meshot.loss.composed import VarifoldEncoding
 from meshot.loss.linear_program import wasserstein
+from meshot.measure.discrete import varifold_sample
 from meshot.mesh.geometry.areas import face_normals
 from meshot.mesh.mesh import closed_contour
 from meshot.mesh.shapes.solids import cube, folded_sphere, icosphere, tetrahedron
@@ -17,12 +20,13 @@ ENCODINGS = {
     "surface": surface,
     "varifold": varifold,
     "empirical": lambda shape, **options: empirical(shape, 40, 0, **options),
+    "varifold_sample": lambda shape, **options: varifold_sample(shape, 40, 0, **options),
 }
 every = pytest.mark.parametrize("encode", ENCODINGS.values(), ids=ENCODINGS)
 
 
 def places(measure) -> torch.Tensor:
-    return measure.vertices if hasattr(measure, "vertices") else measure.points
+    return measure.places
 
 
 @every
@@ -101,14 +105,16 @@ def test_a_feature_tells_apart_what_positions_cannot():
     shares = surface(sphere).weights
     unequal = abs(float((shares * (2 * colour[:, 0] - 1)).sum()))
     assert value == pytest.approx(36 * unequal / 4, abs=1e-12)
-    near = [varifold(sphere, 0.0, face_features=values, feature_scale=0.1) for values in (colour, 1 - colour)]
+    near = [
+        varifold(sphere, normal_scale=0.0, face_features=values, feature_scale=0.1) for values in (colour, 1 - colour)
+    ]
     assert float(wasserstein(*near)) == pytest.approx(0.01, abs=1e-12)  # recolouring is cheaper than moving
 
 
 def test_the_continuous_measure_is_the_limit_of_samples():
     """10⁶ points per side: the mean and covariance of a folded surface with normals, within five standard errors."""
     mesh = folded_sphere(2, 1.0, 0.3)
-    exact, points = surface(mesh, 0.5), empirical(mesh, 1_000_000, 3, normal_scale=0.5).points
+    exact, points = surface(mesh, normal_scale=0.5), empirical(mesh, 1_000_000, 3, normal_scale=0.5).points
     corners = exact.vertices[exact.cells]
     centre = (exact.weights[:, None] * corners.mean(dim=1)).sum(dim=0)
     # ∫ x xᵀ over a triangle: (Σ vᵢvᵢᵀ + (Σ vᵢ)(Σ vᵢ)ᵀ) / 12.
@@ -121,7 +127,7 @@ def test_the_continuous_measure_is_the_limit_of_samples():
 
 
 def test_varifold_transport_agrees_with_pot():
-    pair = varifold(icosphere(1), 0.5), varifold(folded_sphere(1, 1.2, 0.3), 0.5)
+    pair = varifold(icosphere(1), normal_scale=0.5), varifold(folded_sphere(1, 1.2, 0.3), normal_scale=0.5)
     cost = ot.dist(*(m.points.numpy() for m in pair))
     expected = ot.emd2(*(m.weights.numpy() / m.weights.numpy().sum() for m in pair), cost)
     assert float(wasserstein(*pair)) == pytest.approx(expected, rel=1e-9)
@@ -147,10 +153,8 @@ def bent(reach: torch.Tensor) -> Contour:
 def mean_x_slope(encode) -> float:
     reach = torch.tensor(1.0, dtype=torch.float64, requires_grad=True)
     measure = encode(bent(reach))
-    if hasattr(measure, "cells"):
-        mean = (measure.weights * measure.vertices[measure.cells].mean(dim=1)[:, 0]).sum()
-    else:
-        mean = (measure.weights * measure.points[:, 0]).sum()
+    centres = measure.places if measure.cells is None else measure.places[measure.cells].mean(dim=1)
+    mean = (measure.weights * centres[:, 0]).sum()
     return float(torch.autograd.grad(mean, reach)[0])
 
 
@@ -171,19 +175,60 @@ def test_the_other_encodings_know_it():
 def test_carried_masses_are_equal_in_value():
     vertices = icosphere(1).vertices.requires_grad_()
     shape = icosphere(1).with_vertices(vertices)
-    carried = empirical(shape, 50, 0, detach_weights=False)
+    carried = empirical(shape, 50, 0)
     assert carried.weights.requires_grad
     assert torch.allclose(carried.weights.detach(), torch.full((50,), 0.02, dtype=torch.float64), atol=1e-16)
     (drift,) = torch.autograd.grad(carried.weights.sum(), vertices)
     assert float(drift.abs().max()) < 1e-15  # the total mass stays one
-    assert torch.equal(carried.points, empirical(shape, 50, 0).points)
-    assert not empirical(shape, 50, 0).weights.requires_grad
+    detached = empirical(shape, 50, 0, detach_weights=True)
+    assert torch.equal(carried.points, detached.points)
+    assert torch.equal(carried.weights, detached.weights)
+    assert not detached.weights.requires_grad
 
 
 def test_faces_without_area_carry_no_mass():
     vertices = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]], dtype=torch.float64, requires_grad=True)
     mesh = Mesh(vertices, torch.tensor([[0, 1, 2], [0, 1, 3]]))
     assert varifold(mesh).weights.tolist() == [1, 0]
-    for measure in (varifold(mesh), surface(mesh, 1.0), empirical(mesh, 20, 0, detach_weights=False)):
+    for measure in (varifold(mesh), surface(mesh, normal_scale=1.0), empirical(mesh, 20, 0, detach_weights=False)):
         (gradient,) = torch.autograd.grad((measure.weights**2).sum() + places(measure).sum(), vertices)
         assert bool(torch.isfinite(gradient).all())
+
+
+@every
+def test_every_encoding_has_the_same_defaults(encode):
+    vertices = cube(2.0).vertices.requires_grad_()
+    shape = cube(2.0).with_vertices(vertices)
+    by_default = encode(shape)
+    assert by_default.places.shape[1] == 3  # no normals
+    assert by_default.weights.requires_grad
+    assert torch.equal(by_default.places, encode(shape, normal_scale=0.0).places)
+    assert encode(shape, normal_scale=1.0).places.shape[1] == 6
+    assert not encode(shape, detach_weights=True).weights.requires_grad
+    assert (VarifoldEncoding().normal_scale, VarifoldEncoding().detach_weights) == (0, False)
+
+
+def test_encoding_arguments_are_keywords_in_one_order():
+    wanted = ["normal_scale", "features", "face_features", "feature_scale", "detach_weights"]
+    for encode in (surface, varifold, empirical, varifold_sample):
+        parameters = inspect.signature(encode).parameters.values()
+        assert [p.name for p in parameters if p.kind is p.KEYWORD_ONLY] == wanted
+
+
+@every
+def test_measures_move_to_another_type(unchecked, encode):
+    measure = encode(cube())
+    single = measure.to(torch.float32)
+    assert type(single) is type(measure)
+    assert single.places.dtype == single.weights.dtype == torch.float32
+    assert torch.equal(single.places, measure.places.float())
+    assert single.to("cpu", torch.float64).weights.dtype == torch.float64
+    assert single.to(device="cpu").places.dtype == torch.float32
+    with pytest.raises(ValueError, match=r"torch\.int64; floating point is needed"):
+        measure.to(torch.int64)
+
+
+def test_meshes_move_to_another_type(unchecked):
+    assert cube().to("cpu", dtype=torch.float32).vertices.dtype == torch.float32
+    with pytest.raises(ValueError, match=r"torch\.int64; floating point is needed"):
+        cube().to(torch.int64)

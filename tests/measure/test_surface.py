@@ -25,7 +25,7 @@ def test_positions_share_their_corners():
 
 def test_a_contour_is_made_of_segments():
     square = closed_contour(torch.tensor([[0.0, 0], [3, 0], [3, 1], [0, 1]], dtype=torch.float64))
-    measure = surface(square, 2.0)
+    measure = surface(square, normal_scale=2.0)
     assert torch.allclose(measure.weights, torch.tensor([3.0, 1, 3, 1], dtype=torch.float64) / 8)
     corners = measure.vertices[measure.cells]
     assert torch.equal(corners[0], torch.tensor([[0.0, 0, 0, -2], [3, 0, 0, -2]], dtype=torch.float64))
@@ -36,7 +36,7 @@ def test_coordinates_are_position_normal_features_of_vertices_then_of_faces():
     mesh = two_triangles()
     linear = torch.tensor([[1.0], [2], [3], [4]], dtype=torch.float64)
     constant = torch.tensor([[10.0, 11], [20, 21]], dtype=torch.float64)
-    measure = surface(mesh, 5.0, linear, constant)
+    measure = surface(mesh, normal_scale=5.0, features=linear, face_features=constant)
     corners = measure.vertices[measure.cells]
     assert corners.shape == (2, 3, 9)
     assert torch.equal(corners[..., :3], mesh.vertices[mesh.faces])
@@ -58,7 +58,7 @@ def test_gradients_reach_vertices_and_features():
     mesh, features = two_triangles(), torch.ones(4, 1, dtype=torch.float64)
 
     def encoded(v, f):
-        measure = surface(mesh.with_vertices(v), 0.7, f)
+        measure = surface(mesh.with_vertices(v), normal_scale=0.7, features=f)
         return measure.vertices, measure.weights
 
     leaves = [mesh.vertices.clone().requires_grad_(), features.requires_grad_()]

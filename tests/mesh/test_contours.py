@@ -49,6 +49,13 @@ def test_letter():
     assert (high - low).tolist() == pytest.approx([width, height])
 
 
+def test_a_letter_as_it_comes():
+    """1.4 wide, 2 high, strokes of .3: the corners of the box, and the foot of the upper bar."""
+    contour = letter_e()
+    assert contour.vertices.abs().max(dim=0).values.tolist() == pytest.approx([0.7, 1.0])
+    assert signed_area(contour) == pytest.approx(0.3 * 2 + 3 * 0.3 * 1.1)
+
+
 def test_near_regular_polygon():
     contour = near_regular_polygon(10, 0.1, generator=3, radius=2.0)
     radii = contour.vertices.norm(dim=1)

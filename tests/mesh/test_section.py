@@ -4,8 +4,7 @@ import math
 
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from meshot.mesh.geometry.section import plane_section
 from meshot.mesh.shapes.solids import cube, icosphere

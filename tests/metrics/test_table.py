@@ -2,14 +2,17 @@ import dataclasses
 import functools
 import json
 import math
+import warnings
 
 import pytest
 import torch
 
 from meshot import evaluate
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import folded_sphere, icosphere
+from meshot.mesh.shapes.solids import cube, folded_sphere, icosphere
+from meshot.metrics.distances import Surface
 from meshot.metrics.evaluation import Metric
+from meshot.metrics.input_checks import require_same_space
 from meshot.metrics.triangles import edge_length_variation, face_area_variation, smallest_angles
 
 FEW = {"n_points": 4000, "n_emd_points": 300}
@@ -97,6 +100,21 @@ def test_other_units_are_refused_or_warned_of():
         evaluate(icosphere(2, 0.04), sphere, **FEW)
     with pytest.warns(UserWarning, match=r"extend over 138.6 and 55.43"):
         evaluate(sphere, icosphere(2, 16.0), **FEW)
+
+
+@pytest.mark.parametrize(("ratio", "outcome"), [(1.999, "none"), (2, "warns"), (9.99, "warns"), (10, "refuses")])
+def test_from_which_ratio_on(ratio, outcome):
+    """Of the diagonals of two boxes, here 13 and 13 times the ratio: exact numbers."""
+    box = cube().with_vertices(cube().vertices * torch.tensor([3.0, 4, 12], dtype=torch.float64))
+    pair = Surface(box), Surface(box.with_vertices(box.vertices * ratio))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        if outcome == "refuses":
+            with pytest.raises(ValueError, match="extend over 13 and 130"):
+                require_same_space(*pair)
+        else:
+            require_same_space(*pair)
+    assert len(caught) == (outcome == "warns")
 
 
 DAMAGED = {

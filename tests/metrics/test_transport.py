@@ -72,6 +72,17 @@ def test_half_sphere_is_isotropic():
     np.testing.assert_allclose(directions.T @ directions / 200, np.eye(3) / 3, atol=2e-3)
 
 
+@pytest.mark.parametrize("scale", 10.0 ** np.arange(-12, 13, 3))
+def test_the_scale_and_the_place_do_not_matter(scale):
+    """The tolerance of POT's solver is absolute; |x|² + |y|² − 2⟨x, y⟩ would cancel far from the origin."""
+    squared = np.square(cloud(1)[:, None] - cloud(2)).sum(axis=2)
+    expected = np.sqrt(squared[linear_sum_assignment(squared)].mean())
+    assert earth_movers_distance(scale * cloud(1), scale * cloud(2)) == pytest.approx(scale * expected, rel=1e-9)
+    # At 1e6 a coordinate keeps ten digits.
+    moved = [cloud(seed) + 1e6 for seed in (1, 2)]
+    assert earth_movers_distance(*moved) == pytest.approx(expected, rel=1e-8)
+
+
 @pytest.mark.parametrize("distance", [earth_movers_distance, sliced_distance])
 def test_doors(unchecked, distance):
     with pytest.raises(ValueError, match="200 and 199 points"):

@@ -42,3 +42,21 @@ def test_other_files_are_named(tmp_path):
     )
     with pytest.raises(ValueError, match="does not hold the weights"):
         read_weights(path, SegmentationNetwork)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_no_numbers_are_refused(tmp_path, value):
+    network = SegmentationNetwork(2, 2)
+    with torch.no_grad():
+        next(network.parameters()).view(-1)[0] = value
+    write_weights(tmp_path / "w.safetensors", network, {})
+    with pytest.raises(ValueError, match=r"does not hold the weights .*NaN or infinite"):
+        read_weights(tmp_path / "w.safetensors", SegmentationNetwork)
+
+
+@pytest.mark.parametrize("header", ["[" * 100_000, '{"network": {"width": 1000000000}}', '{"network": []}', "3"])
+def test_records_that_are_none_are_refused(tmp_path, header):
+    path = tmp_path / "w.safetensors"
+    safetensors.torch.save_file({"a": torch.zeros(2)}, path, metadata={"SegmentationNetwork": header})
+    with pytest.raises(ValueError, match="does not hold the weights"):
+        read_weights(path, SegmentationNetwork)

@@ -8,10 +8,12 @@ from bright_head import write_bright_weights
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import network_digest, read_weights, write_weights
-from meshot.pipeline import networks as shipped
-from meshot.pipeline.deformation.settings import read_deformation_config
-from meshot.pipeline.networks import DEFORMATION, SEGMENTATION, load_networks, weights_path
+from meshot.pipeline import networks
+from meshot.pipeline.networks import SEGMENTATION, load_networks, segmentation_weights
 from meshot.provenance import read_results
+from meshot.systems import default_system, get_system, read_settings, shipped, system_names
+
+PARTS = ["left_white", "right_white"]
 
 
 @pytest.fixture
@@ -19,81 +21,97 @@ def folder(tmp_path):
     return write_bright_weights(tmp_path / "weights")
 
 
+def load(folder, system="ddot"):
+    return load_networks(system, folder, folder / SEGMENTATION)
+
+
 def test_networks_come_with_their_records(folder):
-    networks = load_networks(folder)
-    assert set(networks.deformation) == {"left", "right"}
-    assert networks.segmentation.config() == {"width": 1, "depth": 1, "fold": 1}
-    assert set(networks.records) == {SEGMENTATION, *DEFORMATION.values()}
-    assert networks.records[SEGMENTATION]["command"] == "made by hand"
+    found = load(folder)
+    assert (found.system.name, list(found.system.parts)) == ("ddot", PARTS)
+    assert found.segmentation.config() == {"width": 1, "depth": 1, "fold": 1}
+    assert set(found.records) == {SEGMENTATION, *(f"{part}.safetensors" for part in PARTS)}
+    assert found.records[SEGMENTATION]["command"] == "made by hand"
 
 
-def test_without_deformation_its_files_are_not_needed(folder):
-    for name in DEFORMATION.values():
-        (folder / name).unlink()
-    assert load_networks(folder, with_deformation=False).deformation is None
-    with pytest.raises(
-        ValueError, match=r"deformation_left.safetensors are missing: there is none in .*--initial-only"
-    ):
-        load_networks(folder)
+def test_without_a_system_its_files_are_not_needed(folder):
+    for name in PARTS:
+        (folder / f"{name}.safetensors").unlink()
+    assert load_networks(segmentation=folder / SEGMENTATION, initial_only=True).system is None
+    with pytest.raises(ValueError, match=r"left_white.safetensors is missing; ddot needs left_white, right_white: "):
+        load(folder)
 
 
 def test_the_shipped_ones_are_used_if_no_folder_is_named(folder, monkeypatch):
-    monkeypatch.setattr(shipped, "SHIPPED", folder)
-    assert weights_path(SEGMENTATION) == folder / SEGMENTATION
+    for module in (networks, shipped):
+        monkeypatch.setattr(module, "SHIPPED", folder)
+    (folder / "manifest.json").write_text('{"default_system": "cortexode"}')
+    with pytest.raises(ValueError, match=r"no weights of cortexode come with .* \(meshot train cortexode CONFIG .*-o"):
+        load_networks()
+    (folder / "cortexode").mkdir()
+    for name in PARTS:
+        shutil.move(folder / f"{name}.safetensors", folder / "cortexode")
     assert load_networks().records[SEGMENTATION]["command"] == "made by hand"
+    assert load_networks().system.name == "cortexode"
     (folder / SEGMENTATION).unlink()
     with pytest.raises(ValueError, match="this installation came without them"):
-        load_networks()
+        segmentation_weights()
+    with pytest.raises(ValueError, match=r"segmentation\.safetensors does not exist; name their file"):
+        segmentation_weights(folder / SEGMENTATION)
 
 
 def test_sides_are_not_taken_for_a_segmentation(folder):
-    shutil.copy(folder / DEFORMATION["left"], folder / SEGMENTATION)
+    shutil.copy(folder / "left_white.safetensors", folder / SEGMENTATION)
     with pytest.raises(ValueError, match="does not hold the weights of a SegmentationNetwork"):
-        load_networks(folder)
+        load(folder)
 
 
-def with_record(folder, side, record):
-    path = folder / DEFORMATION[side]
+def with_record(folder, part, record):
+    path = folder / f"{part}.safetensors"
     write_weights(path, read_weights(path, DeformationNetwork)[0], record)
 
 
 def test_the_flow_of_the_other_side_is_refused(folder):
-    with_record(folder, "right", {"training": {"side": "right"}})
-    load_networks(folder)
-    with_record(folder, "right", {"training": {"side": "left"}})
-    with pytest.raises(ValueError, match=r"deformation_right.* holds the flow of the left side; that of the right"):
-        load_networks(folder)
+    get_system("ddot").load(folder).save(folder / "saved")
+    load_networks("ddot", folder / "saved", folder / SEGMENTATION)
+    with pytest.raises(ValueError, match="holds weights of the system ddot; cortexode was asked for: take --system dd"):
+        load_networks("cortexode", folder / "saved", folder / SEGMENTATION)
+    shutil.copy(folder / "saved" / "left_white.safetensors", folder / "saved" / "right_white.safetensors")
+    with pytest.raises(ValueError, match=r"right_white.* holds left_white of ddot; right_white is needed: rename it"):
+        load_networks("ddot", folder / "saved", folder / SEGMENTATION)
 
 
 def test_a_flow_from_other_initial_surfaces_is_refused(folder):
     segmentation = read_weights(folder / SEGMENTATION, SegmentationNetwork)[0]
-    with_record(folder, "left", {"results": {"segmentation_sha256": network_digest(segmentation)}})
-    load_networks(folder)
-    with_record(folder, "left", {"results": {"segmentation_sha256": "0" * 64}})
-    with pytest.raises(ValueError, match=r"deformation_left.* learned from initial surfaces of another network than"):
-        load_networks(folder)
+    with_record(folder, "left_white", {"results": {"segmentation_sha256": network_digest(segmentation)}})
+    load(folder)
+    with_record(folder, "left_white", {"results": {"segmentation_sha256": "0" * 64}})
+    with pytest.raises(ValueError, match=r"left_white.* learned from initial surfaces of another network than"):
+        load(folder)
 
 
-def test_flows_are_integrated_as_they_were_learned(folder):
-    assert (load_networks(folder).n_steps, load_networks(folder).method) == (10, "euler")
-    with_record(folder, "left", {"training": {"n_flow_steps": 4, "method": "rk4"}})
-    with pytest.raises(ValueError, match="both sides need the same: train one of them anew"):
-        load_networks(folder)
-    with_record(folder, "right", {"training": {"n_flow_steps": 4, "method": "rk4"}})
-    assert (load_networks(folder).n_steps, load_networks(folder).method) == (4, "rk4")
+@pytest.mark.parametrize("group", ["training", "results"])
+@pytest.mark.parametrize("content", [None, 3, "left", ["side"]])
+def test_a_record_whose_groups_are_none_is_refused(folder, group, content):
+    with_record(folder, "left_white", {group: content})
+    with pytest.raises(ValueError, match=f"says of its {group} .*names and values are needed"):
+        load(folder)
 
 
 def test_what_is_shipped_can_be_read(root):
-    assert {path.name for path in shipped.SHIPPED.iterdir()} == {SEGMENTATION, *DEFORMATION.values()}
-    networks = load_networks()
-    for record in networks.records.values():
+    assert default_system() in system_names()
+    found = load_networks()
+    assert found.system.name == default_system()
+    for record in found.records.values():
         assert len(record["commit"]) == 12  # nothing that was not committed
-    for side, name in DEFORMATION.items():
-        record = networks.records[name]
-        wanted = read_deformation_config(root / "experiments" / "ddot" / "shipped.yaml", [f"training.side={side}"])
-        assert record["results"]["segmentation_sha256"] == network_digest(networks.segmentation)
-        kept = read_results(root / "experiments" / "ddot" / f"shipped_{side}.json")
-        assert kept["config"] == wanted.as_dict()
+    for part, each in found.system.parts.items():
+        side = part.split("_")[0]
+        kind, kept = type(found.system), read_results(root / "experiments" / "ddot" / f"shipped_{side}.json")
+        assert each.record["results"]["segmentation_sha256"] == network_digest(found.segmentation)
+        settings = read_settings(kind, "shipped", [f"training.side={side}"])
+        assert kind.complete(kept["config"]) == settings
+        recorded = kind.complete({key: each.record[key] for key in settings})
+        assert recorded | {"network": None} == settings | {"network": None}
+        assert recorded["network"].items() >= settings["network"].items()  # the file names the extent, too
         assert [kept[key] for key in ("commit", "command", "results")] == [
-            record[key] for key in ("commit", "command", "results")
+            each.record[key] for key in ("commit", "command", "results")
         ]

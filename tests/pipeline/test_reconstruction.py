@@ -15,6 +15,7 @@ from meshot.metrics.distances import vertex_distances
 from meshot.pipeline.quality_warnings import agreement_with, scan_warnings, surface_warnings
 from meshot.pipeline.reconstruction import reconstruct
 from meshot.pipeline.segmentation.surface import SegmentedSurface
+from meshot.systems import Part, SurfaceSystem, get_system
 from meshot.volume.standard import StandardScan, place_on_grid
 from meshot.volume.volume import Volume
 
@@ -37,7 +38,8 @@ def turned_grid(signs: tuple[int, int, int]) -> tuple[np.ndarray, tuple[int, int
 
 @pytest.fixture(scope="module")
 def networks():
-    return brightness_network(), {side: shifting_network(shift) for side, shift in SHIFTS.items()}
+    parts = {f"{side}_white": Part(shifting_network(shift)) for side, shift in SHIFTS.items()}
+    return brightness_network(), get_system("ddot")(parts)
 
 
 @pytest.fixture(scope="module", params=[(1, 1, 1), (-1, 1, 1)], ids=["oblique", "mirrored"])
@@ -47,9 +49,7 @@ def made(request, networks):
     heard = []
     scan = bright_head(affine, shape, TO_TEMPLATE)
     before = scan.data.copy()
-    found = reconstruct(
-        scan, *networks, n_steps=3, progress=lambda *words: heard.append(words), template=bright_template()
-    )
+    found = reconstruct(scan, *networks, progress=lambda *words: heard.append(words), template=bright_template())
     assert np.array_equal(scan.data, before)
     return found, heard
 
@@ -80,11 +80,11 @@ def test_the_flow_moves_them_in_the_standard_space(made):
 def test_stages_are_told_and_timed(made):
     found, heard = made
     stages = ["registration", "white matter"]
-    stages += [f"{what}, {side}" for what in ("initial surface", "flow") for side in ("left", "right")]
+    stages += [*(f"initial surface, {side}" for side in ("left", "right")), "system ddot", "crossing faces"]
     assert heard == [(name, k, 6) for k, name in enumerate([*stages, ""])]
     assert list(found.cpu_seconds) == list(found.wall_seconds) == stages
     assert all(0 < seconds < 60 for seconds in found.cpu_seconds.values())
-    assert found.n_steps == 3
+    assert found.system == "ddot"
     assert [w for w in found.warnings if "plausible" not in w] == []
 
 
@@ -93,7 +93,7 @@ def test_without_a_flow_the_initial_surface_is_the_result(networks):
     found = reconstruct(
         bright_template(), networks[0], None, progress=lambda *words: heard.append(words), template=bright_template()
     )
-    assert found.n_steps == 0
+    assert found.system is None
     assert heard[-1] == ("", 4, 4)
     for surface in found.surfaces.values():
         assert surface.final is surface.initial
@@ -102,10 +102,12 @@ def test_without_a_flow_the_initial_surface_is_the_result(networks):
 
 def test_doors(networks):
     scan = bright_template(8.0)
-    with pytest.raises(ValueError, match="n_steps is 0"):
-        reconstruct(scan, *networks, n_steps=0)
-    with pytest.raises(ValueError, match=r"networks for \['left'\]"):
-        reconstruct(scan, networks[0], {"left": networks[1]["left"]})
+    half = type(networks[1])({"left_white": networks[1].parts["left_white"]})
+    with pytest.raises(ValueError, match="ddot has no trained right_white"):
+        reconstruct(bright_template(), networks[0], half, template=bright_template())
+    one_sided = type("OneSided", (type(networks[1]),), {"name": "one", "surfaces": (("left", "white"),)})
+    with pytest.raises(ValueError, match=r"one finds \(\('left', 'white'\),\); both white surfaces are needed here"):
+        reconstruct(scan, networks[0], one_sided({}))
     with pytest.raises(ValueError, match="everywhere"):
         reconstruct(scan.with_data(np.full(scan.data.shape, 3.0)), *networks, template=scan)
     blind = brightness_network()
@@ -113,6 +115,28 @@ def test_doors(networks):
         blind.head.bias[2] = -1e6
     with pytest.raises(ValueError, match="no white matter on the right"):
         reconstruct(scan, blind, None, template=scan)
+
+
+class FixedBalls(SurfaceSystem):
+    """Where the balls are, without a look at the scan: other faces than the initial surfaces have."""
+
+    name, networks = "balls", {}
+    surfaces = (("left", "white"), ("right", "white"))
+
+    complete = train_parts = classmethod(lambda cls, *_: {})
+
+    def find_surfaces(self, scan):
+        assert scan.initial == {}
+        return {(side, "white"): mesh for side, mesh in balls(np.eye(4)).items()}
+
+
+def test_a_system_without_initial_surfaces_is_not_repaired(networks):
+    found = reconstruct(bright_template(), networks[0], FixedBalls({}), template=bright_template())
+    assert found.system == "balls"
+    for surface in found.surfaces.values():
+        assert surface.settled is None
+        assert len(surface.final.faces) == 20 * 4**5 != len(surface.initial.faces)
+        assert vertex_distances(surface.final, surface.initial).mean() < 0.6
 
 
 def place(matrix: np.ndarray) -> StandardScan:

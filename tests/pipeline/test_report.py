@@ -1,6 +1,7 @@
 """``meshot reconstruct`` as a user meets it: files, page, folders in the way, bad scans."""
 
 import json
+import os
 import shutil
 
 import nibabel
@@ -12,12 +13,8 @@ from browser import offline_browser, watched_page
 from meshot.cli import main
 from meshot.mesh.io import read_mesh
 from meshot.metrics.distances import vertex_distances
-from meshot.model.deformation import DeformationNetwork
-from meshot.model.weights import read_weights, write_weights
 from meshot.pipeline import reconstruction
-from meshot.pipeline.networks import DEFORMATION
-from meshot.pipeline.report import files as written
-from meshot.pipeline.report import pictures as reconstruction_pictures
+from meshot.pipeline.report import files as written, pictures as reconstruction_pictures
 from meshot.pipeline.report.page import _cell
 from meshot.view import display
 from meshot.volume.io import write_volume
@@ -50,8 +47,13 @@ def small_template(monkeypatch):
     monkeypatch.setattr(reconstruction, "mni152_t1", bright_template)
 
 
+def own_weights(place):
+    weights = place / "weights"
+    return ["--system", "ddot", "--weights", str(weights), "--segmentation", str(weights / "segmentation.safetensors")]
+
+
 def words(place, out, *more):
-    return ["reconstruct", str(place / NAME), "-o", str(place / out), "--weights", str(place / "weights"), *more]
+    return ["reconstruct", str(place / NAME), "-o", str(place / out), *own_weights(place), *more]
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +71,7 @@ def made(place, found):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reconstruction, "mni152_t1", bright_template)
         patch.setattr(written, "reconstruct", kept)
-        assert main(words(place, "out", "--steps", "2")) == 0
+        assert main(words(place, "out")) == 0
     return place / "out"
 
 
@@ -78,24 +80,6 @@ def quick(made, found, monkeypatch):
     """For what happens around a reconstruction: the one that was made, and a single slice."""
     monkeypatch.setattr(written, "reconstruct", lambda *_: found[0])
     monkeypatch.setattr(reconstruction_pictures, "_CUTS", (("axial", 0.5),))
-
-
-@pytest.mark.parametrize(("more", "expected"), [([], (3, "midpoint")), (["--steps", "2"], (2, "midpoint"))])
-def test_a_flow_is_integrated_as_it_was_learned(place, tmp_path, monkeypatch, more, expected):
-    shutil.copytree(place, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("out*"))
-    for name in DEFORMATION.values():
-        path = tmp_path / "weights" / name
-        record = {"training": {"n_flow_steps": 3, "method": "midpoint"}}
-        write_weights(path, read_weights(path, DeformationNetwork)[0], record)
-    seen = []
-
-    def stop(initial: object, image: object, network: object, *how: object) -> None:
-        seen.append(how)
-        raise ValueError("seen enough")
-
-    monkeypatch.setattr(reconstruction, "deformed", stop)
-    assert main(words(tmp_path, "out", *more)) == 2
-    assert seen == [expected]
 
 
 def test_everything_is_there_and_nothing_else(made, place):
@@ -119,7 +103,7 @@ def test_all_formats_hold_the_same_surface_where_the_scanner_saw_it(made):
 def test_the_numbers_are_those_of_the_files(made):
     report = json.loads((made / "report.json").read_text())
     assert report["scan"]["name"] == NAME
-    assert report["n_steps"] == 2
+    assert report["system"] == "ddot"
     assert len(report["weights"]) == 3
     assert {"commit", "versions", "date", "machine"} <= set(report)
     for side, short in (("left", "lh"), ("right", "rh")):
@@ -273,8 +257,7 @@ def test_bad_scans_end_in_one_line_and_leave_nothing(place, tmp_path, capsys, da
         path.write_bytes((place / NAME).read_bytes()[:-300] if data else b"")
     elif data is not None:
         save(path, data, affine)
-    weights = ["--weights", str(place / "weights")]
-    assert main(["reconstruct", str(path), "-o", str(tmp_path / "out"), *weights]) == 2
+    assert main(["reconstruct", str(path), "-o", str(tmp_path / "out"), *own_weights(place)]) == 2
     line = last_line(capsys)
     assert "meshot: " in line
     assert why in line
@@ -284,9 +267,9 @@ def test_bad_scans_end_in_one_line_and_leave_nothing(place, tmp_path, capsys, da
 @pytest.mark.parametrize(
     ("more", "why"),
     [
-        (["--steps", "0"], "steps is 0"),
+        (["--system", "freehand"], "there is no system 'freehand'; known are cortexode, ddot, windows"),
         (["--threads", "0"], "threads is 0"),
-        (["--weights", "/nowhere"], "segmentation.safetensors are missing: there is none in /nowhere"),
+        (["--weights", "/nowhere"], "/nowhere/left_white.safetensors is missing; ddot needs left_white, right_white"),
     ],
 )
 def test_bad_choices_end_in_one_line(place, capsys, more, why):
@@ -297,3 +280,13 @@ def test_bad_choices_end_in_one_line(place, capsys, more, why):
 
 def test_numbers_on_the_page_have_no_exponents():
     assert [_cell(value) for value in (1138.4, 174540, 361.21, 0)] == ["1\u202f138", "174\u202f540", "361", "0"]
+
+
+def test_names_that_are_no_utf8(place, capsys):
+    """A scan and a folder named in Latin-1: everything is written, and the report says U+FFFD for the byte."""
+    scan, out = place / os.fsdecode(b"caf\xe9.nii.gz"), place / os.fsdecode(b"sal\xe9")
+    shutil.copy(place / NAME, scan)
+    assert main(["reconstruct", str(scan), "-o", str(out), *own_weights(place), "--initial-only"]) == 0
+    assert json.loads((out / "report.json").read_text(encoding="utf-8"))["scan"]["name"] == "caf\ufffd.nii.gz"
+    assert "caf\ufffd.nii.gz" in (out / "report.html").read_text(encoding="utf-8")
+    assert "sal\ufffd" in capsys.readouterr().out

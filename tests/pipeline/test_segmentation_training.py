@@ -6,6 +6,8 @@ import json
 
 import numpy as np
 import pytest
+import safetensors
+import safetensors.torch
 import torch
 
 from killing import killed_after_its_first_state, same, without_seconds
@@ -18,7 +20,8 @@ from meshot.pipeline.segmentation.settings import (
     segmentation_config,
 )
 from meshot.pipeline.segmentation.training import _batch, train_segmentation
-from meshot.train.checkpoint import read_log
+from meshot.train.log import read_log
+from meshot.train.state import TrainingState, read_training, write_training
 from phantoms import phantom_examples, phantom_scan, phantom_surfaces
 
 TINY = segmentation_config(
@@ -81,7 +84,7 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, whole, examples,
 VICTIM = """
 from pipeline.test_segmentation_training import TINY
 from phantoms import phantom_examples
-from meshot.pipeline.segmentation_training import _batch, train_segmentation
+from meshot.pipeline.segmentation.training import _batch, train_segmentation
 train_segmentation(TINY, phantom_examples(3), phantom_examples(2, seed=50), folder={folder!r})
 """
 
@@ -163,9 +166,9 @@ def test_settings_outside_their_range_are_refused(settings, message):
         SegmentationSettings(**settings)
 
 
-def test_configurations_are_read_and_checked(tmp_path, root):
+def test_configurations_are_read_and_checked(tmp_path):
     for name in ("tiny", "small", "paper"):
-        config = read_segmentation_config(root / "experiments" / "segmentation" / f"{name}.yaml")
+        config = read_segmentation_config(name)
         assert json.loads(json.dumps(config.as_dict()))["training"]["n_epochs"] > 0
     assert (config.training.learning_rate, config.training.schedule, config.training.n_epochs) == (
         1e-4,
@@ -183,8 +186,10 @@ def test_configurations_are_read_and_checked(tmp_path, root):
         path.write_text(text)
         with pytest.raises(ValueError, match=message):
             read_segmentation_config(path)
-    with pytest.raises(ValueError, match=r"tiny\.yaml, small\.yaml"):
+    with pytest.raises(ValueError, match="does not exist"):
         read_segmentation_config(tmp_path / "none.yaml")
+    with pytest.raises(ValueError, match="the package has paper, small, tiny"):
+        read_segmentation_config("none")
 
 
 def test_a_trained_network_finds_the_sides_and_their_surfaces(examples):
@@ -213,3 +218,58 @@ def test_every_step_sees_another_variant_and_every_epoch_another_order(examples)
     orders = [tuple(_batch(3 * epoch + i, examples[0], TINY.training)[0][0] for i in range(3)) for epoch in range(8)]
     assert len(set(orders)) > 2
     assert all(set(order) == {"phantom-0", "phantom-1", "phantom-2"} for order in orders)
+
+
+@pytest.mark.parametrize("line", ["3", "[]", "[" * 100_000, "1" * 5000, "\udcff"])
+def test_a_line_of_a_log_that_holds_no_names(tmp_path, line):
+    (tmp_path / "log.jsonl").write_bytes((line + "\n").encode("utf-8", "surrogateescape"))
+    with pytest.raises(ValueError, match="is no log of a training"):
+        read_log(tmp_path / "log.jsonl")
+
+
+def rewritten(path, change, header_change):
+    """A state with other tensors or another header."""
+    with safetensors.safe_open(path, framework="pt") as file:
+        header = json.loads(file.metadata()["training"])
+    tensors = safetensors.torch.load_file(path)
+    change(tensors)
+    header_change(header)
+    safetensors.torch.save_file(tensors, path, metadata={"training": json.dumps(header)})
+
+
+def nothing(_):
+    """Leave it as it is."""
+
+
+@pytest.mark.parametrize(
+    ("change", "header_change"),
+    [
+        (lambda tensors: tensors.update({"network/head.bias": torch.zeros(1)}), nothing),
+        (lambda tensors: tensors.pop("best/head.bias"), nothing),
+        (lambda tensors: tensors.update({"adam/0/exp_avg": torch.zeros(1)}), nothing),
+        (lambda tensors: tensors.update({"elsewhere": torch.zeros(1)}), nothing),
+        (nothing, lambda header: header.update(step="x")),
+        (nothing, lambda header: header.update(step=-1)),
+        (nothing, lambda header: header.pop("seconds")),
+        (nothing, lambda header: header.update(seconds="long")),
+        (nothing, lambda header: header.update(lines=3)),
+        (nothing, lambda header: header.update(lines=[1])),
+        (nothing, lambda header: header.update(best_loss=[])),
+        (nothing, lambda header: header.update(made_with=[])),
+    ],
+)
+def test_a_state_of_another_form_is_refused_and_changes_nothing(tmp_path, change, header_change):
+    def state():
+        return TrainingState(TINY.new_network(), 1e-3)
+
+    first = state()
+    sum(parameter.sum() for parameter in first.network.parameters()).backward()
+    first.optimiser.step()
+    write_training(tmp_path / "s.safetensors", first, {"a": 1})
+    read_training(tmp_path / "s.safetensors", state(), {"a": 1})
+    rewritten(tmp_path / "s.safetensors", change, header_change)
+    second, untouched = state(), state()
+    with pytest.raises(ValueError, match="remove it to start anew"):
+        read_training(tmp_path / "s.safetensors", second, {"a": 1})
+    assert same(second.network, untouched.network)
+    assert second.step == 0

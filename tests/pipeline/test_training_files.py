@@ -8,7 +8,7 @@ from meshot.cli import main
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights
 from meshot.provenance import read_results
-from meshot.train.checkpoint import read_log
+from meshot.train.log import read_log
 from phantoms import write_phantom_cohort
 
 CONFIG = """
@@ -29,8 +29,8 @@ def words(tmp_path, monkeypatch):
 def test_everything_is_written_with_its_provenance(words, tmp_path, capsys):
     assert main([*words, "--device", "cpu"]) == 0
     assert "best after" in capsys.readouterr().out
-    network, record = read_weights(tmp_path / "out" / "weights.safetensors", SegmentationNetwork)
-    results = read_results(tmp_path / "out" / "weights.json")
+    network, record = read_weights(tmp_path / "out" / "segmentation.safetensors", SegmentationNetwork)
+    results = read_results(tmp_path / "out" / "segmentation.json")
     assert network.config() == {"width": 2, "depth": 2, "fold": 1}
     command = "meshot train-segmentation c.yaml --data first second -o out --threads 1 --device cpu"
     assert record["command"] == results["command"] == command
@@ -41,8 +41,8 @@ def test_everything_is_written_with_its_provenance(words, tmp_path, capsys):
     assert {"commit", "versions", "date", "machine"} <= set(record)
     assert len(record["results"]["data"]["validation"]["sha256"]) == 64
     assert str(tmp_path) not in json.dumps(record) + json.dumps(results)
-    assert len(read_log(tmp_path / "out" / "log.jsonl")) == 8
-    assert (tmp_path / "out" / "training.png").stat().st_size > 5000
+    assert len(read_log(tmp_path / "out" / "segmentation.log.jsonl")) == 8
+    assert (tmp_path / "out" / "segmentation.png").stat().st_size > 5000
 
 
 def test_what_will_not_do_is_one_line(words, tmp_path, capsys):

@@ -20,6 +20,7 @@ import torch
 from meshot.mesh.shapes.solids import icosphere
 from meshot.mesh.topology.counts import SPHERE, topology
 from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.provenance import processor
 from meshot.synth import scanning
 from meshot.synth.cohorts import generation
 from meshot.synth.cohorts.cohort import LABELS, participants, read_subject, scans
@@ -119,6 +120,7 @@ def test_what_was_stopped_goes_on_and_ends_the_same(quick, tmp_path, monkeypatch
     assert list(make_cohort(RECIPE, tmp_path / "c")) == ["sub-002", "sub-p01"]
     first, second = ((tmp_path / name / "manifest.json").read_text() for name in ("whole", "c"))
     assert first == second
+    assert json.loads(first)["processors"] == [processor()]
     assert list(make_cohort(RECIPE, tmp_path / "c")) == []
 
 
@@ -238,26 +240,25 @@ def test_doors(quick, tmp_path, unchecked):
         subject.facts()
 
 
-def _command(root, *words):
+def _command(*words):
     return subprocess.run(
-        [sys.executable, str(root / "data_synth" / "make_cohort.py"), *map(str, words)],
+        [sys.executable, "-m", "meshot.cli", "make-cohort", *map(str, words)],
         capture_output=True,
         text=True,
         check=False,
     )
 
 
-def test_the_command_makes_a_cohort_in_parallel(root, tmp_path):
-    recipe = root / "data_synth" / "tiny.yaml"
-    done = _command(root, recipe, tmp_path / "c", "--jobs", "2", "--subjects", "1")
+def test_the_command_makes_a_cohort_in_parallel(tmp_path):
+    done = _command("tiny", tmp_path / "c", "--jobs", "2", "--subjects", "1")
     assert done.returncode == 0, done.stderr
     assert "100%" in done.stderr
     assert [s.name for s in scans(tmp_path / "c")] == ["sub-001", "sub-p01"]
     assert json.loads((tmp_path / "c" / "manifest.json").read_text())["recipe"] == "tiny"
     assert read_volume(tmp_path / "c" / "sub-001" / "anat" / "sub-001_T1w.nii.gz").data.max() > 300
-    again = _command(root, recipe, tmp_path / "c", "--subjects", "1", "--check")
+    again = _command("tiny", tmp_path / "c", "--subjects", "1", "--check")
     assert (again.returncode, again.stdout.strip()) == (0, "every file is as it was made")
-    refused = _command(root, root / "data_synth" / "oasis_like.yaml", tmp_path / "c")
+    refused = _command("oasis_like", tmp_path / "c")
     assert refused.returncode == 2
     assert "another recipe" in refused.stderr
     assert "Traceback" not in refused.stderr
@@ -281,9 +282,8 @@ def test_the_committed_subject_is_made_again_as_on_an_older_cpu(root, tmp_path):
         "from meshot.synth.cohorts.generation import make_visit, visits; recipe = read_recipe(sys.argv[1]);"
         "make_visit(recipe, Path(sys.argv[2]), visits(recipe)[0])"
     )
-    recipe = root / "data_synth" / "tiny.yaml"
     done = subprocess.run(
-        [sys.executable, "-c", code, str(recipe), str(tmp_path)], env=old, capture_output=True, text=True, check=False
+        [sys.executable, "-c", code, "tiny", str(tmp_path)], env=old, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     hashes = json.loads((tmp_path / "logs" / "sub-001.json").read_text())["hashes"]["sub-001"]

@@ -26,34 +26,34 @@ def recipe(**entries):
 
 
 @pytest.mark.parametrize("name", ["adni_like", "oasis_like", "test_retest", "tiny"])
-def test_the_recipes_of_the_book_are_sound_and_survive_writing(root, tmp_path, name):
-    found = read_recipe(root / "data_synth" / f"{name}.yaml")
+def test_the_recipes_of_the_book_are_sound_and_survive_writing(tmp_path, name):
+    found = read_recipe(name)
     assert found.name == name
     (tmp_path / "again.yaml").write_text(recipe_text(found), encoding="utf-8")
     assert dataclasses.asdict(read_recipe(tmp_path / "again.yaml")) == dataclasses.asdict(found)
 
 
 @pytest.mark.parametrize("name", ["adni_like", "oasis_like"])
-def test_the_two_cohorts_have_the_proportions_of_the_paper(root, name):
-    people = plan(read_recipe(root / "data_synth" / f"{name}.yaml"))
+def test_the_two_cohorts_have_the_proportions_of_the_paper(name):
+    people = plan(read_recipe(name))
     counts = collections.Counter((p.kind, p.split) for p in people)
     assert [counts["template", s] for s in ("train", "validation", "test")] == [28, 4, 8]
     assert {split for kind, split in counts if kind == "procedural"} == {"test"}
     assert len({p.participant_id for p in people}) == len({p.seed for p in people}) == len(people)
 
 
-def test_more_subjects_leave_the_first_as_they_are(root):
-    path = root / "data_synth" / "oasis_like.yaml"
+def test_more_subjects_leave_the_first_as_they_are():
+    path = "oasis_like"
     few, many = (plan(read_recipe(path, subjects=n, procedural_subjects=0)) for n in (10, 200))
     assert many[:10] == few
     assert collections.Counter(p.split for p in many) == {"train": 140, "validation": 20, "test": 40}
     assert {p.seed for p in few}.isdisjoint(p.seed for p in plan(read_recipe(path, seed=5)))
 
 
-def test_the_paper_has_120_scans(root):
+def test_the_paper_has_120_scans():
     from meshot.synth.cohorts.generation import visits
 
-    found = read_recipe(root / "data_synth" / "test_retest.yaml", days=20)
+    found = read_recipe("test_retest", days=20)
     assert len(visits(found)) * found.scans_per_day == 120
     assert {p.split for p in plan(found)} == {"test"}
 

@@ -10,7 +10,15 @@ KNOWN = {"a": {"one", "two"}, "b": {"three"}}
 def test_groups_are_read_and_missing_ones_are_empty(tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text("a: {one: 1}\n")
-    assert read_groups(path, KNOWN) == {"a": {"one": 1}, "b": {}}
+    assert checked_groups(read_groups(path), KNOWN, "here") == {"a": {"one": 1}, "b": {}}
+    path.write_text("[1]")
+    with pytest.raises(ValueError, match=r"c\.yaml holds \[1\]; groups of settings are needed"):
+        read_groups(path)
+    path.write_text("a: [")
+    with pytest.raises(ValueError, match=r"c\.yaml is no YAML"):
+        read_groups(path)
+    with pytest.raises(ValueError, match=r"none\.yaml does not exist"):
+        read_groups(tmp_path / "none.yaml")
 
 
 def test_changes_replace_and_add():
@@ -34,7 +42,7 @@ def test_a_value_that_is_no_yaml_is_refused():
 def test_unknown_groups_and_settings_are_named():
     with pytest.raises(ValueError, match=r"here sets c, a\.four, which nothing reads"):
         checked_groups({"c": {}, "a": {"four": 4}}, KNOWN, "here")
-    with pytest.raises(ValueError, match="groups of settings are needed: a, b"):
+    with pytest.raises(ValueError, match="groups of settings are needed"):
         checked_groups(["a"], KNOWN, "here")
 
 

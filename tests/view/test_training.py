@@ -23,6 +23,14 @@ def test_lines_are_those_of_the_log():
     plt.close(figure)
 
 
+def test_any_other_validation_is_drawn_by_its_loss():
+    figure = training_figure([*LOG, {"step": 60, "validation_loss": 0.2, "seconds_of_its_own": 3.0}])
+    loss, right = figure.axes
+    assert [line.get_xydata().tolist() for line in right.lines] == [[[60, 0.2]]]
+    assert loss.get_ylabel() == "loss"
+    plt.close(figure)
+
+
 def test_a_picture_is_written_and_an_empty_log_refused(tmp_path):
     write_training_figure(tmp_path / "a.png", LOG)
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")

@@ -7,13 +7,16 @@ and is an average of other people's surfaces: the same shape, roughly, but not t
 from pathlib import Path
 from typing import Literal
 
-import nilearn.datasets
-import nilearn.surface
 import numpy as np
 import torch
 
+from meshot.extras import needing
 from meshot.mesh import Mesh
 from meshot.volume import Volume
+
+with needing("cortex"):
+    import nilearn.datasets
+    import nilearn.surface
 
 Hemisphere = Literal["left", "right"]
 HEMISPHERES: tuple[Hemisphere, ...] = ("left", "right")

@@ -1,14 +1,18 @@
-"""The command line: ``meshot COMMAND``; each command in a file of its own, with its arguments."""
+"""The command line: ``meshot COMMAND``; each command in a file of its own, with its arguments.
+
+No file here imports torch, nor what is slow to load, before its command runs: help must come at once.
+"""
 
 import argparse
 import sys
 import warnings
 from collections.abc import Sequence
 
-from meshot.cli import evaluate, reconstruct, train, train_segmentation
+import meshot
+from meshot.cli import evaluate, make_cohort, reconstruct, train, train_segmentation, warmup
 from meshot.cli.note import NOTE
 
-COMMANDS = (evaluate, reconstruct, train, train_segmentation)
+COMMANDS = (evaluate, reconstruct, make_cohort, train, train_segmentation, warmup)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -24,15 +28,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with warnings.catch_warnings():
             warnings.simplefilter("always")
             warnings.showwarning = _to_stderr
-            chosen.run(chosen)
-    except (ValueError, OSError) as error:
+            return chosen.run(chosen) or 0
+    except (ValueError, OSError, ImportError) as error:
         print(f"meshot: {error}", file=sys.stderr)
         return 2
-    return 0
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="meshot", description=f"Meshes as measures: losses for surfaces. {NOTE}")
+    parser.add_argument("--version", action="version", version=f"meshot {meshot.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:
         command.add_to(commands)

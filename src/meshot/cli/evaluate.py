@@ -1,13 +1,16 @@
-"""``meshot evaluate PREDICTED TARGET``."""
+"""``meshot evaluate PREDICTED TARGET``, or many pairs from a table."""
 
 import argparse
+import csv
+import io
 import json
+import sys
 from pathlib import Path
 
+import meshot
 from meshot.cli.note import NOTE, Commands
-from meshot.files import whole_file
-from meshot.mesh import read_mesh
-from meshot.metrics import evaluate
+
+PAIR = ("predicted", "target")
 
 
 def add_to(commands: Commands) -> None:
@@ -19,27 +22,95 @@ def add_to(commands: Commands) -> None:
         f"with its unit and with what the target scores against itself (the floor). {NOTE}",
         epilog="Meshes: PLY, OBJ, OFF, STL, GIfTI, FreeSurfer. Both in the same space, in mm.",
     )
-    command.add_argument("predicted", type=Path, help="the surface to judge")
-    command.add_argument("target", type=Path, help="the surface it should be")
+    command.add_argument("predicted", type=Path, nargs="?", help="the surface to judge")
+    command.add_argument("target", type=Path, nargs="?", help="the surface it should be")
+    command.add_argument(
+        "--pairs", type=Path, metavar="TSV",
+        help="many pairs: a table with the columns predicted and target, paths from its folder",
+    )  # fmt: skip
     command.add_argument("--points", type=int, default=100_000, help="drawn on each surface (default: %(default)s)")
     command.add_argument(
-        "--emd-points", type=int, default=5_000, help="the first of them, for the EMD (default: %(default)s)"
-    )
+        "--emd-points", type=int, default=5_000,
+        help="the first of them, for the EMD; never more than --points (default: %(default)s)",
+    )  # fmt: skip
     command.add_argument("--emd-blur", type=float, metavar="MM", help="EMD by Sinkhorn's algorithm with this blur")
     command.add_argument("--seed", type=int, default=0, help="of the points (default: %(default)s)")
-    command.add_argument("--json", type=Path, metavar="FILE", help="write everything to a file as well")
+    command.add_argument("--json", metavar="FILE", help="write everything, inputs and settings too; - is stdout")
+    command.add_argument("--tsv", metavar="FILE", help="write a row for each pair (default with --pairs: -, stdout)")
     command.add_argument("--definitions", action="store_true", help="say what each metric is")
     command.set_defaults(run=_run)
 
 
 def _run(chosen: argparse.Namespace) -> None:
-    found = evaluate(
-        read_mesh(chosen.predicted), read_mesh(chosen.target), chosen.points, chosen.seed, chosen.emd_points,
+    from tqdm import tqdm
+
+    pairs, many = _pairs(chosen), chosen.pairs is not None
+    records = [_record(chosen, *pair) for pair in tqdm(pairs, unit="pair", disable=not many)]
+    outputs = {"json": chosen.json, "tsv": chosen.tsv or ("-" if many and chosen.json != "-" else None)}
+    if list(outputs.values()).count("-") > 1:
+        raise ValueError("--json - and --tsv - would both go to stdout; write one of them to a file")
+    if outputs["json"]:
+        content = json.dumps(records if many else records[0], indent=1, ensure_ascii=False)
+        _write(outputs["json"], content + "\n")
+    if outputs["tsv"]:
+        _write(outputs["tsv"], _table(records))
+
+
+def _pairs(chosen: argparse.Namespace) -> list[tuple[Path, Path]]:
+    if (chosen.target is None) == (chosen.pairs is None):
+        raise ValueError("two surfaces are needed, PREDICTED and TARGET, or a table of pairs: --pairs pairs.tsv")
+    if chosen.pairs is None:
+        return [(chosen.predicted, chosen.target)]
+    with chosen.pairs.open(newline="", encoding="utf-8-sig") as file:
+        rows = list(csv.DictReader(file, dialect="excel-tab"))
+    if not rows or not all(row.get(name) for row in rows for name in PAIR):
+        raise ValueError(
+            f"{chosen.pairs} lacks an entry or all rows; the columns predicted and target are needed, with a head, "
+            "separated by tabs"
+        )
+    return [tuple(chosen.pairs.parent / row[name] for name in PAIR) for row in rows]
+
+
+def _record(chosen: argparse.Namespace, predicted: Path, target: Path) -> dict:
+    """What was found for one pair, with all that is needed to find it again; the table goes to stdout if it is free."""
+    from meshot.provenance import file_digest
+
+    n_emd_points = min(chosen.emd_points, chosen.points)
+    inputs = {
+        name: {"path": str(path), "sha256": file_digest(path)}
+        for name, path in zip(PAIR, (predicted, target), strict=True)
+    }
+    found = meshot.evaluate(
+        meshot.read_mesh(predicted), meshot.read_mesh(target), chosen.points, chosen.seed, n_emd_points,
         chosen.emd_blur,
     )  # fmt: skip
-    print(found)
+    if chosen.pairs is None and "-" not in (chosen.json, chosen.tsv):
+        print(found)
     if chosen.definitions:
-        print(f"\n{found.definitions()}")
-    if chosen.json:
-        with whole_file(chosen.json) as temporary:
-            temporary.write_text(json.dumps(found.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        print(f"\n{found.definitions()}", file=sys.stderr if "-" in (chosen.json, chosen.tsv) else sys.stdout)
+        chosen.definitions = False
+    settings = {"points": chosen.points, "emd_points": n_emd_points, "emd_blur": chosen.emd_blur, "seed": chosen.seed}
+    return {"version": meshot.__version__, "inputs": inputs, "settings": settings, "metrics": found.as_dict()}
+
+
+def _table(records: list[dict]) -> str:
+    """A row for each pair: its paths, then every metric and its floor."""
+    text = io.StringIO()
+    writer = csv.writer(text, dialect="excel-tab", lineterminator="\n")
+    names = [f"{name}{end}" for name in records[0]["metrics"] for end in ("", "_floor")]
+    writer.writerow([*PAIR, *names, "seed", "version"])
+    for record in records:
+        numbers = [metric[key] for metric in record["metrics"].values() for key in ("value", "floor")]
+        paths = [record["inputs"][name]["path"] for name in PAIR]
+        writer.writerow([*paths, *numbers, record["settings"]["seed"], record["version"]])
+    return text.getvalue()
+
+
+def _write(place: str, text: str) -> None:
+    if place == "-":
+        print(text, end="")
+        return
+    from meshot.files import whole_file
+
+    with whole_file(place) as temporary:
+        temporary.write_text(text, encoding="utf-8")

@@ -4,10 +4,8 @@ import argparse
 import warnings
 from pathlib import Path
 
-import torch
-
 from meshot.cli.note import NOTE, Commands
-from meshot.errors import require_positive_integer
+from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
@@ -22,25 +20,27 @@ def add_to(commands: Commands) -> None:
     command.add_argument("scan", type=Path, help="the T1")
     command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="new or empty")
     command.add_argument("--overwrite", action="store_true", help="replace an earlier reconstruction in that folder")
-    command.add_argument("--weights", type=Path, metavar="FOLDER", help="of networks other than those shipped")
-    command.add_argument("--initial-only", action="store_true", help="no flow: the initial surfaces are the result")
-    command.add_argument("--steps", type=int, help="of the flow (default: as it was trained)")
+    command.add_argument("--system", metavar="NAME", help="how the surfaces are found (default: what is shipped)")
+    command.add_argument("--weights", type=Path, metavar="FOLDER", help="of the system, other than those shipped")
+    command.add_argument("--segmentation", type=Path, metavar="FILE", help="weights other than those shipped")
+    command.add_argument("--initial-only", action="store_true", help="no system: the initial surfaces are the result")
     command.add_argument("--threads", type=int, help="of the processor (default: torch's)")
     command.set_defaults(run=_run)
 
 
 def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
+    import torch
+
+    from meshot.errors import require_positive_integer
     from meshot.pipeline import load_networks
     from meshot.pipeline.report import PAGE, write_reconstruction
 
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
-    if chosen.steps is not None:
-        require_positive_integer(chosen.steps, "steps")
-    networks = load_networks(chosen.weights, not chosen.initial_only)
-    report = write_reconstruction(chosen.scan, chosen.output, networks, chosen.steps, chosen.overwrite)
+    networks = load_networks(chosen.system, chosen.weights, chosen.segmentation, chosen.initial_only)
+    report = write_reconstruction(chosen.scan, chosen.output, networks, chosen.overwrite)
     for side, surface in report["surfaces"].items():
         final = surface["final"]
         print(
@@ -49,4 +49,4 @@ def _run(chosen: argparse.Namespace) -> None:
         )
     for warning in report["warnings"]:
         warnings.warn(warning, stacklevel=1)
-    print(f"{sum(report['seconds']['clock'].values()):.0f} s; look at {chosen.output / PAGE}. {NOTE}")
+    print(f"{sum(report['seconds']['clock'].values()):.0f} s; look at {printable_name(chosen.output / PAGE)}. {NOTE}")

@@ -1,23 +1,24 @@
-"""``meshot train CONFIG --data COHORT -o OUT``."""
+"""``meshot train SYSTEM CONFIG --data COHORT -o OUT``."""
 
 import argparse
 from pathlib import Path
 
 from meshot.cli.note import NOTE, Commands
-from meshot.cli.training import add_training_arguments, device_of, run_training
+from meshot.cli.training import add_training_arguments, best_line, device_of, run_training
+from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
     """Let the command line know the command and its arguments."""
     command = commands.add_parser(
         "train",
-        help="train the network that deforms initial surfaces",
-        description="Learn the flow from initial to true white surfaces of one side from cohorts (Algorithm 1 of "
-        "the paper); stopped, the same command goes on, and with --threads 1 --device cpu ends with the same weights. "
-        f"{NOTE}",
-        epilog="Configurations: experiments/ddot/tiny.yaml, small.yaml, paper.yaml. CortexODE: --set loss.loss=chamfer "
-        "loss.encoding=samples loss.factor=1000.",
+        help="train a system, such as flows that deform initial surfaces",
+        description="Train a system by its name on cohorts; stopped, the same command goes on, and with --threads 1 "
+        f"--device cpu ends with the same weights. {NOTE}",
+        epilog="CONFIG is a YAML file, or the name of a setting that comes with the system, such as tiny, small or "
+        "paper. What is written can be used at once: meshot reconstruct --system SYSTEM --weights OUT.",
     )
+    command.add_argument("system", help="its name; a wrong one is answered by a list of all")
     add_training_arguments(command, "training.side=right training.seed=1")
     command.add_argument(
         "--segmentation", type=Path, metavar="FILE",
@@ -32,20 +33,17 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
-    from meshot.pipeline import SEGMENTATION, weights_path
-    from meshot.pipeline.deformation import run_deformation_training
+    from meshot.pipeline import run_system_training, segmentation_weights
 
-    segmentation = chosen.segmentation or weights_path(SEGMENTATION)
-    run_training(
+    segmentation = segmentation_weights(chosen.segmentation)
+    trained = run_training(
         chosen,
-        lambda: run_deformation_training(
-            chosen.config,
-            chosen.data,
-            chosen.output,
-            segmentation,
-            chosen.initial,
-            chosen.changes,
+        lambda: run_system_training(
+            chosen.system, chosen.config, chosen.data, chosen.output, segmentation, chosen.initial, chosen.changes,
             device_of(chosen),
         ),
-        lambda best: f"ASSD {best['validation_loss']:.4f} mm, Hausdorff at 90 % {best['hausdorff90_mm']:.4f} mm",
-    )
+    )  # fmt: skip
+    for name, part in trained.parts.items():
+        results = part.record["results"]
+        print(f"{name}: {best_line(results['best_step'], part.log, results['cpu_seconds'])}")
+    print(f"weights in {printable_name(chosen.output)}")

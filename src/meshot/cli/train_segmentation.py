@@ -3,7 +3,8 @@
 import argparse
 
 from meshot.cli.note import NOTE, Commands
-from meshot.cli.training import add_training_arguments, device_of, run_training
+from meshot.cli.training import add_training_arguments, best_line, device_of, run_training
+from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
@@ -13,7 +14,7 @@ def add_to(commands: Commands) -> None:
         help="train the network that finds white matter",
         description="Learn left and right white matter from cohorts; stopped, the same command goes on, and with "
         f"--threads 1 --device cpu ends with the same weights. {NOTE}",
-        epilog="Configurations: experiments/segmentation/tiny.yaml, small.yaml, paper.yaml.",
+        epilog="Configurations that come with the package: tiny, small, paper.",
     )
     add_training_arguments(command, "training.precision=bfloat16")
     command.set_defaults(run=_run)
@@ -23,8 +24,8 @@ def _run(chosen: argparse.Namespace) -> None:
     # Here, so that other commands do not wait for what only this one needs.
     from meshot.pipeline.segmentation import run_segmentation_training
 
-    run_training(
+    found = run_training(
         chosen,
         lambda: run_segmentation_training(chosen.config, chosen.data, chosen.output, chosen.changes, device_of(chosen)),
-        lambda best: f"Dice {best['dice_left']:.4f} left, {best['dice_right']:.4f} right",
     )
+    print(f"{best_line(found.best_step, found.log, found.cpu_seconds)}; weights in {printable_name(chosen.output)}")

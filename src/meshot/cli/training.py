@@ -3,16 +3,19 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
-import torch
+if TYPE_CHECKING:  # for annotations only: help must come at once
+    import torch
 
-from meshot.errors import require_positive_integer
-from meshot.train import Training
+Trained = TypeVar("Trained")
 
 
 def add_training_arguments(command: argparse.ArgumentParser, change: str) -> None:
     """Configuration, cohorts, output, changes (``change`` is an example), threads and device."""
-    command.add_argument("config", type=Path, help="a YAML file: form of the network, and how it is trained")
+    command.add_argument(
+        "config", type=Path, help="the form of the network and how it is trained: a name, or a YAML file"
+    )
     command.add_argument("--data", type=Path, nargs="+", required=True, metavar="COHORT", help="folders of cohorts")
     command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="for weights, log, picture")
     command.add_argument(
@@ -23,7 +26,7 @@ def add_training_arguments(command: argparse.ArgumentParser, change: str) -> Non
     command.add_argument("--device", help="cpu, cuda, ... (default: the accelerator if there is one, else cpu)")
 
 
-def device_of(chosen: argparse.Namespace) -> torch.device | None:
+def device_of(chosen: argparse.Namespace) -> "torch.device | None":
     """The device that was asked for.
 
     Raises
@@ -31,6 +34,8 @@ def device_of(chosen: argparse.Namespace) -> torch.device | None:
     ValueError
         If torch knows none of that name, or has none here.
     """
+    import torch
+
     if chosen.device is None:
         return None
     try:
@@ -40,23 +45,29 @@ def device_of(chosen: argparse.Namespace) -> torch.device | None:
     return torch.device(chosen.device)
 
 
-def run_training(chosen: argparse.Namespace, train: Callable[[], Training], said: Callable[[dict], str]) -> None:
-    """Train on as many threads as asked for, then say what the best validation was.
+def run_training(chosen: argparse.Namespace, train: Callable[[], Trained]) -> Trained:
+    """Train on as many threads as asked for.
 
     Raises
     ------
     ValueError
         If a number of threads will not do, or a loss or gradient was not finite.
     """
+    import torch
+
+    from meshot.errors import require_positive_integer
+
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
     try:
-        found = train()
+        return train()
     except FloatingPointError as error:
         raise ValueError(str(error)) from error
-    best = next(line for line in found.log if line["step"] == found.best_step and "validation_loss" in line)
-    print(
-        f"best after {found.best_step} steps: {said(best)} on validation; {found.cpu_seconds:.0f} s of processor time; "
-        f"weights in {chosen.output}"
-    )
+
+
+def best_line(best_step: int, log: list[dict], cpu_seconds: float) -> str:
+    """The best validation of a training, as one line."""
+    best = next(line for line in log if line["step"] == best_step and "validation_loss" in line)
+    numbers = ", ".join(f"{key} {value:.4g}" for key, value in best.items() if key not in ("step", "cpu_seconds"))
+    return f"best after {best_step} steps: {numbers} on validation; {cpu_seconds:.0f} s of processor time"

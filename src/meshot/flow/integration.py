@@ -61,6 +61,14 @@ def integrate(
     References
     ----------
     Chen et al., *Neural ordinary differential equations*, 2018; Dormand and Prince, 1980.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> points = torch.ones(1, 2, dtype=torch.float64)
+    >>> decayed = meshot.integrate(lambda time, x: -x, points, n_steps=100, method="rk4")
+    >>> [round(x, 6) for x in decayed[0].tolist()]  # 1/e
+    [0.367879, 0.367879]
     """
     points = _require_points(points)
     grid = _time_grid(points, n_steps, inverse)

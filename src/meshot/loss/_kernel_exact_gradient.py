@@ -19,10 +19,12 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-_options = {"cache": True, "nogil": True, "error_model": "numpy"}
+from meshot._kernels import INNER, kernel
+
+_inner = INNER | {"error_model": "numpy", "forceinline": True}
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _split(x, rank, cells, ends):
     """Write the first and the last rank of both pieces of every cell: rising and falling, or the only one twice."""
@@ -37,14 +39,14 @@ def _split(x, rank, cells, ends):
         ends[2 * k + 1, 0], ends[2 * k + 1, 1] = (low, high) if cells.shape[1] == 2 else (middle, high)
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _level(first, last):
     """The number of binary digits up to the one in which the first and the last interval differ."""
     return math.frexp(float(first ^ (last - 1)))[1]
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _by_level(x, ends, order, starts, longest):
     """Pieces that have an extent, ordered by level (a counting sort), and the longest of each level in intervals."""
@@ -66,7 +68,7 @@ def _by_level(x, ends, order, starts, longest):
             starts[level + 1] += 1
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _sum_outward(x, extent, moments, pivot, start, stop, step, table):
     """Write ∫φ′|x − x_pivot|ᵏ dx from the pivot out to the far end of each interval from ``start`` on."""
@@ -81,7 +83,7 @@ def _sum_outward(x, extent, moments, pivot, start, stop, step, table):
         table[i, 0], table[i, 1], table[i, 2] = zero, one, two
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _fill(x, extent, moments, level, reach, table):
     """One level of the table; at level zero every interval stands for itself."""
@@ -96,7 +98,7 @@ def _fill(x, extent, moments, level, reach, table):
             _sum_outward(x, extent, moments, pivot, pivot, min(pivot + min(half, reach), n), 1, table)
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _look_up(x, ends, pieces, level, table, sums):
     """Write ∫φ′u dx and ∫φ′u² dx of some pieces of one level: u rises on even pieces and falls on odd ones."""
@@ -116,7 +118,7 @@ def _look_up(x, ends, pieces, level, table, sums):
         sums[piece, 1] = u * (u * zero + 2 * scale * one) + scale * scale * two
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _sum_pieces(law, moments, rank, cells, ends, order, starts, longest, table, sums):
     x, extent = law[0], law[1]
@@ -129,7 +131,7 @@ def _sum_pieces(law, moments, rank, cells, ends, order, starts, longest, table, 
             _look_up(x, ends, order[starts[level] : starts[level + 1]], level, table, sums)
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _pull_triangle(x, i, j, m, rising, falling, weight, pull):
     """Write w·E[bφ′] for the corners in order, and return E[φ] − φ(p₂)."""
@@ -142,7 +144,7 @@ def _pull_triangle(x, i, j, m, rising, falling, weight, pull):
     return high - low
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _in_order(cell, rank, at):
     """Write the corners of a cell from left to right."""
@@ -154,7 +156,7 @@ def _in_order(cell, rank, at):
             at[left], at[left + 1] = at[left + 1], at[left]
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _potential(moments, extent, potential):
     """φ at the starts of the cells, zero at the first."""
@@ -163,7 +165,7 @@ def _potential(moments, extent, potential):
         potential[i + 1] = potential[i] + (moments[i, 0] if extent[i] > 0 else 0.0)
 
 
-@njit(**_options)
+@kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def pull_surface(law, moments, cells, weights, rank, work, to_projected, to_weights):
     """Write the gradient in the projected vertices, and add that in the weights, of one direction.
@@ -197,7 +199,7 @@ def pull_surface(law, moments, cells, weights, rank, work, to_projected, to_weig
     to_weights -= mean
 
 
-@njit(**_options)
+@kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def pull_points(law, moments, order, weights, potential, to_projected, to_weights):
     """Write the gradient in the projected points, and add that in the weights, of one direction."""

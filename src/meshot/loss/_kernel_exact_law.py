@@ -16,11 +16,13 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-_options = {"cache": True, "nogil": True, "error_model": "numpy"}
+from meshot._kernels import INNER, kernel
+
+_inner = INNER | {"error_model": "numpy", "forceinline": True}
 _GENTLE = 16.0  # the slope up to which a piece is scanned, in units of mass/extent²
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _three_in_order(i, j, k):
     """Three ranks, sorted."""
@@ -33,7 +35,7 @@ def _three_in_order(i, j, k):
     return i, j, k
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _spread(tree, size, x, first, last, base, slope, centre):
     """Add the density base + slope · (x − centre) on the intervals [first, last) to the few nodes that cover them."""
@@ -54,7 +56,7 @@ def _spread(tree, size, x, first, last, base, slope, centre):
         width <<= 1
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _push_down(tree, size, x, n):
     """Pass the densities of every node on to its two children, down to the leaves."""
@@ -75,14 +77,14 @@ def _push_down(tree, size, x, n):
         width = half
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _on_grid(slope, grid):
     """The slope rounded to the last place of ``grid``: sums of such slopes are exact while they stay below it."""
     return (slope + grid) - grid
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _lay_triangles(tree, size, x, rank, cells, weights, mass, jumps, limit):
     grid = 4 * limit
@@ -93,6 +95,8 @@ def _lay_triangles(tree, size, x, rank, cells, weights, mass, jumps, limit):
             mass[i] += weights[k]
             continue
         peak = 2 * weights[k] / height
+        if peak == 0:  # no mass, no density: two corners that coincide would make its slope 0/0
+            continue
         if peak <= limit * up and peak <= limit * down:
             rise, fall = _on_grid(peak / up, grid), _on_grid(peak / down, grid)
             jumps[i, 0] += rise
@@ -116,7 +120,7 @@ def _lay_triangles(tree, size, x, rank, cells, weights, mass, jumps, limit):
             _spread(tree, size, x, j, m, 0.0, -peak / down, x[m])
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _lay_segments(tree, size, x, rank, cells, weights, mass):
     for k in range(len(cells)):
@@ -128,7 +132,7 @@ def _lay_segments(tree, size, x, rank, cells, weights, mass):
             mass[i] += weights[k]
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _add(total, lost, term):
     """Kahan's sum: the new total, and what it has in excess of the exact one."""
@@ -137,7 +141,7 @@ def _add(total, lost, term):
     return larger, (larger - total) - term
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _place(projected, order, rank, x):
     """Sort the projections and keep the rank of each; return the extent of the law."""
@@ -150,7 +154,21 @@ def _place(projected, order, rank, x):
     return x[n] - x[0]
 
 
-@njit(**_options)
+@njit(**_inner)
+@no_type_check
+def _share(mass):
+    """Divide masses by their sum, and refuse a sum that has left the numbers."""
+    total = mass.sum()
+    if not (total > 0 and total < np.inf):
+        raise ValueError(
+            "the law of a projected measure has a mass that is NaN, infinite or zero; the coordinates are too large or "
+            "too small for float64: scale both measures to a size of about 1"
+        )
+    for i in range(len(mass)):
+        mass[i] /= total
+
+
+@kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def lay_surface(projected, order, cells, weights, rank, tree, jumps, x, extent, mass, change):
     """Write the cells of the law of a projected surface: one for each interval between neighbouring vertices.
@@ -177,11 +195,11 @@ def lay_surface(projected, order, cells, weights, rank, tree, jumps, x, extent, 
         end = max(tree[size + i, 1] + density, 0.0)
         mass[i] += (start + end) / 2 * extent[i]
         change[i] = (end - start) / (end + start) if extent[i] > 0 and end + start > 0 else 0.0
-    mass[:n] /= mass[:n].sum()
+    _share(mass[:n])
     extent[n], mass[n], change[n] = 0.0, np.inf, 0.0
 
 
-@njit(**_options)
+@kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def lay_points(projected, order, weights, x, extent, mass, change):
     """Write the cells of the law of projected points: atoms, with a gap without mass behind each, then the sentinel."""
@@ -193,5 +211,5 @@ def lay_points(projected, order, weights, x, extent, mass, change):
         x[2 * i] = x[2 * i + 1] = projected[order[i]]
         mass[2 * i] = weights[order[i]]
         extent[2 * i + 1] = projected[order[min(i + 1, n - 1)]] - projected[order[i]]
-    mass[: 2 * n] /= mass[: 2 * n].sum()
+    _share(mass[: 2 * n])
     x[2 * n], mass[2 * n] = x[2 * n - 1], np.inf

@@ -17,14 +17,16 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-_options = {"cache": True, "nogil": True, "error_model": "numpy"}
+from meshot._kernels import INNER, kernel
+
+_inner = INNER | {"error_model": "numpy", "forceinline": True}
 _FLAT, _STEEP = 4e-3, 0.1  # up to which change of density four and eight nodes reach roundoff
 _HALVINGS = 14  # at a density that starts at zero, 2⁻¹⁴ of the extent holds 2⁻²⁸ of the mass
 _NODES_4, _WEIGHTS_4 = (1 + np.polynomial.legendre.leggauss(4)[0]) / 2, np.polynomial.legendre.leggauss(4)[1] / 2
 _NODES_8, _WEIGHTS_8 = (1 + np.polynomial.legendre.leggauss(8)[0]) / 2, np.polynomial.legendre.leggauss(8)[1] / 2
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _place(change, share):
     """The share ξ of the extent that holds a share ζ of the mass: (1 − a)ξ + aξ² = ζ, without cancellation."""
@@ -33,7 +35,7 @@ def _place(change, share):
     return min(2 * share / total, 1.0) if total > 0 else 0.0
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _piece(step, share, left, last, change, density, at):
     """The piece of a cell that holds a ``step`` of its mass: its extent and change, and where the next one starts.
@@ -55,7 +57,7 @@ def _piece(step, share, left, last, change, density, at):
     return extent, inner, next_density
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _cut(piece, share):
     """A merged piece in two, at a share of its mass."""
@@ -76,7 +78,7 @@ def _cut(piece, share):
     return first, second
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _add_moments(moments, weight, slope, at):
     moments[0] += weight * slope
@@ -84,7 +86,7 @@ def _add_moments(moments, weight, slope, at):
     moments[2] += weight * slope * at * at
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _squared(piece, nodes, weights, atoms, wanted, moments, moments_target):
     """∫(x − y)² dz over a flat piece; on the way the moments of ±2(x − y) against dx, against dz at atoms."""
@@ -106,13 +108,13 @@ def _squared(piece, nodes, weights, atoms, wanted, moments, moments_target):
     return cost
 
 
-@njit(**_options)
+@njit(error_model="numpy", **INNER)
 @no_type_check
 def _squared_halved(piece, atoms, wanted, moments, moments_target):
     """∫(x − y)² dz over any piece, halved along its steeper side until it is flat."""
     waiting, halvings = [piece], [0]
     cost = 0.0
-    while waiting:
+    while waiting:  # at most 2¹⁵ times: a piece is not halved for ever
         piece, done = waiting.pop(), halvings.pop()
         a, b = piece[3], piece[4]
         if done == _HALVINGS or max(abs(a), abs(b)) <= _STEEP:
@@ -124,7 +126,7 @@ def _squared_halved(piece, atoms, wanted, moments, moments_target):
     return cost
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _crossings(d, ds, dt, a, b):
     """Where x = y: the shares of the extent ds >= dt, in order; two where there are none, or they lie outside."""
@@ -140,7 +142,7 @@ def _crossings(d, ds, dt, a, b):
     return min(one, other), max(one, other)
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _signed(piece, tie, atoms, wanted, moments, moments_target):
     """|∫(x − y) dz| over a piece on which x − y keeps its sign; within roundoff of zero the sign is zero."""
@@ -154,7 +156,7 @@ def _signed(piece, tie, atoms, wanted, moments, moments_target):
     return dz * abs(mean)
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _add_extent(moments, weight, sign, at, part):
     moments[0] += weight * sign
@@ -162,7 +164,7 @@ def _add_extent(moments, weight, sign, at, part):
     moments[2] += weight * sign * (at * (at + part) + part * part / 3)
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _absolute(piece, tie, atoms, wanted, moments, moments_target):
     """∫|x − y| dz over a piece, cut where x = y."""
@@ -184,12 +186,17 @@ def _absolute(piece, tie, atoms, wanted, moments, moments_target):
     return cost + _signed(rest, tie, atoms, wanted, moments, moments_target)
 
 
-@njit(**_options)
+@kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def walk(power, source, target, wanted, moments, moments_target):
     """W_p^p between two laws (x, extent, mass, change), and the moments of φ′ over the cells of those ``wanted``.
 
     Moments are ∫φ′ξᵏ dx for k = 0, 1, 2 with ξ from 0 to 1 across the cell; at an atom the first is ∫φ′ dz instead.
+
+    Raises
+    ------
+    ValueError
+        If a mass is NaN, so that the walk does not reach the end of both laws.
     """
     x, dx, mass, change = source
     y, dy, mass_target, change_target = target
@@ -197,7 +204,9 @@ def walk(power, source, target, wanted, moments, moments_target):
     i, j, cost = 0, 0, 0.0
     left, share, at, density = mass[0], 0.0, 0.0, 1 - change[0]
     left_target, share_target, at_target, density_target = mass_target[0], 0.0, 0.0, 1 - change_target[0]
-    while i < len(x) - 1 or j < len(y) - 1:
+    for _ in range(len(x) + len(y) - 2):  # every step ends a cell of one side at least
+        if i == len(x) - 1 and j == len(y) - 1:
+            break
         last, last_target = left <= left_target, left_target <= left
         dz = min(left, left_target)
         left, left_target = left - dz, left_target - dz
@@ -225,4 +234,6 @@ def walk(power, source, target, wanted, moments, moments_target):
         if last_target:
             j += 1
             left_target, share_target, at_target, density_target = mass_target[j], 0.0, 0.0, 1 - change_target[j]
+    if i < len(x) - 1 or j < len(y) - 1:
+        raise ValueError("the walk over two laws did not reach their ends: a mass is NaN; laws need finite masses")
     return cost

@@ -10,13 +10,13 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from meshot._kernels import INNER, kernel
 from meshot.loss._kernel_sort import sort
 
 _BLOCK = 512  # points whose coordinates stay in the first cache while several directions use them
-_options = {"cache": True, "nogil": True}
 
 
-@njit(**_options)
+@kernel("the sliced loss", 10)
 @no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
 def walk_lines(directions, p, x, y, costs, tops):
     """W_p^p along every direction, in ``costs``, and its gradients in the positions and weights along each.
@@ -41,7 +41,7 @@ def walk_lines(directions, p, x, y, costs, tops):
             tops[line, 1] = _close(pulls_y, drops_y, y[5]) + last / 2
 
 
-@njit(fastmath={"contract"}, **_options)
+@njit(fastmath={"contract"}, **INNER)
 @no_type_check
 def _project(columns, directions, values):
     """⟨direction, point⟩ for all, block by block, so that coordinates are read once for all directions."""
@@ -50,14 +50,16 @@ def _project(columns, directions, values):
         stop = min(start + _BLOCK, n)
         for line in range(len(directions)):
             row = values[line, start:stop]
-            row[:] = directions[line, 0] * columns[0, start:stop]
+            column, share = columns[0, start:stop], directions[line, 0]
+            for i in range(len(row)):
+                row[i] = share * column[i]
             for k in range(1, d):
                 column, share = columns[k, start:stop], directions[line, k]
                 for i in range(len(row)):
                     row[i] += share * column[i]
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _quantiles(values, weights, steps, order, ends, scratch):
     """The quantile function of a projected measure: its steps in ascending order, and where in [0, 1] each ends.
@@ -75,7 +77,7 @@ def _quantiles(values, weights, steps, order, ends, scratch):
     ends[n] = np.inf
 
 
-@njit(inline="always")
+@njit(fastmath={"contract"}, **INNER)
 @no_type_check
 def _power(gap, p):
     """|gap|^p and its derivative."""
@@ -87,7 +89,7 @@ def _power(gap, p):
     return size**p, p * size ** (p - 1) * np.sign(gap)
 
 
-@njit(fastmath={"contract"}, **_options)
+@njit(fastmath={"contract"}, **INNER)
 @no_type_check
 def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_pulls, x_drops, y_pulls, y_drops):
     """W_p^p on a line: one cell of [0, 1] after the other, each ending where a step of F⁻¹ or of G⁻¹ ends.
@@ -103,7 +105,10 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_pulls, x_drops, y_pulls, 
     done, before, total, x_pull, y_pull, x_drop, y_drop = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     x_bits, y_bits = x_ends.view(np.int64), y_ends.view(np.int64)
     x_wanted, y_wanted = len(x_pulls) > 0, len(y_pulls) > 0
-    x_pulls[-1:], y_pulls[-1:] = 0.0, 0.0  # the step beyond the end may not be reached
+    if x_wanted:  # the step beyond the end may not be reached
+        x_pulls[-1] = 0.0
+    if y_wanted:
+        y_pulls[-1] = 0.0
     for _ in range(len(x_order) + len(y_order) - 2):
         cost, slope = _power(x[i] - y[j], p)
         x_takes = np.uint64(x_bits[i] <= y_bits[j])
@@ -125,7 +130,7 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_pulls, x_drops, y_pulls, 
     return total, before
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _close(pulls, drops, order):
     """Give the last point what the step beyond the end was pulled; returns how far the potential drops in all.
@@ -138,7 +143,7 @@ def _close(pulls, drops, order):
     return drops[order[n - 1]]
 
 
-@njit(fastmath={"contract"}, **_options)
+@kernel("the sliced loss", 10, fastmath={"contract"})
 @no_type_check
 def spread(pulls, drops, directions, start, stop, columns, masses):
     """Add up, for the points from ``start`` to ``stop``, the gradients of all directions, one after the other."""
@@ -151,4 +156,5 @@ def spread(pulls, drops, directions, start, stop, columns, masses):
                 for i in range(len(row)):
                     column[i] += share * row[i]
             if len(masses):
-                masses[left:right] -= drops[line, left:right]
+                for i in range(left, right):
+                    masses[i] -= drops[line, i]

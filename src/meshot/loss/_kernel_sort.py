@@ -5,11 +5,12 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from meshot._kernels import INNER, kernel
+
 #: What one digit sort takes: beyond it, the values are first dealt into ranges, so that all work stays in the cache.
 SMALL = 1 << 17
 _RANGES = 256
 _MAX_BITS = 11
-_options = {"cache": True, "nogil": True}
 
 
 def sort_scratch(n: int) -> tuple[np.ndarray, ...]:
@@ -19,7 +20,7 @@ def sort_scratch(n: int) -> tuple[np.ndarray, ...]:
     return keys, spare, np.empty(size), np.empty(size, np.uint32), np.empty((2, 1 << _MAX_BITS), np.uint32)
 
 
-@njit(**_options)
+@kernel("the sliced loss", 10)
 @no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
 def sort(values, ascending, order, scratch):
     """Fill ``ascending`` and ``order`` (uint32) with what NumPy's stable sort would say of ``values``."""
@@ -38,7 +39,7 @@ def sort(values, ascending, order, scratch):
         start = stop
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _deal(values, low, scale, dealt, indices):
     """Copy values and their indices range by range, in the order they come; returns where each range stops."""
@@ -55,14 +56,15 @@ def _deal(values, low, scale, dealt, indices):
     return places.astype(np.int64)
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _sort_range(values, indices, scratch):
     """Sort one range in place, its indices with it."""
     n = len(values)
     if n <= SMALL:
         copied, copied_indices = scratch[2][:n], scratch[3][:n]
-        copied[:], copied_indices[:] = values, indices
+        for i in range(n):
+            copied[i], copied_indices[i] = values[i], indices[i]
         _sort_small(copied, values, indices, scratch)
     else:
         copied, copied_indices = values.copy(), indices.copy()
@@ -71,7 +73,7 @@ def _sort_range(values, indices, scratch):
         indices[i] = copied_indices[indices[i]]
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _sort_small(values, ascending, order, scratch):
     """Sort by two digits, then by insertion what shares a key.
@@ -96,21 +98,47 @@ def _sort_small(values, ascending, order, scratch):
     _sort_any(values, ascending, order)
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _sort_any(values, ascending, order):
-    order[:] = np.argsort(values, kind="mergesort")
-    for i in range(len(values)):
+    """Sort by merging runs of twice the length, again and again; NaN comes last, as NumPy has it."""
+    n, width = len(values), 1
+    merged = np.empty(n, np.uint32)
+    for i in range(n):
+        order[i] = i
+    while width < n:
+        for start in range(0, n, 2 * width):
+            middle, stop = min(start + width, n), min(start + 2 * width, n)
+            left, right = start, middle
+            for i in range(start, stop):
+                # The right one only if it is truly before the left one: equals stay in order.
+                if right < stop and (left == middle or _before(values[order[right]], values[order[left]])):
+                    merged[i] = order[right]
+                    right += 1
+                else:
+                    merged[i] = order[left]
+                    left += 1
+        for i in range(n):
+            order[i] = merged[i]
+        width *= 2
+    for i in range(n):
         ascending[i] = values[order[i]]
 
 
-@njit(**_options)
+@njit(**INNER)
+@no_type_check
+def _before(value, other):
+    return value < other or (other != other and value == value)
+
+
+@njit(**INNER)
 @no_type_check
 def _digits(values, low, scale, bits, order, scratch):
     """The order by a key of two digits of ``bits`` each: the place in the range. Unsigned indices need no wrapping."""
     keys, spare, counts = scratch[0], scratch[1], scratch[4]
     first, second = counts[0, : 1 << bits], counts[1, : 1 << bits]
-    first[:], second[:] = 0, 0
+    for i in range(len(first)):
+        first[i] = second[i] = 0
     mask, digit, one = np.uint64((1 << bits) - 1), np.uint64(bits), np.uint32(1)
     for i in range(len(values)):
         key = np.uint64(np.uint32((values[i] - low) * scale))
@@ -131,7 +159,7 @@ def _digits(values, low, scale, bits, order, scratch):
         second[column] += one
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _to_starts(counts):
     start = counts[0] - counts[0]
@@ -141,7 +169,7 @@ def _to_starts(counts):
         start += count
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _insertion(ascending, order, budget):
     """Sort in place what is nearly sorted; False if more than ``budget`` moves would be needed."""
@@ -159,7 +187,7 @@ def _insertion(ascending, order, budget):
     return True
 
 
-@njit(fastmath={"nnan", "nsz"}, **_options)
+@njit(fastmath={"nnan", "nsz"}, **INNER)
 @no_type_check
 def _extremes(values):
     """Least and greatest value, four at a time: a single minimum would wait for itself at every step."""
@@ -174,7 +202,7 @@ def _extremes(values):
     return min(min(a, b), min(c, d)), max(max(e, f), max(g, h))
 
 
-@njit(fastmath={"reassoc", "nsz"}, **_options)
+@njit(fastmath={"reassoc", "nsz"}, **INNER)
 @no_type_check
 def _all_finite(values):
     probe = 0.0

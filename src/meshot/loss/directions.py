@@ -8,8 +8,10 @@ import torch
 from meshot.errors import as_floating, require_positive_integer, require_shape
 from meshot.loss.quasi_sets import CONSTRUCTIONS, Construction, orthonormal_blocks, unit_rows
 from meshot.rng import Generator, numpy_generator
-from meshot.types import Float, Tensor
+from meshot.types import Array, Float, Tensor
 
+#: Unit rows, or how many of them: what a sliced loss takes.
+Directions = Float[Tensor, "..."] | Float[Array, "..."] | int | np.integer
 #: The construction that ``quasi_directions`` takes where none is named; elsewhere, the Sobol sequence.
 DEFAULTS = {2: "equal angles", 3: "spiral"}
 
@@ -30,6 +32,12 @@ def random_directions(
     ------
     ValueError
         If ``n`` or ``d`` is not a positive integer.
+
+    Examples
+    --------
+    >>> import meshot
+    >>> meshot.random_directions(5, 3, generator=0).norm(dim=1).round(decimals=9).tolist()
+    [1.0, 1.0, 1.0, 1.0, 1.0]
     """
     require_positive_integer(n, "n")
     require_positive_integer(d, "d")
@@ -61,6 +69,13 @@ def orthogonal_directions(
     References
     ----------
     Rowland et al., *Orthogonal Estimation of Wasserstein Distances*, AISTATS 2019.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> block = meshot.orthogonal_directions(3, 3, generator=0)
+    >>> torch.allclose(block @ block.T, torch.eye(3, dtype=torch.float64))
+    True
     """
     require_positive_integer(n, "n")
     require_positive_integer(d, "d")
@@ -108,6 +123,12 @@ def quasi_directions(
     References
     ----------
     Nguyen, Bariletto and Ho, *Quasi-Monte Carlo for 3D Sliced Wasserstein*, ICLR 2024.
+
+    Examples
+    --------
+    >>> import meshot
+    >>> meshot.quasi_directions(100, 3).shape
+    torch.Size([100, 3])
     """
     from scipy.stats import ortho_group
 
@@ -132,14 +153,24 @@ def _construction(method: str | None, d: int) -> Construction:
     return construct
 
 
-def require_directions(directions: Tensor, like: Tensor) -> Tensor:
+def require_directions(directions: Directions, like: Tensor) -> Tensor:
     """Directions for the space of ``like``: unit rows of the same dimension, moved to its dtype and device.
+
+    Parameters
+    ----------
+    directions : tensor, array or int
+        Unit rows; or a number of them, which are then even ones, always the same: :func:`meshot.quasi_directions`.
+    like : tensor
+        Points of the space.
 
     Raises
     ------
     ValueError
-        If the shape does not fit, or a row is not of unit length.
+        If a number is no positive integer, the shape does not fit, or a row is not of unit length.
     """
+    if isinstance(directions, int | np.integer):
+        n = require_positive_integer(directions, "directions")
+        return quasi_directions(n, like.shape[-1], dtype=like.dtype, device=like.device)
     directions = as_floating(directions, "directions")
     require_shape(directions, "directions", like.shape[-1])
     lengths = torch.linalg.vector_norm(directions.detach(), dim=1)

@@ -1,6 +1,7 @@
 """The sliced Wasserstein loss of continuous measures without sampling: exact along every direction."""
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -9,16 +10,16 @@ from torch.autograd.function import once_differentiable
 
 from meshot.errors import require_same_space
 from meshot.loss import _kernel_exact_gradient, _kernel_exact_law, _kernel_exact_walk
-from meshot.loss.directions import require_directions
-from meshot.measure import DiscreteMeasure, SurfaceMeasure
+from meshot.loss.directions import Directions, require_directions
+from meshot.measure import Measure
 from meshot.threads import in_chunks
 from meshot.types import Array, Float, Tensor
 
 
 def exact_sliced_wasserstein(
-    source: SurfaceMeasure | DiscreteMeasure,
-    target: SurfaceMeasure | DiscreteMeasure,
-    directions: Float[Tensor, "L d"],
+    source: Measure,
+    target: Measure,
+    directions: Directions,
     p: float = 2,
 ) -> Float[Tensor, ""]:
     """The sliced Wasserstein loss SW_p^p for p = 1 or 2, with the exact law of every projected triangle.
@@ -29,10 +30,10 @@ def exact_sliced_wasserstein(
 
     Parameters
     ----------
-    source, target : SurfaceMeasure or DiscreteMeasure
-        Any two, also one of each kind.
-    directions : tensor
-        Unit rows; see :func:`meshot.random_directions`.
+    source, target : Measure
+        Any two, also one of points and one of cells.
+    directions : tensor or int
+        Unit rows, or a number: as :func:`meshot.sliced_wasserstein`.
     p : float
         The exponent, 1 or 2.
 
@@ -44,8 +45,8 @@ def exact_sliced_wasserstein(
     Raises
     ------
     ValueError
-        If the measures live in different spaces, the directions do not fit or require a gradient, or ``p`` is neither
-        1 nor 2.
+        If the measures live in different spaces, the directions do not fit or require a gradient, ``p`` is neither 1
+        nor 2, or the cost would exceed float64.
 
     Notes
     -----
@@ -53,47 +54,43 @@ def exact_sliced_wasserstein(
     Where a face is exactly perpendicular to a direction its mass is an atom, at which transport has a kink: the
     gradient is then a value between the one-sided derivatives. Where x = y on a set of positive mass and p = 1, sign 0.
     """
-    directions, cells = _checked(source, target, directions, p)
-    return _ExactCost.apply(_places(source), source.weights, _places(target), target.weights, cells, directions, int(p))
+    directions = _checked(source, target, directions, p)
+    cells = [source.cells, target.cells]
+    return _ExactCost.apply(source.places, source.weights, target.places, target.weights, cells, directions, int(p))
 
 
 def exact_slice_costs(
-    source: SurfaceMeasure | DiscreteMeasure,
-    target: SurfaceMeasure | DiscreteMeasure,
-    directions: Float[Tensor, "L d"],
+    source: Measure,
+    target: Measure,
+    directions: Directions,
     p: float = 2,
 ) -> Float[Tensor, " L"]:
     """The exact cost W_p^p along every direction: values only, without a gradient.
 
     Takes and raises what :func:`meshot.loss.exact.exact_sliced_wasserstein` does, of which this is the inside.
     """
-    directions, cells = _checked(source, target, directions, p)
-    sides = [_side(_places(m).detach(), m.weights.detach(), c, False) for m, c in zip((source, target), cells)]
+    directions = _checked(source, target, directions, p)
+    unit = _unit(source.places, target.places, int(p))
+    sides = [_side(m.places, m.weights, m.cells, False, unit) for m in (source, target)]
     rows = _array(directions)
     parts = in_chunks(lambda start, stop: _costs(*sides, rows[start:stop], int(p))[0], len(rows))
-    return torch.from_numpy(np.concatenate(parts)).to(_places(source))
+    return torch.from_numpy(np.concatenate(parts) * unit ** int(p)).to(source.places)
 
 
-def laid_law(
-    measure: SurfaceMeasure | DiscreteMeasure, direction: Float[Tensor, " d"]
-) -> tuple[Float[Array, " n"], ...]:
+def laid_law(measure: Measure, direction: Float[Tensor, " d"]) -> tuple[Float[Array, " n"], ...]:
     """The cells of a projected measure as the kernels walk them: start, extent, mass, relative change of the density.
 
     The last one is a sentinel. :func:`meshot.loss.lines.projected_law` makes it readable.
     """
-    cells = measure.cells if isinstance(measure, SurfaceMeasure) else None
-    line = _Line(_side(_places(measure), measure.weights, cells, False))
+    line = _Line(_side(measure.places, measure.weights, measure.cells, False))
     line.lay(_array(direction))
     return line.law
 
 
-def _checked(
-    source: SurfaceMeasure | DiscreteMeasure, target: SurfaceMeasure | DiscreteMeasure, directions: Tensor, p: float
-) -> tuple[Tensor, list[Tensor | None]]:
-    """The directions as they are needed, and the cells of both sides."""
-    places, other = _places(source), _places(target)
-    require_same_space(places, other)
-    directions = require_directions(directions, places)
+def _checked(source: Measure, target: Measure, directions: Directions, p: float) -> Tensor:
+    """The directions as they are needed."""
+    require_same_space(source.places, target.places)
+    directions = require_directions(directions, source.places)
     if directions.requires_grad:
         raise ValueError(
             "directions requires a gradient; the exact loss has none in the directions: pass directions.detach(), or "
@@ -104,12 +101,7 @@ def _checked(
             f"p is {p!r}; between continuous measures transport is computed exactly for p = 1 and 2: take one of "
             "these, or sample both surfaces with meshot.empirical for another exponent"
         )
-    cells = [measure.cells if isinstance(measure, SurfaceMeasure) else None for measure in (source, target)]
-    return directions, cells
-
-
-def _places(measure: SurfaceMeasure | DiscreteMeasure) -> Tensor:
-    return measure.vertices if isinstance(measure, SurfaceMeasure) else measure.points
+    return directions
 
 
 class _ExactCost(torch.autograd.Function):
@@ -126,15 +118,17 @@ class _ExactCost(torch.autograd.Function):
         directions: Tensor,
         p: int,
     ) -> Tensor:
-        source = _side(places, weights, cells[0], any(ctx.needs_input_grad[:2]))
-        target = _side(places_target, weights_target, cells[1], any(ctx.needs_input_grad[2:4]))
+        unit = _unit(places, places_target, p)
+        source = _side(places, weights, cells[0], any(ctx.needs_input_grad[:2]), unit)
+        target = _side(places_target, weights_target, cells[1], any(ctx.needs_input_grad[2:4]), unit)
         rows = _array(directions)
         parts = in_chunks(lambda start, stop: _costs(source, target, rows[start:stop], p), len(rows))
         costs = np.concatenate([part[0] for part in parts])
         like = (places, weights, places_target, weights_target)
-        gradients = [sum(part[1 + k] for part in parts) / len(rows) for k in range(4)]
+        powers = (unit ** (p - 1), unit**p) * 2
+        gradients = [sum(part[1 + k] for part in parts) / len(rows) * power for k, power in enumerate(powers)]
         ctx.save_for_backward(*(torch.from_numpy(g).to(t) for g, t in zip(gradients, like)))
-        return torch.tensor(costs.mean()).to(places)
+        return torch.tensor(costs.mean() * unit**p).to(places)
 
     @staticmethod
     @once_differentiable
@@ -153,9 +147,20 @@ class _Side:
     wanted: bool
 
 
-def _side(places: Tensor, weights: Tensor, cells: Tensor | None, wanted: bool) -> _Side:
+def _side(places: Tensor, weights: Tensor, cells: Tensor | None, wanted: bool, unit: float = 1.0) -> _Side:
     corners = None if cells is None else np.ascontiguousarray(cells.cpu().numpy())
-    return _Side(np.ascontiguousarray(_array(places).T), _array(weights), corners, wanted)
+    return _Side(np.ascontiguousarray(_array(places).T / unit), _array(weights), corners, wanted)
+
+
+def _unit(places: Tensor, others: Tensor, p: int) -> float:
+    """The power of two next to the size of the coordinates: in this unit no power of them leaves float64."""
+    largest = max(float(np.abs(_array(each)).max()) for each in (places, others))
+    digits = math.frexp(largest)[1] - 1
+    if p * digits > 1023:
+        raise ValueError(
+            f"coordinates reach {largest:.3g}, and their power {p} exceeds float64: scale both measures down"
+        )
+    return math.ldexp(1.0, digits)
 
 
 def _array(values: Tensor) -> Array:

@@ -3,8 +3,7 @@
 import torch
 from scipy.spatial import cKDTree
 
-from meshot.errors import require_same_space
-from meshot.measure import DiscreteMeasure
+from meshot.measure import MeasureLike, as_point_measures
 from meshot.types import Float, Int64, Tensor
 
 #: How nearest neighbours are found; the value is the same.
@@ -12,7 +11,7 @@ NEIGHBOURS = ("tree", "brute")
 _BLOCK = 1 << 23  # distances held at once by brute force: so large that their memory goes back, not into a heap
 
 
-def chamfer(source: DiscreteMeasure, target: DiscreteMeasure, neighbours: str = "tree") -> Float[Tensor, ""]:
+def chamfer(source: MeasureLike, target: MeasureLike, neighbours: str = "tree") -> Float[Tensor, ""]:
     """The Chamfer pseudo-distance: mean squared distance to the nearest neighbour, in both directions, added.
 
     With equal weights this is Equation 1 of the paper; other weights replace the means by weighted means. The
@@ -20,8 +19,9 @@ def chamfer(source: DiscreteMeasure, target: DiscreteMeasure, neighbours: str = 
 
     Parameters
     ----------
-    source, target : DiscreteMeasure
-        Any numbers of supports, any weights.
+    source, target : measure of points, Mesh, Contour, array or tensor
+        Any numbers of supports, any weights. An (n, d) array or tensor stands for points of equal weight, a mesh for
+        the barycentres of its faces, weighted by area (:func:`meshot.empirical` draws points on it).
     neighbours : str
         "tree" for a k-d tree on the CPU; "brute" for all distances, on the device of the points, a block at a time.
 
@@ -33,7 +33,8 @@ def chamfer(source: DiscreteMeasure, target: DiscreteMeasure, neighbours: str = 
     Raises
     ------
     ValueError
-        If the measures live in different spaces, or ``neighbours`` is neither of the two.
+        If an argument is no measure of points, the measures live in different spaces, ``neighbours`` is neither of the
+        two, or squared distances exceed the dtype.
 
     Notes
     -----
@@ -44,12 +45,18 @@ def chamfer(source: DiscreteMeasure, target: DiscreteMeasure, neighbours: str = 
     References
     ----------
     Barrow et al., IJCAI 1977; Le et al., ICLR 2024, Equation 1.
+
+    Examples
+    --------
+    >>> import numpy as np, meshot
+    >>> float(meshot.chamfer(np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]])))  # 5² there, 5² back
+    50.0
     """
-    require_same_space(source.points, target.points)
-    there = nearest_neighbours(source.points, target.points, neighbours)
-    back = nearest_neighbours(target.points, source.points, neighbours)
-    forward = (source.points - target.points[there]).square().sum(dim=1)
-    backward = (target.points - source.points[back]).square().sum(dim=1)
+    source, target = as_point_measures(source, target)
+    there = nearest_neighbours(source.places, target.places, neighbours)
+    back = nearest_neighbours(target.places, source.places, neighbours)
+    forward = (source.places - target.places[there]).square().sum(dim=1)
+    backward = (target.places - source.places[back]).square().sum(dim=1)
     return (source.weights * forward).sum() + (target.weights * backward).sum()
 
 
@@ -61,11 +68,14 @@ def nearest_neighbours(
     Raises
     ------
     ValueError
-        If ``method`` is neither "tree" nor "brute".
+        If ``method`` is neither "tree" nor "brute", or squared distances exceed the dtype.
     """
     if method not in NEIGHBOURS:
         raise ValueError(f"neighbours is {method!r}; one of {', '.join(NEIGHBOURS)} is needed")
     points, candidates = points.detach(), candidates.detach()
+    size = max(float(points.abs().max()), float(candidates.abs().max()))
+    if not 4 * points.shape[1] * size * size <= torch.finfo(points.dtype).max:
+        raise ValueError(f"coordinates reach {size:.3g}, and squared distances exceed {points.dtype}: scale both down")
     if method == "brute":
         blocks = points.split(max(1, _BLOCK // len(candidates)))
         return torch.cat([_distances(block, candidates).argmin(dim=1) for block in blocks])

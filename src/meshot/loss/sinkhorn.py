@@ -1,24 +1,37 @@
 """Entropic transport, debiased, by GeomLoss."""
 
+import importlib.util
+import math
+
 import geomloss
 
-from meshot.errors import require_same_space
-from meshot.measure import DiscreteMeasure
+from meshot.measure import MeasureLike, as_point_measures
 from meshot.types import Float, Tensor
+
+#: How GeomLoss sums over pairs of points; all but the first need KeOps.
+BACKENDS = ("tensorized", "online", "multiscale")
 
 
 def sinkhorn_divergence(
-    source: DiscreteMeasure, target: DiscreteMeasure, p: int = 2, blur: float = 0.05, scaling: float = 0.5
+    source: MeasureLike,
+    target: MeasureLike,
+    p: int = 2,
+    blur: float = 0.05,
+    scaling: float = 0.5,
+    reach: float | None = None,
+    backend: str = "tensorized",
 ) -> Float[Tensor, ""]:
     """The debiased Sinkhorn divergence with ground cost ‖x − y‖₂^p: near W_p^p for a small blur.
 
     OT_ε(μ, ν) − ½ OT_ε(μ, μ) − ½ OT_ε(ν, ν) with ε = ``blur``^p. GeomLoss divides the cost by p; here that is undone,
-    so that the value is comparable with :func:`meshot.wasserstein`, and ``blur`` keeps GeomLoss's meaning.
+    so that the value is comparable with :func:`meshot.wasserstein`; ``blur``, ``scaling``, ``reach`` and ``backend``
+    keep GeomLoss's meaning.
 
     Parameters
     ----------
-    source, target : DiscreteMeasure
-        Any numbers of supports, any weights.
+    source, target : measure of points, Mesh, Contour, array or tensor
+        Any numbers of supports, any weights. An (n, d) array or tensor stands for points of equal weight, a mesh for
+        the barycentres of its faces, weighted by area (:func:`meshot.empirical` draws points on it).
     p : int
         1 or 2.
     blur : float
@@ -26,6 +39,13 @@ def sinkhorn_divergence(
         scan. Larger is faster and smoother.
     scaling : float
         In (0, 1): how fast the blur is annealed down from the diameter; nearer to one is slower and more exact.
+    reach : float, optional
+        Makes transport unbalanced: the distance, in units of the points, beyond which it is cheaper to leave mass
+        unmatched than to move it. If left out, all mass is moved.
+    backend : str
+        ``"tensorized"`` holds all pairs of points, for up to some 5000 supports. ``"online"`` computes them anew, in
+        memory O(n + m); ``"multiscale"`` does so from coarse to fine, in up to three dimensions and for p = 2 the
+        fastest beyond some 20 000 supports. Both need KeOps: ``pip install pykeops``.
 
     Returns
     -------
@@ -37,22 +57,41 @@ def sinkhorn_divergence(
     Raises
     ------
     ValueError
-        If the measures live in different spaces, or a parameter is outside its range.
+        If an argument is no measure of points, the measures live in different spaces, a parameter is outside its
+        range, or the backend needs KeOps, which is not installed.
 
     Notes
     -----
-    O(n m) memory and time per iteration: for up to some 10 000 supports.
+    O(n m) time per iteration, and with the first backend O(n m) memory.
 
     References
     ----------
-    Feydy et al., *Interpolating between Optimal Transport and MMD using Sinkhorn Divergences*, AISTATS 2019.
+    Feydy et al., *Interpolating between Optimal Transport and MMD using Sinkhorn Divergences*, AISTATS 2019; Séjourné
+    et al., *Sinkhorn Divergences for Unbalanced Optimal Transport*, 2019.
+
+    Examples
+    --------
+    >>> import numpy as np, meshot
+    >>> round(float(meshot.sinkhorn_divergence(np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]]), blur=0.1)), 4)
+    25.0
     """
-    require_same_space(source.points, target.points)
+    source, target = as_point_measures(source, target)
     if p not in (1, 2):
         raise ValueError(f"p is {p!r}; 1 or 2 is needed, the costs that GeomLoss has")
-    if not blur > 0:
-        raise ValueError(f"blur is {blur!r}; a number > 0 is needed, in units of the points")
+    for name, length in (("blur", blur), *((("reach", reach),) if reach is not None else ())):
+        if not 0 < length < math.inf:
+            raise ValueError(f"{name} is {length!r}; a finite number > 0 is needed, in units of the points")
     if not 0 < scaling < 1:
         raise ValueError(f"scaling is {scaling!r}; a number in (0, 1) is needed")
-    loss = geomloss.SamplesLoss("sinkhorn", p=p, blur=blur, scaling=scaling, debias=True, backend="tensorized")
-    return p * loss(source.weights, source.points, target.weights, target.points)
+    _require_backend(backend)
+    loss = geomloss.SamplesLoss(
+        "sinkhorn", p=p, blur=blur, scaling=scaling, reach=reach, debias=True, backend=backend
+    )  # fmt: skip
+    return p * loss(source.weights, source.places, target.weights, target.places)
+
+
+def _require_backend(backend: str) -> None:
+    if backend not in BACKENDS:
+        raise ValueError(f"backend is {backend!r}; one of {', '.join(BACKENDS)} is needed")
+    if backend != "tensorized" and importlib.util.find_spec("pykeops") is None:
+        raise ValueError(f"backend {backend!r} needs KeOps, which is not installed: pip install pykeops")

@@ -1,9 +1,4 @@
-from .io import read_mesh as read_mesh
-from .io import write_mesh as write_mesh
-from .mesh import Contour as Contour
-from .mesh import Mesh as Mesh
-from .mesh import closed_contour as closed_contour
+from .io import read_mesh as read_mesh, write_mesh as write_mesh
+from .mesh import Contour as Contour, Mesh as Mesh, closed_contour as closed_contour
 from .polygons import triangulate as triangulate
-from .sampling import even_points as even_points
-from .sampling import sample_locations as sample_locations
-from .sampling import sample_points as sample_points
+from .sampling import even_points as even_points, sample_locations as sample_locations, sample_points as sample_points

@@ -1,6 +1,6 @@
 """Meshes from files and into files; in memory always scanner RAS, in mm."""
 
-import gzip
+import io
 import os
 import warnings
 from pathlib import Path
@@ -11,24 +11,41 @@ import numpy as np
 import torch
 import trimesh
 
+from meshot.compressed import unpacked
 from meshot.files import whole_file
+from meshot.mesh.convert import EXCHANGED, read_exchanged, write_exchanged
+from meshot.mesh.io_checks import (
+    LARGEST_BYTES,
+    require_all_read,
+    require_room_in_freesurfer,
+    require_room_in_gifti,
+    require_whole_text,
+)
 from meshot.mesh.mesh import Mesh
 from meshot.types import Array
 
 PLAIN_FORMATS = ("ply", "obj", "off", "stl")
 FREESURFER_NAMES = ("white", "pial", "orig", "smoothwm", "inflated", "sphere", "surf")
 _SCANNER, _UNKNOWN = 1, 0
+_MARKS = (
+    ("ply", b"ply"),
+    ("off", b"off"),
+    ("stl", b"solid"),
+    ("vtk", b"# vtk"),
+    ("glb", b"gltf"),
+)
 # Columns: where the first, second and third voxel axis of FreeSurfer's own ("tkregister") space point.
 _SURFACE_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
 def read_mesh(path: str | os.PathLike, c_ras: tuple[float, float, float] | None = None) -> Mesh:
-    """A mesh from PLY, OBJ, OFF, STL, GIfTI or a FreeSurfer surface, float64, vertices in scanner RAS (mm).
+    """A mesh from PLY, OBJ, OFF, STL, VTP, VTK, GLB, GIfTI or FreeSurfer, float64, vertices in scanner RAS (mm).
 
     The format is told by the suffix, or else by the content. FreeSurfer stores surface RAS: the volume information at
     the end of the file leads to the scanner. GIfTI's own matrix is applied if it leads from an unknown space to the
     scanner. The other formats say nothing about space and are taken as they are. The corners of an STL file, which has
-    only loose triangles, are merged where they coincide.
+    only loose triangles, are merged where they coincide, and so are those of a GLB file, of which all meshes are joined
+    where its scene puts them.
 
     Parameters
     ----------
@@ -41,6 +58,15 @@ def read_mesh(path: str | os.PathLike, c_ras: tuple[float, float, float] | None 
     ValueError
         If the file is missing, truncated, of no known format, or no triangle mesh; if a FreeSurfer surface does not
         say where it lies and ``c_ras`` is not given.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, meshot
+    >>> from meshot.mesh.shapes import cube
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "cube.vtp")
+    >>> meshot.write_mesh(path, cube())
+    >>> meshot.read_mesh(path)
+    Mesh(8 vertices, 12 faces, torch.float64)
     """
     path = Path(path)
     if not path.is_file():
@@ -48,11 +74,14 @@ def read_mesh(path: str | os.PathLike, c_ras: tuple[float, float, float] | None 
     kind = _format_of_name(path) or _format_of_content(path)
     if kind is None:
         raise ValueError(
-            f"{path} is no mesh: neither its suffix nor its content is PLY, OBJ, OFF, STL, GIfTI, FreeSurfer"
+            f"{path} is no mesh: neither its suffix nor its content is PLY, OBJ, OFF, STL, VTP, VTK, GLB, "
+            "GIfTI, FreeSurfer"
         )
     try:
         if kind == "freesurfer":
             vertices, faces = _read_freesurfer(path, c_ras)
+        elif kind in EXCHANGED:
+            vertices, faces = read_exchanged(path, kind)
         else:
             vertices, faces = _read_gifti(path) if kind == "gifti" else _read_plain(path, kind)
         return Mesh(torch.from_numpy(np.array(vertices, np.float64)), torch.from_numpy(np.array(faces, np.int64)))
@@ -65,7 +94,7 @@ def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, f
 
     GIfTI (``.gii``, ``.gii.gz``) is written in scanner RAS and says so. FreeSurfer surfaces (``lh.…``, ``rh.…``, or a
     suffix such as ``.white``) are written in the surface RAS of the cube of 256 mm to which FreeSurfer conforms a
-    scan, with volume information. All but OBJ and OFF hold 32-bit numbers: about 1e-5 mm at 100 mm.
+    scan, with volume information. All but OBJ, OFF, VTP and VTK hold 32-bit numbers: about 1e-5 mm at 100 mm.
 
     Parameters
     ----------
@@ -79,10 +108,21 @@ def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, f
     ------
     ValueError
         If the suffix is unknown, or ``c_ras`` is not three finite numbers.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, meshot
+    >>> from meshot.mesh.shapes import cube
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "cube.ply")
+    >>> meshot.write_mesh(path, cube())
+    >>> path.exists()
+    True
     """
     path, kind = Path(path), _format_of_name(Path(path))
     if kind is None:
-        raise ValueError(f"{path.name} names no format; use .ply .obj .off .stl .gii .gii.gz, lh.NAME or rh.NAME")
+        raise ValueError(
+            f"{path.name} names no format; use .ply .obj .off .stl .vtp .vtk .glb .gii .gii.gz, lh.NAME or rh.NAME"
+        )
     centre = np.asarray(c_ras, dtype=np.float64)
     if centre.shape != (3,) or not np.isfinite(centre).all():
         raise ValueError(f"c_ras is {c_ras!r}; three finite numbers are needed, in mm")
@@ -95,6 +135,8 @@ def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, f
             nibabel.freesurfer.write_geometry(
                 temporary, vertices - centre, faces, create_stamp="created by meshot", volume_info=_volume_info(centre)
             )
+        elif kind in EXCHANGED:
+            write_exchanged(temporary, kind, vertices, faces)
         else:
             trimesh.Trimesh(vertices, faces, process=False).export(temporary, file_type=kind)
 
@@ -104,7 +146,7 @@ def _format_of_name(path: Path) -> str | None:
     suffix = name.rsplit(".", 1)[-1]
     if suffix == "gii":
         return "gifti"
-    if suffix in PLAIN_FORMATS and name == path.name.lower():
+    if suffix in (*PLAIN_FORMATS, *EXCHANGED) and name == path.name.lower():
         return suffix
     return "freesurfer" if name.startswith(("lh.", "rh.")) or suffix in FREESURFER_NAMES else None
 
@@ -116,8 +158,10 @@ def _format_of_content(path: Path) -> str | None:
         return "freesurfer"
     if b"<GIFTI" in head or b"gifti.dtd" in head:
         return "gifti"
+    if b"<VTKFile" in head:
+        return "vtp"
     start = head.lstrip().lower()
-    for kind, mark in (("ply", b"ply"), ("off", b"off"), ("stl", b"solid")):
+    for kind, mark in _MARKS:
         if start.startswith(mark):
             return kind
     if any(line.split()[:1] == [b"v"] for line in head.splitlines()):
@@ -127,9 +171,11 @@ def _format_of_content(path: Path) -> str | None:
 
 
 def _read_plain(path: Path, kind: str) -> tuple[Array, Array]:
-    with path.open("rb") as file:
-        mesh = trimesh.load_mesh(file, file_type=kind, process=False)
+    content = path.read_bytes()
+    declared = require_whole_text(content, kind)
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    require_all_read(declared, vertices, faces)
     if kind != "stl":
         return vertices, faces
     vertices, index = np.unique(vertices, axis=0, return_inverse=True)
@@ -137,8 +183,9 @@ def _read_plain(path: Path, kind: str) -> tuple[Array, Array]:
 
 
 def _read_gifti(path: Path) -> tuple[Array, Array]:
-    content = path.read_bytes()
-    image = nibabel.GiftiImage.from_bytes(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
+    content = unpacked(path, LARGEST_BYTES)
+    require_room_in_gifti(content)
+    image = nibabel.GiftiImage.from_bytes(content)
     points, triangles = (image.get_arrays_from_intent(f"NIFTI_INTENT_{name}") for name in ("POINTSET", "TRIANGLE"))
     if len(points) != 1 or len(triangles) != 1:
         raise ValueError(f"it holds {len(points)} point sets and {len(triangles)} triangle sets; one of each is needed")
@@ -158,6 +205,7 @@ def _gifti_image(vertices: Array, faces: Array) -> nibabel.GiftiImage:
 
 
 def _read_freesurfer(path: Path, c_ras: tuple[float, float, float] | None) -> tuple[Array, Array]:
+    require_room_in_freesurfer(path.read_bytes())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # nibabel warns of missing volume information; here that is an error
         vertices, faces, info = nibabel.freesurfer.read_geometry(path, read_metadata=True)

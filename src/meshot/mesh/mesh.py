@@ -1,11 +1,17 @@
 """A triangle mesh and its 2D counterpart, as plain data."""
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import torch
 
 from meshot.errors import as_floating, as_indices, require_shape
-from meshot.types import Float, Int64, Tensor
+from meshot.mesh.convert import as_pyvista, as_trimesh, pyvista_arrays, trimesh_arrays
+from meshot.types import Array, Float, Int64, Tensor
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
 
 
 def _validated(vertices: object, cells: object, dimension: int, corners: int, kind: str) -> tuple[Tensor, Tensor]:
@@ -71,6 +77,15 @@ class Mesh(_Shape):
     ValueError
         If an array is empty, has another shape or dtype, holds NaN, names a vertex that does not exist, or a
         triangle names a vertex twice.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> mesh = meshot.Mesh(torch.eye(3), torch.tensor([[0, 1, 2]]))
+    >>> mesh
+    Mesh(3 vertices, 1 faces, torch.float32)
+    >>> meshot.Mesh.from_trimesh(mesh.to_trimesh())
+    Mesh(3 vertices, 1 faces, torch.float64)
     """
 
     vertices: Float[Tensor, "V 3"]
@@ -80,6 +95,39 @@ class Mesh(_Shape):
         vertices, faces = _validated(self.vertices, self.faces, 3, 3, "faces")
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
+
+    @classmethod
+    def from_trimesh(cls, other: "trimesh.Trimesh | trimesh.Scene") -> "Mesh":
+        """The mesh of a ``trimesh.Trimesh``, float64; of a scene, all meshes joined where its transforms put them.
+
+        Raises
+        ------
+        ValueError
+            If it is another class, or has no triangles.
+        """
+        return cls(*map(torch.from_numpy, trimesh_arrays(other)))
+
+    @classmethod
+    def from_pyvista(cls, other: "pyvista.PolyData") -> "Mesh":
+        """The mesh of a ``pyvista.PolyData``, float64; faces with more than three corners are cut into triangles.
+
+        Raises
+        ------
+        ValueError
+            If it is another class, or has no triangles.
+        """
+        return cls(*map(torch.from_numpy, pyvista_arrays(other)))
+
+    def to_trimesh(self) -> "trimesh.Trimesh":
+        """A ``trimesh.Trimesh`` with the same vertices and faces, in the same order, without gradient."""
+        return as_trimesh(*self._arrays())
+
+    def to_pyvista(self) -> "pyvista.PolyData":
+        """A ``pyvista.PolyData`` with the same vertices and faces, in the same order, without gradient."""
+        return as_pyvista(*self._arrays())
+
+    def _arrays(self) -> tuple[Array, Array]:
+        return self.vertices.detach().double().cpu().numpy(), self.faces.cpu().numpy()
 
     def __repr__(self) -> str:
         return f"Mesh({self.vertices.shape[0]} vertices, {self.faces.shape[0]} faces, {self.vertices.dtype})"
@@ -100,6 +148,13 @@ class Contour(_Shape):
     ------
     ValueError
         As :class:`Mesh`.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> corners = torch.tensor([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    >>> meshot.Contour(corners, torch.tensor([[0, 1], [1, 2], [2, 0]]))
+    Contour(3 vertices, 3 edges, torch.float32)
     """
 
     vertices: Float[Tensor, "V 2"]

@@ -33,6 +33,13 @@ def triangulate(vertices: Float[Tensor, "V 3"], polygons: Iterable[Iterable[int]
     References
     ----------
     Meisters, *Polygons have ears*, 1975.
+
+    Examples
+    --------
+    >>> import torch, meshot
+    >>> square = torch.tensor([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> meshot.triangulate(square, [[0, 1, 2, 3]])
+    Mesh(4 vertices, 2 faces, torch.float32)
     """
     vertices = as_floating(vertices, "vertices")
     require_shape(vertices, "vertices", 3)

@@ -34,12 +34,12 @@ def require_same_space(predicted: Surface, target: Surface) -> None:
     if (shared <= 0).any():
         raise ValueError(f"the surfaces do not overlap: they fill the boxes {where}; {remedy}")
     extents = f"the surfaces extend over {sizes[0]:.4g} and {sizes[1]:.4g}; {remedy}"
-    if max(sizes) > ANOTHER_UNIT * min(sizes):
+    if max(sizes) >= ANOTHER_UNIT * min(sizes):
         raise ValueError(extents)
     share = np.prod(shared) / min(np.prod(high - low) for low, high in boxes)
     if share < 0.5:
         warnings.warn(f"the boxes {where} around the surfaces share {share:.0%} of the smaller; {remedy}", stacklevel=3)
-    elif max(sizes) > UNLIKE * min(sizes):
+    elif max(sizes) >= UNLIKE * min(sizes):
         warnings.warn(extents, stacklevel=3)
 
 

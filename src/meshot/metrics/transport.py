@@ -7,6 +7,7 @@ import numpy as np
 import ot
 import torch
 from geomloss import SamplesLoss
+from scipy.spatial.distance import cdist
 
 from meshot.errors import require_positive_integer
 from meshot.types import Array, Float
@@ -25,14 +26,32 @@ def earth_movers_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3
     POT's network simplex: about 1 s for 2 000 points, 8 s for 5 000, half a minute for 10 000; O(n²) memory.
     """
     _require_equal_counts(points, others)
-    masses = np.full(len(points), 1 / len(points))
-    cost = ot.dist(points, others, metric="sqeuclidean")
+    return exact_transport(points, others)
+
+
+def exact_transport(points: Float[Array, "n d"], others: Float[Array, "m d"]) -> float:
+    """W₂ between two point sets of equal masses, exactly, as a length in the units of the points.
+
+    Raises
+    ------
+    ValueError
+        If the solver does not finish.
+
+    Notes
+    -----
+    The solver's tolerance is absolute: lengths are divided by the largest coordinate of a difference first.
+    """
+    centre = points[0].copy()
+    points, others = points - centre, others - centre
+    unit = max(float(np.abs(points).max()), float(np.abs(others).max())) or 1.0
+    cost = cdist(points / unit, others / unit, "sqeuclidean")  # from differences: nothing cancels
+    masses = [np.full(len(side), 1 / len(side)) for side in (points, others)]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        squared = ot.emd2(masses, masses, cost, numItermax=100 * len(points) ** 2)
+        squared = ot.emd2(*masses, cost, numItermax=max(10_000_000, 100 * cost.size))
     if caught:
         raise ValueError(f"the transport solver did not finish ({caught[0].message}): use fewer points")
-    return math.sqrt(max(0.0, float(squared)))
+    return unit * math.sqrt(max(0.0, float(squared)))
 
 
 def sinkhorn_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], blur: float) -> float:

@@ -9,10 +9,10 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-_options = {"cache": True, "nogil": True}
+from meshot._kernels import INNER, kernel
 
 
-@njit(**_options)
+@kernel("the deformation network", 5)
 @no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
 def visit(places, shape, row_of, first_row):
     """The voxels around the places that have no row yet, in the order in which they are met; they get rows."""
@@ -29,7 +29,7 @@ def visit(places, shape, row_of, first_row):
     return new[:count].copy()
 
 
-@njit(**_options)
+@kernel("the deformation network", 5)
 @no_type_check
 def cut_cubes(padded, voxels, shape, size, cubes):
     """The size³ values around each voxel, from a grid that is padded by half a cube on every side, into ``cubes``."""
@@ -46,7 +46,7 @@ def cut_cubes(padded, voxels, shape, size, cubes):
                     k += 1
 
 
-@njit(fastmath={"contract"}, **_options)
+@kernel("the deformation network", 5, fastmath={"contract"})
 @no_type_check
 def interpolate(places, shape, row_of, values, found):
     """Add the interpolated features of every place to ``found``."""
@@ -61,7 +61,7 @@ def interpolate(places, shape, row_of, values, found):
                 out[c] += weight * row[c]
 
 
-@njit(fastmath={"contract", "reassoc"}, **_options)
+@kernel("the deformation network", 5, fastmath={"contract", "reassoc"})
 @no_type_check
 def pull_back(places, shape, row_of, values, pull, value_pull, place_pull):
     """Add the gradients in the rows and in the places to ``value_pull`` and ``place_pull``."""
@@ -87,7 +87,7 @@ def pull_back(places, shape, row_of, values, pull, value_pull, place_pull):
             place_pull[i, 2] += (dots[corner] if cz else -dots[corner]) * wa * wb
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _lower(place, shape):
     """The voxel with the lowest indices of the eight around a place."""
@@ -96,13 +96,13 @@ def _lower(place, shape):
     )  # fmt: skip
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _voxel(x, y, z, corner, shape):
     return ((x + (corner >> 2)) * shape[1] + y + (corner >> 1 & 1)) * shape[2] + z + (corner & 1)
 
 
-@njit(**_options)
+@njit(**INNER)
 @no_type_check
 def _weigh(a, b, c, weights):
     for corner in range(8):

@@ -1,6 +1,7 @@
 """The deformation network: the velocity of a vertex from where it is and from what the image looks like there."""
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Literal, get_args
 
@@ -44,7 +45,7 @@ class DeformationNetwork(nn.Module):
     Raises
     ------
     ValueError
-        If a count is not a positive integer, or ``extent`` is not positive.
+        If a count is not a positive integer or beyond all reason, or ``extent`` is no positive length.
 
     Notes
     -----
@@ -66,9 +67,13 @@ class DeformationNetwork(nn.Module):
         generator: Generator = 0,
     ):
         super().__init__()
+        # Far beyond what may be kept (see require_small), so that no number can fill the memory.
         for name, count in [("width", width), *(("hidden", n) for n in hidden)]:
-            require_positive_integer(count, name)
-        if not extent > 0:
+            require_positive_integer(count, name, 2048)
+        require_positive_integer(len(hidden), "the number of hidden layers", 16)
+        for name, count in (("n_scales", n_scales), ("size", size)):
+            require_positive_integer(count, name, 15)
+        if not 0 < extent < math.inf:
             raise ValueError(f"extent is {extent!r}; a positive length is needed, in mm")
         generator = numpy_generator(generator)
         self.extent = float(extent)

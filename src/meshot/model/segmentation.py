@@ -35,7 +35,7 @@ class SegmentationNetwork(nn.Module):
     Raises
     ------
     ValueError
-        If a count is not a positive integer.
+        If a count is not a positive integer, or so large that the last level would have more than 512 channels.
 
     References
     ----------
@@ -45,8 +45,10 @@ class SegmentationNetwork(nn.Module):
 
     def __init__(self, width: int = 16, depth: int = 4, fold: int = 1, generator: Generator = 0):
         super().__init__()
-        for name, count in (("width", width), ("depth", depth), ("fold", fold)):
-            require_positive_integer(count, name)
+        # Far beyond what may be kept (see require_small), so that no number can fill the memory.
+        for name, count, most in (("width", width, 512), ("depth", depth, 10), ("fold", fold, 8)):
+            require_positive_integer(count, name, most)
+        require_positive_integer(width * 2 ** (depth - 1), "the width of the last level", 512)
         self.width, self.depth, self.fold = width, depth, fold
         widths = [width * 2**level for level in range(depth)]
         first = fold**3

@@ -9,6 +9,7 @@ import safetensors
 import safetensors.torch
 from torch import nn
 
+from meshot.errors import as_floating
 from meshot.files import whole_file
 
 LARGEST_BYTES = 10_000_000
@@ -21,7 +22,8 @@ def write_weights(path: str | os.PathLike, network: nn.Module, record: dict) -> 
     Parameters
     ----------
     path : path
-    network : SegmentationNetwork or DeformationNetwork
+    network : module
+        With a method ``config``, whose result makes another of the same form.
     record : dict
         JSON: settings, seed, data, commit, versions, seconds. The form of the network is added.
 
@@ -71,20 +73,22 @@ def read_weights(path: str | os.PathLike, kind: type[Network]) -> tuple[Network,
     ----------
     path : path
     kind : type
-        ``SegmentationNetwork`` or ``DeformationNetwork``.
+        The class of the network, such as ``SegmentationNetwork``.
 
     Raises
     ------
     ValueError
-        If the file is missing, truncated, or holds something else.
+        If the file is missing, truncated, holds something else, or a weight is NaN or infinite.
     """
     try:
         with safetensors.safe_open(path, framework="pt") as file:
             record = json.loads((file.metadata() or {})[kind.__name__])
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+        for name, value in tensors.items():
+            as_floating(value, name)
         network = kind(**record["network"]).float()
         network.load_state_dict(tensors)
-    except (OSError, safetensors.SafetensorError, KeyError, TypeError, RuntimeError, json.JSONDecodeError) as error:
+    except (OSError, safetensors.SafetensorError, KeyError, TypeError, RuntimeError, ValueError) as error:
         raise ValueError(
             f"{os.fspath(path)} does not hold the weights of a {kind.__name__} ({error}); train one with meshot train "
             "or meshot train-segmentation"

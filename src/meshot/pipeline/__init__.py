@@ -1,7 +1,8 @@
 """From a scan to surfaces: conform, segment, find an initial surface, deform, report.
 
-:func:`reconstruct` is the whole way. ``segmentation`` and ``deformation`` hold the two trained steps and their
-training, ``report`` writes the folder of a reconstruction and its page. Surfaces are in scanner RAS, in mm.
+:func:`reconstruct` is the whole way. ``segmentation`` finds white matter, and a system of :mod:`meshot.systems`, which
+:func:`run_system_training` trains, the surfaces; ``report`` writes the folder of a reconstruction and its page.
+Surfaces are in scanner RAS, in mm.
 """
 
 import lazy_loader

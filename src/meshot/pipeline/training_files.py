@@ -4,20 +4,25 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import torch
 from tqdm import tqdm
 
-from meshot.model import write_weights
+from meshot.files import printable_name
 from meshot.provenance import provenance, write_results
-from meshot.train import Progress, Training, TrainingLog, read_log
+from meshot.train import Progress, TrainingLog, read_log
 from meshot.view import write_training_figure
 
-WEIGHTS, RECORD, LOG, PICTURE = "weights.safetensors", "weights.json", "log.jsonl", "training.png"
+#: What is written of a trained network, after its name.
+WEIGHTS, RECORD, LOG, PICTURE = ".safetensors", ".json", ".log.jsonl", ".png"
 STATE_FOLDER, SESSIONS = "state", "sessions.jsonl"
+_MADE = ("commit", "date", "versions", "machine")
+
+Trained = TypeVar("Trained")
 
 
-def run_watched_training(folder: Path, made: dict, train: Callable[[Progress], Training]) -> Training:
+def run_watched_training(folder: Path, made: dict, train: Callable[[Progress], Trained]) -> Trained:
     """Run a training under a progress bar that shows the last loss and the last validation.
 
     ``made`` is the provenance when the command began, since files may change while it runs: with the first step that is
@@ -43,44 +48,45 @@ def _note(path: Path, line: dict) -> None:
         file.write(json.dumps(line) + "\n")
 
 
-def write_trained(
-    folder: Path, found: Training, config: dict, command: str, cohorts: Sequence[str], extra: dict | None = None
-) -> None:
-    """Write what came of a training.
+def whole_record(folder: Path, config: dict, results: dict, command: str, cohorts: Sequence[str]) -> dict:
+    """The record of a trained network: settings, results, command, cohorts and provenance.
 
-    Into ``folder`` go ``weights.safetensors`` (the best network, with its record), ``weights.json`` (the record as
-    results with provenance), ``log.jsonl`` and ``training.png``. The provenance is that of the last session in which a
-    step was taken; ``commits`` names those of all.
+    The provenance is that of the last session in which a step was taken; ``commits`` of the results names those of all.
 
     Parameters
     ----------
     folder : path
-    found : Training
+        Where :func:`run_watched_training` noted the sessions.
     config : dict
         All settings, as JSON.
+    results : dict
+        See :meth:`meshot.train.Training.results`.
     command : str
         What to type to do the same again.
     cohorts : sequence of str
         Their names.
-    extra : dict, optional
-        What else belongs to the record, such as the weights that it builds on.
     """
     sessions = read_log(folder / SESSIONS) if (folder / SESSIONS).is_file() else [provenance()]
-    results = {
-        "best_step": found.best_step,
-        "n_steps": max(line["step"] for line in found.log),
-        "cpu_seconds": round(found.cpu_seconds, 1),
-        "n_weights": sum(p.numel() for p in found.network.parameters()),
-        "validations": [line for line in found.log if "validation_loss" in line],
-        "data": found.data,
-        "commits": list(dict.fromkeys(session["commit"] for session in sessions)),
-    } | (extra or {})
-    record = config | {"results": results, "command": command, "cohorts": list(cohorts)} | sessions[-1]
-    write_weights(folder / WEIGHTS, found.network, record)
-    data = f"synthetic cohorts {', '.join(cohorts)}"
-    write_results(folder / RECORD, results, config, command, data, found.cpu_seconds, sessions[-1])
-    TrainingLog(folder / LOG, found.log)
-    write_training_figure(folder / PICTURE, found.log)
+    commits = list(dict.fromkeys(session["commit"] for session in sessions))
+    return config | {"results": results | {"commits": commits}, "command": command, "cohorts": cohorts} | sessions[-1]
+
+
+def write_record(folder: Path, name: str, record: dict, log: list[dict]) -> None:
+    """Write the record of a trained network as results with provenance, its log, and the log as a picture.
+
+    Into ``folder`` go ``NAME.json``, ``NAME.log.jsonl`` and ``NAME.png``.
+
+    Raises
+    ------
+    ValueError
+        If the record is not JSON.
+    """
+    made = {key: record[key] for key in _MADE}
+    config = {key: value for key, value in record.items() if key not in (*_MADE, "results", "command", "cohorts")}
+    results, data = record["results"], f"synthetic cohorts {', '.join(record['cohorts'])}"
+    write_results(folder / f"{name}{RECORD}", results, config, record["command"], data, results["cpu_seconds"], made)
+    TrainingLog(folder / f"{name}{LOG}", log)
+    write_training_figure(folder / f"{name}{PICTURE}", log)
 
 
 def shown_command(
@@ -103,4 +109,4 @@ def shown_command(
 def _shown(path: str | os.PathLike) -> str:
     """A path as it may be written down: relative, without where this machine keeps its files."""
     path = Path(path)
-    return path.as_posix() if not path.is_absolute() else path.name
+    return printable_name(path.as_posix() if not path.is_absolute() else path.name)

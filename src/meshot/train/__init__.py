@@ -1,7 +1,8 @@
 """Training: one engine for every network, with validation, checkpoints and exact resume.
 
-A training is a plan (steps, rates, validation), a loss of a step and a validation; the engine keeps the best weights,
-a log, and a state from which a stopped training goes on with the same result. Configurations are read here too.
+A training is a plan (steps, rates, validation) and a task (the loss of a step, a validation); the engine keeps the best
+and the last weights, a log, and a state from which a stopped training goes on with the same result. A device that is
+left out is the accelerator if there is one, else the processor. Configurations are read here too.
 """
 
 import lazy_loader

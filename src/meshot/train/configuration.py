@@ -2,39 +2,28 @@
 
 import dataclasses
 import os
+import reprlib
 from collections.abc import Mapping, Sequence
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
-import yaml
+from meshot.plain_yaml import parsed_yaml, read_yaml
 
 Groups = dict[str, dict]
 
 
-def read_groups(path: str | os.PathLike, known: Mapping[str, set[str]]) -> Groups:
-    """The groups of settings in a YAML file; a group that is left out is empty.
-
-    Parameters
-    ----------
-    path : path
-    known : mapping
-        The settings of each group that something reads.
+def read_groups(path: str | os.PathLike | Traversable) -> Groups:
+    """The groups of settings in a YAML file, whatever their names: see :func:`meshot.train.checked_groups`.
 
     Raises
     ------
     ValueError
-        If the file is missing or no YAML, or names something unknown.
+        If the file is missing, is no YAML, or holds something else.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise ValueError(
-            f"{path} does not exist; experiments/segmentation and experiments/ddot hold tiny.yaml, small.yaml and "
-            "paper.yaml"
-        )
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} is no YAML ({error})") from error
-    return checked_groups(content, known, str(path))
+    file = path if isinstance(path, Traversable) else Path(path)
+    if not file.is_file():
+        raise ValueError(f"{path} does not exist; a YAML file with groups of settings is needed")
+    return _require_groups(read_yaml(file), str(path))
 
 
 def checked_groups(content: object, known: Mapping[str, set[str]], name: str) -> Groups:
@@ -45,9 +34,8 @@ def checked_groups(content: object, known: Mapping[str, set[str]], name: str) ->
     ValueError
         If they are no groups, or name something unknown.
     """
-    if not isinstance(content, dict) or not all(isinstance(part, dict) for part in content.values()):
-        raise ValueError(f"{name} holds {content!r}; groups of settings are needed: {', '.join(known)}")
-    strange = [key for key in content if key not in known]
+    content = _require_groups(content, name)
+    strange = [str(key) for key in content if key not in known]
     strange += [f"{group}.{key}" for group in known for key in content.get(group, {}) if key not in known[group]]
     if strange:
         raise ValueError(f"{name} sets {', '.join(strange)}, which nothing reads; known are {dict(known)}")
@@ -59,6 +47,14 @@ def checked_groups(content: object, known: Mapping[str, set[str]], name: str) ->
                     "a sign: write 1.0e-4"
                 )
     return {group: dict(content.get(group, {})) for group in known}
+
+
+def _require_groups(content: object, name: str) -> Groups:
+    if not isinstance(content, dict) or not all(isinstance(part, dict) for part in content.values()):
+        raise ValueError(
+            f"{name} holds {reprlib.repr(content)}; groups of settings are needed, such as training: {{seed: 1}}"
+        )
+    return content
 
 
 def _is_number(text: str) -> bool:
@@ -84,8 +80,8 @@ def changed_groups(groups: Groups, changes: Sequence[str]) -> Groups:
         if not (equals and group and point and setting):
             raise ValueError(f"{change!r} changes nothing; write group.setting=value, such as training.seed=1")
         try:
-            found.setdefault(group, {})[setting] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
+            found.setdefault(group, {})[setting] = parsed_yaml(value)
+        except ValueError as error:
             raise ValueError(f"{change!r}: the value is no YAML ({error})") from error
     return found
 

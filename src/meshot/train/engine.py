@@ -1,7 +1,6 @@
 """What every training shares: steps, validations in between, a state on disk, a log; stopped, it goes on."""
 
 import dataclasses
-import math
 import os
 import time
 from collections.abc import Callable
@@ -10,11 +9,12 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from meshot.errors import require_positive_integer
-from meshot.train.checkpoint import TrainingLog, TrainingState, read_training, write_training
+from meshot.train.log import TrainingLog
+from meshot.train.plan import Plan
+from meshot.train.state import TrainingState, read_training, write_training
+from meshot.types import Tensor
 
 STATE, LOG = "training.safetensors", "log.jsonl"
-SCHEDULES = ("constant", "cosine")
 
 #: Called with (steps done, steps in all, line of the log).
 Progress = Callable[[int, int, dict], None]
@@ -28,6 +28,8 @@ class Training:
     ----------
     network : module
         In its best state: that of the validation with the lowest loss.
+    last : dict
+        The weights after the last step.
     best_step : int
         Steps before that validation.
     log : list of dict
@@ -40,60 +42,44 @@ class Training:
     """
 
     network: nn.Module
+    last: dict[str, Tensor]
     best_step: int
     log: list[dict]
     cpu_seconds: float
     data: dict
 
+    def results(self) -> dict:
+        """What is kept of the training in a record, as JSON."""
+        return {
+            "best_step": self.best_step,
+            "n_steps": max(line["step"] for line in self.log),
+            "cpu_seconds": round(self.cpu_seconds, 1),
+            "n_weights": sum(parameter.numel() for parameter in self.network.parameters()),
+            "validations": [line for line in self.log if "validation_loss" in line],
+            "data": self.data,
+        }
 
-@dataclasses.dataclass(frozen=True)
-class Plan:
-    """How long a training goes on.
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Task:
+    """What is trained.
 
     Parameters
     ----------
-    n_steps : int
-    validate_every, save_every : int
-        In steps.
-    patience : int, optional
-        Stop after so many validations in a row without a lower loss; None: never.
-    learning_rate : float
-    schedule : str
-        "constant", or "cosine": half a cosine from there to zero.
+    loss_of : callable of step
+        The loss of a step, and the name of what it was computed from.
+    validate : callable of step
+        A line of the log with ``validation_loss``; None there: whatever its loss, this state is not the best.
+    change_gradients : callable of step, optional
+        Is called after the gradients are there, and before the optimiser takes them.
+    is_given_up : callable, optional
+        Whether the training ends before its plan is fulfilled.
     """
 
-    n_steps: int
-    validate_every: int
-    save_every: int
-    patience: int | None
-    learning_rate: float
-    schedule: str
-
-    def learning_rate_at(self, step: int) -> float:
-        """The learning rate of one step."""
-        if self.schedule == "constant":
-            return self.learning_rate
-        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * step / self.n_steps))
-
-
-def require_plan_settings(settings: object) -> None:
-    """Refuse numbers that no training can have: of epochs, of the learning rate, of patience, of the seed.
-
-    Raises
-    ------
-    ValueError
-        If one is outside its range.
-    """
-    for name in ("n_epochs", "batch_size", "validate_every", "save_every"):
-        require_positive_integer(getattr(settings, name, 1), name)
-    if settings.patience is not None:
-        require_positive_integer(settings.patience, "patience")
-    if not 0 < settings.learning_rate < math.inf:
-        raise ValueError(f"learning_rate is {settings.learning_rate!r}; a finite number > 0 is needed")
-    if settings.seed < 0:
-        raise ValueError(f"seed is {settings.seed!r}; an integer >= 0 is needed")
-    if settings.schedule not in SCHEDULES:
-        raise ValueError(f"schedule is {settings.schedule!r}; one of {', '.join(SCHEDULES)} is needed")
+    loss_of: Callable[[int], tuple[Tensor, str]]
+    validate: Callable[[int], dict]
+    change_gradients: Callable[[int], None] = lambda _: None
+    is_given_up: Callable[[], bool] = lambda: False
 
 
 def chosen_device() -> torch.device:
@@ -101,27 +87,24 @@ def chosen_device() -> torch.device:
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
-def train(
-    state: TrainingState,
+def train_network(
+    network: nn.Module,
     plan: Plan,
-    loss_of: Callable[[int], tuple[torch.Tensor, str]],
-    validate: Callable[[], dict],
+    task: Task,
     made_with: dict,
     folder: str | os.PathLike | None = None,
     progress: Progress | None = None,
-) -> None:
-    """Go on from ``state``, or from what ``folder`` holds, until the plan is fulfilled; the state then knows the best.
+) -> Training:
+    """Train a network with Adam, or go on from what ``folder`` holds, until the plan is fulfilled.
 
     Parameters
     ----------
-    state : TrainingState
+    network : module
+        Changed in place: at the end it is in its best state, on the processor.
     plan : Plan
-    loss_of : callable of step
-        The loss of a step, and the name of what it was computed from.
-    validate : callable
-        A line of the log with ``validation_loss``. A ``ValueError`` of it is taken for the network's failure.
+    task : Task
     made_with : dict
-        Settings and data: a training goes on only with the same.
+        Settings, and under ``data`` what the network learns from: a training goes on only with the same.
     folder : path, optional
         Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``).
     progress : callable, optional
@@ -131,63 +114,105 @@ def train(
     ValueError
         If the folder holds a training of something else.
     FloatingPointError
-        If the loss or a gradient is not finite, or the validation fails; it names the step, and the examples of a loss.
+        If the loss or a gradient is not finite; it names the step, and the examples of the loss.
     """
-    saved = None if folder is None else Path(folder) / STATE
-    if saved is not None and saved.exists():
+    state = TrainingState(network, plan.learning_rate, plan.averaging)
+    files = (None, None) if folder is None else (Path(folder) / STATE, Path(folder) / LOG)
+    last = train(state, plan, task, made_with, *files, progress)
+    return Training(network.cpu(), last, state.best_step, state.lines, state.seconds, made_with.get("data", {}))
+
+
+def train(
+    state: TrainingState,
+    plan: Plan,
+    task: Task,
+    made_with: dict,
+    saved: str | os.PathLike | None = None,
+    log: str | os.PathLike | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Tensor]:
+    """Go on from ``state``, or from what is saved, until the plan is fulfilled; the state then is the best one.
+
+    Parameters
+    ----------
+    state : TrainingState
+    plan : Plan
+    task : Task
+    made_with : dict
+        See :func:`meshot.train.train_network`.
+    saved, log : path, optional
+        Where the state is saved, and where the lines of the log go as they are made.
+    progress : callable, optional
+        Is called for each line, after the state is saved.
+
+    Returns
+    -------
+    dict
+        The last weights.
+
+    Raises
+    ------
+    ValueError, FloatingPointError
+        As :func:`meshot.train.train_network`.
+    """
+    if saved is not None and os.path.exists(saved):
         read_training(saved, state, made_with)
-    log, clock = TrainingLog(None if folder is None else Path(folder) / LOG, state.lines), time.process_time()
-
-    def note(line: dict) -> None:
-        state.lines.append(line)
-        log.add(line)
-        if progress is not None:
-            progress(state.step, plan.n_steps, line)
-
-    while state.step < plan.n_steps and not _out_of_patience(state, plan):
-        note(_step(state, plan, loss_of))
+    file, clock = TrainingLog(None if log is None else Path(log), state.lines), time.process_time()
+    while not _is_done(state, plan, task):
+        made = [_step(state, plan, task)]
         if state.step % plan.validate_every == 0 or state.step == plan.n_steps:
-            found = _validated(state, validate)
-            if found["validation_loss"] < state.best_loss:
-                state.keep_as_best(found["validation_loss"])
+            found = _validated(state, task)
             state.seconds, clock = state.seconds + time.process_time() - clock, time.process_time()
-            note({"step": state.step} | found | {"cpu_seconds": round(state.seconds, 1)})
-        done = state.step == plan.n_steps or _out_of_patience(state, plan)
-        if saved is not None and (done or state.step % plan.save_every == 0):
+            made.append({"step": state.step} | found | {"cpu_seconds": round(state.seconds, 1)})
+        state.lines.extend(made)
+        for line in made:
+            file.add(line)
+        if saved is not None and (state.step % plan.save_every == 0 or _is_done(state, plan, task)):
             state.seconds, clock = state.seconds + time.process_time() - clock, time.process_time()
             write_training(saved, state, made_with)
-    state.network.load_state_dict(state.best)
+        for line in made if progress is not None else ():
+            progress(state.step, plan.n_steps, line)
+    last = {name: value.detach().cpu().clone() for name, value in state.network.state_dict().items()}
+    state.restore_best()
+    return last
 
 
-def _validated(state: TrainingState, validate: Callable[[], dict]) -> dict:
-    try:
-        return validate()
-    except ValueError as error:
-        raise FloatingPointError(
-            f"the validation after step {state.step} failed: {error}; lower the learning rate. The last saved state is "
-            "whole"
-        ) from error
-
-
-def _out_of_patience(state: TrainingState, plan: Plan) -> bool:
+def _is_done(state: TrainingState, plan: Plan, task: Task) -> bool:
     fruitless = sum("validation_loss" in line and line["step"] > state.best_step for line in state.lines)
-    return plan.patience is not None and fruitless >= plan.patience
+    out_of_patience = plan.patience is not None and fruitless >= plan.patience
+    return state.step >= plan.n_steps or out_of_patience or task.is_given_up()
 
 
-def _step(state: TrainingState, plan: Plan, loss_of: Callable[[int], tuple[torch.Tensor, str]]) -> dict:
+def _validated(state: TrainingState, task: Task) -> dict:
+    with state.averaged():
+        found = task.validate(state.step)
+        if found["validation_loss"] is not None and found["validation_loss"] < state.best_loss:
+            state.keep_as_best(found["validation_loss"])
+    return found
+
+
+def _step(state: TrainingState, plan: Plan, task: Task) -> dict:
     state.optimiser.zero_grad(set_to_none=True)
-    loss, names = loss_of(state.step)
+    loss, names = task.loss_of(state.step)
+    _require_finite(loss.detach(), f"the loss of step {state.step} ({names})")
     loss.backward()
-    total = sum(parameter.grad.square().sum() for parameter in state.network.parameters())
-    for name, value in (("loss", loss), ("gradient", total)):
-        if not bool(torch.isfinite(value)):
-            raise FloatingPointError(
-                f"the {name} of step {state.step} ({names}) is not finite; lower the learning rate, or look at those "
-                "scans. The last saved state is whole"
-            )
-    rate = plan.learning_rate_at(state.step)
+    for name, parameter in state.network.named_parameters():
+        if parameter.grad is not None:
+            _require_finite(parameter.grad, f"the gradient in {name} of step {state.step} ({names})")
+    task.change_gradients(state.step)
+    rate = plan.learning_rate_at(state.step) * state.rate_factor
     for group in state.optimiser.param_groups:
         group["lr"] = rate
     state.optimiser.step()
+    if state.average is not None:
+        state.average.update_parameters(state.network)
     state.step += 1
     return {"step": state.step, "loss": float(loss.detach()), "learning_rate": rate}
+
+
+def _require_finite(values: Tensor, name: str) -> None:
+    if not bool(torch.isfinite(values.sum())):
+        raise FloatingPointError(
+            f"{name} is not finite; lower the learning rate, or look at the meshes and scans that it came from. The "
+            "last saved state is whole"
+        )

@@ -6,4 +6,9 @@ Used by the report of a reconstruction and by the book. The turning view is one 
 
 import lazy_loader
 
+from meshot.extras import needing
+
+with needing("cortex"):
+    import matplotlib  # noqa: F401
+
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,6 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from meshot.extras import needing
 from meshot.mesh import Mesh
 from meshot.types import Array, Float
 from meshot.view.angles import View, view_from
@@ -86,7 +87,8 @@ def _drawing_library() -> ModuleType:
     with warnings.catch_warnings():
         # In a notebook tqdm, which pyvista imports, misses widgets that nothing here uses, and says so with a path.
         warnings.filterwarnings("ignore", message="IProgress not found")
-        import pyvista
+        with needing("cortex"):
+            import pyvista
     return pyvista
 
 

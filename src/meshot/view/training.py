@@ -14,7 +14,7 @@ from meshot.view.style.colours import BLUE, ORANGE, SKY, VERMILLION, WIDTH
 
 
 def training_figure(log: Sequence[dict]) -> Figure:
-    """Loss of every step and its running mean; beside it what was validated: Dice of both sides, or distances in mm.
+    """Loss of every step and its running mean; beside it what was validated: Dice of both sides, distances in mm, or the loss.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def training_figure(log: Sequence[dict]) -> Figure:
     checks = [line for line in log if "validation_loss" in line]
     if not steps:
         raise ValueError("the log holds no step: nothing was trained yet")
-    of_distances = any("hausdorff90_mm" in line for line in checks)
+    measured = set().union(*checks)
     figure, (left, right) = plt.subplots(1, 2, figsize=(1.3 * WIDTH, 3.0), layout="constrained")
     at, losses = np.array([line["step"] for line in steps]), np.array([line["loss"] for line in steps])
     width = max(1, len(at) // 30)
@@ -39,13 +39,16 @@ def training_figure(log: Sequence[dict]) -> Figure:
         mean = np.convolve(losses, np.ones(width) / width, "valid")
         left.semilogy(at[width - 1 :], mean, color=BLUE, label=f"mean of {width} steps")
     checked = [line["step"] for line in checks]
-    if of_distances:
-        left.set(xlabel="step", ylabel="loss")
+    left.set(xlabel="step", ylabel="loss")
+    if "hausdorff90_mm" in measured:
         _distances(right, checked, checks)
-    else:
+    elif "dice_left" in measured:
         left.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
-        left.set(xlabel="step", ylabel="cross-entropy + 1 − Dice")
+        left.set(ylabel="cross-entropy + 1 − Dice")
         _overlap(right, checked, checks)
+    else:
+        right.plot(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
+        right.set(xlabel="step", ylabel="loss of the validation")
     # After the last semilogy, which brings back its own.
     for formatted in (left.yaxis.set_major_formatter, left.yaxis.set_minor_formatter):
         formatted(LogFormatter())

@@ -1,24 +1,14 @@
 """Images from files and into files, by nibabel."""
 
 import os
-import zlib
 from pathlib import Path
 
 import nibabel
 import numpy as np
 
 from meshot.files import whole_file
+from meshot.volume.io_checks import affine_mm, checked_image
 from meshot.volume.volume import Volume
-
-_BROKEN = (
-    nibabel.filebasedimages.ImageFileError,
-    nibabel.spatialimages.HeaderDataError,
-    nibabel.wrapstruct.WrapStructError,
-    OSError,
-    EOFError,
-    ValueError,
-    zlib.error,
-)
 
 
 def read_volume(path: str | os.PathLike) -> Volume:
@@ -27,21 +17,20 @@ def read_volume(path: str | os.PathLike) -> Volume:
     Raises
     ------
     ValueError
-        If the file is missing, truncated or no image; has more than one volume; holds NaN; or does not say where it
-        lies in the scanner.
+        If the file is missing, truncated, damaged or no image; has more than one volume or more than 512³ voxels; holds
+        NaN, colours or complex numbers; or does not say where it lies in the scanner.
     """
     path = Path(path)
     if not path.is_file():
         raise ValueError(f"{path} does not exist or is no file")
     try:
-        image = nibabel.load(path)
-        data = np.asarray(image.dataobj, dtype=np.float32)
-    except _BROKEN as error:
-        raise ValueError(f"{path} is not a whole image that nibabel can read ({error}); get the file again") from error
-    header = image.header
-    if isinstance(header, nibabel.Nifti1Header) and not (header["sform_code"] > 0 or header["qform_code"] > 0):
-        raise ValueError(f"{path} has neither sform nor qform: it does not say where it lies; convert the scan again")
-    return Volume(data[..., 0] if data.ndim == 4 and data.shape[3] == 1 else data, image.affine)
+        image = checked_image(path)
+        data, affine = np.asarray(image.dataobj, dtype=np.float32), affine_mm(image)
+    except Exception as error:  # many parsers, each with its own ways to fail
+        raise ValueError(
+            f"{path} is not a whole image that can be read ({error or type(error).__name__}); get the file again"
+        ) from error
+    return Volume(data.reshape(data.shape[:3]), affine)
 
 
 def write_volume(path: str | os.PathLike, volume: Volume) -> None:

@@ -4,10 +4,13 @@ import contextlib
 from collections.abc import Iterator
 
 import numpy as np
-import SimpleITK
 
+from meshot.extras import needing
 from meshot.types import Array, Float
 from meshot.volume.volume import Volume, voxel_sizes
+
+with needing("cortex"):
+    import SimpleITK
 
 #: ITK counts x and y the other way (LPS); the matrix is its own inverse.
 LPS = np.diag([-1.0, -1.0, 1.0, 1.0])

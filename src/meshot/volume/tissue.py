@@ -1,10 +1,13 @@
 """Tissue from intensity."""
 
 import numpy as np
-import skimage.filters
 
+from meshot.extras import needing
 from meshot.types import Array
 from meshot.volume.volume import Volume
+
+with needing("cortex"):
+    import skimage.filters
 
 
 def white_matter_probability(t1: Volume, brain: Volume) -> Volume:

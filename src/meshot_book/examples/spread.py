@@ -1,9 +1,9 @@
 """How points lie along a closed contour: do they reach all of it, how evenly, how far off it are they."""
 
 import numpy as np
-import ot
 
 from meshot.mesh import Contour
+from meshot.metrics import exact_transport
 from meshot.types import Array, Float, Int, Tensor
 
 
@@ -110,7 +110,7 @@ def exact_distance(points: Float[Tensor, "n d"], others: Float[Tensor, "m d"]) -
     Raises
     ------
     ValueError
-        If a set is empty or the dimensions differ.
+        If a set is empty, the dimensions differ, or the solver does not finish.
 
     Notes
     -----
@@ -119,9 +119,7 @@ def exact_distance(points: Float[Tensor, "n d"], others: Float[Tensor, "m d"]) -
     source, target = _as_array(points), _as_array(others)
     if source.shape[1] != target.shape[1]:
         raise ValueError(f"points live in R^{source.shape[1]}, others in R^{target.shape[1]}; both must agree")
-    cost = np.square(source[:, None] - target[None]).sum(axis=2)
-    masses = [np.full(len(side), 1 / len(side)) for side in (source, target)]
-    return float(np.sqrt(ot.emd2(*masses, cost, numItermax=10_000_000)))
+    return exact_transport(source, target)
 
 
 def _as_array(points: Tensor) -> np.ndarray:

@@ -1,6 +1,9 @@
 """Claims 13 and 17: each status is reached by results that deserve it, also while networks are missing."""
 
+from pathlib import Path
+
 import pytest
+import yaml
 
 from meshot_book.claims import ledger
 from meshot_book.claims.rules.ddot import METRICS, ablation_verdict, systems_verdict
@@ -11,6 +14,10 @@ COLUMNS = [(cohort, side) for cohort in ("oasis_like", "adni_like") for side in 
 ALL_OPEN = dict.fromkeys(METRICS, OPEN)
 #: DDOT better in everything: the normals grow with quality.
 ALL_OURS = dict.fromkeys(METRICS, OURS) | {"normals": RIVAL}
+
+CONFIG = yaml.safe_load(
+    (Path(__file__).resolve().parents[3] / "experiments" / "ddot" / "config.yaml").read_text(encoding="utf-8")
+)
 
 
 def difference(place, second, metrics):
@@ -26,7 +33,7 @@ def results(differences, seeds=()):
         | dict.fromkeys(METRICS, value)
         for cohort, side in places for arm in arms for kind in ("template", "procedural")
     ]  # fmt: skip
-    return {"results": {"differences": differences, "seeds": list(seeds), "summary": summary}}
+    return {"results": {"differences": differences, "seeds": list(seeds), "summary": summary}, "config": CONFIG}
 
 
 def test_better_in_every_cell_holds_with_a_condition():

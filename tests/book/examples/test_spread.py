@@ -88,6 +88,8 @@ def test_exact_distance():
     squared = torch.cdist(points, others).square().numpy()
     pairs = linear_sum_assignment(squared)
     assert exact_distance(points, others) == pytest.approx(np.sqrt(squared[pairs].mean()))
+    for scale in (1e-12, 1e-8, 1e12):
+        assert exact_distance(scale * points, scale * others) == pytest.approx(scale * np.sqrt(squared[pairs].mean()))
     shift = torch.tensor([3.0, 4, 0])
     assert exact_distance(points, points + shift) == pytest.approx(5)
     assert exact_distance(points[:1], points[:1].expand(4, 3)) == 0

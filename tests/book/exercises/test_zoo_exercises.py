@@ -41,7 +41,9 @@ def test_a_flip_weighs_what_the_exercise_says():
     contour = circle(40.0, 60)
     edges = contour.edges.clone()
     edges[:12] = edges[:12].flip(1)
-    cost = wasserstein(varifold(Contour(contour.vertices, edges), 3.0), varifold(contour, 3.0))
+    cost = wasserstein(
+        varifold(Contour(contour.vertices, edges), normal_scale=3.0), varifold(contour, normal_scale=3.0)
+    )
     assert float(cost) ** 0.5 == pytest.approx((12 / 60 * 4 * 3.0**2) ** 0.5)
 
 

@@ -14,6 +14,7 @@ from meshot.flow.fields.field import VelocityField
 from meshot.mesh.shapes.solids import icosphere
 from meshot.volume.volume import Volume
 from meshot_book.figures.flows.velocity import velocities_on_slice, velocity_figure
+from meshot_book.figures.measures.stepping import step_errors_figure
 
 VOLUME = Volume(np.arange(1000.0).reshape(10, 10, 10), np.diag([2.0, 1.0, 1.0, 1.0]))
 

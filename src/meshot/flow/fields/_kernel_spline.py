@@ -11,10 +11,13 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-_options = {"cache": True, "nogil": True, "fastmath": {"contract", "reassoc"}}
+from meshot._kernels import INNER, kernel
+
+_FASTMATH = {"contract", "reassoc"}
+_inner = INNER | {"fastmath": _FASTMATH}
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
 def _clipped(place, n_nodes):
     """The cell that holds the nearest place in [1, n − 2], and the offset in it."""
@@ -23,7 +26,7 @@ def _clipped(place, n_nodes):
     return cell, place - cell
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _weigh(t, weights):
     """The four cubic B-spline weights at offset ``t`` in [0, 1)."""
@@ -34,7 +37,7 @@ def _weigh(t, weights):
     weights[3] = t * t * t / 6
 
 
-@njit(inline="always")
+@njit(**_inner)
 @no_type_check
 def _slope(t, slopes):
     """The derivatives of the four weights."""
@@ -45,7 +48,7 @@ def _slope(t, slopes):
     slopes[3] = t * t / 2
 
 
-@njit(**_options)
+@kernel("flows on a grid", 5, fastmath=_FASTMATH)
 @no_type_check
 def interpolate(coefficients, places, values):
     """Write the spline at ``places``, in units of the lattice, to ``values``."""
@@ -70,7 +73,7 @@ def interpolate(coefficients, places, values):
                 values[i, k] += weights[2, c] * row[3 * c + k]
 
 
-@njit(**_options)
+@kernel("flows on a grid", 5, fastmath=_FASTMATH)
 @no_type_check
 def interpolate_backward(coefficients, places, pull, to_coefficients, to_places):
     """Add the gradient in the coefficients to one buffer, write the gradient in the places to another."""

@@ -93,6 +93,18 @@ class GridVelocity(LearnedVelocity):
         return self.prepared()(time, points)
 
     @torch.no_grad()
+    def scaled(self, factor: float, shift: Float[Tensor, " 3"]) -> "GridVelocity":
+        """The same field in another unit of length and about another origin, where x is ``factor`` · x + ``shift``."""
+        n_cells = torch.tensor(self.levels[0].shape[1:4]) - 3
+        lower = self.lower * factor + shift
+        spacings = tuple(factor * spacing for spacing in self.spacings)
+        upper = lower + n_cells.to(lower) * spacings[0]
+        other = GridVelocity(lower, upper, spacings, self.n_pieces, self.interpolation)
+        for level, own in zip(other.levels, self.levels):
+            level.copy_(factor * own)
+        return other
+
+    @torch.no_grad()
     def lipschitz_bound(self) -> Float[Tensor, ""]:
         """A bound of the Lipschitz constant over space and time, per unit of time.
 

@@ -8,8 +8,12 @@ from pathlib import Path
 import safetensors.torch
 import torch
 
+from meshot.compressed import unpacked
 from meshot.files import whole_file
 from meshot.flow.fields.grid import GridVelocity, single_level
+
+#: The most bytes that a stored velocity may hold unpacked.
+LARGEST_BYTES = 1 << 28
 
 
 def quantised_velocity(field: GridVelocity, step: float = 2.0**-5) -> GridVelocity:
@@ -65,12 +69,14 @@ def read_velocity(path: str | os.PathLike) -> GridVelocity:
         If the file is missing, truncated, or something else.
     """
     try:
-        content = gzip.decompress(Path(path).read_bytes())
+        content = unpacked(path, LARGEST_BYTES)
         length = int.from_bytes(content[:8], "little")
         header = json.loads(json.loads(content[8 : 8 + length])["__metadata__"]["velocity"])
         tensors = safetensors.torch.load(content)
         dtype = {"torch.float32": torch.float32, "torch.float64": torch.float64}[header["dtype"]]
         values, lower = tensors["coefficients"].movedim(0, -1).to(dtype) * header["step"], tensors["lower"].to(dtype)
-    except (OSError, EOFError, ValueError, KeyError, safetensors.SafetensorError) as error:
+        return single_level(values, lower, header["spacing"], header.get("interpolation", "cubic"))
+    except (
+        OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, safetensors.SafetensorError
+    ) as error:  # fmt: skip
         raise ValueError(f"{path} is not a whole velocity file ({error}); get it again, or fit anew") from error
-    return single_level(values, lower, header["spacing"], header.get("interpolation", "cubic"))

@@ -3,8 +3,8 @@
 import torch
 
 from meshot.flow.crossings.guard import inspect_paths
-from meshot.flow.fitting.checkpoint import FitState
 from meshot.flow.fitting.settings import FitSettings, Guard
+from meshot.flow.fitting.state import FitState
 from meshot.flow.integration import integrate
 from meshot.mesh import Mesh
 from meshot.mesh.topology import self_intersecting_faces
@@ -12,7 +12,7 @@ from meshot.mesh.topology import self_intersecting_faces
 
 def carried(state: FitState, mesh: Mesh, settings: FitSettings) -> Mesh:
     """The mesh where the field takes it now."""
-    moved = integrate(state.field, mesh.vertices, state.n_steps, settings.method, gradient=settings.gradient)
+    moved = integrate(state.network, mesh.vertices, state.n_steps, settings.method, gradient=settings.gradient)
     return mesh.with_vertices(moved)
 
 
@@ -32,13 +32,6 @@ def require_no_crossings(mesh: Mesh, guard: Guard) -> None:
         )
 
 
-def passes(state: FitState, mesh: Mesh, guard: Guard) -> bool:
-    """Count the faces of the carried mesh that cross, note it in the history, and say whether they are few enough."""
-    n_crossings = len(self_intersecting_faces(mesh))
-    state.history["checked_crossings"].append(n_crossings)
-    return n_crossings <= guard.max_crossings
-
-
 @torch.no_grad()
 def backtrack(state: FitState, mesh: Mesh, settings: FitSettings, guard: Guard) -> None:
     """Back to the best state that passed, with a smaller learning rate and without momentum.
@@ -46,7 +39,7 @@ def backtrack(state: FitState, mesh: Mesh, settings: FitSettings, guard: Guard) 
     Where the steps are at fault, their number is doubled until h·Lip < 1 along the paths that crossed, unless the best
     state itself would not pass with so many.
     """
-    paths = inspect_paths(state.field, mesh.vertices, state.n_steps, settings.method)
+    paths = inspect_paths(state.network, mesh.vertices, state.n_steps, settings.method)
     wanted = state.n_steps
     # Doubling keeps steps from straddling pieces of time.
     while ((paths.n_flips and wanted == state.n_steps) or wanted <= paths.steepest) and 2 * wanted <= guard.max_steps:
@@ -58,4 +51,3 @@ def backtrack(state: FitState, mesh: Mesh, settings: FitSettings, guard: Guard) 
         state.n_steps = before
     state.rate_factor *= guard.slow_down
     state.optimiser.state.clear()
-    state.history["retreat_iteration"].append(state.iteration)

@@ -10,17 +10,24 @@ import numpy as np
 import torch
 
 from meshot.flow.fields.field import LearnedVelocity
-from meshot.flow.fitting.backtracking import backtrack, carried, passes, require_no_crossings
-from meshot.flow.fitting.checkpoint import HISTORY, FitState, read_state, write_state
+from meshot.flow.fitting.backtracking import backtrack, carried, require_no_crossings
 from meshot.flow.fitting.settings import FitSettings, Guard
+from meshot.flow.fitting.state import FitState
 from meshot.loss import quasi_directions, sliced_wasserstein
 from meshot.measure import DiscreteMeasure
 from meshot.mesh import Mesh
+from meshot.mesh.topology import self_intersecting_faces
+from meshot.train import Task, train
 from meshot.types import Tensor
 
 FitLoss = Callable[[Mesh, int, np.random.Generator], Tensor]
 Encoding = Callable[[Mesh], DiscreteMeasure]
 Watch = Callable[[Mesh], dict[str, float]]
+
+#: What the history of a fit holds, whatever is watched.
+HISTORY = (
+    "iteration", "loss", "n_directions", "checked_iteration", "checked_loss", "checked_crossings", "retreat_iteration",
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -90,24 +97,19 @@ def fit_flow(
     """
     settings = settings or FitSettings()
     field = copy.deepcopy(field)
-    state = FitState(field, torch.optim.Adam(field.parameters(), lr=settings.learning_rate), settings.n_steps)
-    kept = dataclasses.asdict(settings) | {"guard": None if guard is None else dataclasses.asdict(guard)}
-    if checkpoint is not None and os.path.exists(checkpoint):
-        read_state(checkpoint, state, kept)
-    elif guard is not None:
+    state = FitState(field, settings.learning_rate, settings.n_steps)
+    if guard is not None and not (checkpoint is not None and os.path.exists(checkpoint)):
         require_no_crossings(carried(state, mesh, settings), guard)
-    while not _is_done(state, settings, guard):
-        value = _iterate(state, mesh, loss, settings)
-        if state.iteration % settings.check_every == 0 or state.iteration == settings.n_iterations:
-            _check(state, mesh, loss, settings, guard, watch)
-        if checkpoint is not None and (_is_done(state, settings, guard) or state.iteration % settings.save_every == 0):
-            write_state(checkpoint, state, kept)
-        if progress is not None:
-            progress(state.iteration, value)
-    state.restore_best()
+    made_with = dataclasses.asdict(settings) | {"guard": None if guard is None else dataclasses.asdict(guard)}
+
+    def tell(done: int, n_iterations: int, line: dict) -> None:
+        if progress is not None and "loss" in line:
+            progress(done, line["loss"])
+
+    train(state, settings.plan(), _task(state, mesh, loss, settings, guard, watch), made_with, checkpoint, None, tell)
     with torch.no_grad():
         result = carried(state, mesh, settings)
-    return Fit(field, result, state.history, state.best_iteration, state.n_steps)
+    return Fit(field, result, _history(state.lines, settings), state.best_step, state.n_steps)
 
 
 def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
@@ -130,58 +132,57 @@ def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
     return loss
 
 
-def _is_done(state: FitState, settings: FitSettings, guard: Guard | None) -> bool:
-    fruitless = sum(i > state.best_iteration for i in state.history["checked_iteration"])
-    given_up = guard is not None and len(state.history["retreat_iteration"]) >= guard.max_retreats
-    out_of_patience = settings.patience is not None and fruitless >= settings.patience
-    return state.iteration >= settings.n_iterations or given_up or out_of_patience
-
-
-def _iterate(state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings) -> float:
-    i = state.iteration
-    n_directions, generator = settings.n_directions_at(i), np.random.default_rng([settings.seed, i])
-    state.optimiser.zero_grad(set_to_none=True)
-    value = loss(carried(state, mesh, settings), n_directions, generator)
-    _require_finite_step(value.detach(), f"the loss of iteration {i}")
-    value.backward()
-    for name, parameter in state.field.named_parameters():
-        if parameter.grad is not None:
-            _require_finite_step(parameter.grad, f"the gradient in {name} of iteration {i}")
-    stages = state.field.stages()
-    for parameter in itertools.chain(*stages[settings.n_stages_at(i, len(stages)) :]):
-        parameter.grad = None  # Adam leaves it where it is
-    for group in state.optimiser.param_groups:
-        group["lr"] = settings.learning_rate_at(i) * state.rate_factor
-    state.optimiser.step()
-    state.iteration = i + 1
-    for key, entry in (("iteration", i), ("loss", float(value.detach())), ("n_directions", n_directions)):
-        state.history[key].append(entry)
-    return float(value.detach())
-
-
-def _require_finite_step(values: Tensor, name: str) -> None:
-    if not bool(torch.isfinite(values.sum())):
-        raise FloatingPointError(
-            f"{name} is not finite; lower the learning rate, take more steps, or look for degenerate faces"
-        )
-
-
-def _check(
+def _task(
     state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings, guard: Guard | None, watch: Watch | None
-) -> None:
+) -> Task:
+    stages = state.network.stages()
+
+    def loss_of(i: int) -> tuple[Tensor, str]:
+        generator = np.random.default_rng([settings.seed, i])
+        return loss(carried(state, mesh, settings), settings.n_directions_at(i), generator), "of the fit"
+
+    def hold_fine_stages(i: int) -> None:
+        for parameter in itertools.chain(*stages[settings.n_stages_at(i, len(stages)) :]):
+            parameter.grad = None  # Adam leaves it where it is
+
+    def is_given_up() -> bool:
+        return guard is not None and sum(line.get("retreated", False) for line in state.lines) >= guard.max_retreats
+
+    return Task(loss_of, lambda _: _checked(state, mesh, loss, settings, guard, watch), hold_fine_stages, is_given_up)
+
+
+def _checked(
+    state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings, guard: Guard | None, watch: Watch | None
+) -> dict:
+    """The line of a check; with a guard, the fit backs off if too many faces cross."""
     generator = np.random.default_rng([settings.seed, settings.n_iterations])
     with torch.no_grad():
         moved = carried(state, mesh, settings)
         value = float(loss(moved, settings.n_directions[1], generator))
-    state.history["checked_iteration"].append(state.iteration)
-    state.history["checked_loss"].append(value)
-    for name, number in ({} if watch is None else watch(moved)).items():
-        if name in HISTORY:
-            raise ValueError(
-                f"what is watched is called {name!r}, which the history holds anyway; give it another name"
-            )
-        state.history.setdefault(name, []).append(float(number))
-    if guard is not None and not passes(state, moved, guard):
-        backtrack(state, mesh, settings, guard)
-    elif value < state.best_loss:
-        state.keep_as_best(value)
+    watched = {} if watch is None else {name: float(number) for name, number in watch(moved).items()}
+    for name in watched.keys() & set(HISTORY):
+        raise ValueError(f"what is watched is called {name!r}, which the history holds anyway; give it another name")
+    found = {"validation_loss": value, "checked_loss": value, "watched": watched}
+    if guard is not None:
+        n_crossings = len(self_intersecting_faces(moved))
+        found |= {"checked_crossings": n_crossings, "retreated": n_crossings > guard.max_crossings}
+        if found["retreated"]:
+            backtrack(state, mesh, settings, guard)
+            found["validation_loss"] = None
+    return found
+
+
+def _history(lines: list[dict], settings: FitSettings) -> dict[str, list[float]]:
+    """The lines of a log as columns."""
+    history: dict[str, list[float]] = {name: [] for name in HISTORY}
+    for line in lines:
+        if "loss" in line:
+            i = line["step"] - 1
+            new = {"iteration": i, "loss": line["loss"], "n_directions": settings.n_directions_at(i)}
+        else:
+            new = {"checked_iteration": line["step"], "checked_loss": line["checked_loss"]} | line["watched"]
+            new |= {name: line[name] for name in ("checked_crossings",) if name in line}
+            new |= {"retreat_iteration": line["step"]} if line.get("retreated") else {}
+        for name, value in new.items():
+            history.setdefault(name, []).append(value)
+    return history

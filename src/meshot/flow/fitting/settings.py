@@ -5,6 +5,7 @@ import math
 
 from meshot.errors import require_positive_integer
 from meshot.flow.integration import GRADIENTS, METHODS
+from meshot.train import Plan
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -54,12 +55,11 @@ class FitSettings:
     coarse_share: float = 0.0
 
     def __post_init__(self):
-        for name in ("n_iterations", "n_steps", "check_every", "save_every"):
-            require_positive_integer(getattr(self, name), name)
-        if self.patience is not None:
-            require_positive_integer(self.patience, "patience")
-        for count in self.n_directions:
-            require_positive_integer(count, "n_directions")
+        counts = ("n_iterations", "n_steps", "check_every", "save_every")
+        for name in counts if self.patience is None else (*counts, "patience"):
+            object.__setattr__(self, name, require_positive_integer(getattr(self, name), name))
+        lines = tuple(require_positive_integer(count, "n_directions") for count in self.n_directions)
+        object.__setattr__(self, "n_directions", lines)
         if not 0 < self.learning_rate < math.inf:
             raise ValueError(f"learning_rate is {self.learning_rate!r}; a finite number > 0 is needed, in mm")
         if len(self.n_directions) != 2 or self.n_directions[0] > self.n_directions[1]:
@@ -70,9 +70,9 @@ class FitSettings:
         if not 0 <= self.coarse_share <= 1:
             raise ValueError(f"coarse_share is {self.coarse_share!r}; a share in [0, 1] is needed")
 
-    def learning_rate_at(self, iteration: int) -> float:
-        """Half a cosine from ``learning_rate`` to zero."""
-        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * iteration / self.n_iterations))
+    def plan(self) -> Plan:
+        """The same, as the engine of all trainings takes it."""
+        return Plan(self.n_iterations, self.check_every, self.save_every, self.patience, self.learning_rate, "cosine")
 
     def n_directions_at(self, iteration: int) -> int:
         """First · 2^k, in equal stretches, up to the last."""
@@ -118,7 +118,7 @@ class Guard:
 
     def __post_init__(self):
         for name in ("max_retreats", "max_steps"):
-            require_positive_integer(getattr(self, name), name)
+            object.__setattr__(self, name, require_positive_integer(getattr(self, name), name))
         if self.max_crossings < 0:
             raise ValueError(f"max_crossings is {self.max_crossings!r}; a count >= 0 is needed")
         if not 0 < self.slow_down < 1:

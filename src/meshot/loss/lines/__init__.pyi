@@ -1,4 +1,2 @@
-from .plan import MonotonePlan as MonotonePlan
-from .plan import monotone_plan as monotone_plan
-from .projection import ProjectedLaw as ProjectedLaw
-from .projection import projected_law as projected_law
+from .plan import MonotonePlan as MonotonePlan, monotone_plan as monotone_plan
+from .projection import ProjectedLaw as ProjectedLaw, projected_law as projected_law

@@ -5,7 +5,7 @@ import dataclasses
 import torch
 
 from meshot.errors import as_floating
-from meshot.measure import require_probabilities
+from meshot.measure import as_probabilities
 from meshot.types import Float, Int64, Tensor
 
 
@@ -53,12 +53,12 @@ def monotone_plan(
     """
     sides = []
     for name, positions, weights in (("source", source, source_weights), ("target", target, target_weights)):
-        positions, weights = as_floating(positions, name), as_floating(weights, f"{name}_weights")
+        positions = as_floating(positions, name)
         if positions.ndim != 1 or len(positions) == 0:
             raise ValueError(
                 f"{name} has shape {tuple(positions.shape)}; (n,) is needed: places on a line, at least one"
             )
-        require_probabilities(weights, positions, len(positions))
+        weights = as_probabilities(weights, positions, len(positions))
         order = positions.detach().argsort(stable=True)
         ends = weights[order].cumsum(dim=0)
         # The last step of either side ends at one, whatever roundoff says.

@@ -7,7 +7,7 @@ import torch
 
 from meshot.loss.directions import require_directions
 from meshot.loss.exact import laid_law
-from meshot.measure import DiscreteMeasure, SurfaceMeasure
+from meshot.measure import Measure
 from meshot.types import Array, Float, Tensor
 
 
@@ -65,7 +65,7 @@ class ProjectedLaw:
         return np.where(at >= 0, np.minimum(below[first] + part, 1.0), 0.0)
 
 
-def projected_law(measure: SurfaceMeasure | DiscreteMeasure, direction: Float[Tensor, " d"]) -> ProjectedLaw:
+def projected_law(measure: Measure, direction: Float[Tensor, " d"]) -> ProjectedLaw:
     """The exact law of ⟨θ, X⟩ for X drawn from a measure: what :func:`meshot.sliced_wasserstein` compares.
 
     A triangle contributes a tent, so that a surface has a piecewise linear density; a segment contributes a box; a
@@ -73,7 +73,7 @@ def projected_law(measure: SurfaceMeasure | DiscreteMeasure, direction: Float[Te
 
     Parameters
     ----------
-    measure : SurfaceMeasure or DiscreteMeasure
+    measure : Measure
     direction : tensor
         A unit vector θ.
 
@@ -86,8 +86,7 @@ def projected_law(measure: SurfaceMeasure | DiscreteMeasure, direction: Float[Te
     -----
     O((F + V) log V) time.
     """
-    places = measure.vertices if isinstance(measure, SurfaceMeasure) else measure.points
-    row = require_directions(torch.as_tensor(direction)[None], places)
+    row = require_directions(torch.as_tensor(direction)[None], measure.places)
     starts, extents, masses, changes = (values[:-1] for values in laid_law(measure, row[0]))
     means = np.divide(masses, extents, out=np.zeros_like(masses), where=extents > 0)
     densities = means[:, None] * (1 + changes[:, None] * np.array([-1.0, 1.0]))

@@ -1,2 +1,1 @@
-from .files import PAGE as PAGE
-from .files import write_reconstruction as write_reconstruction
+from .files import PAGE as PAGE, write_reconstruction as write_reconstruction

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from meshot.files import whole_folder
+from meshot.files import printable_name, whole_folder
 from meshot.mesh import write_mesh
 from meshot.metrics import vertex_distances
 from meshot.pipeline.networks import TrainedNetworks
@@ -29,7 +29,6 @@ def write_reconstruction(
     path: str | os.PathLike,
     folder: str | os.PathLike,
     networks: TrainedNetworks,
-    n_steps: int | None = None,
     replace: bool = False,
     template: Volume | None = None,
 ) -> dict:
@@ -45,8 +44,6 @@ def write_reconstruction(
     folder : path
         New or empty; or an earlier reconstruction, if ``replace``.
     networks : TrainedNetworks
-    n_steps : int, optional
-        Of the flow; as many as the networks were trained with if left out.
     template : Volume, optional
         As in :func:`meshot.pipeline.reconstruct`.
     replace : bool
@@ -72,13 +69,12 @@ def write_reconstruction(
             bar.update(n_done - bar.n)
             bar.refresh()
 
-        n_steps = networks.n_steps if n_steps is None else n_steps
-        found = reconstruct(scan, networks.segmentation, networks.deformation, n_steps, tell, template, networks.method)
+        found = reconstruct(scan, networks.segmentation, networks.system, tell, template)
         clock = StageClock(2)
         with clock.stage("surfaces and numbers"):
             distances = {side: vertex_distances(s.final, s.initial) for side, s in found.surfaces.items()}
             _write_surfaces(temporary, found, scan)
-            report = _report(found, scan, path.name, networks, distances)
+            report = _report(found, scan, printable_name(path.name), networks, distances)
         bar.update()
         bar.set_description("pictures")
         with clock.stage("pictures"):
@@ -117,8 +113,7 @@ def _report(
         "scan": numbers_of_scan(scan, name),
         "warnings": list(found.warnings),
         "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
-        "n_steps": found.n_steps,
-        "method": networks.method,
+        "system": found.system,
         "to_standard": found.scan.to_standard.tolist(),
         "weights": networks.records,
     } | provenance()

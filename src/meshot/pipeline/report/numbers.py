@@ -41,10 +41,9 @@ def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]
     """
     n_lost, share = voxels_given_up(surface.segmented)
     settled = surface.settled
-    counts = _counts(surface.final)  # of both, which share their faces
     return {
-        "initial": counts | _measures(surface.initial),
-        "final": counts | _measures(surface.final),
+        "initial": _counts(surface.initial) | _measures(surface.initial),
+        "final": _counts(surface.final) | _measures(surface.final),
         "distance_from_initial_mm": {
             "mean": float(distances.mean()),
             "percentile_95": float(np.percentile(distances, 95)),

@@ -42,7 +42,7 @@ def _mesh_rows(report: dict) -> Rows:
         ("self-intersecting faces", "n_self_intersecting_faces"),
         ("volume inside (cm³)", "volume_cm3"), ("area (cm²)", "area_cm2"),
     ]  # fmt: skip
-    stages = ("initial", "final") if report["n_steps"] else ("initial",)
+    stages = ("initial", "final") if report["system"] else ("initial",)
     columns = [(side, stage) for side in surfaces for stage in stages]
     rows = [(label, *(_cell(surfaces[side][stage][key]) for side, stage in columns)) for label, key in meshes]
     return [("", *(f"{side}, {stage}" for side, stage in columns)), *rows]
@@ -52,13 +52,14 @@ def _move_rows(report: dict) -> Rows:
     """A head, and a row for each number of a hemisphere that is of neither mesh alone."""
     sides = report["surfaces"].values()
     rows = []
-    if report["n_steps"]:
+    if report["system"]:
         words = {"mean": "mean", "percentile_95": "95 % below", "largest": "largest"}
         rows = [
             (f"distance from the initial surface, {word} (mm)", *(s["distance_from_initial_mm"][key] for s in sides))
             for key, word in words.items()
         ]
-        mending = [s["mending"] for s in sides]
+    mending = [s["mending"] for s in sides]
+    if all(mending):
         rows += [
             ("faces that crossed after the flow, before mending", *(m["n_faces_crossing_before"] for m in mending)),
             ("largest move by mending (mm)", *(m["largest_move_mm"] for m in mending)),

@@ -32,7 +32,7 @@ class Picture:
 def slice_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
     """Slices of the original scan, two in each plane, with the outlines of the initial and the final surfaces."""
     stages = {"initial surface": [s.initial for s in found.surfaces.values()]}
-    if found.n_steps:
+    if found.system:
         stages["final surface"] = [s.final for s in found.surfaces.values()]
     meshes = {name: _together(parts) for name, parts in stages.items()}
     vertices = torch.cat([mesh.vertices for mesh in meshes.values()]).numpy()
@@ -78,7 +78,7 @@ def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]
     meshes = {side: surface.final for side, surface in found.surfaces.items()}
     alt = "The white surfaces of the left and the right hemisphere"
     try:
-        if not found.n_steps:
+        if not found.system:
             return interactive(meshes, alt=f"{alt}, as the segmentation has them.").html
         limit = max(float(np.percentile(numbers, 99)) for numbers in distances.values())
         return interactive(

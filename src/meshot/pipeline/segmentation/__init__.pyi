@@ -1,9 +1,6 @@
-from .data import example as example
-from .data import reduced_volume as reduced_volume
+from .data import example as example, reduced_volume as reduced_volume
 from .files import run_segmentation_training as run_segmentation_training
-from .segmenting import in_scanner as in_scanner
-from .segmenting import segment as segment
+from .segmenting import in_scanner as in_scanner, segment as segment
 from .settings import segmentation_config as segmentation_config
-from .surface import PROBABILITY_WEIGHT_MM as PROBABILITY_WEIGHT_MM
-from .surface import segmented_surface as segmented_surface
+from .surface import PROBABILITY_WEIGHT_MM as PROBABILITY_WEIGHT_MM, segmented_surface as segmented_surface
 from .training import train_segmentation as train_segmentation

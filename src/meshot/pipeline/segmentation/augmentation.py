@@ -52,10 +52,10 @@ class Augmentation:
                 f"flip is {self.flip!r}, intensity {self.intensity!r}, stretch {self.stretch!r}; they must lie in "
                 "[0, 1], [0, 1) and [0, 1)"
             )
-        if self.shift < 0 or not (0 <= self.turn < np.inf and 0 <= self.bend < np.inf):
-            raise ValueError(
-                f"shift is {self.shift!r}, turn {self.turn!r}, bend {self.bend!r}; finite numbers >= 0 are needed"
-            )
+        if isinstance(self.shift, bool) or not isinstance(self.shift, int) or not 0 <= self.shift <= 10_000:
+            raise ValueError(f"shift is {self.shift!r}; a whole number of voxels from 0 to 10000 is needed")
+        if not (0 <= self.turn < np.inf and 0 <= self.bend < np.inf):
+            raise ValueError(f"turn is {self.turn!r}, bend {self.bend!r}; finite numbers >= 0 are needed")
 
 
 def augmented(

@@ -7,13 +7,23 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from meshot.model import require_small
+from meshot.model import require_small, write_weights
 from meshot.pipeline.segmentation.data import read_examples
 from meshot.pipeline.segmentation.settings import read_segmentation_config
 from meshot.pipeline.segmentation.training import train_segmentation
-from meshot.pipeline.training_files import STATE_FOLDER, run_watched_training, shown_command, write_trained
+from meshot.pipeline.training_files import (
+    STATE_FOLDER,
+    WEIGHTS,
+    run_watched_training,
+    shown_command,
+    whole_record,
+    write_record,
+)
 from meshot.provenance import provenance
 from meshot.train import Training
+
+#: What the files of the network are called.
+NAME = "segmentation"
 
 
 def run_segmentation_training(
@@ -28,10 +38,11 @@ def run_segmentation_training(
     Parameters
     ----------
     config_path : path
-        Such as ``experiments/segmentation/small.yaml``.
+        A YAML file, or the name of one that comes with the package, such as "small".
     cohorts : sequence of path
     folder : path
-        See :func:`meshot.pipeline.training_files.write_trained`; ``state/`` is what a stopped training goes on from.
+        For ``segmentation.safetensors`` and its record, log and picture: see
+        :func:`meshot.pipeline.training_files.write_record`; ``state/`` is what a stopped training goes on from.
     changes : sequence of str
         Such as ``training.precision=bfloat16``, in place of what the configuration says.
     device : torch.device, optional
@@ -54,5 +65,8 @@ def run_segmentation_training(
         lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report, device),
     )
     command = shown_command("train-segmentation", config_path, cohorts, folder, changes, device=device)
-    write_trained(folder, found, config.as_dict(), command, [Path(cohort).absolute().name for cohort in cohorts])
+    names = [Path(cohort).absolute().name for cohort in cohorts]
+    record = whole_record(folder, config.as_dict(), found.results(), command, names)
+    write_weights(folder / f"{NAME}{WEIGHTS}", found.network, record)
+    write_record(folder, NAME, record, found.log)
     return found

@@ -4,12 +4,16 @@ import dataclasses
 import math
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 from meshot.errors import require_positive_integer
+from meshot.files import named_file
 from meshot.model import SegmentationNetwork
 from meshot.pipeline.segmentation.augmentation import Augmentation
 from meshot.train import Plan, changed_groups, checked_groups, read_groups, require_plan_settings, setting_names
 
+#: Where the configurations lie that come with the package.
+SETTINGS = Path(__file__).parent
 PRECISIONS = ("float32", "bfloat16")
 
 
@@ -39,6 +43,8 @@ class SegmentationSettings:
         In epochs; stop after ``patience`` validations in a row without a lower loss (None: never).
     save_every : int
         In steps.
+    averaging : float
+        Of the weights: see :class:`meshot.train.Plan`.
     seed : int
         Of everything random; step i draws from (seed, i), so that a resumed training draws what it would have drawn.
     precision : str
@@ -66,6 +72,7 @@ class SegmentationSettings:
     validate_every: int = 1
     patience: int | None = None
     save_every: int = 50
+    averaging: float = 0.0
     seed: int = 0
     precision: str = "float32"
 
@@ -75,6 +82,8 @@ class SegmentationSettings:
         if not 0 <= self.dice_weight < math.inf:
             raise ValueError(f"dice_weight is {self.dice_weight!r}; a finite number >= 0 is needed")
         self.augmentation()
+        if not isinstance(self.soft_labels, bool):
+            raise ValueError(f"soft_labels is {self.soft_labels!r}; true or false is needed")
         if self.precision not in PRECISIONS:
             raise ValueError(f"precision is {self.precision!r}; one of {', '.join(PRECISIONS)} is needed")
 
@@ -87,7 +96,7 @@ class SegmentationSettings:
         per_epoch = -(-n_examples // self.batch_size)
         return Plan(
             self.n_epochs * per_epoch, self.validate_every * per_epoch, self.save_every, self.patience,
-            self.learning_rate, self.schedule,
+            self.learning_rate, self.schedule, self.averaging,
         )  # fmt: skip
 
 
@@ -113,6 +122,7 @@ def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = (
     Parameters
     ----------
     path : path
+        A YAML file, or the name of one that comes with the package: tiny, small, paper.
     changes : sequence of str
         Such as ``training.precision=bfloat16``, in place of what the file says.
 
@@ -121,7 +131,7 @@ def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = (
     ValueError
         If the file is missing or no YAML, names something unknown, or a value will not do.
     """
-    return segmentation_config(changed_groups(read_groups(path, _KNOWN), changes), os.fspath(path))
+    return segmentation_config(changed_groups(read_groups(named_file(path, SETTINGS)), changes), os.fspath(path))
 
 
 def segmentation_config(content: object, name: str = "the configuration") -> SegmentationConfig:

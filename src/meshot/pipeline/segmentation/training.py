@@ -11,7 +11,7 @@ from meshot.model import SegmentationNetwork, segmentation_loss
 from meshot.pipeline.segmentation.augmentation import augmented
 from meshot.pipeline.segmentation.data import Example, digest
 from meshot.pipeline.segmentation.settings import SegmentationConfig, SegmentationSettings
-from meshot.train import Progress, Training, TrainingState, chosen_device, train
+from meshot.train import Progress, Task, Training, chosen_device, train_network
 from meshot.types import Float, Tensor
 from meshot.volume import dice
 
@@ -50,7 +50,6 @@ def train_segmentation(
     _require_examples(training, validation)
     settings, device = config.training, device or chosen_device()
     network = config.new_network().to(device)
-    state = TrainingState(network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
     data = {
         name: {"n_scans": len(part), "sha256": digest(part)}
         for name, part in (("training", training), ("validation", validation))
@@ -60,11 +59,11 @@ def train_segmentation(
         names, image, fractions = _batch(step, training, settings)
         return _loss(network, image.to(device), fractions.to(device), settings)[0], ", ".join(names)
 
-    train(
-        state, settings.plan(len(training)), loss_of, lambda: _validation(network, validation, settings, device),
+    return train_network(
+        network, settings.plan(len(training)),
+        Task(loss_of, lambda _: _validation(network, validation, settings, device)),
         config.as_dict() | {"data": data}, folder, progress,
     )  # fmt: skip
-    return Training(network.cpu(), state.best_step, state.lines, state.seconds, data)
 
 
 def _require_examples(training: Sequence[Example], validation: Sequence[Example]) -> None:

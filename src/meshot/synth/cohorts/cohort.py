@@ -173,7 +173,7 @@ def participants(
         raise ValueError(f"split is {split!r}; one of {', '.join(SPLITS)} is needed, or None for all")
     cohort, path = Path(cohort_dir), Path(cohort_dir) / "participants.tsv"
     if not path.is_file():
-        raise ValueError(f"{path} does not exist: {cohort} is no cohort; make one with data_synth/make_cohort.py")
+        raise ValueError(f"{path} does not exist: {cohort} is no cohort; make one with meshot make-cohort")
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file, delimiter="\t"))
     try:

@@ -17,6 +17,7 @@ import torch
 
 from meshot.errors import require_positive_integer
 from meshot.files import whole_file
+from meshot.provenance import processor
 from meshot.synth.cohorts import cohort
 from meshot.synth.cohorts.cohort import Participant, Subject
 from meshot.synth.cohorts.manifest import content_hash, write_manifest
@@ -147,7 +148,8 @@ def make_visit(recipe: Recipe, folder: Path, visit: Visit) -> str:
             subject = Subject(Path(hidden), visit.participant, visit.session, name)
             seconds[subject.name] = make_scan(recipe, subject, run)
             hashes[subject.name] = {p.name: content_hash(p) for p in subject.files()}
-        log = {"cpu_seconds": seconds | {"total": time.process_time() - started}, "hashes": hashes}
+        seconds |= {"total": time.process_time() - started}
+        log = {"cpu_seconds": seconds, "processor": processor(), "hashes": hashes}
         made = Path(hidden)
         # The derivatives first: the folder of the scans is the sign that all is there.
         for source, target in (

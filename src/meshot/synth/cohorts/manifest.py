@@ -53,11 +53,10 @@ def digest(hashes: dict[str, str]) -> str:
 
 
 def write_manifest(recipe: Recipe, folder: str | os.PathLike) -> None:
-    """Write ``manifest.json``: the recipe's name and seed, versions, and for each scan its seed, digest and hashes."""
+    """Write ``manifest.json``: the recipe's name and seed, versions, processors, and for each scan seed and hashes."""
     folder = Path(folder)
-    logged = {}
-    for path in sorted((folder / "logs").glob("*.json")):
-        logged |= json.loads(path.read_text(encoding="utf-8"))["hashes"]
+    logs = [json.loads(path.read_text(encoding="utf-8")) for path in sorted((folder / "logs").glob("*.json"))]
+    logged = {name: hashes for log in logs for name, hashes in log["hashes"].items()}
     found = {
         scan.name: {
             "split": scan.participant.split,
@@ -71,6 +70,8 @@ def write_manifest(recipe: Recipe, folder: str | os.PathLike) -> None:
         "recipe": recipe.name,
         "seed": recipe.seed,
         "versions": {name: importlib.metadata.version(name) for name in _MADE_BY},
+        # Visits that were made before their processor was noted have none.
+        "processors": sorted({log["processor"] for log in logs if "processor" in log}),
         "scans": found,
     }
     with whole_file(folder / "manifest.json") as temporary:
@@ -97,7 +98,7 @@ def _manifest(folder: Path) -> dict:
     participants(folder)
     path = folder / "manifest.json"
     if not path.is_file():
-        raise ValueError(f"{path} does not exist: the cohort is not finished; go on with data_synth/make_cohort.py")
+        raise ValueError(f"{path} does not exist: the cohort is not finished; go on with meshot make-cohort")
     return json.loads(path.read_text(encoding="utf-8"))
 
 

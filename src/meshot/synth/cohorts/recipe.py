@@ -7,13 +7,18 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from meshot.errors import require_positive_integer
+from meshot.extras import needing
+from meshot.files import named_file
+from meshot.plain_yaml import read_yaml
 from meshot.synth.cohorts.cohort import KINDS, SPLITS, Participant
 from meshot.synth.imaging import TISSUES, Appearance
 from meshot.synth.position import Position
 from meshot.synth.subject import Shape
+
+with needing("cortex"):
+    import yaml
 
 #: A number, or two between which one is drawn for each subject.
 Range = tuple[float, float]
@@ -96,18 +101,22 @@ class Recipe:
 def read_recipe(path: str | os.PathLike, **changes: object) -> Recipe:
     """A recipe from a YAML file, with some of its entries replaced.
 
+    Parameters
+    ----------
+    path : path
+        The file, or the name of a recipe that comes with the package: oasis_like, adni_like, test_retest, tiny.
+    changes
+        Entries, in place of those in the file.
+
     Raises
     ------
     ValueError
         If the file is missing or no YAML, names something unknown, or as :class:`Recipe`.
     """
-    path = Path(path)
+    path = named_file(path, Path(__file__).parent)
     if not path.is_file():
-        raise ValueError(f"{path} does not exist; the recipes lie in data_synth/")
-    try:
-        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is no YAML ({error}); see data_synth/tiny.yaml for one that is") from error
+        raise ValueError(f"{path} does not exist; name a YAML file, or a recipe of the package, such as tiny")
+    entries = read_yaml(path)
     if not isinstance(entries, dict):
         raise ValueError(f"{path} holds {type(entries).__name__}; entries such as 'subjects: 40' are needed")
     known = [field.name for field in dataclasses.fields(Recipe)]

@@ -5,9 +5,11 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from meshot._kernels import INNER, kernel
+
 
 @no_type_check
-@njit(cache=True)
+@njit(**INNER)
 def nearest_on_triangle(p, a, b, c):
     """The point of a triangle nearest to ``p``.
 
@@ -41,7 +43,7 @@ def nearest_on_triangle(p, a, b, c):
 
 
 @no_type_check
-@njit(cache=True)
+@kernel("distances to a surface", 5)
 def nearest_in_band(corners, sizes, shape, band):
     """For every voxel centre (index · size) within ``band`` of a triangle: squared distance and nearest point."""
     squared = np.full(shape, np.inf)
@@ -69,7 +71,7 @@ def nearest_in_band(corners, sizes, shape, band):
 
 
 @no_type_check
-@njit(cache=True)
+@kernel("distances to a surface", 5)
 def spread_nearest(squared, foot, sizes, n_rounds):
     """Let every voxel as yet without a distance try the nearest points of its 26 neighbours, there and back, in place.
 

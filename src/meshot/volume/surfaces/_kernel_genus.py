@@ -6,6 +6,8 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from meshot._kernels import INNER, kernel
+
 OFFSETS = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.int64)
 CENTRE = 13
 
@@ -28,7 +30,7 @@ _FACES = np.flatnonzero(_DISTANCE == 1)
 _ALL = np.flatnonzero(_DISTANCE > 0)
 
 
-@njit(cache=True)
+@njit(**INNER)
 @no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
 def _components(values, wanted, seeds, adjacent):
     """Number of components of the places with a wanted value that hold at least one of the seeds."""
@@ -55,14 +57,14 @@ def _components(values, wanted, seeds, adjacent):
     return count
 
 
-@njit(cache=True)
+@kernel("the correction of topology", 5)
 @no_type_check
 def is_simple(values):
     """Whether adding the centre keeps the topology: one 26-component of object around it, one 6-component beside."""
     return _components(values, True, _ALL, _ADJACENT_26) == 1 and _components(values, False, _FACES, _ADJACENT_6) == 1
 
 
-@njit(cache=True)
+@kernel("the correction of topology", 5)
 @no_type_check
 def stays_well_composed(values):
     """Whether neither object nor background gets voxels that meet only in an edge or corner when the centre joins."""
@@ -84,7 +86,7 @@ def stays_well_composed(values):
     return True
 
 
-@njit(cache=True)
+@kernel("the correction of topology", 5)
 @no_type_check
 def flood(mask, priority, seed):
     """Grow from a seed inside a mask, best priority first, by voxels that keep the topology of a ball.

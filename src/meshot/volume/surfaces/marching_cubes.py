@@ -1,12 +1,15 @@
 """The surface where a volume crosses a level, in scanner mm."""
 
 import numpy as np
-import skimage.measure
 import torch
 
+from meshot.extras import needing
 from meshot.mesh import Mesh
 from meshot.types import Array, Bool
 from meshot.volume.volume import Volume, voxel_to_mm
+
+with needing("cortex"):
+    import skimage.measure
 
 
 def isosurface(volume: Volume, level: float = 0.5) -> Mesh:

@@ -1,0 +1,49 @@
+"""``meshot make-cohort RECIPE OUT``."""
+
+import argparse
+import os
+from pathlib import Path
+
+from meshot.cli.note import NOTE, Commands
+
+
+def add_to(commands: Commands) -> None:
+    """Let the command line know the command and its arguments."""
+    command = commands.add_parser(
+        "make-cohort",
+        help="make synthetic scans whose surfaces are known",
+        description=f"Make a synthetic cohort from a recipe; stopped, the same command goes on. {NOTE}",
+        epilog="Recipes that come with the package: oasis_like, adni_like, test_retest, tiny.",
+    )
+    command.add_argument("recipe", help="the name of a recipe that comes with the package, or a YAML file")
+    command.add_argument("folder", type=Path, help="where the cohort shall be, or was begun")
+    command.add_argument("--jobs", type=int, default=1, help="processes that share the work (default: %(default)s)")
+    command.add_argument("--subjects", type=int, help="template subjects, in place of the recipe's number")
+    command.add_argument("--days", type=int, help="days on which each subject is scanned")
+    command.add_argument("--keep", type=Path, metavar="FILE", help="put the digests into this file of manifests")
+    command.add_argument("--check", action="store_true", help="make nothing; compare a cohort with its manifest")
+    command.set_defaults(run=_run)
+
+
+def _run(chosen: argparse.Namespace) -> int:
+    # Before NumPy is loaded: one thread for each process, so that --jobs says how busy the machine is.
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    import torch
+    from tqdm import tqdm
+
+    from meshot.synth.cohorts import changed_files, keep_digests, make_cohort, open_cohort, read_recipe, visits
+
+    torch.set_num_threads(1)
+    recipe = read_recipe(chosen.recipe, **{k: v for k in ("subjects", "days") if (v := getattr(chosen, k)) is not None})
+    if chosen.check:
+        changed = changed_files(chosen.folder)
+        print("\n".join(changed) if changed else "every file is as it was made")
+        return int(bool(changed))
+    missing, everything = len(open_cohort(recipe, chosen.folder)), len(visits(recipe))
+    made = make_cohort(recipe, chosen.folder, chosen.jobs)
+    for name in tqdm(made, desc=recipe.name, total=everything, initial=everything - missing, unit="visit"):
+        tqdm.write(f"{name} is ready")
+    if chosen.keep:
+        keep_digests(chosen.keep, chosen.folder)
+    return 0

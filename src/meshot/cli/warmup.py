@@ -1,0 +1,90 @@
+"""``meshot warmup``."""
+
+import argparse
+import contextlib
+import io
+
+from meshot.cli.note import Commands
+
+
+def add_to(commands: Commands) -> None:
+    """Let the command line know the command."""
+    command = commands.add_parser(
+        "warmup",
+        help="compile all kernels now, so that no first call has to wait",
+        description="Compile all kernels now, once, and keep them: beside the package, or in the user's cache where "
+        "the package cannot be written to, or in NUMBA_CACHE_DIR.",
+    )
+    command.set_defaults(run=_run)
+
+
+def _run(chosen: argparse.Namespace) -> None:
+    from tqdm import tqdm
+
+    from meshot._kernels import require_kept
+
+    bar = tqdm((_sliced, _exact, _grid_flow, _deformation_network, _initial_surface))
+    for call in bar:
+        bar.set_description(call.__name__.strip("_").replace("_", " "))
+        with contextlib.redirect_stderr(io.StringIO()):  # the bar says what is compiled
+            call()
+    require_kept()
+
+
+# Each calls some kernels on next to no data, in the dtypes in which the package calls them.
+
+
+def _sliced() -> None:
+    import meshot
+    from meshot.mesh.shapes import icosphere
+
+    sphere = icosphere(0)
+    moving = meshot.Mesh(sphere.vertices.requires_grad_(), sphere.faces)
+    meshot.sliced_wasserstein(
+        meshot.varifold(moving), meshot.varifold(sphere), meshot.quasi_directions(2, 6)
+    ).backward()
+
+
+def _exact() -> None:
+    import meshot
+    from meshot.mesh.shapes import icosphere
+
+    sphere = icosphere(0)
+    moving = meshot.Mesh(sphere.vertices.requires_grad_(), sphere.faces)
+    points = meshot.DiscreteMeasure(sphere.vertices.detach().clone().requires_grad_())
+    for target in (meshot.surface(sphere), points):
+        meshot.sliced_wasserstein(meshot.surface(moving), target, meshot.quasi_directions(2, 3)).backward()
+
+
+def _grid_flow() -> None:
+    import torch
+
+    from meshot.flow.fields import spline_values
+
+    for dtype in (torch.float32, torch.float64):
+        lattice = torch.zeros(4, 4, 4, 3, dtype=dtype, requires_grad=True)
+        spline_values(lattice, torch.full((1, 3), 1.5, dtype=dtype, requires_grad=True)).sum().backward()
+
+
+def _deformation_network() -> None:
+    import torch
+
+    from meshot.model import DeformationNetwork
+    from meshot.volume import Volume
+
+    image = Volume(torch.zeros(8, 8, 8).numpy(), torch.eye(4, dtype=torch.float64).numpy())
+    for dtype in (torch.float32, torch.float64):
+        network = DeformationNetwork(width=4, hidden=(4,), n_scales=1).to(dtype)
+        places = torch.full((2, 3), 3.5, dtype=dtype, requires_grad=True)
+        network.velocity_in(image, "visited").prepared()(torch.zeros((), dtype=dtype), places).sum().backward()
+
+
+def _initial_surface() -> None:
+    import numpy as np
+
+    from meshot.volume import Volume
+    from meshot.volume.surfaces import genus_zero, signed_distance
+
+    ball = np.linalg.norm(np.indices((7, 7, 7)) - 3.0, axis=0) < 2.5
+    genus_zero(ball, ball.astype(np.float64))
+    signed_distance(Volume(ball.astype(np.float64), np.eye(4)))

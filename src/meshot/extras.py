@@ -1,0 +1,21 @@
+"""Libraries that only some installations have: those of the extras ``cortex`` and ``book``."""
+
+import contextlib
+from collections.abc import Iterator
+
+
+@contextlib.contextmanager
+def needing(extra: str) -> Iterator[None]:
+    """Around the import of a library of an extra: says what to install where it is missing.
+
+    Raises
+    ------
+    ImportError
+        If the library is not installed.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ImportError(
+            f"{error.name} is not installed, and this part of meshot needs it: pip install 'meshot[{extra}]'"
+        ) from error

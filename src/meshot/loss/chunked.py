@@ -1,0 +1,103 @@
+"""The sliced loss off the processor: some directions at a time, each with its gradient, so that memory is bounded."""
+
+import torch
+from torch.autograd.function import once_differentiable
+
+from meshot.loss.plain import plain_costs, power, quantile_cells, row_order, same_equal_masses
+from meshot.measure import Measure
+from meshot.types import Float, Tensor
+
+_CHUNK = 1 << 22  # projected points of both sides at a time; a chunk takes some ten numbers for each
+
+
+def chunked_sliced_wasserstein(
+    source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float
+) -> Float[Tensor, ""]:
+    """The mean of :func:`meshot.loss.plain.plain_costs`, on any device, in memory for one chunk of directions.
+
+    The gradient is found with the value, as in the kernel for processors, and can be taken once; there is none in the
+    directions.
+    """
+    return _Chunked.apply(source.places, source.weights, target.places, target.weights, directions, p)
+
+
+@torch.no_grad()
+def chunked_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, " L"]:
+    """The values of :func:`meshot.loss.plain.plain_costs`, without gradient, in memory for one chunk of directions."""
+    chunks = _split(directions, len(source.places) + len(target.places))
+    return torch.cat([plain_costs(source, target, chunk, p) for chunk in chunks])
+
+
+def _split(directions: Tensor, n_points: int) -> tuple[Tensor, ...]:
+    return directions.split(max(1, _CHUNK // n_points))
+
+
+class _Chunked(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, x, a, y, b, directions, p):
+        wanted = ctx.needs_input_grad[:4]
+        sums = [torch.zeros_like(t) if w else None for t, w in zip((x, a, y, b), wanted)]
+        total = directions.new_zeros(())
+        paired = not (wanted[1] or wanted[3]) and same_equal_masses(a.detach(), b.detach())
+        for lines in _split(directions, len(x) + len(y)):
+            projected, other = lines @ x.T, lines @ y.T
+            costs, pulls = _paired(projected, other, p) if paired else _merged(projected, a, other, b, p, sums[1::2])
+            total += costs.sum()
+            for to_points, pull in zip(sums[::2], pulls):
+                if to_points is not None:
+                    to_points += pull.T @ lines
+        ctx.gradients = [None if g is None else g / len(directions) for g in sums]
+        return total / len(directions)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, grad_output):
+        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None
+
+
+def _paired(x: Tensor, y: Tensor, p: float) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+    """Equal masses: the cost of every row, and its gradients in the projected points."""
+    x_order, y_order = row_order(x), row_order(y)
+    gap = x.gather(1, x_order) - y.gather(1, y_order)
+    pull = _slope(gap, p) / gap.shape[1]
+    return power(gap, p).mean(dim=1), (
+        torch.empty_like(x).scatter_(1, x_order, pull),
+        torch.empty_like(y).scatter_(1, y_order, -pull),
+    )
+
+
+def _merged(
+    x: Tensor, a: Tensor, y: Tensor, b: Tensor, p: float, to_weights: list[Tensor | None]
+) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+    """Any masses: the cost of every row, its gradients in the projected points, and, added up, those in the weights.
+
+    Moving the end of a cell gives its cost in place of that of the next; the ends of steps are sums of weights.
+    """
+    cells = quantile_cells(x, a, y, b)
+    cost = power(cells.gap, p)
+    pull = _slope(cells.gap, p) * cells.mass
+    pulls = (
+        _to_points(pull, cells.source_step, cells.source_order),
+        _to_points(-pull, cells.target_step, cells.target_order),
+    )
+    if any(sums is not None for sums in to_weights):
+        drops = -torch.diff(cost, dim=1, append=torch.zeros_like(cost[:, :1]))
+        of_ends = torch.empty_like(drops).scatter_(1, cells.order, drops).split([x.shape[1], y.shape[1]], dim=1)
+        for sums, ends, order in zip(to_weights, of_ends, (cells.source_order, cells.target_order)):
+            if sums is not None:
+                potential = ends.flip(1).cumsum(dim=1).flip(1)
+                sums.scatter_add_(0, order.flatten(), potential.flatten())
+    return (cost * cells.mass).sum(dim=1), pulls
+
+
+def _to_points(pull: Tensor, step: Tensor, order: Tensor) -> Tensor:
+    """What pulls on the cells of each step, at the point that the step belongs to."""
+    of_steps = pull.new_zeros(order.shape).scatter_add_(1, step, pull)
+    return torch.empty_like(of_steps).scatter_(1, order, of_steps)
+
+
+def _slope(gap: Tensor, p: float) -> Tensor:
+    """The derivative of |gap|^p."""
+    if p == 2:
+        return 2 * gap
+    return gap.sign() if p == 1 else p * gap.abs().pow(p - 1) * gap.sign()

@@ -1,0 +1,167 @@
+"""Losses between two measures, by name, each with settings of its own."""
+
+import abc
+import dataclasses
+import math
+from typing import ClassVar
+
+import numpy as np
+import torch
+
+from meshot.errors import require_positive_integer
+from meshot.loss.directions import random_directions
+from meshot.loss.nearest import chamfer
+from meshot.loss.sinkhorn import sinkhorn_divergence
+from meshot.loss.sliced import sliced_wasserstein
+from meshot.loss.windowed import windowed_sliced_wasserstein
+from meshot.measure import Measure
+from meshot.types import Float, Tensor
+
+
+class MeasureLoss(abc.ABC):
+    """A loss between measures; a frozen dataclass, whose fields are its settings.
+
+    Attributes
+    ----------
+    takes_continuous : bool
+        Whether it takes a measure without supports.
+    """
+
+    takes_continuous: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss; whatever is drawn is drawn from ``generator``."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SlicedLoss(MeasureLoss):
+    """The sliced Wasserstein distance, to the power p: see :func:`meshot.sliced_wasserstein`.
+
+    Parameters
+    ----------
+    n_directions : int
+        Drawn anew at every call.
+    p : int
+        The exponent: 1 or 2.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside its range.
+    """
+
+    takes_continuous: ClassVar[bool] = True
+    n_directions: int = 100
+    p: int = 2
+
+    def __post_init__(self):
+        require_positive_integer(self.n_directions, "n_directions")
+        _require_exponent(self.p)
+
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss along fresh directions."""
+        directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
+        return sliced_wasserstein(source, target, directions, self.p)
+
+
+@dataclasses.dataclass(frozen=True)
+class WindowedLoss(MeasureLoss):
+    """The sliced distance within windows of space: see :func:`meshot.windowed_sliced_wasserstein`. Not in the paper.
+
+    Parameters
+    ----------
+    window : float
+        The radius, in mm.
+    n_windows : int
+        How many are drawn at every call, around places of the target, by area.
+    n_directions : int
+        For each of them.
+    p : int
+        The exponent: 1 or 2.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside its range.
+    """
+
+    window: float = 6.0
+    n_windows: int = 32
+    n_directions: int = 100
+    p: int = 2
+
+    def __post_init__(self):
+        _require_positive(self.window, "window")
+        require_positive_integer(self.n_windows, "n_windows")
+        require_positive_integer(self.n_directions, "n_directions")
+        _require_exponent(self.p)
+
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss in fresh windows, each with directions of its own."""
+        n_lines, d = self.n_windows * self.n_directions, source.places.shape[1]
+        lines = random_directions(n_lines, d, generator).to(source.places)
+        shares = target.weights.double().cpu().numpy()
+        drawn = generator.choice(len(shares), self.n_windows, p=shares / shares.sum())
+        centres = target.places[torch.from_numpy(drawn).to(lines.device), :3]
+        sets = lines.reshape(self.n_windows, self.n_directions, -1)
+        return windowed_sliced_wasserstein(source, target, centres, self.window, sets, self.p)
+
+
+@dataclasses.dataclass(frozen=True)
+class ChamferLoss(MeasureLoss):
+    """The Chamfer distance, squared: see :func:`meshot.chamfer`."""
+
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss; nothing is drawn."""
+        return chamfer(source, target)
+
+
+@dataclasses.dataclass(frozen=True)
+class SinkhornLoss(MeasureLoss):
+    """The debiased Sinkhorn divergence: see :func:`meshot.sinkhorn_divergence`.
+
+    Parameters
+    ----------
+    p : int
+        The exponent: 1 or 2.
+    blur : float
+        In mm.
+    scaling : float
+        In (0, 1): nearer to one is slower and more exact.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside its range.
+    """
+
+    p: int = 2
+    blur: float = 5.0
+    scaling: float = 0.5
+
+    def __post_init__(self):
+        _require_exponent(self.p)
+        _require_positive(self.blur, "blur")
+        if not 0 < self.scaling < 1:
+            raise ValueError(f"scaling is {self.scaling!r}; a number in (0, 1) is needed")
+
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss; nothing is drawn."""
+        return sinkhorn_divergence(source, target, self.p, self.blur, self.scaling)
+
+
+def _require_exponent(p: int) -> None:
+    if p not in (1, 2):
+        raise ValueError(f"p is {p!r}; 1 or 2 is needed")
+
+
+def _require_positive(value: float, name: str) -> None:
+    if not 0 < value < math.inf:
+        raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed")
+
+
+#: Every loss by the name that settings give it.
+LOSSES: dict[str, type[MeasureLoss]] = {
+    "sliced": SlicedLoss, "windowed": WindowedLoss, "chamfer": ChamferLoss, "sinkhorn": SinkhornLoss,
+}  # fmt: skip

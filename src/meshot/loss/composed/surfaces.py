@@ -1,0 +1,109 @@
+"""A loss between two surfaces: a loss of measures on an encoding."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from meshot.loss.composed.encodings import ENCODINGS, Encoding, VarifoldEncoding
+from meshot.loss.composed.measure_losses import LOSSES, MeasureLoss, SlicedLoss
+from meshot.mesh import Mesh
+from meshot.types import Float, Tensor
+
+_VARIFOLD, _SLICED = VarifoldEncoding(), SlicedLoss()
+
+
+@dataclasses.dataclass(frozen=True)
+class SurfaceLoss:
+    """A loss on an encoding.
+
+    DDOT is ``SurfaceLoss(VarifoldEncoding(normal_scale=1.0))``, CortexODE ``SurfaceLoss(SampleEncoding(),
+    ChamferLoss())``.
+
+    Parameters
+    ----------
+    encoding : Encoding
+        What becomes of each mesh.
+    loss : MeasureLoss
+        What is computed of both.
+    factor : float
+        What the loss is multiplied by. Adam hardly notices.
+
+    Raises
+    ------
+    ValueError
+        If the loss does not take the encoding, or the factor is not positive.
+
+    References
+    ----------
+    Le et al., ICLR 2024, Algorithm 1 and Table 3; Ma et al., *CortexODE*, IEEE TMI 2022.
+    """
+
+    encoding: Encoding = _VARIFOLD
+    loss: MeasureLoss = _SLICED
+    factor: float = 1.0
+
+    def __post_init__(self):
+        if self.encoding.continuous and not self.loss.takes_continuous:
+            able = ", ".join(name for name, kind in LOSSES.items() if kind.takes_continuous)
+            raise ValueError(f"{self.loss} takes no measure without supports, as {self.encoding} is one; {able} does")
+        if not 0 < self.factor < math.inf:
+            raise ValueError(f"factor is {self.factor!r}; a finite number > 0 is needed")
+
+    def __call__(self, source: Mesh, target: Mesh, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss between two meshes, times ``factor``; whatever is drawn is drawn from ``generator``."""
+        n_default = len(source.faces)
+        first, second = (self.encoding.measure(mesh, n_default, generator) for mesh in (source, target))
+        return self.factor * self.loss(first, second, generator)
+
+    def settings(self) -> dict:
+        """The same as settings, flat, as :func:`surface_loss` reads them."""
+        names = {"loss": _name_of(LOSSES, self.loss), "encoding": _name_of(ENCODINGS, self.encoding)}
+        return names | dataclasses.asdict(self.encoding) | dataclasses.asdict(self.loss) | {"factor": self.factor}
+
+
+def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss:
+    """A loss between surfaces from flat settings, as they stand in a YAML file.
+
+    Parameters
+    ----------
+    settings : mapping
+        ``loss`` and ``encoding`` are names (sliced, and varifold, if left out); the others are fields of these two, and
+        ``factor``. None counts as left out.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, a setting is one that neither part uses, or a value will not do.
+    """
+    given = {name: value for name, value in settings.items() if value is not None}
+    loss, encoding = str(given.pop("loss", "sliced")), str(given.pop("encoding", "varifold"))
+    kinds = {"encoding": _kind_of(ENCODINGS, encoding, "encoding"), "loss": _kind_of(LOSSES, loss, "loss")}
+    factor, parts = given.pop("factor", 1.0), {}
+    for part, kind in kinds.items():
+        own = {field.name for field in dataclasses.fields(kind)} & given.keys()
+        parts[part] = kind(**{name: given.pop(name) for name in sorted(own)})
+    if given:
+        used = [field.name for kind in kinds.values() for field in dataclasses.fields(kind)]
+        raise ValueError(
+            f"{', '.join(given)} is set, which {loss} on {encoding} does not use; it uses "
+            f"{', '.join([*used, 'factor'])}: leave the others out, or set them to null"
+        )
+    return SurfaceLoss(**parts, factor=factor)
+
+
+def loss_setting_names() -> set[str]:
+    """Every setting that some loss or some encoding uses."""
+    fields = {f.name for kind in (*LOSSES.values(), *ENCODINGS.values()) for f in dataclasses.fields(kind)}
+    return {"loss", "encoding", "factor"} | fields
+
+
+def _kind_of(table: Mapping[str, type], name: str, what: str) -> type:
+    if name not in table:
+        raise ValueError(f"{what} is {name!r}; one of {', '.join(table)} is needed")
+    return table[name]
+
+
+def _name_of(table: Mapping[str, type], part: object) -> str:
+    return next(name for name, kind in table.items() if type(part) is kind)

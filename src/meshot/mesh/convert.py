@@ -1,0 +1,105 @@
+"""Meshes to and from trimesh and PyVista, which are imported when they are needed."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from meshot.types import Array
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
+
+#: File formats, by suffix, that PyVista (VTP, VTK) and trimesh (GLB) read and write for us.
+EXCHANGED = ("vtp", "vtk", "glb")
+
+
+def trimesh_arrays(other: Any) -> tuple[Array, Array]:
+    """Vertices and faces of a ``trimesh.Trimesh``, or of all in a ``trimesh.Scene``, where its transforms put them.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or a scene without triangles.
+    """
+    import trimesh
+
+    if isinstance(other, trimesh.Scene):
+        other = other.to_mesh()
+    if not isinstance(other, trimesh.Trimesh):
+        raise ValueError(f"a {_kind(other)} came; a trimesh.Trimesh or a trimesh.Scene is needed")
+    if len(other.faces) == 0:
+        raise ValueError(f"the {_kind(other)} has no triangles; a triangle mesh is needed")
+    return np.array(other.vertices, np.float64), np.array(other.faces, np.int64)
+
+
+def as_trimesh(vertices: Array, faces: Array) -> "trimesh.Trimesh":
+    """A ``trimesh.Trimesh`` with these vertices and faces, in this order: nothing is merged."""
+    import trimesh
+
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def pyvista_arrays(other: Any) -> tuple[Array, Array]:
+    """Vertices and faces of a ``pyvista.PolyData``; faces with more than three corners, and strips, are cut.
+
+    Raises
+    ------
+    ValueError
+        If it is another class, or has no triangles.
+    """
+    import pyvista
+
+    if not isinstance(other, pyvista.PolyData):
+        raise ValueError(
+            f"a {_kind(other)} came; a pyvista.PolyData is needed: other data sets of PyVista have .extract_surface()"
+        )
+    surface = other if other.is_all_triangles and other.n_strips == 0 else other.triangulate()
+    faces = np.array(surface.regular_faces, np.int64)
+    if len(faces) == 0:
+        raise ValueError(f"the {_kind(other)} has no triangles; a triangle mesh is needed")
+    return np.array(surface.points, np.float64), faces
+
+
+def as_pyvista(vertices: Array, faces: Array) -> "pyvista.PolyData":
+    """A ``pyvista.PolyData`` with these vertices and faces, in double precision."""
+    import pyvista
+
+    return pyvista.PolyData.from_regular_faces(np.asarray(vertices), np.asarray(faces))
+
+
+def read_exchanged(path: Path, kind: str) -> tuple[Array, Array]:
+    """Vertices and faces from a file of one of the ``EXCHANGED`` formats.
+
+    A GLB file holds a scene: all its meshes are joined, whatever their materials, where the scene puts them, and
+    vertices that coincide, as at the seams of materials and normals, are merged.
+
+    Raises
+    ------
+    ValueError
+        If the file holds no triangles.
+    """
+    if kind != "glb":
+        import pyvista
+
+        return pyvista_arrays(pyvista.read(path, force_ext=f".{kind}"))
+    import trimesh
+
+    with path.open("rb") as file:
+        vertices, faces = trimesh_arrays(trimesh.load_scene(file, file_type=kind, process=False))
+    _, first, places = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+    kept = np.sort(first)
+    return vertices[kept], np.searchsorted(kept, first)[places.reshape(-1)][faces]
+
+
+def write_exchanged(path: Path, kind: str, vertices: Array, faces: Array) -> None:
+    """Write a file of one of the ``EXCHANGED`` formats, whose suffix the path must have."""
+    if kind == "glb":
+        as_trimesh(vertices, faces).export(path, file_type=kind)
+    else:
+        as_pyvista(vertices, faces).save(path)
+
+
+def _kind(value: object) -> str:
+    return f"{type(value).__module__.split('.')[0]}.{type(value).__qualname__}".removeprefix("builtins.")

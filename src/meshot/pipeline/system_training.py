@@ -1,0 +1,87 @@
+"""The training of a system, from its name and a configuration to files."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+from tqdm import tqdm
+
+from meshot.model import SegmentationNetwork, network_digest, read_weights
+from meshot.pipeline.examples import InitialSurfaces
+from meshot.pipeline.networks import SEGMENTATION
+from meshot.pipeline.training_files import (
+    STATE_FOLDER,
+    run_watched_training,
+    shown_command,
+    whole_record,
+    write_record,
+)
+from meshot.provenance import provenance
+from meshot.systems import SHIPPED, ExampleSets, Part, SurfaceSystem, get_system, read_settings
+
+
+def run_system_training(
+    name: str,
+    config: str | os.PathLike,
+    cohorts: Sequence[str | os.PathLike],
+    folder: str | os.PathLike,
+    segmentation: str | os.PathLike,
+    initial: str | os.PathLike,
+    changes: Sequence[str] = (),
+    device: torch.device | None = None,
+) -> SurfaceSystem:
+    """Train a system on cohorts, with a progress bar, and write what came of it.
+
+    Into ``folder`` goes for every part of the system what :func:`meshot.pipeline.training_files.write_record` writes,
+    beside the weights, ``PART.safetensors``; ``state/`` is what a stopped training goes on from.
+
+    Parameters
+    ----------
+    name : str
+        Of the system: see :func:`meshot.systems.get_system`.
+    config : path or str
+        A YAML file, or the name of a setting that comes with the system.
+    cohorts : sequence of path
+    folder : path
+    segmentation : path
+        Weights of the segmentation network, which makes the initial surfaces.
+    initial : path
+        Where these are kept: what is there already is not made again.
+    changes : sequence of str
+        Such as ``training.seed=1``, in place of what the configuration says.
+    device : torch.device, optional
+        The accelerator if there is one, else the processor, if left out.
+
+    Raises
+    ------
+    ValueError
+        If the system is unknown, or the configuration, a cohort, the weights or the folder will not do.
+    """
+    folder, made, kind = Path(folder), provenance(), get_system(name)
+    settings = read_settings(kind, config, changes)
+    network, _ = read_weights(segmentation, SegmentationNetwork)
+    surfaces = InitialSurfaces(initial, network)
+    sets = (
+        surfaces.examples(cohorts, split, kind.surfaces, kind.needs, lambda found, s=split: tqdm(found, desc=s))
+        for split in ("train", "validation")
+    )
+    examples = ExampleSets(*sets)
+    found = run_watched_training(
+        folder, made, lambda report: kind.train(examples, settings, folder / STATE_FOLDER, report, device)
+    )
+    own = None if Path(segmentation) == SHIPPED / SEGMENTATION else segmentation
+    command = shown_command(f"train {name}", config, cohorts, folder, changes, own, device)
+    extra = {"segmentation_sha256": network_digest(network)} if kind.needs else {}
+    trained = kind({part: _recorded(each, folder, command, cohorts, extra) for part, each in found.parts.items()})
+    trained.save(folder)
+    for part, each in trained.parts.items():
+        write_record(folder, part, each.record, each.log)
+    return trained
+
+
+def _recorded(part: Part, folder: Path, command: str, cohorts: Sequence[str | os.PathLike], extra: dict) -> Part:
+    settings = {key: value for key, value in part.record.items() if key != "results"}
+    names = [Path(cohort).absolute().name for cohort in cohorts]
+    record = whole_record(folder, settings, part.record["results"] | extra, command, names)
+    return Part(part.network, record, part.log)

@@ -1,0 +1,14 @@
+from .arms import arm_differences as arm_differences
+from .intervals import (
+    LEVEL as LEVEL,
+    Interval as Interval,
+    bootstrap_interval as bootstrap_interval,
+    mean_interval as mean_interval,
+    paired_interval as paired_interval,
+    percentile_interval as percentile_interval,
+)
+from .power_laws import (
+    Slope as Slope,
+    averages as averages,
+    fitted_slope as fitted_slope,
+)

@@ -1,0 +1,134 @@
+"""Confidence intervals of 95 %: Student's for means, the percentile bootstrap for other statistics."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from meshot.rng import Generator, numpy_generator
+from meshot.types import Array
+
+Values = Sequence[float] | Array
+
+#: How often an interval holds the true value.
+LEVEL = 0.95
+
+
+class Interval(NamedTuple):
+    """A statistic and the ends of its 95 % interval: unpacks as ``value, low, high``."""
+
+    value: float
+    low: float
+    high: float
+
+
+def mean_interval(values: Values) -> Interval:
+    """The mean of independent values, with Student's 95 % interval: mean ± t·s/√n.
+
+    Exact for normal values. Where all values are equal, both ends are the mean.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two values, or one is not finite.
+    """
+    numbers = _numbers(values)
+    # SciPy's own interval of a t-test is not a number where all values are equal.
+    half = float(stats.t.ppf((1 + LEVEL) / 2, len(numbers) - 1) * stats.sem(numbers))
+    mean = float(numbers.mean())
+    return Interval(mean, mean - half, mean + half)
+
+
+def paired_interval(first: Values, second: Values) -> Interval:
+    """The mean of ``first − second``, pair by pair, with Student's 95 % interval, as of a paired t-test.
+
+    Parameters
+    ----------
+    first, second : sequence of float
+        Values of two arms that share their chance: the same seeds, or the same subjects, in the same order.
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ, there are fewer than two pairs, or a value is not finite.
+    """
+    if len(first) != len(second):
+        raise ValueError(f"there are {len(first)} and {len(second)} values; pairs are needed, one of each for a seed")
+    return mean_interval(np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64))
+
+
+def bootstrap_interval(
+    *samples: Values,
+    statistic: Callable[..., Array] = np.mean,
+    paired: bool = False,
+    n_draws: int = 2000,
+    generator: Generator = 0,
+) -> Interval:
+    """A statistic of one or more samples, with its 95 % interval by the percentile bootstrap.
+
+    Each sample is drawn anew, with replacement, ``n_draws`` times; the interval is the middle 95 % of the statistics
+    of the draws. It is too narrow where values are few: for the mean of eight, by about a fifth.
+
+    Parameters
+    ----------
+    *samples : sequences of float
+        As many as the statistic takes.
+    statistic : callable
+        Takes the samples as arrays and ``axis``, along which their values lie.
+    paired : bool
+        Whether values at the same place of the samples belong together, and are drawn together.
+    n_draws : int
+        How often the samples are drawn anew.
+    generator : numpy.random.Generator, torch.Generator or int
+        Of these draws.
+
+    Raises
+    ------
+    ValueError
+        If a sample has fewer than two values or one that is not finite, or paired samples differ in length.
+
+    References
+    ----------
+    Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 13.
+    """
+    numbers = [_numbers(sample) for sample in samples]
+    if paired and len({len(sample) for sample in numbers}) > 1:
+        lengths = ", ".join(str(len(sample)) for sample in numbers)
+        raise ValueError(f"paired samples have {lengths} values; equally many are needed, in the same order")
+    found = stats.bootstrap(
+        numbers, statistic, n_resamples=n_draws, vectorized=True, paired=paired, confidence_level=LEVEL,
+        method="percentile", rng=numpy_generator(generator),
+    ).confidence_interval  # fmt: skip
+    return Interval(float(statistic(*numbers, axis=-1)), float(found.low), float(found.high))
+
+
+def percentile_interval(drawn: Values, axis: int = -1) -> Array:
+    """The ends of the middle 95 % of a statistic over draws: its bootstrap interval.
+
+    For what :func:`bootstrap_interval` cannot draw itself: samples of several sizes, or draws that several statistics
+    share.
+
+    Parameters
+    ----------
+    drawn : sequence of float
+        The statistic of each draw.
+    axis : int
+        Along which the draws lie.
+
+    Returns
+    -------
+    numpy.ndarray
+        Low and high, along the first axis: unpacks as ``low, high``.
+    """
+    tail = (1 - LEVEL) / 2
+    return np.quantile(np.asarray(drawn), [tail, 1 - tail], axis=axis)
+
+
+def _numbers(values: Values) -> Array:
+    numbers = np.asarray(values, dtype=np.float64)
+    if numbers.ndim != 1 or len(numbers) < 2:
+        raise ValueError(f"values have the shape {numbers.shape}; one list of at least two is needed for an interval")
+    if not np.isfinite(numbers).all():
+        raise ValueError("a value is not finite; leave out repetitions that failed, and say how many")
+    return numbers

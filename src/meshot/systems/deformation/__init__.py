@@ -1,0 +1,9 @@
+"""What systems share that deform initial surfaces: Algorithm 1 of the paper, with any loss.
+
+One network for each hemisphere turns image and position into a velocity, whose flow carries the initial white surface
+to the true one. A system of this kind is a subclass of :class:`DeformationSystem` that names its loss.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,82 @@
+"""A system that deforms initial white surfaces by flows, one network for each hemisphere."""
+
+import dataclasses
+from pathlib import Path
+from typing import ClassVar
+
+import torch
+
+from meshot.anatomy import HEMISPHERES
+from meshot.mesh import Mesh
+from meshot.model import N_STEPS, DeformationNetwork, require_small
+from meshot.systems.deformation.carrying import deformed
+from meshot.systems.deformation.data import hemisphere_example
+from meshot.systems.deformation.settings import DeformationConfig, deformation_config
+from meshot.systems.deformation.training import train_deformation
+from meshot.systems.examples import ExampleSets, Scan, SurfaceKey
+from meshot.systems.protocol import Part, SurfaceSystem
+from meshot.train import Groups, Progress
+
+_KEYS = tuple((side, "white") for side in HEMISPHERES)
+
+
+class DeformationSystem(SurfaceSystem):
+    """Flows from initial white surfaces; a system of this kind names ``name`` and ``loss``.
+
+    Attributes
+    ----------
+    loss : dict
+        The settings of its loss, as they stand under ``loss`` in a YAML file, where a file leaves them out.
+    """
+
+    surfaces = needs = _KEYS
+    networks = {"_".join(key): DeformationNetwork for key in _KEYS}  # noqa: RUF012 (of the class, by the protocol)
+    loss: ClassVar[dict] = {}
+
+    @classmethod
+    def config(cls, settings: Groups) -> DeformationConfig:
+        """The settings as an object.
+
+        Raises
+        ------
+        ValueError
+            If one is unknown, a value will not do, or the network is too large to be kept.
+        """
+        own = {name: value for name, value in (cls.loss | settings.get("loss", {})).items() if value is not None}
+        config = deformation_config(settings | {"loss": own}, f"the configuration of {cls.name}")
+        require_small(config.new_network())
+        return config
+
+    @classmethod
+    def complete(cls, settings: Groups) -> Groups:
+        """All settings: see :class:`meshot.systems.deformation.DeformationConfig`."""
+        return cls.config(settings).as_dict()
+
+    @classmethod
+    def train_parts(
+        cls, examples: ExampleSets, settings: Groups, folder: Path | None, progress: Progress | None,
+        device: torch.device | None,
+    ) -> dict[str, Part]:  # fmt: skip
+        """A network for the side that the settings name, or for each of both, one after the other."""
+        config, parts = cls.config(settings), {}
+        for side in config.training.sides:
+            name, training = f"{side}_white", dataclasses.replace(config.training, side=side)
+            own = dataclasses.replace(config, training=training)
+            sets = (
+                [hemisphere_example(example, side, training.n_faces) for example in part]
+                for part in (examples.training, examples.validation)
+            )
+            found = train_deformation(own, *sets, None if folder is None else folder / name, progress, device)
+            parts[name] = Part(found.network, own.as_dict() | {"results": found.results()}, found.log)
+        return parts
+
+    def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
+        """The initial surfaces, carried by flows that are integrated as they were learned."""
+        found = {}
+        for key in self.surfaces:
+            part = self.parts["_".join(key)]
+            training = {"n_flow_steps": N_STEPS, "method": "euler"} | part.record.get("training", {})
+            found[key] = deformed(
+                scan.initial[key], scan.image, part.network, training["n_flow_steps"], training["method"]
+            )
+        return found

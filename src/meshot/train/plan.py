@@ -1,0 +1,64 @@
+"""How long a training goes on, and how fast."""
+
+import dataclasses
+import math
+
+from meshot.errors import require_positive_integer
+
+SCHEDULES = ("constant", "cosine")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Plan:
+    """How long a training goes on, and how fast.
+
+    Parameters
+    ----------
+    n_steps : int
+    validate_every, save_every : int
+        In steps.
+    patience : int, optional
+        Stop after so many validations in a row without a lower loss; None: never.
+    learning_rate : float
+    schedule : str
+        "constant", or "cosine": half a cosine from there to zero.
+    averaging : float
+        In [0, 1): validate and keep the exponential moving average of the weights, of which each step keeps this share;
+        0: the weights themselves.
+    """
+
+    n_steps: int
+    validate_every: int
+    save_every: int
+    patience: int | None
+    learning_rate: float
+    schedule: str
+    averaging: float = 0.0
+
+    def learning_rate_at(self, step: int) -> float:
+        """The learning rate of one step."""
+        if self.schedule == "constant":
+            return self.learning_rate
+        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * step / self.n_steps))
+
+
+def require_plan_settings(settings: object) -> None:
+    """Refuse numbers that no training can have: of epochs, rate, patience, averaging, seed.
+
+    Raises
+    ------
+    ValueError
+        If one is outside its range.
+    """
+    for name in ("n_epochs", "batch_size", "validate_every", "save_every"):
+        require_positive_integer(getattr(settings, name, 1), name)
+    if settings.patience is not None:
+        require_positive_integer(settings.patience, "patience")
+    if not 0 < settings.learning_rate < math.inf:
+        raise ValueError(f"learning_rate is {settings.learning_rate!r}; a finite number > 0 is needed")
+    if not 0 <= settings.averaging < 1:
+        raise ValueError(f"averaging is {settings.averaging!r}; a share in [0, 1) is needed, 0 for none")
+    if isinstance(settings.seed, bool) or not isinstance(settings.seed, int) or settings.seed < 0:
+        raise ValueError(f"seed is {settings.seed!r}; an integer >= 0 is needed")
+    if settings.schedule not in SCHEDULES:
+        raise ValueError(f"schedule is {settings.schedule!r}; one of {', '.join(SCHEDULES)} is needed")

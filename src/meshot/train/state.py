@@ -1,0 +1,154 @@
+"""The state of a training: the network, its optimiser, how far it came, the best so far; on disk as safetensors."""
+
+import contextlib
+import json
+import math
+import os
+from collections.abc import Iterator
+
+import safetensors.torch
+import torch
+from torch import nn
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+
+from meshot.files import whole_file
+from meshot.train.stored import read_tensors, stored_parts
+from meshot.types import Tensor
+
+
+class TrainingState:
+    """Where a training stands.
+
+    Parameters
+    ----------
+    network : module
+    learning_rate : float
+        Of Adam, at the start.
+    averaging : float
+        See :class:`meshot.train.Plan`.
+    extras : dict, optional
+        JSON: what else belongs to the state, and is kept with the best weights.
+
+    Attributes
+    ----------
+    step, best_step : int
+        Steps that are done, and those before the best validation.
+    rate_factor : float
+        What the planned learning rate is multiplied by; a training may lower it on its way.
+    lines : list of dict
+        Of the log.
+    """
+
+    def __init__(self, network: nn.Module, learning_rate: float, averaging: float = 0.0, extras: dict | None = None):
+        self.network, self.optimiser = network, torch.optim.Adam(network.parameters(), lr=learning_rate)
+        self.average = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(averaging)) if averaging else None
+        self.step, self.best_step, self.best_loss = 0, 0, math.inf
+        self.seconds, self.rate_factor = 0.0, 1.0
+        self.extras = dict(extras or {})
+        self.lines: list[dict] = []
+        self.keep_as_best(math.inf)
+
+    def keep_as_best(self, loss: float) -> None:
+        """Remember the network as it is now."""
+        self.best, self.best_extras = _copied(self.network), dict(self.extras)
+        self.best_step, self.best_loss = self.step, loss
+
+    def restore_best(self) -> None:
+        """Put weights and extras back to the best state; moments and learning rate stay."""
+        self.network.load_state_dict(self.best)
+        self.extras = dict(self.best_extras)
+
+    @contextlib.contextmanager
+    def averaged(self) -> Iterator[None]:
+        """The network with its averaged weights, if there are any, for as long as the block lasts."""
+        if self.average is None:
+            yield
+            return
+        own = _copied(self.network)
+        self.network.load_state_dict(self.average.module.state_dict())
+        yield
+        self.network.load_state_dict(own)
+
+
+def _copied(network: nn.Module) -> dict[str, Tensor]:
+    return {name: value.detach().clone() for name, value in network.state_dict().items()}
+
+
+def write_training(path: str | os.PathLike, state: TrainingState, made_with: dict) -> None:
+    """Write the state of a training, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+    state : TrainingState
+    made_with : dict
+        Settings and data; a state is read only by who has the same.
+    """
+    tensors = {f"network/{name}": value for name, value in state.network.state_dict().items()}
+    tensors |= {f"best/{name}": value for name, value in state.best.items()}
+    for index, moments in state.optimiser.state_dict()["state"].items():
+        tensors |= {f"adam/{index}/{name}": value for name, value in moments.items()}
+    if state.average is not None:
+        tensors |= {f"average/{name}": value for name, value in state.average.state_dict().items()}
+    header = {name: getattr(state, name) for name in ("step", "best_step", "seconds", "lines", "extras", "best_extras")}
+    header |= {name: getattr(state, name).hex() for name in ("best_loss", "rate_factor")}
+    header |= {"made_with": made_with, "kind": str(state.network)}
+    with whole_file(path) as temporary:
+        plain = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
+        safetensors.torch.save_file(plain, temporary, metadata={"training": json.dumps(header)})
+
+
+def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict) -> None:
+    """Read into ``state`` what :func:`meshot.train.state.write_training` wrote.
+
+    Raises
+    ------
+    ValueError
+        If the file is not such a state, or was made with other settings or data, or for another kind of network.
+    """
+    header, tensors = _read(path)
+    now = json.loads(json.dumps(made_with))
+    changed = sorted(k for k in now.keys() | header["made_with"] if header["made_with"].get(k) != now.get(k))
+    if changed:
+        raise ValueError(
+            f"the training in {path} was made with another {' and '.join(changed)}: use the same, or another place"
+        )
+    average = {name: tensors.pop(name) for name in list(tensors) if name.startswith("average/")}
+    try:
+        if header["kind"] != str(state.network):
+            raise ValueError(f"its network is {header['kind']}")
+        own, best, moments = stored_parts(tensors, state.network, state.optimiser)
+        progress = _progress(header, state.extras)
+        if state.average is not None:
+            state.average.load_state_dict({name.removeprefix("average/"): value for name, value in average.items()})
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise ValueError(f"{path} is the state of another training ({error}): remove it to start anew") from error
+    state.network.load_state_dict(own)
+    state.optimiser.load_state_dict({"state": moments, "param_groups": state.optimiser.state_dict()["param_groups"]})
+    state.best = best
+    for name, value in progress.items():
+        setattr(state, name, value)
+
+
+def _progress(header: dict, extras: dict) -> dict:
+    """What else belongs to the state, by name."""
+    found = {name: header[name] for name in ("step", "best_step", "seconds", "lines", "extras", "best_extras")}
+    step, best_step, seconds = (header[name] for name in ("step", "best_step", "seconds"))
+    if type(step) is not int or type(best_step) is not int or not 0 <= best_step <= step:
+        raise ValueError(f"it is at step {step!r}, its best at {best_step!r}")
+    if not isinstance(seconds, int | float) or not 0 <= seconds < math.inf:
+        raise ValueError(f"it took {seconds!r} seconds")
+    if not isinstance(header["lines"], list) or not all(isinstance(line, dict) for line in header["lines"]):
+        raise ValueError("its log is no list of entries")
+    kinds = {name: type(value) for name, value in extras.items()}
+    for one in (header["extras"], header["best_extras"]):
+        if not isinstance(one, dict) or {name: type(value) for name, value in one.items()} != kinds:
+            raise ValueError(f"its extras are {one!r}")
+    return found | {name: float.fromhex(header[name]) for name in ("best_loss", "rate_factor")}
+
+
+def _read(path: str | os.PathLike) -> tuple[dict, dict[str, Tensor]]:
+    try:
+        return read_tensors(path, "training", "made_with")
+    except ValueError as error:
+        raise ValueError(f"{path} is not a whole state of a training ({error}): remove it to start anew") from error

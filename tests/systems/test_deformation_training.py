@@ -1,0 +1,330 @@
+"""Algorithm 1: it brings surfaces nearer, goes on after a kill as if nothing had been, and names a step that breaks."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from killing import killed_after_its_first_state, same, without_seconds
+from meshot import provenance as results
+from meshot.flow.integration import integrate
+from meshot.loss.directions import random_directions
+from meshot.loss.sliced import sliced_wasserstein
+from meshot.measure.discrete import varifold
+from meshot.metrics.distances import vertex_distances
+from meshot.model.deformation import DeformationNetwork
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import write_weights
+from meshot.pipeline.examples import InitialSurfaces
+from meshot.pipeline.system_training import run_system_training
+from meshot.provenance import read_results
+from meshot.synth.cohorts.cohort import scans
+from meshot.systems import get_system, read_settings
+from meshot.systems.deformation.carrying import deformed, standardised
+from meshot.systems.deformation.data import hemisphere_example
+from meshot.systems.deformation.settings import DeformationConfig, deformation_config
+from meshot.systems.deformation.training import train_deformation
+from meshot.volume.sampling import sample_volume
+from phantoms import phantom_deformations, write_phantom_cohort
+
+TINY = deformation_config(
+    {
+        "network": {"width": 6, "hidden": [8], "n_scales": 2, "size": 3, "extent": 10.0},
+        "loss": {"n_directions": 20, "normal_scale": 1.0},
+        "training": {
+            "n_epochs": 3, "learning_rate": 0.01, "n_flow_steps": 2, "save_every": 2, "n_points": 500,
+            "schedule": "cosine",
+        },
+    }
+)  # fmt: skip
+RIGHT = [("right", "white")]
+
+
+class Kill(Exception):
+    """A process that ends in the middle."""
+
+
+def changed(**settings: object) -> DeformationConfig:
+    return dataclasses.replace(TINY, training=dataclasses.replace(TINY.training, **settings))
+
+
+@pytest.fixture(scope="module")
+def examples():
+    torch.set_num_threads(1)
+    return phantom_deformations(3), phantom_deformations(1, seed=50)
+
+
+@pytest.fixture(scope="module")
+def whole(examples):
+    return train_deformation(TINY, *examples)
+
+
+def test_one_step_is_algorithm_1_by_hand(examples):
+    config = changed(n_epochs=1, schedule="constant")
+    one = examples[0][:1]
+    found = train_deformation(config, one, examples[1])
+    network = config.new_network()
+    optimiser = torch.optim.Adam(network.parameters(), lr=0.01)
+    # the ODE, from the initial surface
+    moved = integrate(
+        network.velocity_in(standardised(one[0].scan, one[0].initial)), one[0].coarse.vertices, 2, "euler"
+    )
+    # both meshes to measures, and the loss between them
+    predicted, target = (
+        varifold(one[0].coarse.with_vertices(moved), normal_scale=1.0),
+        varifold(one[0].target, normal_scale=1.0),
+    )
+    directions = random_directions(20, 6, np.random.default_rng([0, 1, 0]), torch.float32)
+    loss = sliced_wasserstein(predicted, target, directions)
+    loss.backward()
+    optimiser.step()
+    assert found.log[0]["loss"] == pytest.approx(float(loss.detach()), rel=1e-5)
+    for name, value in network.state_dict().items():
+        torch.testing.assert_close(found.network.state_dict()[name], value, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("loss", [{}, {"loss": "chamfer", "encoding": "samples", "factor": 1000.0}])
+def test_surfaces_come_nearer_even_those_never_seen(examples, loss):
+    content = TINY.as_dict()
+    content["loss"] = loss or content["loss"]
+    content["training"] |= {"n_epochs": 40, "validate_every": 20}
+    found = train_deformation(deformation_config(content), *examples)
+    item = examples[1][0]
+    before = float(vertex_distances(item.initial, item.target).mean())
+    after = float(vertex_distances(deformed(item.initial, item.scan, found.network, 2), item.target).mean())
+    assert after < 0.6 * before
+    assert min(line["validation_loss"] for line in found.log if "validation_loss" in line) < 0.6 * before
+
+
+@pytest.mark.parametrize("stop", sorted({*np.random.default_rng(7).integers(1, 9, 2).tolist(), 3}))
+def test_a_stopped_training_ends_with_the_same_weights(tmp_path, whole, examples, stop):
+    def die(step: int, n_steps: int, line: dict) -> None:
+        assert n_steps == 9
+        if step == stop and "loss" in line:
+            raise Kill
+
+    with pytest.raises(Kill):
+        train_deformation(TINY, *examples, folder=tmp_path, progress=die)
+    resumed = train_deformation(TINY, *examples, folder=tmp_path)
+    assert same(resumed.network, whole.network)
+    assert without_seconds(resumed.log) == without_seconds(whole.log)
+
+
+VICTIM = """
+from systems.test_deformation_training import TINY
+from phantoms import phantom_deformations
+from meshot.systems.deformation import train_deformation
+train_deformation(TINY, phantom_deformations(3), phantom_deformations(1, seed=50), folder={folder!r})
+"""
+
+
+def test_a_process_killed_by_the_system_goes_on(tmp_path, whole, examples, root):
+    killed_after_its_first_state(VICTIM.format(folder=str(tmp_path)), root / "tests", tmp_path)
+    assert same(train_deformation(TINY, *examples, folder=tmp_path).network, whole.network)
+
+
+def test_the_seed_decides_and_the_best_is_kept(examples, whole):
+    assert not same(train_deformation(changed(seed=1), *examples).network, whole.network)
+    checks = [line for line in whole.log if "validation_loss" in line]
+    assert [line["step"] for line in checks] == [3, 6, 9]
+    assert whole.best_step == min(checks, key=lambda line: line["validation_loss"])["step"]
+
+
+def test_what_is_not_finite_is_named(examples):
+    with pytest.raises(FloatingPointError, match=r"the (loss|gradient in .*|prediction) of step \d+ \(phantom-\d\)"):
+        train_deformation(changed(learning_rate=1e30, schedule="constant"), *examples)
+
+
+def test_a_validation_that_fails_names_its_step(examples):
+    with pytest.raises(FloatingPointError, match=r"the validation after step 1 failed: .*lower the learning rate"):
+        train_deformation(changed(learning_rate=1e30, schedule="constant"), examples[0][:1], examples[1])
+
+
+def test_validation_subjects_of_one_name_keep_their_own_truth(examples):
+    first, second = phantom_deformations(2, seed=50)
+    config = changed(n_epochs=1, learning_rate=1e-12)
+    apart = train_deformation(config, examples[0][:1], [first, second])
+    alike = train_deformation(config, examples[0][:1], [first, dataclasses.replace(second, name=first.name)])
+    assert alike.log[-1]["validation_loss"] == apart.log[-1]["validation_loss"]
+
+
+def test_no_examples_and_another_training_are_refused(tmp_path, examples):
+    with pytest.raises(ValueError, match="0 examples for training and 1 for validation"):
+        train_deformation(TINY, [], examples[1])
+    train_deformation(changed(n_epochs=1), *examples, folder=tmp_path)
+    with pytest.raises(ValueError, match="made with another training"):
+        train_deformation(changed(n_epochs=1, seed=9), *examples, folder=tmp_path)
+
+
+def test_a_flow_that_leaves_finite_numbers_is_refused(examples):
+    network = DeformationNetwork(4, (4,), 1, 3)
+    torch.nn.init.constant_(network.to_velocity.bias, float("nan"))
+    with pytest.raises(ValueError, match="not finite"):
+        deformed(examples[0][0].initial, examples[0][0].scan, network)
+
+
+def test_gain_and_offset_of_the_scanner_do_not_matter(whole, examples):
+    item = examples[1][0]
+    here = deformed(item.initial, item.scan, whole.network, 2).vertices
+    louder = deformed(item.initial, item.scan.with_data(300 * item.scan.data + 17), whole.network, 2).vertices
+    torch.testing.assert_close(here, louder, rtol=0, atol=1e-4)
+    assert float((here - item.initial.vertices).norm(dim=1).mean()) > 0.01
+    values = sample_volume(standardised(item.scan, item.initial), item.initial.vertices.double())
+    assert float(values.mean().abs()) < 1e-5
+    assert float(values.std()) == pytest.approx(1, rel=1e-5)
+    with pytest.raises(ValueError, match="at every vertex of the surface"):
+        standardised(item.scan.with_data(0 * item.scan.data), item.initial)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("training: {side: middle}", "side is 'middle'; one of left, right, both"),
+        ("training: {method: heun}", "method is 'heun'"),
+        ("training: {n_faces: 0}", "n_faces is 0"),
+        ("training: {seed: -1}", "seed is -1"),
+        ("loss: {p: 3}", "p is 3"),
+        ("network: {width: 0}", "width is 0"),
+        ("loss: {mass: 1}", r"loss\.mass, which nothing reads"),
+        ("loss: {window: 1}", "window is set, which sliced on varifold does not use"),
+    ],
+)
+def test_a_configuration_that_will_not_do(tmp_path, text, words):
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=words):
+        read_settings(get_system("ddot"), path)
+
+
+@pytest.fixture
+def cohort(tmp_path, monkeypatch):
+    """Phantoms on disk, and a segmentation that finds what is bright on either side, without being trained."""
+    import meshot.pipeline.segmentation.segmenting as segmenting
+
+    def bright(scan, network):
+        left = np.arange(scan.data.shape[0])[:, None, None] < scan.data.shape[0] // 2
+        high = np.clip((scan.data - 0.45) / 0.3, 0, 1)
+        return {"left": scan.with_data(high * left), "right": scan.with_data(high * ~left)}
+
+    monkeypatch.setattr(segmenting, "segment", bright)
+    write_weights(tmp_path / "segmentation.safetensors", SegmentationNetwork(2, 1), {})
+    return write_phantom_cohort(tmp_path / "phantoms", ["train", "train", "validation"])
+
+
+def test_initial_surfaces_are_made_once_for_each_network(tmp_path, cohort, monkeypatch):
+    network = SegmentationNetwork(2, 1)
+    surfaces = InitialSurfaces(tmp_path / "initial", network)
+    found = surfaces.examples([cohort], "train", RIGHT, RIGHT)
+    first = [hemisphere_example(item, "right", 500) for item in found]
+    assert [item.name for item in first] == ["phantoms/sub-001", "phantoms/sub-002"]
+    assert len(first[0].coarse.faces) == 500 < len(first[0].initial.faces)
+    assert float(vertex_distances(first[0].initial, first[0].target).mean()) < 1.5
+    monkeypatch.setattr("meshot.pipeline.examples.initial_surfaces", None)
+    again = InitialSurfaces(tmp_path / "initial", network).examples([cohort], "train", RIGHT, RIGHT)
+    assert torch.equal(again[1].scan.initial["right", "white"].vertices.float(), first[1].initial.vertices)
+    with pytest.raises(TypeError):  # another network has surfaces of its own
+        InitialSurfaces(tmp_path / "initial", SegmentationNetwork(2, 1, generator=1)).examples(
+            [cohort], "train", RIGHT, RIGHT
+        )
+    with pytest.raises(ValueError, match="no scan of the split 'test'"):
+        surfaces.examples([cohort], "test", RIGHT, RIGHT)
+    (bare, _) = surfaces.examples([cohort], "train", RIGHT, ())  # for a system that needs none
+    assert (bare.scan.initial, set(bare.targets)) == ({}, set(RIGHT))
+    with pytest.raises(ValueError, match="none is made of right pial"):
+        surfaces.examples([cohort], "train", RIGHT, [("right", "pial")])
+
+
+def test_initial_surfaces_are_found_by_their_scan(tmp_path, cohort, monkeypatch):
+    surfaces = InitialSurfaces(tmp_path / "initial", SegmentationNetwork(2, 1))
+    subject = scans(cohort)[0]
+    kept = surfaces.path(subject, "left", subject.standard())
+    surfaces.of(subject, "left")
+    # Under another name of the same folder, too.
+    monkeypatch.chdir(cohort)
+    (here,) = [found for found in scans(".") if found.name == subject.name]
+    assert surfaces.path(here, "left", here.standard()) == kept
+    assert surfaces.example(here, RIGHT, ()).name == "phantoms/sub-001"
+    # What another training may have read stays as it is.
+    surfaces.path(subject, "right", subject.standard()).unlink()
+    before = kept.stat().st_mtime_ns
+    surfaces.of(subject, "right")
+    assert kept.stat().st_mtime_ns == before
+    # Another scan has another surface.
+    louder = subject.standard()
+    louder.volume.data[3, 3, 3] += 0.1
+    monkeypatch.setattr(type(subject), "standard", lambda _: louder)
+    assert surfaces.path(subject, "left", louder) != kept
+    surfaces.of(subject, "left")
+    assert surfaces.path(subject, "left", louder).is_file()
+
+
+def test_everything_is_written_with_its_provenance(tmp_path, cohort):
+    config = tmp_path / "c.yaml"
+    config.write_text(json.dumps(TINY.as_dict()))
+    out = tmp_path / "out"
+    changes = ["training.n_faces=400"]
+    found = run_system_training(
+        "ddot", config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial", changes,
+        torch.device("cpu"),
+    )  # fmt: skip
+    again = get_system("ddot").load(out)
+    assert set(again.parts) == {"left_white", "right_white"}
+    for name, part in again.parts.items():
+        assert same(part.network, found.parts[name].network)
+        assert part.record["training"] == TINY.as_dict()["training"] | {"n_faces": 400, "side": name.split("_")[0]}
+        assert (part.record["system"], part.record["part"]) == ("ddot", name)
+        assert part.record["command"] == (
+            "meshot train ddot c.yaml --data phantoms -o out --segmentation segmentation.safetensors "
+            f"--threads {torch.get_num_threads()} --device cpu --set training.n_faces=400"
+        )
+        assert part.record["results"]["segmentation_sha256"]
+        assert read_results(out / f"{name}.json")["config"]["training"] == part.record["training"]
+        assert (out / f"{name}.png").stat().st_size > 5000
+        assert len((out / f"{name}.log.jsonl").read_text().splitlines()) == len(found.parts[name].log)
+    assert not same(*(part.network for part in again.parts.values()))
+
+
+def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypatch):
+    config, out = tmp_path / "c.yaml", tmp_path / "out"
+    config.write_text(json.dumps(TINY.as_dict()))
+    words = "ddot", config, [cohort], out, tmp_path / "segmentation.safetensors", tmp_path / "initial"
+
+    read = InitialSurfaces.examples
+
+    def examples(*words: object) -> list:
+        monkeypatch.setattr(results, "commit_of", lambda _: "committed meanwhile")
+        return read(*words)
+
+    def record(now: str) -> dict:
+        monkeypatch.setattr(results, "commit_of", lambda _: now)
+        run_system_training(*words)
+        return json.loads((out / "left_white.json").read_text())
+
+    def stop(*_: object) -> None:
+        raise Kill
+
+    monkeypatch.setattr(InitialSurfaces, "examples", examples)
+    with monkeypatch.context() as patch:
+        patch.setattr("meshot.systems.deformation.training._validation", stop)
+        monkeypatch.setattr(results, "commit_of", lambda _: "first")
+        with pytest.raises(Kill):
+            run_system_training(*words)
+    found = record("second")
+    assert found["commit"] == "second"
+    assert found["results"]["commits"] == ["first", "second"]
+    # Written again when all was done, it is still of the code that took the steps.
+    assert record("third")["commit"] == "second"
+    assert record("third")["results"]["commits"] == ["first", "second"]
+
+
+def test_a_network_too_large_to_be_kept_is_refused_at_once(tmp_path, cohort):
+    config = tmp_path / "c.yaml"
+    config.write_text(json.dumps(TINY.as_dict()))
+    with pytest.raises(ValueError, match="MB; at most 10 MB are kept"):
+        run_system_training(
+            "ddot", config, [cohort], tmp_path / "out", tmp_path / "segmentation.safetensors", tmp_path / "initial",
+            ["network.width=128", "network.hidden=[2000, 2000]"],
+        )  # fmt: skip
+    assert not (tmp_path / "initial").exists()
