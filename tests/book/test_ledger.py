@@ -50,7 +50,7 @@ def test_status_follows_the_results(house):
 
 
 def test_a_claim_without_results_or_judge_is_an_error(house):
-    with pytest.raises(ValueError, match="no judge"):
+    with pytest.raises(ValueError, match="no rule for it"):
         page(house, {})
     (house / "x" / "results.json").unlink()
     with pytest.raises(ValueError, match="does not exist"):

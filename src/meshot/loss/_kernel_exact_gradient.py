@@ -133,14 +133,14 @@ def _sum_pieces(law, moments, rank, cells, ends, order, starts, longest, table, 
 
 @njit(**_inner)
 @no_type_check
-def _pull_triangle(x, i, j, m, rising, falling, weight, pull):
+def _triangle_gradient(x, i, j, m, rising, falling, weight, gradient):
     """Write w·E[bφ′] for the corners in order, and return E[φ] − φ(p₂)."""
     height = x[m] - x[i]
     up, down, tent = (x[j] - x[i]) / height, (x[m] - x[j]) / height, weight / height  # tent: half the peak J
     low, high = rising[1] * up, falling[1] * down
-    pull[0] = tent * (2 * rising[0] - rising[1] - low + high)
-    pull[1] = tent * (rising[1] + falling[1])
-    pull[2] = tent * (low + 2 * falling[0] - falling[1] - high)
+    gradient[0] = tent * (2 * rising[0] - rising[1] - low + high)
+    gradient[1] = tent * (rising[1] + falling[1])
+    gradient[2] = tent * (low + 2 * falling[0] - falling[1] - high)
     return high - low
 
 
@@ -167,7 +167,7 @@ def _potential(moments, extent, potential):
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
-def pull_surface(law, moments, cells, weights, rank, work, to_projected, to_weights):
+def surface_gradient(law, moments, cells, weights, rank, work, to_projected, to_weights):
     """Write the gradient in the projected vertices, and add that in the weights, of one direction.
 
     Where a cell is perpendicular to the direction its mass may be split among several places, and transport has a kink:
@@ -179,21 +179,21 @@ def pull_surface(law, moments, cells, weights, rank, work, to_projected, to_weig
     _sum_pieces(law, moments, rank, cells, ends, order, starts, longest, table, sums)
     _potential(moments, extent, potential)
     to_projected[:] = 0
-    total, mean, pull, at = weights.sum(), 0.0, np.empty(3), np.empty(3, np.int64)
+    total, mean, gradient, at = weights.sum(), 0.0, np.empty(3), np.empty(3, np.int64)
     for k in range(len(cells)):
         _in_order(cells[k], rank, at)
         first, middle, last = rank[at[0]], rank[at[1]], rank[at[corners - 1]]
         value, share = potential[middle], weights[k] / total
         if x[first] == x[last]:
-            pull[:] = share * moments[first, 0] / mass[first] / corners if mass[first] > 0 else 0.0
+            gradient[:] = share * moments[first, 0] / mass[first] / corners if mass[first] > 0 else 0.0
         elif corners == 3:
-            value += _pull_triangle(x, first, middle, last, sums[2 * k], sums[2 * k + 1], share, pull)
+            value += _triangle_gradient(x, first, middle, last, sums[2 * k], sums[2 * k + 1], share, gradient)
         else:
             length = x[last] - x[first]
-            pull[0], pull[1] = share * sums[2 * k + 1, 0] / length, share * sums[2 * k, 0] / length
+            gradient[0], gradient[1] = share * sums[2 * k + 1, 0] / length, share * sums[2 * k, 0] / length
             value -= sums[2 * k, 0]
         for c in range(corners):
-            to_projected[at[c]] += pull[c]
+            to_projected[at[c]] += gradient[c]
         to_weights[k] += value / total
         mean += share * value / total
     to_weights -= mean
@@ -201,7 +201,7 @@ def pull_surface(law, moments, cells, weights, rank, work, to_projected, to_weig
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
-def pull_points(law, moments, order, weights, potential, to_projected, to_weights):
+def points_gradient(law, moments, order, weights, potential, to_projected, to_weights):
     """Write the gradient in the projected points, and add that in the weights, of one direction."""
     _potential(moments, law[1], potential)
     total, mean = weights.sum(), 0.0

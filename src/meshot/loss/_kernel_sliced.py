@@ -1,8 +1,8 @@
 """Sliced transport, value and gradient in one pass over each direction, in numba.
 
-For every direction: project both measures, sort, walk both quantile functions at once, and leave the pulls where the
-points came from. The caller gives each thread its share of the directions: the kernels release the GIL. Everything is
-in double precision.
+For every direction: project both measures, sort, walk both quantile functions at once, and leave the gradients where
+the points came from. The caller gives each thread its share of the directions: the kernels release the GIL. Everything
+is in double precision.
 """
 
 from typing import no_type_check
@@ -21,8 +21,8 @@ _BLOCK = 512  # points whose coordinates stay in the first cache while several d
 def walk_lines(directions, p, x, y, costs, tops):
     """W_p^p along every direction, in ``costs``, and its gradients in the positions and weights along each.
 
-    A side is (columns, weights, values, steps, ends, order, pulls, drops, scratch): the points as (d, n), one row per
-    coordinate; then room. A row of ``pulls`` is the gradient in the positions along one direction, and what ``tops``
+    A side is (columns, weights, values, steps, ends, order, gradients, drops, scratch): the points as (d, n), one row
+    per coordinate; then room. A row of ``gradients`` is that in the positions along one direction, and what ``tops``
     says less a row of ``drops`` is the one in the weights; a side without such rows is not wanted.
     """
     _project(x[0], directions, x[2])
@@ -32,13 +32,13 @@ def walk_lines(directions, p, x, y, costs, tops):
         wanted_x, wanted_y = len(x[6]) > 0, len(y[6]) > 0
         _quantiles(y[2][line], y[1], y[3], y[5], y[4], y[8])
         _quantiles(x[2][line], x[1], x[3], x[5], x[4], x[8])
-        pulls_x, drops_x = (x[6][line], x[7][line]) if wanted_x else (nowhere, nowhere)
-        pulls_y, drops_y = (y[6][line], y[7][line]) if wanted_y else (nowhere, nowhere)
-        costs[line], last = _walk(x[3], x[4], x[5], y[3], y[4], y[5], p, pulls_x, drops_x, pulls_y, drops_y)
+        gradients_x, drops_x = (x[6][line], x[7][line]) if wanted_x else (nowhere, nowhere)
+        gradients_y, drops_y = (y[6][line], y[7][line]) if wanted_y else (nowhere, nowhere)
+        costs[line], last = _walk(x[3], x[4], x[5], y[3], y[4], y[5], p, gradients_x, drops_x, gradients_y, drops_y)
         if wanted_x:
-            tops[line, 0] = _close(pulls_x, drops_x, x[5]) + last / 2
+            tops[line, 0] = _close(gradients_x, drops_x, x[5]) + last / 2
         if wanted_y:
-            tops[line, 1] = _close(pulls_y, drops_y, y[5]) + last / 2
+            tops[line, 1] = _close(gradients_y, drops_y, y[5]) + last / 2
 
 
 @njit(fastmath={"contract"}, **INNER)
@@ -91,10 +91,10 @@ def _power(gap, p):
 
 @njit(fastmath={"contract"}, **INNER)
 @no_type_check
-def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_pulls, x_drops, y_pulls, y_drops):
+def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gradients, y_drops):
     """W_p^p on a line: one cell of [0, 1] after the other, each ending where a step of F⁻¹ or of G⁻¹ ends.
 
-    Leaves the gradient in the positions in the pulls. The gradient in the weights is a potential: it drops by c − c′
+    Leaves the derivative in the positions in the gradients. That in the weights is a potential: it drops by c − c′
     where a step of its own side ends and the cost goes from c to c′; the sum of these drops up to each step is left in
     the drops. Both go straight to the points, again for every cell of a step: the last writing counts. Which side ends
     is a coin toss that no processor can predict, so that there is no branch on it; each step waits for the comparison
@@ -102,13 +102,13 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_pulls, x_drops, y_pulls, 
     """
     one = np.uint64(1)
     i, j, x_took, y_took = np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(0)
-    done, before, total, x_pull, y_pull, x_drop, y_drop = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    done, before, total, x_gradient, y_gradient, x_drop, y_drop = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     x_bits, y_bits = x_ends.view(np.int64), y_ends.view(np.int64)
-    x_wanted, y_wanted = len(x_pulls) > 0, len(y_pulls) > 0
+    x_wanted, y_wanted = len(x_gradients) > 0, len(y_gradients) > 0
     if x_wanted:  # the step beyond the end may not be reached
-        x_pulls[-1] = 0.0
+        x_gradients[-1] = 0.0
     if y_wanted:
-        y_pulls[-1] = 0.0
+        y_gradients[-1] = 0.0
     for _ in range(len(x_order) + len(y_order) - 2):
         cost, slope = _power(x[i] - y[j], p)
         x_takes = np.uint64(x_bits[i] <= y_bits[j])
@@ -117,14 +117,14 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_pulls, x_drops, y_pulls, 
         total += mass * cost
         if x_wanted:
             x_drop += x_took * (before - cost)
-            x_pull += mass * slope
-            x_pulls[x_order[i]], x_drops[x_order[i]] = x_pull, x_drop
-            x_pull *= one - x_takes
+            x_gradient += mass * slope
+            x_gradients[x_order[i]], x_drops[x_order[i]] = x_gradient, x_drop
+            x_gradient *= one - x_takes
         if y_wanted:
             y_drop += y_took * (before - cost)
-            y_pull -= mass * slope
-            y_pulls[y_order[j]], y_drops[y_order[j]] = y_pull, y_drop
-            y_pull *= x_takes
+            y_gradient -= mass * slope
+            y_gradients[y_order[j]], y_drops[y_order[j]] = y_gradient, y_drop
+            y_gradient *= x_takes
         x_took, y_took = x_takes, one - x_takes
         i, j, done, before = i + x_took, j + y_took, end, cost
     return total, before
@@ -132,25 +132,25 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_pulls, x_drops, y_pulls, 
 
 @njit(**INNER)
 @no_type_check
-def _close(pulls, drops, order):
-    """Give the last point what the step beyond the end was pulled; returns how far the potential drops in all.
+def _close(gradients, drops, order):
+    """Give the last point the gradient of the step beyond the end; returns how far the potential drops in all.
 
     To this the caller adds half of the cost at the top: shared so, masses times potentials sum to the whole cost, as
     duality has it.
     """
     n = len(order) - 1
-    pulls[order[n - 1]] += pulls[n]
+    gradients[order[n - 1]] += gradients[n]
     return drops[order[n - 1]]
 
 
 @kernel("the sliced loss", 10, fastmath={"contract"})
 @no_type_check
-def spread(pulls, drops, directions, start, stop, columns, masses):
+def spread(gradients, drops, directions, start, stop, columns, masses):
     """Add up, for the points from ``start`` to ``stop``, the gradients of all directions, one after the other."""
     for left in range(start, stop, _BLOCK):
         right = min(left + _BLOCK, stop)
         for line in range(len(directions)):
-            row = pulls[line, left:right]
+            row = gradients[line, left:right]
             for k in range(len(columns)):
                 column, share = columns[k, left:right], directions[line, k]
                 for i in range(len(row)):

@@ -41,11 +41,13 @@ class _Chunked(torch.autograd.Function):
         paired = not (wanted[1] or wanted[3]) and same_equal_masses(a.detach(), b.detach())
         for lines in _split(directions, len(x) + len(y)):
             projected, other = lines @ x.T, lines @ y.T
-            costs, pulls = _paired(projected, other, p) if paired else _merged(projected, a, other, b, p, sums[1::2])
+            costs, gradients = (
+                _paired(projected, other, p) if paired else _merged(projected, a, other, b, p, sums[1::2])
+            )
             total += costs.sum()
-            for to_points, pull in zip(sums[::2], pulls):
+            for to_points, gradient in zip(sums[::2], gradients):
                 if to_points is not None:
-                    to_points += pull.T @ lines
+                    to_points += gradient.T @ lines
         ctx.gradients = [None if g is None else g / len(directions) for g in sums]
         return total / len(directions)
 
@@ -59,10 +61,10 @@ def _paired(x: Tensor, y: Tensor, p: float) -> tuple[Tensor, tuple[Tensor, Tenso
     """Equal masses: the cost of every row, and its gradients in the projected points."""
     x_order, y_order = row_order(x), row_order(y)
     gap = x.gather(1, x_order) - y.gather(1, y_order)
-    pull = _slope(gap, p) / gap.shape[1]
+    gradient = _slope(gap, p) / gap.shape[1]
     return power(gap, p).mean(dim=1), (
-        torch.empty_like(x).scatter_(1, x_order, pull),
-        torch.empty_like(y).scatter_(1, y_order, -pull),
+        torch.empty_like(x).scatter_(1, x_order, gradient),
+        torch.empty_like(y).scatter_(1, y_order, -gradient),
     )
 
 
@@ -75,10 +77,10 @@ def _merged(
     """
     cells = quantile_cells(x, a, y, b)
     cost = power(cells.gap, p)
-    pull = _slope(cells.gap, p) * cells.mass
-    pulls = (
-        _to_points(pull, cells.source_step, cells.source_order),
-        _to_points(-pull, cells.target_step, cells.target_order),
+    gradient = _slope(cells.gap, p) * cells.mass
+    gradients = (
+        _to_points(gradient, cells.source_step, cells.source_order),
+        _to_points(-gradient, cells.target_step, cells.target_order),
     )
     if any(sums is not None for sums in to_weights):
         drops = -torch.diff(cost, dim=1, append=torch.zeros_like(cost[:, :1]))
@@ -87,12 +89,12 @@ def _merged(
             if sums is not None:
                 potential = ends.flip(1).cumsum(dim=1).flip(1)
                 sums.scatter_add_(0, order.flatten(), potential.flatten())
-    return (cost * cells.mass).sum(dim=1), pulls
+    return (cost * cells.mass).sum(dim=1), gradients
 
 
-def _to_points(pull: Tensor, step: Tensor, order: Tensor) -> Tensor:
-    """What pulls on the cells of each step, at the point that the step belongs to."""
-    of_steps = pull.new_zeros(order.shape).scatter_add_(1, step, pull)
+def _to_points(gradient: Tensor, step: Tensor, order: Tensor) -> Tensor:
+    """What gradients on the cells of each step, at the point that the step belongs to."""
+    of_steps = gradient.new_zeros(order.shape).scatter_add_(1, step, gradient)
     return torch.empty_like(of_steps).scatter_(1, order, of_steps)
 
 

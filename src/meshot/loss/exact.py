@@ -198,14 +198,14 @@ class _Line:
                 projected, self.order, self.side.cells, self.side.weights, self.rank, self.tree, self.jumps, *self.law
             )
 
-    def pull(self, direction: Float[Array, " d"]) -> None:
+    def add_gradient(self, direction: Float[Array, " d"]) -> None:
         """Add the gradient of this direction."""
         if self.side.cells is None:
-            _kernel_exact_gradient.pull_points(
+            _kernel_exact_gradient.points_gradient(
                 self.law, self.moments, self.order, self.side.weights, *self.work, self.to_projected, self.to_weights
             )
         else:
-            _kernel_exact_gradient.pull_surface(
+            _kernel_exact_gradient.surface_gradient(
                 self.law, self.moments, self.side.cells, self.side.weights, self.rank, self.work,
                 self.to_projected, self.to_weights,
             )  # fmt: skip
@@ -232,5 +232,5 @@ def _costs(source: _Side, target: _Side, directions: Float[Array, "L d"], p: int
         costs[k] = _kernel_exact_walk.walk(p, lines[0].law, lines[1].law, wanted, lines[0].moments, lines[1].moments)
         for line in lines:
             if line.side.wanted:
-                line.pull(direction)
+                line.add_gradient(direction)
     return costs, *(part for line in lines for part in (line.to_places.T, line.to_weights))

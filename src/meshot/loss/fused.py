@@ -34,8 +34,8 @@ def fused_slices(
 
     Notes
     -----
-    Every thread walks some directions and leaves the pulls on the points in rows, one for each direction; then every
-    thread adds up all rows for some of the points, direction by direction. So there is one gradient, whatever the
+    Every thread walks some directions and leaves the gradients in the points in rows, one for each direction; then
+    every thread adds up all rows for some of the points, direction by direction. So there is one gradient, whatever the
     number of threads, and the same one to the bit.
     """
     lines = _array(directions)
@@ -127,10 +127,10 @@ def _run(
                 walk_lines(lines[block][own], p, *laid, costs[block][own], tops[block][own])
 
             def add(k: int, block: slice = block) -> None:
-                for side, (pulls, drops) in zip(sides, rows):
+                for side, (gradients, drops) in zip(sides, rows):
                     if side.wanted:
                         bounds = side.n * k // n_threads, side.n * (k + 1) // n_threads
-                        spread(pulls, drops, lines[block], *bounds, side.to_columns, side.to_weights)
+                        spread(gradients, drops, lines[block], *bounds, side.to_columns, side.to_weights)
 
             each(walk)
             each(add)
@@ -147,7 +147,7 @@ def _threads(n_threads: int) -> Iterator[Callable[[Callable[[int], None]], objec
 
 
 def _rows(side: _Side, n_lines: int) -> tuple[Array, Array]:
-    """Room for pulls and drops along ``n_lines`` directions; a step beyond the end has a place of its own."""
+    """Room for gradients and drops along ``n_lines`` directions; a step beyond the end has a place of its own."""
     shape = (n_lines, side.n + 1) if side.wanted else (0, 0)
     return np.empty(shape), np.empty(shape)
 
@@ -167,10 +167,20 @@ def _room(sides: list[_Side], group: int) -> list[tuple]:
 
 
 def _laid(side: _Side, room: tuple, rows: tuple[Array, Array], own: slice) -> tuple:
-    """One side as the kernel takes it; projections lie where the pulls will."""
+    """One side as the kernel takes it; projections lie where the gradients will."""
     steps, ends, order, values, scratch = room
-    pulls, drops = rows[0][own], rows[1][own]
-    return side.columns, side.weights, values if len(values) else pulls, steps, ends, order, pulls, drops, scratch
+    gradients, drops = rows[0][own], rows[1][own]
+    return (
+        side.columns,
+        side.weights,
+        values if len(values) else gradients,
+        steps,
+        ends,
+        order,
+        gradients,
+        drops,
+        scratch,
+    )
 
 
 def _finished(side: _Side, top: float, n_lines: int) -> list[Array | None]:

@@ -1,4 +1,4 @@
-"""The Chamfer loss: every point is pulled to its nearest neighbour on the other side."""
+"""The Chamfer loss: squared distances to the nearest neighbour on the other side."""
 
 import torch
 from scipy.spatial import cKDTree

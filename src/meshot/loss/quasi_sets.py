@@ -126,9 +126,9 @@ def _energy(flat: Array, n: int, d: int) -> tuple[float, Array]:
     cosines = rows @ rows.T
     np.fill_diagonal(cosines, 0)
     near = [np.sqrt(np.maximum(2 - 2 * sign * cosines, 1e-12)) for sign in (1, -1)]
-    pull = near[0] ** -3 - near[1] ** -3
-    np.fill_diagonal(pull, 0)
-    gradient = 2 * pull @ rows / n**2
+    repulsion = near[0] ** -3 - near[1] ** -3
+    np.fill_diagonal(repulsion, 0)
+    gradient = 2 * repulsion @ rows / n**2
     gradient -= (gradient * rows).sum(axis=1, keepdims=True) * rows
     return float((1 / near[0] + 1 / near[1]).sum() / n**2), (gradient / lengths).ravel()
 

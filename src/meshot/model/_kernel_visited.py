@@ -63,17 +63,17 @@ def interpolate(places, shape, row_of, values, found):
 
 @kernel("the deformation network", 5, fastmath={"contract", "reassoc"})
 @no_type_check
-def pull_back(places, shape, row_of, values, pull, value_pull, place_pull):
-    """Add the gradients in the rows and in the places to ``value_pull`` and ``place_pull``."""
+def carry_back(places, shape, row_of, values, grad_output, value_gradient, place_gradient):
+    """Add the gradients in the rows and in the places to ``value_gradient`` and ``place_gradient``."""
     weights, dots = np.empty(8, values.dtype), np.empty(8, values.dtype)
     for i in range(len(places)):
         x, y, z = _lower(places[i], shape)
         a, b, c = places[i, 0] - x, places[i, 1] - y, places[i, 2] - z
         _weigh(a, b, c, weights)
-        given = pull[i]
+        given = grad_output[i]
         for corner in range(8):
             at, weight = row_of[_voxel(x, y, z, corner, shape)], weights[corner]
-            row, into = values[at], value_pull[at]
+            row, into = values[at], value_gradient[at]
             dot = weight * 0
             for k in range(len(given)):
                 into[k] += weight * given[k]
@@ -82,9 +82,9 @@ def pull_back(places, shape, row_of, values, pull, value_pull, place_pull):
         for corner in range(8):
             ax, by, cz = corner >> 2, corner >> 1 & 1, corner & 1
             wa, wb, wc = a if ax else 1 - a, b if by else 1 - b, c if cz else 1 - c
-            place_pull[i, 0] += (dots[corner] if ax else -dots[corner]) * wb * wc
-            place_pull[i, 1] += (dots[corner] if by else -dots[corner]) * wa * wc
-            place_pull[i, 2] += (dots[corner] if cz else -dots[corner]) * wa * wb
+            place_gradient[i, 0] += (dots[corner] if ax else -dots[corner]) * wb * wc
+            place_gradient[i, 1] += (dots[corner] if by else -dots[corner]) * wa * wc
+            place_gradient[i, 2] += (dots[corner] if cz else -dots[corner]) * wa * wb
 
 
 @njit(**INNER)

@@ -106,16 +106,21 @@ class _Interpolated(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx, pull, table_pull):
-        if table_pull is None:
-            table_pull = torch.zeros_like(ctx.table)
-        place_pulls = [np.zeros_like(array) for array in ctx.arrays]
-        if pull is not None:
-            given, into, values = pull.contiguous().numpy(), table_pull.numpy(), ctx.table.numpy()
-            for level, array, place_pull in zip(ctx.levels, ctx.arrays, place_pulls, strict=True):
-                kernel.pull_back(array, level.shape, level.row_of, values, given, into, place_pull)
-        weight_pull = torch.stack([table_pull[rows].T @ cubes for rows, cubes in ctx.made], dim=1)
-        return None, weight_pull.view(ctx.weight_shape), table_pull[: ctx.n_before], *map(torch.from_numpy, place_pulls)
+    def backward(ctx, grad_output, table_gradient):
+        if table_gradient is None:
+            table_gradient = torch.zeros_like(ctx.table)
+        place_gradients = [np.zeros_like(array) for array in ctx.arrays]
+        if grad_output is not None:
+            given, into, values = grad_output.contiguous().numpy(), table_gradient.numpy(), ctx.table.numpy()
+            for level, array, place_gradient in zip(ctx.levels, ctx.arrays, place_gradients, strict=True):
+                kernel.carry_back(array, level.shape, level.row_of, values, given, into, place_gradient)
+        weight_gradient = torch.stack([table_gradient[rows].T @ cubes for rows, cubes in ctx.made], dim=1)
+        return (
+            None,
+            weight_gradient.view(ctx.weight_shape),
+            table_gradient[: ctx.n_before],
+            *map(torch.from_numpy, place_gradients),
+        )
 
 
 def _numpy_dtype(tensor: Tensor) -> np.dtype:

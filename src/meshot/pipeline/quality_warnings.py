@@ -99,7 +99,7 @@ def surface_warnings(side: str, final: Mesh, segmented: SegmentedSurface, settle
 
 
 def _much_was_settled(settled: RepairedSurface) -> bool:
-    """A few faces cross after nearly every flow; that alone is in the numbers, not among the doubts."""
+    """A few faces cross after nearly every flow; that alone is in the numbers, not among the warnings."""
     many = settled.n_crossing > LARGEST_CROSSING * len(settled.mesh.faces)
     return many or settled.n_backtracks > 0 or settled.largest_move > LONGEST_MENDING_MM
 

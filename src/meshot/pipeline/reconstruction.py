@@ -117,10 +117,10 @@ def reconstruct(
     final = found | {key: repaired.mesh for key, repaired in settlement.items()}
     surfaces = {key[0]: _surface(segmented[key[0]], final.get(key), settlement.get(key), standard) for key in _WHITE}
     name = None if system is None else system.name
-    doubts = scan_warnings(standard, template)
+    warnings = scan_warnings(standard, template)
     for side, surface in surfaces.items():
-        doubts += surface_warnings(side, surface.final, surface.segmented, surface.settled)
-    return Reconstruction(standard, surfaces, clock.cpu_seconds, clock.wall_seconds, tuple(doubts), name)
+        warnings += surface_warnings(side, surface.final, surface.segmented, surface.settled)
+    return Reconstruction(standard, surfaces, clock.cpu_seconds, clock.wall_seconds, tuple(warnings), name)
 
 
 def _surface(

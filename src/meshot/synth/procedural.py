@@ -27,7 +27,7 @@ _SMOOTHINGS = 8  # of the white surface, which take the edge off the steepest ba
 _PIAL_SMOOTHINGS = 2  # for banks that meet in a slit
 _SPACING = 3.0  # mm between the samples of the noise
 _SPREADING = 25  # rounds of moving vertices to where the surface is large
-_LARGEST_PULL = 6.0
+_LARGEST_GROWTH = 6.0
 _WALL_GAP = 0.3  # mm; the flow that lifts the pial surface is not exactly normal, and .1 would be too little
 _APART = 1.5  # mm from the midline to the pial surface, at least
 
@@ -124,8 +124,8 @@ def _spread(sphere: Mesh, body: _Body) -> Float[Tensor, "V 3"]:
     directions, faces = sphere.vertices, sphere.faces
     for _ in range(_SPREADING):
         areas = face_areas(sphere.with_vertices(body.surface(directions)))
-        pulls = (areas / areas.mean()).clamp(max=_LARGEST_PULL)
-        centres = (pulls[:, None] * directions[faces].mean(dim=1)).repeat_interleave(3, dim=0)
+        growth = (areas / areas.mean()).clamp(max=_LARGEST_GROWTH)
+        centres = (growth[:, None] * directions[faces].mean(dim=1)).repeat_interleave(3, dim=0)
         sums = torch.zeros_like(directions).index_add(0, faces.flatten(), centres)
         directions = sums / torch.linalg.vector_norm(sums, dim=1, keepdim=True)
     return directions

@@ -47,10 +47,10 @@ class Verdict:
             raise ValueError(f"status is {self.status!r}; one of {', '.join(STATUSES)} is needed")
 
 
-Judge = Callable[[dict], Verdict]
+Rule = Callable[[dict], Verdict]
 
 
-def ledger_page(claims: Path, experiments: Path, judges: dict[int, Judge]) -> str:
+def ledger_page(claims: Path, experiments: Path, rules: dict[int, Rule]) -> str:
     """The page, in MyST Markdown.
 
     Parameters
@@ -59,18 +59,18 @@ def ledger_page(claims: Path, experiments: Path, judges: dict[int, Judge]) -> st
         The YAML list of claims: id, claim, where, paper, and for those tested the experiment and the chapter.
     experiments : path
         The folder of experiments, each with its ``results.json``.
-    judges : dict
+    rules : dict
         For every tested claim the function from the experiment's record to a :class:`Verdict`.
 
     Raises
     ------
     ValueError
-        If a claim names an experiment without results, or a judge is missing.
+        If a claim names an experiment without results, or a rule is missing.
     """
     rows = yaml.safe_load(claims.read_text(encoding="utf-8"))
-    judged = [(row, *_judged(row, experiments, judges)) for row in rows]
-    parts = [_HEAD, _counts([verdict for _, verdict, _ in judged]), _table(judged)]
-    parts += [_details(row, verdict, record) for row, verdict, record in judged if record is not None]
+    verdicts = [(row, *_verdict_on(row, experiments, rules)) for row in rows]
+    parts = [_HEAD, _counts([verdict for _, verdict, _ in verdicts]), _table(verdicts)]
+    parts += [_details(row, verdict, record) for row, verdict, record in verdicts if record is not None]
     return "\n".join(parts)
 
 
@@ -88,13 +88,15 @@ row.
 """
 
 
-def _judged(row: dict, experiments: Path, judges: dict[int, Judge]) -> tuple[Verdict, dict | None]:
+def _verdict_on(row: dict, experiments: Path, rules: dict[int, Rule]) -> tuple[Verdict, dict | None]:
     if "experiment" not in row:
         return Verdict(NOT_TESTED, "–", "–"), None
-    if row["id"] not in judges:
-        raise ValueError(f"claim {row['id']} names the experiment {row['experiment']!r}, but no judge: add one")
+    if row["id"] not in rules:
+        raise ValueError(
+            f"claim {row['id']} names the experiment {row['experiment']!r}, but there is no rule for it: add one"
+        )
     record = read_results(experiments / row["experiment"] / "results.json")
-    return judges[row["id"]](record), record
+    return rules[row["id"]](record), record
 
 
 def _counts(verdicts: list[Verdict]) -> str:
@@ -102,13 +104,13 @@ def _counts(verdicts: list[Verdict]) -> str:
     return "So far: " + ", ".join(f"{count} {status}" for status, count in counts.items() if count) + ".\n"
 
 
-def _table(judged: list[tuple[dict, Verdict, dict | None]]) -> str:
+def _table(verdicts: list[tuple[dict, Verdict, dict | None]]) -> str:
     lines = [
         ":::{div} ledger",
         "| | claim | status | the paper's number | ours | where | data |",
         "|---|---|---|---|---|---|---|",
     ]
-    for row, verdict, record in judged:
+    for row, verdict, record in verdicts:
         link = f"[{verdict.status}](#claim-{row['id']})" if record else verdict.status
         data = record["data"] if record else "–"
         cells = [str(row["id"]), row["claim"], link, row["paper"], verdict.ours, row["where"], data]

@@ -75,7 +75,7 @@ def interpolate(coefficients, places, values):
 
 @kernel("flows on a grid", 5, fastmath=_FASTMATH)
 @no_type_check
-def interpolate_backward(coefficients, places, pull, to_coefficients, to_places):
+def interpolate_backward(coefficients, places, grad_output, to_coefficients, to_places):
     """Add the gradient in the coefficients to one buffer, write the gradient in the places to another."""
     nx, ny, nz, _ = coefficients.shape
     flat, to_flat = coefficients.reshape(-1), to_coefficients.reshape(-1)
@@ -92,7 +92,7 @@ def interpolate_backward(coefficients, places, pull, to_coefficients, to_places)
         _slope(w, slopes[2])
         for c in range(4):
             for k in range(3):
-                share[3 * c + k] = weights[2, c] * pull[i, k]
+                share[3 * c + k] = weights[2, c] * grad_output[i, k]
         along_x[:], along_y[:], along_z[:] = 0, 0, 0
         for a in range(4):
             for b in range(4):
@@ -115,4 +115,4 @@ def interpolate_backward(coefficients, places, pull, to_coefficients, to_places)
             for k in range(3):
                 to_places[i, 0] += inside_x * share[3 * c + k] * along_x[3 * c + k]
                 to_places[i, 1] += inside_y * share[3 * c + k] * along_y[3 * c + k]
-                to_places[i, 2] += inside_z * slopes[2, c] * pull[i, k] * along_z[3 * c + k]
+                to_places[i, 2] += inside_z * slopes[2, c] * grad_output[i, k] * along_z[3 * c + k]

@@ -1,6 +1,6 @@
 """From results to verdicts: the rule for each tested claim, by its number."""
 
-from meshot_book.claims.ledger import Judge
+from meshot_book.claims.ledger import Rule
 from meshot_book.claims.rules.axioms import axioms_verdict
 from meshot_book.claims.rules.convergence import directions_verdict, theorem_verdict
 from meshot_book.claims.rules.cost import memory_verdict, speed_verdict
@@ -16,7 +16,7 @@ from meshot_book.claims.rules.toy import toy_verdict
 from meshot_book.claims.rules.varifold import varifold_verdict
 from meshot_book.claims.rules.weights import weights_verdict
 
-RULES: dict[int, Judge] = {
+RULES: dict[int, Rule] = {
     1: toy_verdict,
     2: theorem_verdict,
     3: transport_rate_verdict,
