@@ -14,7 +14,7 @@ from meshot.view.style.colours import BLUE, ORANGE, SKY, VERMILLION, WIDTH
 
 
 def training_figure(log: Sequence[dict]) -> Figure:
-    """Loss of every step and its running mean; beside it what was validated: Dice of both sides, distances in mm, or the loss.
+    """Loss of every step and its running mean; beside it what was validated: Dice, distances in mm, or the loss.
 
     Parameters
     ----------
