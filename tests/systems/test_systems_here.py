@@ -28,6 +28,7 @@ def test_the_paper_is_the_papers():
     paper = read_settings(get_system("ddot"), "paper")
     assert (paper["loss"]["n_directions"], paper["training"]["n_epochs"]) == (100, 300)
     assert paper["training"]["learning_rate"] == 1e-4
+    assert get_system("ddot").complete({})["loss"]["normal_scale"] == 1.0  # oriented, whatever an encoding's default
     assert read_settings(get_system("cortexode"), "paper")["loss"] == {
         "loss": "chamfer", "encoding": "samples", "n_supports": None, "factor": 1000.0,
     }  # fmt: skip

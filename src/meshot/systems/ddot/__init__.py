@@ -8,7 +8,7 @@ from meshot.systems.deformation import DeformationSystem
 
 
 class System(DeformationSystem):
-    """DDOT."""
+    """DDOT; the paper gives no length of the normals, and a millimetre is one reading of it."""
 
     name = "ddot"
-    loss = {"loss": "sliced", "encoding": "varifold"}  # noqa: RUF012
+    loss = {"loss": "sliced", "encoding": "varifold", "normal_scale": 1.0}  # noqa: RUF012
