@@ -81,7 +81,7 @@ lint: $(READY)
 	$(BIN)ruff check .
 	$(BIN)ruff format --check .
 	$(BIN)oxlint --deny-warnings src
-	$(BIN)oxfmt --check src
+	$(BIN)oxfmt --check 'src/**/*.js' 'src/**/*.css'
 	$(BIN)djlint --check --lint src
 
 lab: $(READY)
