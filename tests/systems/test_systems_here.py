@@ -39,6 +39,8 @@ def test_a_setting_that_the_loss_does_not_use_is_refused_by_file_and_name():
         read_settings(get_system("cortexode"), "small", ["loss.normal_scale=1.0"])
     changed = read_settings(get_system("ddot"), "small", ["loss.encoding=samples", "loss.normal_scale=null"])
     assert (changed["loss"]["loss"], changed["loss"]["encoding"]) == ("sliced", "samples")
+    # What is the system's own, and not of a file, falls away with the encoding that used it.
+    assert "normal_scale" not in get_system("ddot").complete({"loss": {"encoding": "samples"}})["loss"]
 
 
 def test_a_network_too_large_to_be_kept_is_refused_at_once():

@@ -17,7 +17,6 @@ from meshot.view import write_training_figure
 #: What is written of a trained network, after its name.
 WEIGHTS, RECORD, LOG, PICTURE = ".safetensors", ".json", ".log.jsonl", ".png"
 STATE_FOLDER, SESSIONS = "state", "sessions.jsonl"
-_MADE = ("commit", "date", "versions", "machine")
 
 Trained = TypeVar("Trained")
 
@@ -81,8 +80,8 @@ def write_record(folder: Path, name: str, record: dict, log: list[dict]) -> None
     ValueError
         If the record is not JSON.
     """
-    made = {key: record[key] for key in _MADE}
-    config = {key: value for key, value in record.items() if key not in (*_MADE, "results", "command", "cohorts")}
+    made = {key: record[key] for key in provenance() if key in record}
+    config = {key: value for key, value in record.items() if key not in (*made, "results", "command", "cohorts")}
     results, data = record["results"], f"synthetic cohorts {', '.join(record['cohorts'])}"
     write_results(folder / f"{name}{RECORD}", results, config, record["command"], data, results["cpu_seconds"], made)
     TrainingLog(folder / f"{name}{LOG}", log)

@@ -93,10 +93,11 @@ def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss:
     return SurfaceLoss(**parts, factor=factor)
 
 
-def loss_setting_names() -> set[str]:
-    """Every setting that some loss or some encoding uses."""
-    fields = {f.name for kind in (*LOSSES.values(), *ENCODINGS.values()) for f in dataclasses.fields(kind)}
-    return {"loss", "encoding", "factor"} | fields
+def loss_setting_names(loss: str | None = None, encoding: str | None = None) -> set[str]:
+    """Every setting that a loss and an encoding use; that any uses where no name, or an unknown one, is given."""
+    kinds = [LOSSES[loss]] if loss in LOSSES else LOSSES.values()
+    kinds = [*kinds, *([ENCODINGS[encoding]] if encoding in ENCODINGS else ENCODINGS.values())]
+    return {"loss", "encoding", "factor"} | {field.name for kind in kinds for field in dataclasses.fields(kind)}
 
 
 def _kind_of(table: Mapping[str, type], name: str, what: str) -> type:

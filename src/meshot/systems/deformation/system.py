@@ -7,6 +7,7 @@ from typing import ClassVar
 import torch
 
 from meshot.anatomy import HEMISPHERES
+from meshot.loss.composed import loss_setting_names
 from meshot.mesh import Mesh
 from meshot.model import N_STEPS, DeformationNetwork, require_small
 from meshot.systems.deformation.carrying import deformed
@@ -42,8 +43,11 @@ class DeformationSystem(SurfaceSystem):
         ValueError
             If one is unknown, a value will not do, or the network is too large to be kept.
         """
-        own = {name: value for name, value in (cls.loss | settings.get("loss", {})).items() if value is not None}
-        config = deformation_config(settings | {"loss": own}, f"the configuration of {cls.name}")
+        given = settings.get("loss", {})
+        names = {name: given.get(name) or cls.loss[name] for name in ("loss", "encoding")}
+        # Of the system's own settings, those that what was chosen does not use fall away.
+        own = {name: value for name, value in cls.loss.items() if name in loss_setting_names(**names)}
+        config = deformation_config(settings | {"loss": own | names | given}, f"the configuration of {cls.name}")
         require_small(config.new_network())
         return config
 
