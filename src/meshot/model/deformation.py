@@ -36,7 +36,7 @@ class DeformationNetwork(nn.Module):
     hidden : sequence of int
         Neurons in the hidden layers of the perceptron.
     n_scales, size : int
-        See :class:`meshot.model.cubes.CubeConvolution`.
+        Number of resolutions, each half the one before, and the voxels along an edge of the cube at each.
     extent : float
         In mm. Positions are divided by it before they enter.
     generator : generator or int

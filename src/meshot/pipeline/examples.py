@@ -39,7 +39,7 @@ class InitialSurfaces:
         Raises
         ------
         ValueError
-            As :func:`meshot.pipeline.segmentation.segmenting.initial_surfaces`.
+            If the segmentation finds no surface in the scan.
         """
         return self._of(subject, side, subject.standard())
 

@@ -66,7 +66,8 @@ def without_crossings(
     n_steps, method
         As in :func:`meshot.integrate`.
     radius : float
-        In mm, see :func:`meshot.flow.crossings.damping.damped`.
+        In mm. The velocity is zero at a place if this is more than 3.5 times the finest spacing (cubic splines), and
+        small if it is less.
     max_rounds : int
 
     Returns
@@ -77,8 +78,8 @@ def without_crossings(
     Raises
     ------
     ValueError
-        If faces of the mesh cross before it is carried, or still do after so many rounds; or as
-        :func:`meshot.flow.crossings.damping.damped`.
+        If faces of the mesh cross before it is carried, or still do after so many rounds, or if
+        the radius is not positive.
     """
     require_positive_integer(max_rounds, "max_rounds")
     if len(self_intersecting_faces(mesh)):
