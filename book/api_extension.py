@@ -5,7 +5,6 @@ import types
 import typing
 from pathlib import Path
 
-from api_pages import assignments, doors, write_pages
 from docutils.nodes import Element
 from sphinx.application import Sphinx
 from sphinx.domains.python import PythonDomain
@@ -13,11 +12,15 @@ from sphinx.environment import BuildEnvironment
 from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.typing import stringify_annotation
 
+from api_pages import assignments, doors, write_pages
+
 
 class DoorsDomain(PythonDomain):
     """Python's names, where the same class may be shown at two doors."""
 
-    def note_object(self, name: str, objtype: str, node_id: str, aliased: bool = False, location: object = None) -> None:
+    def note_object(
+        self, name: str, objtype: str, node_id: str, aliased: bool = False, location: object = None
+    ) -> None:
         """Keep a name; of two doors that show a class, the first stands for the module that defines it."""
         if not (aliased and name in self.objects):
             super().note_object(name, objtype, node_id, aliased, location)
@@ -35,7 +38,9 @@ def _aliases() -> dict[str, str]:
     }
 
 
-def name_types(app: Sphinx, what: str, name: str, obj: object, options: object, signature: str | None, result: str | None):
+def name_types(
+    app: Sphinx, what: str, name: str, obj: object, options: object, signature: str | None, result: str | None
+):
     """A signature in which the types that have a name at a door go by it."""
     for spelt, alias in _aliases().items():
         signature = signature and signature.replace(spelt, alias)

@@ -1,7 +1,7 @@
 """The API pages of the book, one for each door of the packages, written from the doors themselves.
 
-A door is a package with a stub, ``__init__.pyi``: the stub says what the door shows, and each name's own docstring says what
-it is. Nothing is listed here.
+A door is a package with a stub, ``__init__.pyi``: the stub says what the door shows, and each name's own docstring says
+what it is. Nothing is listed here.
 """
 
 import ast
@@ -63,7 +63,9 @@ def _entries(door: str, stub: ast.Module) -> list[Entry]:
     found = []
     for node in stub.body:
         if isinstance(node, ast.ImportFrom):
-            found += [Entry(door, alias.name, defining_module(f"{door}.{node.module}", alias.name)) for alias in node.names]
+            found += [
+                Entry(door, alias.name, defining_module(f"{door}.{node.module}", alias.name)) for alias in node.names
+            ]
         elif isinstance(node, ast.AnnAssign):
             found.append(Entry(door, node.target.id, door))
     return found
@@ -141,7 +143,7 @@ def page(door: str, entries: list[Entry]) -> str:
     """The page of a door: its docstring, a table of its names, and every name."""
     about = inspect.getdoc(importlib.import_module(door))
     rows = "".join(f"   * - :py:obj:`{e.name} <{door}.{e.name}>`\n     - {_summary(e)}\n" for e in entries)
-    table = f".. list-table::\n   :widths: 30 70\n   :class: names\n\n{rows}"
+    table = f".. list-table::\n   :widths: 40 60\n   :class: names\n\n{rows}"
     whole = "\n".join(_directive(entry) for entry in entries)
     return f"{door}\n{'=' * len(door)}\n\n.. py:module:: {door}\n\n{about}\n\n{table}\n{whole}"
 

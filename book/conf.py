@@ -44,7 +44,6 @@ napoleon_use_ivar = True
 # One JavaScript file and its fonts, copied from a Python package by book/build.py: nothing comes from a network.
 mathjax_path = "mathjax/tex-chtml.js"
 mathjax3_config = {
-    "chtml": {"fontURL": "_static/mathjax/output/chtml/fonts/woff-v2"},
     "options": {"enableMenu": False},
     "tex": {"macros": {"SW": r"\mathrm{SW}", "W": r"\mathrm{W}", "CD": r"\mathrm{CD}", "R": r"\mathbb{R}"}},
 }

@@ -39,7 +39,7 @@ class InitialSurfaces:
         Raises
         ------
         ValueError
-            If the segmentation finds no surface in the scan.
+            As :func:`meshot.pipeline.segmentation.segment`; or if the network finds no white matter on a side.
         """
         return self._of(subject, side, subject.standard())
 

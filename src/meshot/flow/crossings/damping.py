@@ -53,10 +53,10 @@ def without_crossings(
 ) -> GridVelocity:
     """The field brought to a stand wherever it would make faces of the mesh cross, in as many rounds as that takes.
 
-    A round carries the mesh, finds the faces that cross at the end, and stills the field along their paths, as
-    :func:`meshot.flow.crossings.damping.damped` does, one ``radius`` farther in every third round. The flow stays
-    one of a smooth field, and is untouched elsewhere: what is lost is closeness at those faces. Compare
-    :class:`meshot.flow.fitting.Guard`, which makes the whole fit back off.
+    A round carries the mesh, finds the faces that cross at the end, and stills the field along their paths, one
+    ``radius`` farther in every third round. Coefficients up to that distance from a path become zero, and from there to
+    twice as far they rise to what they were. The flow stays one of a smooth field, and is untouched elsewhere: what is
+    lost is closeness at those faces. Compare :class:`meshot.flow.fitting.Guard`, which makes the whole fit back off.
 
     Parameters
     ----------
