@@ -35,7 +35,7 @@ def pages(html: Path) -> list[Path]:
 
 
 def test_every_page_is_whole_without_a_network(html, context, capsys):
-    troubles = {file.name: troubles_of(context, file) for file in pages(html)}
+    troubles = {file.relative_to(html).as_posix(): troubles_of(context, file) for file in pages(html)}
     with capsys.disabled():
         print(f"\nopened {len(troubles)} pages offline: {', '.join(troubles)}")
     assert {name: found for name, found in troubles.items() if found} == {}
