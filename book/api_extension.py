@@ -45,7 +45,8 @@ def name_types(
     for spelt, alias in _aliases().items():
         signature = signature and signature.replace(spelt, alias)
         result = result and result.replace(spelt, alias)
-    return signature, result
+    # A default made by a factory is no Python, and a signature that is none is not read: its types would have no links.
+    return signature and signature.replace("<factory>", "..."), result
 
 
 def defining_module(app: Sphinx, module: str, attribute: str) -> str | None:
