@@ -1,6 +1,7 @@
 """What Sphinx needs for the API pages: the pages themselves, short names of types, and source links for constants."""
 
 import functools
+import re
 import types
 import typing
 from pathlib import Path
@@ -45,8 +46,8 @@ def name_types(
     for spelt, alias in _aliases().items():
         signature = signature and signature.replace(spelt, alias)
         result = result and result.replace(spelt, alias)
-    # A default made by a factory is no Python, and a signature that is none is not read: its types would have no links.
-    return signature and signature.replace("<factory>", "..."), result
+    # The text of a factory or a lambda is no Python; Sphinx would show such a signature unread, without links.
+    return signature and re.sub(r"<(?:[^<>]|<\w+>)*>", "...", signature), result
 
 
 def defining_module(app: Sphinx, module: str, attribute: str) -> str | None:
