@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+CONFIGURATION = ("conf.py", "api_extension.py", "api_pages.py")
 MATHJAX = "static/mathjax/"
 MATHJAX_FILES = ("tex-chtml.js", "output/chtml/fonts/woff-v2/")
 
@@ -26,7 +27,8 @@ def assemble(notebooks: Path, source: Path) -> None:
     """
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "claims.yaml"))
-    shutil.copy(ROOT / "book" / "conf.py", source)
+    for module in CONFIGURATION:
+        shutil.copy(ROOT / "book" / module, source)
     for text in sorted((ROOT / "notebooks").glob("[0-9]*.md")):
         notebook = notebooks / f"{text.stem}.ipynb"
         if not notebook.is_file():

@@ -1,13 +1,18 @@
 """Sphinx configuration. The source folder is put together by ``book/build.py``."""
 
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))  # the extension api_extension
+
 project = "Meshes as Measures"
 author = "The Meshes as Measures authors"
 copyright = "2026, the authors. Text CC BY 4.0, code MIT"
 language = "en"
 
 extensions = [
+    "api_extension",
     "myst_nb",
-    "sphinx.ext.autodoc",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
@@ -26,18 +31,20 @@ nb_merge_streams = True
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "alpha"
 
-autodoc_typehints = "none"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+toc_object_entries_show_parents = "hide"
+python_maximum_signature_line_length = 88
 autodoc_member_order = "bysource"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_param = False
 napoleon_use_ivar = True
-nitpick_ignore_regex = [("py:.*", r"(numpy|torch|pathlib|jaxtyping|matplotlib|pyvista)\..*")]
 
 # One JavaScript file and its fonts, copied from a Python package by book/build.py: nothing comes from a network.
 mathjax_path = "mathjax/tex-chtml.js"
 mathjax3_config = {
-    "chtml": {"fontURL": "_static/mathjax/output/chtml/fonts/woff-v2"},
     "options": {"enableMenu": False},
     "tex": {"macros": {"SW": r"\mathrm{SW}", "W": r"\mathrm{W}", "CD": r"\mathrm{CD}", "R": r"\mathbb{R}"}},
 }

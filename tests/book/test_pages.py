@@ -1,13 +1,19 @@
 """The rendered book in a browser without a network: every page, its formulas, links, search, theme and width."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 import build
 from browser import offline_browser, raw_tex, troubles_of, watched_page
+from house import shown_names
 from preflight import browser as browser_path
+
+#: Of the page of a door, in pixels at 1280: some thirty screens.
+TALLEST = 30_000
+MOST_ENTRIES = 40
 
 
 @pytest.fixture(scope="session")
@@ -25,16 +31,18 @@ def context():
 
 
 def pages(html: Path) -> list[Path]:
-    return sorted(html.glob("*.html"))
+    return sorted([*html.glob("*.html"), *html.glob("api/*.html")])
 
 
 def test_every_page_is_whole_without_a_network(html, context, capsys):
-    troubles = {file.name: troubles_of(context, file) for file in pages(html)}
+    troubles = {file.relative_to(html).as_posix(): troubles_of(context, file) for file in pages(html)}
     with capsys.disabled():
         print(f"\nopened {len(troubles)} pages offline: {', '.join(troubles)}")
     assert {name: found for name, found in troubles.items() if found} == {}
     chapters = {path.stem for path in (build.ROOT / "notebooks").glob("[0-9]*.md")}
-    assert chapters | {"index", "ledger", "search", "api", "references"} <= {file.stem for file in pages(html)}
+    assert chapters | {"index", "ledger", "search", "references", "meshot", "meshot.loss"} <= {
+        file.stem for file in pages(html)
+    }
 
 
 def test_formulas_are_set(html, context):
@@ -100,6 +108,53 @@ def test_the_points_of_the_book_can_be_played(html, context):
         page.wait_for_timeout(200)
         assert canvas.screenshot() != before
         assert troubles == []
+
+
+def lacks(html: Path, door: str, name: str) -> str:
+    """What is missing of a name on the page of its door."""
+    page = html / "api" / f"{door}.html"
+    entry = re.search(rf'<dt [^>]*id="{re.escape(door)}\.{name}">(.*?)</dt>', page.read_text("utf-8"), re.S)
+    if not entry:
+        return f"{door}.{name}: no entry"
+    link = re.search(r'href="([^"]*_modules/[^"#]*)#([^"]*)"', entry[1])
+    if not link:
+        return f"{door}.{name}: no source link"
+    source = (page.parent / link[1]).resolve()
+    found = source.is_file() and f'id="{link[2]}"' in source.read_text("utf-8")
+    return "" if found else f"{door}.{name}: its source link leads nowhere"
+
+
+def test_every_name_at_every_door_has_an_entry_and_its_source(html):
+    src = build.ROOT / "src"
+    stubs = {".".join(stub.parent.relative_to(src).parts): stub for stub in src.rglob("__init__.pyi")}
+    troubles = [lacks(html, door, name) for door, stub in stubs.items() for name in shown_names(stub)]
+    assert len(stubs) > 40
+    assert [trouble for trouble in troubles if trouble] == []
+    assert {page.stem for page in html.glob("api/*.html")} == {"index", *stubs}
+
+
+@pytest.mark.parametrize(
+    ("entry", "seen"),
+    [
+        ("", "no entry"),
+        ('<dt class="sig" id="a.other"><a href="../_modules/b.html#f">s</a></dt>', "no entry"),
+        ('<dt class="sig" id="a.f"><a href="#a.f">s</a></dt><a href="../_modules/b.html#f">s</a>', "no source link"),
+        ('<dt class="sig" id="a.f"><a href="../_modules/none.html#f">s</a></dt>', "leads nowhere"),
+        ('<dt class="sig" id="a.f"><a href="../_modules/b.html#g">s</a></dt>', "leads nowhere"),
+    ],
+)
+def test_each_lack_is_seen(tmp_path, entry, seen):
+    for folder, text in (("api/a.html", entry), ("_modules/b.html", '<div id="f">')):
+        (tmp_path / folder).parent.mkdir()
+        (tmp_path / folder).write_text(text)
+    assert seen in lacks(tmp_path, "a", "f")
+
+
+def test_no_page_of_a_door_is_too_long_to_scan(html, context):
+    for file in html.glob("api/*.html"):
+        with watched_page(context, file) as (page, _):
+            assert page.evaluate("() => document.querySelector('article').scrollHeight") < TALLEST, file.name
+            assert page.locator("article > section > dl.py").count() <= MOST_ENTRIES, file.name
 
 
 @pytest.mark.parametrize(

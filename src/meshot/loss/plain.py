@@ -84,7 +84,10 @@ def quantile_cost(
     target_weights: Float[Tensor, " m"],
     p: float = 2,
 ) -> Float[Tensor, " L"]:
-    """W_p^p between weighted points on a line, for every row: ∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz."""
+    """W_p^p between weighted points on a line, for every row.
+
+    It is the integral over z in [0, 1] of ``|F⁻¹(z) − G⁻¹(z)|^p``, where F and G are the distribution functions.
+    """
     cells = quantile_cells(source, source_weights, target, target_weights)
     return (power(cells.gap, p) * cells.mass).sum(dim=1)
 

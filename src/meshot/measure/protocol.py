@@ -15,12 +15,12 @@ class Measure(Protocol):
 
     @property
     def places(self) -> Float[Tensor, "n d"]:
-        """The supports, or the corners of the cells: what a direction projects, in units of the vertices."""
+        """What a direction projects, in units of the vertices; the supports, or the corners of the cells."""
         ...
 
     @property
     def weights(self) -> Float[Tensor, " k"]:
-        """The masses of the cells, or of the points where there are no cells: at least zero, with sum one."""
+        """The masses of the cells, or of the points where there are no cells; at least zero, with sum one."""
         ...
 
     @property

@@ -36,7 +36,7 @@ class DeformationNetwork(nn.Module):
     hidden : sequence of int
         Neurons in the hidden layers of the perceptron.
     n_scales, size : int
-        See :class:`meshot.model.cubes.CubeConvolution`.
+        The number of scales (1, 2, 4, ... times the size of the voxels), and the voxels along a cube at each, odd.
     extent : float
         In mm. Positions are divided by it before they enter.
     generator : generator or int

@@ -39,7 +39,7 @@ class InitialSurfaces:
         Raises
         ------
         ValueError
-            As :func:`meshot.pipeline.segmentation.segmenting.initial_surfaces`.
+            As :func:`meshot.pipeline.segmentation.segment`; or if the network finds no white matter on a side.
         """
         return self._of(subject, side, subject.standard())
 

@@ -33,8 +33,8 @@ def run_system_training(
 ) -> SurfaceSystem:
     """Train a system on cohorts, with a progress bar, and write what came of it.
 
-    Into ``folder`` goes for every part of the system what :func:`meshot.pipeline.training_files.write_record` writes,
-    beside the weights, ``PART.safetensors``; ``state/`` is what a stopped training goes on from.
+    Into ``folder`` go for every part of the system the weights ``PART.safetensors``, the record ``PART.json``, the log
+    ``PART.log.jsonl`` and its picture ``PART.png``; ``state/`` is what a stopped training goes on from.
 
     Parameters
     ----------

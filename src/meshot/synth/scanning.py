@@ -33,8 +33,10 @@ class Anatomy:
 
     Parameters
     ----------
-    ventricles, below : float
-        See :func:`meshot.synth.structures.structures_of`.
+    ventricles : float
+        Half axes of the ventricles, as a multiple of those of a young adult; 0 for none.
+    below : float
+        The same for cerebellum and brainstem.
     head_mm : tuple
         Fluid, skull and scalp, in mm; empty for none.
     n_lines : int

@@ -58,7 +58,7 @@ def interactive(
     colour_map : str
         A name that matplotlib knows.
     view : str
-        From where it is seen at first, see :func:`meshot.view.angles.view_from`.
+        From where it is seen at first, see :func:`meshot.view.surface_figure`.
 
     Raises
     ------

@@ -141,7 +141,8 @@ def surface_figure(
     values : array or mapping, optional
         One number for each vertex, by the names of the meshes; a mesh without values is drawn plain.
     views : sequence of str
-        See :func:`meshot.view.angles.view_from`.
+        Where the eye stands: "left", "right", "anterior", "posterior", "superior" or "inferior"; on a hemisphere of a
+        brain also "lateral" (from outside) or "medial" (from the other hemisphere).
     hemisphere : str or mapping, optional
         "left" or "right", for all meshes or by name: what "lateral" and "medial" mean; then letters say which way
         the brain looks.

@@ -53,7 +53,7 @@ def standard_scan(scan: Volume, template: Volume, seed: int = 0) -> StandardScan
     Raises
     ------
     ValueError
-        As :func:`meshot.volume.registration.register_affine`.
+        As :func:`meshot.volume.register_affine`.
 
     Notes
     -----

@@ -23,7 +23,7 @@ class Verdict:
     Parameters
     ----------
     status : str
-        One of :data:`STATUSES`.
+        One of the five statuses: those at this door that are written in capitals.
     ours : str
         Our number or numbers, with unit.
     tolerance : str

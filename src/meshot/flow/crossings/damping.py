@@ -53,10 +53,10 @@ def without_crossings(
 ) -> GridVelocity:
     """The field brought to a stand wherever it would make faces of the mesh cross, in as many rounds as that takes.
 
-    A round carries the mesh, finds the faces that cross at the end, and stills the field along their paths, as
-    :func:`meshot.flow.crossings.damping.damped` does, one ``radius`` farther in every third round. The flow stays
-    one of a smooth field, and is untouched elsewhere: what is lost is closeness at those faces. Compare
-    :class:`meshot.flow.fitting.Guard`, which makes the whole fit back off.
+    A round carries the mesh, finds the faces that cross at the end, and stills the field along their paths, one
+    ``radius`` farther in every third round. Coefficients up to that distance from a path become zero, and from there to
+    twice as far they rise to what they were. The flow stays one of a smooth field, and is untouched elsewhere: what is
+    lost is closeness at those faces. Compare :class:`meshot.flow.fitting.Guard`, which makes the whole fit back off.
 
     Parameters
     ----------
@@ -66,7 +66,8 @@ def without_crossings(
     n_steps, method
         As in :func:`meshot.integrate`.
     radius : float
-        In mm, see :func:`meshot.flow.crossings.damping.damped`.
+        In mm. The velocity is zero at a place if this is more than 3.5 times the finest spacing (cubic splines), and
+        small if it is less.
     max_rounds : int
 
     Returns
@@ -77,8 +78,8 @@ def without_crossings(
     Raises
     ------
     ValueError
-        If faces of the mesh cross before it is carried, or still do after so many rounds; or as
-        :func:`meshot.flow.crossings.damping.damped`.
+        If faces of the mesh cross before it is carried, or still do after so many rounds, or if
+        the radius is not positive.
     """
     require_positive_integer(max_rounds, "max_rounds")
     if len(self_intersecting_faces(mesh)):

@@ -30,7 +30,7 @@ def spline_values(
     Notes
     -----
     64 coefficients per place (linear: 8). On a CPU a compiled kernel does the cubic one, with a hand-written gradient
-    that can be taken once; elsewhere :func:`plain_spline_values`.
+    that can be taken once; elsewhere PyTorch does both.
     """
     if min(coefficients.shape[:3]) < 4:
         raise ValueError(

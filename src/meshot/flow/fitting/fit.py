@@ -75,7 +75,7 @@ def fit_flow(
         A safetensors file, written whole every ``save_every`` iterations. If it is there already, the fit goes on from
         it and ends with the same field as if it had never stopped.
     progress : callable of (iterations done, loss), optional
-        Called after every iteration; :func:`meshot.flow.fitting.progress.fit_progress` makes one that draws a bar.
+        Called after every iteration; :func:`meshot.flow.fitting.fit_progress` makes one that draws a bar.
     guard : Guard, optional
         Count the faces that cross at every check, and back off when there are any.
     watch : callable of (mesh), optional

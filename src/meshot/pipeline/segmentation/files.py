@@ -41,8 +41,8 @@ def run_segmentation_training(
         A YAML file, or the name of one that comes with the package, such as "small".
     cohorts : sequence of path
     folder : path
-        For ``segmentation.safetensors`` and its record, log and picture: see
-        :func:`meshot.pipeline.training_files.write_record`; ``state/`` is what a stopped training goes on from.
+        For ``segmentation.safetensors``, its record ``segmentation.json``, its log ``segmentation.log.jsonl`` and the
+        picture of the log ``segmentation.png``; ``state/`` is what a stopped training goes on from.
     changes : sequence of str
         Such as ``training.precision=bfloat16``, in place of what the configuration says.
     device : torch.device, optional

@@ -47,7 +47,7 @@ class Recipe:
     position : mapping
         Knobs of :class:`meshot.synth.Position`.
     structures : mapping
-        ``ventricles`` and ``below``, see :func:`meshot.synth.structures.structures_of`; numbers or ranges.
+        ``ventricles`` and ``below``, see :class:`meshot.synth.Anatomy`; numbers or ranges.
     head_mm : tuple
         Fluid, skull and scalp around the brain, in mm; empty for a brain without its skull.
     n_lines : int

@@ -113,7 +113,7 @@ def voxel_distance(mesh: Mesh, grid: Volume) -> Float[Array, "X Y Z"]:
     Raises
     ------
     ValueError
-        As :func:`enclosed_voxels`.
+        If the mesh is not closed.
     """
     inside = enclosed_voxels(mesh, grid)
     sizes = voxel_sizes(grid)

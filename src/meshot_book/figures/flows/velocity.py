@@ -70,8 +70,14 @@ def velocity_figure(
 
     Parameters
     ----------
-    field, volume, plane, position_mm, n_arrows
-        As :func:`meshot_book.figures.flows.velocity.velocities_on_slice`.
+    field : VelocityField
+    volume : Volume
+    plane : str
+        "axial", "coronal" or "sagittal".
+    position_mm : float
+        Where the plane is.
+    n_arrows : int
+        Along the longer side.
     meshes : mapping, optional
         Surfaces by name, drawn where they meet the slice; the arrows get the dtype of the first.
     magnification : float
@@ -82,7 +88,7 @@ def velocity_figure(
     Raises
     ------
     ValueError
-        As :func:`meshot_book.figures.flows.velocity.velocities_on_slice`; if ``magnification`` is not positive.
+        If the plane has another name, ``n_arrows`` is not a positive integer, or ``magnification`` is not positive.
     """
     if not magnification > 0:
         raise ValueError(f"magnification is {magnification!r}; a number > 0 is needed")

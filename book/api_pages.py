@@ -1,0 +1,159 @@
+"""The API pages of the book, one for each door of the packages, written from the doors themselves.
+
+A door is a package with a stub, ``__init__.pyi``: the stub says what the door shows, and each name's own docstring says
+what it is. Nothing is listed here.
+"""
+
+import ast
+import functools
+import graphlib
+import importlib
+import inspect
+import re
+import textwrap
+from pathlib import Path
+from typing import NamedTuple
+
+from sphinx.pycode import ModuleAnalyzer
+from sphinx.util.docstrings import prepare_docstring
+
+import meshot
+
+SRC = Path(meshot.__file__).parents[1]
+
+
+class Entry(NamedTuple):
+    """A name at a door: the door, the name, and the module that defines it."""
+
+    door: str
+    name: str
+    module: str
+
+    @property
+    def value(self) -> object:
+        """The object itself."""
+        return getattr(importlib.import_module(self.door), self.name)
+
+
+@functools.cache
+def doors() -> dict[str, list[Entry]]:
+    """The doors of both packages, in the order in which rooms import each other, and the names that each shows."""
+    found = {}
+    for package in ("meshot", "meshot_book"):
+        for room in ("", *_rooms_in_order(SRC / package)):
+            folder = SRC / package / room
+            for stub in sorted([folder / "__init__.pyi"] if room == "" else folder.rglob("__init__.pyi")):
+                if stub.is_file():
+                    door = ".".join(stub.parent.relative_to(SRC).parts)
+                    found[door] = _entries(door, ast.parse(stub.read_text(encoding="utf-8")))
+    return found
+
+
+def _rooms_in_order(package: Path) -> list[str]:
+    rooms = sorted(folder.name for folder in package.iterdir() if (folder / "__init__.py").is_file())
+    needed = {room: set() for room in rooms}
+    for room in rooms:
+        code = "".join(file.read_text(encoding="utf-8") for file in (package / room).rglob("*.py"))
+        imported = re.findall(rf"^\s*(?:from|import) {package.name}\.(\w+)", code, re.MULTILINE)
+        needed[room] = sorted(set(imported) & set(rooms) - {room})
+    return list(graphlib.TopologicalSorter(needed).static_order())
+
+
+def _entries(door: str, stub: ast.Module) -> list[Entry]:
+    found = []
+    for node in stub.body:
+        if isinstance(node, ast.ImportFrom):
+            found += [
+                Entry(door, alias.name, defining_module(f"{door}.{node.module}", alias.name)) for alias in node.names
+            ]
+        elif isinstance(node, ast.AnnAssign):
+            found.append(Entry(door, node.target.id, door))
+    return found
+
+
+def defining_module(module: str, name: str) -> str:
+    """The module whose source defines a name, when ``module`` may be a door that only shows it."""
+    file = Path(importlib.import_module(module).__file__)
+    stub = file.with_suffix(".pyi")
+    if not stub.is_file():
+        return module
+    return next(entry.module for entry in _entries(module, ast.parse(stub.read_text("utf-8"))) if entry.name == name)
+
+
+class Assignment(NamedTuple):
+    """Where a module gives a value to a name, and the value as it is written there."""
+
+    first_line: int
+    last_line: int
+    value: str
+
+
+def assignments(module: str) -> dict[str, Assignment]:
+    """The names that the statements of a module give a value to."""
+    found = {}
+    for node in ast.parse(ModuleAnalyzer.for_module(module).code).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value:
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            several = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
+            pairs = zip(target.elts, node.value.elts, strict=True) if several else [(target, node.value)]
+            for name, value in pairs:
+                found[ast.unparse(name)] = Assignment(node.lineno, node.end_lineno, ast.unparse(value))
+    return found
+
+
+def _lines_about(entry: Entry) -> list[str]:
+    """The docstring of a function or class; the comment (``#:``) above anything else."""
+    if inspect.isclass(entry.value) or inspect.isroutine(entry.value):
+        return prepare_docstring(inspect.getdoc(entry.value) or "")
+    return ModuleAnalyzer.for_module(entry.module).find_attr_docs().get(("", entry.name), [""])
+
+
+def _summary(entry: Entry) -> str:
+    """The first paragraph of what is said about a name, on one line."""
+    return re.split(r"\n\s*\n", "\n".join(_lines_about(entry)).strip())[0].replace("\n", " ")
+
+
+def _directive(entry: Entry) -> str:
+    path = f"{entry.door}.{entry.name}"
+    if inspect.isclass(entry.value):
+        members = _members(entry.value)
+        options = f"   :members: {', '.join(members)}\n" if members else ""
+        return f".. autoclass:: {path}\n{options}"
+    if inspect.isroutine(entry.value):
+        return f".. autofunction:: {path}\n"
+    value = textwrap.shorten(assignments(entry.module)[entry.name].value, 300, placeholder=" …")
+    about = textwrap.indent("\n".join(_lines_about(entry)), "   ")
+    return f".. py:data:: {entry.name}\n   :value: {value}\n\n{about}\n"
+
+
+def _members(owner: type) -> list[str]:
+    """The public methods and properties that a class has from this package, those with a docstring."""
+    ours = [base for base in owner.__mro__ if base.__module__.split(".")[0] in ("meshot", "meshot_book")]
+    names = dict.fromkeys(name for base in ours for name in vars(base) if not name.startswith("_"))
+    kinds = (property, classmethod, staticmethod)
+    return [
+        name
+        for name in names
+        if isinstance(inspect.getattr_static(owner, name), kinds) or inspect.isfunction(getattr(owner, name))
+        if inspect.getdoc(getattr(owner, name))
+    ]
+
+
+def page(door: str, entries: list[Entry]) -> str:
+    """The page of a door: its docstring, a table of its names, and every name."""
+    about = inspect.getdoc(importlib.import_module(door))
+    rows = "".join(f"   * - :py:obj:`{e.name} <{door}.{e.name}>`\n     - {_summary(e)}\n" for e in entries)
+    table = f".. list-table::\n   :widths: 40 60\n   :class: names\n\n{rows}"
+    whole = "\n".join(_directive(entry) for entry in entries)
+    return f"{door}\n{'=' * len(door)}\n\n.. py:module:: {door}\n\n{about}\n\n{table}\n{whole}"
+
+
+def write_pages(into: Path) -> None:
+    """Write one page for each door, and the table of them that the index includes."""
+    found = doors()
+    for door, entries in found.items():
+        (into / f"{door}.rst").write_text(page(door, entries), encoding="utf-8")
+    about = {door: inspect.getdoc(importlib.import_module(door)).partition("\n")[0] for door in found}
+    rows = "".join(f"| [`{door}`]({door}.rst) | {line} | {len(found[door])} |\n" for door, line in about.items())
+    toctree = "\n".join(["```{toctree}", ":hidden:", "", *found, "```"])
+    (into / "doors.inc").write_text(f"| room | what it is for | names |\n|---|---|---|\n{rows}\n{toctree}\n", "utf-8")
