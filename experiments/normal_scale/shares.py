@@ -6,7 +6,7 @@ import numpy as np
 import scipy.spatial
 import torch
 
-from meshot import Mesh, quasi_directions, sliced_wasserstein, varifold
+from meshot import DiscreteMeasure, Mesh, quasi_directions, sliced_wasserstein, varifold
 from meshot.anatomy import fsaverage5_surface
 from meshot.mesh.editing import laplacian_smoothing
 from meshot.mesh.shapes import folded_sphere
@@ -47,6 +47,13 @@ def measure_pair(source: Mesh, target: Mesh, config: dict) -> dict:
     return {"half_extent": half_extent(source), "rows": rows}
 
 
+def _in_six(mesh: Mesh, scale: float) -> DiscreteMeasure:
+    """The varifold in R⁶, also at scale 0, where its normals are zero."""
+    measure = varifold(mesh, normal_scale=scale)
+    points = torch.nn.functional.pad(measure.points, (0, 6 - measure.points.shape[1]))
+    return DiscreteMeasure(points, measure.weights)
+
+
 def measure_scale(source: Mesh, target: Mesh, scale: float, config: dict) -> dict:
     """Everything at one scale: means over sets of directions, and the standard deviation of the share over them.
 
@@ -58,8 +65,7 @@ def measure_scale(source: Mesh, target: Mesh, scale: float, config: dict) -> dic
     for seed in config["seeds"]:
         directions = quasi_directions(config["n_directions"], 6, seed)
         value, bare = (
-            float(sliced_wasserstein(varifold(source, normal_scale=s), varifold(target, normal_scale=s), directions))
-            for s in (scale, 0.0)
+            float(sliced_wasserstein(_in_six(source, s), _in_six(target, s), directions)) for s in (scale, 0.0)
         )
         values.append(value)
         shares.append(1 - bare / value)

@@ -102,7 +102,7 @@ def test_bending_moves_by_about_what_is_asked_and_smoothly():
         ({"intensity": 1.0}, "intensity 1.0"),
         ({"stretch": 1.0}, "stretch 1.0"),
         ({"shift": -1}, "shift is -1"),
-        ({"turn": float("nan")}, "turn nan"),
+        ({"turn": float("nan")}, "turn is nan"),
         ({"bend": -2.0}, "bend -2.0"),
     ],
 )

@@ -94,9 +94,9 @@ def test_deformation_settings(change, unchecked):
 
 
 @pytest.mark.parametrize("change", BAD_SEGMENTATION)
-def test_segmentation_settings(change, root, unchecked):
+def test_segmentation_settings(change, unchecked):
     with pytest.raises(ValueError, match=BAD_SEGMENTATION[change]):
-        read_segmentation_config(root / "experiments" / "segmentation" / "tiny.yaml", [change])
+        read_segmentation_config("tiny", [change])
 
 
 def test_the_largest_that_pass():

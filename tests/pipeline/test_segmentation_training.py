@@ -180,7 +180,7 @@ def test_configurations_are_read_and_checked(tmp_path):
         ("network: {wide: 3}\ntrain: {}", "train, network.wide, which nothing reads"),
         ("network: {width: 0}", "will not do: width is 0"),
         ("training: {learning_rate: fast}", "will not do"),
-        ("- a", "groups of settings are needed: network, training"),
+        ("- a", "groups of settings are needed, such as training"),
         ("network: [1", "is no YAML"),
     ):
         path.write_text(text)

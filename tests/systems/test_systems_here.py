@@ -1,5 +1,7 @@
 """The systems of this package: the same but for their loss, and at home in the registry and on the command line."""
 
+import inspect
+
 import pytest
 import torch
 
@@ -57,8 +59,9 @@ def test_each_side_is_carried_by_its_own_flow_as_it_was_learned(name, monkeypatc
     record = {"training": {"n_flow_steps": 3, "method": "rk4"}}
     system = kind({f"{side}_white": Part(shifting_network(shift), record) for side, shift in shifts.items()})
     seen = []
-    real = kind.find_surfaces.__globals__["deformed"]
-    monkeypatch.setitem(kind.find_surfaces.__globals__, "deformed", lambda *a: seen.append(a[3:]) or real(*a))
+    names = inspect.unwrap(kind.find_surfaces).__globals__
+    real = names["deformed"]
+    monkeypatch.setitem(names, "deformed", lambda *a: seen.append(a[3:]) or real(*a))
     found = system.reconstruct(one.scan)
     assert seen == [(3, "rk4")] * 2
     for side in HEMISPHERES:

@@ -54,7 +54,7 @@ def _require_groups(content: object, name: str) -> Groups:
         raise ValueError(
             f"{name} holds {reprlib.repr(content)}; groups of settings are needed, such as training: {{seed: 1}}"
         )
-    return content
+    return {str(group): part for group, part in content.items()}  # YAML reads 1 and yes as something else than text
 
 
 def _is_number(text: str) -> bool:
