@@ -115,7 +115,7 @@ KINDS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
         lambda path: read_training(path, fit_state(), {"a": 1}),
     ),
     "velocity.safetensors.gz": (
-        lambda: _written("v.safetensors.gz", lambda path: write_velocity(path, fit_state().field)),
+        lambda: _written("v.safetensors.gz", lambda path: write_velocity(path, fit_state().network)),
         read_velocity,
     ),
     "results.json": (lambda: json.dumps({name: {"a": [1, 2.5]} for name in FIELDS}).encode(), read_results),
