@@ -18,7 +18,7 @@ FILES ?= 5000
 # Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
 WARM = @$(BIN)meshot warmup
 
-.PHONY: help book test test-wheel fuzz html notebooks ledger lab lint lock benchmark cohorts clean distclean
+.PHONY: help book test test-wheel fuzz html notebooks text ledger lab lint lock benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -27,8 +27,9 @@ help:
 	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
 	@echo "make html       render the book from the stored outputs (seconds)"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
+	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make ledger     write the claims ledger from the committed results"
-	@echo "make benchmark  install the peers of the benchmark in build/peers, run it (15 minutes), write its table into README"
+	@echo "make benchmark  install the peers of the benchmark in build/peers, run it (40 minutes), write its tables into the book"
 	@echo "make cohorts    make all synthetic subjects in build/cohorts (an hour, resumable; COHORTS=oasis_like for one, JOBS=2)"
 	@echo "make lab        open the notebooks in JupyterLab"
 	@echo "make lint       check style"
@@ -61,6 +62,9 @@ notebooks: $(READY)
 	@$(RUN) book/run_notebooks.py store $(NAME)
 	@$(RUN) tools/readme_picture.py
 
+text: $(READY)
+	@$(RUN) book/run_notebooks.py text $(NAME)
+
 ledger: $(READY)
 	@$(RUN) book/make_ledger.py
 
@@ -92,7 +96,7 @@ benchmark: $(READY)
 	$(RUN) benchmarks/losses.py
 	$(RUN) benchmarks/ruler.py
 	$(RUN) benchmarks/reconstruction.py
-	@$(RUN) benchmarks/readme_table.py
+	@$(RUN) benchmarks/speed_page.py
 
 cohorts: $(READY)
 	@for name in $(COHORTS); do \

@@ -105,9 +105,9 @@ def printed(results: dict) -> str:
                 by_peer.setdefault(row["peer"], {"peer": row["peer"]})[str(row["m"])] = row["seconds"]
         sizes = sorted({int(size) for row in by_peer.values() for size in row if size != "peer"})
         rows = [{"peer": n} | {str(size): row.get(str(size), "") for size in sizes} for n, row in by_peer.items()]
-        parts.append(f"seconds, d = {d}, by supports on each side\n" + table(rows, 3))
+        parts.append(f"seconds, d = {d}, by supports on each side\n{table(rows, 3)}")
     rows = [{k: "–" if v is None else v for k, v in row.items()} for row in results["targets"]]
-    return "\n\n".join([*parts, table(rows, 3), table(results["stopped"])])
+    return "\n\n".join([*parts, f"{table(rows, 3)}", f"{table(results['stopped'])}"])
 
 
 def main() -> None:

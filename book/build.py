@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-CONFIGURATION = ("conf.py", "api_extension.py", "api_pages.py")
+CONFIGURATION = ("conf.py", "api_pages.py", "*_extension.py")
 MATHJAX = "static/mathjax/"
 MATHJAX_FILES = ("tex-chtml.js", "output/chtml/fonts/woff-v2/")
 
@@ -27,8 +27,7 @@ def assemble(notebooks: Path, source: Path) -> None:
     """
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "claims.yaml"))
-    for module in CONFIGURATION:
-        shutil.copy(ROOT / "book" / module, source)
+    copy_configuration(source)
     for text in sorted((ROOT / "notebooks").glob("[0-9]*.md")):
         notebook = notebooks / f"{text.stem}.ipynb"
         if not notebook.is_file():
@@ -36,6 +35,13 @@ def assemble(notebooks: Path, source: Path) -> None:
         shutil.copy(notebook, source)
 
     copy_mathjax(source / "_static" / "mathjax")
+
+
+def copy_configuration(into: Path) -> None:
+    """Copy Sphinx's configuration and the extensions that are the book's own."""
+    for pattern in CONFIGURATION:
+        for module in sorted((ROOT / "book").glob(pattern)):
+            shutil.copy(module, into)
 
 
 def copy_mathjax(into: Path) -> None:

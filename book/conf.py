@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # the extension api_extension
+sys.path.insert(0, str(Path(__file__).parent))  # the extensions that are the book's own
 
 project = "Meshes as Measures"
 author = "The Meshes as Measures authors"
@@ -12,11 +12,16 @@ language = "en"
 
 extensions = [
     "api_extension",
+    "links_extension",
     "myst_nb",
+    "numbers_extension",
+    "quiz_extension",
+    "reader_extension",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
+    "sphinx_proof",
     "sphinx_togglebutton",
     "sphinxcontrib.bibtex",
 ]
@@ -24,9 +29,16 @@ extensions = [
 nb_execution_mode = "off"
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath", "smartquotes"]
 myst_heading_anchors = 3
-nb_code_prompt_show = "Show {type}"
-nb_code_prompt_hide = "Hide {type}"
+nb_custom_formats = {".ipynb": "reader_extension.read_chapter"}
+nb_code_prompt_show = "Show code"
+nb_code_prompt_hide = "Hide code"
 nb_merge_streams = True
+
+# Chapters are numbered as their files are (numbers_extension); what stands in one counts within it: Figure 20.3.
+numfig = True
+numfig_format = {"figure": "Figure %s", "table": "Table %s", "section": "Section %s"}
+numfig_secnum_depth = 1
+html_domain_indices = False
 
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "alpha"
@@ -52,7 +64,9 @@ mathjax3_config = {
 html_theme = "sphinx_book_theme"
 html_title = "Meshes as Measures"
 html_static_path = ["_static"]
-html_css_files = ["book.css"]
+html_css_files = ["book.css", "tables.css"]
+html_js_files = ["tables.js"]
+html_secnumber_suffix = "\u2002"
 # Summaries would be fetched from the pages, which a browser forbids on file://.
 html_show_search_summary = False
 html_copy_source = True

@@ -1,6 +1,7 @@
 """Run the notebooks from their text sources.
 
 ``store [NAME ...]``   run and store the outputs beside the sources, in ``notebooks/``: what nbval compares
+``text [NAME ...]``    run nothing: take over text, tags and captions, and keep the outputs of code that is unchanged
 ``fresh [NAME ...]``   run into ``build/notebooks``, and leave every tracked file as it is
 """
 
@@ -8,6 +9,7 @@ import argparse
 import os
 import sys
 import time
+from itertools import zip_longest
 from pathlib import Path
 
 import jupytext
@@ -64,10 +66,48 @@ def _drop_traces(notebook: nbformat.NotebookNode) -> None:
         cell.metadata.pop("execution", None)
 
 
+def retold_notebook(source: Path) -> nbformat.NotebookNode:
+    """A text source with the outputs that are stored beside it.
+
+    Raises
+    ------
+    ValueError
+        If its code is not the code that was run.
+    """
+    notebook = source_notebook(source)
+    stored = nbformat.read(source.with_suffix(".ipynb"), as_version=4)
+    new, old = ([cell for cell in n.cells if cell.cell_type == "code"] for n in (notebook, stored))
+    for number, (cell, before) in enumerate(zip_longest(new, old), 1):
+        if cell is None or before is None or cell.source != before.source:
+            raise ValueError(
+                f"{source.stem}: code cell {number} has changed; run it: make notebooks NAME={source.stem}"
+            )
+        cell["outputs"], cell["execution_count"] = before.outputs, before.execution_count
+    return notebook
+
+
+def write_run(source: Path, into: Path) -> None:
+    """Run one text source, with a progress bar, and write the notebook."""
+    n_code = sum(cell.cell_type == "code" for cell in source_notebook(source).cells)
+    started = time.perf_counter()
+    with tqdm(total=n_code, desc=source.stem, unit="cell", file=sys.stdout, mininterval=1) as bar:
+        notebook = run_notebook(source, bar)
+    with whole_file(into / f"{source.stem}.ipynb") as temporary:
+        nbformat.write(notebook, temporary)
+    print(f"{source.stem}: {time.perf_counter() - started:.0f} s", flush=True)
+
+
+def write_retold(source: Path) -> None:
+    """Write the notebook of a text source whose code is unchanged."""
+    notebook = retold_notebook(source)
+    with whole_file(source.with_suffix(".ipynb")) as temporary:
+        nbformat.write(notebook, temporary)
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Run the named notebooks, or all of them; the exit status is 1 if a cell failed."""
+    """Treat the named notebooks, or all of them; the exit status is 1 if one of them failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("mode", choices=("store", "fresh"))
+    parser.add_argument("mode", choices=("store", "text", "fresh"))
     parser.add_argument("names", nargs="*", help="such as 01_circle_to_polygon; all of them if left out")
     options = parser.parse_args(arguments)
     sources = [NOTEBOOKS / f"{Path(name).stem}.md" for name in options.names] or sorted(NOTEBOOKS.glob("[0-9]*.md"))
@@ -77,20 +117,15 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"no such notebook: {', '.join(missing)}; there are {known}")
         return 1
     os.environ.update(KERNEL_ENVIRONMENT)
-    into = NOTEBOOKS if options.mode == "store" else ROOT / "build" / "notebooks"
     for source in sources:
-        n_code = sum(cell.cell_type == "code" for cell in source_notebook(source).cells)
-        started = time.perf_counter()
-        with tqdm(total=n_code, desc=source.stem, unit="cell", file=sys.stdout, mininterval=1) as bar:
-            try:
-                notebook = run_notebook(source, bar)
-            except CellExecutionError as error:
-                bar.close()
-                print(f"\n{source.stem} failed:\n{error}")
-                return 1
-        with whole_file(into / f"{source.stem}.ipynb") as temporary:
-            nbformat.write(notebook, temporary)
-        print(f"{source.stem}: {time.perf_counter() - started:.0f} s", flush=True)
+        try:
+            if options.mode == "text":
+                write_retold(source)
+            else:
+                write_run(source, NOTEBOOKS if options.mode == "store" else ROOT / "build" / "notebooks")
+        except (CellExecutionError, ValueError) as error:
+            print(f"\n{source.stem} failed:\n{error}")
+            return 1
     return 0
 
 

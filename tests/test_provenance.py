@@ -21,7 +21,7 @@ from meshot.provenance import (
     write_results,
 )
 from meshot_book.notebook.environment import environment_card
-from meshot_book.notebook.numbers import digits, markdown_table, table
+from meshot_book.notebook.numbers import digits
 
 
 @pytest.fixture
@@ -132,18 +132,6 @@ def test_bad_results_are_refused(tmp_path, written):
 )
 def test_four_digits(value, text):
     assert digits(value) == text
-
-
-def test_tables_align():
-    rows = [{"loss": "Chamfer", "W2": 0.47123}, {"loss": "SW", "W2": 12.0}]
-    assert table(rows) == "loss         W2\nChamfer  0.4712\nSW           12"
-    assert table([]) == "(no rows)"
-
-
-def test_a_markdown_table_has_a_rule_and_four_digits():
-    assert markdown_table([{"m": 10, "error": 1 / 3}, {"m": 20}]).splitlines() == [
-        "| m | error |", "| --- | --- |", "| 10 | 0.3333 |", "| 20 |  |",
-    ]  # fmt: skip
 
 
 def test_the_card_names_what_ran():

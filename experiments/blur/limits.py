@@ -17,17 +17,17 @@ def limit_rows(config: dict) -> list[dict]:
     rows = []
     for p in config["limits"]["exponents"]:
         exact, energy = exact_cost(*measures, p), energy_distance(*measures, p)
-        transport_pull = vertex_gradient(start, lambda m, p=p: wasserstein(m, measures[1], p), scale)
+        transport_gradient = vertex_gradient(start, lambda m, p=p: wasserstein(m, measures[1], p), scale)
         for scaling in config["limits"]["scalings"]:
             for blur in config["limits"]["blurs_mm"]:
                 settings = {"p": p, "blur": blur, "scaling": scaling}
                 value = float(sinkhorn_divergence(*measures, **settings))
-                pull = vertex_gradient(start, lambda m, s=settings: sinkhorn_divergence(m, measures[1], **s), scale)
+                gradient = vertex_gradient(start, lambda m, s=settings: sinkhorn_divergence(m, measures[1], **s), scale)
                 rows.append(
                     settings
                     | {"value": value, "exact": exact, "energy": energy}
                     | {"off_exact": value / exact - 1, "off_energy": value / energy - 1}
-                    | {"cosine_to_exact": _cosine(pull, transport_pull), "uniformity": _uniformity(pull)}
+                    | {"cosine_to_exact": _cosine(gradient, transport_gradient), "uniformity": _uniformity(gradient)}
                 )
     return rows
 
@@ -64,6 +64,6 @@ def _cosine(a: Array, b: Array) -> float:
     return float((a * b).sum() / np.sqrt((a * a).sum() * (b * b).sum()))
 
 
-def _uniformity(pull: Array) -> float:
-    """|mean pull|² / mean |pull|²: one if every face is pulled alike, so that only a translation is left."""
-    return float(np.square(pull.mean(axis=0)).sum() / np.square(pull).sum(axis=1).mean())
+def _uniformity(gradient: Array) -> float:
+    """|mean gradient|² / mean |gradient|²: one if it is alike at every face, so that only a translation is left."""
+    return float(np.square(gradient.mean(axis=0)).sum() / np.square(gradient).sum(axis=1).mean())

@@ -36,15 +36,15 @@ def two_surfaces(seed: int, config: dict) -> tuple[Array, Array]:
 
 
 def transport_row(seed: int, p: float, config: dict) -> dict[str, float]:
-    """How the two costs differ between two surfaces: value, plan, pull, and what turning both surfaces does."""
+    """How the two costs differ between two surfaces: value, plan, descent direction, change under rotation."""
     points, others = two_surfaces(seed, config)
     costs = {cost: cost_matrix(points, others, p, cost) for cost in (EUCLIDEAN, COORDINATES)}
     partners = {cost: scipy.optimize.linear_sum_assignment(matrix)[1] for cost, matrix in costs.items()}
     each = np.arange(len(points))
     values = {cost: float(matrix[each, partners[cost]].mean()) for cost, matrix in costs.items()}
     wrong_plan = float(costs[EUCLIDEAN][each, partners[COORDINATES]].mean())
-    pulls = {cost: _pull(points, others[partners[cost]], p, cost) for cost in costs}
-    cosines = (pulls[EUCLIDEAN] * pulls[COORDINATES]).sum(axis=1)
+    descents = {cost: _descent_direction(points, others[partners[cost]], p, cost) for cost in costs}
+    cosines = (descents[EUCLIDEAN] * descents[COORDINATES]).sum(axis=1)
     return {
         "euclidean_root_mm": values[EUCLIDEAN] ** (1 / p),
         "coordinates_root_mm": values[COORDINATES] ** (1 / p),
@@ -56,7 +56,7 @@ def transport_row(seed: int, p: float, config: dict) -> dict[str, float]:
     }
 
 
-def _pull(points: Array, partners: Array, p: float, cost: str) -> Array:
+def _descent_direction(points: Array, partners: Array, p: float, cost: str) -> Array:
     """Unit vectors along minus the gradient of each pair's cost in the first point."""
     gaps = partners - points
     raw = gaps if cost == EUCLIDEAN else np.sign(gaps) * np.abs(gaps) ** (p - 1)

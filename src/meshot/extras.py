@@ -1,6 +1,7 @@
 """Libraries that only some installations have: those of the extras ``cortex`` and ``book``."""
 
 import contextlib
+import importlib.util
 from collections.abc import Iterator
 
 
@@ -19,3 +20,8 @@ def needing(extra: str) -> Iterator[None]:
         raise ImportError(
             f"{error.name} is not installed, and this part of meshot needs it: pip install 'meshot[{extra}]'"
         ) from error
+
+
+def is_installed(library: str) -> bool:
+    """Whether a library of an extra can be imported."""
+    return importlib.util.find_spec(library) is not None

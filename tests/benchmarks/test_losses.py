@@ -111,13 +111,13 @@ def test_pins_are_exact_and_outside_the_lock(root):
         assert not any(Requirement(line).name == requirement.name for line in project["dependencies"])
 
 
-def test_readme_shows_the_committed_results(root, part):
-    readme_table = part("readme_table")
-    text = (root / "README.md").read_text(encoding="utf-8")
-    assert readme_table.written(text) == text, "README.md disagrees with results: python benchmarks/readme_table.py"
+def test_the_page_shows_the_committed_results(root, part):
+    speed_page = part("speed_page")
+    text = (root / "book" / "speed.md").read_text(encoding="utf-8")
+    assert speed_page.written(text) == text, "book/speed.md disagrees with results: python benchmarks/speed_page.py"
     with pytest.raises(ValueError, match="no <!-- ruler -->"):
-        readme_table.with_block("nothing", "ruler", "block")
-    assert readme_table.with_block("a\n<!-- x -->\nold\n<!-- /x -->\nb", "x", "new").splitlines()[2:3] == ["new"]
+        speed_page.with_block("nothing", "ruler", "block")
+    assert speed_page.with_block("a\n<!-- x -->\nold\n<!-- /x -->\nb", "x", "new").splitlines()[2:3] == ["new"]
 
 
 def test_committed_results_have_what_was_asked_for(root, part):

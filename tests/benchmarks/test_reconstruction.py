@@ -29,12 +29,12 @@ def test_what_was_asked_for_is_judged(part, tmp_path, monkeypatch):
     results = read_results(tmp_path / "found.json")["results"]
     assert [line["met"] for line in results["targets"]] == [False, True, False]
     assert [line["found_s"] for line in results["targets"]] == [61.0, 4.0, 5.5]
-    block = part("readme_table").reconstruction_block(read_results(tmp_path / "found.json"))
+    block = part("speed_page").reconstruction_block(read_results(tmp_path / "found.json"))
     assert "flow alone carries 40962 vertices in 10 steps" in block
     assert "without the flow" not in block
     assert "written by `python benchmarks/reconstruction.py` on" in block
     assert module.main(["--repeats", "1", "--initial-only", "-o", str(tmp_path / "found.json")]) == 0
-    without = part("readme_table").reconstruction_block(read_results(tmp_path / "found.json"))
+    without = part("speed_page").reconstruction_block(read_results(tmp_path / "found.json"))
     assert "average, without the flow;" in without
     assert "`python benchmarks/reconstruction.py --initial-only`" in without
     assert "within 60 s (missed); flow alone, small, within 5 s (met)" in block

@@ -1,12 +1,16 @@
 """The ledger says what the committed results say, and nothing else."""
 
 import json
+import re
 
 import pytest
 
 from make_ledger import PAGE, ledger_page
-from meshot_book.claims import ledger
+from meshot_book.claims import cards, ledger
 from meshot_book.claims.rules import RULES
+
+#: Of the page with all details folded, and of one verdict.
+MOST_WORDS, LONGEST_SENTENCE = 3000, 50
 
 
 def test_the_committed_page_is_the_generated_one():
@@ -15,7 +19,21 @@ def test_the_committed_page_is_the_generated_one():
 
 def test_every_claim_has_a_row(root):
     page = PAGE.read_text(encoding="utf-8")
-    assert all(f"| {number} | " in page for number in range(1, 25))
+    assert all(f"(claim-{number})=" in page and f"**{number}. " in page for number in range(1, 25))
+
+
+def test_the_page_can_be_taken_in_at_a_glance():
+    folded = re.compile(r"^::::\{dropdown\}.*?^::::$", re.M | re.S)
+    unfolded = folded.sub("", PAGE.read_text(encoding="utf-8"))
+    assert len(unfolded.split()) < MOST_WORDS
+    sentences = re.findall(r"\.claim-status\} (.*)", unfolded)
+    assert len(sentences) == 24
+    assert [s for s in sentences if len(s.split()) > LONGEST_SENTENCE or not s.endswith(".")] == []
+
+
+def test_questions_that_the_paper_does_not_ask_are_ours():
+    _, ours = PAGE.read_text(encoding="utf-8").split("## Questions of ours")
+    assert {int(n) for n in re.findall(r"\(claim-(\d+)\)=", ours)} == {6, 8, 9, 15, 20, 23, 24}
 
 
 RECORD = {
@@ -26,7 +44,13 @@ RECORD = {
 
 def judge(record: dict) -> ledger.Verdict:
     gain = record["results"]["gain"]
-    return ledger.Verdict(ledger.REPRODUCED if gain > 1 else ledger.NOT_REPRODUCED, f"gain {gain}", "gain > 1")
+    return ledger.Verdict(
+        ledger.REPRODUCED if gain > 1 else ledger.NOT_REPRODUCED,
+        "It gains.",
+        (f"{gain}", "gain"),
+        f"gain {gain}",
+        "gain > 1",
+    )
 
 
 @pytest.fixture
@@ -39,13 +63,13 @@ def house(tmp_path):
 
 
 def page(house, judges):
-    return ledger.ledger_page(house / "claims.yaml", house, judges)
+    return cards.ledger_page(house / "claims.yaml", house, judges)
 
 
 def test_status_follows_the_results(house):
-    assert "[reproduced](#claim-7)" in page(house, {7: judge})
+    assert "[Reproduced.]{.claim-status} It gains." in page(house, {7: judge})
     (house / "x" / "results.json").write_text(json.dumps(RECORD | {"results": {"gain": 0.5}}))
-    assert "[not reproduced](#claim-7)" in page(house, {7: judge})
+    assert "[Not reproduced.]{.claim-status}" in page(house, {7: judge})
     assert "python experiments/x/run.py" in page(house, {7: judge})
 
 
@@ -57,9 +81,9 @@ def test_a_claim_without_results_or_judge_is_an_error(house):
         page(house, {7: judge})
 
 
-def test_a_status_must_be_one_of_the_five():
+def test_a_status_must_be_one_of_the_seven():
     with pytest.raises(ValueError, match="splendid"):
-        ledger.Verdict("splendid", "", "")
+        ledger.Verdict("splendid", "", ("", ""), "", "")
 
 
 def test_every_judge_has_a_claim(root):

@@ -513,30 +513,35 @@ def test_every_record_that_is_kept_was_trained_as_the_configuration_says(part, c
         assert part("trainings").record_of(each, config)["results"]["best_step"] > 0
 
 
-def test_pulls_of_a_shifted_sphere_are_known(part):
-    pulls, ball = part("pulls"), icosphere(3)
+def test_descent_directions_of_a_shifted_sphere_are_known(part):
+    directions, ball = part("descent_directions"), icosphere(3)
     small, areas = ball.with_vertices(ball.vertices * 0.9), vertex_areas(ball)
-    way = pulls.needed(small, Surface(ball))
+    way = directions.needed(small, Surface(ball))
     outwards = ball.vertices * 0.1
     assert float((way - outwards).norm(dim=1).max()) < 0.01
-    nearest = pulls.pull(surface_loss({"loss": "chamfer", "normal_scale": 0.0}), small, ball, 0)
-    assert pulls.cosine(nearest, way, areas) > 0.99
-    assert pulls.cosine(-nearest, 3 * way, areas) < -0.99
+    nearest = directions.descent_direction(surface_loss({"loss": "chamfer", "normal_scale": 0.0}), small, ball, 0)
+    assert directions.cosine(nearest, way, areas) > 0.99
+    assert directions.cosine(-nearest, 3 * way, areas) < -0.99
     turned = torch.stack([-outwards[:, 1], outwards[:, 0], 0 * areas], dim=1)
-    assert abs(pulls.cosine(turned, way, areas)) < 1e-3
-    assert pulls.affine_share(outwards + 5, ball, areas) == pytest.approx(1, abs=1e-9)
+    assert abs(directions.cosine(turned, way, areas)) < 1e-3
+    assert directions.affine_share(outwards + 5, ball, areas) == pytest.approx(1, abs=1e-9)
     waves = torch.sin(9 * ball.vertices[:, [1, 2, 0]])
-    assert pulls.affine_share(waves, ball, areas) < 0.2
+    assert directions.affine_share(waves, ball, areas) < 0.2
     example = DeformationExample("ball", Volume(np.zeros((2, 2, 2)), np.eye(4)), small, small, ball)
-    assert pulls.initial_distance(example, 2000) == pytest.approx(0.1, abs=0.003)
+    assert directions.initial_distance(example, 2000) == pytest.approx(0.1, abs=0.003)
 
 
-def test_pulls_are_measured_on_validation_subjects(part, place):
+def test_descent_directions_are_measured_on_validation_subjects(part, place):
     content = yaml.safe_load((place / "config.yaml").read_text())
-    content["pulls"] |= {"n_faces": 200, "losses": {"a": {"n_directions": 5}, "b": {"loss": "chamfer"}}}
+    content["descent_directions"] |= {"n_faces": 200, "losses": {"a": {"n_directions": 5}, "b": {"loss": "chamfer"}}}
     (place / "config.yaml").write_text(yaml.safe_dump(content))
-    assert part("pulls").main(["--config", str(place / "config.yaml"), "-o", str(place / "pulls.json")]) == 0
-    results = read_results(place / "pulls.json")["results"]
+    assert (
+        part("descent_directions").main(
+            ["--config", str(place / "config.yaml"), "-o", str(place / "descent_directions.json")]
+        )
+        == 0
+    )
+    results = read_results(place / "descent_directions.json")["results"]
     assert [(row["subject"], row["loss"]) for row in results["rows"]] == [
         ("alpha/sub-003", "a"),
         ("alpha/sub-003", "b"),

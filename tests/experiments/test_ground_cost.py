@@ -33,7 +33,7 @@ def test_two_points_by_hand(costs):
     assert costs.cost_matrix(here, there, 3, costs.COORDINATES)[0, 0] == pytest.approx(27 + 64)
 
 
-def test_the_pull_of_coordinates_is_minus_the_gradient(costs):
+def test_the_descent_of_coordinates_is_minus_the_gradient(costs):
     step = np.array([[1.0, 2.0, -0.5]])
     shift = 1e-6 * np.eye(3)
     slope = [
@@ -41,8 +41,10 @@ def test_the_pull_of_coordinates_is_minus_the_gradient(costs):
         - costs.cost_matrix(-shift[k : k + 1], step, 3, costs.COORDINATES)[0, 0]
         for k in range(3)
     ]
-    pull = -np.array(slope) / np.linalg.norm(slope)
-    np.testing.assert_allclose(costs._pull(np.zeros((1, 3)), step, 3, costs.COORDINATES)[0], pull, atol=1e-6)
+    descent = -np.array(slope) / np.linalg.norm(slope)
+    np.testing.assert_allclose(
+        costs._descent_direction(np.zeros((1, 3)), step, 3, costs.COORDINATES)[0], descent, atol=1e-6
+    )
 
 
 def test_for_squares_the_minimisers_are_both_the_mean(costs, record):

@@ -30,13 +30,13 @@ def chamfer_arrows(points, target):
     return torch.stack(arrows)
 
 
-def test_chamfer_pulls_are_the_two_sums(clouds):
+def test_chamfer_forces_are_the_two_sums(clouds):
     points, target = clouds
     found = forces(lambda x: chamfer(DiscreteMeasure(x), DiscreteMeasure(target)), points)
     torch.testing.assert_close(found, chamfer_arrows(points, target), rtol=1e-12, atol=1e-12)
 
 
-def test_sliced_pull_towards_a_translated_copy_is_half_the_way(clouds):
+def test_sliced_force_towards_a_translated_copy_is_half_the_way(clouds):
     points, shift = clouds[0], torch.tensor([0.3, -0.7], dtype=torch.float64)
     target = DiscreteMeasure(points + shift)
     found = forces(lambda x: sliced_wasserstein(DiscreteMeasure(x), target, quasi_directions(8, 2)), points)

@@ -28,12 +28,12 @@ def test_kernel_agrees_with_its_plain_twin(dtype):
     coefficients = lattice(6, 5, 7, dtype=dtype).requires_grad_()
     where = torch.cat([places(5000, -3, 9, dtype=dtype), torch.tensor([[1, 3, 5], [4, 3, 5], [1, 1, 1]], dtype=dtype)])
     where.requires_grad_()
-    pull = places(len(where), -1, 1, seed=2, dtype=dtype)
+    upstream = places(len(where), -1, 1, seed=2, dtype=dtype)
     found, expected = spline_values(coefficients, where), plain_spline_values(coefficients, where)
     torch.testing.assert_close(found, expected)
     for gradient, other in zip(
-        torch.autograd.grad(found, (coefficients, where), pull),
-        torch.autograd.grad(expected, (coefficients, where), pull),
+        torch.autograd.grad(found, (coefficients, where), upstream),
+        torch.autograd.grad(expected, (coefficients, where), upstream),
         strict=True,
     ):
         torch.testing.assert_close(gradient, other, rtol=1e-5 if dtype == torch.float32 else 1e-9, atol=2e-5)

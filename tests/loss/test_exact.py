@@ -342,8 +342,8 @@ def test_gradient_of_moving_and_growing_edge_on(tilt, p):
     assert float((gradient * cube().vertices).sum()) == pytest.approx(exact, rel=1e-12, abs=0)
 
 
-def test_no_pull_where_both_laws_agree():
-    """p = 1 has a kink where F = G: an identical far piece is not pulled, though roundoff separates the two."""
+def test_no_gradient_where_both_laws_agree():
+    """p = 1 has a kink where F = G: an identical far piece has no gradient, though roundoff separates the two."""
     near, far = soup(1, 6, 5, 3), soup(2, 6, 5, 3, shift=20.0)
     cells, weights = torch.cat([near.cells, far.cells + 6]), torch.cat([near.weights, far.weights]) / 2
     vertices = torch.cat([near.vertices, far.vertices]).requires_grad_()

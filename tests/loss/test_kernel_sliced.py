@@ -82,7 +82,7 @@ def test_single_precision(name):
 
 @pytest.mark.parametrize("p", [1, 2])
 def test_ties(p):
-    # Points at one place are interchangeable: only the sum of what they are pulled is determined.
+    # Points at one place are interchangeable: only the sum of their gradients is determined.
     arrays = case("ties", np.random.default_rng(0))
     value, *gradients = both(arrays, p)
     torch.testing.assert_close(*value)
@@ -117,9 +117,9 @@ def test_only_the_gradients_that_are_wanted():
     x, a, y, b = (torch.from_numpy(array) for array in case("generic", np.random.default_rng(1)))
     lines = random_directions(3, 6, 0)
     value = sliced_wasserstein(DiscreteMeasure(x.requires_grad_(), a), DiscreteMeasure(y, b), lines)
-    (pull,) = torch.autograd.grad(3 * value, x)
+    (gradient,) = torch.autograd.grad(3 * value, x)
     (once,) = torch.autograd.grad(plain_sliced_wasserstein(DiscreteMeasure(x, a), DiscreteMeasure(y, b), lines), x)
-    torch.testing.assert_close(pull, 3 * once)
+    torch.testing.assert_close(gradient, 3 * once)
     with torch.no_grad():
         assert float(sliced_wasserstein(DiscreteMeasure(x, a), DiscreteMeasure(y, b), lines)) == float(value.detach())
 

@@ -131,7 +131,7 @@ def test_detached_weights_keep_the_value_and_change_the_gradient():
     torch.testing.assert_close(values[0], values[1])
     full, held = (torch.autograd.grad(value, vertices)[0] for value in values)
     assert float((full - held).norm()) > 0.1 * float(full.norm())
-    # With the weights held, no vertex but itself and its neighbours can pull: the gradients add up to nothing.
+    # With the weights held, no vertex but itself and its neighbours has a gradient: the gradients add up to nothing.
     assert float(held.sum(dim=0).norm()) < 1e-12
 
 

@@ -71,9 +71,9 @@ def test_in_windows_every_window_has_its_directions_and_lies_on_the_target():
 def test_the_gradient_reaches_the_vertices_in_their_own_precision(encoding):
     vertices = SOURCE.vertices.float().requires_grad_()
     loss = surface_loss({"encoding": encoding})(SOURCE.with_vertices(vertices), TARGET.to(torch.float32), random())
-    (pull,) = torch.autograd.grad(loss, vertices)
-    assert pull.dtype == torch.float32
-    assert float(pull.norm()) > 0
+    (gradient,) = torch.autograd.grad(loss, vertices)
+    assert gradient.dtype == torch.float32
+    assert float(gradient.norm()) > 0
 
 
 @pytest.mark.parametrize(

@@ -43,9 +43,9 @@ def test_cut_then_convolved_is_convolved_then_interpolated(affine, size):
     for path in ("cut", "convolved", "visited"):
         points = places(images[0]).requires_grad_()
         values = features_along(path, layer, images, points)
-        pulls = torch.autograd.grad((values * torch.linspace(-1, 2, values.numel()).view_as(values)).sum(),
+        gradients = torch.autograd.grad((values * torch.linspace(-1, 2, values.numel()).view_as(values)).sum(),
                                     [points, layer.weight, layer.bias])  # fmt: skip
-        results.append([values.detach(), *pulls])
+        results.append([values.detach(), *gradients])
     for one, other, third in zip(*results, strict=True):
         torch.testing.assert_close(one, other, rtol=1e-10, atol=1e-10)
         torch.testing.assert_close(one, third, rtol=1e-10, atol=1e-10)

@@ -51,11 +51,11 @@ def test_every_path_carries_points_to_the_same_place_with_the_same_gradients(net
 def test_the_adjoint_gradient_reaches_every_parameter(network):
     with torch.no_grad():  # slowly: the way back is only as exact as the field is smooth
         network.to_velocity.weight.mul_(0.2)
-    pulls = {}
+    gradients = {}
     for gradient in ("direct", "adjoint"):
         moved = integrate(network.velocity_in(volume(0)), points(), 40, "rk4", gradient=gradient)
-        pulls[gradient] = torch.autograd.grad(moved.square().sum(), list(network.parameters()))
-    for one, other in zip(pulls["direct"], pulls["adjoint"], strict=True):
+        gradients[gradient] = torch.autograd.grad(moved.square().sum(), list(network.parameters()))
+    for one, other in zip(gradients["direct"], gradients["adjoint"], strict=True):
         assert float((one - other).norm()) < 1e-8 * float(one.norm())
 
 

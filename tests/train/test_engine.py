@@ -26,7 +26,7 @@ def line(start: float = 0.0) -> torch.nn.Linear:
 
 
 def task_of(network: torch.nn.Module, validations: list[float] | None = None, aim: float = 1.0) -> Task:
-    """The weight is pulled towards ``aim``; the validation says what it is told to, or the weight's distance."""
+    """The weight moves towards ``aim``; the validation says what it is told to, or the weight's distance."""
 
     def validate(step: int) -> dict:
         seen = float(network.weight.detach())

@@ -86,7 +86,7 @@ def test_the_still_comes_first_and_a_click_brings_the_same_picture(file, context
 
 
 def test_dragging_turns_the_surface_after_the_hand(file, context):
-    """Values rise upwards: pulling the top down towards the eye brings its colour (yellow) to the middle."""
+    """Values rise upwards: turning the top down towards the eye brings its colour (yellow) to the middle."""
     with watched_page(context, file) as (page, troubles):
         started(page)
         box = page.locator("canvas").bounding_box()

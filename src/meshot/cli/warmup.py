@@ -13,7 +13,8 @@ def add_to(commands: Commands) -> None:
         "warmup",
         help="compile all kernels now, so that no first call has to wait",
         description="Compile all kernels now, once, and keep them: beside the package, or in the user's cache where "
-        "the package cannot be written to, or in NUMBA_CACHE_DIR.",
+        "the package cannot be written to, or in NUMBA_CACHE_DIR. Without the extra cortex, those of losses and "
+        "flows.",
     )
     command.set_defaults(run=_run)
 
@@ -22,8 +23,10 @@ def _run(chosen: argparse.Namespace) -> None:
     from tqdm import tqdm
 
     from meshot._kernels import require_kept
+    from meshot.extras import is_installed
 
-    bar = tqdm((_sliced, _exact, _grid_flow, _deformation_network, _initial_surface))
+    of_scans = (_deformation_network, _initial_surface) if is_installed("skimage") else ()
+    bar = tqdm((_sliced, _exact, _grid_flow, *of_scans))
     for call in bar:
         bar.set_description(call.__name__.strip("_").replace("_", " "))
         with contextlib.redirect_stderr(io.StringIO()):  # the bar says what is compiled

@@ -48,7 +48,7 @@ class _Level:
         self.row_of = np.full(np.prod(self.shape), -1, np.int32)
 
     def places(self, points: Tensor) -> Tensor:
-        """Points in voxels of the padded grid; those beyond it are pulled to its rim, where all is zero."""
+        """Points in voxels of the padded grid; those beyond it are moved to its rim, where all is zero."""
         last = points.new_tensor(self.shape) - 1
         return torch.minimum((mm_to_voxel(self.image, points) + self.margin).clamp(min=0), last)
 

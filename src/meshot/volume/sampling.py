@@ -26,7 +26,7 @@ def sample_volume(volume: Volume, points_mm: Float[Tensor, "n 3"], outside: floa
     places = mm_to_voxel(volume, points_mm) + 1
     data = torch.as_tensor(np.pad(volume.data, 1, constant_values=outside)).to(points_mm)
     last = places.new_tensor(data.shape) - 1
-    # Far points are pulled to the rim, which holds the outside value; a rim plus one layer keeps corners inside.
+    # Far points are moved to the rim, which holds the outside value; a rim plus one layer keeps corners inside.
     places = torch.minimum(places.clamp(min=0), last)
     lower = torch.minimum(places.detach().floor(), last - 1).long()
     fraction = places - lower

@@ -1,9 +1,13 @@
+from .cards import ledger_page as ledger_page
 from .ledger import (
-    CONDITION as CONDITION,
+    ASSUMING as ASSUMING,
+    AT_THIS_BUDGET as AT_THIS_BUDGET,
+    CHOICE as CHOICE,
+    IN_PART as IN_PART,
     NOT_REPRODUCED as NOT_REPRODUCED,
     NOT_TESTABLE as NOT_TESTABLE,
     NOT_TESTED as NOT_TESTED,
     REPRODUCED as REPRODUCED,
     Verdict as Verdict,
-    ledger_page as ledger_page,
+    read_entries as read_entries,
 )

@@ -1,4 +1,4 @@
-"""The ledger of claims: a row per claim of the paper, its status computed from committed results, never typed."""
+"""The ledger of claims: for each claim a verdict, computed from committed results by a rule, never typed."""
 
 import dataclasses
 from collections.abc import Callable
@@ -9,11 +9,15 @@ import yaml
 from meshot.provenance import read_results
 
 REPRODUCED = "reproduced"
-CONDITION = "reproduced with a condition"
+IN_PART = "reproduced in part"
+ASSUMING = "reproduced under a further assumption"
+CHOICE = "depends on a choice left open"
 NOT_REPRODUCED = "not reproduced"
+#: Trained on less than the paper: a larger network or a longer training may decide otherwise.
+AT_THIS_BUDGET = "not reproduced at this budget"
 NOT_TESTABLE = "not testable here"
 NOT_TESTED = "not yet tested"
-STATUSES = (REPRODUCED, CONDITION, NOT_REPRODUCED, NOT_TESTABLE, NOT_TESTED)
+STATUSES = (REPRODUCED, IN_PART, ASSUMING, CHOICE, NOT_REPRODUCED, AT_THIS_BUDGET, NOT_TESTABLE, NOT_TESTED)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -23,9 +27,13 @@ class Verdict:
     Parameters
     ----------
     status : str
-        One of the five statuses: those at this door that are written in capitals.
+        One of the eight statuses: those at this door that are written in capitals.
+    says : str
+        The verdict in one sentence, with its condition.
+    headline : tuple of str
+        The one number to look at, and what it counts or measures.
     ours : str
-        Our number or numbers, with unit.
+        Our numbers, with units.
     tolerance : str
         The rule by which the status follows from the numbers.
     numbers : str
@@ -34,10 +42,12 @@ class Verdict:
     Raises
     ------
     ValueError
-        If the status is not one of the five.
+        If the status is not one of the eight.
     """
 
     status: str
+    says: str
+    headline: tuple[str, str]
     ours: str
     tolerance: str
     numbers: str = ""
@@ -50,13 +60,23 @@ class Verdict:
 Rule = Callable[[dict], Verdict]
 
 
-def ledger_page(claims: Path, experiments: Path, rules: dict[int, Rule]) -> str:
-    """The page, in MyST Markdown.
+@dataclasses.dataclass(frozen=True, eq=False)
+class Entry:
+    """A claim, its verdict, and the record of the experiment behind it, if there is one."""
+
+    claim: dict
+    verdict: Verdict
+    record: dict | None
+
+
+def read_entries(claims: Path, experiments: Path, rules: dict[int, Rule]) -> list[Entry]:
+    """Every claim with its verdict.
 
     Parameters
     ----------
     claims : path
-        The YAML list of claims: id, claim, where, paper, and for those tested the experiment and the chapter.
+        The YAML list of claims: id, claim, where, paper, for those that the paper does not make ``ours``, and for those
+        tested the experiment and the chapter.
     experiments : path
         The folder of experiments, each with its ``results.json``.
     rules : dict
@@ -67,77 +87,16 @@ def ledger_page(claims: Path, experiments: Path, rules: dict[int, Rule]) -> str:
     ValueError
         If a claim names an experiment without results, or a rule is missing.
     """
-    rows = yaml.safe_load(claims.read_text(encoding="utf-8"))
-    verdicts = [(row, *_verdict_on(row, experiments, rules)) for row in rows]
-    parts = [_HEAD, _counts([verdict for _, verdict, _ in verdicts]), _table(verdicts)]
-    parts += [_details(row, verdict, record) for row, verdict, record in verdicts if record is not None]
-    return "\n".join(parts)
+    return [_entry(row, experiments, rules) for row in yaml.safe_load(claims.read_text(encoding="utf-8"))]
 
 
-_HEAD = """---
-html_theme.sidebar_secondary.remove: true
----
-
-# Claims ledger
-
-One row for each claim of the paper {cite:p}`le2024ddot`: what it says, what we found, and by which rule the status
-follows from the numbers. Nothing on this page is written by hand: it is generated from the result files in
-`experiments/`, each with its command, commit, seeds and versions, and a test compares the page with them. The data sets
-of the paper are under data-use agreements and are not here, so that every table is rebuilt on other data, named in the
-row.
-"""
-
-
-def _verdict_on(row: dict, experiments: Path, rules: dict[int, Rule]) -> tuple[Verdict, dict | None]:
+def _entry(row: dict, experiments: Path, rules: dict[int, Rule]) -> Entry:
     if "experiment" not in row:
-        return Verdict(NOT_TESTED, "–", "–"), None
+        waiting = Verdict(NOT_TESTED, "No experiment has tested this yet.", ("–", "no result"), "–", "–")
+        return Entry(row, waiting, None)
     if row["id"] not in rules:
         raise ValueError(
             f"claim {row['id']} names the experiment {row['experiment']!r}, but there is no rule for it: add one"
         )
     record = read_results(experiments / row["experiment"] / "results.json")
-    return rules[row["id"]](record), record
-
-
-def _counts(verdicts: list[Verdict]) -> str:
-    counts = {status: sum(verdict.status == status for verdict in verdicts) for status in STATUSES}
-    return "So far: " + ", ".join(f"{count} {status}" for status, count in counts.items() if count) + ".\n"
-
-
-def _table(verdicts: list[tuple[dict, Verdict, dict | None]]) -> str:
-    lines = [
-        ":::{div} ledger",
-        "| | claim | status | the paper's number | ours | where | data |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for row, verdict, record in verdicts:
-        link = f"[{verdict.status}](#claim-{row['id']})" if record else verdict.status
-        data = record["data"] if record else "–"
-        cells = [str(row["id"]), row["claim"], link, row["paper"], verdict.ours, row["where"], data]
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join([*lines, ":::", ""])
-
-
-def _details(row: dict, verdict: Verdict, record: dict) -> str:
-    lines = [
-        f"(claim-{row['id']})=",
-        f"## Claim {row['id']}: {row['claim']}",
-        "",
-        f"**{verdict.status.capitalize()}.** {verdict.ours}",
-        "",
-        f"Rule\n: {verdict.tolerance}",
-        "",
-        f"Command\n: `{record['command']}` ({record['seconds']:.0f} s on {record['machine']})",
-        "",
-        f"Commit\n: `{record['commit']}`, {record['date']}",
-        "",
-        f"Data\n: {record['data']}",
-        "",
-        f"Chapter\n: [](<project:{row['chapter']}.ipynb>)",
-        "",
-        ":::{div} numbers",
-        verdict.numbers,
-        ":::",
-        "",
-    ]
-    return "\n".join(lines)
+    return Entry(row, rules[row["id"]](record), record)

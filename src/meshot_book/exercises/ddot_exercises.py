@@ -1,4 +1,4 @@
-"""Chapter 32: the network counted, cubes cut out or convolved once, and the pull of area that is missing elsewhere."""
+"""Chapter 32: the network counted, cubes cut out or convolved once, displacements where area is missing."""
 
 import itertools
 from collections.abc import Sequence
@@ -121,7 +121,7 @@ def _kept_inside(row: Float[Tensor, " n"], kernel: Float[Tensor, " k"], place: f
 
 
 def alignment(function: object) -> None:
-    """Check ``function(pulls, needed, masses)``: the cosine between two fields of arrows, every vertex by its mass."""
+    """Check ``function(descents, needed, masses)``: the cosine of two fields of arrows, weighted by mass."""
     mistakes = [
         Mistake(
             lambda p, n, m: _aligned(p, n, torch.ones_like(m)),
@@ -138,17 +138,17 @@ def alignment(function: object) -> None:
         Mistake(lambda p, n, m: abs(_aligned(p, n, m)), "away from the target is −1; keep the sign"),
         Mistake(
             lambda p, n, m: _aligned(m[:, None] * p, n, m),
-            "one mass too many: pulls are lengths already, weigh each product by the mass once",
+            "one mass too many: the arrows are lengths already, weigh each product by the mass once",
         ),
     ]
     random = np.random.default_rng(1)
-    pulls, needed = (torch.from_numpy(random.normal(size=(6, 3))) for _ in range(2))
+    descents, needed = (torch.from_numpy(random.normal(size=(6, 3))) for _ in range(2))
     masses = torch.from_numpy(random.uniform(0.1, 2.0, 6))
     cases = [
-        Case("random arrows", (pulls, needed, masses / masses.sum())),
-        Case("arrows that point away", (-needed + 0.1 * pulls, needed, masses / masses.sum())),
-        Case("masses that do not sum to one", (pulls[:4], needed[:4], masses[:4])),
-        Case("equal masses", (pulls[:3], needed[:3], torch.full((3,), 1 / 3, dtype=torch.float64))),
+        Case("random arrows", (descents, needed, masses / masses.sum())),
+        Case("arrows that point away", (-needed + 0.1 * descents, needed, masses / masses.sum())),
+        Case("masses that do not sum to one", (descents[:4], needed[:4], masses[:4])),
+        Case("equal masses", (descents[:3], needed[:3], torch.full((3,), 1 / 3, dtype=torch.float64))),
     ]
     check_answer(function, _aligned, cases, mistakes, "alignment")
 
@@ -157,15 +157,15 @@ def _cosines(first: Float[Tensor, "n 3"], second: Float[Tensor, "n 3"]) -> Float
     return torch.cosine_similarity(first, second, dim=1)
 
 
-def _aligned(pulls: Float[Tensor, "n 3"], needed: Float[Tensor, "n 3"], masses: Float[Tensor, " n"]) -> float:
+def _aligned(descents: Float[Tensor, "n 3"], needed: Float[Tensor, "n 3"], masses: Float[Tensor, " n"]) -> float:
     def inner(first: Tensor, second: Tensor) -> Tensor:
         return (masses * (first * second).sum(dim=1)).sum()
 
-    return float(inner(pulls, needed) / (inner(pulls, pulls) * inner(needed, needed)).sqrt())
+    return float(inner(descents, needed) / (inner(descents, descents) * inner(needed, needed)).sqrt())
 
 
-def pull_of_regions(function: object) -> None:
-    """Check ``function(places, source_areas, target_areas)``: how far each region of a line is pulled, on the mean.
+def mean_displacements(function: object) -> None:
+    """Check ``function(places, source_areas, target_areas)``: the mean displacement of each region's mass.
 
     Regions lie at rising places; both surfaces have area in each. Masses are shares of area, and go along the line in
     order (the monotone plan).
@@ -199,7 +199,7 @@ def pull_of_regions(function: object) -> None:
         Case("area lacking at the beginning", (places[:3], lack[1:], full[:3])),
         Case("mass that crosses a whole region", (places[:3], torch.ones(3).double(), full[[1, 1, 0]] ** 3)),
     ]
-    check_answer(function, _regional, cases, mistakes, "pull_of_regions")
+    check_answer(function, _regional, cases, mistakes, "mean_displacements")
 
 
 def _regional(

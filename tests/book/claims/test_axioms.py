@@ -34,7 +34,7 @@ def record():
 
 def test_finitely_many_directions_are_the_condition(record):
     verdict = axioms_verdict(record)
-    assert verdict.status == ledger.CONDITION
+    assert verdict.status == ledger.ASSUMING
     assert "root of Chamfer: 1.3" in verdict.ours
     assert "1 of 1 constructions" in verdict.ours
     assert "W₂²" in verdict.numbers

@@ -4,7 +4,7 @@ import copy
 
 import pytest
 
-from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED
+from meshot_book.claims.ledger import ASSUMING, IN_PART, NOT_REPRODUCED, REPRODUCED
 from meshot_book.claims.rules.convergence import directions_verdict, theorem_verdict
 
 SIZE = {
@@ -38,7 +38,7 @@ def test_theorem_as_it_stands(theorem):
 def test_a_constant_that_grows_is_a_condition(theorem):
     theorem["results"]["distance"][0] |= {"ratio_low": [1.0, 1.1, 2.1], "ratio": [1.0, 1.5, 3.0]}
     verdict = theorem_verdict(theorem)
-    assert verdict.status == CONDITION
+    assert verdict.status == ASSUMING
     assert "1000 mm apart err 3 times as much as concentric ones, and 2 times as much as 10 mm apart" in verdict.ours
     theorem["results"]["distance"][0]["p"] = 1
     assert theorem_verdict(theorem).status == REPRODUCED
@@ -65,8 +65,8 @@ def test_a_broken_bound_refutes(theorem, part, change):
         ({}, REPRODUCED),
         ({"low": -0.521}, NOT_REPRODUCED),
         ({"high": -0.479}, NOT_REPRODUCED),
-        ({"constant": [1.2, 1.06, 1.0]}, CONDITION),
-        ({"constant": [1.2, 1.0, 0.94]}, CONDITION),
+        ({"constant": [1.2, 1.06, 1.0]}, IN_PART),
+        ({"constant": [1.2, 1.0, 0.94]}, IN_PART),
     ],
 )
 def test_directions(change, status):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from meshot_book.claims.ledger import IN_PART, NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from meshot_book.claims.rules.cost import BRUTE, OURS, TREE, memory_verdict, speed_verdict
 
 
@@ -23,7 +23,7 @@ def speed_record(tree=2.0, brute=50.0, exponent=1.1):
     ("change", "status"),
     [
         ({}, REPRODUCED),
-        ({"tree": 0.9}, CONDITION),
+        ({"tree": 0.9}, IN_PART),
         ({"brute": 0.9}, NOT_REPRODUCED),
         ({"exponent": 1.6}, NOT_REPRODUCED),
     ],
@@ -52,7 +52,7 @@ def memory_record(lazy, kinds=("dense", "lazy")):
     return {"results": {"memory": memory}}
 
 
-@pytest.mark.parametrize(("lazy", "status"), [(1e7, NOT_REPRODUCED), (3e8, CONDITION), (7e8, REPRODUCED)])
+@pytest.mark.parametrize(("lazy", "status"), [(1e7, NOT_REPRODUCED), (3e8, IN_PART), (7e8, REPRODUCED)])
 def test_memory(lazy, status):
     verdict = memory_verdict(memory_record(lazy))
     assert verdict.status == status

@@ -40,7 +40,7 @@ def test_accurate_but_not_practical_is_a_condition(exact, lapse):
         exact["results"]["time"]["ratio_to_exact"]["100000 points"] = 0.5
     else:
         exact["results"]["descent"][0]["end"]["sliced_distance"] = 0.4
-    assert continuous_verdict(exact).status == ledger.CONDITION
+    assert continuous_verdict(exact).status == ledger.IN_PART
 
 
 @pytest.mark.parametrize(("part", "key"), [("values", "error"), ("gradients", "largest_relative_error")])
@@ -63,7 +63,7 @@ def scales():
 
 def test_a_scale_between_the_conventions_is_a_condition(scales):
     verdict = normal_scale_verdict(scales)
-    assert verdict.status == ledger.CONDITION
+    assert verdict.status == ledger.CHOICE
     assert "1 to 2 % of its gradient" in verdict.ours
     assert "normals of 10 to 10 mm" in verdict.ours
     assert verdict.numbers.count("\n") == 4
@@ -97,7 +97,7 @@ def gradients():
 
 def test_biased_but_forgiving_is_a_condition(gradients):
     verdict = sample_gradient_verdict(gradients)
-    assert verdict.status == ledger.CONDITION
+    assert verdict.status == ledger.CHOICE
     assert "0.25 (0.24 to 0.26) instead of 0.375" in verdict.ours
     assert "biased in 2 of 2 cases" in verdict.ours
 

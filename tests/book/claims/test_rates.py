@@ -47,7 +47,7 @@ def test_a_pair_that_is_faster_or_slower_is_a_condition(transport):
         record["results"][kind] += [row("ellipsoid", 6, "equal", 1, slope, -0.5)]
         record["results"][kind] += [row("two_cubes", 3, "equal", 2, -0.25, None)]
     verdict = transport_rate_verdict(record)
-    assert verdict.status == ledger.CONDITION
+    assert verdict.status == ledger.IN_PART
     assert "faster in 1 (ellipsoid in R^6 equal), and slower in 1 (two cubes in R^3 equal)" in verdict.ours
 
 
@@ -82,11 +82,11 @@ def test_a_rate_on_every_surface_refutes_the_claim(chamfer):
 
 def test_an_interval_must_end_below_the_mark_not_only_begin_there(chamfer):
     chamfer["results"]["chamfer"][1] |= {"slope": -0.45, "low": -0.5, "high": -0.4}
-    assert chamfer_rate_verdict(chamfer).status == ledger.CONDITION
+    assert chamfer_rate_verdict(chamfer).status == ledger.IN_PART
 
 
 def test_a_slow_surface_is_a_condition_and_slow_ones_only_bear_the_claim_out(chamfer):
     chamfer["results"]["chamfer"][1] |= {"slope": -0.3, "low": -0.31, "high": -0.29}
-    assert chamfer_rate_verdict(chamfer).status == ledger.CONDITION
+    assert chamfer_rate_verdict(chamfer).status == ledger.IN_PART
     chamfer["results"]["chamfer"][0] |= {"slope": -0.1, "low": -0.2, "high": 0.0}
     assert chamfer_rate_verdict(chamfer).status == ledger.REPRODUCED

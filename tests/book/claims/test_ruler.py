@@ -27,7 +27,7 @@ def table(printed, swapped):
     ("printed", "swapped", "status"),
     [
         ([14, 12], [6, 2], ledger.NOT_REPRODUCED),
-        ([14, 12], [6, 0], ledger.CONDITION),
+        ([14, 12], [6, 0], ledger.IN_PART),
         ([14, 0], [6, 2], ledger.REPRODUCED),
     ],
 )
@@ -57,7 +57,7 @@ def floors(*highs):
     ("highs", "status"),
     [
         ((1.2, 0.9, 0.5), ledger.NOT_REPRODUCED),
-        ((1.2, 0.9, 0.35), ledger.CONDITION),
+        ((1.2, 0.9, 0.35), ledger.CHOICE),
         ((0.3, 0.2, 0.35), ledger.REPRODUCED),
     ],
 )
@@ -83,9 +83,9 @@ def counts(single=7.7e-4, mean=1e-5, factors=(130.0, 40.0)):
 @pytest.mark.parametrize(
     ("record", "status"),
     [
-        (counts(), ledger.CONDITION),
-        (counts(single=5e-5), ledger.CONDITION),
-        (counts(factors=(130.0, 120.0)), ledger.CONDITION),
+        (counts(), ledger.IN_PART),
+        (counts(single=5e-5), ledger.IN_PART),
+        (counts(factors=(130.0, 120.0)), ledger.IN_PART),
         (counts(single=5e-5, factors=(130.0, 120.0)), ledger.REPRODUCED),
         (counts(mean=2e-4), ledger.NOT_REPRODUCED),
         (counts(factors=(13.0, 4.0)), ledger.NOT_REPRODUCED),

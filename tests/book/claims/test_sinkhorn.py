@@ -47,7 +47,7 @@ def test_reproduced_where_every_blur_is_weaker(record):
 def test_a_blur_that_is_better_is_a_condition(record):
     record["results"]["differences"][0] = difference(5.0, -0.2, -0.1, scaling=0.8)
     verdict = blur_verdict(record)
-    assert verdict.status == ledger.CONDITION
+    assert verdict.status == ledger.CHOICE
     assert "weaker at a blur of 20 mm; better at a blur of 5 (annealed by 0.8) mm" in verdict.ours
 
 

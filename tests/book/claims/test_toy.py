@@ -38,7 +38,7 @@ def test_a_setting_where_coverage_does_not_agree_is_a_condition(record):
     altered = copy.deepcopy(record)
     altered["results"]["differences"][1]["coverage_high"] = 0.01
     verdict = toy_verdict(altered)
-    assert verdict.status == ledger.CONDITION
+    assert verdict.status == ledger.IN_PART
     assert "letter e" in verdict.ours
 
 

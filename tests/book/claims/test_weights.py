@@ -40,7 +40,7 @@ def test_a_difference_either_way_is_a_condition(record, low, high, words):
     altered = copy.deepcopy(record)
     altered["results"]["differences"][1] = difference("varifold", low, high)
     verdict = weights_verdict(altered)
-    assert verdict.status == ledger.CONDITION
+    assert verdict.status == ledger.CHOICE
     assert words in verdict.ours
 
 

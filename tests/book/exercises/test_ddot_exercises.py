@@ -29,8 +29,8 @@ def by_the_package(row, kernel, place):
     return cubes.at(cubes.maps(images), torch.tensor([[size, size, place]], dtype=torch.float64))[0, 0]
 
 
-def by_unit_vectors(pulls, needed, masses):
-    first, second = ((masses.sqrt()[:, None] * x).flatten() for x in (pulls, needed))
+def by_unit_vectors(descents, needed, masses):
+    first, second = ((masses.sqrt()[:, None] * x).flatten() for x in (descents, needed))
     return torch.nn.functional.cosine_similarity(first, second, dim=0)
 
 
@@ -53,7 +53,7 @@ def by_walking(places, source_areas, target_areas):
         (check.count_weights, by_the_network),
         (check.feature_at, by_the_package),
         (check.alignment, by_unit_vectors),
-        (check.pull_of_regions, by_walking),
+        (check.mean_displacements, by_walking),
     ],
 )
 def test_independent_solutions_pass(capsys, checker, function):
@@ -61,11 +61,11 @@ def test_independent_solutions_pass(capsys, checker, function):
     assert capsys.readouterr().out.startswith("✓")
 
 
-def test_the_pulls_are_those_of_transport():
+def test_the_displacements_are_those_of_transport():
     places = torch.tensor([0.0, 1.0, 5.0]).double()
     source, target = torch.tensor([1.0, 1.0, 2.0]).double(), torch.tensor([1.0, 2.0, 5.0]).double()
-    pulls = _regional(places, source, target)
-    cost = float((source / source.sum() * pulls).sum())  # all mass goes one way here
+    moved = _regional(places, source, target)
+    cost = float((source / source.sum() * moved).sum())  # all mass goes one way here
     assert cost == pytest.approx(wasserstein_distance(places, places, source, target))
 
 
@@ -86,10 +86,10 @@ def test_the_pulls_are_those_of_transport():
         (check.alignment, lambda p, n, m: _aligned(p, n, m * 0 + 1), "counts alike"),
         (check.alignment, lambda p, n, m: abs(_aligned(p, n, m)), "keep the sign"),
         (check.alignment, lambda p, n, m: _aligned(p * m[:, None], n, m), "one mass too many"),
-        (check.pull_of_regions, lambda x, a, b: -by_walking(x, a, b), "sign"),
-        (check.pull_of_regions, lambda x, a, b: by_walking(x, a, b) * a / a.sum(), "mass times distance"),
-        (check.pull_of_regions, lambda x, a, b: by_walking(x, a, b) * a / a.sum() / (b / b.sum()), "target's share"),
-        (check.pull_of_regions, lambda x, a, b: -by_walking(x, b, a), "changed places"),
+        (check.mean_displacements, lambda x, a, b: -by_walking(x, a, b), "sign"),
+        (check.mean_displacements, lambda x, a, b: by_walking(x, a, b) * a / a.sum(), "mass times distance"),
+        (check.mean_displacements, lambda x, a, b: by_walking(x, a, b) * a / a.sum() / (b / b.sum()), "target's share"),
+        (check.mean_displacements, lambda x, a, b: -by_walking(x, b, a), "changed places"),
     ],
 )
 def test_usual_mistakes_get_their_hint(hinted, checker, function, hint):
@@ -132,4 +132,4 @@ def test_areas_that_are_not_shares_get_their_hint(hinted):
         overlap = torch.minimum(ends[0][1:, None], ends[1][1:]) - torch.maximum(ends[0][:-1, None], ends[1][:-1])
         return (overlap.clamp(min=0) * (places - places[:, None])).sum(1) / source * source.sum()
 
-    hinted(check.pull_of_regions, unnormalised, "its own area")
+    hinted(check.mean_displacements, unnormalised, "its own area")

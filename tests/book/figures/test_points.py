@@ -72,8 +72,8 @@ def test_force_figure_keeps_directions():
     points = dict.fromkeys(forces, POINTS)
     probes = torch.tensor([[0.0, 0.5], [1.0, 0.0]], dtype=torch.float64)
     figure = force_figure(points, forces, probes, dict.fromkeys(forces, probes), SHAPE, every=1)
-    pulled, resting = ([c for c in ax.collections if hasattr(c, "U")] for ax in figure.axes)
-    arrows = np.stack([pulled[1].U, pulled[1].V], axis=1)
+    forced, resting = ([c for c in ax.collections if hasattr(c, "U")] for ax in figure.axes)
+    arrows = np.stack([forced[1].U, forced[1].V], axis=1)
     assert (np.linalg.norm(arrows, axis=1) < 0.46).all()
     assert np.quantile(np.linalg.norm(arrows, axis=1), 0.9) == pytest.approx(0.3)
     np.testing.assert_allclose(

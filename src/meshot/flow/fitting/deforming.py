@@ -10,7 +10,7 @@ import torch
 
 from meshot.errors import require_same_space
 from meshot.flow.fields.grid import GridVelocity, grid_around
-from meshot.flow.fitting.fit import FitLoss, fit_flow, sliced_loss
+from meshot.flow.fitting.fit import Fit, FitLoss, fit_flow, sliced_loss
 from meshot.flow.fitting.progress import fit_progress
 from meshot.flow.fitting.settings import FitSettings, Guard
 from meshot.flow.integration import integrate
@@ -78,7 +78,8 @@ def deform(
     """The source carried to the target by a smooth flow that a loss is least for: a fit in one call.
 
     A velocity on nested grids is fitted by Adam: :func:`meshot.flow.fitting.fit_flow`, with lengths in proportion to
-    the meshes. Scaling or shifting both changes nothing but the unit of the result, up to rounding.
+    the meshes. Scaling or shifting both changes nothing but the unit of the result, up to rounding. Where no check of
+    the fit has a lower loss than the source, the source stays as it is and the flow is at rest.
 
     Parameters
     ----------
@@ -136,9 +137,19 @@ def deform(
     guard = None if allow_crossings else Guard()
     with fit_progress(settings, "deform", disable=not progress) as report:
         fit = fit_flow(field, start, relative, settings, progress=report, guard=guard)
-    flow = fit.field.scaled(size, centre)
+    flow = _least(field, fit, relative, start, settings).scaled(size, centre)
     mesh = source.with_vertices(integrate(flow, source.vertices, fit.n_steps).detach())
     return Deformation(mesh, flow, fit.n_steps, tuple(fit.history["checked_loss"]))
+
+
+def _least(rest: GridVelocity, fit: Fit, relative: FitLoss, start: Mesh, settings: FitSettings) -> GridVelocity:
+    """The fitted velocity, or the one at rest if the loss of the start is not above that of the best check."""
+    generator = np.random.default_rng([settings.seed, settings.n_iterations])  # the directions of the checks
+    with torch.no_grad():
+        unmoved = float(relative(start, settings.n_directions[1], generator))
+    checked = dict(zip(fit.history["checked_iteration"], fit.history["checked_loss"], strict=True))
+    best = checked.get(fit.best_iteration, math.inf)  # no check is best where all of them were given up
+    return fit.field if best < unmoved else rest
 
 
 def _require_mesh(value: object, name: str) -> None:

@@ -68,7 +68,7 @@ def with_hole(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float) -> Mesh:
 
 
 def with_spike(mesh: Mesh, vertex: int, height: float) -> Mesh:
-    """One vertex pulled out along its normal (pushed in if ``height`` < 0): one bad vertex among thousands.
+    """One vertex moved out along its normal (pushed in if ``height`` < 0): one bad vertex among thousands.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Claims 6, 8 and 23: what a mesh becomes as a measure, and what its gradient carries."""
 
-from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Verdict
+from meshot_book.claims.ledger import CHOICE, IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
 
 ROUNDOFF, BY_DIFFERENCES = 1e-11, 1e-5
@@ -22,12 +22,18 @@ def continuous_verdict(record: dict) -> Verdict:
     runs = [row for row in results["descent"] if row["encoding"] == "continuous"]
     left = max(row["end"]["sliced_distance"] / row["start"]["sliced_distance"] for row in runs)
     accurate = error <= ROUNDOFF and slope_error <= BY_DIFFERENCES
-    status = REPRODUCED if not accurate else CONDITION
+    status = REPRODUCED if not accurate else IN_PART
     if accurate and ratio > 1 and left < CLOSE:
         status = NOT_REPRODUCED
     errors = [_at(row, 100_000)["rms_error"] for row in results["sampling"]]
     return Verdict(
         status=status,
+        says=(
+            "The continuous measure can be used directly: its value and gradient are exact, "
+            f"{'cheaper' if ratio > 1 else 'but dearer'} than with 100 000 samples, and descents on it leave at most "
+            f"{left:.1%} of the distance."
+        ),
+        headline=(f"{ratio:.1f} times", "CPU time of 100 000 samples over that of the exact value"),
         ours=(
             f"value right to {error:.0e}, gradient to {slope_error:.0e} of differences; 100 000 samples a side take "
             f"{ratio:.1f} times its CPU time and err by {_percent(min(errors))} to {_percent(max(errors))} of the "
@@ -36,8 +42,8 @@ def continuous_verdict(record: dict) -> Verdict:
         tolerance=(
             "not reproduced (of use in practice) if all values agree with closed forms or quadrature to "
             f"{ROUNDOFF:.0e}, gradients with differences to {BY_DIFFERENCES:.0e}, value and gradient cost less than "
-            f"with 100 000 samples, and every descent ends below {CLOSE:.0%} of the distance it started from; with a "
-            "condition if only the accuracy holds"
+            f"with 100 000 samples, and every descent ends below {CLOSE:.0%} of the distance it started from; in part "
+            "if only the accuracy holds"
         ),
         numbers=f"{_sampling_table(results['sampling'])}\n\n{_descent_table(results['descent'])}",
     )
@@ -90,7 +96,7 @@ def normal_scale_verdict(record: dict) -> Verdict:
     scales = [
         r["scale"] for r in pairs[0]["rows"] if all(_has(row, r["scale"]) and _seen(row, r["scale"]) for row in pairs)
     ]
-    status = CONDITION if scales else NOT_REPRODUCED
+    status = CHOICE if scales else NOT_REPRODUCED
     if all(SEEN[0] <= share["gradient_share"] <= SEEN[1] for share in conventions):
         status = REPRODUCED
     in_mm, in_box = conventions[::2], conventions[1::2]
@@ -101,6 +107,15 @@ def normal_scale_verdict(record: dict) -> Verdict:
     )
     return Verdict(
         status=status,
+        says=(
+            f"The answer depends on the unit: normals carry {_range(in_mm, 'gradient_share')} of the gradient with "
+            f"vertices in millimetres, {_range(in_box, 'gradient_share')} with coordinates in [−1, 1]."
+        ),
+        headline=(
+            (f"{scales[0]:.2g} to {scales[-1]:.2g} mm", "length of a unit normal at which positions and normals count")
+            if scales
+            else ("none", "length of a unit normal at which positions and normals count in every pair")
+        ),
         ours=(
             f"vertices in mm: normals make {_range(in_mm, 'share')} of SW₂² and {_range(in_mm, 'gradient_share')} of "
             f"its gradient; coordinates in [-1, 1]: {_range(in_box, 'share')} and {_range(in_box, 'gradient_share')}; "
@@ -108,7 +123,7 @@ def normal_scale_verdict(record: dict) -> Verdict:
         ),
         tolerance=(
             "reproduced if under both conventions the normals' part of the gradient lies between 5 % and 95 % in every "
-            "pair that differs in both; with a condition (on the scale) if there is a scale at which it does"
+            "pair that differs in both; depending on the choice of scale if there is one at which it does"
         ),
         numbers=_scale_table(record["results"]["pairs"]),
     )
@@ -157,10 +172,16 @@ def sample_gradient_verdict(record: dict) -> Verdict:
     few = min(row["n_corners"] for row in results["descent"])
     best, sampled = (_mean_end(results["descent"], few, kind) for kind in ("continuous", "samples, fixed draws"))
     works = sampled <= (1 + CLOSE) * best
-    status = NOT_REPRODUCED if not works else (CONDITION if biased else REPRODUCED)
+    status = NOT_REPRODUCED if not works else (CHOICE if biased else REPRODUCED)
     curve, shares = rows[0], [row["fixed_draws"]["mean"] / row["exact"] for row in rows]
     return Verdict(
         status=status,
+        says=(
+            f"At fixed draws the gradient is {'biased' if biased else 'unbiased'} in {len(biased) or len(rows)} of "
+            f"{len(rows)} cases, but a descent by samples {'ends close to' if works else 'ends far from'} the descent "
+            "by the exact gradient."
+        ),
+        headline=(f"{min(shares):.0%} to {max(shares):.0%}", "of the exact slope reach the mesh through fixed samples"),
         ours=(
             f"biased in {len(biased)} of {len(rows)} cases: on an L {_interval(curve['fixed_draws'])} instead of "
             f"{digits(curve['exact'])}, over all cases {min(shares):.0%} to {max(shares):.0%} of the exact slope; with "
@@ -170,7 +191,7 @@ def sample_gradient_verdict(record: dict) -> Verdict:
         tolerance=(
             "reproduced if in every case the 95 % interval of the mean slope over draws holds the exact slope, and a "
             f"descent by samples to an unreachable target ends within {CLOSE:.0%} of the one by the exact gradient; "
-            "with a condition if only the descent does"
+            "depending on the choice if only the descent does"
         ),
         numbers=f"{_slope_table(rows)}\n\n{_ends_table(results['descent'])}",
     )

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from meshot_book.claims.ledger import CONDITION, NOT_REPRODUCED, REPRODUCED, Verdict
+from meshot_book.claims.ledger import IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
 
 _NAMES = {"sliced": "sliced Wasserstein", "chamfer": "Chamfer"}
@@ -23,19 +23,30 @@ def self_intersection_verdict(record: dict) -> Verdict:
     by_spacing = _most_by_spacing(results["fits"])
     free, flows = by_spacing.pop(0.0), by_spacing
     clean = [spacing for spacing, most in flows.items() if most == 0]
-    status = CONDITION if clean and free > 0 else NOT_REPRODUCED
+    status = IN_PART if clean and free > 0 else NOT_REPRODUCED
     if not crossed and len(clean) == len(flows):
         status = REPRODUCED
     return Verdict(
         status=status,
+        says=(
+            "Points cannot cross, triangles can: faces crossed in "
+            f"{len(crossed)} of {len(safe)} meshes carried by flows that are safe for points; {_fits_in_words(clean)}."
+        ),
+        headline=(f"{len(crossed)} of {len(safe)}", "meshes with crossing faces after a flow with h·Lip < 1"),
         ours=_sentence(safe, crossed, free, flows, clean),
         tolerance=(
             "reproduced if no face crosses another in any mesh carried by Euler steps with h·Lip < 1 and without a "
-            "flip, nor in any fit by a flow; with a condition if some do, but none in any fit by flows of some "
+            "flip, nor in any fit by a flow; in part if some do, but none in any fit by flows of some "
             "fineness, under any loss, while free vertices leave some (exact counts)"
         ),
         numbers=_table(results["fits"], record["config"]),
     )
+
+
+def _fits_in_words(clean: list[float]) -> str:
+    if not clean:
+        return "and some fit crossed at every fineness of the flow"
+    return f"no fit crossed where the finest grid of the flow was {' or '.join(_list(clean).split(', '))} mm"
 
 
 def _safe_cases(carried: list[dict]) -> list[dict]:

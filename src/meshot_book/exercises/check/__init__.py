@@ -2,13 +2,14 @@
 
 from meshot_book.exercises.convergence_exercises import mean_gap, points_needed, wrong_curve
 from meshot_book.exercises.cost_exercises import blocked_chamfer, growth_exponent, merged_cells
-from meshot_book.exercises.ddot_exercises import alignment, count_weights, feature_at, pull_of_regions
+from meshot_book.exercises.ddot_exercises import alignment, count_weights, feature_at, mean_displacements
 from meshot_book.exercises.deforming_exercises import edge_variation, equal_time, safe_steps
 from meshot_book.exercises.descent_exercises import largest_rate, line_pull, nearest_pull
 from meshot_book.exercises.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot_book.exercises.imaging_exercises import grid_affine, noise_from_air, pixel_share
 from meshot_book.exercises.line_exercises import quantiles, transport_cost, weight_gradient
 from meshot_book.exercises.measure_exercises import face_weights, is_inside_out, scale_for_share, tent_density
+from meshot_book.exercises.results_exercises import kept_check, observed_order, paired_gap
 from meshot_book.exercises.ruler_exercises import breaks_bound, pairs_left, two_sided, without_floor
 from meshot_book.exercises.scan_exercises import handles, is_simple, surface_ras
 from meshot_book.exercises.slicing_exercises import ghost_pair, lines_needed, sliced_cost
@@ -33,19 +34,22 @@ __all__ = [
     "handles",
     "is_inside_out",
     "is_simple",
+    "kept_check",
     "largest_rate",
     "line_pull",
     "lines_needed",
     "mask_euler",
+    "mean_displacements",
     "mean_gap",
     "merged_cells",
     "nearest_pull",
     "noise_from_air",
+    "observed_order",
+    "paired_gap",
     "pairs_left",
     "pieces_needed",
     "pixel_share",
     "points_needed",
-    "pull_of_regions",
     "quantiles",
     "row_distance",
     "safe_steps",

@@ -1,4 +1,4 @@
-"""Force fields side by side: points, their target, and an arrow for every pull, all in the same true units."""
+"""Force fields side by side: points, their target, and the force on every point, all in the same true units."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ class ForceField:
     points : tensor
         What moves.
     forces : tensor
-        The pull on every point, in units of the points.
+        The negative gradient at every point, in units of the points.
     target : tensor
         What is aimed at.
     """

@@ -71,7 +71,7 @@ def force_figure(
     contour: Contour,
     every: int = 4,
 ) -> Figure:
-    """Where points are pulled (coloured arrows) and where one more point would be (grey arrows), side by side.
+    """The forces on points (coloured arrows) and where one more point would be (grey arrows), side by side.
 
     Arrows on points are stretched by one factor per loss, so that a weak loss can be seen and its moments compared, and
     cut where a few would cross the whole picture; a point at rest has none. Arrows on probes all have one length.

@@ -1,6 +1,7 @@
-"""Where losses pull initial surfaces, beside where they should go: what the length of a normal is chosen by.
+"""The descent direction of each loss on initial surfaces, beside the displacement that is needed.
 
-Run as ``python experiments/ddot/pulls.py`` once both cohorts and the segmentation weights are there. It looks at
+The length of the normals was chosen by it. Run as
+``python experiments/ddot/descent_directions.py`` once both cohorts and the segmentation weights are there. It reads
 validation subjects only, before any training, and takes two minutes of one core.
 """
 
@@ -32,8 +33,8 @@ def needed(mesh: Mesh, target: Surface) -> Arrows:
     return ((torch.from_numpy(places) - mesh.vertices) * normals).sum(dim=1, keepdim=True) * normals
 
 
-def pull(loss: SurfaceLoss, mesh: Mesh, target: Mesh, draw: int) -> Arrows:
-    """Downhill, over the area of each vertex: the direction in which a loss wants it to move."""
+def descent_direction(loss: SurfaceLoss, mesh: Mesh, target: Mesh, draw: int) -> Arrows:
+    """The negative gradient of a loss at every vertex, divided by the area of the vertex."""
     moving = mesh.vertices.clone().requires_grad_()
     value = loss(mesh.with_vertices(moving), target, np.random.default_rng(draw))
     (slope,) = torch.autograd.grad(value, moving)
@@ -68,7 +69,7 @@ def measured(example: DeformationExample, losses: dict[str, SurfaceLoss], n_poin
     distance = initial_distance(example, n_points)
     rows = []
     for name, loss in losses.items():
-        one, other = (pull(loss, mesh, target, draw) for draw in (0, 1))
+        one, other = (descent_direction(loss, mesh, target, draw) for draw in (0, 1))
         rows.append(
             {
                 "subject": example.name,
@@ -86,20 +87,20 @@ def measured(example: DeformationExample, losses: dict[str, SurfaceLoss], n_poin
 
 def main(words: list[str] | None = None) -> int:
     """Measure and write."""
-    asked = arguments(__doc__, HERE / "pulls.json").parse_args(words)
+    asked = arguments(__doc__, HERE / "descent_directions.json").parse_args(words)
     config = read_config(asked.config)
-    settings, started = config["pulls"], time.process_time()
+    settings, started = config["descent_directions"], time.process_time()
     torch.set_num_threads(config["evaluation"]["n_threads"])
     surfaces = InitialSurfaces(config["initial"], segmentation_network(config))
     losses = {name: surface_loss(values) for name, values in settings["losses"].items()}
     subjects = [s for cohort in config["cohorts"].values() for s in scans(cohort, settings["split"])]
     rows = []
-    for subject in tqdm(subjects, desc="pulls"):
+    for subject in tqdm(subjects, desc="initial surfaces"):
         keys = [(settings["side"], "white")]
         example = hemisphere_example(surfaces.example(subject, keys, keys), settings["side"], settings["n_faces"])
         rows += measured(example, losses, settings["n_points"])
     data = f"{settings['split']} subjects of the synthetic cohorts {', '.join(config['cohorts'])}"
-    write = {"rows": rows, "means": means(rows)}, settings, "python experiments/ddot/pulls.py", data
+    write = {"rows": rows, "means": means(rows)}, settings, "python experiments/ddot/descent_directions.py", data
     write_results(asked.output, rounded(write[0]), *write[1:], time.process_time() - started)
     return 0
 

@@ -1,4 +1,4 @@
-"""Write what the benchmarks found into README.md, between its markers: ``python benchmarks/readme_table.py``."""
+"""Write what the benchmarks found into book/speed.md, between its markers: ``python benchmarks/speed_page.py``."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from meshot.provenance import read_results
 from meshot_book.notebook import digits
 
 ROOT = Path(__file__).resolve().parent.parent
-README, COST = ROOT / "README.md", ROOT / "experiments" / "cost"
+PAGE, COST = ROOT / "book" / "speed.md", ROOT / "experiments" / "cost"
 MARKERS = "<!-- {} -->", "<!-- /{} -->"
 
 
@@ -79,7 +79,7 @@ def with_block(text: str, name: str, block: str) -> str:
     """
     begin, end = (marker.format(name) for marker in MARKERS)
     if begin not in text or end not in text:
-        raise ValueError(f"README.md has no {begin} ... {end}; put both lines where the table shall stand")
+        raise ValueError(f"{PAGE.name} has no {begin} ... {end}; put both lines where the table shall stand")
     return f"{text[: text.index(begin)]}{begin}\n{block}\n{text[text.index(end) :]}"
 
 
@@ -91,7 +91,7 @@ def written(text: str) -> str:
 
 
 if __name__ == "__main__":
-    made = written(README.read_text(encoding="utf-8"))
-    with whole_file(README) as temporary:
+    made = written(PAGE.read_text(encoding="utf-8"))
+    with whole_file(PAGE) as temporary:
         temporary.write_text(made, encoding="utf-8")
-    print("wrote README.md")
+    print("wrote book/speed.md")

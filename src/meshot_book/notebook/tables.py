@@ -1,0 +1,122 @@
+"""Tables: HTML in a browser, aligned text in a terminal, both from the same numbers in a few significant digits."""
+
+import dataclasses
+import html
+import re
+
+from meshot_book.notebook.numbers import digits
+
+_MATHEMATICS = re.compile(r"\$([^$]+)\$")
+_UNIT = re.compile(r"(.+?)\s+(\([^()]+\))")
+_POWER = re.compile(r"([\d.]+)e(−?)\+?0*(\d+)")
+_MISSING = ("", "–")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Table:
+    """Rows as a table, the keys of the first row as its heads.
+
+    A notebook shows it as HTML; ``str`` and ``print`` give aligned text. Mathematics in heads and cells stands between
+    dollars; a unit in parentheses at the end of a head stands on a line of its own.
+
+    Parameters
+    ----------
+    rows : list of dict
+        One mapping a row, from head to value.
+    n_digits : int
+        Significant digits of floats.
+    """
+
+    rows: list[dict]
+    n_digits: int = 4
+
+    @property
+    def heads(self) -> list[str]:
+        """The heads of the columns."""
+        return list(self.rows[0]) if self.rows else []
+
+    def __str__(self) -> str:
+        """Aligned text, numbers to the right."""
+        if not self.rows:
+            return "(no rows)"
+        lines = [[_MATHEMATICS.sub(r"\1", text) for text in line] for line in [self.heads, *self._cells()]]
+        widths = [max(map(len, column)) for column in zip(*lines)]
+        numeric = [self._is_numeric(head) for head in self.heads]
+        return "\n".join(
+            "  ".join(
+                text.rjust(width) if right else text.ljust(width) for text, width, right in zip(line, widths, numeric)
+            ).rstrip()
+            for line in lines
+        )
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        """A table of HTML whose first column heads the rows."""
+        classes = ["number" if self._is_numeric(head) else "words" for head in self.heads]
+        heads = "".join(f'<th scope="col" class="{kind}">{_head(head)}</th>' for head, kind in zip(self.heads, classes))
+        rows = "\n".join(f"<tr>{_row(cells, classes)}</tr>" for cells in self._cells())
+        return (
+            f'<table class="book-table tex2jax_process">\n<thead><tr>{heads}</tr></thead>\n'
+            f"<tbody>\n{rows}\n</tbody>\n</table>"
+        )
+
+    def _cells(self) -> list[list[str]]:
+        return [[self._text(row.get(head, "")) for head in self.heads] for row in self.rows]
+
+    def _text(self, value: object) -> str:
+        return digits(value, self.n_digits) if isinstance(value, float) else str(value)
+
+    def _is_numeric(self, head: str) -> bool:
+        values = [row.get(head, "") for row in self.rows]
+        return all(isinstance(value, int | float) or value in _MISSING for value in values)
+
+
+def table(rows: list[dict], n_digits: int = 4) -> Table:
+    """Rows as a :class:`Table`, floats in ``n_digits`` significant digits; the keys of the first row lead.
+
+    Examples
+    --------
+    >>> table([{"loss": "Chamfer", "$W_2$ (mm)": 0.47123}, {"loss": "SW", "$W_2$ (mm)": 12}])
+    loss     W_2 (mm)
+    Chamfer    0.4712
+    SW             12
+    """
+    return Table(rows, n_digits)
+
+
+def markdown_table(rows: list[dict], n_digits: int = 4) -> str:
+    """Rows as a Markdown table, floats in ``n_digits`` significant digits; the keys of the first row lead.
+
+    Examples
+    --------
+    >>> print(markdown_table([{"loss": "Chamfer", "ratio": 0.5}]))
+    | loss | ratio |
+    | --- | --- |
+    | Chamfer | 0.5 |
+    """
+    shown = Table(rows, n_digits)
+    lines = [shown.heads, ["---"] * len(shown.heads), *shown._cells()]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _row(cells: list[str], classes: list[str]) -> str:
+    first, *others = [_number(text) if kind == "number" else _rich(text) for text, kind in zip(cells, classes)]
+    leading = f'<th scope="row" class="{classes[0]}">{first}</th>'
+    return leading + "".join(f'<td class="{kind}">{text}</td>' for text, kind in zip(others, classes[1:]))
+
+
+def _head(text: str) -> str:
+    """A head, its unit below it."""
+    found = _UNIT.fullmatch(text)
+    return f'{_rich(found[1])} <span class="unit">{_rich(found[2])}</span>' if found else _rich(text)
+
+
+def _number(text: str) -> str:
+    """A number as it is set: a minus sign, and a power of ten instead of an e."""
+    return _POWER.sub(r"\1·10<sup>\2\3</sup>", text.replace("-", "−")) if text != "nan" else "–"
+
+
+def _rich(text: str) -> str:
+    """Escaped text in which mathematics stands as MathJax and Jupyter find it."""
+    return _MATHEMATICS.sub(r"\\(\1\\)", html.escape(text, quote=False))
