@@ -12,6 +12,7 @@ from meshot_book.notebook.numbers import digits
 _MATHEMATICS = re.compile(r"\$([^$]+)\$")
 _UNIT = re.compile(r"(.+?)\s+(\([^()]+\))")
 _POWER = re.compile(r"([\d.]+)e(−?)\+?0*(\d+)")
+_INDENT = re.compile(r"\n +")
 _MISSING = ("", "–")
 
 
@@ -59,7 +60,7 @@ class Table:
         kinds = ["number" if self._is_numeric(head) else "words" for head in self.heads]
         heads = [(_head(head), kind) for head, kind in zip(self.heads, kinds)]
         rows = [[(_shown(text, kind), kind) for text, kind in zip(cells, kinds)] for cells in self._cells()]
-        return filled("meshot_book/notebook/assets/table.html", heads=heads, rows=rows)
+        return _INDENT.sub("\n", filled("meshot_book/notebook/assets/table.html", heads=heads, rows=rows))
 
     def _cells(self) -> list[list[str]]:
         return [[self._text(row.get(head, "")) for head in self.heads] for row in self.rows]
