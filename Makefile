@@ -1,9 +1,11 @@
 # Two commands do everything: make book, make test.
 # PYTHON       the Python that makes the environment (3.11 or newer)
 # TORCH_INDEX  a wheel index to take torch from, for the CPU build or another CUDA: make book TORCH_INDEX=https://...
+# YES          1 lets the two commands install missing system packages without a question: make book YES=1
 # VENV         where the environment lives; VENV= (empty) uses the active one, as conda users do
 PYTHON ?= python3
 TORCH_INDEX ?=
+YES ?=
 VENV ?= .venv
 BIN := $(if $(VENV),$(VENV)/bin/,)
 READY := $(if $(VENV),$(VENV)/.ready,)
@@ -17,6 +19,13 @@ FILES ?= 5000
 
 # Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
 WARM = @$(BIN)meshot warmup
+
+# What the system has to provide, looked for before the environment is made and again, by drawing, once it is there.
+export YES
+NEEDS := python
+book notebooks: NEEDS := python display
+test: NEEDS := python display browser
+PREFLIGHT = tools/preflight.py $(NEEDS)
 
 .PHONY: help book test test-wheel fuzz html notebooks text ledger lab lint lock benchmark cohorts clean distclean
 
@@ -38,7 +47,7 @@ help:
 
 ifneq ($(VENV),)
 $(READY): requirements.lock pyproject.toml
-	@$(PYTHON) tools/preflight.py python
+	@$(PYTHON) $(PREFLIGHT)
 	@echo "making the environment in $(VENV): some 3 GB, a few minutes"
 	@$(PYTHON) -m venv $(VENV)
 	@$(if $(TORCH_INDEX),$(PIP) --no-deps --index-url $(TORCH_INDEX) $$(grep '^torch==' requirements.lock))
@@ -48,7 +57,7 @@ $(READY): requirements.lock pyproject.toml
 endif
 
 book: $(READY)
-	@$(RUN) tools/preflight.py python display
+	@$(RUN) $(PREFLIGHT)
 	$(WARM)
 	@$(RUN) book/run_notebooks.py fresh
 	@$(RUN) book/build.py fresh
@@ -57,7 +66,7 @@ html: $(READY)
 	@$(RUN) book/build.py stored
 
 notebooks: $(READY)
-	@$(RUN) tools/preflight.py python display
+	@$(RUN) $(PREFLIGHT)
 	$(WARM)
 	@$(RUN) book/run_notebooks.py store $(NAME)
 	@$(RUN) tools/readme_picture.py
@@ -69,7 +78,7 @@ ledger: $(READY)
 	@$(RUN) book/make_ledger.py
 
 test: $(READY)
-	@$(RUN) tools/preflight.py python display browser
+	@$(RUN) $(PREFLIGHT)
 	@$(MAKE) --no-print-directory lint
 	$(WARM)
 	$(RUN) -m pytest
