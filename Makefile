@@ -27,6 +27,9 @@ book notebooks: NEEDS := python display
 test: NEEDS := python display browser
 PREFLIGHT = tools/preflight.py $(NEEDS)
 
+# A worker on every core, one thread in each; a file stays in one worker, since its tests share what they build.
+PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
+
 .PHONY: help book test test-wheel fuzz html notebooks text ledger lab lint lock benchmark cohorts clean distclean
 
 help:
@@ -81,7 +84,7 @@ test: $(READY)
 	@$(RUN) $(PREFLIGHT)
 	@$(MAKE) --no-print-directory lint
 	$(WARM)
-	$(RUN) -m pytest
+	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(RUN) -m pytest $(PARALLEL)
 	$(RUN) tests/check_notebooks.py
 
 fuzz: $(READY)
