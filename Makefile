@@ -16,6 +16,7 @@ COHORTS ?= oasis_like adni_like test_retest
 JOBS ?= 2
 
 FILES ?= 5000
+TESTS ?=
 
 # Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
 WARM = @$(BIN)meshot warmup
@@ -30,13 +31,16 @@ PREFLIGHT = tools/preflight.py $(NEEDS)
 # A worker on every core, one thread in each; a file stays in one worker, since its tests share what they build.
 PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
 
-.PHONY: help book test test-wheel fuzz html notebooks text ledger lab lint lock benchmark cohorts clean distclean
+.PHONY: help book test test-everywhere test-wheel fuzz html notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
 	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
 	@echo "make fuzz       read 5000 damaged files of every kind (an hour at most; FILES=500 for fewer)"
+	@echo "make test-everywhere  the numerical tests as on 19 other machines, two hours (TESTS=loss for a folder of them)"
 	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
+	@echo "make audit      look the locked packages up in a database of vulnerabilities (needs a network)"
+	@echo "make sbom       write the bill of materials of the lock to build/sbom.json"
 	@echo "make html       render the book from the stored outputs (seconds)"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
@@ -90,6 +94,19 @@ test: $(READY)
 fuzz: $(READY)
 	$(RUN) tests/fuzz/run.py --files $(FILES) --keep build/fuzz
 
+audit: $(READY)
+	@$(PIP) --upgrade --target build/audit pip-audit==2.10.1
+	PYTHONPATH=build/audit $(RUN) tools/audit.py
+
+test-everywhere: $(READY)
+	$(RUN) tests/everywhere/run.py $(TESTS)
+
+sbom: $(READY)
+	@$(RUN) tools/sbom.py build/sbom.json
+
+licences: $(READY)
+	@$(RUN) tools/licences.py
+
 test-wheel: $(READY)
 	$(RUN) tests/check_wheel.py
 
@@ -117,6 +134,7 @@ cohorts: $(READY)
 lock:
 	@$(PIP) uv
 	$(RUN) tools/solve_lock.py
+	@echo "install the new lock, then write its licences: make licences"
 
 clean:
 	rm -rf build .pytest_cache .ruff_cache .hypothesis src/*.egg-info
