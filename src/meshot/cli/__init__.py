@@ -25,7 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments : sequence of str, optional
         Those of the process if left out.
     """
-    chosen = _parser().parse_args(arguments)
+    chosen = make_parser().parse_args(arguments)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always")
@@ -36,7 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return getattr(error, "exit_status", 2)
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line, for :func:`main` and for its page in the book."""
     parser = argparse.ArgumentParser(prog="meshot", description=f"Meshes as measures: losses for surfaces. {NOTE}")
     parser.add_argument("--version", action="version", version=f"meshot {meshot.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
