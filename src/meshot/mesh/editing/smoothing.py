@@ -43,7 +43,7 @@ def laplacian_smoothing(mesh: Mesh, n_steps: int, amount: float = 0.5) -> Mesh:
 
 
 def taubin_smoothing(mesh: Mesh, n_steps: int, amount: float = 0.5, pass_band: float = 0.1) -> Mesh:
-    """The mesh after ``n_steps`` pairs of Laplacian steps, inwards and outwards. It shrinks less than with inward steps.
+    """The mesh after ``n_steps`` pairs of Laplacian steps, inwards and outwards, which limits shrinkage.
 
     Parameters
     ----------
