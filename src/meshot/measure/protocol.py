@@ -15,7 +15,7 @@ class Measure(Protocol):
 
     @property
     def places(self) -> Float[Tensor, "n d"]:
-        """The positions that a direction projects, in units of the vertices: support points, or corners of the cells."""
+        """The positions that are projected, in units of the vertices: support points, or corners of the cells."""
         ...
 
     @property
