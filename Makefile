@@ -17,6 +17,8 @@ JOBS ?= 2
 
 FILES ?= 5000
 TESTS ?=
+KILLS ?= 20
+WRITERS ?=
 
 # Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
 WARM = @$(BIN)meshot warmup
@@ -31,12 +33,13 @@ PREFLIGHT = tools/preflight.py $(NEEDS)
 # A worker on every core, one thread in each; a file stays in one worker, since its tests share what they build.
 PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
 
-.PHONY: help book test test-everywhere test-wheel fuzz html notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test test-everywhere test-wheel fuzz kill html notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
 	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
 	@echo "make fuzz       read 5000 damaged files of every kind (an hour at most; FILES=500 for fewer)"
+	@echo "make kill       kill everything that writes at 20 random moments each, two hours (WRITERS='fit files' KILLS=5 for less)"
 	@echo "make test-everywhere  the numerical tests as on 19 other machines, two hours (TESTS=loss for a folder of them)"
 	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
 	@echo "make audit      look the locked packages up in a database of vulnerabilities (needs a network)"
@@ -100,6 +103,9 @@ audit: $(READY)
 
 test-everywhere: $(READY)
 	$(RUN) tests/everywhere/run.py $(TESTS)
+
+kill: $(READY)
+	$(RUN) tests/kills/run.py $(WRITERS) --kills $(KILLS)
 
 sbom: $(READY)
 	@$(RUN) tools/sbom.py build/sbom.json

@@ -9,7 +9,7 @@ from typing import TypeVar
 import torch
 from tqdm import tqdm
 
-from meshot.files import printable_name
+from meshot.files import naming_a_full_disk, printable_name
 from meshot.provenance import provenance, write_results
 from meshot.train import Progress, TrainingLog, read_log
 from meshot.view import write_training_figure
@@ -43,7 +43,7 @@ def run_watched_training(folder: Path, made: dict, train: Callable[[Progress], T
 
 
 def _note(path: Path, line: dict) -> None:
-    with path.open("a", encoding="utf-8") as file:
+    with naming_a_full_disk(path), path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(line) + "\n")
 
 

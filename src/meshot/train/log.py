@@ -4,7 +4,7 @@ import json
 import os
 from pathlib import Path
 
-from meshot.files import whole_file
+from meshot.files import naming_a_full_disk, whole_file
 
 
 class TrainingLog:
@@ -27,7 +27,7 @@ class TrainingLog:
     def add(self, line: dict) -> None:
         """One more line, at once on disk."""
         if self.path is not None:
-            with self.path.open("a", encoding="utf-8") as file:
+            with naming_a_full_disk(self.path), self.path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
 
 

@@ -8,16 +8,14 @@ import json
 import multiprocessing
 import os
 import shutil
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import torch
-
 from meshot.errors import require_positive_integer
 from meshot.files import whole_file
 from meshot.provenance import processor
+from meshot.scratch import scratch_folder
 from meshot.synth.cohorts import cohort
 from meshot.synth.cohorts.cohort import Participant, Subject
 from meshot.synth.cohorts.manifest import content_hash, write_manifest
@@ -33,6 +31,7 @@ from meshot.synth.cohorts.recipe import (
 )
 from meshot.synth.scanning import Anatomy, rounded, simulated_scan, standardised, surface_facts, write_scan
 from meshot.synth.subject import CorticalSurfaces, Shape, synthetic_subject
+from meshot.workers import begin_worker
 
 #: Entries of a recipe that may change while what was made already stays.
 _GROWING = ("subjects", "procedural_subjects", "days")
@@ -124,9 +123,7 @@ def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Ite
     else:
         # A fork would copy the locks of other threads; a fresh process cannot inherit them.
         context = multiprocessing.get_context("spawn")
-        with concurrent.futures.ProcessPoolExecutor(
-            jobs, context, initializer=torch.set_num_threads, initargs=(1,)
-        ) as pool:
+        with concurrent.futures.ProcessPoolExecutor(jobs, context, initializer=begin_worker) as pool:
             futures = [pool.submit(make, visit) for visit in missing]
             try:
                 for future in concurrent.futures.as_completed(futures):
@@ -137,20 +134,24 @@ def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Ite
 
 
 def make_visit(recipe: Recipe, folder: Path, visit: Visit) -> str:
-    """Make all scans of one visit in a hidden folder, then move them to their place."""
+    """Make all scans of one visit in a hidden folder, then move them to their place.
+
+    A visit that another run has made meanwhile stays: both are the same.
+    """
     place = folder / visit.folder
     derived = folder / "derivatives" / "standard" / visit.folder
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".making-") as hidden:
+    with scratch_folder(folder) as made:
         started = time.process_time()
         seconds, hashes = {}, {}
         for run in range(recipe.scans_per_day):
             name = str(run + 1) if recipe.scans_per_day > 1 else None
-            subject = Subject(Path(hidden), visit.participant, visit.session, name)
+            subject = Subject(made, visit.participant, visit.session, name)
             seconds[subject.name] = make_scan(recipe, subject, run)
             hashes[subject.name] = {p.name: content_hash(p) for p in subject.files()}
         seconds |= {"total": time.process_time() - started}
         log = {"cpu_seconds": seconds, "processor": processor(), "hashes": hashes}
-        made = Path(hidden)
+        if place.is_dir():
+            return str(visit.folder)
         # The derivatives first: the folder of the scans is the sign that all is there.
         for source, target in (
             (made / "derivatives" / "standard" / visit.folder, derived),
