@@ -18,7 +18,7 @@ FILES ?= 5000
 # Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
 WARM = @$(BIN)meshot warmup
 
-.PHONY: help book test test-wheel fuzz html notebooks text ledger lab lint lock benchmark cohorts clean distclean
+.PHONY: help book test test-wheel fuzz html slides pdf editions reading notebooks text ledger lab lint lock benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -26,6 +26,10 @@ help:
 	@echo "make fuzz       read 5000 damaged files of every kind (an hour at most; FILES=500 for fewer)"
 	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
 	@echo "make html       render the book from the stored outputs (seconds)"
+	@echo "make slides     slides of every chapter in build/html/slides, from the rendered book"
+	@echo "make pdf        the whole book as build/meshes_as_measures.pdf, from the rendered book"
+	@echo "make editions   notebooks for students (no solutions) and instructors (board notes) in build/editions"
+	@echo "make reading    words, minutes and cells of every chapter"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make ledger     write the claims ledger from the committed results"
@@ -55,6 +59,22 @@ book: $(READY)
 
 html: $(READY)
 	@$(RUN) book/build.py stored
+
+build/html/index.html: $(READY)
+	@$(RUN) book/build.py stored
+
+slides: build/html/index.html
+	@$(RUN) book/slides.py
+
+pdf: build/html/index.html
+	@$(RUN) tools/preflight.py browser
+	@$(RUN) book/pdf.py
+
+editions: $(READY)
+	@$(RUN) book/editions.py
+
+reading: $(READY)
+	@$(RUN) book/reading.py
 
 notebooks: $(READY)
 	@$(RUN) tools/preflight.py python display
