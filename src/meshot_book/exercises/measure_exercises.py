@@ -76,11 +76,11 @@ def tent_density(function: object) -> None:
         Case("random corners", (random, torch.from_numpy(generator.normal(size=9)))),
         Case(
             "two corners at the left end",
-            (torch.tensor([0.0, 0.0, 3.0]).double(), torch.tensor([-1.0, 0.5, 2.0]).double()),
+            (torch.tensor([0.0, 0.0, 3.0]).double(), torch.tensor([-1.0, 0.0, 0.5, 2.0]).double()),
         ),
         Case(
             "two corners at the right end",
-            (torch.tensor([1.0, 4.0, 4.0]).double(), torch.tensor([0.5, 2.0, 3.5, 5.0]).double()),
+            (torch.tensor([1.0, 4.0, 4.0]).double(), torch.tensor([0.5, 2.0, 3.5, 4.0, 5.0]).double()),
         ),
     ]
     check_answer(function, _tent, cases, mistakes, "tent_density")
@@ -116,12 +116,17 @@ def scale_for_share(function: object) -> None:
             lambda loss, share: (loss(0) * share / ((1 - share) * (loss(1) - loss(0)))) ** 0.5,
             "this supposes that normals add a multiple of s²; that ends where turning costs more than moving: search",
         ),
+        Mistake(
+            lambda loss, share: _solved(lambda s: 1 - loss(0) / loss(s), share, highest=100.0),
+            "the search stops at a scale of 100; scales may be of any size: double the upper end until it is enough",
+        ),
     ]
     cases = [
         Case("positions 2, normals s², a tenth", (_quadratic(2.0, 1.0), 0.1)),
         Case("positions 0.3, normals 4 s², a half", (_quadratic(0.3, 4.0), 0.5)),
         Case("normals that saturate at large scales", (_saturating(1.0, 30.0, 0.5), 0.6)),
         Case("lengths in metres", (_saturating(1e-6, 2.0, 1e-3), 0.25)),
+        Case("lengths in micrometres", (_quadratic(4e8, 1.0), 0.2)),
     ]
     check_answer(
         function,
@@ -140,8 +145,8 @@ def _saturating(places: float, normals: float, scale: float) -> Loss:
     return lambda s: places + normals * s * s / (1 + (s / scale) ** 2)
 
 
-def _solved(rising: Callable[[float], float], wanted: float) -> float:
-    low, high = 1e-9, 1e9
+def _solved(rising: Callable[[float], float], wanted: float, highest: float = 1e9) -> float:
+    low, high = 1e-9, highest
     for _ in range(200):
         middle = (low * high) ** 0.5
         low, high = (middle, high) if rising(middle) < wanted else (low, middle)
