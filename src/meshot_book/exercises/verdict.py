@@ -125,6 +125,8 @@ def _wrong_form(answer: object, right: object) -> str | None:
     if answer is None:
         return "it returns None; is there a return at its end?"
     try:
+        if torch.as_tensor(answer).is_complex():
+            return "it returns complex numbers, but real ones are needed; is there a root of a negative number?"
         tensor = _as_tensor(answer)
     except (TypeError, ValueError, RuntimeError):
         return f"it returns a {type(answer).__name__}, which cannot be read as numbers"
