@@ -139,7 +139,7 @@ def _wrong_form(answer: object, right: object) -> str | None:
         return "it returns None; is there a return at its end?"
     try:
         if torch.as_tensor(answer).is_complex():
-            return "it returns complex numbers; is there a root of a negative number?"
+            return "it returns complex numbers, but real ones are needed; is there a root of a negative number?"
         tensor = _as_tensor(answer)
     except (TypeError, ValueError, RuntimeError, OverflowError):
         return f"it returns a {type(answer).__name__}, which cannot be read as numbers"
