@@ -76,11 +76,12 @@ def read_entries(claims: Path, experiments: Path, rules: dict[int, Rule]) -> lis
     ----------
     claims : path
         The YAML list of claims: id, claim, where, paper, for those that the paper does not make ``ours``, and for those
-        tested the experiment and the chapter.
+        tested the experiment and the chapter. ``also`` names further experiments whose results the rule reads.
     experiments : path
         The folder of experiments, each with its ``results.json``.
     rules : dict
-        For every tested claim the function from the experiment's record to a :class:`Verdict`.
+        For every tested claim the function from the experiment's record to a :class:`Verdict`. The record has one more
+        key, ``also``: the results of the further experiments, by their names.
 
     Raises
     ------
@@ -99,4 +100,7 @@ def _entry(row: dict, experiments: Path, rules: dict[int, Rule]) -> Entry:
             f"claim {row['id']} names the experiment {row['experiment']!r}, but there is no rule for it: add one"
         )
     record = read_results(experiments / row["experiment"] / "results.json")
+    record["also"] = {
+        name: read_results(experiments / name / "results.json")["results"] for name in row.get("also", ())
+    }
     return Entry(row, rules[row["id"]](record), record)
