@@ -47,12 +47,10 @@ def test_in_part_where_fewer_fits_cross_than_with_free_vertices(record):
 
 
 def test_fits_of_other_experiments_count(record):
-    record["also"] = {"deforming": {"fits": [deformed(0)] * 3}}
-    verdict = self_intersection_verdict(record)
+    verdict = self_intersection_verdict(record, {"results": {"fits": [deformed(0)] * 3}})
     assert verdict.status == ledger.IN_PART
     assert "2 of 7 fits by flows" in verdict.says
-    record["also"] = {"deforming": {"fits": [deformed(7)] * 3}}
-    verdict = self_intersection_verdict(record)
+    verdict = self_intersection_verdict(record, {"results": {"fits": [deformed(7)] * 3}})
     assert verdict.status == ledger.NOT_REPRODUCED
     assert "3 of 3 in the fits of chapter 21 (up to 7 faces)" in verdict.ours
 
@@ -72,10 +70,12 @@ def test_a_network_whose_faces_cross_is_no_full_reproduction(record):
     results = record["results"]
     results["fits"] = [row for row in results["fits"] if row["spacing"] != 3.0]
     results["carried"] = [carried(0)]
-    record["also"] = {"ddot": {"summary": [network("ddot", 0.0), network("cortexode", 0.0), network("initial", 3.0)]}}
-    assert self_intersection_verdict(record).status == ledger.REPRODUCED
-    record["also"]["ddot"]["summary"] += [network("cortexode", 2.3)]
-    verdict = self_intersection_verdict(record)
+    deforming = {"results": {"fits": [deformed(0)]}}
+    summary = [network("ddot", 0.0), network("cortexode", 0.0), network("initial", 3.0)]
+    ddot = {"results": {"summary": summary}}
+    assert self_intersection_verdict(record, deforming, ddot).status == ledger.REPRODUCED
+    summary.append(network("cortexode", 2.3))
+    verdict = self_intersection_verdict(record, deforming, ddot)
     assert verdict.status == ledger.IN_PART
     assert "DDOT 0 to 0 %; CortexODE 0 to 2.3 %" in verdict.ours
 

@@ -10,7 +10,7 @@ from meshot_book.notebook import digits, markdown_table
 _NAMES = {"sliced": "sliced Wasserstein", "chamfer": "Chamfer"}
 
 
-def self_intersection_verdict(record: dict) -> Verdict:
+def self_intersection_verdict(record: dict, deforming: dict | None = None, ddot: dict | None = None) -> Verdict:
     """Claim 12 from ``experiments/self_intersection``: does a Lipschitz flow keep a mesh from crossing itself?
 
     Carried meshes count where the theorem applies to the points: Euler steps with h·Lip < 1 along the paths and no
@@ -18,14 +18,14 @@ def self_intersection_verdict(record: dict) -> Verdict:
     of them. In part if faces cross in fewer than half of the fits by flows, and less often than with free vertices.
     Networks of ``experiments/ddot`` are flows as well: a crossing face there rules out the first status.
     """
-    results, also = record["results"], record.get("also", {})
+    results = record["results"]
     safe = _safe_cases(results["carried"])
     crossed = [row for row in safe if row["most"] > 0]
     by_spacing = _fits_by_spacing(results["fits"])
     free, flows = by_spacing.pop(0.0), by_spacing
-    others = [row["end"]["intersecting_faces"] for row in also.get("deforming", {}).get("fits", [])]
+    others = [row["end"]["intersecting_faces"] for row in deforming["results"]["fits"]] if deforming else []
     fits = [most for found in flows.values() for most in found] + others
-    networks = _networks(also.get("ddot", {}).get("summary", []))
+    networks = _networks(ddot["results"]["summary"]) if ddot else {}
     status = IN_PART if _share(fits) < min(0.5, _share(free)) else NOT_REPRODUCED
     if not crossed and not any(fits) and not any(high for _, high in networks.values()):
         status = REPRODUCED
