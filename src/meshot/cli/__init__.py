@@ -18,6 +18,8 @@ COMMANDS = (evaluate, reconstruct, make_cohort, train, train_segmentation, warmu
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status is 0, or 2 where the input will not do (one line on stderr says why).
 
+    ``meshot reconstruct --strict`` exits with 3 where the result would come with a warning.
+
     Parameters
     ----------
     arguments : sequence of str, optional
@@ -31,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return chosen.run(chosen) or 0
     except (ValueError, OSError, ImportError) as error:
         print(f"meshot: {error}", file=sys.stderr)
-        return 2
+        return getattr(error, "exit_status", 2)
 
 
 def make_parser() -> argparse.ArgumentParser:
