@@ -37,7 +37,7 @@ def systems_verdict(record: dict) -> Verdict:
         status=status if columns else NOT_TESTED,
         says=(
             f"{_budget(results['trainings'])}, DDOT is better than CortexODE in {won} of {len(cells)} cells and worse "
-            f"in {lost}; the other three systems of the table are not compared."
+            f"in {lost}. The other three systems of the table are not compared."
         ),
         headline=(f"{won} of {len(cells)}", "cells of Table 1 in which DDOT is better than CortexODE"),
         ours=_systems_sentence(results, plan, columns, won, lost, len(cells))

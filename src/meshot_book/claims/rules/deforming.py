@@ -28,8 +28,8 @@ def evenness_verdict(record: dict) -> Verdict:
         status=status,
         says=(
             f"After equal steps sliced Wasserstein leaves more even triangles in {steps['sliced']} of {steps['all']} "
-            f"comparisons and Chamfer in {steps['chamfer']}; at equal closeness it is {close['sliced']} against "
-            f"{close['chamfer']}, and the paper does not say which it compares."
+            f"comparisons and Chamfer in {steps['chamfer']}. At equal closeness it is {close['sliced']} against "
+            f"{close['chamfer']}. The paper does not say which it compares."
         ),
         headline=(f"{close['sliced']} of {close['all']}", "comparisons at equal closeness with more even triangles"),
         ours=_evenness_sentence(rows, tallies),
