@@ -1,6 +1,6 @@
-"""Look before anything is installed or drawn: each missing piece is one line with its remedy.
+"""Check requirements before installing or drawing: each missing one is reported in one line with its remedy.
 
-Run as ``python3 tools/preflight.py [python] [display] [browser]``. Kept to syntax that an old Python can read.
+Run as ``python3 tools/preflight.py [python] [display] [browser]``. The syntax is limited to that of old Pythons.
 """
 
 import os
@@ -12,7 +12,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 
 
 def missing_python():
-    """What is wrong with this Python, or None."""
+    """What is missing in this Python, or None."""
     if sys.version_info < (3, 11):
         found = ".".join(str(part) for part in sys.version_info[:3])
         return f"Python {found} is too old, 3.11 or newer is needed: install one, then add PYTHON=python3.11 to make"
@@ -25,7 +25,7 @@ def missing_python():
 
 
 def missing_display():
-    """Why VTK could not draw here, or None; asked in a second process, since VTK may crash."""
+    """Why VTK cannot draw, or None. Tested in another process, since VTK may crash."""
     command = [sys.executable, "-m", "meshot.view.display"]
     asked = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     if asked.returncode == 0:
@@ -34,13 +34,13 @@ def missing_display():
 
 
 def browser():
-    """The browser that the tests drive: MESHOT_BROWSER, or the first of the usual names on the path, or None."""
+    """The browser that the tests use: MESHOT_BROWSER, or the first common name on the path, or None."""
     named = os.environ.get("MESHOT_BROWSER")
     return named or next((path for path in map(shutil.which, BROWSERS) if path), None)
 
 
 def missing_browser():
-    """What to do about a missing browser, or None."""
+    """How to get a browser if there is none, or None."""
     if browser():
         return None
     remedy = "sudo apt-get install chromium, or set MESHOT_BROWSER=/path/to/chrome"
@@ -51,7 +51,7 @@ CHECKS = {"python": missing_python, "display": missing_display, "browser": missi
 
 
 def main(names):
-    """Print the first missing piece of those named; the exit status."""
+    """Print the first missing requirement of those named. Returns the exit status."""
     for name in names or sorted(CHECKS):
         trouble = CHECKS[name]()
         if trouble:
