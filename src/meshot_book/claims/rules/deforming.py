@@ -1,18 +1,18 @@
-"""Claims 20 and 22: what a fixed number of supports mends, and which loss leaves the triangles more even."""
+"""Claims 20 and 22: the effect of a fixed number of support points, and of the loss on mesh regularity."""
 
 from meshot_book.claims.ledger import ASSUMING, IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
 
 ANALYTIC = "folded"
 EVENNESS = ("edge_variation", "area_variation")
-STEADY = 1.1  # times the memory on the mesh before counts as the same
+STEADY = 1.1  # memory up to this multiple of that on the previous mesh counts as constant
 LOSSES = {"sliced": "sliced Wasserstein", "chamfer": "Chamfer"}
 
 
 def evenness_verdict(record: dict) -> Verdict:
     """Claim 22 from ``experiments/deforming``: Chamfer minus sliced Wasserstein in the variation of edges and areas.
 
-    The analytic target has the seeds for an interval; it is judged after equal steps and after equal seconds.
+    The verdict uses the analytic target, which has several seeds, after equal steps and after equal time.
     """
     rows = [row for row in record["results"]["differences"] if row["target"] == ANALYTIC and row["at"] != "closeness"]
     even = _more_even(rows, "low", 1)
@@ -46,12 +46,12 @@ def _evenness_verdict_in_words(differences: list[dict], rows: list[dict], even: 
 
 
 def _more_even(rows: list[dict], end: str, sign: int) -> list[dict]:
-    """Where the whole interval of the variation, in edges and in areas, lies on one side of zero."""
+    """The rows in which the whole interval of the variation, in edges and in areas, is on one side of zero."""
     return [row for row in rows if all(sign * row[f"{name}_{end}"] > 0 for name in EVENNESS)]
 
 
 def _evenness_sentence(differences: list[dict], rows: list[dict], even: list[dict]) -> str:
-    """Where the claim holds, the first setting in numbers, what it costs in closeness, and at equal closeness."""
+    """A sentence with the settings where the claim holds, the first one in numbers, and the effect on closeness."""
     nearer = [row for row in rows if row["assd_low"] > 0]
     farther = [row for row in rows if row["assd_high"] < 0]
     close = [row for row in differences if row["target"] == ANALYTIC and row["at"] == "closeness"]
@@ -93,7 +93,7 @@ def _gap(row: dict, name: str) -> str:
 
 
 def supports_verdict(record: dict) -> Verdict:
-    """Claim 20 from ``experiments/fixed_supports``: does memory grow with the mesh, and does a fixed number mend it?"""
+    """Claim 20 from ``experiments/fixed_supports``: does memory grow with the mesh, unless supports are fixed?"""
     grows = all(_growth(record, loss, "all") > STEADY for loss in LOSSES)
     mended = all(_growth(record, loss, "carried") <= STEADY for loss in LOSSES)
     dearer = any(r["variant"] == "carried" and r["assd_low"] > 0 for r in record["results"]["differences"])
@@ -128,7 +128,7 @@ def _costs(record: dict, loss: str, variant: str) -> list[dict]:
 
 
 def _growth(record: dict, loss: str, variant: str) -> float:
-    """The memory of a step on the largest mesh over that on the one before: few draws share corners on small meshes."""
+    """The ratio of a step's memory on the largest mesh and on the one before. Small meshes have shared corners."""
     before, last = _costs(record, loss, variant)[-2:]
     return last["step_bytes"] / before["step_bytes"]
 

@@ -1,19 +1,19 @@
-"""Claims 3 and 4: how fast W, sliced Wasserstein and Chamfer between samples come near their limits."""
+"""Claims 3 and 4: convergence rates of W, sliced Wasserstein and Chamfer between samples."""
 
 from meshot_book.claims.ledger import IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import markdown_table
 
-#: How far beyond the ends of a fitted interval an exponent may lie and still count as agreed: logarithms and small
-#: samples move fitted slopes by about as much.
+#: An exponent may lie outside a fitted interval by this and still count as agreeing, because logarithms and small
+#: samples change fitted slopes by about as much.
 SLACK = 0.05
 
 
 def transport_rate_verdict(record: dict) -> Verdict:
-    """Claim 3 from ``experiments/transport_rates``: SW like m^-½ in every dimension, W like m^(-1/d).
+    """Claim 3 from ``experiments/transport_rates``: SW as m^-½ in every dimension, W as m^(-1/d).
 
-    Sliced Wasserstein agrees if the interval of its slope, widened by :data:`SLACK`, holds −½ for every pair with
-    connected supports and without a symmetry (those that theory gives −½). W agrees on a pair if its widened interval
-    holds −1/d, with d the dimension of the space.
+    Sliced Wasserstein agrees if the interval of its slope, widened by :data:`SLACK`, contains −½ for every pair with
+    connected supports and without a symmetry (those for which theory gives −½). W agrees on a pair if its widened
+    interval contains −1/d, where d is the dimension of the space.
     """
     transport = record["results"]["transport"]
     sliced = [row for row in record["results"]["sliced"] if row["expected"] is not None]
@@ -41,7 +41,7 @@ def transport_rate_verdict(record: dict) -> Verdict:
 
 
 def holds(row: dict, exponent: float) -> bool:
-    """Whether the interval of a fitted slope, widened by :data:`SLACK`, holds an exponent."""
+    """Whether the interval of a fitted slope, widened by :data:`SLACK`, contains an exponent."""
     return row["low"] - SLACK <= exponent <= row["high"] + SLACK
 
 
@@ -75,7 +75,7 @@ def _expected(value: float | None) -> str:
 
 
 def _transport_table(results: dict) -> str:
-    """A line for each pair and exponent: what the paper states, what theory says, and both slopes."""
+    """A row for each pair and exponent: the paper's exponent, the theoretical one, and both fitted slopes."""
     beside = {(row["shape"], row["d"], row["relation"], row["p"]): row for row in results["sliced"]}
     return markdown_table(
         [
@@ -97,8 +97,8 @@ def _transport_table(results: dict) -> str:
 def chamfer_rate_verdict(record: dict) -> Verdict:
     """Claim 4 from ``experiments/transport_rates``: does sampled Chamfer lack a rate of convergence?
 
-    On a pair of surfaces it has one, no worse than that of sliced Wasserstein, if the upper end of the interval of its
-    slope lies below −½ + :data:`SLACK`. Solids are shown beside, and do not count: the claim is about meshes.
+    A pair of surfaces has a rate, no worse than that of sliced Wasserstein, if the upper end of the interval of its
+    slope is below −½ + :data:`SLACK`. Solids are shown but do not count, because the claim is about meshes.
     """
     rows = record["results"]["chamfer"]
     surfaces = [row for row in rows if row["dimension"] == 2 and row["shape"] != "cube"]
@@ -136,7 +136,7 @@ def _range(rows: list[dict]) -> str:
 
 
 def _chamfer_table(rows: list[dict], limits: list[dict]) -> str:
-    """A line for each pair: the limit and how it is known, the error at the largest sample, the slope."""
+    """A row for each pair: the limit and its source, the error at the largest sample, the slope."""
     known = {(row["shape"], row["d"], row["relation"]): row for row in limits}
     lines = []
     for row in rows:

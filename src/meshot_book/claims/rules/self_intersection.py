@@ -1,4 +1,4 @@
-"""Claim 12: what a Lipschitz flow promises, and what the triangles of a mesh make of it."""
+"""Claim 12: guarantees of a Lipschitz flow for points, and self-intersections of the triangles between them."""
 
 import itertools
 
@@ -11,11 +11,11 @@ _NAMES = {"sliced": "sliced Wasserstein", "chamfer": "Chamfer"}
 
 
 def self_intersection_verdict(record: dict) -> Verdict:
-    """Claim 12 from ``experiments/self_intersection``: does a Lipschitz flow keep a mesh from crossing itself?
+    """Claim 12 from ``experiments/self_intersection``: does a Lipschitz flow prevent self-intersection of a mesh?
 
-    Carried meshes count where the theorem applies to the points: Euler steps with h·Lip < 1 along the paths and no
-    flip. Reproduced if no face crosses there, nor in any fit by a flow. With a condition if faces do cross somewhere,
-    but some fineness of the flow leaves none in any fit, whatever the loss, while free vertices leave some.
+    Moved meshes count if the theorem applies to their points: Euler steps with h·Lip < 1 along the paths and no flip.
+    Reproduced if no faces intersect there, nor in any fit by a flow. With a condition if faces do intersect, but for
+    some grid spacing no fit by a flow has intersections under any loss, while free vertices have some.
     """
     results = record["results"]
     safe = _safe_cases(results["carried"])
@@ -50,7 +50,7 @@ def _fits_in_words(clean: list[float]) -> str:
 
 
 def _safe_cases(carried: list[dict]) -> list[dict]:
-    """One entry for each carried mesh with h·Lip < 1 along its paths, by Euler, without a flip."""
+    """One entry for each moved mesh with h·Lip < 1 along its paths, by Euler steps, without a flip."""
     return [
         {"level": int(level), "most": found["most"], "flips": row["flips"]}
         for fit in carried
@@ -61,7 +61,7 @@ def _safe_cases(carried: list[dict]) -> list[dict]:
 
 
 def _most_by_spacing(fits: list[dict]) -> dict[float, int]:
-    """The most crossing faces, at the end or on the way, that any fit of that fineness has; 0 is no flow."""
+    """The largest number of intersecting faces, at the end or before, over fits of each spacing; 0 means no flow."""
     found: dict[float, int] = {}
     for row in fits:
         most = max(row["crossing"], row.get("most_on_the_way", 0))
@@ -86,7 +86,7 @@ def _list(spacings: list[float]) -> str:
 
 
 def _table(fits: list[dict], config: dict) -> str:
-    """A row for every pair, loss, encoding and fineness: means over the seeds."""
+    """A row for every pair, loss, encoding and spacing: means over the seeds."""
 
     def name(row: dict) -> tuple:
         return row["pair"], row["loss"], row["encoding"], row["spacing"]
