@@ -1,9 +1,11 @@
 # Two commands do everything: make book, make test.
 # PYTHON       the Python that makes the environment (3.11 or newer)
 # TORCH_INDEX  a wheel index to take torch from, for the CPU build or another CUDA: make book TORCH_INDEX=https://...
+# YES          1 lets the two commands install missing system packages without a question: make book YES=1
 # VENV         where the environment lives; VENV= (empty) uses the active one, as conda users do
 PYTHON ?= python3
 TORCH_INDEX ?=
+YES ?=
 VENV ?= .venv
 BIN := $(if $(VENV),$(VENV)/bin/,)
 READY := $(if $(VENV),$(VENV)/.ready,)
@@ -14,17 +16,31 @@ COHORTS ?= oasis_like adni_like test_retest
 JOBS ?= 2
 
 FILES ?= 5000
+TESTS ?=
 
 # Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
 WARM = @$(BIN)meshot warmup
 
-.PHONY: help book test test-wheel fuzz html notebooks text ledger lab lint lock benchmark cohorts clean distclean
+# What the system has to provide, looked for before the environment is made and again, by drawing, once it is there.
+export YES
+NEEDS := python
+book notebooks: NEEDS := python display
+test: NEEDS := python display browser
+PREFLIGHT = tools/preflight.py $(NEEDS)
+
+# A worker on every core, one thread in each; a file stays in one worker, since its tests share what they build.
+PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
+
+.PHONY: help book test test-everywhere test-wheel fuzz html notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
 	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
 	@echo "make fuzz       read 5000 damaged files of every kind (an hour at most; FILES=500 for fewer)"
+	@echo "make test-everywhere  the numerical tests as on 19 other machines, two hours (TESTS=loss for a folder of them)"
 	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
+	@echo "make audit      look the locked packages up in a database of vulnerabilities (needs a network)"
+	@echo "make sbom       write the bill of materials of the lock to build/sbom.json"
 	@echo "make html       render the book from the stored outputs (seconds)"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
@@ -38,7 +54,7 @@ help:
 
 ifneq ($(VENV),)
 $(READY): requirements.lock pyproject.toml
-	@$(PYTHON) tools/preflight.py python
+	@$(PYTHON) $(PREFLIGHT)
 	@echo "making the environment in $(VENV): some 3 GB, a few minutes"
 	@$(PYTHON) -m venv $(VENV)
 	@$(if $(TORCH_INDEX),$(PIP) --no-deps --index-url $(TORCH_INDEX) $$(grep '^torch==' requirements.lock))
@@ -48,7 +64,7 @@ $(READY): requirements.lock pyproject.toml
 endif
 
 book: $(READY)
-	@$(RUN) tools/preflight.py python display
+	@$(RUN) $(PREFLIGHT)
 	$(WARM)
 	@$(RUN) book/run_notebooks.py fresh
 	@$(RUN) book/build.py fresh
@@ -57,7 +73,7 @@ html: $(READY)
 	@$(RUN) book/build.py stored
 
 notebooks: $(READY)
-	@$(RUN) tools/preflight.py python display
+	@$(RUN) $(PREFLIGHT)
 	$(WARM)
 	@$(RUN) book/run_notebooks.py store $(NAME)
 	@$(RUN) tools/readme_picture.py
@@ -69,14 +85,27 @@ ledger: $(READY)
 	@$(RUN) book/make_ledger.py
 
 test: $(READY)
-	@$(RUN) tools/preflight.py python display browser
+	@$(RUN) $(PREFLIGHT)
 	@$(MAKE) --no-print-directory lint
 	$(WARM)
-	$(RUN) -m pytest
+	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(RUN) -m pytest $(PARALLEL)
 	$(RUN) tests/check_notebooks.py
 
 fuzz: $(READY)
 	$(RUN) tests/fuzz/run.py --files $(FILES) --keep build/fuzz
+
+audit: $(READY)
+	@$(PIP) --upgrade --target build/audit pip-audit==2.10.1
+	PYTHONPATH=build/audit $(RUN) tools/audit.py
+
+test-everywhere: $(READY)
+	$(RUN) tests/everywhere/run.py $(TESTS)
+
+sbom: $(READY)
+	@$(RUN) tools/sbom.py build/sbom.json
+
+licences: $(READY)
+	@$(RUN) tools/licences.py
 
 test-wheel: $(READY)
 	$(RUN) tests/check_wheel.py
@@ -105,6 +134,7 @@ cohorts: $(READY)
 lock:
 	@$(PIP) uv
 	$(RUN) tools/solve_lock.py
+	@echo "install the new lock, then write its licences: make licences"
 
 clean:
 	rm -rf build .pytest_cache .ruff_cache .hypothesis src/*.egg-info

@@ -9,11 +9,32 @@ import pytest
 from jaxtyping import config, install_import_hook
 
 ROOT = Path(__file__).resolve().parent.parent
-for folder in ("book", "tools", "tests", "tests/fuzz"):
+for folder in ("book", "tools", "tests", "tests/fuzz", "tests/everywhere"):
     sys.path.insert(0, str(ROOT / folder))
 
 if not os.environ.get("MESHOT_UNCHECKED"):
     install_import_hook(["meshot", "meshot_book"], "typechecker.check")
+
+
+#: Files that take long go first, so that no core waits for one of them at the end.
+LONG_FILES = (
+    "book/test_pages.py",
+    "systems/test_deformation_training.py",
+    "pipeline/test_reconstruction.py",
+    "experiments/test_runs.py",
+    "pipeline/test_report.py",
+    "fuzz/test_fuzz.py",
+    "pipeline/test_initial_surface.py",
+    "synth/test_cohort.py",
+    "experiments/test_ddot.py",
+    "loss/test_exact.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    """Put the tests of the long files first; all others keep their order."""
+    ranks = {ROOT / "tests" / name: rank for rank, name in enumerate(LONG_FILES)}
+    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
 
 
 @pytest.fixture(autouse=True)

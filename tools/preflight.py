@@ -1,63 +1,164 @@
-"""Check requirements before installing or drawing: each missing one is reported in one line with its remedy.
+"""Look for missing system packages before anything is installed, and offer to install them.
 
-Run as ``python3 tools/preflight.py [python] [display] [browser]``. The syntax is limited to that of old Pythons.
+Run as ``python3 tools/preflight.py [python] [display] [browser]``. All missing packages are listed with the reason why
+they are needed. They are installed by apt-get if the user agrees on a terminal, or if ``YES=1`` is set. Otherwise
+nothing is changed, and the command to run is printed. The syntax is limited to that of old Pythons.
 """
 
+import ctypes
+import glob
+import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+DOWNLOADED = "~/.cache/ms-playwright/chromium-*/chrome-linux*/chrome"
+MESA_DRIVERS = ("/usr/lib/*/dri/swrast_dri.so", "/usr/lib*/dri/swrast_dri.so", "/usr/lib*/*/libgallium*.so")
+
+
+class Lack:
+    """A missing requirement: the reason, and the Debian packages that contain it (none if apt-get cannot install it)."""
+
+    def __init__(self, why, *packages):
+        self.why = why
+        self.packages = packages
 
 
 def missing_python():
     """What is missing in this Python, or None."""
     if sys.version_info < (3, 11):
         found = ".".join(str(part) for part in sys.version_info[:3])
-        return f"Python {found} is too old, 3.11 or newer is needed: install one, then add PYTHON=python3.11 to make"
+        return Lack(f"Python {found} is too old, 3.11 or newer is needed: install one, then add PYTHON=python3.11")
     try:
         import ensurepip  # noqa: F401
         import venv  # noqa: F401
     except ImportError:
-        return "this Python cannot make environments: sudo apt-get install python3-venv"
+        return Lack("this Python cannot make the environment that everything is installed in", "python3-venv")
     return None
 
 
 def missing_display():
-    """Why VTK cannot draw, or None. Tested in another process, since VTK may crash."""
-    command = [sys.executable, "-m", "meshot.view.display"]
-    asked = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
-    if asked.returncode == 0:
-        return None
-    return asked.stdout.decode().strip() or "VTK cannot draw here: sudo apt-get install libegl1 libgl1-mesa-dri"
+    """Why surfaces cannot be drawn on this machine, or None. If VTK is installed, it is tested by drawing."""
+    if importlib.util.find_spec("vtkmodules"):
+        # In a second process, since VTK may crash.
+        command = [sys.executable, "-m", "meshot.view.display"]
+        asked = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+        lacking = asked.returncode != 0
+    else:
+        lacking = bool(shutil.which("apt-get")) and not has_opengl()
+    why = "the chapters draw surfaces with OpenGL, and no library was found that draws without a screen"
+    return Lack(why, "libegl1", "libegl-mesa0", "libgl1-mesa-dri") if lacking else None
+
+
+def has_opengl():
+    """Whether the EGL libraries and a driver are installed, at the paths of Debian and Ubuntu."""
+    if loads("libOSMesa.so.8") or loads("libOSMesa.so.6"):
+        return True
+    drawn_by_mesa = loads("libEGL_mesa.so.0") and any(glob.glob(pattern) for pattern in MESA_DRIVERS)
+    return loads("libEGL.so.1") and (drawn_by_mesa or loads("libEGL_nvidia.so.0"))
+
+
+def loads(library):
+    """Whether a shared library can be loaded."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
 
 
 def browser():
-    """The browser that the tests use: MESHOT_BROWSER, or the first common name on the path, or None."""
+    """The browser that the tests use, or None.
+
+    MESHOT_BROWSER, or the first of the usual names on the path, or the one that ``playwright install`` downloads.
+    """
     named = os.environ.get("MESHOT_BROWSER")
-    return named or next((path for path in map(shutil.which, BROWSERS) if path), None)
+    downloaded = sorted(glob.glob(os.path.expanduser(DOWNLOADED)))
+    return named or next((path for path in [*map(shutil.which, BROWSERS), *downloaded] if path), None)
 
 
 def missing_browser():
-    """How to get a browser if there is none, or None."""
+    """Why the pages cannot be tested, or None."""
     if browser():
         return None
-    remedy = "sudo apt-get install chromium, or set MESHOT_BROWSER=/path/to/chrome"
-    return "the tests open every page in a browser and found none: " + remedy
+    why = "the tests open every page of the book in a browser (or name one: MESHOT_BROWSER=/path/to/chrome)"
+    if system_name() == "ubuntu":
+        # Ubuntu's chromium is a snap, which cannot read the pages under /tmp.
+        why += "; on Ubuntu install google-chrome, or run: .venv/bin/playwright install --with-deps chromium"
+        return Lack(why)
+    return Lack(why, "chromium")
+
+
+def system_name():
+    """The name of the Linux distribution, such as debian, or an empty string."""
+    try:
+        with open("/etc/os-release", encoding="utf-8") as file:
+            names = [line[3:].strip('"\n ') for line in file if line.startswith("ID=")]
+    except OSError:
+        return ""
+    return names[0] if names else ""
 
 
 CHECKS = {"python": missing_python, "display": missing_display, "browser": missing_browser}
 
 
+def lacks_of(names):
+    """The missing requirements among those named."""
+    return [lack for lack in (CHECKS[name]() for name in names) if lack]
+
+
+def install_commands(packages):
+    """The command to run, as root or with sudo."""
+    prefix = [] if os.geteuid() == 0 else ["sudo"]
+    return [
+        [*prefix, "apt-get", "update", "-qq"],
+        [*prefix, "apt-get", "install", "-y", "--no-install-recommends", *packages],
+    ]
+
+
+def agreed():
+    """Whether to install the packages: YES=1, or an answer on a terminal. Without a terminal, no."""
+    if os.environ.get("YES") == "1":
+        return True
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return False
+    try:
+        return input("install them now? [y/N] ").strip().lower() in ("y", "yes")
+    except EOFError:
+        return False
+
+
 def main(names):
-    """Print the first missing requirement of those named. Returns the exit status."""
-    for name in names or sorted(CHECKS):
-        trouble = CHECKS[name]()
-        if trouble:
-            print(trouble)
+    """List what is missing, and install it if the user agrees. Returns the exit status."""
+    names = names or sorted(CHECKS)
+    lacks = lacks_of(names)
+    if not lacks:
+        return 0
+    packages = [package for lack in lacks for package in lack.packages]
+    for lack in lacks:
+        needed = f" {' '.join(lack.packages)}:" if lack.packages else ""
+        print(f"missing:{needed} {lack.why}", flush=True)
+    if not packages:
+        return 1
+    commands = install_commands(packages)
+    if not shutil.which("apt-get"):
+        print("there is no apt-get here: install what these Debian packages hold, then start again")
+        return 1
+    if not agreed():
+        print("nothing was changed. Run this, or add YES=1 to have it done:")
+        print("  " + " && ".join(" ".join(command) for command in commands), flush=True)
+        return 1
+    for command in commands:
+        print("  " + " ".join(command), flush=True)
+        if subprocess.run(command, check=False).returncode:
+            print("this command failed; what it printed says why")
             return 1
-    return 0
+    remaining = lacks_of(names)
+    for lack in remaining:
+        print(f"still missing: {lack.why}")
+    return 1 if remaining else 0
 
 
 if __name__ == "__main__":

@@ -22,7 +22,8 @@ import sys
 from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 from book_conf import *
-extensions.remove("api_extension")
+for name in ("api_extension", "commands_extension"):
+    extensions.remove(name)
 """
 
 
