@@ -19,7 +19,7 @@ MESA_DRIVERS = ("/usr/lib/*/dri/swrast_dri.so", "/usr/lib*/dri/swrast_dri.so", "
 
 
 class Lack:
-    """A missing requirement: the reason, and the Debian packages that contain it (none if apt-get cannot install it)."""
+    """A missing requirement: the reason, and the Debian packages that contain it (none if apt-get cannot help)."""
 
     def __init__(self, why, *packages):
         self.why = why
