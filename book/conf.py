@@ -12,11 +12,13 @@ language = "en"
 
 extensions = [
     "api_extension",
+    "commands_extension",
     "links_extension",
     "myst_nb",
     "numbers_extension",
     "quiz_extension",
     "reader_extension",
+    "shown_extension",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
@@ -65,7 +67,7 @@ html_theme = "sphinx_book_theme"
 html_title = "Meshes as Measures"
 html_static_path = ["_static"]
 html_css_files = ["book.css", "tables.css"]
-html_js_files = ["tables.js"]
+html_js_files = ["tables.js", "landing.js"]
 html_secnumber_suffix = "\u2002"
 # Summaries would be fetched from the pages, which a browser forbids on file://.
 html_show_search_summary = False

@@ -1,7 +1,9 @@
 """A headless browser without a network, and what it finds wrong with a page."""
 
 import contextlib
+import gzip
 from collections.abc import Iterator
+from importlib import resources
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -27,13 +29,62 @@ VISIBLE_TEXT = """() => {
 }"""
 RAW_TEX = ("\\(", "\\[", "$$", "\\frac", "\\sum", "\\mathrm", "\\W", "\\SW", "\\theta", "_{", "^{")
 
+#: The widths, in pixels, at which a page is read: a desk, a tablet, a telephone.
+WIDTHS = (1280, 800, 400)
+
+#: Elements of the content that scroll sideways, are clipped, or stick out of the column: the outermost of each.
+#: A formula counts as one element. What is hidden from the eye on purpose does not count.
+SIDEWAYS = """() => {
+  const root = document.querySelector('article') || document.querySelector('main') || document.body;
+  const end = Math.min(document.documentElement.clientWidth, root.getBoundingClientRect().right) + 1;
+  const found = [];
+  const done = new Set();
+  for (const node of root.querySelectorAll('*:not(mjx-container *):not(svg *)')) {
+    const style = getComputedStyle(node);
+    const box = node.getBoundingClientRect();
+    const unseen = !node.checkVisibility({ visibilityProperty: true }) || box.width <= 1 || box.height <= 1;
+    if (done.has(node.parentElement) || unseen || style.clipPath !== 'none') {
+      done.add(node);
+      continue;
+    }
+    const formula = node.localName === 'mjx-container' || node.classList.contains('math');
+    const within = formula || style.display === 'inline' ? 0 : node.scrollWidth - node.clientWidth;
+    const held = style.overflowX !== 'visible' && within > 1;
+    if (held || box.right > end || box.left < -1) {
+      done.add(node);
+      const what = held ? `${within} px hidden` : `from ${Math.round(box.left)} to ${Math.round(box.right)}`;
+      found.push(`${node.localName}.${node.className}: ${what}: ${node.textContent.trim().slice(0, 40)}`);
+    }
+  }
+  const page = document.documentElement;
+  return page.scrollWidth > page.clientWidth ? [...found, `the page is ${page.scrollWidth} px wide`] : found;
+}"""
+#: Of axe-core; the light page is held to all of its rules, the dark one to those of colour.
+AXE = """async (rules) => {
+  const options = { resultTypes: ['violations'] };
+  const found = await axe.run(document, rules ? { ...options, runOnly: rules } : options);
+  return found.violations
+    .filter((violation) => ['serious', 'critical'].includes(violation.impact))
+    .map((v) => `${v.id} (${v.nodes.length}): ${v.nodes[0].target} ${v.nodes[0].any[0]?.message ?? v.help}`);
+}"""
+#: Controls that a mouse can use and a keyboard cannot reach.
+UNREACHED = """() => {
+  const controls = 'a[href], button, input, select, textarea, summary, canvas[tabindex], [role=button], [onclick]';
+  return [...document.querySelectorAll(controls)]
+    .filter((node) => node.checkVisibility({ visibilityProperty: true }) && !node.disabled && node.type !== 'hidden')
+    .filter((node) => node.tabIndex < 0 || (node.focus({ preventScroll: true }), document.activeElement !== node))
+    .map((node) => node.outerHTML.slice(0, 120));
+}"""
+#: Sent by a server in packed form.
+PACKED = (".html", ".css", ".js", ".json", ".svg")
+
 
 @contextlib.contextmanager
-def offline_browser(executable: str, width: int = 1280) -> Iterator[BrowserContext]:
+def offline_browser(executable: str, width: int = 1280, **options: object) -> Iterator[BrowserContext]:
     """A browser context that can open files and nothing else."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=executable, args=FLAGS)
-        context = browser.new_context(viewport={"width": width, "height": 900}, offline=True)
+        context = browser.new_context(viewport={"width": width, "height": 900}, offline=True, **options)
         yield context
         browser.close()
 
@@ -58,6 +109,36 @@ def watched_page(context: BrowserContext, file: Path) -> Iterator[tuple[Page, li
     page.evaluate("() => window.MathJax && MathJax.startup ? MathJax.startup.promise.then(() => null) : null")
     yield page, troubles
     page.close()
+
+
+def sideways(page: Page) -> list[str]:
+    """What scrolls sideways or is clipped, at each width at which the book is read."""
+    found = []
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 900})
+        page.wait_for_timeout(50)  # tables.js fits what it finds
+        found += [f"at {width} px: {trouble}" for trouble in page.evaluate(SIDEWAYS)]
+    return found
+
+
+def barriers(page: Page) -> list[str]:
+    """Serious and critical violations that axe-core finds, light and dark, and controls out of the keyboard's reach."""
+    source = resources.files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
+    page.evaluate(source)
+    page.evaluate("() => document.querySelectorAll('article details').forEach((folded) => (folded.open = true))")
+    found = [f"keyboard: {control}" for control in page.evaluate(UNREACHED)]
+    for theme, rules in (("light", None), ("dark", ["color-contrast", "link-in-text-block"])):
+        page.evaluate("(theme) => (document.documentElement.dataset.theme = theme)", theme)
+        found += [f"{theme}: {violation}" for violation in page.evaluate(AXE, rules)]
+    return found
+
+
+def weight(files: set[Path]) -> int:
+    """Bytes that a server sends for files: text packed, as every server does, and the rest as it is."""
+    sizes = (
+        len(gzip.compress(file.read_bytes(), 6)) if file.suffix in PACKED else file.stat().st_size for file in files
+    )
+    return sum(sizes)
 
 
 def raw_tex(page: Page) -> list[str]:

@@ -71,9 +71,10 @@ def empty_environment(folder: Path) -> str:
 
 
 def examples() -> list[str]:
-    """The blocks of Python in README."""
-    found = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.S)
-    assert len(found) > 1
+    """The programs of README and of the page that the book starts with, each as one."""
+    texts = [(ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "book/getting_started.md")]
+    found = ["".join(re.findall(r"```python\n(.*?)```", text, re.S)) for text in texts]
+    assert all(found)
     return found
 
 
@@ -100,7 +101,7 @@ def main() -> None:
 
         pip(python, "install", "-c", ROOT / "requirements.lock", wheel)
         run(python, "-c", f"import meshot; assert meshot.__file__.startswith({name!r}), meshot.__file__")
-        for code in (SURFACES, *examples()):
+        for code in (SURFACES, "\n".join(examples())):
             run(python, "-c", code)
         run_commands(LOSSES)
         pip(python, "install", "-c", ROOT / "requirements.lock", f"{wheel}[cortex]")

@@ -44,7 +44,7 @@ function fitFormula(formula) {
 }
 
 function fitAll() {
-  document.querySelectorAll(".bd-article table").forEach(fitTable);
+  document.querySelectorAll(".bd-article table:not(.indextable)").forEach(fitTable);
   document.querySelectorAll(".bd-article mjx-container[display]").forEach(fitFormula);
 }
 

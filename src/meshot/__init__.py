@@ -1,8 +1,9 @@
-"""Optimal-transport losses for surfaces, from points on a line to the cortex.
+"""Optimal-transport losses for surfaces.
 
-A mesh becomes a probability measure (:func:`surface`, :func:`empirical`, :func:`varifold`), and a loss compares two
-measures (:func:`sliced_wasserstein`, :func:`chamfer`, :func:`wasserstein`, :func:`sinkhorn_divergence`). What is listed
-here is what most people need. The rooms below (``meshot.mesh``, ``meshot.loss``, ``meshot.flow`` and so on) show more.
+A mesh is represented by a probability measure (:func:`surface`, :func:`empirical`, :func:`varifold`). A loss compares
+two measures (:func:`sliced_wasserstein`, :func:`chamfer`, :func:`wasserstein`, :func:`sinkhorn_divergence`). The
+functions listed here are the most used ones. The subpackages (``meshot.mesh``, ``meshot.loss``, ``meshot.flow`` and so
+on) contain the others.
 """
 
 import lazy_loader

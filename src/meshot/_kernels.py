@@ -1,4 +1,4 @@
-"""How kernels are compiled by numba: when first called, kept for the next process, and announced."""
+"""Compilation of kernels by numba: on first call, cached on disk, and announced on standard error."""
 
 import sys
 from collections.abc import Callable
@@ -7,37 +7,38 @@ from typing import Any, no_type_check
 from numba import njit
 from numba.core import event
 
-#: Options of what only kernels call: without what Python and C would call it by, it compiles in half the time.
+#: Options of kernels that only other kernels call. Without wrappers for Python and C they compile in half the time.
 INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-_announcements: dict[object, str] = {}  # by kernel; taken out of here when it is made
-_lost: list[str] = []  # kernels that cannot be kept
+_announcements: dict[object, str] = {}  # message of each kernel; removed once it has been printed
+_lost: list[str] = []  # kernels that cannot be cached on disk
 
 
 _NOWHERE = "no folder to keep them in can be written to: set NUMBA_CACHE_DIR to one"
 
 
 def kernel(purpose: str, seconds: int, **options: Any) -> Callable[[Callable], Any]:
-    """A decorator: a function that numba compiles when it is first called, and keeps for later processes.
+    """Decorate a function so that numba compiles it on its first call and caches the result on disk.
 
-    It is kept in ``__pycache__`` beside its source, or in the user's cache where the package cannot be written to, or
-    in ``NUMBA_CACHE_DIR``; where none of these can be written to, every process compiles it anew. It releases the GIL.
+    The cache is in ``__pycache__`` beside the source file, or in the user's cache if the package folder is not
+    writable, or in ``NUMBA_CACHE_DIR``. If none of these is writable, every process compiles the function again. The
+    compiled function releases the GIL.
 
     Parameters
     ----------
     purpose : str
-        What its kernels are for, such as "the sliced loss"; a process announces each purpose once, on stderr.
+        The feature that needs the kernels, such as "the sliced loss". A process announces each purpose once, on stderr.
     seconds : int
-        About how long it takes to compile all kernels of that purpose.
+        Approximate time to compile all kernels of that purpose, in seconds.
     options
-        Of ``numba.njit``.
+        Options of ``numba.njit``.
     """
     options = {"nogil": True} | options
 
-    @no_type_check  # numba's objects
+    @no_type_check  # the arguments are objects of numba
     def compiled(function):
         try:
             found, said = njit(cache=True, **options)(function), f"once; about {seconds} s"
-        except RuntimeError:  # what numba raises if it finds no folder
+        except RuntimeError:  # numba raises this if it finds no writable folder
             found, said = njit(**options)(function), f"about {seconds} s in every process; {_NOWHERE}"
             _lost.append(function.__qualname__)
         _announcements[found] = f"meshot: compiling the kernels of {purpose}, {said}"
@@ -47,12 +48,12 @@ def kernel(purpose: str, seconds: int, **options: Any) -> Callable[[Callable], A
 
 
 def require_kept() -> None:
-    """Require that the kernels that were imported so far are kept once they are compiled.
+    """Check that all kernels imported so far can be cached on disk.
 
     Raises
     ------
     ValueError
-        If there is no folder for them.
+        If no cache folder is writable.
     """
     if _lost:
         raise ValueError(f"compiled kernels are lost when the process ends; {_NOWHERE}")

@@ -1,4 +1,4 @@
-"""Compressed files read to their end, where their checksum is, and no further than a stated size."""
+"""Reading of gzip and bzip2 files to the end, so that the checksum is verified, up to a maximum size."""
 
 import bz2
 import gzip
@@ -13,24 +13,24 @@ _OPENERS = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open}
 
 
 def unpacked(path: str | os.PathLike, largest: int) -> bytes:
-    """What a file holds, decompressed if it is gzip or bzip2 by its first bytes.
+    """The content of a file, decompressed if its first bytes mark it as gzip or bzip2.
 
     Parameters
     ----------
     path : path
     largest : int
-        The most bytes that are unpacked.
+        Maximum size of the decompressed content, in bytes.
 
     Raises
     ------
     ValueError
-        If there are more, or the compressed stream is cut short or does not match its checksum.
+        If the content is larger, or the compressed stream is truncated or does not match its checksum.
     """
     return b"".join(_blocks(Path(path), largest))
 
 
 def unpacked_size(path: str | os.PathLike, largest: int) -> int:
-    """The number of bytes that :func:`unpacked` would return, without holding them; raises what it raises."""
+    """The size in bytes of what :func:`unpacked` returns, without holding it in memory. Raises the same errors."""
     path = Path(path)
     return path.stat().st_size if _opener(path) is open else sum(len(block) for block in _blocks(path, largest))
 
@@ -49,7 +49,7 @@ def _blocks(path: Path, largest: int) -> Iterator[bytes]:
 
 
 def opened(path: str | os.PathLike) -> io.BufferedIOBase:
-    """A file to read from, decompressed on the way if it is gzip or bzip2 by its first bytes."""
+    """Open a file for reading, with decompression if its first bytes mark it as gzip or bzip2."""
     path = Path(path)
     return _opener(path)(path, "rb")
 

@@ -1,4 +1,4 @@
-"""Checks at the door: each raises a ``ValueError`` that says what came, what is needed and how to mend it."""
+"""Checks of arguments. Each raises a ``ValueError`` that says what was received, what is needed and how to fix it."""
 
 import numpy as np
 import torch
@@ -7,7 +7,7 @@ from meshot.types import Tensor
 
 
 def as_floating(values: object, name: str) -> Tensor:
-    """A finite, floating-point tensor from anything that ``torch.as_tensor`` takes.
+    """A finite floating-point tensor, from anything that ``torch.as_tensor`` accepts.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def as_indices(values: object, name: str, n_items: int) -> Tensor:
     Raises
     ------
     ValueError
-        If the values are not integers or point outside the range.
+        If the values are not integers or lie outside the range.
     """
     try:
         tensor = torch.as_tensor(values)
@@ -52,7 +52,7 @@ def as_indices(values: object, name: str, n_items: int) -> Tensor:
 
 
 def require_shape(tensor: Tensor, name: str, columns: int | None) -> None:
-    """Require a matrix with at least one row and, unless None, ``columns`` columns.
+    """Check that a tensor is a matrix with at least one row and, unless ``columns`` is None, that many columns.
 
     Raises
     ------
@@ -67,12 +67,12 @@ def require_shape(tensor: Tensor, name: str, columns: int | None) -> None:
 
 
 def require_finite(tensor: Tensor, name: str) -> None:
-    """Require that no entry is NaN or infinite.
+    """Check that no entry is NaN or infinite.
 
     Raises
     ------
     ValueError
-        With the number of bad entries and the index of the first.
+        If one is. The message has the number of such entries and the index of the first.
     """
     bad = ~torch.isfinite(tensor.detach())
     if bool(bad.any()):
@@ -84,12 +84,12 @@ def require_finite(tensor: Tensor, name: str) -> None:
 
 
 def require_same_space(source: Tensor, target: Tensor) -> None:
-    """Require that two point sets have the same dimension, dtype and device.
+    """Check that two point sets have the same dimension, dtype and device.
 
     Raises
     ------
     ValueError
-        If one of them differs.
+        If one of these differs.
     """
     if source.shape[-1] != target.shape[-1]:
         raise ValueError(
@@ -104,12 +104,12 @@ def require_same_space(source: Tensor, target: Tensor) -> None:
 
 
 def require_positive_integer(value: object, name: str, most: int | None = None) -> int:
-    """The value as an int of Python; an integer of at least one, Python's or NumPy's, and at most ``most`` is required.
+    """The value as a Python int, after checking that it is an integer (Python's or NumPy's) in [1, ``most``].
 
     Raises
     ------
     ValueError
-        For anything else.
+        If it is not.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ValueError(f"{name} is {value!r}; an integer >= 1 is needed")

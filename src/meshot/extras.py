@@ -1,4 +1,4 @@
-"""Libraries that only some installations have: those of the extras ``cortex`` and ``book``."""
+"""Optional libraries: those of the extras ``cortex`` and ``book``."""
 
 import contextlib
 import importlib.util
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def needing(extra: str) -> Iterator[None]:
-    """Around the import of a library of an extra: says what to install where it is missing.
+    """Wrap the import of an optional library, so that the error says which extra to install.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Files and folders that are either whole or absent: written to a temporary name, then renamed."""
+"""Files and folders that are written completely or not at all: first under a temporary name, then renamed."""
 
 import contextlib
 import errno
@@ -11,40 +11,40 @@ from pathlib import Path
 from meshot.scratch import OLD, scratch_folder
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
-_SAID = re.compile(r"No space left on device|\d+ requested and \d+ written")  # safetensors; numpy
+_SAID = re.compile(r"No space left on device|\d+ requested and \d+ written")  # messages of safetensors and numpy
 _IN_THE_WAY = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)
 
 
 def printable_name(path: str | os.PathLike) -> str:
-    """A path as text that can be printed and stored: bytes that are no UTF-8 become U+FFFD."""
+    """A path as text that can be printed and stored: bytes that are not valid UTF-8 become U+FFFD."""
     return os.fsencode(path).decode("utf-8", errors="replace")
 
 
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike) -> Iterator[Path]:
-    """A temporary path beside ``path``, with its suffixes, that takes its name when the block ends without an error.
+    """Yield a temporary path beside ``path`` that is renamed to ``path`` if the block ends without an error.
 
     Parameters
     ----------
     path : path
-        Where the file shall be; its folder is made if it is missing.
+        The final path. Its folder is created if it is missing.
 
     Yields
     ------
     pathlib.Path
-        What to write to.
+        The path to write to. It has the same suffixes as ``path``.
 
     Raises
     ------
     OSError
-        If the disk is full; the message names the path.
+        If the disk is full. The message names the path.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with naming_a_full_disk(path), scratch_folder(path.parent) as folder:
         temporary, usual = folder / path.name, folder / ".usual"
         yield temporary
-        # Some writers leave a file that only its owner can read; everybody else's files are as the umask says.
+        # Some writers create files that only the owner can read. Give the file the usual permissions (umask).
         usual.touch()
         temporary.chmod(usual.stat().st_mode)
         os.replace(temporary, path)
@@ -52,30 +52,30 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Path]:
-    """A temporary folder beside ``path`` that takes its name when the block ends without an error.
+    """Yield a temporary folder beside ``path`` that is renamed to ``path`` if the block ends without an error.
 
-    What appears at ``path`` while the block runs is left as it is: of two runs that write the same folder the first to
-    end wins, and the other raises.
+    If something else appears at ``path`` while the block runs, it is left as it is, and this call raises. Of two runs
+    that write the same folder, the first to end therefore succeeds.
 
     Parameters
     ----------
     path : path
-        Where the folder shall be; the one that holds it is made if it is missing. A link is followed.
+        The final folder. Its parent is created if it is missing. A link is followed.
     replace : bool
-        Whether a folder that is there, and not empty, gives way; until the block has ended it stays as it is.
+        Whether an existing folder that is not empty is replaced. It stays unchanged until the block has ended.
 
     Yields
     ------
     pathlib.Path
-        What to write into.
+        The folder to write into.
 
     Raises
     ------
     ValueError
-        If ``path`` is a file, a folder that is not empty and shall not be replaced, or one that cannot give way: the
-        working folder, or a place where something is mounted; or if it changed while the block ran.
+        If ``path`` is a file, or a folder that is not empty while ``replace`` is false, or the working folder, or a
+        mount point, or if it changed while the block ran.
     OSError
-        If the disk is full; the message names the path.
+        If the disk is full. The message names the path.
     """
     path = Path(path)
     if path.exists() and not path.is_dir():
@@ -98,15 +98,15 @@ def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Pat
 
 
 def _exchange(path: Path, new: Path, old: Path, before: dict[str, tuple[int, ...]]) -> None:
-    """Put ``new`` where ``path`` is, if that is as it was; a folder that gives way is ``old`` for a moment."""
+    """Rename ``new`` to ``path`` if ``path`` is unchanged. A folder that is replaced is first renamed to ``old``."""
     if before:
         old.parent.mkdir()
-        with contextlib.suppress(FileNotFoundError):  # whoever removed it meanwhile does not want it back
+        with contextlib.suppress(FileNotFoundError):  # removed meanwhile by someone else: nothing to set aside
             os.rename(path, old)
     try:
         if old.exists() and _contents(old) != before:
             raise ValueError(_changed(path))
-        os.rename(new, path)  # onto nothing or an empty folder: the system refuses any other
+        os.rename(new, path)  # fails unless ``path`` is absent or an empty folder
     except BaseException as error:
         if old.exists():
             _bring_back(old, path)
@@ -125,7 +125,7 @@ def _bring_back(old: Path, path: Path) -> None:
 
 
 def _contents(folder: Path) -> dict[str, tuple[int, ...]]:
-    """Every file under a folder: which it is, its size, and when it changed; empty if there is no folder."""
+    """Inode, size and time of change of everything under a folder, by relative path; empty if there is no folder."""
     found = {}
     for parent, folders, files in os.walk(folder):
         for name in folders + files:
@@ -161,12 +161,19 @@ def naming_a_full_disk(path: Path) -> Iterator[None]:
 
 
 def named_file(name: str | os.PathLike, folder: Path) -> Path:
-    """A YAML file: a path as it is, a bare word as the file of that name in a folder of the package.
+    """The path of a YAML file: ``name`` itself if it is a path, or the file of that name in a folder of the package.
+
+    Parameters
+    ----------
+    name : path or str
+        A path, or a single word without suffix.
+    folder : path
+        The folder of the package where words are looked up.
 
     Raises
     ------
     ValueError
-        If it is a bare word, and there is none of that name.
+        If ``name`` is a single word and there is no file of that name.
     """
     path = Path(name)
     if path.suffix or len(path.parts) != 1:

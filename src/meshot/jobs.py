@@ -1,4 +1,4 @@
-"""Long runs that go on where they were stopped, and never with what other settings or other code have found."""
+"""Long runs that can be stopped and resumed. Results of other settings or other code are never reused."""
 
 import hashlib
 import json
@@ -22,37 +22,37 @@ def run_jobs(
     config: object,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[dict]:
-    """What ``work`` finds for each of the tasks, in their order: those of a stopped run are read, not done again.
+    """Results of ``work`` for each task, in order. Tasks that an earlier, stopped run finished are read from a file.
 
-    A finished task is stale, and is done anew, if anything of these has changed since, see :func:`fingerprint`: the
-    task itself, the configuration, a Python file of the experiment's folder, a Python file of the package. What the
-    work reads besides, such as weights or scans, is not seen: put a digest of it into the task or the configuration.
-    Stale lines stay in the file, so that they count again when configuration and code are as they were.
+    A stored result is used only if none of these has changed, see :func:`fingerprint`: the task, the configuration,
+    the Python files in the experiment's folder, and the Python files of the package. Other inputs, such as weights or
+    scans, are not checked: put a digest of them into the task or the configuration. Stored results that do not match
+    stay in the file, and are used again if configuration and code are changed back.
 
     Parameters
     ----------
     tasks : iterable
-        Each one JSON: it names what was done.
+        Descriptions of the tasks, as JSON values. They identify the stored results.
     work : callable
-        From a task to what is found, JSON too. A task done now and one that is read give the same.
+        Maps a task to its result, a JSON value. New and stored results have the same form.
     partial : path
-        Where finished tasks are kept, one line each; its folder is made. Remove it once the results are written.
+        The file of finished tasks, one per line. Its folder is created. Remove the file once the results are written.
     folder : path
-        The experiment: the folder of its scripts.
+        The folder with the experiment's scripts.
     config : JSON
         Every setting that the work depends on.
     clock : callable
-        Seconds: of the wall, or ``time.process_time``.
+        Returns seconds: wall-clock time, or ``time.process_time``.
 
     Returns
     -------
     list of dict
-        ``task``, ``found`` and ``seconds`` of each.
+        ``task``, ``found`` (the result) and ``seconds`` of each task.
 
     Raises
     ------
     TypeError
-        If a task, the configuration, or what is found, is not JSON.
+        If a task, the configuration or a result cannot be written as JSON.
     """
     stamp = fingerprint(folder, config)
     lines = _read(partial)
@@ -79,22 +79,22 @@ def run_jobs(
 
 
 def finished_tasks(tasks: Iterable[object], partial: Path, *, folder: Path, config: object) -> list[object]:
-    """Those of the tasks that :func:`run_jobs` would not do again."""
+    """The tasks whose stored results :func:`run_jobs` would reuse."""
     stamp = fingerprint(folder, config)
     done = {_key(line["task"]) for line in _read(partial) if line["stamp"] == stamp}
     return [task for task in tasks if _key(task) in done]
 
 
 def fingerprint(folder: Path, config: object) -> str:
-    """Sixteen digits that change with a setting, or with a Python file of the experiment or of the package.
+    """Sixteen hexadecimal digits that depend on the settings and on all Python files of experiment and package.
 
-    SHA-256 of the configuration and of the names and contents of all ``.py`` files: comments count, versions of other
-    packages do not, and git is not asked.
+    They are the start of the SHA-256 of the configuration and of the names and contents of all ``.py`` files. A changed
+    comment therefore changes the result. Versions of other packages and the state of git do not matter.
 
     Raises
     ------
     TypeError
-        If the configuration is not JSON.
+        If the configuration cannot be written as JSON.
     """
     total = hashlib.sha256(_key(config).encode())
     for root in (folder, PACKAGE):
@@ -108,7 +108,7 @@ def _key(task: object) -> str:
 
 
 def _read(partial: Path) -> list[dict]:
-    """The finished lines; a last one that a kill cut short is dropped, from the file as well."""
+    """The finished tasks. An incomplete last line, left by a killed run, is dropped and removed from the file."""
     if not partial.exists():
         return []
     text = partial.read_text(encoding="utf-8")

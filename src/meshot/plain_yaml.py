@@ -1,4 +1,4 @@
-"""YAML from people: plain values only, of bounded size, and one error for all that can be wrong with it."""
+"""Reading of YAML files: plain values only, limited in size, with one type of error for every problem."""
 
 import os
 from importlib.resources.abc import Traversable
@@ -9,17 +9,17 @@ from meshot.extras import needing
 with needing("cortex"):
     import yaml
 
-#: The longest text, in characters, that is parsed.
+#: Maximum length of a text, in characters.
 LONGEST = 1 << 20
 
 
 def read_yaml(path: str | os.PathLike | Traversable) -> object:
-    """What a YAML file says.
+    """The content of a YAML file.
 
     Raises
     ------
     ValueError
-        As :func:`parsed_yaml`, or if the file is no text.
+        As :func:`parsed_yaml`, or if the file is not text.
     """
     try:
         file = path if isinstance(path, Traversable) else Path(path)
@@ -29,13 +29,13 @@ def read_yaml(path: str | os.PathLike | Traversable) -> object:
 
 
 def parsed_yaml(text: str) -> object:
-    """What a YAML text says: numbers, words, lists and mappings.
+    """The content of a YAML text: numbers, strings, lists and mappings.
 
     Raises
     ------
     ValueError
-        If it is no YAML, longer than 1 MiB, nested too deeply, or uses aliases (``*name``): a few of them nested make
-        more values than any memory holds.
+        If the text is not YAML, longer than 1 MiB, nested too deeply, or uses aliases (``*name``). Nested aliases can
+        expand to more values than fit into memory.
     """
     if len(text) > LONGEST:
         raise ValueError(f"it has {len(text)} characters; at most {LONGEST} are read")

@@ -1,4 +1,4 @@
-"""Committed results: what was found, and everything needed to find it again."""
+"""Files of results, with everything needed to reproduce them."""
 
 import datetime
 import hashlib
@@ -14,10 +14,10 @@ from meshot.files import whole_file
 
 RECORDED = ("numpy", "scipy", "torch", "torchdiffeq", "POT", "geomloss", "libigl", "numba", "scikit-image", "nilearn")
 PACKAGE = Path(__file__).parent
-#: What is code besides the package itself, as git names it.
+#: Code outside the package, as git path specifications.
 OTHER_CODE = (":(top)src/meshot_book", ":(top,glob)experiments/**/*.py", ":(top,glob)experiments/**/*.yaml")
 CPU_INFO = Path("/proc/cpuinfo")
-#: What every record has; newer ones have more.
+#: Fields that every record has. Newer records have more.
 FIELDS = ("results", "config", "command", "data", "seconds", "commit", "date", "versions", "machine")
 
 
@@ -30,29 +30,29 @@ def write_results(
     seconds: float,
     made: dict | None = None,
 ) -> None:
-    """Write a results file (JSON) with its provenance, whole or not at all.
+    """Write a results file (JSON) with its provenance, completely or not at all.
 
     Parameters
     ----------
     path : path
         Usually ``experiments/NAME/results.json``.
     results : dict
-        What was measured: numbers, strings, lists and dicts.
+        The measured results: numbers, strings, lists and dicts.
     config : dict
-        Every setting, seeds included.
+        Every setting, including seeds.
     command : str
-        The one command that makes this file again.
+        The command that reproduces the file.
     data : str
-        What it stands on, such as "synthetic polygons" or "MNI152 group average".
+        The data used, such as "synthetic polygons" or "MNI152 group average".
     seconds : float
-        How long it took.
+        Duration of the run, in seconds.
     made : dict, optional
-        What :func:`meshot.provenance.provenance` said when the work began; what it says now if left out.
+        The return value of :func:`meshot.provenance.provenance` at the start of the run. By default, it is called now.
 
     Raises
     ------
     ValueError
-        If something in ``results`` or ``config`` is not JSON, or not finite.
+        If something in ``results`` or ``config`` cannot be written as JSON, or is not finite.
     """
     record = {
         "results": results,
@@ -72,7 +72,7 @@ def write_results(
 
 
 def rounded(value: object) -> object:
-    """Results in six significant digits, in whatever dicts and lists they are, so that a committed file stays small."""
+    """The value with every float rounded to six significant digits, also in nested dicts and lists."""
     if isinstance(value, dict):
         return {key: rounded(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -81,7 +81,7 @@ def rounded(value: object) -> object:
 
 
 def provenance() -> dict:
-    """What the code and the machine are: commit, date, versions, machine, processor."""
+    """The commit, the date, the versions of the libraries, the machine and the processor."""
     return {
         "commit": commit_of(PACKAGE),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
@@ -93,7 +93,7 @@ def provenance() -> dict:
 
 
 def processor() -> str:
-    """The model of the processor and its instruction set, on which the last bits of results depend."""
+    """The model of the processor and its instruction set. The last bits of results depend on them."""
     lines = CPU_INFO.read_text(encoding="utf-8").splitlines() if CPU_INFO.is_file() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     model = next(iter(models), "") or platform.processor() or platform.machine() or "unknown model"
@@ -124,7 +124,7 @@ def read_results(path: str | Path) -> dict:
 
 
 def provenance_lines(record: dict) -> str:
-    """Where a result comes from, as text to print under a table or a figure."""
+    """The provenance of a record, as text to print under a table or a figure."""
     versions = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
     by = f" ({record['processor']})" if "processor" in record else ""
     return (
@@ -148,10 +148,10 @@ def package_version(name: str) -> str:
 
 
 def commit_of(package: Path) -> str:
-    """The commit of the checkout that holds the package, marked if tracked code or settings have changed since.
+    """The commit of the checkout that contains the package, with "+changes" if code has changed since.
 
-    Code is all that is in the package and in that of the book, and scripts and settings in ``experiments/``; results
-    are not.
+    Code means tracked files of the package and of the book's package, and scripts and settings in ``experiments/``.
+    Results do not count.
     """
     try:
         head = subprocess.run(

@@ -1,7 +1,7 @@
-"""Where randomness comes from: one seeded NumPy generator, held by the caller.
+"""Random number generation: one seeded NumPy generator, held by the caller.
 
-NumPy's generators give the same stream on every CPU, which ``torch.randn`` does not (its vectorised and plain code
-paths differ), so stored notebook outputs agree between machines.
+NumPy's generators give the same stream on every CPU. ``torch.randn`` does not, because its vectorised and plain code
+differ. With NumPy, stored notebook outputs agree between machines.
 """
 
 import numpy as np
@@ -16,8 +16,8 @@ def numpy_generator(generator: Generator) -> np.random.Generator:
     Parameters
     ----------
     generator : numpy.random.Generator, torch.Generator or int
-        A NumPy generator is returned as it is, so that its stream goes on. A torch generator gives the seed (and
-        advances by one draw). An integer is a seed.
+        A NumPy generator is returned unchanged, so that its stream continues. A torch generator provides the seed
+        and advances by one draw. An integer is a seed.
 
     Returns
     -------
@@ -26,7 +26,7 @@ def numpy_generator(generator: Generator) -> np.random.Generator:
     Raises
     ------
     ValueError
-        For anything else, ``None`` included: randomness without a seed is not repeatable.
+        For anything else, including ``None``: without a seed, results cannot be repeated.
     """
     if isinstance(generator, np.random.Generator):
         return generator

@@ -1,4 +1,4 @@
-"""Temporary folders beside what is written, which a later run removes where a kill left them."""
+"""Temporary folders beside the output. Those that killed runs left are removed by later runs."""
 
 import contextlib
 import os
@@ -11,19 +11,19 @@ from pathlib import Path
 
 try:
     import fcntl
-except ImportError:  # Windows has no such locks: what a kill leaves there stays
+except ImportError:  # Windows has no such locks: folders of killed runs are not removed there
     fcntl = None
 
-#: Where :func:`meshot.files.whole_folder` keeps what gives way, under its own name, while folders change places.
+#: Subfolder in which :func:`meshot.files.whole_folder` keeps a replaced folder during the exchange.
 OLD = "old"
 
 
 @contextlib.contextmanager
 def scratch_folder(parent: Path) -> Iterator[Path]:
-    """A temporary folder in ``parent``, removed at the end; those that killed runs left there are removed first.
+    """Yield a temporary folder in ``parent`` and remove it at the end. Folders left by killed runs are removed first.
 
-    The folder is locked (flock) as long as its process lives, and its name holds the name of this machine. A folder is
-    taken for abandoned only if it was made on this machine and its lock is free. File systems without locks keep them.
+    The folder is locked (flock) while its process lives, and its name contains the name of the machine. A folder is
+    removed only if it was made on this machine and its lock is free. On file systems without locks nothing is removed.
 
     Parameters
     ----------
@@ -46,12 +46,12 @@ def scratch_folder(parent: Path) -> Iterator[Path]:
 
 
 def remove_abandoned(parent: Path) -> None:
-    """Remove the temporary folders in ``parent`` whose process is gone; what they had set aside comes back first."""
+    """Remove the temporary folders in ``parent`` whose process has ended. Folders set aside in them are restored."""
     for folder in parent.glob(f"{_prefix()}*"):
         lock = _locked(folder, wait=False)
         if lock is None:
             continue
-        for old in (folder / OLD).glob("*"):  # killed between two renames: the name is free, and its folder in here
+        for old in (folder / OLD).glob("*"):  # the process was killed between two renames
             if not (parent / old.name).exists():
                 old.rename(parent / old.name)
         shutil.rmtree(folder, ignore_errors=True)
@@ -59,7 +59,7 @@ def remove_abandoned(parent: Path) -> None:
 
 
 def _made(parent: Path) -> tuple[Path, int | None]:
-    """A new folder and its lock; once more if another run took it for abandoned before it was locked."""
+    """A new folder and its lock. Repeated if another run removed the folder before it was locked."""
     folder, lock = _new(parent)
     while not folder.is_dir():
         if lock is not None:
@@ -70,11 +70,11 @@ def _made(parent: Path) -> tuple[Path, int | None]:
 
 def _new(parent: Path) -> tuple[Path, int | None]:
     folder = Path(tempfile.mkdtemp(prefix=_prefix(), dir=parent))
-    return folder, _locked(folder, wait=True)  # a run that is just removing it has the lock until it is gone
+    return folder, _locked(folder, wait=True)  # another run that is removing the folder holds the lock until then
 
 
 def _locked(folder: Path, wait: bool) -> int | None:
-    """The descriptor of a folder that is locked now; None if it is gone, another process holds it, or nothing locks."""
+    """The descriptor of the folder, now locked; None if it is gone, locked by another process, or cannot be locked."""
     descriptor = None
     if fcntl is not None:
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""Work cut into chunks, one per thread, for kernels that release the GIL."""
+"""Division of work into chunks, one per thread, for kernels that release the GIL."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -12,8 +12,8 @@ Result = TypeVar("Result")
 def in_chunks(work: Callable[[int, int], Result], n_items: int, smallest: int = 1) -> list[Result]:
     """The results of ``work(start, stop)`` on contiguous chunks that cover ``range(n_items)``, in order.
 
-    The number of chunks is ``torch.get_num_threads()``, less where a chunk would fall below ``smallest`` items: it
-    depends on nothing else, so that sums over chunks are the same in every run with the same number of threads.
+    There are ``torch.get_num_threads()`` chunks, or fewer so that each has at least ``smallest`` items. The number
+    depends on nothing else. Sums over chunks are therefore the same in every run with the same number of threads.
     """
     n_chunks = max(1, min(torch.get_num_threads(), n_items // smallest))
     bounds = [n_items * i // n_chunks for i in range(n_chunks + 1)]

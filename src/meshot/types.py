@@ -1,4 +1,4 @@
-"""Array types used in annotations: ``Float[Tensor, "n d"]`` and friends, checked by beartype under pytest."""
+"""Array types for annotations, such as ``Float[Tensor, "n d"]``. Under pytest, beartype checks them."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int64

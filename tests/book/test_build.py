@@ -1,8 +1,61 @@
-"""The rendered book is whole or as it was: it is made aside, and takes its place at the end."""
+"""The rendered book is whole or as it was. The build stores lighter pictures and counts how long a chapter takes."""
 
+import nbformat
 import pytest
+from PIL import Image
 
 import build
+from build import lighten
+from reading import count_reading, count_words, reading_table
+
+cell = nbformat.v4.new_code_cell
+words = nbformat.v4.new_markdown_cell
+
+
+def test_large_pictures_become_lighter_and_stay_linked(tmp_path):
+    (tmp_path / "_images").mkdir()
+    noise = Image.effect_noise((300, 300), 60)
+    noise.save(tmp_path / "_images" / "large.png")
+    Image.new("RGB", (9, 9)).save(tmp_path / "_images" / "small.png")
+    (tmp_path / "a.html").write_text('<img src="_images/large.png"><img src="_images/small.png">')
+    before = (tmp_path / "_images" / "large.png").stat().st_size
+    lighten(tmp_path)
+    assert (tmp_path / "a.html").read_text() == '<img src="_images/large.webp"><img src="_images/small.png">'
+    assert {file.name for file in (tmp_path / "_images").iterdir()} == {"large.webp", "small.png"}
+    assert (tmp_path / "_images" / "large.webp").stat().st_size < before
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("# Two words", 2),
+        ("A formula $x + y$ counts.", 4),
+        ("$$\nx = y\n$$\nafter it", 2),
+        (":::{prf:theorem} Name\n:label: thm-x\nIt holds.\n:::", 2),
+        ("see [the place](#fig-x) {cite:p}`key`", 4),
+    ],
+)
+def test_words_are_counted_as_read(text, number):
+    assert count_words(text) == number
+
+
+def test_a_chapter_is_counted_up_to_its_exercises():
+    picture = nbformat.v4.new_output("display_data", {"image/png": "iVBO"})
+    ran = nbformat.v4.new_output("stream", text="seed 0; ran in 12 s")
+    notebook = nbformat.v4.new_notebook(
+        cells=[
+            words("# Title\n\n" + "word " * 399),
+            cell("x = 1\n\ny = 2", outputs=[picture]),
+            cell("import this", metadata={"tags": ["imports"]}),
+            words("## Exercises\n\nmany words"),
+            cell("solve()", outputs=[ran]),
+        ]
+    )
+    found = count_reading(notebook)
+    assert found == (400, 1, 2, 2, 1, 12)
+    assert found.minutes == 2
+    assert found.head == "About 2 minutes to read: 400 words, 1 figures and tables. The code ran in 12 s."
+    assert reading_table({"01_a": found}).splitlines()[-1] == "| 01 | 400 | 1 | 2 | 2 | 1 | 12 |"
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The rendered book in a browser without a network: every page, its formulas, links, search, theme and width."""
+"""The rendered book in a browser without a network: its formulas, search, theme, players and the entries of its API."""
 
 import json
 import re
@@ -7,42 +7,12 @@ from pathlib import Path
 import pytest
 
 import build
-from browser import offline_browser, raw_tex, troubles_of, watched_page
+from browser import raw_tex, troubles_of, watched_page
 from house import shown_names
-from preflight import browser as browser_path
 
 #: Of the page of a door, in pixels at 1280: some thirty screens.
 TALLEST = 30_000
 MOST_ENTRIES = 40
-
-
-@pytest.fixture(scope="session")
-def html(tmp_path_factory) -> Path:
-    """The book, rendered from the stored outputs with every warning an error."""
-    into = tmp_path_factory.mktemp("book")
-    assert build.build("stored", into) == 0
-    return into / "html"
-
-
-@pytest.fixture(scope="module")
-def context():
-    with offline_browser(browser_path()) as found:
-        yield found
-
-
-def pages(html: Path) -> list[Path]:
-    return sorted([*html.glob("*.html"), *html.glob("api/*.html")])
-
-
-def test_every_page_is_whole_without_a_network(html, context, capsys):
-    troubles = {file.relative_to(html).as_posix(): troubles_of(context, file) for file in pages(html)}
-    with capsys.disabled():
-        print(f"\nopened {len(troubles)} pages offline: {', '.join(troubles)}")
-    assert {name: found for name, found in troubles.items() if found} == {}
-    chapters = {path.stem for path in (build.ROOT / "notebooks").glob("[0-9]*.md")}
-    assert chapters | {"index", "ledger", "search", "references", "meshot", "meshot.loss"} <= {
-        file.stem for file in pages(html)
-    }
 
 
 def test_formulas_are_set(html, context):
@@ -76,13 +46,6 @@ def test_a_chapter_can_be_downloaded_as_a_notebook(html, context):
     notebook = json.loads((html / reference).read_text(encoding="utf-8"))
     stored = build.ROOT / "notebooks" / "01_circle_to_polygon.ipynb"
     assert notebook == json.loads(stored.read_text(encoding="utf-8"))
-
-
-def test_no_page_is_wider_than_a_telephone(html, context):
-    for file in pages(html):
-        with watched_page(context, file) as (page, _):
-            page.set_viewport_size({"width": 400, "height": 900})
-            assert page.evaluate("() => document.documentElement.scrollWidth") <= 400, file.name
 
 
 def test_a_surface_of_the_book_can_be_turned(html, context):

@@ -12,7 +12,13 @@ from meshot.mesh.shapes.solids import icosphere
 from meshot.mesh.topology.counts import SPHERE, topology
 from meshot.mesh.topology.intersection import self_intersecting_faces
 from meshot.metrics.distances import vertex_distances
-from meshot.pipeline.quality_warnings import agreement_with, scan_warnings, surface_warnings
+from meshot.pipeline.quality_warnings import (
+    agreement_with,
+    contrast_with,
+    scan_warnings,
+    surface_warnings,
+    volume_warnings,
+)
 from meshot.pipeline.reconstruction import reconstruct
 from meshot.pipeline.segmentation.surface import SegmentedSurface
 from meshot.systems import Part, SurfaceSystem, get_system
@@ -165,6 +171,60 @@ def test_agreement_is_one_with_itself_and_blind_to_contrast():
     scan = place(np.eye(4)).volume
     assert agreement_with(scan, scan) == pytest.approx(1)
     assert agreement_with(scan.with_data(5 - 2 * scan.data), scan) == pytest.approx(-1)
+
+
+def test_contrast_counts_inside_the_brain_alone():
+    ground = np.zeros((24, 24, 24))
+    ground[4:-4, 4:-4, 4:-4] = np.random.default_rng(0).uniform(0.5, 1, (16, 16, 16))
+    template = Volume(ground, np.eye(4))
+    assert contrast_with(template, template) == pytest.approx(1)
+    assert contrast_with(template.with_data(np.where(ground > 0, 1.5 - ground, 0)), template) == pytest.approx(-1)
+    assert agreement_with(template.with_data(np.where(ground > 0, 1.5 - ground, 0)), template) > 0.6
+    other = np.random.default_rng(1).normal(size=ground.shape)
+    found = contrast_with(template.with_data(other), template)
+    rim = slice(7, -7), slice(7, -7), slice(7, -7)  # three voxels within the block
+    assert found == pytest.approx(np.corrcoef(other[rim].ravel(), ground[rim].ravel())[0, 1])
+    assert contrast_with(template.with_data(np.where(ground > 0, 1.0, 0.0)), template) == 0
+
+
+def test_an_inverted_scan_is_doubted():
+    template = bright_template()
+    grid = place(np.eye(4))
+    assert scan_warnings(grid, template) == []
+    dark = np.where(grid.volume.data > 0.05, 1.3 - grid.volume.data, 0.0)
+    (found,) = [
+        w for w in scan_warnings(StandardScan(grid.volume.with_data(dark), np.eye(4)), template) if "inside" in w
+    ]
+    assert "inside the brain the scan differs from a T1 (correlation -" in found
+
+
+def test_a_stretched_scan_is_doubted():
+    stretched = np.diag([1.0, 1.25, 1.0, 1.0])
+    assert any("stretches one direction by 1.25" in w for w in scan_warnings(place(stretched), bright_template()))
+
+
+def head(n_bright_cm3: float, n_values: int) -> Volume:
+    """Some cm³ of bright voxels of 4 mm on a dark ground."""
+    data = np.zeros((50, 50, 50))
+    n_bright = round(n_bright_cm3 * 1000 / 64)
+    data.reshape(-1)[:n_bright] = 100 + np.arange(n_bright) % n_values
+    return Volume(data, np.diag([4.0, 4, 4, 1]))
+
+
+@pytest.mark.parametrize(
+    ("volume", "n_values", "words"),
+    [
+        (1200, 100, []),
+        (600, 100, ["has 600 cm³"]),
+        (2000, 100, ["has 2000 cm³"]),
+        (1200, 1, ["2 different values"]),
+        (110, 1, ["2 different values", "has 110 cm³"]),
+    ],
+)
+def test_volume_and_values_of_a_scan(volume, n_values, words):
+    found = volume_warnings(head(volume, n_values))
+    assert len(found) == len(words)
+    assert all(word in warning for word, warning in zip(words, found))
 
 
 def test_doubts_about_surfaces():

@@ -180,6 +180,37 @@ def test_warnings_stand_out_and_reach_the_command_line(place, made, monkeypatch,
     assert (place / "odd" / "lh.white").read_bytes() == (place / "odd" / "lh.initial").read_bytes()
 
 
+def test_a_strict_reconstruction_stops_at_a_warning(place, monkeypatch, capsys):
+    monkeypatch.setattr(reconstruction, "volume_warnings", lambda *_: [])
+    monkeypatch.setattr(reconstruction, "scan_warnings", lambda *_: ["it looks odd"])
+    assert main(words(place, "strict", "--initial-only", "--strict")) == 3
+    assert "meshot: it looks odd. Without --strict" in capsys.readouterr().err
+    assert not (place / "strict").exists()
+    monkeypatch.setattr(reconstruction, "scan_warnings", lambda *_: [])
+    monkeypatch.setattr(reconstruction, "surface_warnings", lambda side, *_: [f"so does the {side}"])
+    assert main(words(place, "strict", "--initial-only", "--strict")) == 3
+    assert "so does the left; so does the right." in capsys.readouterr().err
+    assert not (place / "strict").exists()
+
+
+def test_what_lies_outside_the_brain_mask_is_left_out(place, capsys):
+    head = bright_template()
+    mask = head.with_data((head.data > 0).astype(np.float32))
+    ball = head.data.copy()
+    ball[:6, :6, :6] = 1  # bright as white matter, outside the mask
+    write_volume(place / "with_ball.nii.gz", head.with_data(ball))
+    write_volume(place / "mask.nii.gz", mask)
+    scan = ["reconstruct", str(place / "with_ball.nii.gz"), *own_weights(place), "--initial-only"]
+    assert main([*scan, "-o", str(place / "masked"), "--brain-mask", str(place / "mask.nii.gz")]) == 0
+    assert json.loads((place / "masked" / "report.json").read_text())["brain_mask"] == "mask.nii.gz"
+    write_volume(place / "without_ball.nii.gz", head)
+    scan[1] = str(place / "without_ball.nii.gz")
+    assert main([*scan, "-o", str(place / "alone")]) == 0
+    same = [(place / folder / "lh.white").read_bytes() for folder in ("masked", "alone")]
+    assert same[0][100:] == same[1][100:]
+    assert main([*scan, "-o", str(place / "third"), "--brain-mask", str(place / "no_such.nii.gz")]) == 2
+
+
 def test_without_opengl_the_page_says_so(place, quick, monkeypatch):
     monkeypatch.setattr(display, "usable_window", lambda: None)
     assert main(words(place, "plain")) == 0

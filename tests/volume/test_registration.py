@@ -44,11 +44,12 @@ def brain_points(volume):
     return voxel_to_mm(volume, torch.from_numpy(np.argwhere(volume.data > 0.2)[::50]).double())
 
 
-def test_finds_a_planted_motion():
+@pytest.mark.parametrize("quick", [False, True])
+def test_finds_a_planted_motion(quick):
     points = brain_points(template())
     at_home = transform_points(np.linalg.inv(TO_STANDARD), points)
     assert (at_home - points).norm(dim=1).mean() > 40
-    found = transform_points(register_affine(scan(), template()), at_home)
+    found = transform_points(register_affine(scan(), template(), quick=quick), at_home)
     assert (found - points).norm(dim=1).mean() < 0.5
     assert (found - points).norm(dim=1).max() < 1.0
 

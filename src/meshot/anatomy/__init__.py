@@ -1,6 +1,6 @@
-"""Template anatomy that comes with nilearn: the MNI152 average and the surfaces of fsaverage5.
+"""Template anatomy distributed with nilearn: the MNI152 average and the fsaverage5 surfaces.
 
-Volumes and meshes are in the millimetres of MNI152. This is the only room that imports nilearn.
+Volumes and meshes are in MNI152 or MNI305 coordinates, in mm. Only this subpackage imports nilearn.
 """
 
 import lazy_loader

@@ -1,7 +1,7 @@
-"""Real anatomy that comes with nilearn's wheel: the MNI152 average and the fsaverage5 surfaces. Nothing is downloaded.
+"""Template anatomy from the nilearn package: the MNI152 average and the fsaverage5 surfaces. Nothing is downloaded.
 
-MNI152 (ICBM 2009a, symmetric, non-linear) is an average over 152 heads, not a person. fsaverage5 belongs to FreeSurfer
-and is an average of other people's surfaces: the same shape, roughly, but not the brain in the MNI152 image.
+MNI152 (ICBM 2009a, symmetric, non-linear) is the average of 152 heads. fsaverage5 is part of FreeSurfer and is an
+average of the surfaces of other people. Its shape is similar, but it is not the cortex of the MNI152 image.
 """
 
 from pathlib import Path
@@ -23,12 +23,12 @@ HEMISPHERES: tuple[Hemisphere, ...] = ("left", "right")
 
 
 def mni152_t1() -> Volume:
-    """The skull-stripped T1 average at 1 mm, in [0, 1]; zero outside the brain."""
+    """The skull-stripped T1 average at 1 mm, with values in [0, 1] and zero outside the brain."""
     return _volume(nilearn.datasets.load_mni152_template(resolution=1))
 
 
 def mni152_brain_mask() -> Volume:
-    """The brain of the MNI152 average, as nilearn defines it: T1 above one fifth of its maximum. Boolean."""
+    """The brain mask of the MNI152 average, as defined by nilearn: T1 above one fifth of its maximum. Boolean."""
     mask = _volume(nilearn.datasets.load_mni152_brain_mask(resolution=1))
     return mask.with_data(mask.data > 0)
 
@@ -44,12 +44,14 @@ def mni152_grey_matter() -> Volume:
 
 
 def fsaverage5_surface(kind: Literal["white", "pial"], hemisphere: Hemisphere) -> Mesh:
-    """One of FreeSurfer's average surfaces: 10 242 vertices, closed, outward, float64, in mm (MNI305 space).
+    """One of FreeSurfer's average surfaces, in mm (MNI305 space).
+
+    The mesh has 10 242 vertices in float64, is closed, and is oriented outwards.
 
     Raises
     ------
     ValueError
-        If ``kind`` or ``hemisphere`` is another word.
+        If ``kind`` or ``hemisphere`` is unknown.
     """
     if kind not in ("white", "pial") or hemisphere not in HEMISPHERES:
         raise ValueError(f"no surface {kind!r} {hemisphere!r}; kind is white or pial, hemisphere left or right")

@@ -18,12 +18,14 @@ COMMANDS = (evaluate, reconstruct, make_cohort, train, train_segmentation, warmu
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status is 0, or 2 where the input will not do (one line on stderr says why).
 
+    ``meshot reconstruct --strict`` exits with 3 where the result would come with a warning.
+
     Parameters
     ----------
     arguments : sequence of str, optional
         Those of the process if left out.
     """
-    chosen = _parser().parse_args(arguments)
+    chosen = make_parser().parse_args(arguments)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always")
@@ -31,10 +33,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return chosen.run(chosen) or 0
     except (ValueError, OSError, ImportError) as error:
         print(f"meshot: {error}", file=sys.stderr)
-        return 2
+        return getattr(error, "exit_status", 2)
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line, for :func:`main` and for its page in the book."""
     parser = argparse.ArgumentParser(prog="meshot", description=f"Meshes as measures: losses for surfaces. {NOTE}")
     parser.add_argument("--version", action="version", version=f"meshot {meshot.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

@@ -14,7 +14,7 @@ PAIR = ("predicted", "target")
 
 
 def add_to(commands: Commands) -> None:
-    """Let the command line know the command and its arguments."""
+    """Add the command ``evaluate`` and its arguments to the parser."""
     command = commands.add_parser(
         "evaluate",
         help="how close a surface is to a target surface",
@@ -72,7 +72,7 @@ def _pairs(chosen: argparse.Namespace) -> list[tuple[Path, Path]]:
 
 
 def _record(chosen: argparse.Namespace, predicted: Path, target: Path) -> dict:
-    """What was found for one pair, with all that is needed to find it again; the table goes to stdout if it is free."""
+    """The results for one pair, with inputs, settings and version. Prints the table if stdout is not otherwise used."""
     from meshot.provenance import file_digest
 
     n_emd_points = min(chosen.emd_points, chosen.points)
@@ -94,7 +94,7 @@ def _record(chosen: argparse.Namespace, predicted: Path, target: Path) -> dict:
 
 
 def _table(records: list[dict]) -> str:
-    """A row for each pair: its paths, then every metric and its floor."""
+    """The results as tab-separated text: one row per pair, with its paths, then every metric and its floor."""
     text = io.StringIO()
     writer = csv.writer(text, dialect="excel-tab", lineterminator="\n")
     names = [f"{name}{end}" for name in records[0]["metrics"] for end in ("", "_floor")]

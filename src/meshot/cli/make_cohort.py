@@ -8,7 +8,7 @@ from meshot.cli.note import NOTE, Commands
 
 
 def add_to(commands: Commands) -> None:
-    """Let the command line know the command and its arguments."""
+    """Add the command ``make-cohort`` and its arguments to the parser."""
     command = commands.add_parser(
         "make-cohort",
         help="make synthetic scans whose surfaces are known",
@@ -26,7 +26,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(chosen: argparse.Namespace) -> int:
-    # Before NumPy is loaded: one thread for each process, so that --jobs says how busy the machine is.
+    # Set before NumPy is imported: one thread per process, so that --jobs alone decides how many cores are used.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     import torch

@@ -1,8 +1,8 @@
-"""What every command says of itself."""
+"""The note that every command prints, and the type of the parser's commands."""
 
 import argparse
 
 NOTE = "Not for clinical use."
 
-#: What ``ArgumentParser.add_subparsers`` gives.
+#: The return type of ``ArgumentParser.add_subparsers``.
 Commands = argparse._SubParsersAction

@@ -9,7 +9,7 @@ from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
-    """Let the command line know the command and its arguments."""
+    """Add the command ``train`` and its arguments to the parser."""
     command = commands.add_parser(
         "train",
         help="train a system, such as flows that deform initial surfaces",
@@ -32,7 +32,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(chosen: argparse.Namespace) -> None:
-    # Here, so that other commands do not wait for what only this one needs.
+    # Imported here, so that other commands start quickly.
     from meshot.pipeline import run_system_training, segmentation_weights
 
     segmentation = segmentation_weights(chosen.segmentation)

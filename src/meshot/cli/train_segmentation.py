@@ -8,7 +8,7 @@ from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
-    """Let the command line know the command and its arguments."""
+    """Add the command ``train-segmentation`` and its arguments to the parser."""
     command = commands.add_parser(
         "train-segmentation",
         help="train the network that finds white matter",
@@ -21,7 +21,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(chosen: argparse.Namespace) -> None:
-    # Here, so that other commands do not wait for what only this one needs.
+    # Imported here, so that other commands start quickly.
     from meshot.pipeline.segmentation import run_segmentation_training
 
     found = run_training(

@@ -1,18 +1,25 @@
-"""What the commands that train a network share: their arguments, and how they run."""
+"""Arguments and execution shared by the commands that train a network."""
 
 import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-if TYPE_CHECKING:  # for annotations only: help must come at once
+if TYPE_CHECKING:  # for annotations only: importing torch would delay --help
     import torch
 
 Trained = TypeVar("Trained")
 
 
 def add_training_arguments(command: argparse.ArgumentParser, change: str) -> None:
-    """Configuration, cohorts, output, changes (``change`` is an example), threads and device."""
+    """Add the arguments for configuration, cohorts, output, changed settings, threads and device.
+
+    Parameters
+    ----------
+    command : argparse.ArgumentParser
+    change : str
+        An example of a changed setting, for the help text.
+    """
     command.add_argument(
         "config", type=Path, help="the form of the network and how it is trained: a name, or a YAML file"
     )
@@ -27,12 +34,12 @@ def add_training_arguments(command: argparse.ArgumentParser, change: str) -> Non
 
 
 def device_of(chosen: argparse.Namespace) -> "torch.device | None":
-    """The device that was asked for.
+    """The device given by ``--device``, or None if the option was not given.
 
     Raises
     ------
     ValueError
-        If torch knows none of that name, or has none here.
+        If torch does not know the device, or it is not available here.
     """
     import torch
 
@@ -46,12 +53,12 @@ def device_of(chosen: argparse.Namespace) -> "torch.device | None":
 
 
 def run_training(chosen: argparse.Namespace, train: Callable[[], Trained]) -> Trained:
-    """Train on as many threads as asked for.
+    """Call ``train`` with the number of threads given by ``--threads``.
 
     Raises
     ------
     ValueError
-        If a number of threads will not do, or a loss or gradient was not finite.
+        If the number of threads is not a positive integer, or a loss or gradient was not finite.
     """
     import torch
 
@@ -67,7 +74,7 @@ def run_training(chosen: argparse.Namespace, train: Callable[[], Trained]) -> Tr
 
 
 def best_line(best_step: int, log: list[dict], cpu_seconds: float) -> str:
-    """The best validation of a training, as one line."""
+    """One line about the step with the best validation loss: the step, its metrics, and the processor time in s."""
     best = next(line for line in log if line["step"] == best_step and "validation_loss" in line)
     numbers = ", ".join(f"{key} {value:.4g}" for key, value in best.items() if key not in ("step", "cpu_seconds"))
     return f"best after {best_step} steps: {numbers} on validation; {cpu_seconds:.0f} s of processor time"

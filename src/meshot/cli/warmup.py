@@ -8,7 +8,7 @@ from meshot.cli.note import Commands
 
 
 def add_to(commands: Commands) -> None:
-    """Let the command line know the command."""
+    """Add the command ``warmup`` to the parser."""
     command = commands.add_parser(
         "warmup",
         help="compile all kernels now, so that no first call has to wait",
@@ -29,12 +29,12 @@ def _run(chosen: argparse.Namespace) -> None:
     bar = tqdm((_sliced, _exact, _grid_flow, *of_scans))
     for call in bar:
         bar.set_description(call.__name__.strip("_").replace("_", " "))
-        with contextlib.redirect_stderr(io.StringIO()):  # the bar says what is compiled
+        with contextlib.redirect_stderr(io.StringIO()):  # the progress bar already names what is compiled
             call()
     require_kept()
 
 
-# Each calls some kernels on next to no data, in the dtypes in which the package calls them.
+# Each function below calls some kernels on very small inputs, in the dtypes that the package uses.
 
 
 def _sliced() -> None:

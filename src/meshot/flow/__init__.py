@@ -1,8 +1,8 @@
-"""Flow maps: velocity fields integrated over time, and what is fitted with them.
+"""Flows of velocity fields, and the fitting of such fields.
 
-:func:`integrate` carries points along a field, forwards or backwards. Smaller rooms: ``fields`` (velocity fields),
-``fitting`` (the field whose flow carries one mesh to another), ``crossings`` (faces that cross, and their repair).
-This is the only room that imports torchdiffeq.
+:func:`integrate` moves points along a velocity field, forwards or backwards in time. Subpackages: ``fields`` (velocity
+fields), ``fitting`` (fits a field whose flow deforms one mesh into another), ``crossings`` (detection and repair of
+self-intersections). Only this subpackage imports torchdiffeq.
 """
 
 import lazy_loader

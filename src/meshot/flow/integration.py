@@ -1,4 +1,4 @@
-"""The flow of a velocity field: where points are carried in unit time (the one home of torchdiffeq)."""
+"""Integration of velocity fields: positions of points after unit time. The only module that imports torchdiffeq."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -27,36 +27,36 @@ def integrate(
 ) -> Float[Tensor, "n d"]:
     """The flow map φ(x) = x(1), where dx/dt = v(t, x) and x(0) = x; or its inverse.
 
-    Differentiable in the points and in the parameters of the field.
+    The result is differentiable with respect to the points and to the parameters of the field.
 
     Parameters
     ----------
     field : VelocityField, or callable of (time, points)
     points : tensor
     n_steps : int
-        Equal steps on [0, 1]; each evaluates the field 1 (euler), 2 (midpoint), 4 (rk4) or 7 (dopri5) times.
+        Number of equal steps on [0, 1]. Each evaluates the field 1 (euler), 2 (midpoint), 4 (rk4) or 7 (dopri5) times.
     method : str
-        "euler", "midpoint", "rk4" or "dopri5": the error falls as the first, second, fourth or fifth power of the step.
+        "euler", "midpoint", "rk4" or "dopri5", of order 1, 2, 4 and 5 in the step size.
     inverse : bool
-        Run time backwards from 1 to 0. Inverse to the flow up to the error of the method, not to rounding.
+        Integrate backwards, from time 1 to 0. This inverts the flow up to the error of the method.
     gradient : str
-        "direct": through the steps, exact for what was computed; memory grows with their number. "adjoint": by a second
-        flow, backwards in time; memory does not grow, but the gradient has an error of the order of the method. It
-        reaches the parameters of a :class:`meshot.flow.fields.VelocityField` or an ``nn.Module``; of any other callable
-        only the points.
+        "direct" differentiates through the steps: exact for the computed values, with memory proportional to the number
+        of steps. "adjoint" integrates a second flow backwards in time: with constant memory, but with an error of the
+        order of the method. It gives gradients for the parameters of a :class:`meshot.flow.fields.VelocityField` or an
+        ``nn.Module``; for any other callable, for the points only.
     tolerance : float, optional
-        For dopri5 only: split steps further until the estimated error of each is below it, relative to the size of the
-        coordinates and absolute in their unit. Without it there are exactly ``n_steps``.
+        For dopri5 only: subdivide steps until the estimated error of each is below the tolerance, relative to the size
+        of the coordinates and absolute in their unit. Without it there are exactly ``n_steps`` steps.
 
     Raises
     ------
     ValueError
-        If ``n_steps`` < 1, the method or the kind of gradient is unknown, ``tolerance`` is not positive or came with
-        another method, or the points are not a matrix of finite floating-point numbers.
+        If ``n_steps`` < 1, the method or the kind of gradient is unknown, ``tolerance`` is not positive or is given
+        with another method, or the points are not a matrix of finite floating-point numbers.
 
     Notes
     -----
-    A step that begins or ends where the field jumps in time sees the side that it crosses.
+    If the field jumps in time at the end of a step, the step uses the value on its own side of the jump.
 
     References
     ----------
@@ -88,9 +88,9 @@ def trajectory(
     method: str = "euler",
     inverse: bool = False,
 ) -> Float[Tensor, "k n d"]:
-    """Where the points are before the first step and after each: ``n_steps`` + 1 positions of every point.
+    """Positions of the points before the first step and after each step: ``n_steps`` + 1 positions of every point.
 
-    The last is what :func:`meshot.integrate` returns. Other arguments as there.
+    The last is the result of :func:`meshot.integrate`. The arguments are the same.
 
     Raises
     ------
@@ -105,13 +105,13 @@ def trajectory(
 def step_maps(
     velocity: Velocity, points: Float[Tensor, "n d"], n_steps: int, method: str
 ) -> list[tuple[Tensor, Callable[[Tensor], Tensor]]]:
-    """The steps that :func:`trajectory` is made of: for each, the time at which it begins, and what it does to points.
+    """The steps of :func:`trajectory`: for each, its start time and the map that it applies to points.
 
     Parameters
     ----------
     velocity : callable of (time, points)
     points : tensor
-        Whose dtype and device the times have.
+        Determines the dtype and the device of the times.
 
     Raises
     ------
@@ -129,14 +129,14 @@ def step_maps(
 def flow_meshes(
     field: VelocityField | Velocity, meshes: Sequence[Mesh], n_steps: int = 12, method: str = "euler", **options: object
 ) -> list[Mesh]:
-    """Several meshes of any sizes carried by one field: their vertices go through it together, in one batch.
+    """Move several meshes by one field. All their vertices are integrated together, as one batch.
 
-    Other arguments as :func:`meshot.integrate`.
+    The other arguments are those of :func:`meshot.integrate`.
 
     Raises
     ------
     ValueError
-        If there is no mesh, the meshes differ in dtype or device, or as :func:`meshot.integrate`.
+        If there is no mesh, or the meshes differ in dtype or device; otherwise as :func:`meshot.integrate`.
     """
     if not meshes:
         raise ValueError("meshes is empty; at least one is needed")
@@ -161,16 +161,16 @@ def _time_grid(points: Tensor, n_steps: int, inverse: bool) -> Float[Tensor, " k
 
 
 def _solver_options(grid: Tensor, method: str, tolerance: float | None) -> dict:
-    """What tells the solver to step on the grid, in both directions of time."""
+    """Options that make the solver step on the grid, in both directions of time."""
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; one of {', '.join(METHODS)} is needed")
     if tolerance is not None and (method != "dopri5" or not 0 < tolerance < math.inf):
         raise ValueError(f"tolerance is {tolerance!r} with {method}; a number > 0 is needed, and dopri5 to obey it")
     if method != "dopri5":
-        # The solver steps only between the times it is asked for, unless it is given a grid.
+        # By default the solver steps only between the requested times.
         on_grid = {"grid_constructor": lambda f, y, t: grid if t[0] == grid[0] else grid.flip(0), "perturb": True}
         return {"method": method, "options": on_grid}
-    # A first step beyond the end is cut at the first stop; without a tolerance, so is every other.
+        # A first step beyond the end is shortened to the first stop. Without a tolerance, so is every other step.
     stops = {"jump_t": grid[1:-1].double(), "step_t": grid[[0, -1]].double()}
     if tolerance is None:
         return {"method": method, "rtol": 0.0, "atol": math.inf, "options": stops | {"first_step": 2.0}}

@@ -1,8 +1,8 @@
-"""Losses between measures: differentiable numbers that say how far two surfaces are apart.
+"""Losses between measures, differentiable with respect to points and weights.
 
-Sliced Wasserstein and its windowed form, Chamfer, exact Wasserstein by linear programming, Sinkhorn divergence; the
-directions of slicing, and the error bar of an estimate. ``composed`` composes an encoding and a loss by name.
-``lines`` holds transport on one line, ``regularity`` the penalties of a single mesh.
+Sliced Wasserstein and its windowed form, Chamfer, exact Wasserstein by linear programming, Sinkhorn divergence;
+directions for slicing, and error estimates. Subpackages: ``composed`` combines an encoding and a loss by name,
+``lines`` has transport in one dimension, ``regularity`` has penalties of a single mesh.
 """
 
 import lazy_loader

@@ -1,16 +1,18 @@
-"""The gradient of transport on a line, from the moments of the potential's slope over the cells of a law.
+"""The gradient of 1D transport between projected measures, from moments of the potential's slope over the cells.
 
-If the optimal potential is φ, moving a projected vertex changes the cost by w·E[bφ′] for each triangle of mass w at it,
-b the barycentric weight of the vertex and E the mean over the triangle; changing the mass of a triangle by dw changes
-it by E[φ] dw. On the rising piece, with u from 0 to 1 between p₁ and p₂, the tent is J·u (J = 2/(p₃ − p₁) at mass one)
-and the section at u runs from the point u on the edge p₁p₂ to the point u·h₁/H on the edge p₁p₃, so that the means
-of b over it are linear in u; likewise with v from 0 to 1 between p₃ and p₂. Hence all that is needed are M₁ = ∫φ′u dx
-and M₂ = ∫φ′u² dx over both pieces, and by parts E[φ] = φ(p₂) + (J/2)(h₂·M₂(v) − h₁·M₂(u)).
+Let φ be the optimal potential. Moving a projected vertex changes the cost at the rate w·E[bφ′] for each triangle of
+mass w at it, where b is the barycentric weight of the vertex and E the mean over the triangle. Changing the mass of a
+triangle by dw changes the cost by E[φ] dw. On the rising piece let u go from 0 to 1 between p₁ and p₂. The density is
+J·u (J = 2/(p₃ − p₁) at mass one), and the section at u connects the point u on the edge p₁p₂ with the point u·h₁/H on
+the edge p₁p₃. The means of b over the section are therefore linear in u. The falling piece is analogous, with v from 0
+to 1 between p₃ and p₂. So only M₁ = ∫φ′u dx and M₂ = ∫φ′u² dx over both pieces are needed. By integration by parts,
+E[φ] = φ(p₂) + (J/2)(h₂·M₂(v) − h₁·M₂(u)).
 
-Differences of antiderivatives of φ would lose these moments on short pieces, by a factor of 1/h² or 1/h³. They are
-looked up in a disjoint sparse table instead. Where the first and the last interval of a piece first differ in a binary
-digit, there is a multiple of that power of two, its pivot, between them; moments summed outward from all such pivots
-give those of the piece as two entries, and no sum ever left the piece. One level of the table is held at a time.
+Differences of antiderivatives of φ would lose precision on short pieces, by a factor of 1/h² or 1/h³. The moments are
+taken from a disjoint sparse table instead. At the highest binary digit in which the first and the last interval of a
+piece differ, there is a multiple of that power of two between them, called the pivot. Moments are summed outwards from
+all such pivots. Two entries then give the moments of the piece, and no sum extends beyond it. One level of the table
+is stored at a time.
 """
 
 import math
@@ -27,7 +29,7 @@ _inner = INNER | {"error_model": "numpy", "forceinline": True}
 @njit(**_inner)
 @no_type_check
 def _split(x, rank, cells, ends):
-    """Write the first and the last rank of both pieces of every cell: rising and falling, or the only one twice."""
+    """Write the first and last rank of both pieces of every cell: rising and falling, or the single piece twice."""
     for k in range(len(cells)):
         low, high = rank[cells[k, 0]], rank[cells[k, 1]]
         low, high = min(low, high), max(low, high)
@@ -42,14 +44,14 @@ def _split(x, rank, cells, ends):
 @njit(**_inner)
 @no_type_check
 def _level(first, last):
-    """The number of binary digits up to the one in which the first and the last interval differ."""
+    """The number of binary digits up to the highest one in which the first and the last interval differ."""
     return math.frexp(float(first ^ (last - 1)))[1]
 
 
 @njit(**_inner)
 @no_type_check
 def _by_level(x, ends, order, starts, longest):
-    """Pieces that have an extent, ordered by level (a counting sort), and the longest of each level in intervals."""
+    """Sort the pieces of positive extent by level (counting sort); find the longest of each level, in intervals."""
     starts[:] = 0
     longest[:] = 0
     for piece in range(len(ends)):
@@ -71,7 +73,7 @@ def _by_level(x, ends, order, starts, longest):
 @njit(**_inner)
 @no_type_check
 def _sum_outward(x, extent, moments, pivot, start, stop, step, table):
-    """Write ∫φ′|x − x_pivot|ᵏ dx from the pivot out to the far end of each interval from ``start`` on."""
+    """Write ∫φ′|x − x_pivot|ᵏ dx from the pivot to the far end of each interval, starting with ``start``."""
     zero, one, two = 0.0, 0.0, 0.0
     for i in range(start, stop, step):
         width = extent[i] * step
@@ -86,7 +88,7 @@ def _sum_outward(x, extent, moments, pivot, start, stop, step, table):
 @njit(**_inner)
 @no_type_check
 def _fill(x, extent, moments, level, reach, table):
-    """One level of the table; at level zero every interval stands for itself."""
+    """Fill one level of the table. At level zero every entry covers one interval."""
     n = len(x) - 1
     half = 1 << (level - 1) if level > 0 else 1
     if level == 0:
@@ -101,7 +103,7 @@ def _fill(x, extent, moments, level, reach, table):
 @njit(**_inner)
 @no_type_check
 def _look_up(x, ends, pieces, level, table, sums):
-    """Write ∫φ′u dx and ∫φ′u² dx of some pieces of one level: u rises on even pieces and falls on odd ones."""
+    """Write ∫φ′u dx and ∫φ′u² dx of the pieces of one level. u rises on even pieces and falls on odd ones."""
     for piece in pieces:
         first, last = ends[piece]
         scale = 1 / (x[last] - x[first]) if piece & 1 == 0 else -1 / (x[last] - x[first])
@@ -134,7 +136,7 @@ def _sum_pieces(law, moments, rank, cells, ends, order, starts, longest, table, 
 @njit(**_inner)
 @no_type_check
 def _triangle_gradient(x, i, j, m, rising, falling, weight, gradient):
-    """Write w·E[bφ′] for the corners in order, and return E[φ] − φ(p₂)."""
+    """Write w·E[bφ′] for the corners, in order, and return E[φ] − φ(p₂)."""
     height = x[m] - x[i]
     up, down, tent = (x[j] - x[i]) / height, (x[m] - x[j]) / height, weight / height  # tent: half the peak J
     low, high = rising[1] * up, falling[1] * down
@@ -147,7 +149,7 @@ def _triangle_gradient(x, i, j, m, rising, falling, weight, gradient):
 @njit(**_inner)
 @no_type_check
 def _in_order(cell, rank, at):
-    """Write the corners of a cell from left to right."""
+    """Write the corners of a cell in ascending order of their projections."""
     for c in range(len(cell)):
         at[c] = cell[c]
     for c in range(len(cell) * (len(cell) - 1) // 2):  # compare 0 and 1, then 1 and 2, then 0 and 1
@@ -159,7 +161,7 @@ def _in_order(cell, rank, at):
 @njit(**_inner)
 @no_type_check
 def _potential(moments, extent, potential):
-    """φ at the starts of the cells, zero at the first."""
+    """Write φ at the starts of the cells, with φ = 0 at the first."""
     potential[0] = 0.0
     for i in range(len(moments) - 1):
         potential[i + 1] = potential[i] + (moments[i, 0] if extent[i] > 0 else 0.0)
@@ -168,10 +170,10 @@ def _potential(moments, extent, potential):
 @kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def surface_gradient(law, moments, cells, weights, rank, work, to_projected, to_weights):
-    """Write the gradient in the projected vertices, and add that in the weights, of one direction.
+    """Write the gradient in the projected vertices, and add the gradient in the weights, for one direction.
 
-    Where a cell is perpendicular to the direction its mass may be split among several places, and transport has a kink:
-    it is given the mean of φ′ over its mass, which lies between the one-sided derivatives.
+    If a cell is perpendicular to the direction, its mass may be transported to several positions. The cost then has a
+    kink, and the result is the mean of φ′ over the mass, which lies between the one-sided derivatives.
     """
     x, extent, mass, _ = law
     ends, order, starts, longest, table, sums, potential = work
@@ -202,7 +204,7 @@ def surface_gradient(law, moments, cells, weights, rank, work, to_projected, to_
 @kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def points_gradient(law, moments, order, weights, potential, to_projected, to_weights):
-    """Write the gradient in the projected points, and add that in the weights, of one direction."""
+    """Write the gradient in the projected points, and add the gradient in the weights, for one direction."""
     _potential(moments, law[1], potential)
     total, mean = weights.sum(), 0.0
     for i in range(len(order)):

@@ -1,14 +1,14 @@
-"""The law of a surface projected on a line, accurate to roundoff however the faces are turned.
+"""The distribution of a projected surface on a line, accurate to roundoff for any orientation of the faces.
 
-A triangle of mass w with projections p₁ ≤ p₂ ≤ p₃ has the density of a tent: it rises linearly from p₁ to J = 2w/(p₃ −
-p₁) at p₂, then falls to p₃, because the length of its sections does. A segment has the density of a box. The sum of
-all tents is linear between neighbouring breakpoints, so that a cell of the law is a start, an extent, a mass, and the
-relative change of the density a = (f₁ − f₀)/(f₁ + f₀) in [−1, 1].
+A triangle of mass w with projections p₁ ≤ p₂ ≤ p₃ has a tent-shaped density. It rises linearly from p₁ to the value
+J = 2w/(p₃ − p₁) at p₂ and falls linearly to p₃, in proportion to the length of the triangle's sections. A segment has a
+constant density. The sum over all triangles is linear between neighbouring breakpoints. A cell of the distribution
+therefore has a start, an extent, a mass, and a relative change of density a = (f₁ − f₀)/(f₁ + f₀) in [−1, 1].
 
-Gentle pieces are jumps of the slope and of the density, summed from left to right in O(1) a corner. But a face nearly
-perpendicular to the direction has a slope of w/h² with h → 0, and what is left when it ends is its rounding error.
-Steep pieces are laid on a binary tree over the intervals instead, as O(log V) nodes with a density at either end, and
-pushed down to the leaves: sums of positive numbers, exact to a few units in the last place whatever the geometry.
+Pieces of small slope are added as jumps of slope and density, which are summed from left to right, in O(1) per corner.
+A face nearly perpendicular to the direction has the slope w/h² with h → 0, and such sums would keep its rounding error.
+Pieces of large slope are instead added to O(log V) nodes of a binary tree over the intervals, as densities at both
+ends, and passed down to the leaves. These are sums of positive numbers, accurate to a few units in the last place.
 """
 
 from typing import no_type_check
@@ -19,13 +19,13 @@ from numba import njit
 from meshot._kernels import INNER, kernel
 
 _inner = INNER | {"error_model": "numpy", "forceinline": True}
-_GENTLE = 16.0  # the slope up to which a piece is scanned, in units of mass/extent²
+_GENTLE = 16.0  # largest slope of the pieces that are summed from left to right, in units of mass/extent²
 
 
 @njit(**_inner)
 @no_type_check
 def _three_in_order(i, j, k):
-    """Three ranks, sorted."""
+    """Three ranks in ascending order."""
     if i > j:
         i, j = j, i
     if j > k:
@@ -38,7 +38,7 @@ def _three_in_order(i, j, k):
 @njit(**_inner)
 @no_type_check
 def _spread(tree, size, x, first, last, base, slope, centre):
-    """Add the density base + slope · (x − centre) on the intervals [first, last) to the few nodes that cover them."""
+    """Add the density base + slope · (x − centre) on the intervals [first, last) to the nodes that cover them."""
     low, high, width = first + size, last + size, 1
     while low < high:
         if low & 1:
@@ -59,7 +59,7 @@ def _spread(tree, size, x, first, last, base, slope, centre):
 @njit(**_inner)
 @no_type_check
 def _push_down(tree, size, x, n):
-    """Pass the densities of every node on to its two children, down to the leaves."""
+    """Add the densities of every node to its two children, down to the leaves."""
     width = size
     while width > 1:
         half = width >> 1
@@ -80,7 +80,7 @@ def _push_down(tree, size, x, n):
 @njit(**_inner)
 @no_type_check
 def _on_grid(slope, grid):
-    """The slope rounded to the last place of ``grid``: sums of such slopes are exact while they stay below it."""
+    """The slope rounded to the last place of ``grid``. Sums of such slopes are exact while they stay below ``grid``."""
     return (slope + grid) - grid
 
 
@@ -95,7 +95,7 @@ def _lay_triangles(tree, size, x, rank, cells, weights, mass, jumps, limit):
             mass[i] += weights[k]
             continue
         peak = 2 * weights[k] / height
-        if peak == 0:  # no mass, no density: two corners that coincide would make its slope 0/0
+        if peak == 0:  # no mass: with two coincident corners the slope would be 0/0
             continue
         if peak <= limit * up and peak <= limit * down:
             rise, fall = _on_grid(peak / up, grid), _on_grid(peak / down, grid)
@@ -135,7 +135,7 @@ def _lay_segments(tree, size, x, rank, cells, weights, mass):
 @njit(**_inner)
 @no_type_check
 def _add(total, lost, term):
-    """Kahan's sum: the new total, and what it has in excess of the exact one."""
+    """Kahan summation: the new total, and its excess over the exact one."""
     term -= lost
     larger = total + term
     return larger, (larger - total) - term
@@ -144,7 +144,7 @@ def _add(total, lost, term):
 @njit(**_inner)
 @no_type_check
 def _place(projected, order, rank, x):
-    """Sort the projections and keep the rank of each; return the extent of the law."""
+    """Sort the projections, store the rank of each, and return the extent of the distribution."""
     n = len(projected) - 1
     tiny = 1e-100 * max(abs(projected[order[0]]), abs(projected[order[n]]))  # keeps w/h² finite
     for i in range(n + 1):
@@ -157,7 +157,7 @@ def _place(projected, order, rank, x):
 @njit(**_inner)
 @no_type_check
 def _share(mass):
-    """Divide masses by their sum, and refuse a sum that has left the numbers."""
+    """Divide masses by their sum; raise an error if the sum is NaN, infinite or zero."""
     total = mass.sum()
     if not (total > 0 and total < np.inf):
         raise ValueError(
@@ -171,10 +171,10 @@ def _share(mass):
 @kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def lay_surface(projected, order, cells, weights, rank, tree, jumps, x, extent, mass, change):
-    """Write the cells of the law of a projected surface: one for each interval between neighbouring vertices.
+    """Write the cells of the distribution of a projected surface: one per interval between neighbouring vertices.
 
-    A cell perpendicular to the direction becomes an atom: mass on an interval without extent, the first between its
-    corners. The cell behind the last one is a sentinel that holds all the mass that rounding may leave.
+    A face perpendicular to the direction becomes an atom: mass on the first interval of zero extent between its
+    corners. The last cell is a sentinel, which takes all mass that is left over by rounding.
     """
     n, size = len(projected) - 1, len(tree) // 2
     length = _place(projected, order, rank, x)
@@ -202,7 +202,7 @@ def lay_surface(projected, order, cells, weights, rank, tree, jumps, x, extent, 
 @kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def lay_points(projected, order, weights, x, extent, mass, change):
-    """Write the cells of the law of projected points: atoms, with a gap without mass behind each, then the sentinel."""
+    """Write the cells of the distribution of projected points: atoms, each followed by a gap, and the sentinel."""
     n = len(projected)
     mass[:] = 0
     change[:] = 0

@@ -1,14 +1,15 @@
-"""Transport between two laws on a line: both quantile functions walked at once, cut where either enters a new cell.
+"""Optimal transport between two distributions on a line, by a simultaneous pass over both quantile functions.
 
-Within a cell of a law the share ζ of its mass to the left of the share ξ of its extent is ζ = (1 − a)ξ + aξ², with a
-the relative change of the density, whose ratio to its mean is r = 1 − a + 2aξ = √((1 − a)² + 4aζ). A piece of a cell is
-again such a cell. On a merged piece of mass dz, x = x₀ + ds·σ and y = y₀ + dt·η, where σ and η solve
-(1 − a)σ + aσ² = ζ = (1 − b)η + bη². With η = σ + e this reads e·(1 − b + 2bσ + be) = (b − a)σ(1 − σ), so that
+The pass is divided where either function enters a new cell. Within a cell, let ξ be a fraction of its extent, from the
+left, and ζ the fraction of its mass on it: ζ = (1 − a)ξ + aξ², where a is the relative change of density. The density
+relative to its mean is r = 1 − a + 2aξ = √((1 − a)² + 4aζ). A part of a cell is again such a cell. On a merged piece of
+mass dz, x = x₀ + ds·σ and y = y₀ + dt·η, where σ and η solve (1 − a)σ + aσ² = ζ = (1 − b)η + bη². With η = σ + e this
+becomes e·(1 − b + 2bσ + be) = (b − a)σ(1 − σ), so that
 
     x − y = d + (ds − dt)σ − dt·e,    dζ = (1 − a + 2aσ) dσ,
 
-in which nothing cancels that is not there: the value is a sum of squares with positive weights. Gauss–Legendre in σ
-is exact to roundoff for small a and b (the integrand is analytic out to 1/max(|a|, |b|)); steeper pieces are halved.
+without avoidable cancellation. The value is a sum of squares with positive weights. Gauss–Legendre quadrature in σ is
+accurate to roundoff for small a and b (the integrand is analytic up to 1/max(|a|, |b|)). Steeper pieces are halved.
 The gradient needs the moments of the potential's slope φ′ over every cell: 2(x − y) for p = 2, sign(x − y) for p = 1.
 """
 
@@ -20,8 +21,8 @@ from numba import njit
 from meshot._kernels import INNER, kernel
 
 _inner = INNER | {"error_model": "numpy", "forceinline": True}
-_FLAT, _STEEP = 4e-3, 0.1  # up to which change of density four and eight nodes reach roundoff
-_HALVINGS = 14  # at a density that starts at zero, 2⁻¹⁴ of the extent holds 2⁻²⁸ of the mass
+_FLAT, _STEEP = 4e-3, 0.1  # largest changes of density for which four and eight nodes are accurate to roundoff
+_HALVINGS = 14  # if the density starts at zero, the first 2⁻¹⁴ of the extent has 2⁻²⁸ of the mass
 _NODES_4, _WEIGHTS_4 = (1 + np.polynomial.legendre.leggauss(4)[0]) / 2, np.polynomial.legendre.leggauss(4)[1] / 2
 _NODES_8, _WEIGHTS_8 = (1 + np.polynomial.legendre.leggauss(8)[0]) / 2, np.polynomial.legendre.leggauss(8)[1] / 2
 
@@ -29,7 +30,7 @@ _NODES_8, _WEIGHTS_8 = (1 + np.polynomial.legendre.leggauss(8)[0]) / 2, np.polyn
 @njit(**_inner)
 @no_type_check
 def _place(change, share):
-    """The share ξ of the extent that holds a share ζ of the mass: (1 − a)ξ + aξ² = ζ, without cancellation."""
+    """The fraction ξ of the extent that has the fraction ζ of the mass: (1 − a)ξ + aξ² = ζ, without cancellation."""
     below = 1 - change
     total = below + np.sqrt(max(below * below + 4 * change * share, 0.0))
     return min(2 * share / total, 1.0) if total > 0 else 0.0
@@ -38,10 +39,10 @@ def _place(change, share):
 @njit(**_inner)
 @no_type_check
 def _piece(step, share, left, last, change, density, at):
-    """The piece of a cell that holds a ``step`` of its mass: its extent and change, and where the next one starts.
+    """The part of a cell with the next ``step`` of its mass: its extent, its change, and the density at its end.
 
-    A density that falls to zero is known from what is ``left`` behind the piece, one that rises from zero by the
-    ``share`` before its end: the other way round all digits cancel.
+    For a density that decreases, the end is computed from the mass ``left`` behind the part; for one that increases,
+    from the ``share`` up to its end. The other way round, digits would cancel.
     """
     if last:
         next_density, extent = 1 + change, 1 - at
@@ -60,7 +61,7 @@ def _piece(step, share, left, last, change, density, at):
 @njit(**_inner)
 @no_type_check
 def _cut(piece, share):
-    """A merged piece in two, at a share of its mass."""
+    """Divide a merged piece into two at a fraction of its mass."""
     d, ds, dt, a, b, dz, at, part, at_target, part_target = piece
     s, t = _place(a, share), _place(b, share)
     below, below_target = 1 - a + a * s, 1 - b + b * t
@@ -89,7 +90,7 @@ def _add_moments(moments, weight, slope, at):
 @njit(**_inner)
 @no_type_check
 def _squared(piece, nodes, weights, atoms, wanted, moments, moments_target):
-    """∫(x − y)² dz over a flat piece; on the way the moments of ±2(x − y) against dx, against dz at atoms."""
+    """∫(x − y)² dz over a piece of small slope. Also adds the moments of ±2(x − y) against dx, or dz at atoms."""
     d, ds, dt, a, b, dz, at, part, at_target, part_target = piece
     cost = 0.0
     for k in range(len(nodes)):
@@ -111,10 +112,10 @@ def _squared(piece, nodes, weights, atoms, wanted, moments, moments_target):
 @njit(error_model="numpy", **INNER)
 @no_type_check
 def _squared_halved(piece, atoms, wanted, moments, moments_target):
-    """∫(x − y)² dz over any piece, halved along its steeper side until it is flat."""
+    """∫(x − y)² dz over any piece, halved along its steeper side until its slope is small."""
     waiting, halvings = [piece], [0]
     cost = 0.0
-    while waiting:  # at most 2¹⁵ times: a piece is not halved for ever
+    while waiting:  # at most 2¹⁵ times, since the number of halvings is limited
         piece, done = waiting.pop(), halvings.pop()
         a, b = piece[3], piece[4]
         if done == _HALVINGS or max(abs(a), abs(b)) <= _STEEP:
@@ -129,7 +130,7 @@ def _squared_halved(piece, atoms, wanted, moments, moments_target):
 @njit(**_inner)
 @no_type_check
 def _crossings(d, ds, dt, a, b):
-    """Where x = y: the shares of the extent ds >= dt, in order; two where there are none, or they lie outside."""
+    """The solutions of x = y, as fractions of the extent ds >= dt in ascending order; 2 stands for no solution."""
     if dt == 0:
         return -d / ds, 2.0
     # η = (d + ds σ)/dt in (1 − a)σ + aσ² = (1 − b)η + bη²
@@ -145,7 +146,7 @@ def _crossings(d, ds, dt, a, b):
 @njit(**_inner)
 @no_type_check
 def _signed(piece, tie, atoms, wanted, moments, moments_target):
-    """|∫(x − y) dz| over a piece on which x − y keeps its sign; within roundoff of zero the sign is zero."""
+    """|∫(x − y) dz| over a piece on which x − y does not change sign. Within roundoff of zero the sign is zero."""
     d, ds, dt, a, b, dz, at, part, at_target, part_target = piece
     mean = d + ds * (0.5 + a / 6) - dt * (0.5 + b / 6)
     sign = np.sign(mean) if abs(mean) > tie else 0.0
@@ -167,7 +168,7 @@ def _add_extent(moments, weight, sign, at, part):
 @njit(**_inner)
 @no_type_check
 def _absolute(piece, tie, atoms, wanted, moments, moments_target):
-    """∫|x − y| dz over a piece, cut where x = y."""
+    """∫|x − y| dz over a piece, divided where x = y."""
     d, ds, dt, a, b = piece[:5]
     if d - dt >= 0 or d + ds <= 0:
         return _signed(piece, tie, atoms, wanted, moments, moments_target)
@@ -189,14 +190,14 @@ def _absolute(piece, tie, atoms, wanted, moments, moments_target):
 @kernel("the exact sliced loss", 15, error_model="numpy")
 @no_type_check
 def walk(power, source, target, wanted, moments, moments_target):
-    """W_p^p between two laws (x, extent, mass, change), and the moments of φ′ over the cells of those ``wanted``.
+    """W_p^p between two distributions (x, extent, mass, change), and the moments of φ′ over the cells if ``wanted``.
 
-    Moments are ∫φ′ξᵏ dx for k = 0, 1, 2 with ξ from 0 to 1 across the cell; at an atom the first is ∫φ′ dz instead.
+    The moments are ∫φ′ξᵏ dx for k = 0, 1, 2, where ξ goes from 0 to 1 across the cell. At an atom the first is ∫φ′ dz.
 
     Raises
     ------
     ValueError
-        If a mass is NaN, so that the walk does not reach the end of both laws.
+        If a mass is NaN, so that the pass does not reach the end of both distributions.
     """
     x, dx, mass, change = source
     y, dy, mass_target, change_target = target
@@ -204,7 +205,7 @@ def walk(power, source, target, wanted, moments, moments_target):
     i, j, cost = 0, 0, 0.0
     left, share, at, density = mass[0], 0.0, 0.0, 1 - change[0]
     left_target, share_target, at_target, density_target = mass_target[0], 0.0, 0.0, 1 - change_target[0]
-    for _ in range(len(x) + len(y) - 2):  # every step ends a cell of one side at least
+    for _ in range(len(x) + len(y) - 2):  # every step completes a cell of at least one side
         if i == len(x) - 1 and j == len(y) - 1:
             break
         last, last_target = left <= left_target, left_target <= left

@@ -1,8 +1,8 @@
-"""Sliced transport, value and gradient in one pass over each direction, in numba.
+"""Sliced transport compiled by numba: value and gradient in one pass per direction.
 
-For every direction: project both measures, sort, walk both quantile functions at once, and leave the gradients where
-the points came from. The caller gives each thread its share of the directions: the kernels release the GIL. Everything
-is in double precision.
+For every direction, the kernel projects both measures, sorts them, passes over both quantile functions simultaneously,
+and writes the gradients in the order of the points. The caller gives each thread some of the directions, because the
+kernels release the GIL. All computation is in double precision.
 """
 
 from typing import no_type_check
@@ -13,17 +13,18 @@ from numba import njit
 from meshot._kernels import INNER, kernel
 from meshot.loss._kernel_sort import sort
 
-_BLOCK = 512  # points whose coordinates stay in the first cache while several directions use them
+_BLOCK = 512  # number of points whose coordinates fit into the first-level cache for use by several directions
 
 
 @kernel("the sliced loss", 10)
-@no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
+@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def walk_lines(directions, p, x, y, costs, tops):
-    """W_p^p along every direction, in ``costs``, and its gradients in the positions and weights along each.
+    """Write W_p^p along every direction to ``costs``, with the gradients in positions and weights along each.
 
-    A side is (columns, weights, values, steps, ends, order, gradients, drops, scratch): the points as (d, n), one row
-    per coordinate; then room. A row of ``gradients`` is that in the positions along one direction, and what ``tops``
-    says less a row of ``drops`` is the one in the weights; a side without such rows is not wanted.
+    A side is (columns, weights, values, steps, ends, order, gradients, drops, scratch). ``columns`` has the points with
+    shape (d, n), one row per coordinate; the others are buffers. A row of ``gradients`` is the gradient in the
+    projected positions along one direction. The gradient in the weights is the entry of ``tops`` minus a row of
+    ``drops``. If a side has no such rows, its gradients are not computed.
     """
     _project(x[0], directions, x[2])
     _project(y[0], directions, y[2])
@@ -44,7 +45,7 @@ def walk_lines(directions, p, x, y, costs, tops):
 @njit(fastmath={"contract"}, **INNER)
 @no_type_check
 def _project(columns, directions, values):
-    """⟨direction, point⟩ for all, block by block, so that coordinates are read once for all directions."""
+    """⟨direction, point⟩ for all pairs, in blocks, so that coordinates are read once for all directions."""
     d, n = columns.shape
     for start in range(0, n, _BLOCK):
         stop = min(start + _BLOCK, n)
@@ -62,10 +63,10 @@ def _project(columns, directions, values):
 @njit(**INNER)
 @no_type_check
 def _quantiles(values, weights, steps, order, ends, scratch):
-    """The quantile function of a projected measure: its steps in ascending order, and where in [0, 1] each ends.
+    """The quantile function of a projected measure: its steps in ascending order, and the end of each in [0, 1].
 
-    The last entry of every array is a step beyond the end: it repeats the last position, and takes the mass that
-    rounding leaves over on the other side. ``values`` may lie in ``ends``: they are done with when these are filled.
+    The last entry of every array is an additional step: it repeats the last position and takes the mass that rounding
+    leaves on the other side. ``values`` may share memory with ``ends``, which is filled later.
     """
     n = len(weights)
     sort(values[:n], steps[:n], order[:n], scratch)
@@ -92,20 +93,21 @@ def _power(gap, p):
 @njit(fastmath={"contract"}, **INNER)
 @no_type_check
 def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gradients, y_drops):
-    """W_p^p on a line: one cell of [0, 1] after the other, each ending where a step of F⁻¹ or of G⁻¹ ends.
+    """W_p^p on a line: a pass over the cells of [0, 1], each of which ends where a step of F⁻¹ or G⁻¹ ends.
 
-    Leaves the derivative in the positions in the gradients. That in the weights is a potential: it drops by c − c′
-    where a step of its own side ends and the cost goes from c to c′; the sum of these drops up to each step is left in
-    the drops. Both go straight to the points, again for every cell of a step: the last writing counts. Which side ends
-    is a coin toss that no processor can predict, so that there is no branch on it; each step waits for the comparison
-    of the step before, which is why ends are compared as integers: those of floats ≥ 0 are in the same order, sooner.
+    Writes the derivatives in the positions to the gradients. The derivative in the weights is a potential. It decreases
+    by c − c′ where a step of its own side ends and the cost changes from c to c′; the sum of these decreases up to each
+    step is written to the drops. Both are written at every cell of a step, so that the last value remains. Which side
+    ends is unpredictable for the processor, so the loop has no branch on it. Each iteration waits for the comparison of
+    the previous one. The ends are therefore compared as integers, which is faster; non-negative floats have the same
+    order as their bits.
     """
     one = np.uint64(1)
     i, j, x_took, y_took = np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(0)
     done, before, total, x_gradient, y_gradient, x_drop, y_drop = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     x_bits, y_bits = x_ends.view(np.int64), y_ends.view(np.int64)
     x_wanted, y_wanted = len(x_gradients) > 0, len(y_gradients) > 0
-    if x_wanted:  # the step beyond the end may not be reached
+    if x_wanted:  # the additional step may not be reached
         x_gradients[-1] = 0.0
     if y_wanted:
         y_gradients[-1] = 0.0
@@ -133,10 +135,10 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gra
 @njit(**INNER)
 @no_type_check
 def _close(gradients, drops, order):
-    """Give the last point the gradient of the step beyond the end; returns how far the potential drops in all.
+    """Add the gradient of the additional step to the last point, and return the total decrease of the potential.
 
-    To this the caller adds half of the cost at the top: shared so, masses times potentials sum to the whole cost, as
-    duality has it.
+    The caller adds half of the cost at the upper end to it. Then the sums of masses times potentials of both sides add
+    up to the total cost, as in the dual problem.
     """
     n = len(order) - 1
     gradients[order[n - 1]] += gradients[n]
@@ -146,7 +148,7 @@ def _close(gradients, drops, order):
 @kernel("the sliced loss", 10, fastmath={"contract"})
 @no_type_check
 def spread(gradients, drops, directions, start, stop, columns, masses):
-    """Add up, for the points from ``start`` to ``stop``, the gradients of all directions, one after the other."""
+    """Add the gradients of all directions, in order, for the points from ``start`` to ``stop``."""
     for left in range(start, stop, _BLOCK):
         right = min(left + _BLOCK, stop)
         for line in range(len(directions)):

@@ -1,4 +1,4 @@
-"""A stable sort of floats, with the order it found, in numba: by two digits of a key."""
+"""A stable sort of floats that also returns the permutation, compiled by numba: radix sort with two digits."""
 
 from typing import no_type_check
 
@@ -7,23 +7,23 @@ from numba import njit
 
 from meshot._kernels import INNER, kernel
 
-#: What one digit sort takes: beyond it, the values are first dealt into ranges, so that all work stays in the cache.
+#: The largest array that is sorted directly. Larger ones are first divided into ranges that fit into the cache.
 SMALL = 1 << 17
 _RANGES = 256
 _MAX_BITS = 11
 
 
 def sort_scratch(n: int) -> tuple[np.ndarray, ...]:
-    """Room for sorting ``n`` values: keys, keys again, values, indices, and counts."""
+    """Buffers for sorting ``n`` values: two for keys, one each for values and indices, and counts."""
     size = min(n, SMALL)
     keys, spare = np.empty(size, np.uint64), np.empty(size, np.uint64)
     return keys, spare, np.empty(size), np.empty(size, np.uint32), np.empty((2, 1 << _MAX_BITS), np.uint32)
 
 
 @kernel("the sliced loss", 10)
-@no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
+@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def sort(values, ascending, order, scratch):
-    """Fill ``ascending`` and ``order`` (uint32) with what NumPy's stable sort would say of ``values``."""
+    """Write the sorted values to ``ascending`` and the permutation (uint32) to ``order``, as NumPy's stable sort."""
     if len(values) <= SMALL:
         _sort_small(values, ascending, order, scratch)
         return
@@ -42,7 +42,7 @@ def sort(values, ascending, order, scratch):
 @njit(**INNER)
 @no_type_check
 def _deal(values, low, scale, dealt, indices):
-    """Copy values and their indices range by range, in the order they come; returns where each range stops."""
+    """Copy values and indices to their ranges, in the original order; return the end of each range."""
     places = np.zeros(_RANGES, np.uint64)
     for value in values:
         places[np.uint64((value - low) * scale)] += np.uint64(1)
@@ -59,7 +59,7 @@ def _deal(values, low, scale, dealt, indices):
 @njit(**INNER)
 @no_type_check
 def _sort_range(values, indices, scratch):
-    """Sort one range in place, its indices with it."""
+    """Sort the values of one range in place, and their indices with them."""
     n = len(values)
     if n <= SMALL:
         copied, copied_indices = scratch[2][:n], scratch[3][:n]
@@ -76,10 +76,10 @@ def _sort_range(values, indices, scratch):
 @njit(**INNER)
 @no_type_check
 def _sort_small(values, ascending, order, scratch):
-    """Sort by two digits, then by insertion what shares a key.
+    """Sort by two digits of a key, then by insertion among equal keys.
 
-    Where values crowd in few keys (an outlier stretches the range), insertion is abandoned for a merge sort. What
-    overflowed has no key; neither does a range so small, or so large, that the scale leaves the numbers.
+    If many values have the same key (because an outlier widens the range), insertion is abandoned for a merge sort.
+    Merge sort is also used for values that are not finite, and for ranges so small or large that the scale is not.
     """
     n = len(values)
     if n == 0:
@@ -101,7 +101,7 @@ def _sort_small(values, ascending, order, scratch):
 @njit(**INNER)
 @no_type_check
 def _sort_any(values, ascending, order):
-    """Sort by merging runs of twice the length, again and again; NaN comes last, as NumPy has it."""
+    """Merge sort. NaN comes last, as in NumPy."""
     n, width = len(values), 1
     merged = np.empty(n, np.uint32)
     for i in range(n):
@@ -111,7 +111,7 @@ def _sort_any(values, ascending, order):
             middle, stop = min(start + width, n), min(start + 2 * width, n)
             left, right = start, middle
             for i in range(start, stop):
-                # The right one only if it is truly before the left one: equals stay in order.
+                # Take the right one only if it is strictly less than the left one, so that the sort is stable.
                 if right < stop and (left == middle or _before(values[order[right]], values[order[left]])):
                     merged[i] = order[right]
                     right += 1
@@ -134,7 +134,7 @@ def _before(value, other):
 @njit(**INNER)
 @no_type_check
 def _digits(values, low, scale, bits, order, scratch):
-    """The order by a key of two digits of ``bits`` each: the place in the range. Unsigned indices need no wrapping."""
+    """The permutation that sorts by a key of two digits of ``bits`` bits each: the relative position in the range."""
     keys, spare, counts = scratch[0], scratch[1], scratch[4]
     first, second = counts[0, : 1 << bits], counts[1, : 1 << bits]
     for i in range(len(first)):
@@ -172,7 +172,7 @@ def _to_starts(counts):
 @njit(**INNER)
 @no_type_check
 def _insertion(ascending, order, budget):
-    """Sort in place what is nearly sorted; False if more than ``budget`` moves would be needed."""
+    """Insertion sort in place of nearly sorted values; False if more than ``budget`` moves would be needed."""
     for i in range(1, len(ascending)):
         value = ascending[i]
         if ascending[i - 1] > value:
@@ -190,7 +190,7 @@ def _insertion(ascending, order, budget):
 @njit(fastmath={"nnan", "nsz"}, **INNER)
 @no_type_check
 def _extremes(values):
-    """Least and greatest value, four at a time: a single minimum would wait for itself at every step."""
+    """Minimum and maximum, in four independent chains each, which the processor can compute in parallel."""
     a = b = c = d = values[0]
     e = f = g = h = values[0]
     n = len(values)

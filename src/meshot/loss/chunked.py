@@ -1,4 +1,4 @@
-"""The sliced loss off the processor: some directions at a time, each with its gradient, so that memory is bounded."""
+"""The sliced loss on devices other than the CPU: directions in chunks, each with its gradient, to limit memory."""
 
 import torch
 from torch.autograd.function import once_differentiable
@@ -7,23 +7,23 @@ from meshot.loss.plain import plain_costs, power, quantile_cells, row_order, sam
 from meshot.measure import Measure
 from meshot.types import Float, Tensor
 
-_CHUNK = 1 << 22  # projected points of both sides at a time; a chunk takes some ten numbers for each
+_CHUNK = 1 << 22  # projected points of both sides per chunk, each of which takes about ten numbers of memory
 
 
 def chunked_sliced_wasserstein(
     source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float
 ) -> Float[Tensor, ""]:
-    """The mean of :func:`meshot.loss.plain.plain_costs`, on any device, in memory for one chunk of directions.
+    """The mean of :func:`meshot.loss.plain.plain_costs` on any device, with the memory of one chunk of directions.
 
-    The gradient is found with the value, as in the kernel for processors, and can be taken once; there is none in the
-    directions.
+    The gradient is computed together with the value, as in the CPU kernel. Second derivatives, and derivatives in the
+    directions, are not available.
     """
     return _Chunked.apply(source.places, source.weights, target.places, target.weights, directions, p)
 
 
 @torch.no_grad()
 def chunked_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, " L"]:
-    """The values of :func:`meshot.loss.plain.plain_costs`, without gradient, in memory for one chunk of directions."""
+    """The values of :func:`meshot.loss.plain.plain_costs`, without gradient, with the memory of one chunk."""
     chunks = _split(directions, len(source.places) + len(target.places))
     return torch.cat([plain_costs(source, target, chunk, p) for chunk in chunks])
 
@@ -58,7 +58,7 @@ class _Chunked(torch.autograd.Function):
 
 
 def _paired(x: Tensor, y: Tensor, p: float) -> tuple[Tensor, tuple[Tensor, Tensor]]:
-    """Equal masses: the cost of every row, and its gradients in the projected points."""
+    """For equal masses: the cost of every row, and its gradients in the projected points."""
     x_order, y_order = row_order(x), row_order(y)
     gap = x.gather(1, x_order) - y.gather(1, y_order)
     gradient = _slope(gap, p) / gap.shape[1]
@@ -71,9 +71,9 @@ def _paired(x: Tensor, y: Tensor, p: float) -> tuple[Tensor, tuple[Tensor, Tenso
 def _merged(
     x: Tensor, a: Tensor, y: Tensor, b: Tensor, p: float, to_weights: list[Tensor | None]
 ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
-    """Any masses: the cost of every row, its gradients in the projected points, and, added up, those in the weights.
+    """For any masses: the cost of every row and its gradients in the projected points; adds those in the weights.
 
-    Moving the end of a cell gives its cost in place of that of the next; the ends of steps are sums of weights.
+    The derivative in the end of a cell is its cost minus that of the next cell. Ends of steps are sums of weights.
     """
     cells = quantile_cells(x, a, y, b)
     cost = power(cells.gap, p)
@@ -93,7 +93,7 @@ def _merged(
 
 
 def _to_points(gradient: Tensor, step: Tensor, order: Tensor) -> Tensor:
-    """What gradients on the cells of each step, at the point that the step belongs to."""
+    """The sum of the gradients on the cells of each step, at the point of this step."""
     of_steps = gradient.new_zeros(order.shape).scatter_add_(1, step, gradient)
     return torch.empty_like(of_steps).scatter_(1, order, of_steps)
 

@@ -1,4 +1,4 @@
-"""Unit vectors to project on."""
+"""Random and deterministic sets of directions (unit vectors) for slicing."""
 
 import math
 
@@ -10,9 +10,9 @@ from meshot.loss.quasi_sets import CONSTRUCTIONS, Construction, orthonormal_bloc
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Array, Float, Tensor
 
-#: Unit rows, or how many of them: what a sliced loss takes.
+#: Directions as accepted by a sliced loss: unit rows, or their number.
 Directions = Float[Tensor, "..."] | Float[Array, "..."] | int | np.integer
-#: The construction that ``quasi_directions`` takes where none is named; elsewhere, the Sobol sequence.
+#: The default construction of ``quasi_directions`` by dimension. In other dimensions it is the Sobol sequence.
 DEFAULTS = {2: "equal angles", 3: "spiral"}
 
 
@@ -24,9 +24,9 @@ def random_directions(
     Parameters
     ----------
     n, d : int
-        How many, and in what dimension.
+        Number of directions, and dimension.
     generator : numpy.random.Generator, torch.Generator or int
-        Who holds the randomness; an integer is a seed.
+        Random number generator; an integer is a seed.
 
     Raises
     ------
@@ -48,18 +48,18 @@ def random_directions(
 def orthogonal_directions(
     n: int, d: int, generator: Generator, dtype: torch.dtype = torch.float64, device: str | torch.device = "cpu"
 ) -> Float[Tensor, "n d"]:
-    """Directions in blocks of d at right angles: each one uniform on the sphere, the blocks independent.
+    """Directions in independent blocks of d orthogonal vectors. Each one is uniform on the sphere.
 
-    A block of d orthonormal rows is uniform on the orthogonal group. Within whole blocks the mean of θθᵀ is I/d
-    exactly; then a translation by t costs ``|t|²/d`` for p = 2, without error, and SW₂ ≤ W₂/√d. Where ``n`` is no
-    multiple of ``d`` the last block is cut.
+    A block of d orthonormal rows is uniform on the orthogonal group. Over whole blocks, the mean of θθᵀ is exactly I/d.
+    The cost of a translation by t is then exactly ``|t|²/d`` for p = 2, and SW₂ ≤ W₂/√d. If ``n`` is not a multiple of
+    ``d``, the last block is incomplete.
 
     Parameters
     ----------
     n, d : int
-        How many, and in what dimension.
+        Number of directions, and dimension.
     generator : numpy.random.Generator, torch.Generator or int
-        Who holds the randomness; an integer is a seed.
+        Random number generator; an integer is a seed.
 
     Raises
     ------
@@ -92,22 +92,22 @@ def quasi_directions(
     device: str | torch.device = "cpu",
     method: str | None = None,
 ) -> Float[Tensor, "n d"]:
-    """Directions spread more evenly than chance.
+    """Quasi-random directions, which are spread more evenly than independent ones.
 
-    Each set is turned by a random rotation drawn from ``seed``, so that every row is uniform on the sphere and the mean
-    of the loss over seeds is unbiased.
+    Each set is rotated by a random rotation drawn from ``seed``. Every row is therefore uniform on the sphere, and the
+    loss is unbiased over seeds.
 
     Parameters
     ----------
     n, d : int
-        How many, and in what dimension.
+        Number of directions, and dimension.
     seed : int
-        Of the rotation (and of the scrambling or shift, where there is one).
+        Seed of the rotation (and of the scrambling or shift, if any).
     method : str, optional
         ``"equal angles"`` (R² only), ``"spiral"`` and ``"half spiral"`` (R³ only, Fibonacci), ``"lattice"``
         (Kronecker), ``"sobol"`` (scrambled, through the Gaussian quantile function), ``"sobol frames"`` (the same in
-        orthonormal blocks), ``"repelling"`` (lines of least energy, O(n²)). None takes equal angles in R², the spiral
-        in R³, and the Sobol sequence elsewhere.
+        orthonormal blocks), ``"repelling"`` (lines of minimal energy, O(n²)). The default is equal angles in R², the
+        spiral in R³, and the Sobol sequence elsewhere.
 
     Raises
     ------
@@ -116,9 +116,9 @@ def quasi_directions(
 
     Notes
     -----
-    The defaults were chosen by ``experiments/directions``: of the sets that a formula gives, cheap and the same on any
-    machine, they err least at a hundred directions, and at a thousand. Repelling lines err less in R³ and above, some
-    two times less in R⁶; making a hundred takes milliseconds, a thousand seconds, once.
+    The defaults were chosen by ``experiments/directions``: they have the smallest error at 100 and at 1000 directions
+    among the sets given by a formula, which are fast and the same on every machine. Repelling lines have a smaller
+    error in R³ and above, by a factor of about two in R⁶. Computing 100 of them takes milliseconds, 1000 take seconds.
 
     References
     ----------
@@ -154,19 +154,19 @@ def _construction(method: str | None, d: int) -> Construction:
 
 
 def require_directions(directions: Directions, like: Tensor) -> Tensor:
-    """Directions for the space of ``like``: unit rows of the same dimension, moved to its dtype and device.
+    """Directions as unit rows in the space of ``like``, with its dtype and device.
 
     Parameters
     ----------
     directions : tensor, array or int
-        Unit rows; or a number of them, which are then even ones, always the same: :func:`meshot.quasi_directions`.
+        Unit rows; or their number, for the deterministic set :func:`meshot.quasi_directions` with seed 0.
     like : tensor
         Points of the space.
 
     Raises
     ------
     ValueError
-        If a number is no positive integer, the shape does not fit, or a row is not of unit length.
+        If the number is not a positive integer, the shape does not fit, or a row does not have unit length.
     """
     if isinstance(directions, int | np.integer):
         n = require_positive_integer(directions, "directions")

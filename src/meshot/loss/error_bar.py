@@ -1,4 +1,4 @@
-"""How far a sliced Wasserstein loss over finitely many directions is from the mean over all of them."""
+"""Standard error of a sliced Wasserstein loss that uses finitely many directions."""
 
 import dataclasses
 import math
@@ -19,19 +19,19 @@ SAMPLINGS = ("random", "orthogonal", "quasi")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SlicedEstimate:
-    """An estimate of SW_p^p over all directions, with its error bar.
+    """An estimate of SW_p^p over all directions, with its standard error.
 
     Parameters
     ----------
     value : float
-        The mean over the directions taken: unbiased for SW_p^p, in (units of the points)^p. (Its p-th root is biased
-        downward, by about half of ``(p − 1)/p² · relative_error²``, relatively.)
+        The mean over the sampled directions: unbiased for SW_p^p, in (units of the points)^p. (Its p-th root is biased
+        downwards; the relative bias is about ``(p − 1)/(2 p²) · relative_error²``.)
     standard_error : float
         The root of an unbiased estimate of the variance of ``value``.
     n_directions : int
-        How many were taken altogether.
+        The total number of directions.
     n_replicates : int
-        How many independent means the error bar comes from.
+        The number of independent means from which the standard error is computed.
 
     Examples
     --------
@@ -50,11 +50,11 @@ class SlicedEstimate:
 
     @property
     def relative_error(self) -> float:
-        """Standard error over value; zero where both are."""
+        """Standard error divided by value; zero if both are zero."""
         return self.standard_error / self.value if self.value else 0.0
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """The confidence interval for SW_p^p over all directions, by Student's t; never below zero.
+        """The confidence interval for SW_p^p over all directions, by Student's t distribution, cut off at zero.
 
         Raises
         ------
@@ -67,9 +67,9 @@ class SlicedEstimate:
         return max(self.value - half, 0.0), self.value + half
 
     def directions_needed(self, relative_error: float) -> int:
-        """How many directions bring the relative standard error down to ``relative_error``, as it falls with L^(−1/2).
+        """The number of directions for a relative standard error of ``relative_error``, which decreases as L^(−1/2).
 
-        For quasi-random sets, whose error falls faster, this is more than enough.
+        For quasi-random sets, whose error decreases faster, the result is an upper estimate.
 
         Raises
         ------
@@ -89,34 +89,36 @@ def sliced_wasserstein_estimate(
     sampling: str = "random",
     n_replicates: int = 10,
 ) -> SlicedEstimate:
-    """SW_p^p over all directions, estimated without bias, with a standard error that says whether L is enough.
+    """Estimate SW_p^p over all directions without bias, with a standard error for the choice of L.
 
     Parameters
     ----------
     source, target : measure, Mesh, Contour, array or tensor
         As for :func:`meshot.sliced_wasserstein`.
     n_directions : int
-        L; rounded up to whole blocks where the sampling has blocks.
+        The number L of directions, rounded up to whole blocks if the sampling has blocks.
     generator : numpy.random.Generator, torch.Generator or int
-        Who holds the randomness; an integer is a seed.
+        Random number generator; an integer is a seed.
     p : float
         The exponent.
     sampling : str
-        ``"random"``: independent directions, each one a replicate. ``"orthogonal"``: blocks of d at right angles, each
-        block a replicate. ``"quasi"``: ``n_replicates`` sets of :func:`meshot.quasi_directions`, turned one by one.
+        ``"random"``: independent directions, each a replicate. ``"orthogonal"``: blocks of d orthogonal directions,
+        each block a replicate. ``"quasi"``: ``n_replicates`` sets of :func:`meshot.quasi_directions`, each with its own
+        rotation.
     n_replicates : int
-        Of quasi-random sets, at least two; not used otherwise. More make the error bar surer and the value a little
-        worse, since each set is smaller.
+        Number of quasi-random sets, at least two; not used otherwise. With more sets the standard error is more
+        accurate and the value slightly less, since each set is smaller.
 
     Raises
     ------
     ValueError
-        If the sampling is not known, there are fewer than two replicates (one tells nothing of its error), or as
-        :func:`meshot.sliced_wasserstein`.
+        If the sampling is unknown or gives fewer than two replicates, from which no standard error can be computed;
+        otherwise as :func:`meshot.sliced_wasserstein`.
 
     Notes
     -----
-    Values only, without gradients. The error is that of the directions; that of sampling points on a surface comes on
+    Values only, without gradients. The standard error concerns the directions. It does not include the error of sampled
+    points on a surface, which continuous measures do not have.
     top, and is absent for continuous measures.
 
     Examples
@@ -158,11 +160,11 @@ def _replicates(sampling: str, count: int, block: int, d: int, generator: np.ran
 
 
 def translation_spread(d: int, p: float = 2) -> float:
-    """The relative standard deviation over random directions of the cost of a translation: what L has to beat.
+    """The relative standard deviation, over random directions, of the cost of a translation.
 
-    Along θ a translation by t costs ``|⟨t, θ⟩|^p``. The standard deviation of this over its mean depends on d and p
-    alone; for p = 2 it is ``√(2 (d − 1)/(d + 2))``, below √2 in any dimension. Divided by √L it is the relative
-    standard error of L random directions.
+    Along θ a translation by t costs ``|⟨t, θ⟩|^p``. The ratio of the standard deviation of this cost to its mean
+    depends only on d and p. For p = 2 it is ``√(2 (d − 1)/(d + 2))``, below √2 in any dimension. Divided by √L it is
+    the relative standard error of L random directions.
 
     Parameters
     ----------
@@ -174,7 +176,7 @@ def translation_spread(d: int, p: float = 2) -> float:
     Raises
     ------
     ValueError
-        If ``d`` is not a positive integer, or ``p`` is no finite number >= 1.
+        If ``d`` is not a positive integer, or ``p`` is not a finite number >= 1.
     """
     require_positive_integer(d, "d")
     if not 1 <= p < math.inf:
@@ -184,15 +186,16 @@ def translation_spread(d: int, p: float = 2) -> float:
 
 
 def _log_moment(q: float, d: int) -> float:
-    """log E|θ₁|^q for a uniform direction: Γ(d/2) Γ((q + 1)/2) / (Γ((d + q)/2) √π)."""
+    """The logarithm of E|θ₁|^q for a uniform direction θ: Γ(d/2) Γ((q + 1)/2) / (Γ((d + q)/2) √π)."""
     return math.lgamma(d / 2) + math.lgamma((q + 1) / 2) - math.lgamma((d + q) / 2) - math.lgamma(0.5)
 
 
 def directions_for_translation(relative_error: float, d: int, p: float = 2) -> int:
-    """How many random directions bring the relative standard error for a translation down to ``relative_error``.
+    """The number of random directions for a relative standard error of ``relative_error``, for a translation.
 
-    A first guess of L before anything is computed; :meth:`meshot.SlicedEstimate.directions_needed` knows the pair at
-    hand. In R³ and for p = 2, 1 % takes 8000 directions, 10 % takes 80.
+    This is a first choice of L that needs no computation of a loss. For a given pair of measures use
+    :meth:`meshot.SlicedEstimate.directions_needed`. In R³ with p = 2, 1 % requires 8000 directions and 10 % requires
+    80.
 
     Raises
     ------

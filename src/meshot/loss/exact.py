@@ -1,4 +1,4 @@
-"""The sliced Wasserstein loss of continuous measures without sampling: exact along every direction."""
+"""The sliced Wasserstein loss of continuous measures without sampling, exact along every direction."""
 
 import dataclasses
 import math
@@ -22,18 +22,18 @@ def exact_sliced_wasserstein(
     directions: Directions,
     p: float = 2,
 ) -> Float[Tensor, ""]:
-    """The sliced Wasserstein loss SW_p^p for p = 1 or 2, with the exact law of every projected triangle.
+    """The sliced Wasserstein loss SW_p^p for p = 1 or 2, from the exact distribution of every projected triangle.
 
-    The mean over ``directions`` of the 1D transport cost between the projected measures; each cost is exact to
-    roundoff, faces perpendicular to a direction included. Differentiable in the vertices (or points) and in the
-    weights, but not in the directions.
+    It is the mean over ``directions`` of the 1D transport cost between the projected measures. Each cost is exact up to
+    roundoff, also for faces perpendicular to a direction. Differentiable with respect to the vertices (or points) and
+    the weights, but not the directions.
 
     Parameters
     ----------
     source, target : Measure
-        Any two, also one of points and one of cells.
+        Of points or of cells, also one of each.
     directions : tensor or int
-        Unit rows, or a number: as :func:`meshot.sliced_wasserstein`.
+        Unit rows, or their number: as :func:`meshot.sliced_wasserstein`.
     p : float
         The exponent, 1 or 2.
 
@@ -45,14 +45,14 @@ def exact_sliced_wasserstein(
     Raises
     ------
     ValueError
-        If the measures live in different spaces, the directions do not fit or require a gradient, ``p`` is neither 1
-        nor 2, or the cost would exceed float64.
+        If the measures are in different spaces, the directions do not fit or require a gradient, ``p`` is neither 1
+        nor 2, or the cost would exceed the range of float64.
 
     Notes
     -----
-    O(L (F + V) log V) time; memory for one direction per thread. Computed in float64 on the CPU, whatever the inputs.
-    Where a face is exactly perpendicular to a direction its mass is an atom, at which transport has a kink: the
-    gradient is then a value between the one-sided derivatives. Where x = y on a set of positive mass and p = 1, sign 0.
+    O(L (F + V) log V) time, and memory for one direction per thread. Computed in float64 on the CPU, for all inputs.
+    If a face is exactly perpendicular to a direction, its projected mass is an atom, at which the cost has a kink. The
+    gradient is then a value between the one-sided derivatives. For p = 1, the sign of x − y = 0 is taken as 0.
     """
     directions = _checked(source, target, directions, p)
     cells = [source.cells, target.cells]
@@ -65,9 +65,9 @@ def exact_slice_costs(
     directions: Directions,
     p: float = 2,
 ) -> Float[Tensor, " L"]:
-    """The exact cost W_p^p along every direction: values only, without a gradient.
+    """The exact cost W_p^p along every direction, without gradient.
 
-    Takes and raises what :func:`meshot.loss.exact.exact_sliced_wasserstein` does, of which this is the inside.
+    Arguments and errors are those of :func:`meshot.loss.exact.exact_sliced_wasserstein`, the mean of these costs.
     """
     directions = _checked(source, target, directions, p)
     unit = _unit(source.places, target.places, int(p))
@@ -78,9 +78,9 @@ def exact_slice_costs(
 
 
 def laid_law(measure: Measure, direction: Float[Tensor, " d"]) -> tuple[Float[Array, " n"], ...]:
-    """The cells of a projected measure as the kernels walk them: start, extent, mass, relative change of the density.
+    """The cells of a projected measure in the format of the kernels: start, extent, mass, relative change of density.
 
-    The last one is a sentinel. :func:`meshot.loss.lines.projected_law` makes it readable.
+    The last cell is a sentinel. :func:`meshot.loss.lines.projected_law` returns a readable form.
     """
     line = _Line(_side(measure.places, measure.weights, measure.cells, False))
     line.lay(_array(direction))
@@ -88,7 +88,7 @@ def laid_law(measure: Measure, direction: Float[Tensor, " d"]) -> tuple[Float[Ar
 
 
 def _checked(source: Measure, target: Measure, directions: Directions, p: float) -> Tensor:
-    """The directions as they are needed."""
+    """The directions as a tensor of unit rows, after checks of all arguments."""
     require_same_space(source.places, target.places)
     directions = require_directions(directions, source.places)
     if directions.requires_grad:
@@ -105,7 +105,7 @@ def _checked(source: Measure, target: Measure, directions: Directions, p: float)
 
 
 class _ExactCost(torch.autograd.Function):
-    """The mean cost over directions; the gradients are found on the way, and only scaled on the way back."""
+    """The mean cost over directions. The gradients are computed in the forward pass and scaled in the backward pass."""
 
     @staticmethod
     def forward(
@@ -139,7 +139,7 @@ class _ExactCost(torch.autograd.Function):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Side:
-    """One measure as arrays; points have no cells."""
+    """One measure as arrays. ``cells`` is None for points."""
 
     places: Float[Array, "d V"]
     weights: Float[Array, " n"]
@@ -153,7 +153,7 @@ def _side(places: Tensor, weights: Tensor, cells: Tensor | None, wanted: bool, u
 
 
 def _unit(places: Tensor, others: Tensor, p: int) -> float:
-    """The power of two next to the size of the coordinates: in this unit no power of them leaves float64."""
+    """The power of two next to the largest coordinate, as a unit in which powers do not exceed the range of float64."""
     largest = max(float(np.abs(_array(each)).max()) for each in (places, others))
     digits = math.frexp(largest)[1] - 1
     if p * digits > 1023:
@@ -168,12 +168,12 @@ def _array(values: Tensor) -> Array:
 
 
 class _Line:
-    """One side projected on a line: buffers for its law and its gradient, used again for every direction."""
+    """Buffers for the projection of one side: distribution and gradient, reused for every direction."""
 
     def __init__(self, side: _Side):
         self.side = side
         n_places = side.places.shape[1]
-        n_cells = n_places if side.cells is not None else 2 * n_places + 1  # the sentinel included
+        n_cells = n_places if side.cells is not None else 2 * n_places + 1  # including the sentinel
         size = 1 << max(n_cells - 2, 0).bit_length()
         n_nodes = 2 * size if side.cells is not None else 0
         self.law = tuple(np.empty(n_cells) for _ in range(4))
@@ -187,7 +187,7 @@ class _Line:
         self.to_weights = np.zeros_like(side.weights)
 
     def lay(self, direction: Float[Array, " d"]) -> None:
-        """Project, sort, and write the law."""
+        """Project the measure, sort the projections, and compute the distribution."""
         projected = np.einsum("dv,d->v", self.side.places, direction)
         self.order = np.argsort(projected)
         self.moments[:] = 0
@@ -199,7 +199,7 @@ class _Line:
             )
 
     def add_gradient(self, direction: Float[Array, " d"]) -> None:
-        """Add the gradient of this direction."""
+        """Add the gradient for this direction."""
         if self.side.cells is None:
             _kernel_exact_gradient.points_gradient(
                 self.law, self.moments, self.order, self.side.weights, *self.work, self.to_projected, self.to_weights
@@ -213,7 +213,7 @@ class _Line:
 
 
 def _gradient_buffers(side: _Side, n_cells: int) -> tuple[Array, ...]:
-    """The potential; for a surface, what its pieces, levels and sparse table take before it."""
+    """Buffers for the gradient: the potential, and for a surface also pieces, levels and the sparse table."""
     if side.cells is None:
         return (np.empty(n_cells),)
     n_pieces, n_levels = 2 * len(side.cells), n_cells.bit_length() + 1
@@ -222,7 +222,7 @@ def _gradient_buffers(side: _Side, n_cells: int) -> tuple[Array, ...]:
 
 
 def _costs(source: _Side, target: _Side, directions: Float[Array, "L d"], p: int) -> tuple[Array, ...]:
-    """The costs along some directions, and the sums of their gradients: places, weights, of source and target."""
+    """The costs along some directions, and the sums of their gradients in positions and weights of both sides."""
     lines = _Line(source), _Line(target)
     wanted = (source.wanted, target.wanted)
     costs = np.empty(len(directions))

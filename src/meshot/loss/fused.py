@@ -1,4 +1,4 @@
-"""The sliced loss by its kernels: how work, memory and points are laid out for them."""
+"""The sliced loss computed by the kernels: division into threads, memory layout, order of the points."""
 
 import contextlib
 import dataclasses
@@ -12,14 +12,14 @@ from meshot.loss._kernel_sliced import spread, walk_lines
 from meshot.loss._kernel_sort import SMALL, sort_scratch
 from meshot.types import Array, Float, Tensor
 
-_GROUP = 1 << 19  # floats in the rows that a thread fills before all add them up
-_ALONE = 1 << 16  # projected points below which a second thread is not worth its start
+_GROUP = 1 << 19  # number of floats in the gradient rows that a thread fills before they are summed
+_ALONE = 1 << 16  # number of projected points below which a second thread does not pay off
 
 
 def fused_slices(
     measures: Sequence[Tensor], directions: Float[Tensor, "L d"], p: float, wanted: Sequence[bool]
 ) -> tuple[Float[Array, " L"], list[Array | None]]:
-    """The transport cost along every direction, and the gradients of its mean.
+    """The transport cost along every direction, and the gradients of the mean cost.
 
     Parameters
     ----------
@@ -30,13 +30,13 @@ def fused_slices(
     p : float
         The exponent, at least 1.
     wanted : four bools
-        Which gradients are wanted; None is returned for the others.
+        Which gradients to compute. The others are returned as None.
 
     Notes
     -----
-    Every thread walks some directions and leaves the gradients in the points in rows, one for each direction; then
-    every thread adds up all rows for some of the points, direction by direction. So there is one gradient, whatever the
-    number of threads, and the same one to the bit.
+    Every thread processes some directions and writes the gradients in the points to rows, one per direction. Then every
+    thread sums all rows for some of the points, in the order of the directions. The gradient is therefore the same bit
+    for bit for any number of threads.
     """
     lines = _array(directions)
     sides = [_side(*measures[k : k + 2], *wanted[k : k + 2]) for k in (0, 2)]
@@ -55,7 +55,7 @@ def fused_slices(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Side:
-    """One measure as the kernels read it, and the gradients in it, empty where not wanted."""
+    """One measure in the format of the kernels, and buffers of its gradients, empty if not needed."""
 
     columns: Float[Array, "d n"]
     weights: Float[Array, " n"]
@@ -75,7 +75,7 @@ class _Side:
 def _side(points: Tensor, weights: Tensor, wants_points: bool, wants_weights: bool) -> _Side:
     rows, masses, places = _array(points), _array(weights), None
     if len(rows) > SMALL:
-        # Neighbours in space are neighbours along every direction: kept together, they stay in the cache together.
+        # Points that are close in space have close projections. Storing them together improves cache use.
         places = _along_a_curve(rows)
         columns, masses = np.empty(rows.shape[::-1]), masses[places]
         for column, values in zip(columns, rows.T):
@@ -91,13 +91,13 @@ def _array(values: Tensor) -> Array:
 
 
 def _along_a_curve(rows: Float[Array, "n d"]) -> Array:
-    """The order of points along a Morton curve through their three widest coordinates."""
+    """The order of the points along a Morton curve in the three coordinates of largest extent."""
     spread_of = rows.max(axis=0) - rows.min(axis=0)
     code = np.zeros(len(rows), np.int64)
     for axis, k in enumerate(np.argsort(-spread_of)[:3]):
         scale = 1023 / spread_of[k] if 0 < spread_of[k] < np.inf else 0.0
         cells = ((rows[:, k] - rows[:, k].min()) * scale).astype(np.int64)
-        # Two zeros between any two of ten bits.
+        # Insert two zero bits between neighbouring bits of a ten-bit number.
         for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
             cells = (cells | cells << shift) & mask
         code |= cells << axis
@@ -113,7 +113,7 @@ def _run(
     n_threads: int,
     group: int,
 ) -> None:
-    """All directions in rounds of ``n_threads`` times ``group``: walk, then add up."""
+    """Process all directions in rounds of ``n_threads`` times ``group``: costs and gradient rows, then the sums."""
     rows = [_rows(side, n_threads * group) for side in sides]
     rooms = [_room(sides, group) for _ in range(n_threads)]
     with _threads(n_threads) as each:
@@ -138,7 +138,7 @@ def _run(
 
 @contextlib.contextmanager
 def _threads(n_threads: int) -> Iterator[Callable[[Callable[[int], None]], object]]:
-    """What runs ``work(0)``, ``work(1)``, ... on as many threads, and waits for all."""
+    """Yield a function that calls ``work(0)``, ``work(1)``, ... on ``n_threads`` threads and waits for all."""
     if n_threads == 1:
         yield lambda work: work(0)
         return
@@ -147,19 +147,19 @@ def _threads(n_threads: int) -> Iterator[Callable[[Callable[[int], None]], objec
 
 
 def _rows(side: _Side, n_lines: int) -> tuple[Array, Array]:
-    """Room for gradients and drops along ``n_lines`` directions; a step beyond the end has a place of its own."""
+    """Buffers for gradients and drops along ``n_lines`` directions, with room for the additional step."""
     shape = (n_lines, side.n + 1) if side.wanted else (0, 0)
     return np.empty(shape), np.empty(shape)
 
 
 def _room(sides: list[_Side], group: int) -> list[tuple]:
-    """What one thread works in: steps, ends, order, values, and the scratch of the sort, for both sides."""
+    """Buffers of one thread for both sides: steps, ends, order, values, and scratch memory of the sort."""
     longest = max(side.n for side in sides)
     shared, scratch = np.empty(longest + 1, np.uint32), sort_scratch(longest)
     rooms = []
     for side in sides:
         steps, ends = np.empty(side.n + 1), np.empty(side.n + 1)
-        # The target is sorted first; if nobody asks where its points came from, the source may have its order's place.
+        # The target is sorted first. If its order is not needed later, the source reuses the same buffer.
         order = np.empty(side.n + 1, np.uint32) if side is sides[1] and side.wanted else shared[: side.n + 1]
         values = ends[None] if group == 1 else np.empty((0 if side.wanted else group, side.n + 1))
         rooms.append((steps, ends, order, values, scratch))
@@ -167,7 +167,7 @@ def _room(sides: list[_Side], group: int) -> list[tuple]:
 
 
 def _laid(side: _Side, room: tuple, rows: tuple[Array, Array], own: slice) -> tuple:
-    """One side as the kernel takes it; projections lie where the gradients will."""
+    """One side in the format of the kernel. Projections are stored where the gradients are written later."""
     steps, ends, order, values, scratch = room
     gradients, drops = rows[0][own], rows[1][own]
     return (
@@ -184,7 +184,7 @@ def _laid(side: _Side, room: tuple, rows: tuple[Array, Array], own: slice) -> tu
 
 
 def _finished(side: _Side, top: float, n_lines: int) -> list[Array | None]:
-    """The mean gradients in points and weights, in the order of the points."""
+    """The mean gradients in points and weights, in the original order of the points."""
     points = weights = None
     if side.to_columns.size:
         side.to_columns[:] /= n_lines

@@ -1,4 +1,4 @@
-"""Exact optimal transport between discrete measures, by POT's network simplex."""
+"""Exact optimal transport between discrete measures, by the network simplex algorithm of POT."""
 
 import math
 import warnings
@@ -15,34 +15,35 @@ def wasserstein(
 ) -> Float[Tensor, ""]:
     """The Wasserstein distance W_p^p with ground cost ‖x − y‖₂^p, exactly, by linear programming.
 
-    Differentiable: the optimal plan is held fixed for the points (envelope theorem), the dual potentials are the
-    gradient in the weights, defined up to a constant. The paper writes ‖x − y‖_p^p; for p = 2 the two costs agree.
+    Differentiable. For the points the optimal plan is treated as constant (envelope theorem). The gradient in the
+    weights is given by the dual potentials, up to a constant. The paper writes ‖x − y‖_p^p; for p = 2 both costs are
+    equal.
 
     Parameters
     ----------
     source, target : measure of points, Mesh, Contour, array or tensor
-        Any numbers of supports, any weights. An (n, d) array or tensor stands for points of equal weight, a mesh for
-        the barycentres of its faces, weighted by area (:func:`meshot.empirical` draws points on it).
+        Any numbers of support points, any weights. An (n, d) array or tensor means points of equal weight. A mesh means
+        the barycentres of its faces, weighted by area (to draw points on it, use :func:`meshot.empirical`).
     p : float
         The exponent, at least 1.
     max_iterations : int
-        Of the solver.
+        Maximum number of iterations of the solver.
 
     Returns
     -------
     tensor
-        W_p^p, in (units of the points)^p; take the p-th root for a distance.
+        W_p^p, in (units of the points)^p. The p-th root is a distance.
 
     Raises
     ------
     ValueError
-        If an argument is no measure of points, the measures live in different spaces, ``p`` is no finite number >= 1,
-        the solver stops before it is done, or the cost exceeds the dtype.
+        If an argument is not a measure of points, the measures are in different spaces, ``p`` is not a finite number
+        >= 1, the solver does not converge, or the cost exceeds the range of the dtype.
 
     Notes
     -----
-    About O(n³ log n) time and O(n²) memory: for up to some 5 000 supports. The solver's tolerance is absolute: points
-    are scaled by a power of two to a size of about 1 first, and the value back.
+    About O(n³ log n) time and O(n²) memory: suitable for up to about 5 000 support points. The tolerance of the solver
+    is absolute. The points are therefore scaled by a power of two to a size of about 1, and the value is scaled back.
 
     References
     ----------
@@ -57,7 +58,7 @@ def wasserstein(
     source, target = as_point_measures(source, target)
     if not 1 <= p < math.inf:
         raise ValueError(f"p is {p!r}; a finite number >= 1 is needed")
-    # Differences, not |x|² + |y|² − 2⟨x, y⟩: the latter cancels for near points.
+    # From differences: |x|² + |y|² − 2⟨x, y⟩ would suffer from cancellation for close points.
     gaps = source.places[:, None, :] - target.places[None, :, :]
     unit = _power_of_two(float(gaps.detach().abs().max()))
     squared = (gaps / unit).square().sum(dim=2)

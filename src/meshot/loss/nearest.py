@@ -1,4 +1,4 @@
-"""The Chamfer loss: squared distances to the nearest neighbour on the other side."""
+"""The Chamfer loss: squared distances to nearest neighbours."""
 
 import torch
 from scipy.spatial import cKDTree
@@ -6,24 +6,24 @@ from scipy.spatial import cKDTree
 from meshot.measure import MeasureLike, as_point_measures
 from meshot.types import Float, Int64, Tensor
 
-#: How nearest neighbours are found; the value is the same.
+#: Methods of finding nearest neighbours. All give the same value.
 NEIGHBOURS = ("tree", "brute")
-_BLOCK = 1 << 23  # distances held at once by brute force: so large that their memory goes back, not into a heap
+_BLOCK = 1 << 23  # distances per block of brute force: large enough that the memory is returned to the system
 
 
 def chamfer(source: MeasureLike, target: MeasureLike, neighbours: str = "tree") -> Float[Tensor, ""]:
-    """The Chamfer pseudo-distance: mean squared distance to the nearest neighbour, in both directions, added.
+    """The Chamfer pseudo-distance: the mean squared distance to the nearest neighbour, summed over both directions.
 
-    With equal weights this is Equation 1 of the paper; other weights replace the means by weighted means. The
-    neighbours are held fixed in the gradient, which is exact wherever they are unique.
+    With equal weights this is Equation 1 of the paper. Otherwise the means are weighted. The nearest neighbours are
+    treated as constant in the gradient, which is exact where they are unique.
 
     Parameters
     ----------
     source, target : measure of points, Mesh, Contour, array or tensor
-        Any numbers of supports, any weights. An (n, d) array or tensor stands for points of equal weight, a mesh for
-        the barycentres of its faces, weighted by area (:func:`meshot.empirical` draws points on it).
+        Any numbers of support points, any weights. An (n, d) array or tensor means points of equal weight. A mesh means
+        the barycentres of its faces, weighted by area (to draw points on it, use :func:`meshot.empirical`).
     neighbours : str
-        "tree" for a k-d tree on the CPU; "brute" for all distances, on the device of the points, a block at a time.
+        "tree" for a k-d tree on the CPU; "brute" for all distances, in blocks, on the device of the points.
 
     Returns
     -------
@@ -33,14 +33,14 @@ def chamfer(source: MeasureLike, target: MeasureLike, neighbours: str = "tree") 
     Raises
     ------
     ValueError
-        If an argument is no measure of points, the measures live in different spaces, ``neighbours`` is neither of the
-        two, or squared distances exceed the dtype.
+        If an argument is not a measure of points, the measures are in different spaces, ``neighbours`` is unknown, or
+        squared distances exceed the range of the dtype.
 
     Notes
     -----
-    Chamfer is symmetric and at least zero, but it violates the triangle inequality and vanishes between different
-    measures with equal supports. With a tree, expected time O((n + m) log(n + m)) in low dimension; by brute force time
-    O(n m). Memory O(n + m) both ways.
+    The Chamfer loss is symmetric and non-negative. It violates the triangle inequality, and it is zero between
+    different measures with equal supports. Expected time O((n + m) log(n + m)) with a tree in low dimension, and O(n m)
+    by brute force. Memory O(n + m) in both cases.
 
     References
     ----------
@@ -63,12 +63,12 @@ def chamfer(source: MeasureLike, target: MeasureLike, neighbours: str = "tree") 
 def nearest_neighbours(
     points: Float[Tensor, "n d"], candidates: Float[Tensor, "m d"], method: str = "tree"
 ) -> Int64[Tensor, " n"]:
-    """For every point, the index of the nearest candidate in the Euclidean norm.
+    """The index of the nearest candidate of every point, in the Euclidean norm.
 
     Raises
     ------
     ValueError
-        If ``method`` is neither "tree" nor "brute", or squared distances exceed the dtype.
+        If ``method`` is neither "tree" nor "brute", or squared distances exceed the range of the dtype.
     """
     if method not in NEIGHBOURS:
         raise ValueError(f"neighbours is {method!r}; one of {', '.join(NEIGHBOURS)} is needed")
@@ -85,5 +85,5 @@ def nearest_neighbours(
 
 
 def _distances(points: Tensor, candidates: Tensor) -> Tensor:
-    # From differences: |x|² + |y|² − 2⟨x, y⟩ would cancel for near points, and choose a wrong neighbour.
+    # From differences: |x|² + |y|² − 2⟨x, y⟩ would suffer from cancellation and could give a wrong neighbour.
     return torch.cdist(points, candidates, compute_mode="donot_use_mm_for_euclid_dist")

@@ -1,4 +1,4 @@
-"""The sliced loss in plain torch: transport on many lines at once, on any device."""
+"""The sliced loss in PyTorch operations: transport on many lines at once, on any device."""
 
 import math
 from typing import NamedTuple
@@ -15,10 +15,10 @@ from meshot.types import Float, Int64, Tensor
 def plain_sliced_wasserstein(
     source: MeasureLike, target: MeasureLike, directions: Directions = 100, p: float = 2
 ) -> Float[Tensor, ""]:
-    """What :func:`meshot.sliced_wasserstein` computes between points, in plain torch: on any device, differentiable
-    again and again.
+    """The value of :func:`meshot.sliced_wasserstein` between points, computed by PyTorch operations.
 
-    Takes what it takes, but a mesh stands for the barycentres of its faces, weighted by area.
+    It runs on any device and has derivatives of any order. The arguments are the same, but a mesh means the barycentres
+    of its faces, weighted by area.
 
     Raises
     ------
@@ -34,12 +34,12 @@ def plain_sliced_wasserstein(
 
 
 def checked_lines(source: Measure, directions: Directions, p: float) -> Float[Tensor, "L d"]:
-    """The directions as the space of ``source`` needs them, once the exponent is checked.
+    """The directions as unit rows in the space of ``source``, after a check of the exponent.
 
     Raises
     ------
     ValueError
-        If ``p`` is no finite number >= 1, or the directions do not fit.
+        If ``p`` is not a finite number >= 1, or the directions do not fit.
     """
     if not 1 <= p < math.inf:
         raise ValueError(f"p is {p!r}; a finite number >= 1 is needed (below one, sorting is not optimal)")
@@ -47,7 +47,7 @@ def checked_lines(source: Measure, directions: Directions, p: float) -> Float[Te
 
 
 def plain_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, " L"]:
-    """W_p^p between two measures of points along every direction, differentiable in all of them."""
+    """W_p^p between two measures of points along every direction, differentiable with respect to all arguments."""
     projected, projected_target = directions @ source.places.T, directions @ target.places.T
     if same_equal_masses(source.weights, target.weights):
         return paired_cost(projected, projected_target, p)
@@ -55,7 +55,7 @@ def plain_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d
 
 
 def same_equal_masses(weights: Tensor, others: Tensor) -> bool:
-    """Whether every point of both measures carries the same fixed mass, so that transport pairs sorted points."""
+    """Whether all points of both measures have the same constant mass, so that transport pairs the sorted points."""
     if weights.shape != others.shape or weights.requires_grad or others.requires_grad:
         return False
     return bool((weights == weights[0]).all()) and bool((others == weights[0]).all())
@@ -68,8 +68,8 @@ def paired_cost(source: Float[Tensor, "L n"], target: Float[Tensor, "L n"], p: f
 
 
 def row_order(values: Float[Tensor, "L n"], kind: str = "quicksort") -> Int64[Tensor, "L n"]:
-    """The order that sorts every row."""
-    # On a CPU, NumPy sorts several times faster than torch; a stable sort of a few sorted runs merges them.
+    """The permutation that sorts every row."""
+    # On a CPU, NumPy sorts several times faster than torch. A stable sort merges rows that consist of sorted runs.
     if values.device.type == "cpu" and values.dtype in (torch.float32, torch.float64):
         rows = values.detach().numpy()
         order = in_chunks(lambda i, j: np.argsort(rows[i:j], axis=1, kind=kind), len(rows))
@@ -95,7 +95,7 @@ def quantile_cost(
 class QuantileCells(NamedTuple):
     """The cells of [0, 1] on which two quantile functions are constant, for every row.
 
-    The quantile functions are steps; merging their jumps cuts [0, 1] into cells.
+    Quantile functions of discrete measures are step functions. Their jumps divide [0, 1] into cells.
     """
 
     source_order: Int64[Tensor, "L n"]
@@ -108,7 +108,7 @@ class QuantileCells(NamedTuple):
 
 
 def quantile_cells(source: Tensor, source_weights: Tensor, target: Tensor, target_weights: Tensor) -> QuantileCells:
-    """The cells between weighted points on a line, for every row."""
+    """The cells of the quantile functions of weighted points on a line, for every row."""
     source_order, target_order = row_order(source), row_order(target)
     source, target = source.gather(1, source_order), target.gather(1, target_order)
     source_mass = source_weights[source_order].cumsum(dim=1)  # (L, n): where each step of F⁻¹ ends
@@ -116,7 +116,7 @@ def quantile_cells(source: Tensor, source_weights: Tensor, target: Tensor, targe
     ends = torch.cat([source_mass, target_mass], dim=1)
     order = row_order(ends, "stable")
     cell_ends = ends.gather(1, order)  # (L, n + m)
-    # How many steps of either side have ended before a cell tells which step it lies in.
+    # The number of steps of either side that end before a cell is the index of its step.
     of_source = (order < source.shape[1]).long()
     ended = of_source.cumsum(dim=1) - of_source
     source_step = ended.clamp(max=source.shape[1] - 1)
@@ -127,7 +127,7 @@ def quantile_cells(source: Tensor, source_weights: Tensor, target: Tensor, targe
 
 
 def power(gap: Tensor, p: float) -> Tensor:
-    """|gap|^p; the square without a root or a logarithm, so that gradients stay finite at zero."""
+    """|gap|^p. The square is computed without a root or logarithm, so that gradients are finite at zero."""
     if p == 2:
         return gap.square()
     return gap.abs() if p == 1 else gap.abs().pow(p)

@@ -1,4 +1,4 @@
-"""Even sets of directions: constructions on the unit sphere of R^d, before they are turned at random."""
+"""Quasi-random sets of directions: constructions on the unit sphere of R^d, before the random rotation."""
 
 import functools
 import math
@@ -10,23 +10,23 @@ from meshot.types import Array, Float
 
 
 def unit_rows(vectors: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-    """The rows divided by their lengths."""
+    """The rows divided by their Euclidean norms."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def equal_angles(n: int, d: int, seed: int) -> Float[Array, "n d"]:
-    """In R²: equal angles on half a circle, since a line and its reflection cost the same."""
+    """In R²: equal angles on a half circle, since opposite directions have the same cost."""
     angles = math.pi * np.arange(n) / n
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def fibonacci_spiral(n: int, d: int, seed: int) -> Float[Array, "n d"]:
-    """In R³: a spiral from pole to pole, rings of equal area, neighbours a golden angle apart."""
+    """In R³: the Fibonacci spiral from pole to pole, with equal areas and the golden angle between neighbours."""
     return _spiral(1 - 2 * (np.arange(n) + 0.5) / n)
 
 
 def half_fibonacci_spiral(n: int, d: int, seed: int) -> Float[Array, "n d"]:
-    """In R³: the spiral on the upper half sphere alone, where no two directions can lie on nearly the same line."""
+    """In R³: the Fibonacci spiral on the upper half sphere, so that no two directions are nearly opposite."""
     return _spiral(1 - (np.arange(n) + 0.5) / n)
 
 
@@ -37,7 +37,7 @@ def _spiral(height: Array) -> Array:
 
 
 def kronecker_lattice(n: int, d: int, seed: int) -> Float[Array, "n d"]:
-    """A shifted rank-1 lattice of d − 1 irrational steps, laid on the half sphere by a map that keeps areas.
+    """A shifted rank-1 lattice with d − 1 irrational steps, mapped to the half sphere by an area-preserving map.
 
     References
     ----------
@@ -53,7 +53,7 @@ def kronecker_lattice(n: int, d: int, seed: int) -> Float[Array, "n d"]:
 
 
 def _half_sphere(cube: Array) -> Array:
-    """Unit rows in R^d from (n, d − 1) numbers in [0, 1): one coordinate after the other, each by its Beta law."""
+    """Unit rows in R^d from (n, d − 1) numbers in [0, 1): each coordinate by the inverse of its Beta distribution."""
     from scipy.special import betaincinv
 
     d = cube.shape[1] + 1
@@ -68,12 +68,12 @@ def _half_sphere(cube: Array) -> Array:
 
 
 def sobol_points(n: int, d: int, seed: int) -> Float[Array, "n d"]:
-    """A scrambled Sobol sequence through the Gaussian quantile function."""
+    """A scrambled Sobol sequence mapped through the Gaussian quantile function and normalised."""
     return unit_rows(_sobol_gaussian(n, d, seed))
 
 
 def sobol_frames(n: int, d: int, seed: int) -> Float[Array, "n d"]:
-    """Orthonormal blocks whose frames follow a scrambled Sobol sequence of d² coordinates."""
+    """Orthonormal blocks made from a scrambled Sobol sequence with d² coordinates."""
     gaussian = _sobol_gaussian(math.ceil(n / d), d * d, seed)
     return orthonormal_blocks(gaussian.reshape(-1, d, d)).reshape(-1, d)[:n]
 
@@ -87,7 +87,7 @@ def _sobol_gaussian(n: int, d: int, seed: int) -> Array:
 
 
 def orthonormal_blocks(gaussian: Float[Array, "k d d"]) -> Float[Array, "k d d"]:
-    """Orthonormal rows from Gaussian ones; with signs such that the law is the uniform one on the orthogonal group.
+    """Orthonormal rows from Gaussian ones, with signs chosen such that they are uniform on the orthogonal group.
 
     References
     ----------
@@ -99,9 +99,9 @@ def orthonormal_blocks(gaussian: Float[Array, "k d d"]) -> Float[Array, "k d d"]
 
 
 def repelling_lines(n: int, d: int, seed: int) -> Float[Array, "n d"]:
-    """Lines through the origin that repel each other like charges: a local minimum of Σ 1/|θᵢ − θⱼ| + 1/|θᵢ + θⱼ|.
+    """Lines through the origin that are a local minimum of the energy Σ 1/|θᵢ − θⱼ| + 1/|θᵢ + θⱼ|.
 
-    O(n²) time and memory for each of a hundred steps of L-BFGS from a Kronecker lattice; kept for the next call.
+    Computed by 100 steps of L-BFGS from a Kronecker lattice, each with O(n²) time and memory. Results are cached.
     """
     return _repelled(n, d).copy()
 
@@ -135,7 +135,7 @@ def _energy(flat: Array, n: int, d: int) -> tuple[float, Array]:
 
 Construction = Callable[[int, int, int], Array]
 
-#: Name of a construction -> how to make it, and the one dimension it is for (None: any above one).
+#: The constructions by name, each with the dimension that it is for (None: any above one).
 CONSTRUCTIONS: dict[str, tuple[Construction, int | None]] = {
     "equal angles": (equal_angles, 2),
     "spiral": (fibonacci_spiral, 3),

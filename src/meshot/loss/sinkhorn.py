@@ -1,4 +1,4 @@
-"""Entropic transport, debiased, by GeomLoss."""
+"""Entropy-regularised transport, debiased, computed by GeomLoss."""
 
 import importlib.util
 import math
@@ -9,7 +9,7 @@ import torch
 from meshot.measure import MeasureLike, as_point_measures
 from meshot.types import Float, Tensor
 
-#: How GeomLoss sums over pairs of points; all but the first need KeOps.
+#: GeomLoss's methods for sums over pairs of points. All but the first need KeOps.
 BACKENDS = ("tensorized", "online", "multiscale")
 
 #: Measures of a smaller extent, in blurs, are a point to the loss.
@@ -25,44 +25,45 @@ def sinkhorn_divergence(
     reach: float | None = None,
     backend: str = "tensorized",
 ) -> Float[Tensor, ""]:
-    """The debiased Sinkhorn divergence with ground cost ‖x − y‖₂^p: near W_p^p for a small blur.
+    """The debiased Sinkhorn divergence with ground cost ‖x − y‖₂^p. It approximates W_p^p for a small blur.
 
-    OT_ε(μ, ν) − ½ OT_ε(μ, μ) − ½ OT_ε(ν, ν) with ε = ``blur``^p. GeomLoss divides the cost by p; here that is undone,
-    so that the value is comparable with :func:`meshot.wasserstein`; ``blur``, ``scaling``, ``reach`` and ``backend``
-    keep GeomLoss's meaning.
+    It is OT_ε(μ, ν) − ½ OT_ε(μ, μ) − ½ OT_ε(ν, ν) with ε = ``blur``^p. GeomLoss divides the cost by p. This is undone
+    here, so that the value is comparable with :func:`meshot.wasserstein`. ``blur``, ``scaling``, ``reach`` and
+    ``backend`` have the same meaning as in GeomLoss.
 
     Parameters
     ----------
     source, target : measure of points, Mesh, Contour, array or tensor
-        Any numbers of supports, any weights. An (n, d) array or tensor stands for points of equal weight, a mesh for
-        the barycentres of its faces, weighted by area (:func:`meshot.empirical` draws points on it).
+        Any numbers of support points, any weights. An (n, d) array or tensor means points of equal weight. A mesh means
+        the barycentres of its faces, weighted by area (to draw points on it, use :func:`meshot.empirical`).
     p : int
         1 or 2.
     blur : float
-        Below which distance details are ignored, in units of the points: .05 is 5 % of a unit cube, but .05 mm in a
-        scan. Larger is faster and smoother.
+        The length below which details are smoothed, in units of the points: .05 is 5 % of the side of a unit cube, but
+        .05 mm in a scan. Larger values are faster and smoother.
     scaling : float
-        In (0, 1): how fast the blur is annealed down from the diameter; nearer to one is slower and more exact.
+        In (0, 1): the factor per step by which the blur decreases from the diameter. Values closer to one are slower
+        and more accurate.
     reach : float, optional
-        Makes transport unbalanced: the distance, in units of the points, beyond which it is cheaper to leave mass
-        unmatched than to move it. If left out, all mass is moved.
+        Makes transport unbalanced: the distance, in units of the points, beyond which mass is left unmatched instead of
+        transported. By default all mass is transported.
     backend : str
-        ``"tensorized"`` holds all pairs of points, for up to some 5000 supports. ``"online"`` computes them anew, in
-        memory O(n + m); ``"multiscale"`` does so from coarse to fine, in up to three dimensions and for p = 2 the
-        fastest beyond some 20 000 supports. Both need KeOps: ``pip install pykeops``.
+        ``"tensorized"`` stores all pairs of points, for up to about 5000 support points. ``"online"`` recomputes them,
+        with memory O(n + m). ``"multiscale"`` does so from coarse to fine, in up to three dimensions; for p = 2 it is
+        the fastest above about 20 000 support points. Both need KeOps: ``pip install pykeops``.
 
     Returns
     -------
     tensor
-        In (units of the points)^p; zero between equal measures, and at least zero once ``scaling`` is near enough to
-        one: at .5 the three terms may stop at different distances from their limits, and the value may come out tens
-        of per cent low, or negative (chapter 04 shows a case). Not a metric, nor is a root of it.
+        In (units of the points)^p. It is zero between equal measures, and non-negative if ``scaling`` is close enough
+        to one. At .5 the errors of the three terms may differ, and the value may be tens of per cent too low, or
+        negative (chapter 04 shows a case). Neither the value nor a root of it is a metric.
 
     Raises
     ------
     ValueError
-        If an argument is no measure of points, the measures live in different spaces, a parameter is outside its
-        range, or the backend needs KeOps, which is not installed.
+        If an argument is not a measure of points, the measures are in different spaces, a parameter is outside its
+        range, or the backend needs KeOps and KeOps is not installed.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""The sliced Wasserstein loss: transport along lines, averaged over directions."""
+"""The sliced Wasserstein loss: 1D transport costs averaged over directions."""
 
 import torch
 from torch.autograd.function import once_differentiable
@@ -20,40 +20,39 @@ def sliced_wasserstein(
 ) -> Float[Tensor, ""]:
     """The Monte Carlo sliced Wasserstein loss SW_p^p: the mean over directions of the 1D transport cost W_p^p.
 
-    Both measures are projected on the same directions. Along each one, optimal transport is monotone: the cost is
-    ``∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz`` between the two quantile functions. Differentiable in points and weights;
-    the gradient in the weights is a Kantorovich potential, defined up to a constant.
+    Both measures are projected on the same directions. Along each direction, optimal transport is monotone, and the
+    cost is ``∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz`` between the two quantile functions. Differentiable with respect to points and
+    weights. The gradient in the weights is a Kantorovich potential, defined up to a constant.
 
     Parameters
     ----------
     source, target : measure, Mesh, Contour, array or tensor
-        Any numbers of supports, any weights; one of each kind will do. A mesh stands for its continuous measure,
-        :func:`meshot.surface`, and an (n, d) array or tensor for points of equal weight. With a continuous measure the
+        Any numbers of support points, any weights; also one of each kind. A mesh means its continuous measure,
+        :func:`meshot.surface`. An (n, d) array or tensor means points of equal weight. With a continuous measure the
         cost along every direction is exact, without sampling: see ``meshot.loss.exact``.
     directions : tensor, array or int
-        Unit rows, such as :func:`meshot.random_directions` gives; or how many even ones to take, always the same:
-        :func:`meshot.quasi_directions`, of seed 0.
+        Unit rows, such as those of :func:`meshot.random_directions`; or the number of directions in the deterministic
+        set :func:`meshot.quasi_directions` with seed 0.
     p : float
         The exponent, at least 1; 1 or 2 with a continuous measure.
 
     Returns
     -------
     tensor
-        SW_p^p, in (units of the points)^p; take the p-th root for a distance.
+        SW_p^p, in (units of the points)^p. The p-th root is a distance.
 
     Raises
     ------
     ValueError
-        If an argument is no measure, the measures live in different spaces, the directions do not fit, ``p`` < 1, or p
-        is neither 1 nor 2 and a measure is continuous.
+        If an argument is not a measure, the measures are in different spaces, the directions do not fit, ``p`` < 1, or
+        p is neither 1 nor 2 and a measure is continuous.
 
     Notes
     -----
-    On a CPU a compiled kernel takes the directions one by one on ``torch.get_num_threads()`` threads: O(L (n + m)) time
-    for spread-out points, memory for one direction per thread, the same result in every run with as many threads. Its
-    gradient can be taken once. On other devices the same holds of plain torch, which takes the directions in chunks, so
-    that their number costs no memory. Where the directions need a gradient it is
-    :func:`meshot.loss.plain_sliced_wasserstein`.
+    On a CPU, a compiled kernel processes the directions on ``torch.get_num_threads()`` threads: O(L (n + m)) time for
+    spread-out points, and memory for one direction per thread. The result is the same in every run with the same number
+    of threads. Only first derivatives are available. On other devices PyTorch processes the directions in chunks, with
+    the memory of one chunk. If the directions require a gradient, :func:`meshot.loss.plain_sliced_wasserstein` is used.
 
     References
     ----------
@@ -87,17 +86,16 @@ def slice_costs(
     directions: Directions = 100,
     p: float = 2,
 ) -> Float[Tensor, " L"]:
-    """The transport cost W_p^p along every direction, of which :func:`meshot.sliced_wasserstein` is the mean.
+    """The transport cost W_p^p along every direction. Its mean is :func:`meshot.sliced_wasserstein`.
 
-    What an error bar is made of: over independent directions these are independent, and the standard deviation of
-    their mean is their own, divided by the root of L. Takes what :func:`meshot.sliced_wasserstein` takes.
+    Over independent directions these costs are independent, so that the standard error of their mean is their standard
+    deviation divided by √L. The arguments are those of :func:`meshot.sliced_wasserstein`.
 
     Returns
     -------
     tensor
-        One cost for each direction, in (units of the points)^p. Differentiable between discrete measures; with a
-        continuous measure these are values only, cut off from the gradient (the mean,
-        :func:`meshot.sliced_wasserstein`, has one).
+        One cost per direction, in (units of the points)^p. Differentiable between discrete measures. With a continuous
+        measure there is no gradient (their mean, :func:`meshot.sliced_wasserstein`, has one).
 
     Raises
     ------
@@ -106,7 +104,7 @@ def slice_costs(
 
     Notes
     -----
-    Where a gradient is wanted it is taken in plain torch, with memory O(L (n + m)) rather than for one direction.
+    If a gradient is needed, the costs are computed by PyTorch operations with O(L (n + m)) memory.
 
     Examples
     --------
@@ -132,7 +130,7 @@ def _for_kernel(points: Tensor) -> bool:
 
 
 class _FusedSliced(torch.autograd.Function):
-    """The kernel, which yields value and gradient in one pass: the gradient waits for the backward pass."""
+    """The kernel, which computes value and gradient in one pass. The gradient is stored for the backward pass."""
 
     @staticmethod
     def forward(ctx, source, source_weights, target, target_weights, directions, p):

@@ -1,6 +1,6 @@
-"""Sliced Wasserstein within windows: transport is compared near by, so that missing mass need not come from afar.
+"""Sliced Wasserstein in spatial windows, so that measures are compared locally.
 
-Our own addition: the paper transports everything at once.
+This loss is our addition. The paper compares the whole measures.
 """
 
 import math
@@ -14,7 +14,7 @@ from meshot.loss.sliced import sliced_wasserstein
 from meshot.measure import DiscreteMeasure, Measure, MeasureLike, as_point_measures
 from meshot.types import Float, Tensor
 
-#: Where a window ends, in radii: the Gaussian is down to a twentieth there.
+#: Cut-off of a window, in units of its radius. The Gaussian has decreased to about 1/20 there.
 REACH = 2.5
 
 
@@ -26,40 +26,38 @@ def windowed_sliced_wasserstein(
     directions: Directions = 100,
     p: float = 2,
 ) -> Float[Tensor, ""]:
-    """The mean over windows of SW_p^p between what two measures are inside them, each taken as a probability measure.
+    """The mean over windows of SW_p^p between both measures, restricted to the window and normalised.
 
-    A window is a Gaussian around a centre, cut at 2.5 radii. Probability measures of surfaces that differ in area here
-    and there differ in mass everywhere, and transport carries the difference across the whole shape. Inside a window
-    only what is missing *relative to its neighbourhood* has to travel, and not far. Zero between equal measures; not
-    symmetric where the centres are drawn from one of the two.
+    A window is a Gaussian around a centre, cut off at 2.5 radii. If two surfaces differ in area locally, their
+    normalised measures differ in mass everywhere, and transport moves this difference across the whole shape. Within a
+    window only the mass that is missing relative to the neighbourhood is moved, over short distances. The loss is zero
+    between equal measures. It is not symmetric if the centres are drawn from one of the two.
 
     Parameters
     ----------
     source, target : measure of points, Mesh, Contour, array or tensor
-        An (n, d) array or tensor stands for points of equal weight, a mesh for the barycentres of its faces, weighted
-        by area.
+        An (n, d) array or tensor means points of equal weight, a mesh the barycentres of its faces, weighted by area.
     centres : tensor
-        In the first k coordinates of the measures (three for a varifold: places, not normals).
+        The centres in the first k coordinates of the measures (for a varifold three: positions, not normals).
     radius : float
         Standard deviation of the windows, in the units of the points.
     directions : tensor, array or int
-        Unit rows, a set for every window: (K, L, d). Or L, how many even ones to take in each: those of
-        :func:`meshot.quasi_directions`, of seed k in window k.
+        Unit rows, with a set for every window: (K, L, d). Or their number L per window: window k then uses
+        :func:`meshot.quasi_directions` with seed k.
     p : float
         The exponent, at least 1.
 
     Returns
     -------
     tensor
-        In (units of the points)^p. The gradient holds the windows still: it moves points and changes weights as if each
-        point kept the share of it that a window sees, so that points are not driven out of windows.
+        In (units of the points)^p. In the gradient the window weights are constant, so that points are not driven out
+        of windows.
 
     Raises
     ------
     ValueError
-        If an argument is no measure of points, the shapes do not fit, the radius is no
-        positive number, or no window holds mass of both measures.
-
+        If an argument is not a measure of points, the shapes do not fit, the radius is not a positive number, or no
+        window contains mass of both measures.
     Examples
     --------
     >>> import numpy as np, torch, meshot
@@ -93,7 +91,7 @@ def windowed_sliced_wasserstein(
 
 
 def _sets(directions: Directions, n_windows: int, like: Tensor) -> Float[Tensor, "K L d"]:
-    """A set of directions for every window."""
+    """The set of directions of every window."""
     d = like.shape[1]
     if isinstance(directions, int | np.integer):
         n = require_positive_integer(directions, "directions")
@@ -109,7 +107,7 @@ def _sets(directions: Directions, n_windows: int, like: Tensor) -> Float[Tensor,
 
 
 def _restricted(measure: Measure, centre: Float[Tensor, " k"], radius: float) -> DiscreteMeasure | None:
-    """What a window sees of a measure, as a probability measure; None if that is nothing."""
+    """The measure weighted by a window and normalised; None if it has no mass there."""
     places = measure.places.detach()[:, : len(centre)]
     squared = ((places - centre) ** 2).sum(dim=1)
     (inside,) = torch.nonzero(squared < (REACH * radius) ** 2, as_tuple=True)

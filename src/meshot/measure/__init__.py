@@ -1,8 +1,8 @@
-"""Meshes as probability measures: the encodings that a loss takes.
+"""Probability measures that represent meshes: the inputs of the losses.
 
-A surface is a continuous measure (:func:`surface`), a sample of points (:func:`empirical`) or an oriented varifold
-(:func:`varifold`: barycentres and normals, weighted by area). Weights are at least 0 and sum to one. Points are in
-units of the vertices, in R³, or in R⁶ with normals.
+A surface is encoded as a continuous measure (:func:`surface`), a random sample of points (:func:`empirical`) or an
+oriented varifold (:func:`varifold`: barycentres and normals, weighted by area). Weights are non-negative and sum to
+one. Points are in units of the vertices, in R³, or in R⁶ with normals.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""The continuous encoding: a shape as the uniform law on itself, not on points drawn from it."""
+"""The continuous encoding: the uniform distribution on a shape itself, without sampling."""
 
 import dataclasses
 
@@ -13,26 +13,27 @@ from meshot.types import Float, Int64, Tensor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SurfaceMeasure:
-    """Mass spread evenly over triangles (or segments) in R^d: Σₖ wₖ · uniform law on cell k, validated at the door.
+    """A distribution Σₖ wₖ · uniform(cell k) on triangles or segments in R^d, validated when it is created.
 
-    The measure is hierarchical: draw a cell with probability wₖ, then a point uniformly in it. Triangles that are
-    shared by no mesh in R³, such as those lifted by features, are as good as any.
+    The measure is hierarchical: a cell is drawn with probability wₖ, then a point uniformly in it. The triangles need
+    not form a mesh in R³: they can, for example, have features as further coordinates.
 
     Parameters
     ----------
     vertices : tensor or array
         The corners, one row each.
     cells : tensor or array
-        Integers, three (triangles) or two (segments) corners in each row. Their places may coincide: an atom.
+        Integers, with three (triangles) or two (segments) vertex indices in each row. Corners at the same position are
+        allowed: such a cell is an atom.
     weights : tensor or array
-        The masses wₖ, each at least zero, that sum to one. They are given the dtype of the vertices, and are divided by
-        their sum if it is within 1e-5 of one.
+        The masses wₖ, non-negative with sum one. They are converted to the dtype of the vertices, and divided by their
+        sum if it is within 1e-5 of one.
 
     Raises
     ------
     ValueError
-        If an array is empty, has another shape or dtype, or holds NaN; if a cell names a vertex that does not exist,
-        or one twice; if a weight is negative or the weights do not sum to one.
+        If an array is empty, has the wrong shape or dtype, or contains NaN; if a cell has the index of a vertex that
+        does not exist, or the same index twice; if a weight is negative or the weights do not sum to one.
 
     Examples
     --------
@@ -65,7 +66,7 @@ class SurfaceMeasure:
 
     @property
     def places(self) -> Float[Tensor, "V d"]:
-        """The corners, under the name that every :class:`meshot.measure.Measure` has for them."""
+        """The corners. All classes that follow :class:`meshot.measure.Measure` have this attribute."""
         return self.vertices
 
     def to(self, *args: object, **kwargs: object) -> "SurfaceMeasure":
@@ -94,40 +95,42 @@ def surface(
     feature_scale: float = 1.0,
     detach_weights: bool = False,
 ) -> SurfaceMeasure:
-    """The continuous measure of a shape: uniform by area (or length), with normals or features as further coordinates.
+    """The continuous measure of a shape: uniform by area (or length), with optional normals and features.
 
-    A point of the shape becomes position ‖ ``normal_scale`` · unit normal ‖ ``feature_scale`` · features in R^d, where
-    features of the vertices are interpolated linearly and normals and features of the faces are constant on each face.
-    Differentiable in the vertices, weights included, and in the features.
+    A point of the shape is mapped to position ‖ ``normal_scale`` · unit normal ‖ ``feature_scale`` · features in R^d.
+    Features of vertices are interpolated linearly. Normals and features of faces are constant on each face. The measure
+    is differentiable with respect to the vertices, also through the weights, and to the features.
 
     Parameters
     ----------
     shape : Mesh or Contour
-        Faces with more than three corners: cut them first, by :func:`meshot.triangulate`; the measure stays the same.
+        Triangulate faces with more than three corners first, with :func:`meshot.triangulate`. The measure stays the
+        same.
     normal_scale : float
-        The length given to a unit normal, in units of the vertices: with vertices in mm and a scale of 10, turning a
-        face around costs as much as moving it by 20 mm. At zero, the default of every encoding, there are no such
-        coordinates, since no length suits a mesh in mm and one of unit size alike.
+        The length of a scaled unit normal, in units of the vertices. With vertices in mm and a scale of 10, reversing
+        a face costs as much as moving it by 20 mm. With 0, the default of every encoding, normals are not part of the
+        coordinates, because no single length suits meshes of every size.
     features : tensor, optional
-        A row for each vertex (colour, thickness).
+        One row per vertex (colour, thickness).
     face_features : tensor, optional
-        A row for each face (or edge of a contour).
+        One row per face (or edge of a contour).
     feature_scale : float
-        The length that a difference of one in a feature is worth, in units of the vertices per unit of the feature:
-        with vertices in mm, colours in [0, 1] and a scale of 5, black against white costs as much as 5 mm.
+        The length that corresponds to a feature difference of one, in units of the vertices per unit of the feature.
+        With vertices in mm, colours in [0, 1] and a scale of 5, the difference between black and white costs as much as
+        5 mm.
     detach_weights : bool
-        Stop the gradient through the areas, so that only the places of the corners carry it. By default, as in every
-        encoding, it goes through them too and is that of the whole measure.
+        Whether to stop the gradient through the areas, so that it flows only through the positions of the corners. By
+        default, as in every encoding, the gradient is that of the whole measure, areas included.
 
     Raises
     ------
     ValueError
-        If a scale is negative, features do not fit the shape, or the shape has no area.
+        If a scale is negative, features do not fit the shape, or the shape has zero area.
 
     Notes
     -----
-    Without coordinates that are constant on faces, faces share their corners. With them every face has its own: d is
-    larger, and there are three corners for each triangle.
+    Without normals and face features, neighbouring cells share their corners. With them, every triangle has three
+    corners of its own, because these coordinates are constant on faces.
 
     References
     ----------

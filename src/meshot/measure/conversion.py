@@ -1,4 +1,4 @@
-"""What a loss is given made a measure: the one place where meshes and arrays are converted."""
+"""Conversion of the arguments of a loss to measures."""
 
 import numpy as np
 
@@ -9,32 +9,32 @@ from meshot.measure.protocol import Measure
 from meshot.mesh import Contour, Mesh
 from meshot.types import Array, Float, Tensor
 
-#: What a loss takes for either of its two measures.
+#: The types that a loss accepts for each of its two measures.
 MeasureLike = Measure | Mesh | Contour | Float[Tensor, "_ _"] | Float[Array, "_ _"]
-#: First word of a class's module -> how its meshes become ours.
+#: For meshes of other packages, by the first part of the module name: how to convert them.
 _FOREIGN = {"trimesh": "Mesh.from_trimesh(...)", "pyvista": "Mesh.from_pyvista(...)"}
 
 
 def as_measures(source: MeasureLike, target: MeasureLike) -> tuple[Measure, Measure]:
-    """Both sides of a loss as measures in the same space.
+    """Convert both arguments of a loss to measures in the same space.
 
-    A measure stays as it is. A :class:`meshot.Mesh` or :class:`meshot.Contour` becomes its continuous measure,
-    uniform by area or length. A matrix of floating-point numbers, as an array or a tensor, becomes points of equal
-    weight, one for each row; a tensor keeps its gradient.
+    A measure is not changed. A :class:`meshot.Mesh` or :class:`meshot.Contour` becomes its continuous measure, uniform
+    by area or length. A matrix of floating-point numbers, as an array or a tensor, becomes points of equal weight, one
+    per row. A tensor keeps its gradient.
 
     Raises
     ------
     ValueError
-        If either is something else, or the two differ in dimension, dtype or device.
+        If an argument is of another type, or the two differ in dimension, dtype or device.
     """
     return _in_one_space(_measure(source, "source"), _measure(target, "target"))
 
 
 def as_point_measures(source: MeasureLike, target: MeasureLike) -> tuple[Measure, Measure]:
-    """Both sides of a loss that compares points, in the same space.
+    """Convert both arguments of a loss between point sets to measures of points in the same space.
 
-    As :func:`as_measures`, but a mesh becomes the barycentres of its faces, weighted by area (a contour the midpoints
-    of its edges, by length): the positions of its varifold.
+    As :func:`as_measures`, but a mesh becomes the barycentres of its faces, weighted by area, and a contour the
+    midpoints of its edges, weighted by length. These are the positions of its varifold.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def _described(value: object) -> str:
 
 
 def _remedy(value: object) -> str:
-    """How something that is no measure becomes one."""
+    """A description of what is accepted, and of how to convert ``value``."""
     accepted = "a measure, a Mesh, a Contour, or an (n, d) array or tensor of floating-point numbers is needed"
     foreign = _FOREIGN.get(type(value).__module__.split(".")[0])
     if foreign:

@@ -1,4 +1,4 @@
-"""What may join a position as further coordinates: the unit normal, features of vertices, features of faces."""
+"""Additional coordinates besides the position: unit normals, features of vertices, features of faces."""
 
 import dataclasses
 import math
@@ -16,20 +16,20 @@ Interpolation = Callable[[Tensor], Tensor]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Extras:
-    """Further coordinates and their scales, validated against a shape at the door.
+    """Additional coordinates and their scales, validated against a shape.
 
-    Every encoding orders its coordinates alike: position ‖ ``normal_scale`` · unit normal ‖ ``feature_scale`` ·
-    features of the vertices ‖ ``feature_scale`` · features of the faces.
+    Every encoding orders its coordinates in the same way: position ‖ ``normal_scale`` · unit normal ‖
+    ``feature_scale`` · features of the vertices ‖ ``feature_scale`` · features of the faces.
 
     Parameters
     ----------
     shape : Mesh or Contour
     normal_scale : float
-        The length given to a unit normal, in units of the vertices.
+        The length of a scaled unit normal, in units of the vertices.
     features, face_features : tensor, optional
-        A row for each vertex, and for each face (or edge of a contour).
+        One row per vertex, and one row per face (or edge of a contour).
     feature_scale : float
-        The length that a difference of one in a feature is worth, in units of the vertices per unit of the feature.
+        The length that corresponds to a feature difference of one, in units of the vertices per unit of the feature.
 
     Raises
     ------
@@ -58,16 +58,16 @@ class Extras:
                 object.__setattr__(self, name, _fitting(getattr(self, name), name, vertices, n_rows, kind))
 
     def at(self, interpolate: Interpolation, cells: Int64[Tensor, " k"], with_normals: bool) -> Float[Tensor, "n d"]:
-        """The coordinates of places of which each lies on a known cell.
+        """The coordinates of positions on known cells.
 
         Parameters
         ----------
         interpolate : callable
-            From values at the vertices, one row each, to values at the places.
+            Maps values at the vertices, one row each, to values at the positions.
         cells : tensor
-            On which face or edge every place lies; asked only for normals and for features of faces.
+            The face or edge of every position. Used only for normals and for features of faces.
         with_normals : bool
-            Whether the normal is among the coordinates.
+            Whether the normal is one of the coordinates.
         """
         parts = [interpolate(self.shape.vertices)]
         if with_normals:
@@ -82,17 +82,17 @@ class Extras:
 
 
 def cells_of(shape: Mesh | Contour) -> Int64[Tensor, "F corners"]:
-    """The faces of a mesh, the edges of a contour."""
+    """The faces of a mesh or the edges of a contour."""
     return shape.edges if isinstance(shape, Contour) else shape.faces
 
 
 def cell_shares(shape: Mesh | Contour) -> Float[Tensor, " F"]:
-    """The area of every face (or length of every edge) divided by their total: the probability of the cell.
+    """The area of every face (or length of every edge) divided by the total: the probability of the cell.
 
     Raises
     ------
     ValueError
-        If the total is zero: a shape without area carries no measure.
+        If the total is zero.
     """
     sizes = edge_lengths(shape) if isinstance(shape, Contour) else face_areas(shape)
     total = sizes.sum()

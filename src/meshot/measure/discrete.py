@@ -1,4 +1,4 @@
-"""Discrete probability measures, and the two encodings of a mesh that end in one."""
+"""Discrete probability measures, and the encodings of a mesh as such a measure."""
 
 import dataclasses
 
@@ -14,21 +14,21 @@ from meshot.types import Float, Tensor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DiscreteMeasure:
-    """Finitely many weighted points: Σᵢ aᵢ δ(xᵢ), validated at the door.
+    """A discrete probability measure Σᵢ aᵢ δ(xᵢ), validated when it is created.
 
     Parameters
     ----------
     points : tensor or array
-        The supports xᵢ, one row each.
+        The support points xᵢ, one row each.
     weights : tensor or array, optional
-        The masses aᵢ, each at least zero, that sum to one; equal masses if left out. They are given the dtype of the
-        points, and are divided by their sum if it is within 1e-5 of one.
+        The masses aᵢ, non-negative with sum one; equal by default. They are converted to the dtype of the points, and
+        divided by their sum if it is within 1e-5 of one.
 
     Raises
     ------
     ValueError
-        If an array is empty, has another shape or dtype, or holds NaN; if a weight is negative or the weights do not
-        sum to one.
+        If an array is empty, has the wrong shape or dtype, or contains NaN; if a weight is negative or the weights do
+        not sum to one.
 
     Examples
     --------
@@ -49,12 +49,12 @@ class DiscreteMeasure:
 
     @property
     def places(self) -> Float[Tensor, "n d"]:
-        """The points, under the name that every :class:`meshot.measure.Measure` has for them."""
+        """The points. All classes that follow :class:`meshot.measure.Measure` have this attribute."""
         return self.points
 
     @property
     def cells(self) -> None:
-        """None: the mass sits on the points."""
+        """None, because the mass is concentrated in points."""
         return None
 
     def to(self, *args: object, **kwargs: object) -> "DiscreteMeasure":
@@ -85,32 +85,32 @@ def empirical(
 ) -> DiscreteMeasure:
     """The empirical measure of an i.i.d. sample: ``n_points`` equal masses, drawn uniformly by area (or length).
 
-    The points are differentiable in the vertices at fixed draws. Alone this leaves out how the face probabilities
-    change with the vertices: wherever areas change, the gradient of an expectation over samples is biased, however many
-    points are drawn. By default the masses carry the missing part.
+    The points are differentiable with respect to the vertices, for fixed random numbers. This gradient alone ignores
+    that the probabilities of the faces depend on the vertices. If areas change, it is biased as an estimate of the
+    gradient of the expectation, for any number of points. By default the masses carry the missing part.
 
     Parameters
     ----------
     shape : Mesh or Contour
     n_points : int
-        The number m of supports.
+        The number m of support points.
     generator : numpy.random.Generator, torch.Generator or int
-        Who holds the randomness; an integer is a seed.
+        Random number generator; an integer is a seed.
     normal_scale : float
-        The length given to the unit normal of the face that a point was drawn from, in units of the vertices: an
-        oriented sample. At zero, the default of every encoding, there are no such coordinates.
+        The length of the scaled unit normal of the face that a point was drawn from, in units of the vertices. With 0,
+        the default of every encoding, normals are not part of the coordinates.
     features, face_features, feature_scale
-        As :func:`meshot.surface`: interpolated where a point was drawn.
+        As :func:`meshot.surface`, interpolated at the drawn points.
     detach_weights : bool
-        Stop the gradient through the areas, so that only the points carry it, as the paper and most codes have it. By
-        default, as in every encoding, it goes through them too: each mass stays 1/m in value, and changes as the
-        probability of the face that its point was drawn from (relative to the others drawn), so that the gradient of
-        an expectation is right up to O(1/m).
+        Whether to stop the gradient through the areas, so that it flows only through the points, as in the paper and in
+        most implementations. By default the gradient includes the areas: each mass has the value 1/m, and its
+        derivative is that of the probability of its face, relative to the other drawn faces. The gradient of the
+        expectation is then correct up to O(1/m).
 
     Raises
     ------
     ValueError
-        If ``n_points`` < 1, a scale is negative, features do not fit, or the shape has no area.
+        If ``n_points`` < 1, a scale is negative, features do not fit, or the shape has zero area.
 
     References
     ----------
@@ -151,23 +151,23 @@ def varifold(
     Parameters
     ----------
     shape : Mesh or Contour
-        With normals a mesh gives supports in R⁶, a contour in R⁴; without, in R³ and R². Features are further
-        coordinates.
+        With normals, the support points are in R⁶ for a mesh and in R⁴ for a contour; without, in R³ and R². Features
+        are further coordinates.
     normal_scale : float
-        The length given to a unit normal, in units of the vertices: with vertices in mm and a scale of 10, turning a
-        face around costs as much as moving it by 20 mm. At zero, the default of every encoding, there are no such
-        coordinates, since no length suits a mesh in mm and one of unit size alike: what is left are the barycentres,
-        weighted by area. The paper's varifold has 1.
+        The length of a scaled unit normal, in units of the vertices. With vertices in mm and a scale of 10, reversing
+        a face costs as much as moving it by 20 mm. With 0, the default of every encoding, normals are not part of the
+        coordinates, because no single length suits meshes of every size; the measure then consists of barycentres
+        weighted by area. The paper uses 1.
     features, face_features, feature_scale
-        As :func:`meshot.surface`; features of the vertices are averaged over the corners of the face.
+        As :func:`meshot.surface`; features of vertices are averaged over the corners of the face.
     detach_weights : bool
-        Stop the gradient through the areas, so that only barycentres and normals carry it. By default, as in every
-        encoding, it goes through them too and is that of the whole measure.
+        Whether to stop the gradient through the areas, so that it flows only through barycentres and normals. By
+        default, as in every encoding, the gradient is that of the whole measure, areas included.
 
     Raises
     ------
     ValueError
-        If a scale is negative, features do not fit, or the shape has no area.
+        If a scale is negative, features do not fit, or the shape has zero area.
 
     References
     ----------
@@ -200,31 +200,31 @@ def varifold_sample(
     feature_scale: float = 1.0,
     detach_weights: bool = False,
 ) -> DiscreteMeasure:
-    """So many supports of the oriented varifold, whatever the size of the mesh: faces drawn by area, of equal mass.
+    """A random sample of the oriented varifold: ``n_points`` faces drawn by area, with equal masses.
 
-    An i.i.d. sample of :func:`meshot.varifold`; a large face may be drawn twice. What follows costs time and memory by
-    ``n_points``, not by the faces.
+    This is an i.i.d. sample of :func:`meshot.varifold`; a large face may be drawn more than once. Time and memory of a
+    loss then depend on ``n_points`` instead of the number of faces.
 
     Parameters
     ----------
     shape : Mesh or Contour
     n_points : int
-        The number of supports.
+        The number n of support points.
     generator : numpy.random.Generator, torch.Generator or int
-        Who holds the randomness; an integer is a seed.
+        Random number generator; an integer is a seed.
     normal_scale, features, face_features, feature_scale
         As :func:`meshot.varifold`.
     detach_weights : bool
-        Stop the part of the gradient that goes through the areas. By default, as in every encoding, it is kept: every
-        mass stays 1/n in value and changes as the area of its face does, relative to the others drawn, so that the
-        gradient of an expectation is that of the whole varifold up to O(1/n).
+        Whether to stop the gradient through the areas. By default the gradient includes them: each mass has the value
+        1/n, and its derivative is that of the area of its face, relative to the other drawn faces. The gradient of the
+        expectation is then that of the whole varifold up to O(1/n).
 
     Raises
     ------
     ValueError
-        If ``n_points`` < 1, a scale is negative, features do not fit, or the shape has no area.
+        If ``n_points`` < 1, a scale is negative, features do not fit, or the shape has zero area.
     """
-    Extras(shape, normal_scale, features, face_features, feature_scale)  # face_features belong to all faces
+    Extras(shape, normal_scale, features, face_features, feature_scale)  # validates face_features against all faces
     drawn, _ = sample_locations(shape, n_points, generator)
     cells = cells_of(shape)[drawn]
     part = Contour(shape.vertices, cells) if isinstance(shape, Contour) else Mesh(shape.vertices, cells)
@@ -236,6 +236,6 @@ def varifold_sample(
 
 
 def _drawn_masses(shares: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
-    """Equal in value; in derivative, each changes with the logarithm of the probability it was drawn with."""
+    """Equal masses whose derivatives are those of the logarithms of the drawn probabilities, with sum zero."""
     changes = shares / shares.detach()
     return changes / changes.sum()

@@ -1,29 +1,30 @@
-"""The check of weights: masses, each at least zero, that sum to one."""
+"""Validation of weights: non-negative masses that sum to one."""
 
 import torch
 
 from meshot.errors import as_floating
 from meshot.types import Float, Tensor
 
-_NEAR_ONE = 1e-5  # a sum within this of one is taken for rounding, such as of weights made in single precision
-# A sum of n numbers, added in pairs, is off by at most log2(n) units of rounding, below 32. Weights were divided by one
-# such sum and are added up by another: up to twice that is no reason to change them.
+_NEAR_ONE = 1e-5  # a sum within this of one is attributed to rounding, for example of single-precision weights
+# A pairwise sum of n numbers has an error of at most log2(n) units of rounding, below 32. Weights are divided by one
+# such sum and added up by another. Deviations up to twice that bound are therefore not corrected.
 _ROUNDING = 64
 
 
 def as_probabilities(weights: object, points: Tensor, n_items: int) -> Float[Tensor, " n"]:
-    """``n_items`` masses that sum to one, of the dtype of the points.
+    """The weights as ``n_items`` masses that sum to one, in the dtype of the points.
 
-    Weights of another floating-point type are cast. A sum within 1e-5 of one is mended by dividing by it, unless it is
-    as near as rounding allows; the gradient takes that sum as a constant.
+    Weights of another floating-point dtype are converted. If the sum is within 1e-5 of one, but not one up to rounding,
+    the weights are divided by it. In the gradient that sum is a constant.
 
     Parameters
     ----------
     weights : tensor or array
-        Each at least zero.
+        Non-negative.
     points : tensor
-        Whose dtype the weights get, and on whose device they must be.
+        Determines the dtype of the weights, and the device on which they must be.
     n_items : int
+        The required number of weights.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What every measure offers to a loss: a third kind needs no change there."""
+"""The interface between measures and losses."""
 
 from typing import Protocol, runtime_checkable
 
@@ -7,23 +7,23 @@ from meshot.types import Float, Int64, Tensor
 
 @runtime_checkable
 class Measure(Protocol):
-    """A probability measure as the losses read it: points, or mass spread evenly over triangles or segments.
+    """A probability measure as the losses use it: weighted points, or mass distributed over triangles or segments.
 
-    :class:`meshot.DiscreteMeasure` and :class:`meshot.SurfaceMeasure` are two. Any other class with these three
-    attributes is taken by every loss that takes theirs; it is trusted to be valid, as those two check themselves.
+    :class:`meshot.DiscreteMeasure` and :class:`meshot.SurfaceMeasure` follow this protocol. Every loss that accepts
+    them accepts any other class with these three attributes. Such a class is not validated.
     """
 
     @property
     def places(self) -> Float[Tensor, "n d"]:
-        """What a direction projects, in units of the vertices; the supports, or the corners of the cells."""
+        """The positions that are projected, in units of the vertices: support points, or corners of the cells."""
         ...
 
     @property
     def weights(self) -> Float[Tensor, " k"]:
-        """The masses of the cells, or of the points where there are no cells; at least zero, with sum one."""
+        """The masses of the cells, or of the points if there are no cells. Non-negative, with sum one."""
         ...
 
     @property
     def cells(self) -> Int64[Tensor, "k corners"] | None:
-        """Which places are the corners of each triangle (three) or segment (two); None for a measure of points."""
+        """The indices of the corners of each triangle (three) or segment (two); None for a measure of points."""
         ...

@@ -1,9 +1,9 @@
-"""Triangle meshes and contours: the data that everything else works on.
+"""Triangle meshes and contours, with reading and writing, sampling, and triangulation of polygons.
 
-:class:`Mesh` and :class:`Contour` are frozen and are validated once, when they are made. Here are also reading and
-writing, sampling, and polygons cut into triangles. Smaller rooms: ``geometry`` (areas, normals, curvature),
-``topology`` (counts, crossing faces), ``shapes`` (analytic examples), ``editing`` (smoothing, mending, decimation).
-Lengths are in the units of the vertices; the space is scanner RAS in mm where a file says so.
+:class:`Mesh` and :class:`Contour` are immutable and are validated when they are created. Subpackages: ``geometry``
+(areas, normals, curvature), ``topology`` (counts, self-intersections), ``shapes`` (analytic examples), ``editing``
+(smoothing, repair, decimation). Lengths are in the units of the vertices. Coordinates read from scans are scanner RAS
+in mm.
 """
 
 import lazy_loader

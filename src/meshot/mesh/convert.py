@@ -1,4 +1,4 @@
-"""Meshes to and from trimesh and PyVista, which are imported when they are needed."""
+"""Conversion of meshes to and from trimesh and PyVista, which are imported only when needed."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,17 +11,17 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-#: File formats, by suffix, that PyVista (VTP, VTK) and trimesh (GLB) read and write for us.
+#: Suffixes of the file formats that are read and written by PyVista (VTP, VTK) and trimesh (GLB).
 EXCHANGED = ("vtp", "vtk", "glb")
 
 
 def trimesh_arrays(other: Any) -> tuple[Array, Array]:
-    """Vertices and faces of a ``trimesh.Trimesh``, or of all in a ``trimesh.Scene``, where its transforms put them.
+    """Vertices and faces of a ``trimesh.Trimesh``, or of all meshes in a ``trimesh.Scene`` after its transforms.
 
     Raises
     ------
     ValueError
-        If it is neither, or a scene without triangles.
+        If ``other`` is of another class, or has no triangles.
     """
     import trimesh
 
@@ -35,19 +35,19 @@ def trimesh_arrays(other: Any) -> tuple[Array, Array]:
 
 
 def as_trimesh(vertices: Array, faces: Array) -> "trimesh.Trimesh":
-    """A ``trimesh.Trimesh`` with these vertices and faces, in this order: nothing is merged."""
+    """A ``trimesh.Trimesh`` with the same vertices and faces, in the same order. Vertices are not merged."""
     import trimesh
 
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def pyvista_arrays(other: Any) -> tuple[Array, Array]:
-    """Vertices and faces of a ``pyvista.PolyData``; faces with more than three corners, and strips, are cut.
+    """Vertices and faces of a ``pyvista.PolyData``. Strips and faces with more than three corners are triangulated.
 
     Raises
     ------
     ValueError
-        If it is another class, or has no triangles.
+        If ``other`` is of another class, or has no triangles.
     """
     import pyvista
 
@@ -63,7 +63,7 @@ def pyvista_arrays(other: Any) -> tuple[Array, Array]:
 
 
 def as_pyvista(vertices: Array, faces: Array) -> "pyvista.PolyData":
-    """A ``pyvista.PolyData`` with these vertices and faces, in double precision."""
+    """A ``pyvista.PolyData`` with the same vertices and faces, in double precision."""
     import pyvista
 
     return pyvista.PolyData.from_regular_faces(np.asarray(vertices), np.asarray(faces))
@@ -72,13 +72,13 @@ def as_pyvista(vertices: Array, faces: Array) -> "pyvista.PolyData":
 def read_exchanged(path: Path, kind: str) -> tuple[Array, Array]:
     """Vertices and faces from a file of one of the ``EXCHANGED`` formats.
 
-    A GLB file holds a scene: all its meshes are joined, whatever their materials, where the scene puts them, and
-    vertices that coincide, as at the seams of materials and normals, are merged.
+    A GLB file contains a scene. All its meshes are transformed as the scene says and joined, whatever their materials.
+    Vertices at the same position, such as those along seams of materials or normals, are merged.
 
     Raises
     ------
     ValueError
-        If the file holds no triangles.
+        If the file has no triangles.
     """
     if kind != "glb":
         import pyvista
@@ -94,7 +94,7 @@ def read_exchanged(path: Path, kind: str) -> tuple[Array, Array]:
 
 
 def write_exchanged(path: Path, kind: str, vertices: Array, faces: Array) -> None:
-    """Write a file of one of the ``EXCHANGED`` formats, whose suffix the path must have."""
+    """Write a file of one of the ``EXCHANGED`` formats. The path must have the suffix of the format."""
     if kind == "glb":
         as_trimesh(vertices, faces).export(path, file_type=kind)
     else:

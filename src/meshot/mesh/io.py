@@ -1,4 +1,4 @@
-"""Meshes from files and into files; in memory always scanner RAS, in mm."""
+"""Reading and writing of mesh files. Vertices in memory are in scanner RAS, in mm."""
 
 import io
 import os
@@ -34,30 +34,30 @@ _MARKS = (
     ("vtk", b"# vtk"),
     ("glb", b"gltf"),
 )
-# Columns: where the first, second and third voxel axis of FreeSurfer's own ("tkregister") space point.
+# Columns: the directions of the first, second and third voxel axis in FreeSurfer's surface RAS ("tkregister") space.
 _SURFACE_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
 def read_mesh(path: str | os.PathLike, c_ras: tuple[float, float, float] | None = None) -> Mesh:
-    """A mesh from PLY, OBJ, OFF, STL, VTP, VTK, GLB, GIfTI or FreeSurfer, float64, vertices in scanner RAS (mm).
+    """Read a mesh from PLY, OBJ, OFF, STL, VTP, VTK, GLB, GIfTI or FreeSurfer: float64, in scanner RAS (mm).
 
-    The format is told by the suffix, or else by the content. FreeSurfer stores surface RAS: the volume information at
-    the end of the file leads to the scanner. GIfTI's own matrix is applied if it leads from an unknown space to the
-    scanner. The other formats say nothing about space and are taken as they are. The corners of an STL file, which has
-    only loose triangles, are merged where they coincide, and so are those of a GLB file, of which all meshes are joined
-    where its scene puts them.
+    The format is recognised by the suffix, or else by the content. FreeSurfer files store surface RAS, which is
+    converted to scanner RAS with the volume information at the end of the file. The matrix of a GIfTI file is applied
+    if it maps an unknown space to the scanner. The other formats carry no information about space, and their
+    coordinates are not changed. In STL files, corners at the same position are merged. In GLB files, all meshes are
+    joined after the transforms of the scene, and vertices at the same position are merged.
 
     Parameters
     ----------
     path : path
     c_ras : three numbers, optional
-        Where the centre of a FreeSurfer surface's volume lies in the scanner, if the file does not say.
+        The scanner coordinates of the centre of a FreeSurfer surface's volume, if the file does not contain them.
 
     Raises
     ------
     ValueError
-        If the file is missing, truncated, of no known format, or no triangle mesh; if a FreeSurfer surface does not
-        say where it lies and ``c_ras`` is not given.
+        If the file is missing, truncated, of unknown format, or not a triangle mesh; or if a FreeSurfer surface has no
+        volume information and ``c_ras`` is not given.
 
     Examples
     --------
@@ -85,24 +85,24 @@ def read_mesh(path: str | os.PathLike, c_ras: tuple[float, float, float] | None 
         else:
             vertices, faces = _read_gifti(path) if kind == "gifti" else _read_plain(path, kind)
         return Mesh(torch.from_numpy(np.array(vertices, np.float64)), torch.from_numpy(np.array(faces, np.int64)))
-    except Exception as error:  # three libraries' parsers, each with its own ways to fail
+    except Exception as error:  # the parsers of three libraries raise many types
         raise ValueError(f"{path} cannot be read as a {kind} mesh: {error}") from error
 
 
 def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
-    """Write a mesh, in the format of the suffix; vertices are given in scanner RAS (mm).
+    """Write a mesh in the format given by the suffix. Vertices are in scanner RAS (mm).
 
-    GIfTI (``.gii``, ``.gii.gz``) is written in scanner RAS and says so. FreeSurfer surfaces (``lh.…``, ``rh.…``, or a
-    suffix such as ``.white``) are written in the surface RAS of the cube of 256 mm to which FreeSurfer conforms a
-    scan, with volume information. All but OBJ, OFF, VTP and VTK hold 32-bit numbers: about 1e-5 mm at 100 mm.
+    GIfTI files (``.gii``, ``.gii.gz``) are written in scanner RAS and labelled so. FreeSurfer surfaces (``lh.…``,
+    ``rh.…``, or a suffix such as ``.white``) are written in the surface RAS of FreeSurfer's conformed volume, a cube
+    of 256 mm, with volume information. All formats but OBJ, OFF, VTP and VTK hold 32-bit numbers: the error is about
+    1e-5 mm at 100 mm.
 
     Parameters
     ----------
     path : path
     mesh : Mesh
     c_ras : three numbers
-        Used for FreeSurfer surfaces only: the centre of the scan in scanner RAS, see
-        :func:`meshot.volume.centre_ras`.
+        For FreeSurfer surfaces only: the centre of the scan in scanner RAS, see :func:`meshot.volume.centre_ras`.
 
     Raises
     ------
@@ -207,14 +207,14 @@ def _gifti_image(vertices: Array, faces: Array) -> nibabel.GiftiImage:
 def _read_freesurfer(path: Path, c_ras: tuple[float, float, float] | None) -> tuple[Array, Array]:
     require_room_in_freesurfer(path.read_bytes())
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # nibabel warns of missing volume information; here that is an error
+        warnings.simplefilter("ignore")  # nibabel warns about missing volume information; here that is an error
         vertices, faces, info = nibabel.freesurfer.read_geometry(path, read_metadata=True)
     known = "cras" in info and str(info.get("valid", "1")).strip().startswith("1")
     if not known and c_ras is None:
         raise ValueError("it does not say where it lies in the scanner; pass c_ras, (0, 0, 0) for surface RAS as it is")
     if not known:
         return vertices + np.asarray(c_ras, dtype=np.float64), faces
-    # The identity for a volume in FreeSurfer's standard orientation; a reflection for one of the other handedness.
+    # The identity for a volume in FreeSurfer's standard orientation; a reflection for one of opposite handedness.
     axes = np.column_stack([info[name] for name in ("xras", "yras", "zras")]) @ _SURFACE_AXES.T
     vertices = vertices @ axes.T + np.asarray(info["cras"], dtype=np.float64)
     return vertices, faces[:, ::-1] if np.linalg.det(axes) < 0 else faces

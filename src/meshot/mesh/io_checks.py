@@ -1,4 +1,4 @@
-"""What a mesh file must hold before its numbers are believed: as many as its header says, and no more than fit."""
+"""Checks of mesh files before their content is used: complete data, and sizes below a limit."""
 
 import math
 import xml.parsers.expat
@@ -7,19 +7,19 @@ from base64 import b64decode
 
 from meshot.types import Array
 
-#: The most bytes that a compressed file, or one compressed array in it, may hold.
+#: Maximum size of a compressed file, or of one compressed array in it, after decompression, in bytes.
 LARGEST_BYTES = 1 << 27
 _TRIANGLES, _QUADS = (b"\xff\xff\xfe",), (b"\xff\xff\xff", b"\xff\xff\xfd")
-_Property = tuple[str, bool]  # its name, and whether it is a list
+_Property = tuple[str, bool]  # name, and whether it is a list
 
 
 def require_whole_text(content: bytes, kind: str) -> tuple[int, int] | None:
-    """The numbers of vertices and faces that an ASCII PLY or OFF file declares; None for other kinds.
+    """The numbers of vertices and faces that an ASCII PLY or OFF file declares; None for other files.
 
     Raises
     ------
     ValueError
-        If the file has fewer lines than it declares, its last one is cut short, or an ASCII STL does not end.
+        If the file has fewer lines than declared, its last line is incomplete, or an ASCII STL has no end.
     """
     if kind == "stl" and content.lstrip()[:5].lower() == b"solid" and b"facet" in content[:1024]:
         if b"endsolid" not in content[-1024:].lower():
@@ -32,7 +32,7 @@ def require_whole_text(content: bytes, kind: str) -> tuple[int, int] | None:
 
 
 def require_all_read(declared: tuple[int, int] | None, vertices: Array, faces: Array) -> None:
-    """Require as many vertices as were declared, and a triangle at least for every face.
+    """Check that a file has the declared number of vertices, and at least one triangle for every declared face.
 
     Raises
     ------
@@ -46,15 +46,15 @@ def require_all_read(declared: tuple[int, int] | None, vertices: Array, faces: A
 
 
 def require_room_in_freesurfer(content: bytes) -> None:
-    """Require that the vertices and faces that a FreeSurfer surface declares fit into it.
+    """Check that a FreeSurfer surface file is long enough for the vertices and faces it declares.
 
     Raises
     ------
     ValueError
-        If they do not.
+        If it is not.
     """
     if content[:3] in _TRIANGLES:
-        start = content.find(b"\n", content.find(b"\n") + 1) + 1  # behind two lines of text
+        start = content.find(b"\n", content.find(b"\n") + 1) + 1  # after two lines of text
         n_vertices, n_faces = (int.from_bytes(content[start + k : start + k + 4], "big", signed=True) for k in (0, 4))
         needed = 12 * (n_vertices + n_faces)
     elif content[:3] in _QUADS:
@@ -67,12 +67,12 @@ def require_room_in_freesurfer(content: bytes) -> None:
 
 
 def require_room_in_gifti(content: bytes) -> None:
-    """Require that every array of a GIfTI file declares a size that fits what is there, unpacked within the ceiling.
+    """Check that every array of a GIfTI file is as long as declared, and below the maximum size after decompression.
 
     Raises
     ------
     ValueError
-        If one does not, or the file is no XML.
+        If one is not, or the file is not XML.
     """
     parser, check = xml.parsers.expat.ParserCreate(), _GiftiArrays()
     parser.buffer_text = True
@@ -85,7 +85,7 @@ def require_room_in_gifti(content: bytes) -> None:
 
 
 class _GiftiArrays:
-    """What the parser meets, one array after the other."""
+    """Handlers of the XML parser, called for one array after the other."""
 
     def __init__(self):
         self.n_values, self.packed, self.data = 0, False, None
@@ -125,7 +125,7 @@ def _unpacked_length(text: str) -> int:
 
 
 def _ply_counts(lines: list[str]) -> tuple[int, int]:
-    """Elements are lines, in the order in which the header declares them."""
+    """The declared numbers. Elements are lines, in the order in which the header declares them."""
     end = next((k for k, line in enumerate(lines) if line.strip() == "end_header"), None)
     if end is None:
         raise ValueError("its header does not end")

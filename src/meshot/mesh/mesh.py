@@ -1,4 +1,4 @@
-"""A triangle mesh and its 2D counterpart, as plain data."""
+"""Triangle meshes, and contours as their 2D counterpart."""
 
 import dataclasses
 from typing import TYPE_CHECKING
@@ -29,10 +29,10 @@ def _validated(vertices: object, cells: object, dimension: int, corners: int, ki
 
 
 class _Shape:
-    """What a mesh and a contour share: vertices that may be replaced while the cells stay."""
+    """Common methods of meshes and contours."""
 
     def with_vertices(self, vertices: Tensor):
-        """The same connectivity with other vertices; only the shape is checked, the rest is known.
+        """The same connectivity with other vertices. Only the array's shape is checked.
 
         Raises
         ------
@@ -63,20 +63,20 @@ class _Shape:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Mesh(_Shape):
-    """A triangle mesh in R³, validated once, at the door.
+    """A triangle mesh in R³. It is immutable and is validated when it is created.
 
     Parameters
     ----------
     vertices : tensor or array
-        Floating point, one row per vertex; in mm wherever the mesh comes from a scan.
+        Floating point, one row per vertex. In mm if the mesh comes from a scan.
     faces : tensor or array
-        Integers, one row per triangle; counter-clockwise seen from outside, so that normals point outward.
+        Integers, one row per triangle, counter-clockwise seen from outside, so that normals point outwards.
 
     Raises
     ------
     ValueError
-        If an array is empty, has another shape or dtype, holds NaN, names a vertex that does not exist, or a
-        triangle names a vertex twice.
+        If an array is empty, has the wrong shape or dtype, or contains NaN; if a face has the index of a vertex that
+        does not exist, or the same index twice.
 
     Examples
     --------
@@ -98,23 +98,23 @@ class Mesh(_Shape):
 
     @classmethod
     def from_trimesh(cls, other: "trimesh.Trimesh | trimesh.Scene") -> "Mesh":
-        """The mesh of a ``trimesh.Trimesh``, float64; of a scene, all meshes joined where its transforms put them.
+        """The mesh of a ``trimesh.Trimesh``, in float64. The meshes of a scene are transformed and joined.
 
         Raises
         ------
         ValueError
-            If it is another class, or has no triangles.
+            If ``other`` is of another class, or has no triangles.
         """
         return cls(*map(torch.from_numpy, trimesh_arrays(other)))
 
     @classmethod
     def from_pyvista(cls, other: "pyvista.PolyData") -> "Mesh":
-        """The mesh of a ``pyvista.PolyData``, float64; faces with more than three corners are cut into triangles.
+        """The mesh of a ``pyvista.PolyData``, in float64. Faces with more than three corners are triangulated.
 
         Raises
         ------
         ValueError
-            If it is another class, or has no triangles.
+            If ``other`` is of another class, or has no triangles.
         """
         return cls(*map(torch.from_numpy, pyvista_arrays(other)))
 
@@ -135,14 +135,14 @@ class Mesh(_Shape):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Contour(_Shape):
-    """A polygonal line in R², open or closed, validated once: the 2D counterpart of :class:`Mesh`.
+    """A polygonal line in R², open or closed: the 2D counterpart of :class:`Mesh`. Immutable and validated.
 
     Parameters
     ----------
     vertices : tensor or array
         Floating point, one row per vertex.
     edges : tensor or array
-        Integers, one row per edge; counter-clockwise around the inside, so that normals point outward.
+        Integers, one row per edge, counter-clockwise around the interior, so that normals point outwards.
 
     Raises
     ------
@@ -170,7 +170,7 @@ class Contour(_Shape):
 
 
 def closed_contour(vertices: Float[Tensor, "V 2"]) -> Contour:
-    """The contour that joins consecutive vertices and closes at the end.
+    """The contour that connects consecutive vertices, and the last vertex with the first.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Faces with more than three corners, cut into triangles."""
+"""Triangulation of faces with more than three corners."""
 
 import itertools
 from collections.abc import Iterable
@@ -12,23 +12,23 @@ from meshot.types import Array, Float, Int, Tensor
 
 
 def triangulate(vertices: Float[Tensor, "V 3"], polygons: Iterable[Iterable[int] | Int[Tensor, " c"]]) -> Mesh:
-    """The mesh of polygonal faces, each cut into triangles that cover it once: area and measure stay the same.
+    """The mesh of polygonal faces, each divided into triangles. Area and measure stay the same.
 
-    A polygon with n corners becomes n − 2 triangles with the same orientation: a fan around its first corner where all
-    of that fan turn one way (always if it is convex), else by cutting off ears. The corners should lie in one plane;
-    of a warped polygon, whose surface its corners do not determine, this is one choice.
+    A polygon with n corners is divided into n − 2 triangles of the same orientation: a fan around its first corner if
+    all triangles of the fan have the same orientation (always if the polygon is convex), otherwise by ear clipping. The
+    corners should lie in one plane. For other polygons the surface is not unique, and this is one choice.
 
     Parameters
     ----------
     vertices : tensor or array
-        Floating point, one row per vertex; the mesh stays differentiable in them.
+        Floating point, one row per vertex. The mesh is differentiable with respect to them.
     polygons : sequence of sequences of int, or array
-        The corners of every face, in order, of any number from three on.
+        The vertex indices of every face, in order, at least three.
 
     Raises
     ------
     ValueError
-        If a polygon has fewer than three corners, names a vertex twice, or crosses itself, and as :class:`Mesh`.
+        If a polygon has fewer than three corners, a repeated vertex, or intersects itself; otherwise as :class:`Mesh`.
 
     References
     ----------
@@ -50,7 +50,7 @@ def triangulate(vertices: Float[Tensor, "V 3"], polygons: Iterable[Iterable[int]
 
 
 def _triangles(places: Float[Array, "V 3"], corners: list[int], k: int) -> Array:
-    """The triangles of one polygon, the ``k``-th."""
+    """The triangles of the ``k``-th polygon."""
     if len(corners) < 3 or len(set(corners)) < len(corners):
         raise ValueError(f"polygon {k} is {corners}; at least three corners are needed, each a vertex of its own")
     if min(corners) < 0 or max(corners) >= len(places):
@@ -65,7 +65,7 @@ def _triangles(places: Float[Array, "V 3"], corners: list[int], k: int) -> Array
 
 
 def _in_plane(corners: Float[Array, "c 3"]) -> Float[Array, "c 2"]:
-    """Coordinates in the plane normal to the polygon's area vector, around which it runs counter-clockwise."""
+    """Coordinates in the plane normal to the polygon's area vector, in which the polygon runs counter-clockwise."""
     centred = corners - corners.mean(axis=0)
     area = np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
     _, _, axes = np.linalg.svd(area[None])
@@ -74,13 +74,13 @@ def _in_plane(corners: Float[Array, "c 3"]) -> Float[Array, "c 2"]:
 
 
 def _turns(a: Float[Array, "n 2"], b: Float[Array, "m 2"], c: Float[Array, "m 2"]) -> Float[Array, " m"]:
-    """Twice the signed area of triangles: positive where a → b → c turns left."""
+    """Twice the signed area of triangles: positive if a → b → c turns left."""
     ab, ac = b - a, c - a
     return ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
 
 
 def _cut_ears(flat: Float[Array, "c 2"], k: int) -> Array:
-    """Triangles by cutting off ears: corners that turn left, with no other corner in their triangle."""
+    """Triangulation by ear clipping: an ear is a left turn whose triangle contains no other corner."""
     rest, triangles = list(range(len(flat))), []
     while len(rest) > 3:
         ear = next((i for i in range(len(rest)) if _is_ear(flat, rest, i)), None)

@@ -1,4 +1,4 @@
-"""Points drawn from, or spread evenly along, a shape."""
+"""Random or evenly spaced points on a mesh or contour."""
 
 import numpy as np
 import torch
@@ -11,15 +11,15 @@ from meshot.types import Float, Int64, Tensor
 
 
 def sample_points(shape: Mesh | Contour, n_points: int, generator: Generator) -> Float[Tensor, "n d"]:
-    """Independent points, uniform by area on a mesh or by length on a contour.
+    """Independent random points, uniform by area on a mesh or by length on a contour.
 
-    A cell is drawn with probability proportional to its size, then a point uniform on it. Differentiable in the
-    vertices at fixed draws.
+    A cell is drawn with probability proportional to its size, then a point uniformly in it. The points are
+    differentiable with respect to the vertices, for fixed random numbers.
 
     Raises
     ------
     ValueError
-        If ``n_points`` < 1, or the shape has no area.
+        If ``n_points`` < 1, or the shape has zero area (or length).
     """
     cells, barycentric = sample_locations(shape, n_points, generator)
     corners = shape.vertices[(shape.edges if isinstance(shape, Contour) else shape.faces)[cells]]
@@ -29,7 +29,7 @@ def sample_points(shape: Mesh | Contour, n_points: int, generator: Generator) ->
 def sample_locations(
     shape: Mesh | Contour, n_points: int, generator: Generator
 ) -> tuple[Int64[Tensor, " n"], Float[Tensor, "n c"]]:
-    """The cells and barycentric coordinates of a uniform sample, as :func:`sample_points` uses them.
+    """The cells and barycentric coordinates of a uniform random sample, see :func:`sample_points`.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def sample_locations(
         raise ValueError(
             f"the total area or length is {cumulative[-1]:.3g}; only a shape of positive size can be sampled"
         )
-    # Searching below the total keeps empty cells at the end from being drawn.
+    # The upper limit excludes empty cells at the end.
     cells = np.searchsorted(cumulative, generator.random(n_points) * cumulative[-1], side="right")
     cells = np.minimum(cells, np.searchsorted(cumulative, cumulative[-1], side="left"))
     if isinstance(shape, Contour):
@@ -63,19 +63,19 @@ def _cell_sizes(shape: Mesh | Contour) -> np.ndarray:
 
 
 def even_points(contour: Contour, n_points: int, offset: float = 0.5) -> Float[Tensor, "n 2"]:
-    """Points at equal spacing of arc length along the edges of a contour, in the order of the edges.
+    """Points at equal distances of arc length along the edges of a contour, in the order of the edges.
 
     Parameters
     ----------
     contour : Contour
     n_points : int
     offset : float
-        Where the first point lies, in spacings, in [0, 1).
+        Arc length of the first point in units of the spacing, in [0, 1).
 
     Raises
     ------
     ValueError
-        If ``n_points`` < 1, ``offset`` is outside [0, 1), or the contour has no length.
+        If ``n_points`` < 1, ``offset`` is outside [0, 1), or the contour has zero length.
     """
     require_positive_integer(n_points, "n_points")
     if not 0 <= offset < 1:

@@ -1,7 +1,7 @@
-"""Distances that judge a surface: each with a unit, a definition and the floor of a perfect surface.
+"""Metrics that compare a predicted surface with a target, each with a unit, a definition and a floor.
 
-:func:`evaluate` gives all of them. They are computed with POT, GeomLoss, libigl and SciPy and never with the losses of
-this package, so that an error in a loss cannot hide in the number that judges it.
+:func:`evaluate` computes all of them. They use POT, GeomLoss, libigl and SciPy and share no code with the losses of
+this package, so that an error in a loss cannot affect the metrics.
 """
 
 import lazy_loader

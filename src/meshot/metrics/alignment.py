@@ -1,4 +1,4 @@
-"""Two surfaces of one subject, brought together by a rigid motion: what a comparison of two scans has to do first."""
+"""Rigid alignment of two surfaces of one subject, for example from two scans."""
 
 import dataclasses
 import math
@@ -16,17 +16,17 @@ from meshot.types import Array, Float
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Alignment:
-    """A surface after a rigid motion, and what is left.
+    """A surface after rigid alignment, and the remaining distance.
 
     Parameters
     ----------
     mesh : Mesh
-        The source, moved.
+        The source after the motion.
     rotation, translation : array
         x ↦ ``rotation`` x + ``translation``, in units of the vertices.
     residues : tuple of float
         The root mean squared distance from the source's points to the target's faces, before each step and after the
-        last: the last one is the **residue** of the alignment.
+        last one. The last entry is the **residue** of the alignment.
     """
 
     mesh: Mesh
@@ -36,12 +36,12 @@ class Alignment:
 
     @property
     def residue(self) -> float:
-        """What the motion leaves, in units of the vertices; the surfaces differ by it, or the search stopped early."""
+        """The last of ``residues``: the surfaces differ by it, or the iteration stopped early."""
         return self.residues[-1]
 
     @property
     def turn_degrees(self) -> float:
-        """The angle of the rotation."""
+        """The angle of the rotation, in degrees."""
         sine = np.linalg.norm(self.rotation - self.rotation.T) / math.sqrt(8)
         return math.degrees(math.atan2(sine, (np.trace(self.rotation) - 1) / 2))
 
@@ -54,34 +54,36 @@ def rigidly_aligned(
     max_steps: int = 100,
     tolerance: float = 1e-6,
 ) -> Alignment:
-    """The source moved onto the target by iterative closest points: rotation and translation, no scaling.
+    """Align the source with the target by iterative closest points: rotation and translation, no scaling.
 
-    At each step every one of ``n_points`` points of the source finds its nearest point on the faces of the target, and
-    the motion is found that brings it closest to the tangent plane there; where that would not help, to the point
-    itself, which cannot harm. It finds a nearby minimum: a few centimetres or some twenty degrees away for a cortical
-    surface, not more. What is found depends on which points were drawn by much less than the residue.
+    Each step finds, for every one of ``n_points`` points of the source, the nearest point on the faces of the target.
+    It then computes the motion that minimises the distances to the tangent planes there. If this motion increases the
+    distance to the target, the step minimises the distances to the nearest points instead, which cannot increase it.
+    The result is a local minimum. For a cortical surface the initial offset may be a few centimetres or about 20
+    degrees, not more. The result depends on the random points by much less than the residue.
 
     Parameters
     ----------
     source, target : Mesh
-        In the same space and unit; they should overlap already.
+        In the same space and unit. They should already overlap.
     n_points : int
-        Drawn once on the source, uniform by area.
+        Number of points drawn on the source, uniformly by area.
     generator : numpy.random.Generator, torch.Generator or int
-        Of these points.
+        Random number generator of these points; an integer is a seed.
     max_steps : int
+        Maximum number of steps.
     tolerance : float
-        Stops where a step moves no point further than this, in units of the vertices.
+        The iteration stops when no point moves further than this in a step, in units of the vertices.
 
     Raises
     ------
     ValueError
-        If a count is no positive integer, the tolerance not positive, or a mesh has no area or is not finite.
+        If a count is not a positive integer, the tolerance is not positive, or a mesh has zero area or is not finite.
 
     Warns
     -----
     UserWarning
-        If the steps end before the points have come to rest.
+        If the tolerance is not reached within ``max_steps`` steps.
 
     References
     ----------
@@ -127,7 +129,7 @@ def _apply(points: Array, rotation: Array, translation: Array) -> Float[Array, "
 
 
 def _plane_step(points: Array, nearest: Array, normals: Array) -> tuple[Float[Array, "3 3"], Float[Array, " 3"]]:
-    """The small motion after which the points lie closest to the planes through ``nearest``."""
+    """The small motion that minimises the distances of the points to the tangent planes at ``nearest``."""
     middle = points.mean(axis=0)
     rows = np.concatenate([np.cross(points - middle, normals), normals], axis=1)
     found = np.linalg.lstsq(rows, ((nearest - points) * normals).sum(axis=1), rcond=1e-9)[0]
@@ -136,7 +138,7 @@ def _plane_step(points: Array, nearest: Array, normals: Array) -> tuple[Float[Ar
 
 
 def _turn(axis: Float[Array, " 3"]) -> Float[Array, "3 3"]:
-    """The rotation about an axis by its length in radians (Rodrigues)."""
+    """The rotation about an axis by an angle equal to its length, in radians (Rodrigues)."""
     angle = float(np.linalg.norm(axis))
     if angle == 0:
         return np.eye(3)
@@ -146,7 +148,7 @@ def _turn(axis: Float[Array, " 3"]) -> Float[Array, "3 3"]:
 
 
 def _point_step(points: Array, nearest: Array) -> tuple[Float[Array, "3 3"], Float[Array, " 3"]]:
-    """The motion with the least mean squared distance from each point to its partner (Kabsch)."""
+    """The motion that minimises the mean squared distance between paired points (Kabsch)."""
     middles = points.mean(axis=0), nearest.mean(axis=0)
     left, _, right = np.linalg.svd((nearest - middles[1]).T @ (points - middles[0]))
     sign = np.sign(np.linalg.det(left @ right))

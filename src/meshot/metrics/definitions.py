@@ -1,10 +1,10 @@
-"""What each metric is called, its unit, and a definition that leaves nothing open."""
+"""Name, unit and exact definition of every metric."""
 
 from typing import NamedTuple
 
 
 class Row(NamedTuple):
-    """A metric, but for its numbers."""
+    """Name, unit and definition of a metric."""
 
     name: str
     unit: str
@@ -87,7 +87,7 @@ ROWS = {
         "the floor is the target's own.",
     ),
 }
-#: The definition of EMD where it is taken by Sinkhorn's algorithm.
+#: The definition of the EMD if it is computed by Sinkhorn's algorithm.
 BLURRED_EMD = (
     "Root of the debiased Sinkhorn divergence with squared Euclidean cost (p = 2; twice what GeomLoss returns) and a "
     "blur of {emd_blur} mm between {n_emd_points} points of each surface, drawn uniformly by area; scaling 0.95."

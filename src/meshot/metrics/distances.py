@@ -1,4 +1,4 @@
-"""Distances and angles between a surface and points of another, to the faces, not to the vertices."""
+"""Distances and normal angles between points of one surface and the faces of another."""
 
 import dataclasses
 
@@ -14,7 +14,7 @@ from meshot.types import Array, Float
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SurfaceSample:
-    """Points of a surface, uniform by area, each with the unit normal of the face it lies on."""
+    """Random points on a surface, uniform by area, with the unit normals of their faces."""
 
     points: Float[Array, "n 3"]
     normals: Float[Array, "n 3"]
@@ -22,19 +22,19 @@ class SurfaceSample:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Offsets:
-    """For points of one surface: how far the nearest point of the other's faces is, and the cosine between normals."""
+    """Distances from points of one surface to the faces of another, and cosines between the normals there."""
 
     distances: Float[Array, " n"]
     cosines: Float[Array, " n"]
 
 
 class Surface:
-    """A mesh with the search tree of its faces: double precision, ready to be asked for nearest points.
+    """A mesh in double precision with a search tree of its faces, for nearest-point queries.
 
     Raises
     ------
     ValueError
-        If a vertex is NaN or infinite, which ``with_vertices`` lets pass.
+        If a vertex is NaN or infinite (``with_vertices`` does not check this).
     """
 
     def __init__(self, mesh: Mesh):
@@ -47,23 +47,23 @@ class Surface:
         self.tree.init(self.vertices, self.faces)
 
     def sample(self, n_points: int, generator: Generator) -> SurfaceSample:
-        """Independent points, uniform by area."""
+        """Independent random points, uniform by area."""
         require_positive_integer(n_points, "n_points")
         faces, barycentric = (x.numpy() for x in sample_locations(self.mesh, n_points, generator))
         corners = self.vertices[self.faces[faces]]
         return SurfaceSample(np.einsum("nc,nck->nk", barycentric, corners), self.normals[faces])
 
     def offsets(self, sample: SurfaceSample) -> Offsets:
-        """Distances from the points of another surface to this one, and cosines between the normals there."""
+        """Distances from the points of another surface to this surface, and cosines between the normals there."""
         squared, faces, _ = self.tree.squared_distance(self.vertices, self.faces, sample.points)
-        # Rounding can leave a point of the surface itself a little below zero.
+        # For a point on the surface itself, rounding can give a slightly negative square.
         return Offsets(np.sqrt(np.maximum(squared, 0)), (self.normals[faces] * sample.normals).sum(axis=1))
 
 
 def offsets_between(
     first: Surface, second: Surface, n_points: int, generators: tuple[Generator, Generator] = (0, 1)
 ) -> tuple[Offsets, Offsets]:
-    """From so many points of each surface to the other: what the distances below are made of."""
+    """Distances and normal cosines from ``n_points`` random points of each surface to the other surface."""
     there, back = (each.sample(n_points, draw) for each, draw in zip((first, second), generators, strict=True))
     return second.offsets(there), first.offsets(back)
 
@@ -74,7 +74,7 @@ def average_surface_distance(there: Offsets, back: Offsets) -> float:
 
 
 def hausdorff_distance(there: Offsets, back: Offsets, quantile: float = 0.9) -> float:
-    """The larger of the two quantiles of the distances; at 1, the Hausdorff distance of the samples.
+    """The larger of the two quantiles of the distances. With ``quantile`` 1, the Hausdorff distance of the samples.
 
     Raises
     ------
@@ -93,6 +93,6 @@ def normal_agreement(there: Offsets, back: Offsets, signed: bool = False) -> flo
 
 
 def vertex_distances(mesh: Mesh, target: Mesh) -> Float[Array, " V"]:
-    """The distance of every vertex from the nearest point on the faces of another surface, to colour a picture by."""
+    """The distance of every vertex to the nearest point on the faces of another surface, in units of the vertices."""
     points = mesh.vertices.detach().double().cpu().numpy()
     return Surface(target).offsets(SurfaceSample(points, np.zeros_like(points))).distances

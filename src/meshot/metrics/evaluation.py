@@ -1,23 +1,23 @@
-"""What an evaluation is: numbers with their units, definitions and floors."""
+"""The result of an evaluation: values with units, definitions and floors."""
 
 import dataclasses
 
 
 @dataclasses.dataclass(frozen=True)
 class Metric:
-    """One number of the ruler.
+    """One metric of an evaluation.
 
     Parameters
     ----------
     name : str
     value : float
     unit : str
-        "mm", "%", or what is counted; empty for a pure number.
+        "mm", "%", or what is counted; empty for a dimensionless number.
     definition : str
-        One sentence that leaves nothing open.
+        An exact definition in one sentence.
     floor : float
-        What the target scores against itself, from two independent samples of the same size: a perfect prediction
-        would do no better.
+        The value for two independent samples of the target of the same size. A perfect prediction would have a similar
+        value.
     """
 
     name: str
@@ -29,9 +29,9 @@ class Metric:
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """How close a surface is to a target surface; ``print`` it for a table, see ``definitions`` for what was measured.
+    """All metrics between a surface and a target surface. ``print`` shows a table; see also ``definitions``.
 
-    Lengths are in the units of the vertices, taken to be mm.
+    Lengths are in the units of the vertices, assumed to be mm.
     """
 
     emd: Metric
@@ -58,7 +58,7 @@ class Evaluation:
         return {name: dataclasses.asdict(getattr(self, name)) for name in self.__dataclass_fields__}
 
     def definitions(self) -> str:
-        """One line per metric: its name and what it is."""
+        """The name and the definition of every metric, one line each."""
         width = max(len(metric.name) for metric in self.metrics())
         return "\n".join(f"{metric.name.ljust(width)}  {metric.definition}" for metric in self.metrics())
 

@@ -1,4 +1,4 @@
-"""What the ruler says of meshes that it cannot measure, or can measure only in part."""
+"""Checks of the meshes that are compared, with errors and warnings."""
 
 import warnings
 
@@ -8,22 +8,22 @@ from meshot.mesh import Mesh
 from meshot.mesh.topology import boundary_edges, is_consistently_oriented, nonmanifold_edges
 from meshot.metrics.distances import Surface
 
-#: Ratios of the diagonals of two boxes: from the first on we warn, from the second on we refuse.
+#: Ratios of the diagonals of two bounding boxes: above the first a warning is issued, above the second an error.
 UNLIKE, ANOTHER_UNIT = 2, 10
 
 
 def require_same_space(predicted: Surface, target: Surface) -> None:
-    """Require that two surfaces overlap and have about the same size: else large numbers without meaning come out.
+    """Check that two surfaces overlap and have similar sizes. Otherwise the metrics would be meaningless.
 
     Raises
     ------
     ValueError
-        If the boxes around them (with a margin of 5 %) do not meet, or one is ten times the other.
+        If the bounding boxes (with a margin of 5 %) do not overlap, or one diagonal is ten times the other.
 
     Warns
     -----
     UserWarning
-        If the boxes share less than half of the smaller one, or one is twice the other.
+        If the boxes share less than half of the smaller one, or one diagonal is twice the other.
     """
     boxes = [(s.vertices.min(axis=0), s.vertices.max(axis=0)) for s in (predicted, target)]
     sizes = [float(np.linalg.norm(high - low)) for low, high in boxes]
@@ -44,12 +44,13 @@ def require_same_space(predicted: Surface, target: Surface) -> None:
 
 
 def warn_of_defects(mesh: Mesh, name: str, volume: float) -> None:
-    """Say which of the numbers mean less on a mesh that is not a closed surface with normals that point outward.
+    """Warn if a mesh is not a closed surface with outward normals, and say which metrics are affected.
 
     Warns
     -----
     UserWarning
-        If it is open, has non-manifold edges, is not consistently oriented, or is inside out (one warning for all).
+        If the mesh is open, has non-manifold edges, is not consistently oriented, or is inside out. All defects are in
+        one warning.
     """
     n_open, n_many = len(boundary_edges(mesh)), len(nonmanifold_edges(mesh))
     oriented = is_consistently_oriented(mesh)

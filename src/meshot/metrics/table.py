@@ -1,4 +1,4 @@
-"""The ruler: how close a predicted surface is to its target."""
+"""Evaluation of a predicted surface against a target, with all metrics."""
 
 import numpy as np
 
@@ -31,42 +31,42 @@ def evaluate(
     n_emd_points: int = 5_000,
     emd_blur: float | None = None,
 ) -> Evaluation:
-    """All metrics between a predicted and a target surface, each with its unit, definition and same-surface floor.
+    """Compute all metrics between a predicted and a target surface, each with its unit, definition and floor.
 
-    The floor is what two independent samples of the target score against each other, with the same numbers of points
-    and the same seed: a perfect prediction would do no better.
+    The floor of a metric is its value for two independent samples of the target, with the same numbers of points and
+    the same seed. It is the value to expect from a perfect prediction.
 
     Parameters
     ----------
     predicted, target : Mesh
         In the same space, in mm.
     n_points : int
-        Drawn on each surface for everything but the earth mover's distance.
+        Number of points drawn on each surface, for all metrics except the earth mover's distance.
     seed : int
-        Of the points. The same surfaces and the same seed give the same numbers.
+        Seed of the points. The same surfaces and the same seed give the same values.
     n_emd_points : int
-        For the earth mover's distance, at most ``n_points``: the first of the same points.
+        Number of points for the earth mover's distance, at most ``n_points``: the first ones of the same sample.
     emd_blur : float, optional
-        In mm: takes the earth mover's distance by Sinkhorn's algorithm, see
-        ``meshot.metrics.transport.sinkhorn_distance``. Exact if left out.
+        If given, the earth mover's distance is computed by Sinkhorn's algorithm with this blur, in mm, see
+        ``meshot.metrics.transport.sinkhorn_distance``. By default it is exact.
 
     Raises
     ------
     ValueError
-        If a count, the seed or the blur does not fit, a vertex is NaN, a surface has no area, the surfaces do not
-        overlap, or one is more than ten times as large as the other (metres beside millimetres).
+        If a count, the seed or the blur is out of range, a vertex is NaN, a surface has zero area, the surfaces do not
+        overlap, or one is more than ten times as large as the other (for example metres and millimetres).
 
     Warns
     -----
     UserWarning
-        If the boxes around the surfaces share less than half of the smaller one, or one is twice the other; if a mesh
-        is open, non-manifold, not consistently oriented, or inside out: distances hold all the same, volume, Euler
-        number or signed normals do not.
+        If the bounding boxes share less than half of the smaller one, or one is twice as large as the other; if a mesh
+        is open, non-manifold, not consistently oriented, or inside out. In the latter case the distances are valid, but
+        volume, Euler number or signed normals are not.
 
     Notes
     -----
-    300 000 faces, 100 000 points, two cores: seconds for everything but the earth mover's distance, which takes about
-    8 s for 5 000 points and as long again for its floor.
+    With 300 000 faces, 100 000 points and two cores, all metrics but the earth mover's distance take seconds. The earth
+    mover's distance takes about 8 s for 5 000 points, and the same time again for its floor.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def _compare(predicted: Surface, target: Surface, sample: SurfaceSample, of_targ
 
 
 def mesh_properties(mesh: Mesh) -> dict[str, float]:
-    """The numbers of :func:`meshot.evaluate` that need no other surface, by name, in units of the vertices."""
+    """The metrics of :func:`meshot.evaluate` that depend on one mesh only, by name, in units of the vertices."""
     n_crossing = len(self_intersecting_faces(mesh))
     return {
         "intersecting_faces": n_crossing,

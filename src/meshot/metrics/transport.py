@@ -1,4 +1,4 @@
-"""Transport distances between equally many points, in NumPy and by POT: none of this is shared with the losses."""
+"""Transport distances between point sets of equal size, in NumPy and POT. They share no code with the losses."""
 
 import math
 import warnings
@@ -19,7 +19,7 @@ def earth_movers_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3
     Raises
     ------
     ValueError
-        If the numbers of points differ, or the solver does not finish.
+        If the numbers of points differ, or the solver does not converge.
 
     Notes
     -----
@@ -35,16 +35,16 @@ def exact_transport(points: Float[Array, "n d"], others: Float[Array, "m d"]) ->
     Raises
     ------
     ValueError
-        If the solver does not finish.
+        If the solver does not converge.
 
     Notes
     -----
-    The solver's tolerance is absolute: lengths are divided by the largest coordinate of a difference first.
+    The tolerance of the solver is absolute. The points are therefore first divided by their largest coordinate.
     """
     centre = points[0].copy()
     points, others = points - centre, others - centre
     unit = max(float(np.abs(points).max()), float(np.abs(others).max())) or 1.0
-    cost = cdist(points / unit, others / unit, "sqeuclidean")  # from differences: nothing cancels
+    cost = cdist(points / unit, others / unit, "sqeuclidean")  # from differences: no cancellation
     masses = [np.full(len(side), 1 / len(side)) for side in (points, others)]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -57,16 +57,16 @@ def exact_transport(points: Float[Array, "n d"], others: Float[Array, "m d"]) ->
 def sinkhorn_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], blur: float) -> float:
     """EMD by regularised transport: the root of the debiased Sinkhorn divergence with squared distances as cost.
 
-    GeomLoss computes it (whose value at p = 2 is half the squared cost, doubled here), annealing the temperature
-    by a factor of 0.95² a step. It stops before it has converged, so that the value lies below W₂: by 3 % for two
-    samples of one cortical surface, by less where the surfaces differ.
+    It is computed by GeomLoss, whose value at p = 2 is half the squared cost and is doubled here. The temperature is
+    annealed by a factor of 0.95² per step. The iteration stops before convergence, so the value is below W₂: by 3 % for
+    two samples of one cortical surface, and by less if the surfaces differ.
 
     Parameters
     ----------
     points, others : array
-        Equally many, all of the same mass.
+        Equally many points, all of the same mass.
     blur : float
-        The length, in units of the points, below which transport is blurred: the root of the temperature.
+        The length scale of the regularisation, in units of the points: the root of the final temperature.
 
     Raises
     ------
@@ -75,8 +75,8 @@ def sinkhorn_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], 
 
     Notes
     -----
-    O(n²) time and memory. On a CPU the exact solver is faster at every size that fits: 2 000 points take 15 s here
-    against 1 s. This is for comparison with papers that report it, and for machines with an accelerator.
+    O(n²) time and memory. On a CPU the exact solver is faster at every size that fits into memory: 2 000 points take
+    15 s here and 1 s there. This function is for comparison with published values, and for GPUs.
 
     References
     ----------
@@ -94,12 +94,12 @@ def sinkhorn_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], 
 def sliced_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], n_directions: int = 200) -> float:
     """SWD: SW₂ = (the mean over directions of the squared W₂ of the projections)^½, in the units of the points.
 
-    The directions are a spiral on the half sphere, the same in every call.
+    The directions form a spiral on the half sphere, the same in every call.
 
     Raises
     ------
     ValueError
-        If the numbers of points differ, or there are no directions.
+        If the numbers of points differ, or ``n_directions`` is not a positive integer.
     """
     _require_equal_counts(points, others)
     require_positive_integer(n_directions, "n_directions")
@@ -111,7 +111,7 @@ def sliced_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], n_
 
 
 def half_sphere(n: int) -> Float[Array, "n 3"]:
-    """Unit vectors of positive height, evenly spread: equal steps of height, turned by the golden angle each."""
+    """Evenly spread unit vectors on the upper half sphere: equal steps in height, rotated by the golden angle each."""
     height = (np.arange(n) + 0.5) / n
     angle = math.pi * (3 - math.sqrt(5)) * np.arange(n)
     radius = np.sqrt(1 - height**2)

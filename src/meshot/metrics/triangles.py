@@ -1,4 +1,4 @@
-"""How even the triangles of a mesh are: numbers that a remeshing would change and the surface would not."""
+"""Regularity of the triangles of a mesh."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def face_area_variation(mesh: Mesh) -> float:
 
 
 def smallest_angles(mesh: Mesh) -> Float[Array, " F"]:
-    """The smallest angle of every face, in degrees: 60 at best; 0 for a face without area."""
+    """The smallest angle of every face, in degrees: at most 60; 0 for a face without area."""
     corners = face_corners(mesh).detach().double().cpu().numpy()
     sides = np.roll(corners, -1, axis=1) - corners
     doubled_areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)

@@ -1,6 +1,7 @@
-"""Networks: the segmentation U-Net and the deformation network, their weights as safetensors.
+"""Neural networks for segmentation and deformation, and storage of their weights as safetensors.
 
-Networks map tensors to tensors and know no files except those of their weights, which carry a record of the training.
+Networks map tensors to tensors. The only files they read or write are their weights, which include a record of the
+training.
 """
 
 import lazy_loader

@@ -1,7 +1,7 @@
-"""Visited voxels in numba: which are new, the cubes around them, and trilinear interpolation with both gradients.
+"""Numba kernels for image features at visited voxels: voxel lookup, cubes of voxels, trilinear interpolation.
 
-A grid is flat, its last axis running fastest; ``row_of`` holds the row of features of each of its voxels, -1 while it
-has none. Places are in voxels of the grid and lie inside of it.
+A grid is stored as a flat array, the last axis varying fastest. ``row_of`` holds the row of features of each voxel, or
+-1. Positions are in voxels of the grid and lie inside it.
 """
 
 from typing import no_type_check
@@ -13,9 +13,9 @@ from meshot._kernels import INNER, kernel
 
 
 @kernel("the deformation network", 5)
-@no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
+@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def visit(places, shape, row_of, first_row):
-    """The voxels around the places that have no row yet, in the order in which they are met; they get rows."""
+    """Assign rows to the voxels around the positions that have none yet; return them in the order of first visit."""
     new = np.empty(8 * len(places), np.int64)
     count = 0
     for i in range(len(places)):
@@ -32,7 +32,7 @@ def visit(places, shape, row_of, first_row):
 @kernel("the deformation network", 5)
 @no_type_check
 def cut_cubes(padded, voxels, shape, size, cubes):
-    """The size³ values around each voxel, from a grid that is padded by half a cube on every side, into ``cubes``."""
+    """Copy the size³ values around each voxel into ``cubes``, from a grid padded by half a cube on every side."""
     for i in range(len(voxels)):
         z = voxels[i] % shape[2]
         y = voxels[i] // shape[2] % shape[1]
@@ -49,7 +49,7 @@ def cut_cubes(padded, voxels, shape, size, cubes):
 @kernel("the deformation network", 5, fastmath={"contract"})
 @no_type_check
 def interpolate(places, shape, row_of, values, found):
-    """Add the interpolated features of every place to ``found``."""
+    """Add the interpolated features of every position to ``found``."""
     weights = np.empty(8, values.dtype)
     for i in range(len(places)):
         x, y, z = _lower(places[i], shape)
@@ -64,7 +64,7 @@ def interpolate(places, shape, row_of, values, found):
 @kernel("the deformation network", 5, fastmath={"contract", "reassoc"})
 @no_type_check
 def carry_back(places, shape, row_of, values, grad_output, value_gradient, place_gradient):
-    """Add the gradients in the rows and in the places to ``value_gradient`` and ``place_gradient``."""
+    """Add the gradients with respect to feature rows and positions to ``value_gradient`` and ``place_gradient``."""
     weights, dots = np.empty(8, values.dtype), np.empty(8, values.dtype)
     for i in range(len(places)):
         x, y, z = _lower(places[i], shape)
@@ -90,7 +90,7 @@ def carry_back(places, shape, row_of, values, grad_output, value_gradient, place
 @njit(**INNER)
 @no_type_check
 def _lower(place, shape):
-    """The voxel with the lowest indices of the eight around a place."""
+    """The voxel with the lowest indices among the eight around a position."""
     return (
         min(int(place[0]), shape[0] - 2), min(int(place[1]), shape[1] - 2), min(int(place[2]), shape[2] - 2),
     )  # fmt: skip

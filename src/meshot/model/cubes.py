@@ -1,4 +1,4 @@
-"""What an image looks like around a point: cubes of voxels at several scales, convolved to a few numbers."""
+"""Image features around a point: a convolution over cubes of voxels at several scales."""
 
 import dataclasses
 
@@ -14,18 +14,18 @@ from meshot.volume import Volume, mm_to_voxel, sample_volume, volume_pyramid
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FeatureMap:
-    """Features at the voxels of an image, and where these are.
+    """Features at the voxels of an image.
 
     Parameters
     ----------
     values : tensor
-        One row of features for every voxel, the last axis running fastest. The outermost voxels hold zeros.
+        One row of features per voxel, the last axis varying fastest. The outermost voxels are zero.
     shape : tuple of int
-        Voxels along the three axes.
+        Number of voxels along the three axes.
     image : Volume
-        Whose features they are.
+        The image that the features belong to.
     margin : int
-        By how many voxels the map goes beyond the image, on each side.
+        Number of voxels by which the map exceeds the image on each side.
     """
 
     values: Float[Tensor, "voxels features"]
@@ -34,13 +34,13 @@ class FeatureMap:
     margin: int
 
     def at(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
-        """The features at points in mm, trilinear between voxels, zero beyond the map; differentiable in both."""
+        """Features at points in mm, by trilinear interpolation, zero outside the map. Differentiable in both."""
         rows, weights = corner_rows(mm_to_voxel(self.image, points) + self.margin, self.shape)
         return nn.functional.embedding_bag(rows, self.values, per_sample_weights=weights, mode="sum")
 
     @torch.no_grad()
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """A bound of how fast the features change, per mm: their greatest differences between neighbouring voxels."""
+        """An upper bound of the Lipschitz constant of the features, per mm, from differences of adjacent voxels."""
         grid = self.values.unflatten(0, self.shape)
         steps = torch.stack([grid.diff(dim=axis).norm(dim=-1).max() for axis in range(3)])
         per_mm = np.linalg.norm(np.linalg.inv(self.image.affine[:3, :3]), ord=2)
@@ -50,7 +50,7 @@ class FeatureMap:
 def corner_rows(
     places: Float[Tensor, "n 3"], shape: tuple[int, int, int]
 ) -> tuple[Int64[Tensor, "n 8"], Float[Tensor, "n 8"]]:
-    """For places on a grid the eight voxels around each, as rows of a flat grid, and their trilinear weights."""
+    """The eight voxels around each position on a grid, as indices into the flat grid, and their trilinear weights."""
     last = places.new_tensor(shape) - 1
     places = torch.minimum(places.clamp(min=0), last)
     lower = torch.minimum(places.detach().floor(), last - 1)
@@ -63,22 +63,23 @@ def corner_rows(
 
 
 class CubeConvolution(nn.Module):
-    """One 3D convolution over the cubes of voxels around a point, one cube for every scale of an image.
+    """A 3D convolution over the cubes of voxels around a point, with one cube for every scale of an image.
 
-    z(x) = b + Σ_s Σ_o w_s[o] · I_s(x + o), where o runs over the size³ steps of whole voxels of scale s around the
-    point and I_s is trilinear between voxels and zero beyond the image. Because the steps are whole voxels, cutting the
-    cubes out at every point and convolving them is the same as convolving the image once and interpolating the result:
-    both are here, and agree to rounding in values and gradients, also those with respect to the points.
+    z(x) = b + Σ_s Σ_o w_s[o] · I_s(x + o). Here o runs over the size³ offsets by whole voxels of scale s, and I_s is
+    the image at scale s with trilinear interpolation, zero outside. Because the offsets are whole voxels, two
+    computations are equivalent: extracting the cubes at every point and convolving them (:meth:`cut`), and convolving
+    the image once and interpolating the result (:meth:`maps` and :meth:`at`). They agree up to rounding in values and
+    gradients, also in gradients with respect to the points.
 
     Parameters
     ----------
     n_features : int
     n_scales : int
-        Images at 1, 2, 4, ... times the size of the voxels.
+        Number of images, at 1, 2, 4, ... times the voxel size.
     size : int
-        Voxels along the sides of a cube, odd.
+        Number of voxels along each side of a cube, odd.
     generator : generator or int
-        Of the initial weights: normal with standard deviation 1/√(inputs), the bias zero.
+        Source of the initial weights, normal with standard deviation 1/√(inputs). The bias is initially zero.
 
     Raises
     ------
@@ -102,20 +103,20 @@ class CubeConvolution(nn.Module):
         self.bias = nn.Parameter(torch.zeros(n_features, dtype=torch.float64))
 
     def images(self, volume: Volume) -> tuple[Volume, ...]:
-        """The volume at as many scales as there are weights for."""
+        """The volume at each of the scales of the convolution."""
         return volume_pyramid(volume, self.weight.shape[1])
 
     def maps(self, images: tuple[Volume, ...]) -> tuple[FeatureMap, ...]:
-        """Every image convolved once: what :meth:`at` needs.
+        """The convolution of every image, as input of :meth:`at`.
 
         Raises
         ------
         ValueError
-            If there are more or fewer images than scales.
+            If the number of images differs from the number of scales.
         """
         self._require_scales(images)
         half = self.weight.shape[-1] // 2
-        padding = 2 * half + 1  # wherever a cube touches the image, and one rim of zeros around
+        padding = 2 * half + 1  # all positions where a cube overlaps the image, and one layer of zeros around them
         maps = []
         for image, kernel in zip(images, self.weight.unbind(dim=1)):
             data = torch.as_tensor(image.data).to(kernel)
@@ -124,16 +125,16 @@ class CubeConvolution(nn.Module):
         return tuple(maps)
 
     def at(self, maps: tuple[FeatureMap, ...], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
-        """The features at points in mm, from images that were convolved before."""
+        """The features at points in mm, from the convolved images of :meth:`maps`."""
         return self.bias + sum(level.at(points) for level in maps)
 
     def cut(self, images: tuple[Volume, ...], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
-        """The same, word for word: cubes cut out around every point, then convolved. Slow where points are many.
+        """The same features, from cubes extracted around every point. Slow for many points.
 
         Raises
         ------
         ValueError
-            If there are more or fewer images than scales.
+            If the number of images differs from the number of scales.
         """
         self._require_scales(images)
         size = self.weight.shape[-1]

@@ -1,4 +1,4 @@
-"""The deformation network: the velocity of a vertex from where it is and from what the image looks like there."""
+"""The deformation network: the velocity of a vertex from its position and from the image around it."""
 
 import itertools
 import math
@@ -18,39 +18,40 @@ from meshot.types import Float, Tensor
 from meshot.volume import Volume
 
 Path = Literal["convolved", "visited", "cut"]
-N_STEPS = 10  # of Euler's method, as in the paper
-SLOPE = 0.2  # of the leaky rectifier for negative values
+N_STEPS = 10  # Euler steps, as in the paper
+SLOPE = 0.2  # slope of the leaky ReLU for negative values
 
 
 class DeformationNetwork(nn.Module):
-    """Position → features, image around it → features, both together → velocity.
+    """A network that computes a velocity from a position and from image features at this position.
 
-    The position goes through a linear layer, the cubes of voxels around it at several scales through one convolution
-    and a linear layer; what both give, side by side, goes through a multilayer perceptron with leaky rectifiers. The
-    network knows no subject: :meth:`velocity_in` makes the velocity field in one image.
+    The position passes through a linear layer. The cubes of voxels around it at several scales pass through a
+    convolution and a linear layer. Both results are concatenated and pass through a multilayer perceptron with leaky
+    ReLU. The network contains no data of a subject: :meth:`velocity_in` makes the velocity field for an image.
 
     Parameters
     ----------
     width : int
-        Features of the position, and as many of the image.
+        Number of features of the position, and of the image.
     hidden : sequence of int
         Neurons in the hidden layers of the perceptron.
     n_scales, size : int
-        The number of scales (1, 2, 4, ... times the size of the voxels), and the voxels along a cube at each, odd.
+        Number of scales (1, 2, 4, ... times the voxel size), and number of voxels along the side of a cube, odd.
     extent : float
-        In mm. Positions are divided by it before they enter.
+        In mm. Positions are divided by it before they enter the network.
     generator : generator or int
-        Of the initial weights. Those of the last layer are zero: the flow starts as a small shift, its bias.
+        Source of the initial weights. Those of the last layer are zero, so that the initial velocity is a small
+        constant, its bias.
 
     Raises
     ------
     ValueError
-        If a count is not a positive integer or beyond all reason, or ``extent`` is no positive length.
+        If a count is not a positive integer or is too large, or ``extent`` is not a positive length.
 
     Notes
     -----
-    The paper gives the width (128) and the cubes (5³ voxels), but neither the number of scales, nor the layers of the
-    perceptron, nor its activation. Ours follow CortexODE, which the paper builds on.
+    The paper gives the width (128) and the cubes (5³ voxels), but not the number of scales, the layers of the
+    perceptron or its activation. Ours follow CortexODE, on which the paper builds.
 
     References
     ----------
@@ -67,7 +68,7 @@ class DeformationNetwork(nn.Module):
         generator: Generator = 0,
     ):
         super().__init__()
-        # Far beyond what may be kept (see require_small), so that no number can fill the memory.
+        # Limits far above what can be stored (see require_small), to prevent excessive memory use.
         for name, count in [("width", width), *(("hidden", n) for n in hidden)]:
             require_positive_integer(count, name, 2048)
         require_positive_integer(len(hidden), "the number of hidden layers", 16)
@@ -95,11 +96,11 @@ class DeformationNetwork(nn.Module):
         return self.to_velocity(nn.functional.leaky_relu(values, SLOPE))
 
     def velocity_in(self, image: Volume, path: Path = "convolved") -> "ImageVelocity":
-        """The velocity field in one image; the network may learn through it, the image stays outside of the network."""
+        """The velocity field for an image. The network can be trained through it; the image is not a parameter."""
         return ImageVelocity(self, image, path)
 
     def config(self) -> dict[str, int | float | list[int]]:
-        """The arguments that make a network of this form."""
+        """The arguments that create a network of the same architecture."""
         return {
             "width": self.of_image.out_features,
             "hidden": [layer.out_features for layer in self.perceptron],
@@ -110,27 +111,28 @@ class DeformationNetwork(nn.Module):
 
     @property
     def n_parameters(self) -> int:
-        """How many numbers are learned."""
+        """The number of trainable parameters."""
         return sum(parameter.numel() for parameter in self.parameters())
 
 
 class ImageVelocity(LearnedVelocity):
-    """The velocity field that a network makes in one image; stationary, Lipschitz, in mm per unit of time.
+    """The velocity field of a network for one image: stationary, Lipschitz, in mm per unit of time.
 
     Parameters
     ----------
     network : DeformationNetwork
         Shared, not copied.
     image : Volume
-        In the space that the points are in, and on the scale that the network learned with.
+        In the space of the points, with intensities scaled as in the training of the network.
     path : str
-        "convolved": the image is convolved once per flow, then interpolated; "visited": the same, but only where points
-        come (on a CPU; not for the adjoint method); "cut": cubes are cut out at every step. The values are the same.
+        "convolved": the image is convolved once per flow, then interpolated. "visited": the same, but only at voxels
+        near points (on a CPU; not for the adjoint method). "cut": cubes are extracted at every step. All give the same
+        values.
 
     Raises
     ------
     ValueError
-        If ``path`` is another word.
+        If ``path`` is unknown.
     """
 
     def __init__(self, network: DeformationNetwork, image: Volume, path: Path = "convolved"):
@@ -141,7 +143,7 @@ class ImageVelocity(LearnedVelocity):
         self.images = network.cubes.images(image)
 
     def prepared(self) -> Prepared:
-        """The field with its image convolved."""
+        """The field with its image already convolved."""
         network, images = self.network, self.images
         parameters = tuple(network.parameters())
         if self.path == "cut":
@@ -150,7 +152,7 @@ class ImageVelocity(LearnedVelocity):
             visited = VisitedFeatures(network.cubes, images)
             return Prepared(lambda _, points: network(points, visited.at(points)), parameters)
         maps = network.cubes.maps(images)
-        # The maps stand for the weight that they were made with; named beside them, it would be counted twice.
+        # The maps already depend on the convolution weight; listing it as well would count its gradient twice.
         others = [parameter for parameter in network.parameters() if parameter is not network.cubes.weight]
         tensors = (*others, *(level.values for level in maps))
         return Prepared(lambda _, points: network(points, network.cubes.at(maps, points)), tensors)
@@ -161,10 +163,10 @@ class ImageVelocity(LearnedVelocity):
 
     @torch.no_grad()
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """The product of the spectral norms of the layers and of the slopes of the features, per unit of time. Loose.
+        """An upper bound: the product of the spectral norms of the layers and of the features' slope. Not tight.
 
-        A leaky rectifier has slope at most one. The features of the image change by at most the sum, over the scales,
-        of their greatest differences between neighbouring voxels.
+        Per unit of time. A leaky ReLU has slope at most one. The slope of the image features is bounded by the sum over
+        the scales of their largest differences between neighbouring voxels.
         """
         network = self.network
         of_image = sum(level.lipschitz_bound() for level in network.cubes.maps(self.images))
@@ -178,7 +180,7 @@ def _norm(layer: nn.Linear) -> Float[Tensor, ""]:
 
 
 def _linear(n_in: int, n_out: int, generator: np.random.Generator) -> nn.Linear:
-    """Weights normal with standard deviation 1/√(inputs), biases uniform in ± the same; float64."""
+    """A linear layer in float64. Weights: normal, standard deviation 1/√(inputs); biases: uniform in ± 1/√(inputs)."""
     layer = nn.utils.skip_init(nn.Linear, n_in, n_out, dtype=torch.float64)
     with torch.no_grad():
         layer.weight.copy_(torch.from_numpy(generator.standard_normal((n_out, n_in)) / n_in**0.5))

@@ -1,4 +1,4 @@
-"""How far predicted classes are from the true shares of each voxel: overlap and cross-entropy."""
+"""Overlap and cross-entropy between predicted class probabilities and true volume fractions of voxels."""
 
 import torch
 
@@ -8,8 +8,8 @@ from meshot.types import Float, Tensor
 def soft_dice(first: Float[Tensor, "c *shape"], second: Float[Tensor, "c *shape"]) -> Float[Tensor, " c"]:
     """The overlap 2 Σ a b / (Σ a² + Σ b²) of two maps, per channel, in [0, 1] for values >= 0.
 
-    It is 1 exactly where both are equal, partial volume included, and for masks it is the Dice coefficient. The form
-    with Σ a + Σ b below would ask a half-filled voxel to be predicted as full or empty. Two empty maps agree: 1.
+    It is 1 if and only if both maps are equal, including partial volumes. For masks it is the Dice coefficient. With
+    Σ a + Σ b in the denominator, the optimum for a half-filled voxel would be 0 or 1. For two empty maps it is 1.
 
     Raises
     ------
@@ -33,16 +33,16 @@ def segmentation_loss(
 ) -> Float[Tensor, ""]:
     """Cross-entropy, averaged over voxels, plus ``dice_weight`` times one minus the mean soft Dice of both sides.
 
-    Both terms are least where the predicted probabilities are the fractions. Dice is taken over the whole batch.
+    Both terms are minimal where the predicted probabilities equal the fractions. Dice is computed over the whole batch.
 
     Parameters
     ----------
     logits : tensor
-        Of background, left and right.
+        Logits of background, left and right.
     fractions : tensor
-        Which part of each voxel is left and right white matter; the rest is background. Masks will do.
+        The fractions of each voxel that are left and right white matter; the rest is background. Masks are allowed.
     dice_weight : float
-        >= 0.
+        At least 0.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def segmentation_loss(
         )
     if not dice_weight >= 0:
         raise ValueError(f"dice_weight is {dice_weight!r}; a number >= 0 is needed")
-    above = logits[:, 1:] - logits[:, :1]  # over the background, whose own part then drops out of the sum
+    above = logits[:, 1:] - logits[:, :1]  # relative to the background, whose own term then vanishes
     spread = torch.logsumexp(logits, dim=1, keepdim=True) - logits[:, :1]
     entropy = spread.mean() - (fractions * above).sum() / spread.numel()
     overlap = soft_dice((above - spread).exp().transpose(0, 1), fractions.transpose(0, 1))

@@ -1,4 +1,4 @@
-"""The network that says where white matter is: a plain 3D U-Net."""
+"""The segmentation network for white matter: a 3D U-Net."""
 
 import numpy as np
 import torch
@@ -8,7 +8,7 @@ from meshot.errors import require_positive_integer
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
 
-#: What the channels of the output stand for, in this order.
+#: The classes of the output channels, in order.
 CLASSES = ("background", "left", "right")
 _KERNEL = 3
 
@@ -16,26 +16,26 @@ _KERNEL = 3
 class SegmentationNetwork(nn.Module):
     """A 3D U-Net from a T1 to logits of background, left and right white matter.
 
-    On every level two 3 × 3 × 3 convolutions, each followed by instance normalisation and ReLU; maximum over 2 × 2 × 2
-    voxels on the way down, nearest-neighbour upsampling on the way up, and what was there on the way down is put
-    beside it. Channels double from level to level.
+    Every level has two 3 × 3 × 3 convolutions, each followed by instance normalisation and ReLU. Downsampling is by the
+    maximum over 2 × 2 × 2 voxels, upsampling by nearest neighbours, with skip connections by concatenation. The number
+    of channels doubles from level to level.
 
     Parameters
     ----------
     width : int
-        Channels on the first level.
+        Number of channels on the first level.
     depth : int
         Number of levels.
     fold : int
-        The first level works on blocks of ``fold³`` voxels, whose values are stacked as channels, and every output
-        block is unfolded again. Nothing is lost on the way in; 2 saves nearly seven eighths of the work.
+        The first level works on blocks of ``fold³`` voxels, whose values are stacked as channels. The output is
+        unfolded again. No input is lost; with 2, nearly seven eighths of the computation are saved.
     generator : numpy.random.Generator, torch.Generator or int
-        Of the initial weights: normal with variance 2 / (number of inputs), biases zero.
+        Source of the initial weights, normal with variance 2 / (number of inputs). Biases are initially zero.
 
     Raises
     ------
     ValueError
-        If a count is not a positive integer, or so large that the last level would have more than 512 channels.
+        If a count is not a positive integer, or the last level would have more than 512 channels.
 
     References
     ----------
@@ -45,7 +45,7 @@ class SegmentationNetwork(nn.Module):
 
     def __init__(self, width: int = 16, depth: int = 4, fold: int = 1, generator: Generator = 0):
         super().__init__()
-        # Far beyond what may be kept (see require_small), so that no number can fill the memory.
+        # Limits far above what can be stored (see require_small), to prevent excessive memory use.
         for name, count, most in (("width", width, 512), ("depth", depth, 10), ("fold", fold, 8)):
             require_positive_integer(count, name, most)
         require_positive_integer(width * 2 ** (depth - 1), "the width of the last level", 512)
@@ -60,11 +60,11 @@ class SegmentationNetwork(nn.Module):
 
     @property
     def multiple(self) -> int:
-        """Every axis of an image must be a multiple of this many voxels."""
+        """The number of voxels along every axis of an image must be a multiple of this."""
         return self.fold * 2 ** (self.depth - 1)
 
     def config(self) -> dict[str, int]:
-        """The arguments that make a network of this form."""
+        """The arguments that create a network of the same architecture."""
         return {"width": self.width, "depth": self.depth, "fold": self.fold}
 
     def forward(self, image: Float[Tensor, "b 1 x y z"]) -> Float[Tensor, "b 3 x y z"]:
@@ -73,7 +73,7 @@ class SegmentationNetwork(nn.Module):
         Raises
         ------
         ValueError
-            If an axis is no multiple of what folding and pooling take, or the coarsest level is a single voxel.
+            If an axis is not a multiple of :attr:`multiple`, or the coarsest level would be a single voxel.
         """
         self._require_shape(image)
         values = folded(image, self.fold).contiguous(memory_format=torch.channels_last_3d)
@@ -97,7 +97,7 @@ class SegmentationNetwork(nn.Module):
 
 
 def folded(values: Float[Tensor, "b c x y z"], fold: int) -> Float[Tensor, "b d i j k"]:
-    """Blocks of ``fold³`` voxels as channels: ``d = c · fold³`` and every axis divided by ``fold``."""
+    """Blocks of ``fold³`` voxels stacked as channels: ``d = c · fold³``, and every axis is divided by ``fold``."""
     b, c, *shape = values.shape
     i, j, k = (n // fold for n in shape)
     blocks = values.reshape(b, c, i, fold, j, fold, k, fold).permute(0, 1, 3, 5, 7, 2, 4, 6)
@@ -114,7 +114,7 @@ def unfolded(values: Float[Tensor, "b d i j k"], fold: int) -> Float[Tensor, "b 
 def _block(n_in: int, n_out: int) -> nn.Sequential:
     layers: list[nn.Module] = []
     for channels in (n_in, n_out):
-        # A constant added here would be taken away again by the normalisation.
+        # No bias: the normalisation would remove it.
         layers += [nn.Conv3d(channels, n_out, _KERNEL, padding=1, bias=False)]
         layers += [nn.InstanceNorm3d(n_out, affine=True), nn.ReLU()]
     return nn.Sequential(*layers)

@@ -1,4 +1,4 @@
-"""Features of an image at the voxels that points come near, each convolved once, when it is first needed."""
+"""Image features computed only at the voxels near points, each once, on first use."""
 
 import numpy as np
 import torch
@@ -11,17 +11,16 @@ from meshot.volume import Volume, mm_to_voxel
 
 
 class VisitedFeatures:
-    """What :meth:`meshot.model.cubes.CubeConvolution.at` gives, from a convolution at the visited voxels only.
+    """The features of :meth:`meshot.model.cubes.CubeConvolution.at`, convolved only at visited voxels.
 
-    A surface comes near few voxels of an image, a tenth of those in its box; the others need not be convolved. Rows of
-    features are kept, for all scales in one table, so that a voxel is convolved once however often points come back.
-    On a CPU; the gradient can be taken once.
+    A surface is near only about a tenth of the voxels in its bounding box. Rows of features for all scales are kept in
+    one table, so that each voxel is convolved once. Runs on a CPU. Only first derivatives are available.
 
     Parameters
     ----------
     cubes : CubeConvolution
     images : tuple of Volume
-        One for each scale, see :meth:`meshot.model.cubes.CubeConvolution.images`.
+        One per scale, see :meth:`meshot.model.cubes.CubeConvolution.images`.
     """
 
     def __init__(self, cubes: CubeConvolution, images: tuple[Volume, ...]):
@@ -31,14 +30,14 @@ class VisitedFeatures:
         self.values = cubes.weight.new_zeros((0, cubes.weight.shape[0]))
 
     def at(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
-        """The features at points in mm, trilinear between voxels, zero beyond the image; differentiable."""
+        """Features at points in mm, by trilinear interpolation, zero outside the image. Differentiable."""
         places = [level.places(points) for level in self.levels]
         found, self.values = _Interpolated.apply(self, self.cubes.weight, self.values, *places)
         return self.cubes.bias + found
 
 
 class _Level:
-    """One scale: its image, padded so that every cube that touches it has voxels, and which row holds which voxel."""
+    """One scale: the image, padded so that every overlapping cube is inside, and the row of every visited voxel."""
 
     def __init__(self, image: Volume, size: int, like: Tensor):
         half = size // 2
@@ -48,25 +47,25 @@ class _Level:
         self.row_of = np.full(np.prod(self.shape), -1, np.int32)
 
     def places(self, points: Tensor) -> Tensor:
-        """Points in voxels of the padded grid; those beyond it are moved to its rim, where all is zero."""
+        """Points in voxels of the padded grid. Those outside are clipped to its border, where features are zero."""
         last = points.new_tensor(self.shape) - 1
         return torch.minimum((mm_to_voxel(self.image, points) + self.margin).clamp(min=0), last)
 
     def cubes(self, voxels: Int64[Array, " k"]) -> Float[Array, "k cube"]:
-        """The cubes of voxels around the given ones."""
+        """The cubes of values around the given voxels."""
         cubes = np.empty((len(voxels), self.size**3), self.padded.dtype)
         kernel.cut_cubes(self.padded, voxels, self.shape, self.size, cubes)
         return cubes
 
 
 class _Rows:
-    """Room for rows of features that grows, so that appending does not copy what is there."""
+    """A growing buffer for rows of features, so that appending rarely copies."""
 
     def __init__(self, like: Tensor):
         self.room = like.detach().new_empty((0, like.shape[0]))
 
     def with_rows(self, n_rows: int) -> Tensor:
-        """The first rows, as many as asked for; those written before are kept."""
+        """The first ``n_rows`` rows. Rows written before are kept."""
         if n_rows > len(self.room):
             larger = self.room.new_empty((max(n_rows, 3 * len(self.room) // 2), self.room.shape[1]))
             larger[: len(self.room)] = self.room
@@ -75,10 +74,10 @@ class _Rows:
 
 
 class _Interpolated(torch.autograd.Function):
-    """Features at places on every level, and the table of rows with those that were new.
+    """Features at positions on every level, and the table of rows including the new ones.
 
-    The table goes from call to call, and so does its gradient, back: each call adds its own to it, takes the part of
-    the rows that it made, for the weight, and hands on the rest.
+    The table is passed from call to call, and its gradient in the opposite order. Each call adds its own gradient to
+    it, uses the part of the rows that it made for the gradient of the weight, and passes on the rest.
     """
 
     @staticmethod
@@ -86,7 +85,7 @@ class _Interpolated(torch.autograd.Function):
         ctx.set_materialize_grads(False)
         ctx.levels, ctx.made, n_rows = features.levels, [], len(before)
         kernels = weight.detach().flatten(2)  # (features, scales, size³)
-        # A place that is not a number has no voxel; it is read at the first, and its features are no numbers either.
+        # A position with NaN has no voxel. It is looked up at the first voxel, and its features are set to NaN.
         lost = torch.stack([place.detach().isnan().any(dim=1) for place in places]).any(dim=0)
         arrays = [np.ascontiguousarray(place.detach().nan_to_num().numpy()) for place in places]
         for scale, (level, array) in enumerate(zip(features.levels, arrays, strict=True)):
@@ -100,7 +99,7 @@ class _Interpolated(torch.autograd.Function):
         for level, array in zip(features.levels, arrays, strict=True):
             kernel.interpolate(array, level.shape, level.row_of, table.numpy(), found.numpy())
         found[lost] = torch.nan
-        # An output that is kept as it is would keep this very graph alive, and with it all its memory.
+        # Keeping an output itself would keep the graph, and all its memory, alive.
         ctx.arrays, ctx.table, ctx.n_before, ctx.weight_shape = arrays, table.detach(), len(before), weight.shape
         return found, table
 

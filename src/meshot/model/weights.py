@@ -1,4 +1,4 @@
-"""A trained network as one safetensors file that says what it is and where it comes from."""
+"""Storage of a trained network as one safetensors file with its architecture and the record of its training."""
 
 import hashlib
 import json
@@ -17,20 +17,20 @@ Network = TypeVar("Network", bound=nn.Module)
 
 
 def write_weights(path: str | os.PathLike, network: nn.Module, record: dict) -> None:
-    """Write the weights of a network, float32, whole or not at all.
+    """Write the weights of a network as float32, completely or not at all.
 
     Parameters
     ----------
     path : path
     network : module
-        With a method ``config``, whose result makes another of the same form.
+        It must have a method ``config`` that returns the arguments of its class.
     record : dict
-        JSON: settings, seed, data, commit, versions, seconds. The form of the network is added.
+        JSON values: settings, seed, data, commit, versions, seconds. The architecture is added.
 
     Raises
     ------
     ValueError
-        If the weights take more than 10 MB, or the record is not JSON.
+        If the weights take more than 10 MB, or the record cannot be written as JSON.
     """
     require_small(network)
     tensors = {name: value.detach().cpu().float().contiguous() for name, value in network.state_dict().items()}
@@ -43,7 +43,7 @@ def write_weights(path: str | os.PathLike, network: nn.Module, record: dict) -> 
 
 
 def require_small(network: nn.Module) -> None:
-    """Refuse a network whose weights would not be kept; ask before hours of training.
+    """Check that the weights of a network are small enough to be stored. Meant to be called before the training.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def require_small(network: nn.Module) -> None:
 
 
 def network_digest(network: nn.Module) -> str:
-    """SHA-256 of the weights of a network."""
+    """The SHA-256 of the weights of a network, in hexadecimal digits."""
     total = hashlib.sha256()
     for name, value in network.state_dict().items():
         total.update(name.encode() + value.detach().cpu().contiguous().numpy().tobytes())
@@ -67,7 +67,7 @@ def network_digest(network: nn.Module) -> str:
 
 
 def read_weights(path: str | os.PathLike, kind: type[Network]) -> tuple[Network, dict]:
-    """A network, ready to use (float32), and its record.
+    """Read a network (float32, in evaluation mode) and the record of its training.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def read_weights(path: str | os.PathLike, kind: type[Network]) -> tuple[Network,
     Raises
     ------
     ValueError
-        If the file is missing, truncated, holds something else, or a weight is NaN or infinite.
+        If the file is missing, truncated, or of another kind, or a weight is NaN or infinite.
     """
     try:
         with safetensors.safe_open(path, framework="pt") as file:

@@ -1,16 +1,34 @@
-"""What looks odd about a reconstruction, in a sentence each: signs of failure, not proofs, and not all there are."""
+"""Warnings about a scan and its reconstruction, one sentence each.
+
+A warning is a sign of failure, not a proof. A failure may come without a warning. The ranges below were measured on a
+person's scan, the MNI152 average and a synthetic scan, and on versions of them that must fail: halves, a foetus-sized
+head, a head with its skull, inverted contrast, a mask, noise, and imitations of an angiogram and of a CT.
+"""
 
 import numpy as np
-from scipy.ndimage import affine_transform
+from scipy.ndimage import affine_transform, binary_erosion
 
 from meshot.flow.crossings import RepairedSurface
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import signed_volume
 from meshot.pipeline.segmentation.surface import SegmentedSurface
-from meshot.volume import StandardScan, Volume
+from meshot.types import Array, Float
+from meshot.volume import StandardScan, Volume, bright_volume
 
 #: Scans of the synthetic cohorts reach .79 to .84; upside down, back to front or with inverted contrast, .71.
 LOWEST_AGREEMENT = 0.75
+#: Correlation with the template inside its brain: good scans have .4 to 1; a head that is inverted, upside down or with
+#: its skull, a CT and an angiogram have −.5 to .26.
+LOWEST_CONTRAST = 0.3
+#: Where the template is brighter than this share of its largest value, its brain is; its rim is left out.
+BRAIN_SHARE, RIM_VOXELS = 0.2, 3
+#: Volume of the bright voxels, in cm³: whole brains have 690 to 1870, halves at most 695, heads with their skull 1970.
+BRIGHT_CM3 = (700.0, 1950.0)
+#: The largest of the three scales of the registration over the smallest: good scans have at most 1.09, most halves 1.35
+#: to 2.8.
+LARGEST_STRETCH = 1.2
+#: Different values of a scan; masks and label images have fewer.
+FEWEST_VALUES = 16
 #: Heads differ from the template by less, in each direction on average.
 SCALES = (0.75, 1.33)
 #: What the white surface of one adult hemisphere may enclose, ventricles and basal ganglia included, in cm³.
@@ -21,6 +39,47 @@ LARGEST_LOSS = 0.03
 LARGEST_CROSSING = 0.005
 #: How far mending may move a vertex, in mm; on these heads it stays at a few.
 LONGEST_MENDING_MM = 6.0
+
+
+class DoubtfulScanError(ValueError):
+    """A scan, or what was found in it, looks so odd that a strict reconstruction stops."""
+
+    exit_status = 3
+
+
+def require_no_warnings(found: list[str]) -> None:
+    """Stop a strict reconstruction.
+
+    Raises
+    ------
+    DoubtfulScanError
+        With every warning, if there is one.
+    """
+    if found:
+        raise DoubtfulScanError("; ".join(found) + ". Without --strict (strict=False) this is a warning only")
+
+
+def volume_warnings(scan: Volume) -> list[str]:
+    """Whether a scan, before it is registered, holds an image of about the volume of an adult's brain.
+
+    Parameters
+    ----------
+    scan : Volume
+        Not constant.
+    """
+    found = []
+    n_values = len(np.unique(scan.data[::2, ::2, ::2]))
+    if n_values < FEWEST_VALUES:
+        found.append(
+            f"the scan holds {n_values} different values; a T1 holds hundreds: is it a mask or an image of labels?"
+        )
+    volume = bright_volume(scan) / 1000
+    if not BRIGHT_CM3[0] < volume < BRIGHT_CM3[1]:
+        found.append(
+            f"the bright part of the scan has {volume:.0f} cm³; for the brain of an adult {BRIGHT_CM3[0]:.0f} to "
+            f"{BRIGHT_CM3[1]:.0f} are plausible: is it a whole brain, without its skull, and are the voxel sizes right?"
+        )
+    return found
 
 
 def scan_warnings(scan: StandardScan, template: Volume) -> list[str]:
@@ -37,6 +96,18 @@ def scan_warnings(scan: StandardScan, template: Volume) -> list[str]:
         found.append(
             f"the registered scan and the template agree poorly (correlation {agreement:.2f}, {LOWEST_AGREEMENT} or "
             "more is usual): look whether the brain stands upright in the slices, is a T1, and without its skull"
+        )
+    contrast = contrast_with(scan.volume, template)
+    if contrast < LOWEST_CONTRAST:
+        found.append(
+            f"inside the brain the scan differs from a T1 (correlation {contrast:.2f} with the template, "
+            f"{LOWEST_CONTRAST} or more is usual): is it a T1, upright, and without its skull?"
+        )
+    scales = np.linalg.svd(scan.to_standard[:3, :3], compute_uv=False)
+    if scales.max() > LARGEST_STRETCH * scales.min():
+        found.append(
+            f"the registration stretches one direction by {scales.max() / scales.min():.2f} against another; "
+            f"{LARGEST_STRETCH} or less is usual: is a part of the brain missing?"
         )
     determinant = float(np.linalg.det(scan.to_standard[:3, :3]))
     scale = abs(determinant) ** (1 / 3)
@@ -58,12 +129,37 @@ def agreement_with(image: Volume, template: Volume) -> float:
     image, template : Volume
         In the same space; beyond the template its least value counts.
     """
+    return _correlation(image.data, _on_grid(image, template))
+
+
+def contrast_with(image: Volume, template: Volume) -> float:
+    """The correlation of an image with a template inside the brain of the template, in [−1, 1]; 0 if one is constant.
+
+    The outline of the head does not count, in contrast to :func:`agreement_with`.
+
+    Parameters
+    ----------
+    image, template : Volume
+        In the same space.
+    """
+    there = _on_grid(image, template)
+    brain = binary_erosion(there > BRAIN_SHARE * there.max(), iterations=RIM_VOXELS)
+    return _correlation(image.data[brain], there[brain])
+
+
+def _correlation(first: Array, second: Array) -> float:
+    if first.size == 0 or first.min() == first.max() or second.min() == second.max():
+        return 0.0
+    return float(np.corrcoef(first.ravel(), second.ravel())[0, 1])
+
+
+def _on_grid(image: Volume, template: Volume) -> Float[Array, "x y z"]:
+    """The template at the voxels of the image; beyond it, its least value."""
     to_voxel = np.linalg.inv(template.affine) @ image.affine
     low = float(template.data.min())
-    there = affine_transform(
+    return affine_transform(
         template.data.astype(np.float32), to_voxel[:3, :3], to_voxel[:3, 3], image.data.shape, order=1, cval=low
     )
-    return float(np.corrcoef(image.data.ravel(), there.ravel())[0, 1])
 
 
 def surface_warnings(side: str, final: Mesh, segmented: SegmentedSurface, settled: RepairedSurface | None) -> list[str]:

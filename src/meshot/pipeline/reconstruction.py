@@ -6,7 +6,7 @@ from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
 from meshot.flow.crossings import RepairedSurface, repair_crossings
 from meshot.mesh import Mesh
 from meshot.model import SegmentationNetwork
-from meshot.pipeline.quality_warnings import scan_warnings, surface_warnings
+from meshot.pipeline.quality_warnings import require_no_warnings, scan_warnings, surface_warnings, volume_warnings
 from meshot.pipeline.segmentation.segmenting import in_scanner, white_matter
 from meshot.pipeline.segmentation.surface import SegmentedSurface, segmented_surface
 from meshot.pipeline.stages import Progress, StageClock
@@ -70,6 +70,7 @@ def reconstruct(
     system: SurfaceSystem | None,
     progress: Progress | None = None,
     template: Volume | None = None,
+    strict: bool = False,
 ) -> Reconstruction:
     """The white surfaces of both hemispheres in a scan.
 
@@ -88,19 +89,24 @@ def reconstruct(
         Is told which stage begins, how many are done, and how many there are; at the end once more, without a name.
     template : Volume, optional
         Where to register to; the MNI152 average if left out, which the shipped networks know.
+    strict : bool
+        Whether a warning is an error: of the scan before it is segmented, of the surfaces at the end.
 
     Raises
     ------
     ValueError
         If the scan is constant, cannot be registered, or shows the network no white matter; or if the system does not
-        find the white surfaces of both sides.
+        find the white surfaces of both sides; or if something looks odd, and ``strict`` is set.
     """
     if system is not None and not set(_WHITE) <= set(system.surfaces):
         raise ValueError(f"{system.name} finds {system.surfaces}; both white surfaces are needed here")
     template = mni152_t1() if template is None else template
     clock = StageClock(4 if system is None else 6, progress)
     with clock.stage("registration"):
-        standard = standard_scan(scan, template)
+        standard = standard_scan(scan, template, quick=True)
+        warnings = volume_warnings(scan) + scan_warnings(standard, template)
+    if strict:
+        require_no_warnings(warnings)
     with clock.stage("white matter"):
         probability = white_matter(standard, segmentation)
     segmented, found, settlement = {}, {}, {}
@@ -117,9 +123,10 @@ def reconstruct(
     final = found | {key: repaired.mesh for key, repaired in settlement.items()}
     surfaces = {key[0]: _surface(segmented[key[0]], final.get(key), settlement.get(key), standard) for key in _WHITE}
     name = None if system is None else system.name
-    warnings = scan_warnings(standard, template)
     for side, surface in surfaces.items():
         warnings += surface_warnings(side, surface.final, surface.segmented, surface.settled)
+    if strict:
+        require_no_warnings(warnings)
     return Reconstruction(standard, surfaces, clock.cpu_seconds, clock.wall_seconds, tuple(warnings), name)
 
 

@@ -1,4 +1,5 @@
 from .io import read_volume as read_volume, write_volume as write_volume
+from .masking import masked_scan as masked_scan
 from .pyramid import volume_pyramid as volume_pyramid
 from .registration import register_affine as register_affine
 from .sampling import cropped as cropped, sample_volume as sample_volume
@@ -8,7 +9,7 @@ from .standard import (
     place_on_grid as place_on_grid,
     standard_scan as standard_scan,
 )
-from .tissue import dice as dice, white_matter_probability as white_matter_probability
+from .tissue import bright_volume as bright_volume, dice as dice, white_matter_probability as white_matter_probability
 from .volume import (
     Volume as Volume,
     centre_ras as centre_ras,

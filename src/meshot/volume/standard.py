@@ -38,7 +38,7 @@ class StandardScan:
         return transform_points(self.to_standard, points)
 
 
-def standard_scan(scan: Volume, template: Volume, seed: int = 0) -> StandardScan:
+def standard_scan(scan: Volume, template: Volume, seed: int = 0, quick: bool = False) -> StandardScan:
     """A scan as the network wants it: registered (affine), cropped or padded, resized, scaled to [0, 1].
 
     Parameters
@@ -49,6 +49,8 @@ def standard_scan(scan: Volume, template: Volume, seed: int = 0) -> StandardScan
         Where to register to: the MNI152 average, see ``meshot.anatomy.templates``.
     seed : int
         Of the registration.
+    quick : bool
+        As in :func:`meshot.volume.register_affine`.
 
     Raises
     ------
@@ -65,7 +67,7 @@ def standard_scan(scan: Volume, template: Volume, seed: int = 0) -> StandardScan
     Le et al., ICLR 2024, appendix (preprocessing).
     """
     # Rounded, so that the last bits, which differ between CPUs, do not matter; it moves nothing by 1e-3 mm.
-    to_standard = register_affine(scan, template, seed).round(6)
+    to_standard = register_affine(scan, template, seed, quick).round(6)
     return place_on_grid(scan, to_standard, centre_of_mass(template))
 
 

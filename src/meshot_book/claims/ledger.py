@@ -57,7 +57,8 @@ class Verdict:
             raise ValueError(f"status is {self.status!r}; one of {', '.join(STATUSES)} is needed")
 
 
-Rule = Callable[[dict], Verdict]
+#: From the record of the claim's experiment, and of those that it names under ``also``, to a verdict.
+Rule = Callable[..., Verdict]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -76,11 +77,12 @@ def read_entries(claims: Path, experiments: Path, rules: dict[int, Rule]) -> lis
     ----------
     claims : path
         The YAML list of claims: id, claim, where, paper, for those that the paper does not make ``ours``, and for those
-        tested the experiment and the chapter.
+        tested the experiment and the chapter; ``also`` lists further experiments that the rule reads.
     experiments : path
         The folder of experiments, each with its ``results.json``.
     rules : dict
-        For every tested claim the function from the experiment's record to a :class:`Verdict`.
+        For every tested claim the function from the experiment's record, and those of the further experiments in their
+        order, to a :class:`Verdict`.
 
     Raises
     ------
@@ -98,5 +100,6 @@ def _entry(row: dict, experiments: Path, rules: dict[int, Rule]) -> Entry:
         raise ValueError(
             f"claim {row['id']} names the experiment {row['experiment']!r}, but there is no rule for it: add one"
         )
-    record = read_results(experiments / row["experiment"] / "results.json")
-    return Entry(row, rules[row["id"]](record), record)
+    names = [row["experiment"], *row.get("also", [])]
+    record, *further = (read_results(experiments / name / "results.json") for name in names)
+    return Entry(row, rules[row["id"]](record, *further), record)

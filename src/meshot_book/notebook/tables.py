@@ -4,11 +4,15 @@ import dataclasses
 import html
 import re
 
+from markupsafe import Markup
+
+from meshot.view import filled
 from meshot_book.notebook.numbers import digits
 
 _MATHEMATICS = re.compile(r"\$([^$]+)\$")
 _UNIT = re.compile(r"(.+?)\s+(\([^()]+\))")
 _POWER = re.compile(r"([\d.]+)e(−?)\+?0*(\d+)")
+_INDENT = re.compile(r"\n +")
 _MISSING = ("", "–")
 
 
@@ -53,13 +57,10 @@ class Table:
 
     def _repr_html_(self) -> str:
         """A table of HTML whose first column heads the rows."""
-        classes = ["number" if self._is_numeric(head) else "words" for head in self.heads]
-        heads = "".join(f'<th scope="col" class="{kind}">{_head(head)}</th>' for head, kind in zip(self.heads, classes))
-        rows = "\n".join(f"<tr>{_row(cells, classes)}</tr>" for cells in self._cells())
-        return (
-            f'<table class="book-table tex2jax_process">\n<thead><tr>{heads}</tr></thead>\n'
-            f"<tbody>\n{rows}\n</tbody>\n</table>"
-        )
+        kinds = ["number" if self._is_numeric(head) else "words" for head in self.heads]
+        heads = [(_head(head), kind) for head, kind in zip(self.heads, kinds)]
+        rows = [[(_shown(text, kind), kind) for text, kind in zip(cells, kinds)] for cells in self._cells()]
+        return _INDENT.sub("\n", filled("meshot_book/notebook/assets/table.html", heads=heads, rows=rows))
 
     def _cells(self) -> list[list[str]]:
         return [[self._text(row.get(head, "")) for head in self.heads] for row in self.rows]
@@ -100,16 +101,14 @@ def markdown_table(rows: list[dict], n_digits: int = 4) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _row(cells: list[str], classes: list[str]) -> str:
-    first, *others = [_number(text) if kind == "number" else _rich(text) for text, kind in zip(cells, classes)]
-    leading = f'<th scope="row" class="{classes[0]}">{first}</th>'
-    return leading + "".join(f'<td class="{kind}">{text}</td>' for text, kind in zip(others, classes[1:]))
-
-
-def _head(text: str) -> str:
+def _head(text: str) -> Markup:
     """A head, its unit below it."""
     found = _UNIT.fullmatch(text)
-    return f'{_rich(found[1])} <span class="unit">{_rich(found[2])}</span>' if found else _rich(text)
+    return Markup(f'{_rich(found[1])} <span class="unit">{_rich(found[2])}</span>' if found else _rich(text))
+
+
+def _shown(text: str, kind: str) -> Markup:
+    return Markup(_number(text) if kind == "number" else _rich(text))
 
 
 def _number(text: str) -> str:

@@ -19,40 +19,61 @@ def of_differences(*rows):
     return {"results": {"differences": list(rows)}}
 
 
+def at_every_clock(low, high, **options):
+    return [difference(at, low, high, **options) for at in ("steps", "seconds", "closeness")]
+
+
+def without_interval(target="fsaverage5_right"):
+    """One seed: no interval, so that nothing is decided."""
+    row = difference("steps", 0, 0, target=target)
+    names = ("assd", "edge_variation", "area_variation")
+    return row | {f"{name}_{end}": None for name in names for end in ("low", "high")}
+
+
 def test_evenness_reproduced_where_every_comparison_says_so():
-    single = difference("steps", 0, 0, target="fsaverage5_right") | {
-        f"{name}_{end}": None for name in ("assd", "edge_variation", "area_variation") for end in ("low", "high")
-    }
-    rows = [difference("steps", 0.1, 0.2), difference("seconds", 0.1, 0.2), difference("closeness", 0.1, 0.2), single]
-    verdict = evenness_verdict(of_differences(*rows))
+    verdict = evenness_verdict(of_differences(*at_every_clock(0.1, 0.2), without_interval()))
     assert verdict.status == ledger.REPRODUCED
     assert (
         "0.25 with sliced Wasserstein against 0.3 with Chamfer (sphere, varifold, all supports; equal steps)"
         in verdict.ours
     )
-    assert "more even in 2 of 2 comparisons. It ends nearer in 2 and farther in 0" in verdict.ours
-    assert "equally near, it is more even in 1 of 1, Chamfer in 0" in verdict.ours
+    assert "equal steps: 1 against 0 of 1; equal seconds: 1 against 0 of 1; equal closeness: 1 against 0 of 1" in (
+        verdict.ours
+    )
+    assert "ends nearer in 2 and farther in 0 of 2" in verdict.ours
     assert verdict.numbers.count("\n") == 5
     assert "+0.05 |" in verdict.numbers.splitlines()[-1]
 
 
-def test_evenness_at_equal_closeness_counts():
-    verdict = evenness_verdict(of_differences(difference("steps", 0.1, 0.2), difference("closeness", -0.2, -0.1)))
-    assert verdict.status == ledger.IN_PART
-    assert "at equal closeness its triangles are more even in 0 of 1, those of Chamfer in 1" in verdict.says
+def test_evenness_in_part_where_sliced_wasserstein_leads_at_every_clock():
+    rows = at_every_clock(0.1, 0.2) + at_every_clock(-0.1, 0.2, encoding="samples")
+    assert evenness_verdict(of_differences(*rows)).status == ledger.IN_PART
 
 
-def test_evenness_with_a_condition_names_the_others():
-    rows = [difference("steps", 0.1, 0.2, assd=(-0.2, -0.1)), difference("steps", -0.1, 0.2, encoding="samples")]
+def test_evenness_depends_on_the_choice_where_equal_closeness_reverses_it():
+    rows = [*at_every_clock(0.1, 0.2)[:2], difference("closeness", -0.2, -0.1)]
     verdict = evenness_verdict(of_differences(*rows))
-    assert verdict.status == ledger.IN_PART
-    assert "1 of 2 comparisons (not all: sphere, samples, all supports)" in verdict.ours
-    assert "farther in 1" in verdict.ours
+    assert verdict.status == ledger.CHOICE
+    assert "at equal closeness it is 0 against 1" in verdict.says
+    assert verdict.headline[0] == "0 of 1"
+
+
+def test_evenness_on_the_cortex_counts():
+    rows = at_every_clock(0.1, 0.2)
+    cortex = at_every_clock(-0.2, -0.1, target="fsaverage5_left")
+    verdict = evenness_verdict(of_differences(*rows, *cortex))
+    assert verdict.status == ledger.NOT_REPRODUCED
+    assert "On the cortex alone 0 against 3 of 3" in verdict.ours
 
 
 def test_evenness_needs_edges_and_areas():
-    row = difference("steps", 0.1, 0.2) | {"area_variation_low": -0.1}
-    assert evenness_verdict(of_differences(row)).status == ledger.NOT_REPRODUCED
+    rows = [row | {"area_variation_low": -0.1} for row in at_every_clock(0.1, 0.2)]
+    assert evenness_verdict(of_differences(*rows)).status == ledger.NOT_REPRODUCED
+
+
+def test_evenness_farther_ends_are_counted():
+    rows = at_every_clock(0.1, 0.2, assd=(-0.2, -0.1))
+    assert "farther in 2 of 2" in evenness_verdict(of_differences(*rows)).ours
 
 
 def supports(growth_of_all, growth_of_carried):

@@ -80,22 +80,38 @@ def counts(single=7.7e-4, mean=1e-5, factors=(130.0, 40.0)):
     return {"results": {"counts": found | {"shares": [share], "factors": columns}}}
 
 
+def flows(*columns):
+    """Trained flows: per column the crossing faces of ours and of the rival, in per cent."""
+    summary = []
+    for k, (ours, rival) in enumerate(columns):
+        for arm, share in (("a", ours), ("b", rival), ("other", 50.0)):
+            row = {"arm": arm, "cohort": "c", "side": str(k), "kind": "template", "seed": 0}
+            row["flow_crossing_percent"] = {"mean": share}
+            summary += [row, row | {"kind": "procedural", "flow_crossing_percent": {"mean": 70.0}}]
+            summary += [row | {"seed": 1, "flow_crossing_percent": {"mean": 60.0}}]
+    return {"config": {"comparison": {"ours": "a", "rival": "b"}}, "results": {"summary": summary}}
+
+
 @pytest.mark.parametrize(
-    ("record", "status"),
+    ("record", "trained", "status"),
     [
-        (counts(), ledger.IN_PART),
-        (counts(single=5e-5), ledger.IN_PART),
-        (counts(factors=(130.0, 120.0)), ledger.IN_PART),
-        (counts(single=5e-5, factors=(130.0, 120.0)), ledger.REPRODUCED),
-        (counts(mean=2e-4), ledger.NOT_REPRODUCED),
-        (counts(factors=(13.0, 4.0)), ledger.NOT_REPRODUCED),
+        (counts(factors=(130.0, 120.0)), flows((0.0, 2.0), (5e-5, 1.0)), ledger.REPRODUCED),
+        (counts(), flows((0.0, 2.0), (5e-5, 1.0)), ledger.IN_PART),
+        (counts(factors=(130.0, 120.0)), flows((0.0, 2.0), (0.03, 1.6)), ledger.IN_PART),
+        (counts(factors=(130.0, 120.0)), flows((0.03, 20.0), (5e-5, 1e-3)), ledger.NOT_REPRODUCED),
+        (counts(factors=(130.0, 120.0)), flows((0.0, 0.0)), ledger.NOT_REPRODUCED),
+        (counts(), flows(), ledger.NOT_TESTED),
     ],
 )
-def test_counts(record, status):
-    assert counts_verdict(record).status == status
+def test_counts(record, trained, status):
+    assert counts_verdict(record, trained).status == status
 
 
 def test_counts_are_said():
-    verdict = counts_verdict(counts())
+    verdict = counts_verdict(counts(), flows((0.0, 2.33), (0.034, 1.62)))
     assert "one crossing pair is 0.00077 %" in verdict.ours
     assert "100 or more in 1 of 2 columns" in verdict.ours
+    assert "DDOT 0 | 0.034 %, CortexODE 2.33 | 1.62 %" in verdict.ours
+    assert "both statements hold in 1 of 2 columns" in verdict.says
+    assert verdict.headline[0] == "1 of 2"
+    assert "| c, 1 | 0.034 | 1.62 |" in verdict.numbers

@@ -1,7 +1,7 @@
-"""Faces that cross along a flow: counting, bounds on the step, and repair.
+"""Self-intersection of meshes under a flow: detection, bounds on the step size, and repair.
 
-A flow with a small step cannot make points cross; triangles can cross all the same. Here are the checks along a path,
-the Lipschitz constants behind the bounds, and the repair of a carried surface.
+A flow with small steps is injective on points, but the triangles between moving vertices can still intersect. This
+subpackage counts such faces along a flow, computes the Lipschitz constants in the bounds, and repairs moved surfaces.
 """
 
 import lazy_loader

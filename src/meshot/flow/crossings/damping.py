@@ -1,4 +1,4 @@
-"""Backing off in places: where a flow makes faces cross it is brought to a stand, and everywhere else it goes on."""
+"""Local damping of a velocity field: set it to zero near the faces that its flow makes intersect."""
 
 import itertools
 
@@ -15,23 +15,24 @@ from meshot.types import Float, Tensor
 
 @torch.no_grad()
 def damped(field: GridVelocity, places: Float[Tensor, "n 3"], radius: float) -> GridVelocity:
-    """The field brought to a stand around some places, at all times: on its finest grid, of one level.
+    """A copy of the field that is zero near the given positions at all times, as one level on the finest grid.
 
-    Coefficients up to ``radius`` from a place become zero, and from there to twice as far they rise to what they were,
-    so that the field stays as smooth as its splines are.
+    Coefficients at most ``radius`` from a position become zero. Between ``radius`` and twice ``radius`` they are scaled
+    by a factor that rises linearly from 0 to 1. The result is a spline, so the field stays as smooth as before.
 
     Parameters
     ----------
     field : GridVelocity
     places : tensor
+        The positions, in mm.
     radius : float
-        In mm. The velocity is zero at a place if this is more than 3.5 times the finest spacing (cubic splines), and
-        small if it is less.
+        In mm. With cubic splines, the velocity at a position is exactly zero if ``radius`` is more than 3.5 times the
+        finest spacing, and small otherwise.
 
     Raises
     ------
     ValueError
-        If the places are not a finite, floating-point matrix with three columns, or the radius is not positive.
+        If the positions are not a finite, floating-point matrix with three columns, or ``radius`` is not positive.
     """
     places = as_floating(places, "places")
     require_shape(places, "places", 3)
@@ -51,35 +52,36 @@ def damped(field: GridVelocity, places: Float[Tensor, "n 3"], radius: float) -> 
 def without_crossings(
     field: GridVelocity, mesh: Mesh, n_steps: int = 12, method: str = "euler", radius: float = 3.0, max_rounds: int = 20
 ) -> GridVelocity:
-    """The field brought to a stand wherever it would make faces of the mesh cross, in as many rounds as that takes.
+    """The field, damped near every face of the mesh that its flow makes intersect another face.
 
-    A round carries the mesh, finds the faces that cross at the end, and stills the field along their paths, one
-    ``radius`` farther in every third round. Coefficients up to that distance from a path become zero, and from there to
-    twice as far they rise to what they were. The flow stays one of a smooth field, and is untouched elsewhere: what is
-    lost is closeness at those faces. Compare :class:`meshot.flow.fitting.Guard`, which makes the whole fit back off.
+    Each round moves the mesh, finds the faces that intersect at the end, and damps the field along the paths of their
+    vertices, see :func:`meshot.flow.crossings.damped`. The radius grows by ``radius`` after every third round. The
+    field does not change elsewhere, and its flow remains that of a smooth field. Near the damped faces the mesh is
+    less close to the target. :class:`meshot.flow.fitting.Guard` instead changes the fit as a whole.
 
     Parameters
     ----------
     field : GridVelocity
     mesh : Mesh
-        Without crossing faces.
+        Without self-intersections.
     n_steps, method
         As in :func:`meshot.integrate`.
     radius : float
-        In mm. The velocity is zero at a place if this is more than 3.5 times the finest spacing (cubic splines), and
-        small if it is less.
+        In mm. With cubic splines, the velocity at a position is exactly zero if ``radius`` is more than 3.5 times the
+        finest spacing, and small otherwise.
     max_rounds : int
+        Maximum number of rounds.
 
     Returns
     -------
     GridVelocity
-        The field itself if no faces cross.
+        The field itself if no faces intersect.
 
     Raises
     ------
     ValueError
-        If faces of the mesh cross before it is carried, or still do after so many rounds, or if
-        the radius is not positive.
+        If the mesh has self-intersections before it is moved or after ``max_rounds`` rounds, or ``radius`` is not
+        positive.
     """
     require_positive_integer(max_rounds, "max_rounds")
     if len(self_intersecting_faces(mesh)):

@@ -1,4 +1,4 @@
-"""Watching a flow: how far it bends space along the paths, and which faces of a mesh cross on the way."""
+"""Diagnosis of a flow: Jacobians along the paths of points, and self-intersections of a mesh after each step."""
 
 import dataclasses
 import math
@@ -15,17 +15,18 @@ from meshot.types import Float, Tensor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PathReport:
-    """What a flow does to space in the neighbourhood of the points that it carries.
+    """Local Jacobians of a flow along the paths of points.
 
     Parameters
     ----------
     positions : tensor
-        Before the first step and after each.
+        Positions of the points before the first step and after each step.
     norms : tensor
-        Spectral norm of the velocity's Jacobian at the beginning of every step, per unit of time: the local Lipschitz
-        constant.
+        Spectral norm of the velocity's Jacobian at the start of every step: the local Lipschitz constant, per unit of
+        time.
     determinants : tensor
-        Of the Jacobian of every step map: by what factor a small volume grows in that step; zero or less is a flip.
+        Determinant of the Jacobian of every step map: the factor by which the step scales a small volume. A value of
+        zero or less means that the step reverses orientation there (a flip).
     """
 
     positions: Float[Tensor, "k n d"]
@@ -34,32 +35,32 @@ class PathReport:
 
     @property
     def steepest(self) -> float:
-        """The largest local Lipschitz constant met on the way, per unit of time."""
+        """The largest local Lipschitz constant along the paths, per unit of time."""
         return float(self.norms.max())
 
     @property
     def n_flips(self) -> int:
-        """How many times a step turned the neighbourhood of a point inside out."""
+        """The number of pairs of point and step where the step map reverses orientation."""
         return int((self.determinants <= 0).sum())
 
     @property
     def volume_factors(self) -> Float[Tensor, " n"]:
-        """By what factor the whole flow makes small volumes at each point grow."""
+        """The factor by which the whole flow scales a small volume at each point."""
         return self.determinants.prod(dim=0)
 
     @property
     def step_times_lipschitz(self) -> float:
-        """h·Lip along the paths; below one every Euler step is one-to-one near them."""
+        """Step size times Lipschitz constant along the paths; below 1, every Euler step is injective near them."""
         return self.steepest / len(self.norms)
 
     @property
     def safe_steps(self) -> int:
-        """The fewest equal steps with h·Lip < 1 along these paths."""
+        """The smallest number of equal steps with h·Lip < 1 along these paths."""
         return steps_below(self.steepest)
 
 
 def steps_below(lipschitz: float, share: float = 1.0) -> int:
-    """The fewest equal steps on [0, 1] with step · ``lipschitz`` < ``share``.
+    """The smallest number of equal steps on [0, 1] for which step size · ``lipschitz`` < ``share``.
 
     Raises
     ------
@@ -76,9 +77,9 @@ def steps_below(lipschitz: float, share: float = 1.0) -> int:
 def inspect_paths(
     field: VelocityField | Velocity, points: Float[Tensor, "n d"], n_steps: int = 12, method: str = "euler"
 ) -> PathReport:
-    """Local Jacobians along the paths of the points, as the method takes them. Without gradient.
+    """Compute local Jacobians along the paths of the points, for the given integration method. Without gradient.
 
-    2d passes backward per step. Says nothing about places that no point goes through.
+    Needs 2d backward passes per step. Says nothing about regions that no path visits.
 
     Raises
     ------
@@ -97,9 +98,9 @@ def inspect_paths(
 
 @torch.no_grad()
 def crossings_along(field: VelocityField | Velocity, mesh: Mesh, n_steps: int = 12, method: str = "euler") -> list[int]:
-    """How many faces cross others of the mesh before the first step and after each, counted exactly.
+    """The number of self-intersecting faces before the first step and after each step, computed exactly.
 
-    As ``self_intersecting_faces`` of ``meshot.mesh.topology.intersection``; about 1 s per step for 330 000 faces.
+    Uses ``self_intersecting_faces`` of ``meshot.mesh.topology.intersection``: about 1 s per step for 330 000 faces.
 
     Raises
     ------

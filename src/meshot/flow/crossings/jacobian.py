@@ -1,4 +1,4 @@
-"""How a velocity varies from place to place: Jacobians, and an estimate of the Lipschitz constant from below."""
+"""Jacobians of a velocity, and an estimate of its Lipschitz constant from below."""
 
 from collections.abc import Callable
 
@@ -10,9 +10,9 @@ from meshot.types import Float, Tensor
 
 
 def point_jacobians(function: Callable[[Tensor], Tensor], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d d"]:
-    """The Jacobian at every point of a map that moves each point on its own: entry (i, j, k) is ∂f_j/∂x_k at point i.
+    """The Jacobian at every point of a map that acts on each point separately: entry (i, j, k) is ∂f_j/∂x_k at point i.
 
-    d passes backward, however many points there are. Without gradient.
+    Needs d backward passes, for any number of points. Without gradient.
     """
     moving = points.detach().clone().requires_grad_()
     with torch.enable_grad():
@@ -20,7 +20,7 @@ def point_jacobians(function: Callable[[Tensor], Tensor], points: Float[Tensor, 
         if not values.requires_grad:
             return moving.new_zeros(*moving.shape, moving.shape[1])
         columns = range(values.shape[1])
-        # A component that does not depend on the points has no gradient at all.
+        # A component that does not depend on the points has no gradient: materialize_grads gives zeros.
         rows = [
             torch.autograd.grad(values[:, j].sum(), moving, retain_graph=True, materialize_grads=True)[0]
             for j in columns
@@ -33,15 +33,16 @@ def sampled_lipschitz(
 ) -> Float[Tensor, ""]:
     """The largest spectral norm of the velocity's Jacobian over the points and over equally spaced times.
 
-    A lower bound of the Lipschitz constant, per unit of time; it rises to it as the points become dense. Compare
-    :meth:`meshot.flow.fields.VelocityField.lipschitz_bound`, which bounds it from above.
+    The result is a lower bound of the Lipschitz constant, per unit of time, and converges to it as the points become
+    dense. For an upper bound, see :meth:`meshot.flow.fields.VelocityField.lipschitz_bound`.
 
     Parameters
     ----------
     field : VelocityField, or callable of (time, points)
     points : tensor
-        Where to look.
+        Positions at which the Jacobian is computed.
     n_times : int
+        Number of times in (0, 1).
 
     Raises
     ------

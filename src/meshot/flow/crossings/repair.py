@@ -1,4 +1,4 @@
-"""What a flow leaves with crossing faces, brought back to a surface without any."""
+"""Repair of a surface that a flow has left with self-intersections."""
 
 import dataclasses
 
@@ -10,25 +10,25 @@ from meshot.mesh.editing import neighbour_means, smooth_crossings
 from meshot.mesh.topology import self_intersecting_faces
 
 _MENDING_ROUNDS = 25
-_LARGEST_SHARE = 0.01  # of the faces, for smoothing
-_PART_KEPT = 0.5  # of the way from the initial surface, in each retreat
+_LARGEST_SHARE = 0.01  # of the faces: with more, smoothing is not tried
+_PART_KEPT = 0.5  # factor on the displacement in each backtrack
 _BLUR_STEPS = 4
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RepairedSurface:
-    """A surface without crossing faces, and what it took.
+    """A surface without self-intersections, and statistics of its repair.
 
     Parameters
     ----------
     mesh : Mesh
-        With the faces of the one that came.
+        The repaired mesh, with the faces of the input.
     n_crossing : int
-        Faces that crossed before.
+        Number of self-intersecting faces before the repair.
     n_backtracks : int
-        How many times places were brought closer to the initial surface, because smoothing alone did not help.
+        How many times vertices were moved towards the initial surface because smoothing alone failed.
     largest_move : float
-        How far the vertex that moved most was moved by all this, in units of the vertices.
+        Largest distance between a vertex before and after the repair, in units of the vertices.
     """
 
     mesh: Mesh
@@ -38,24 +38,24 @@ class RepairedSurface:
 
 
 def repair_crossings(initial: Mesh, carried: Mesh, max_backtracks: int = 8) -> RepairedSurface:
-    """A carried surface, mended where faces cross; where that fails it goes back towards the initial surface.
+    """Repair the self-intersections of a moved surface by smoothing, and by moving it back where smoothing fails.
 
-    First :func:`meshot.mesh.editing.smooth_crossings`, which smooths a few places. Where that fails, or more than a
-    hundredth of the faces cross, the displacement from the initial surface is halved around them, ever farther around,
-    and what is left is smoothed again. If that is not enough either, the result is the initial surface, in which no
-    faces cross.
+    The first attempt is :func:`meshot.mesh.editing.smooth_crossings`. If it fails, or if more than 1 % of the faces
+    intersect, the displacement from the initial surface is halved around these faces and the result is smoothed again.
+    This is repeated in growing neighbourhoods, at most ``max_backtracks`` times. If intersections remain, the result is
+    the initial surface.
 
     Parameters
     ----------
     initial, carried : Mesh
-        With the same faces.
+        The surface before and after the flow, with the same faces.
     max_backtracks : int
 
     Raises
     ------
     ValueError
-        If the meshes have other faces, faces of the initial surface cross, or ``max_backtracks`` is not a positive
-        integer.
+        If the meshes have different faces, the initial surface has self-intersections, or ``max_backtracks`` is not a
+        positive integer.
     """
     require_positive_integer(max_backtracks, "max_backtracks")
     if carried.faces.shape != initial.faces.shape or not bool((carried.faces == initial.faces).all()):
@@ -78,7 +78,7 @@ def repair_crossings(initial: Mesh, carried: Mesh, max_backtracks: int = 8) -> R
 
 
 def _mended(mesh: Mesh) -> Mesh | None:
-    """The mesh with its few defects smoothed; None if they are many, since that would smooth the folds away as well."""
+    """The mesh with its few defects smoothed; None if there are many, since smoothing would also remove the folds."""
     if len(self_intersecting_faces(mesh)) > _LARGEST_SHARE * len(mesh.faces):
         return None
     try:
@@ -88,7 +88,7 @@ def _mended(mesh: Mesh) -> Mesh | None:
 
 
 def _lowered(share: torch.Tensor, initial: Mesh, mesh: Mesh, n_rings: int) -> torch.Tensor:
-    """The share of the displacement that is kept, halved around the faces that cross, and blurred along the surface."""
+    """The factors on the displacement: halved around intersecting faces, then blurred along the surface."""
     near = torch.zeros(len(share), dtype=torch.bool, device=share.device)
     near[mesh.faces[self_intersecting_faces(mesh)].flatten()] = True
     for _ in range(n_rings):

@@ -1,7 +1,7 @@
-"""Velocity fields: analytic ones, cubic B-splines on a grid, small networks; written and read.
+"""Velocity fields: analytic fields, cubic B-splines on a grid, small networks; and their storage in files.
 
-A field is called with a time in [0, 1] and points, and returns velocities in units of the points. A
-:class:`LearnedVelocity` has parameters that can be fitted.
+A field is a function of a time in [0, 1] and of points. It returns velocities in units of the points per unit of time.
+A :class:`LearnedVelocity` has parameters that can be fitted.
 """
 
 import lazy_loader

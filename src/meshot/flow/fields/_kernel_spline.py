@@ -1,9 +1,9 @@
-"""Cubic B-spline interpolation of a vector field on a lattice, forward and backward, in numba.
+"""Cubic B-spline interpolation of a vector field on a lattice, forward and backward, compiled by numba.
 
-A point reads 4 × 4 × 4 coefficients of three components. The last two axes are contiguous, so that a point reads 16
-rows of 12 numbers; everything inside the loops over rows is arithmetic on such rows, which the compiler vectorises.
-Places are clipped to the box where all four nodes around exist along every axis. The caller cuts the points into
-chunks, one per thread: the kernels release the GIL.
+Each point depends on 4 × 4 × 4 coefficients of three components. The last two axes are contiguous in memory, so the
+coefficients of a point form 16 rows of 12 numbers. The inner loops run over such rows, which the compiler vectorises.
+Positions are clipped to the box in which all four neighbouring nodes exist along every axis. The caller divides the
+points into chunks, one per thread, because the kernels release the GIL.
 """
 
 from typing import no_type_check
@@ -18,9 +18,9 @@ _inner = INNER | {"fastmath": _FASTMATH}
 
 
 @njit(**_inner)
-@no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
+@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def _clipped(place, n_nodes):
-    """The cell that holds the nearest place in [1, n − 2], and the offset in it."""
+    """The cell that contains ``place`` after clipping to [1, n − 2], and the offset in this cell."""
     place = min(place if place > 1 else 1, n_nodes - 2)  # NaN must not become an index
     cell = min(int(place), n_nodes - 3)
     return cell, place - cell
@@ -51,7 +51,7 @@ def _slope(t, slopes):
 @kernel("flows on a grid", 5, fastmath=_FASTMATH)
 @no_type_check
 def interpolate(coefficients, places, values):
-    """Write the spline at ``places``, in units of the lattice, to ``values``."""
+    """Write to ``values`` the spline at ``places``, which are in units of the lattice spacing."""
     nx, ny, nz, _ = coefficients.shape
     flat = coefficients.reshape(-1)
     weights, row = np.empty((3, 4), places.dtype), np.empty(12, places.dtype)
@@ -76,7 +76,7 @@ def interpolate(coefficients, places, values):
 @kernel("flows on a grid", 5, fastmath=_FASTMATH)
 @no_type_check
 def interpolate_backward(coefficients, places, grad_output, to_coefficients, to_places):
-    """Add the gradient in the coefficients to one buffer, write the gradient in the places to another."""
+    """Add the gradient with respect to the coefficients to one buffer; write that of the positions to another."""
     nx, ny, nz, _ = coefficients.shape
     flat, to_flat = coefficients.reshape(-1), to_coefficients.reshape(-1)
     weights, slopes = np.empty((3, 4), places.dtype), np.empty((3, 4), places.dtype)

@@ -1,4 +1,4 @@
-"""Velocity fields whose flow is known in closed form: what integrators and bounds are measured against."""
+"""Velocity fields whose flow is known in closed form, to test integrators and bounds."""
 
 import abc
 import dataclasses
@@ -12,27 +12,27 @@ from meshot.types import Float, Tensor
 
 
 class AnalyticField(VelocityField):
-    """A field with a known flow and a known, not merely bounded, Lipschitz constant."""
+    """A field with a closed-form flow and a known Lipschitz constant."""
 
     @abc.abstractmethod
     def flow(self, points: Float[Tensor, "n d"], start: float = 0.0, end: float = 1.0) -> Float[Tensor, "n d"]:
-        """Where points that are here at time ``start`` are at time ``end``; an earlier ``end`` is the inverse."""
+        """Positions at time ``end`` of points that are at ``points`` at time ``start``; ``end`` may be earlier."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Affine(AnalyticField):
-    """v = A x + b; its flow is the matrix exponential, its Lipschitz constant the largest singular value of A.
+    """v = A x + b. The flow is given by the matrix exponential; the Lipschitz constant is the spectral norm of A.
 
     Parameters
     ----------
     matrix : tensor
     offset : tensor, optional
-        Zero if left out.
+        b, zero by default.
 
     Raises
     ------
     ValueError
-        If the matrix is not square, or the offset does not fit.
+        If the matrix is not square, or the offset has another length.
     """
 
     matrix: Float[Tensor, "d d"]
@@ -52,7 +52,7 @@ class Affine(AnalyticField):
         return points @ self.matrix.to(points).T + self.offset.to(points)
 
     def flow(self, points: Float[Tensor, "n d"], start: float = 0.0, end: float = 1.0) -> Float[Tensor, "n d"]:
-        """The exponential of A, with b as one more column."""
+        """The flow map: the matrix exponential of A, with b as an additional column."""
         d = len(self.matrix)
         wide = self.matrix.new_zeros(d + 1, d + 1)
         wide[:d, :d], wide[:d, d] = self.matrix, self.offset
@@ -61,38 +61,42 @@ class Affine(AnalyticField):
 
     @torch.no_grad()
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """The largest singular value of the matrix, which is the constant itself."""
+        """The largest singular value of the matrix, which is the exact constant."""
         return torch.linalg.matrix_norm(self.matrix, ord=2)
 
 
 def rotation(angle: float) -> Affine:
-    """The rotation of the plane by ``angle`` radians in unit time; Lipschitz constant ``|angle|``."""
+    """The rotation of the plane by ``angle`` radians in unit time. Its Lipschitz constant is ``|angle|``."""
     return spiral(angle, 0.0)
 
 
 def spiral(angle: float, growth: float) -> Affine:
-    """A rotation that stretches the plane by exp(``growth``) in unit time; Lipschitz constant √(angle² + growth²)."""
+    """A rotation of the plane combined with scaling by exp(``growth``) in unit time.
+
+    Its Lipschitz constant is √(angle² + growth²).
+    """
     return Affine(torch.tensor([[growth, -angle], [angle, growth]], dtype=torch.float64))
 
 
 def shear(rate: float) -> Affine:
-    """(x, y) ↦ (x + rate · y, y) in unit time; Lipschitz constant ``|rate|``. One Euler step is already exact."""
+    """(x, y) ↦ (x + rate · y, y) in unit time. Its Lipschitz constant is ``|rate|``, and one Euler step is exact."""
     return Affine(torch.tensor([[0.0, rate], [0.0, 0.0]], dtype=torch.float64))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Vortex(AnalyticField):
-    """A whirl about an axis: angular velocity ω(r) = strength · exp(−r² / (2 radius²)) in the first two coordinates.
+    """A rotation about an axis with angular velocity ω(r) = strength · exp(−r² / (2 radius²)), in the first two axes.
 
-    Every circle turns as one, so that the flow is known; ``‖Dv‖ = max(|ω|, |ω + r ω′|) ≤ |strength|``,
-    reached at the axis.
+    The angular velocity is constant on each circle, so the flow is known in closed form.
+    ``‖Dv‖ = max(|ω|, |ω + r ω′|) ≤ |strength|``, with equality at the axis.
 
     Parameters
     ----------
     strength : float
-        Angle, in radians per unit of time, at the axis.
+        Angular velocity at the axis, in radians per unit of time.
     radius : float
-        Where the angle has fallen to exp(−1/2) of that, in units of the points.
+        Distance from the axis at which the angular velocity is exp(−1/2) times that at the axis, in units of the
+        points.
 
     Raises
     ------
@@ -115,28 +119,28 @@ class Vortex(AnalyticField):
         return torch.cat([self._angles(points) * turned, torch.zeros_like(points[:, 2:])], dim=1)
 
     def flow(self, points: Float[Tensor, "n d"], start: float = 0.0, end: float = 1.0) -> Float[Tensor, "n d"]:
-        """Every point turns about the axis by its own angle."""
+        """Positions after rotation of every point about the axis by its own angle."""
         angles, x, y = (end - start) * self._angles(points), points[:, :1], points[:, 1:2]
         cosines, sines = angles.cos(), angles.sin()
         return torch.cat([cosines * x - sines * y, sines * x + cosines * y, points[:, 2:]], dim=1)
 
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """``|strength|``, which is the constant itself."""
+        """``|strength|``, which is the exact constant."""
         return torch.tensor(abs(self.strength), dtype=torch.float64)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Push(AnalyticField):
-    """A push along the second axis, strongest near it: v = strength · exp(−ρ² / (2 width²)), ρ the distance from it.
+    """A velocity along the second axis: v = strength · exp(−ρ² / (2 width²)), where ρ is the distance from that axis.
 
-    What is pushed does not change how hard it is pushed: one Euler step is exact, for any strength.
+    Motion along the axis does not change ρ, so one Euler step is exact for any strength.
 
     Parameters
     ----------
     strength : float
-        Velocity at the axis.
+        Velocity on the axis, in units of the points per unit of time.
     width : float
-        In units of the points; the Lipschitz constant is ``|strength| e^{−1/2} / width``.
+        In units of the points. The Lipschitz constant is ``|strength| e^{−1/2} / width``.
 
     Raises
     ------
@@ -160,11 +164,11 @@ class Push(AnalyticField):
         return speed[:, None] * along
 
     def flow(self, points: Float[Tensor, "n d"], start: float = 0.0, end: float = 1.0) -> Float[Tensor, "n d"]:
-        """The velocity times the time."""
+        """The position plus velocity times elapsed time."""
         return points + (end - start) * self(points.new_tensor(start), points)
 
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """``|strength| e^{−1/2} / width``, which is the constant itself."""
+        """``|strength| e^{−1/2} / width``, which is the exact constant."""
         return torch.tensor(abs(self.strength) * math.exp(-0.5) / self.width, dtype=torch.float64)
 
 

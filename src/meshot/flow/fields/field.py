@@ -1,4 +1,4 @@
-"""What a velocity field is: a velocity for every point at every time in [0, 1], and how fast it can vary."""
+"""The interface of velocity fields: a velocity for every point at every time in [0, 1], and its Lipschitz constant."""
 
 import abc
 import dataclasses
@@ -13,13 +13,13 @@ Velocity = Callable[[Tensor, Tensor], Tensor]  # (time, points) → velocities
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Prepared:
-    """A velocity with everything computed that does not depend on the points.
+    """A velocity for repeated evaluation: everything that does not depend on the points is already computed.
 
     Parameters
     ----------
     velocity : callable of (time, points)
     tensors : tuple of tensor
-        What the velocity is made of, where gradients may be wanted: the adjoint method has to be told.
+        The tensors that the velocity depends on and that may need gradients. The adjoint method requires this list.
     """
 
     velocity: Velocity
@@ -31,9 +31,9 @@ class Prepared:
 
 
 class VelocityField(abc.ABC):
-    """A velocity v(t, x). Where it is Lipschitz in x, its flow is a homeomorphism: trajectories cannot meet."""
+    """A velocity v(t, x). If it is Lipschitz in x, its flow is a homeomorphism: trajectories do not meet."""
 
-    #: Whether some finite L has ‖v(t, x) − v(t, y)‖ ≤ L ‖x − y‖ for all x, y and t.
+    #: Whether a finite L exists with ‖v(t, x) − v(t, y)‖ ≤ L ‖x − y‖ for all x, y and t.
     is_lipschitz: bool = True
 
     @abc.abstractmethod
@@ -42,31 +42,33 @@ class VelocityField(abc.ABC):
 
     @abc.abstractmethod
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """A number L with ‖v(t, x) − v(t, y)‖ ≤ L ‖x − y‖ for all x, y and t, without gradient; infinite if none is.
+        """An upper bound of the Lipschitz constant in x, per unit of time; infinite if there is none. Without gradient.
 
+        It is a number L with ‖v(t, x) − v(t, y)‖ ≤ L ‖x − y‖ for all x, y and t.
         :func:`meshot.flow.crossings.sampled_lipschitz` estimates the constant from below.
         """
 
     def prepared(self) -> Prepared:
-        """The same field, ready to be evaluated often: called once per flow, not per step."""
+        """The same field for repeated evaluation. Called once per flow, not once per step."""
         return Prepared(self)
 
 
 class LearnedVelocity(nn.Module, VelocityField):
-    """A velocity field with parameters."""
+    """A velocity field with parameters that can be fitted."""
 
     def prepared(self) -> Prepared:
         """The field and its parameters."""
         return Prepared(self, tuple(self.parameters()))
 
     def stages(self) -> list[list[nn.Parameter]]:
-        """The parameters in the order in which a fit from coarse to fine lets them move; all at once by default."""
+        """Groups of parameters in the order in which a coarse-to-fine fit releases them; by default one group."""
         return [list(self.parameters())]
 
 
 def euler_is_injective(field: VelocityField, n_steps: int) -> bool:
-    """Whether every Euler step of 1/``n_steps`` is one-to-one by the bound h·L < 1 (sufficient, not necessary).
+    """Whether the bound h·L < 1 guarantees that every Euler step of size 1/``n_steps`` is injective.
 
-    This speaks of points. Triangles with moving corners may cross all the same.
+    The condition is sufficient, not necessary, and concerns points. Triangles between moving vertices may still
+    intersect.
     """
     return bool(field.lipschitz_bound() < n_steps)

@@ -1,4 +1,4 @@
-"""A velocity on several grids, summed: coarse ones carry far, fine ones fit detail."""
+"""A velocity field that is a sum of splines on several grids, from coarse to fine."""
 
 import itertools
 
@@ -12,23 +12,26 @@ from meshot.types import Float, Tensor
 
 
 class GridVelocity(LearnedVelocity):
-    """A sum of B-splines on nested grids over a box, constant on equal pieces of time; zero at the start.
+    """A sum of B-splines on nested grids over a box, piecewise constant in time. Initially zero.
 
-    Cubic splines are twice continuously differentiable in the box; linear ones are only continuous, with kinks on the
-    faces of the cells. Both are Lipschitz. Outside the box, the velocity is that of its nearest point, which keeps the
-    Lipschitz constant. With one piece of time the field is stationary.
+    Cubic splines are twice continuously differentiable in the box. Linear splines are only continuous: their
+    derivatives jump at the faces of the cells. Both are Lipschitz. Outside the box the velocity is that of the nearest
+    point in the box, which keeps the Lipschitz constant. With one time interval the field is stationary.
 
     Parameters
     ----------
     lower, upper : tensor or array
-        Two opposite corners of the box, in mm (world), shape (3,). The box is extended to whole coarse cells.
+        Two opposite corners of the box, in mm (world coordinates), shape (3,). The box is enlarged to a whole number of
+        coarse cells.
     spacings : floats
-        In mm, coarse to fine, each half the one before: then the sum is one spline on the finest grid, and a point
-        needs 64 coefficients, not 64 per level.
+        Grid spacings in mm, from coarse to fine, each half the one before. The sum is then one spline on the finest
+        grid, and a point depends on 64 coefficients instead of 64 per level.
     n_pieces : int
-        Of time, equal, on [0, 1]. Steps should not straddle them: take a multiple as the number of steps.
+        Number of equal time intervals on [0, 1]. The number of integration steps should be a multiple of it, so that no
+        step spans two intervals.
     interpolation : str
-        "cubic" (B-spline: the velocity at a node is a mean of nearby coefficients) or "linear" (it is the coefficient).
+        "cubic" (B-spline: the velocity at a node is a mean of nearby coefficients) or "linear" (the velocity at a node
+        is the coefficient).
 
     Raises
     ------
@@ -66,20 +69,20 @@ class GridVelocity(LearnedVelocity):
         return total
 
     def extra_repr(self) -> str:
-        """What the shapes of the levels do not tell."""
+        """The settings that the shapes of the levels do not show."""
         return f"spacings={self.spacings}, n_pieces={self.n_pieces}, interpolation={self.interpolation}"
 
     def stages(self) -> list[list[nn.Parameter]]:
-        """One level after another, coarse to fine."""
+        """One group of parameters per level, from coarse to fine."""
         return [[level] for level in self.levels]
 
     def prepared(self) -> Prepared:
-        """The field as one spline per piece of time."""
+        """The field with one spline per time interval."""
         coefficients = self.coefficients()
         pieces = coefficients.unbind(dim=0)
         starts = torch.arange(self.n_pieces, dtype=torch.float64, device=self.lower.device) / self.n_pieces
         finest = self.spacings[-1]
-        first = self.lower - finest  # every level has one node before the box and one after it
+        first = self.lower - finest  # every level has one node before the box and one node after it
 
         def velocity(time: Tensor, points: Tensor) -> Tensor:
             piece = int(torch.searchsorted(starts.to(time.dtype), time, right=True)) - 1
@@ -94,7 +97,7 @@ class GridVelocity(LearnedVelocity):
 
     @torch.no_grad()
     def scaled(self, factor: float, shift: Float[Tensor, " 3"]) -> "GridVelocity":
-        """The same field in another unit of length and about another origin, where x is ``factor`` · x + ``shift``."""
+        """The same field in coordinates y = ``factor`` · x + ``shift``."""
         n_cells = torch.tensor(self.levels[0].shape[1:4]) - 3
         lower = self.lower * factor + shift
         spacings = tuple(factor * spacing for spacing in self.spacings)
@@ -108,9 +111,9 @@ class GridVelocity(LearnedVelocity):
     def lipschitz_bound(self) -> Float[Tensor, ""]:
         """A bound of the Lipschitz constant over space and time, per unit of time.
 
-        The derivative of a B-spline, linear or cubic, along an axis is a convex combination of differences of
-        neighbouring coefficients over the spacing: ‖Dv‖ ≤ √(Σ_axes max ‖Δc‖²) / spacing. Differences tighten as the
-        grid refines.
+        The derivative of a linear or cubic B-spline along an axis is a convex combination of differences of
+        neighbouring coefficients, divided by the spacing: ‖Dv‖ ≤ √(Σ_axes max ‖Δc‖²) / spacing. The bound becomes
+        tighter as the grid becomes finer.
         """
         coefficients = self.coefficients()
         steepest = [
@@ -126,7 +129,7 @@ def grid_around(
     n_pieces: int = 4,
     interpolation: str = "cubic",
 ) -> GridVelocity:
-    """A velocity on grids over the box that holds all the points, and ``margin`` mm more on every side; zero so far.
+    """A zero velocity field on grids over the bounding box of all the points, enlarged by ``margin`` mm on every side.
 
     Raises
     ------
@@ -143,13 +146,13 @@ def grid_around(
 def single_level(
     coefficients: Float[Tensor, "pieces nx ny nz 3"], lower: Float[Tensor, " 3"], spacing: float, interpolation: str
 ) -> GridVelocity:
-    """The field of one level with these coefficients, as :meth:`GridVelocity.coefficients` gives them.
+    """The field of one level with the given coefficients, in the format of :meth:`GridVelocity.coefficients`.
 
     Parameters
     ----------
     coefficients : tensor
     lower : tensor
-        The corner of the box, in mm.
+        The lower corner of the box, in mm.
     spacing, interpolation
         As :class:`GridVelocity`.
 
@@ -158,7 +161,7 @@ def single_level(
     ValueError
         As :class:`GridVelocity`.
     """
-    # A level has one node before the box, one after it, and one that closes the last cell.
+    # A level has one node before the box, one node after it, and one that closes the last cell.
     n_cells = torch.tensor(coefficients.shape[1:4]) - 3
     field = GridVelocity(lower, lower + n_cells.to(lower) * spacing, (spacing,), len(coefficients), interpolation)
     with torch.no_grad():

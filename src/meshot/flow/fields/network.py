@@ -1,4 +1,4 @@
-"""A velocity that a small network computes from position and time."""
+"""A velocity field computed by a small network from position and time."""
 
 import itertools
 
@@ -12,22 +12,23 @@ from meshot.types import Float, Tensor
 
 
 class NetworkVelocity(LearnedVelocity):
-    """A multilayer perceptron of position and, if wanted, time, with tanh between its layers; smooth everywhere.
+    """A multilayer perceptron of position and, optionally, time, with tanh between its layers. It is smooth everywhere.
 
     Parameters
     ----------
     n_dimensions : int
-        Of the points and of the velocities.
+        Dimension of the points and of the velocities.
     width, n_layers : int
-        Neurons per hidden layer, and how many hidden layers.
+        Neurons per hidden layer, and number of hidden layers.
     generator : numpy.random.Generator, torch.Generator or int
-        Of the initial weights: normal with standard deviation 1/√(inputs), biases uniform in [−1, 1].
+        Source of the initial weights, which are normal with standard deviation 1/√(inputs); biases are uniform in
+        [−1, 1].
     extent : float
-        Positions are divided by it before they enter: about half the size of what is to be moved.
+        Positions are divided by it before they enter the network. About half the size of the shape is suitable.
     last_scale : float
-        Of the initial weights of the last layer; at 0 the field starts at rest.
+        Scale of the initial weights of the last layer. With 0 the velocity is initially zero.
     with_time : bool
-        Whether the time is one more input; otherwise the field is stationary.
+        Whether time is an additional input. Otherwise the field is stationary.
 
     Raises
     ------
@@ -70,10 +71,10 @@ class NetworkVelocity(LearnedVelocity):
 
     @torch.no_grad()
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """The product of the spectral norms of the layers (tanh has slope at most one), per unit of time.
+        """The product of the spectral norms of the layers, per unit of time. The slope of tanh is at most one.
 
-        The first layer counts by its position columns only. Loose: the true constant may be many times smaller, because
-        the layers do not all stretch the same direction.
+        In the first layer only the columns of the position count. The bound is not tight, because the layers do not
+        all stretch the same direction.
         """
         first = self.weights[0][:, : self.n_dimensions] / self.extent
         norms = [torch.linalg.matrix_norm(weight, ord=2) for weight in [first, *list(self.weights)[1:]]]

@@ -10,17 +10,17 @@ from meshot.threads import in_chunks
 from meshot.types import Float, Tensor
 
 INTERPOLATIONS = ("linear", "cubic")
-SMALLEST_CHUNK = 2048  # points per thread, below which starting a thread costs more than it saves
+SMALLEST_CHUNK = 2048  # points per thread; with fewer, starting a thread costs more than it saves
 
 
 def spline_values(
     coefficients: Float[Tensor, "nx ny nz 3"], places: Float[Tensor, "n 3"], interpolation: str = "cubic"
 ) -> Float[Tensor, "n 3"]:
-    """The B-spline Σ_j c_j β(u − j₁) β(v − j₂) β(w − j₃) at places (u, v, w) in units of the lattice.
+    """The B-spline Σ_j c_j β(u − j₁) β(v − j₂) β(w − j₃) at positions (u, v, w) in units of the lattice spacing.
 
-    Along an axis of n nodes, numbered from 0, the cubic one is twice continuously differentiable on [1, n − 2]; beyond,
-    the value is that at the nearest place of this box, which keeps the Lipschitz constant. The linear one, trilinear
-    interpolation, uses the same box.
+    Along an axis of n nodes, numbered from 0, the cubic spline is twice continuously differentiable on [1, n − 2].
+    Outside this box the value is that at the nearest point of the box, which keeps the Lipschitz constant. The linear
+    spline (trilinear interpolation) uses the same box.
 
     Raises
     ------
@@ -29,8 +29,8 @@ def spline_values(
 
     Notes
     -----
-    64 coefficients per place (linear: 8). On a CPU a compiled kernel does the cubic one, with a hand-written gradient
-    that can be taken once; elsewhere PyTorch does both.
+    A position depends on 64 coefficients (linear: 8). On a CPU, a compiled kernel computes the cubic spline, with an
+    explicit first derivative; second derivatives are not available. Elsewhere PyTorch computes both kinds.
     """
     if min(coefficients.shape[:3]) < 4:
         raise ValueError(
@@ -46,7 +46,7 @@ def spline_values(
 def plain_spline_values(
     coefficients: Float[Tensor, "nx ny nz 3"], places: Float[Tensor, "n 3"]
 ) -> Float[Tensor, "n 3"]:
-    """What :func:`spline_values` computes, in plain torch, on any device."""
+    """The same values as :func:`spline_values`, computed by PyTorch operations on any device."""
     n_nodes = torch.tensor(coefficients.shape[:3], device=places.device)
     inside = (places >= 1) & (places <= n_nodes - 2)
     places = torch.where(inside, places, torch.minimum(places.detach().clamp(min=1), n_nodes - 2))
@@ -65,7 +65,7 @@ def plain_spline_values(
 def _linear_values(coefficients: Float[Tensor, "nx ny nz 3"], places: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
     n_nodes = torch.tensor(coefficients.shape[:3], dtype=places.dtype, device=places.device)
     inside = places.clamp(min=1).minimum(n_nodes - 2)
-    # grid_sample wants [-1, 1] from the first node to the last, and the axes in the opposite order.
+    # grid_sample expects [-1, 1] from the first node to the last, and the axes in reverse order.
     wanted = (2 * inside / (n_nodes - 1) - 1).flip(1)
     image = coefficients.permute(3, 0, 1, 2)[None]
     values = torch.nn.functional.grid_sample(image, wanted[None, None, None], align_corners=True)
@@ -73,7 +73,7 @@ def _linear_values(coefficients: Float[Tensor, "nx ny nz 3"], places: Float[Tens
 
 
 def spline_weights(offsets: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 4"]:
-    """The cubic B-splines of the four nodes around an offset in [0, 1): they are at least zero and sum to one."""
+    """The four cubic B-spline weights at an offset in [0, 1). They are non-negative and sum to one."""
     t, s = offsets, 1 - offsets
     return torch.stack([s**3 / 6, 2 / 3 - t**2 * (1 - t / 2), 2 / 3 - s**2 * (1 - s / 2), t**3 / 6], dim=-1)
 
@@ -81,13 +81,13 @@ def spline_weights(offsets: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 4"
 def refined(
     coefficients: Float[Tensor, "*batch nx ny nz 3"], interpolation: str = "cubic"
 ) -> Float[Tensor, "*batch mx my mz 3"]:
-    """The coefficients of the same spline at half the spacing, n + 3 nodes along an axis becoming 2n + 3.
+    """The coefficients of the same spline at half the spacing. An axis of n + 3 nodes becomes one of 2n + 3.
 
-    A cubic B-spline is the sum of five of half its width, with weights (1, 4, 6, 4, 1)/8, a linear one of three, with
-    weights (1, 2, 1)/2 (two-scale relation). So a sum of splines at several spacings is one spline at the finest,
-    exactly.
+    By the two-scale relation, a cubic B-spline is a sum of five B-splines of half its width, with weights
+    (1, 4, 6, 4, 1)/8; a linear one is a sum of three, with weights (1, 2, 1)/2. A sum of splines at several spacings is
+    therefore exactly one spline at the finest spacing.
     """
-    # Along the last axis first, while the arrays are small; along the first it is one large matrix product.
+    # The last axis first, while the arrays are small; along the first axis it is one large matrix product.
     for axis in (-2, -3, -4):
         shape = coefficients.shape[axis + 1 :]
         halves = two_scale_matrix(coefficients.shape[axis], interpolation).to(coefficients)
@@ -97,7 +97,7 @@ def refined(
 
 @functools.cache
 def two_scale_matrix(n_nodes: int, interpolation: str = "cubic") -> Float[Tensor, "m n"]:
-    """What takes n coefficients to the 2n − 3 of the same spline at half the spacing, node 1 staying where it is."""
+    """The matrix that maps n coefficients to the 2n − 3 of the same spline at half the spacing. Node 1 stays fixed."""
     matrix = torch.zeros(2 * n_nodes - 3, n_nodes, dtype=torch.float64)
     at_nodes = (0.0, 1.0, 0.0) if interpolation == "linear" else (1 / 8, 6 / 8, 1 / 8)
     for row in range(2 * n_nodes - 3):

@@ -1,4 +1,4 @@
-"""A fitted velocity in a small file, so that its flow can be applied again, to any mesh in the same space."""
+"""Storage of a fitted velocity field in a small file, so that its flow can be applied to other meshes."""
 
 import gzip
 import json
@@ -12,14 +12,14 @@ from meshot.compressed import unpacked
 from meshot.files import whole_file
 from meshot.flow.fields.grid import GridVelocity, single_level
 
-#: The most bytes that a stored velocity may hold unpacked.
+#: Maximum size of a stored velocity field after decompression, in bytes.
 LARGEST_BYTES = 1 << 28
 
 
 def quantised_velocity(field: GridVelocity, step: float = 2.0**-5) -> GridVelocity:
     """The same field as one level on its finest grid, its coefficients rounded to multiples of ``step``.
 
-    This is what :func:`write_velocity` keeps. Velocities change by at most half a step, in mm per unit of time.
+    :func:`write_velocity` stores this field. Velocities change by at most half of ``step``, in mm per unit of time.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def quantised_velocity(field: GridVelocity, step: float = 2.0**-5) -> GridVeloci
 
 
 def write_velocity(path: str | os.PathLike, field: GridVelocity, step: float = 2.0**-5) -> None:
-    """Write the coefficients on the finest grid as 16-bit multiples of ``step``, a gzipped safetensors file.
+    """Write the coefficients on the finest grid as 16-bit multiples of ``step`` to a gzipped safetensors file.
 
     Raises
     ------
@@ -46,27 +46,27 @@ def write_velocity(path: str | os.PathLike, field: GridVelocity, step: float = 2
         raise ValueError(f"{Path(path).name} does not end in .safetensors.gz; it is one, so name it so")
     coefficients = quantised_velocity(field, step).coefficients().detach()
     tensors = {
-        # Component first: neighbours are alike, which gzip turns into a fifth fewer bytes.
+        # Component first: neighbouring values are then similar, and gzip saves a fifth of the bytes.
         "coefficients": (coefficients / step).round().to(torch.int16).movedim(-1, 0).contiguous(),
         "lower": field.lower.double().contiguous(),
     }
     header = {"step": step, "spacing": field.spacings[-1], "dtype": str(coefficients.dtype)}
-    if field.interpolation != "cubic":  # what every file without this entry is
+    if field.interpolation != "cubic":  # files without this entry are cubic
         header["interpolation"] = field.interpolation
     with whole_file(path) as temporary:
-        # A fixed time in the header, so that the same field gives the same bytes.
+        # A fixed time stamp in the header, so that the same field gives the same bytes.
         temporary.write_bytes(
             gzip.compress(safetensors.torch.save(tensors, {"velocity": json.dumps(header)}), compresslevel=9, mtime=0)
         )
 
 
 def read_velocity(path: str | os.PathLike) -> GridVelocity:
-    """Read what :func:`write_velocity` wrote: one level on the finest grid.
+    """Read a file of :func:`write_velocity`: a field of one level on the finest grid.
 
     Raises
     ------
     ValueError
-        If the file is missing, truncated, or something else.
+        If the file is missing, truncated, or of another kind.
     """
     try:
         content = unpacked(path, LARGEST_BYTES)

@@ -1,7 +1,7 @@
-"""Fitting: the field whose flow, or the points whose descent, makes a loss least.
+"""Minimisation of a loss over the velocity field of a flow, or over the positions of free points.
 
-:func:`fit_flow` fits a field with Adam, with checkpoints and exact resume; :func:`descend` moves free points. Chains of
-fitted flows are carried and reported here too.
+:func:`fit_flow` fits a field with Adam, with checkpoints and exact resumption. :func:`descend` moves free points by
+gradient descent. Other functions integrate and diagnose sequences of fitted flows.
 """
 
 import lazy_loader

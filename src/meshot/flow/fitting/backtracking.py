@@ -1,4 +1,4 @@
-"""How a fit backs off when faces cross: to the best state that passed, more slowly, with more steps if those fail."""
+"""Backtracking of a fit after self-intersections: restore the best state, reduce the learning rate, add steps."""
 
 import torch
 
@@ -11,18 +11,18 @@ from meshot.mesh.topology import self_intersecting_faces
 
 
 def carried(state: FitState, mesh: Mesh, settings: FitSettings) -> Mesh:
-    """The mesh where the field takes it now."""
+    """The mesh moved by the flow of the current field."""
     moved = integrate(state.network, mesh.vertices, state.n_steps, settings.method, gradient=settings.gradient)
     return mesh.with_vertices(moved)
 
 
 def require_no_crossings(mesh: Mesh, guard: Guard) -> None:
-    """Require that a fit starts from a state it may come back to.
+    """Check that the mesh at the start of a fit has no more self-intersections than the guard allows.
 
     Raises
     ------
     ValueError
-        If more faces cross than the guard allows.
+        If it has more: there would be no valid state to return to.
     """
     n_crossings = len(self_intersecting_faces(mesh))
     if n_crossings > guard.max_crossings:
@@ -34,14 +34,14 @@ def require_no_crossings(mesh: Mesh, guard: Guard) -> None:
 
 @torch.no_grad()
 def backtrack(state: FitState, mesh: Mesh, settings: FitSettings, guard: Guard) -> None:
-    """Back to the best state that passed, with a smaller learning rate and without momentum.
+    """Restore the best valid state, reduce the learning rate and reset the momentum.
 
-    Where the steps are at fault, their number is doubled until h·Lip < 1 along the paths that crossed, unless the best
-    state itself would not pass with so many.
+    If the step size is too large, the number of steps is doubled until h·Lip < 1 along the paths of the current field.
+    The old number is kept if the best state would have self-intersections with more steps.
     """
     paths = inspect_paths(state.network, mesh.vertices, state.n_steps, settings.method)
     wanted = state.n_steps
-    # Doubling keeps steps from straddling pieces of time.
+    # Doubling keeps every step inside one time interval of the field.
     while ((paths.n_flips and wanted == state.n_steps) or wanted <= paths.steepest) and 2 * wanted <= guard.max_steps:
         wanted *= 2
     state.restore_best()

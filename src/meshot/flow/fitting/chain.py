@@ -1,4 +1,4 @@
-"""Flows one after another: a chain of diffeomorphic flows is one, and each may have a grid and steps of its own."""
+"""Sequences of flows applied one after another. Each may have its own field, step number and method."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from meshot.types import Float, Tensor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Leg:
-    """One flow of a chain: a field, and how it is stepped through.
+    """One flow of a sequence: a field and its integration settings.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Leg:
 
 
 def chain_end(legs: Sequence[Leg], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
-    """Where the points are after all legs, the first leg first; without a leg, where they were. Differentiable.
+    """Positions of the points after all flows, applied in order. Without flows, the points. Differentiable.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def chain_end(legs: Sequence[Leg], points: Float[Tensor, "n d"]) -> Float[Tensor
 
 
 def chain_trajectory(legs: Sequence[Leg], points: Float[Tensor, "n d"]) -> Float[Tensor, "k n d"]:
-    """Where the points are before the first step of the first leg, and after each step of each.
+    """Positions of the points before the first step of the first flow and after each step of each flow.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def chain_trajectory(legs: Sequence[Leg], points: Float[Tensor, "n d"]) -> Float
 
 
 def chain_reports(legs: Sequence[Leg], points: Float[Tensor, "n d"]) -> list[PathReport]:
-    """For every leg, what it does to space around the points it is given: :func:`meshot.flow.crossings.inspect_paths`.
+    """The report of :func:`meshot.flow.crossings.inspect_paths` for every flow, along the paths of the points.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A fit in one call: one mesh carried to another, at any size and in any unit."""
+"""Deformation of one mesh into another in one call, for meshes of any size and in any unit."""
 
 import dataclasses
 import functools
@@ -19,25 +19,25 @@ from meshot.mesh import Mesh
 from meshot.types import Float, Tensor
 
 MeshLoss = Callable[[Mesh, Mesh], Tensor]
-# All in units of half the longest side of the box that holds both meshes. A sphere of 40 mm and its folds made them:
-# grids of 24, 12, 6 and 3 mm, 12 mm around it, a learning rate of .3 mm, and normals of 8 mm.
+# All in units of half the longest side of the box that contains both meshes. The values were chosen for folded spheres
+# of radius 40 mm: grids of 24, 12, 6 and 3 mm, a margin of 12 mm, a learning rate of .3 mm, and normals of 8 mm.
 _N_LEVELS, _MARGIN, _LEARNING_RATE, _NORMAL_SCALE = 4, 0.3, 0.0075, 0.2
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Deformation:
-    """A mesh carried to another, and the flow that carries it.
+    """A deformed mesh, and the flow that deforms it.
 
     Parameters
     ----------
     mesh : Mesh
-        The source where the flow takes it: its faces, other vertices.
+        The source after the flow: the same faces, other vertices.
     flow : GridVelocity
-        The velocity, in the units of the mesh per unit of time.
+        The velocity field, in the units of the mesh per unit of time.
     n_steps : int
-        How many Euler steps carried the mesh.
+        Number of Euler steps.
     losses : tuple of float
-        The loss at every check of the fit, over that of the source: 1 where nothing is gained.
+        The loss at every check of the fit, divided by the loss of the source.
 
     Examples
     --------
@@ -54,7 +54,13 @@ class Deformation:
     losses: tuple[float, ...]
 
     def carry(self, points: Float[Tensor, "n 3"], inverse: bool = False) -> Float[Tensor, "n 3"]:
-        """Other points carried along: from the space of the source to that of the target, or back.
+        """Move other points by the flow, from the space of the source to that of the target, or back.
+
+        Parameters
+        ----------
+        points : tensor
+        inverse : bool
+            Whether to move points from the space of the target to that of the source.
 
         Raises
         ------
@@ -75,42 +81,44 @@ def deform(
     seed: int = 0,
     progress: bool = True,
 ) -> Deformation:
-    """The source carried to the target by a smooth flow that a loss is least for: a fit in one call.
+    """Deform the source into the target by a smooth flow that minimises a loss.
 
-    A velocity on nested grids is fitted by Adam: :func:`meshot.flow.fitting.fit_flow`, with lengths in proportion to
-    the meshes. Scaling or shifting both changes nothing but the unit of the result, up to rounding. Where no check of
-    the fit has a lower loss than the source, the source stays as it is and the flow is at rest.
+    A velocity field on nested grids is fitted with Adam by :func:`meshot.flow.fitting.fit_flow`. All lengths are
+    relative to the size of the meshes: if both meshes are scaled or shifted, the result is scaled or shifted with them,
+    up to rounding. If no check has a lower loss than the source, the result is the source with a zero velocity.
 
     Parameters
     ----------
     source, target : Mesh
-        Roughly aligned; any numbers of vertices and faces, without correspondence.
+        Roughly aligned. They may have any numbers of vertices and faces, and need no correspondence.
     loss : callable of (mesh, mesh), optional
-        Any differentiable loss between the carried mesh and the target, such as :func:`meshot.chamfer`, in the units of
-        the meshes. If left out, it is sliced Wasserstein between varifolds along fresh directions, with unit normals a
-        fifth as long as half the longest side of the box that holds both meshes.
+        A differentiable loss between the deformed mesh and the target, such as :func:`meshot.chamfer`, in the units of
+        the meshes. The default is the sliced Wasserstein loss between varifolds, with new directions in every
+        iteration, and with unit normals scaled to a fifth of half the longest side of the box that contains both
+        meshes.
     n_iterations : int
-        Of Adam.
+        Number of iterations of Adam.
     detail : float
-        The spacing of the finest grid, in units of half the longest side of the box that holds both meshes: half of it
-        follows finer folds, at eight times the memory.
+        Spacing of the finest grid, in units of half the longest side of the box that contains both meshes. Half the
+        value resolves finer folds and needs eight times the memory.
     allow_crossings : bool
-        Otherwise the fit backs off wherever faces of the carried mesh cross: see :class:`meshot.flow.fitting.Guard`.
+        If false, the fit backtracks whenever the deformed mesh intersects itself, see
+        :class:`meshot.flow.fitting.Guard`.
     seed : int
-        Of the directions.
+        Seed of the directions.
     progress : bool
-        Draw a bar on standard error.
+        Whether to show a progress bar on standard error.
 
     Raises
     ------
     ValueError
-        If an argument is no mesh, the two differ in dtype or device, a number is outside its range, faces of the source
-        cross and may not, or the loss is no finite number with a gradient.
+        If an argument is not a mesh, the meshes differ in dtype or device, a number is outside its range, the source
+        intersects itself although ``allow_crossings`` is false, or the loss is not a finite number with a gradient.
 
     References
     ----------
-    Le et al., *Diffeomorphic Mesh Deformation via Efficient Optimal Transport*, ICLR 2024, Algorithm 1, fitted to one
-    pair.
+    Le et al., *Diffeomorphic Mesh Deformation via Efficient Optimal Transport*, ICLR 2024, Algorithm 1, here applied
+    to one pair of meshes.
 
     Examples
     --------
@@ -143,12 +151,12 @@ def deform(
 
 
 def _least(rest: GridVelocity, fit: Fit, relative: FitLoss, start: Mesh, settings: FitSettings) -> GridVelocity:
-    """The fitted velocity, or the one at rest if the loss of the start is not above that of the best check."""
+    """The fitted velocity, or the zero velocity if the best check is not below the loss of the undeformed source."""
     generator = np.random.default_rng([settings.seed, settings.n_iterations])  # the directions of the checks
     with torch.no_grad():
         unmoved = float(relative(start, settings.n_directions[1], generator))
     checked = dict(zip(fit.history["checked_iteration"], fit.history["checked_loss"], strict=True))
-    best = checked.get(fit.best_iteration, math.inf)  # no check is best where all of them were given up
+    best = checked.get(fit.best_iteration, math.inf)  # absent if every check was rejected
     return fit.field if best < unmoved else rest
 
 
@@ -161,7 +169,7 @@ def _require_mesh(value: object, name: str) -> None:
 
 
 def _frame(source: Mesh, target: Mesh) -> tuple[Float[Tensor, " 3"], float]:
-    """The centre of the box that holds both meshes, and half its longest side."""
+    """The centre of the bounding box of both meshes, and half its longest side."""
     everything = torch.cat([source.vertices.detach(), target.vertices.detach()])
     low, high = everything.amin(dim=0), everything.amax(dim=0)
     size = float((high - low).max()) / 2
@@ -173,7 +181,7 @@ def _frame(source: Mesh, target: Mesh) -> tuple[Float[Tensor, " 3"], float]:
 def _relative_loss(
     loss: MeshLoss | None, source: Mesh, target: Mesh, centre: Tensor, size: float, settings: FitSettings
 ) -> FitLoss:
-    """The loss of a mesh in the frame of the fit, over that of the source, so that no number of it has a unit."""
+    """The loss of a mesh in normalised coordinates, divided by the loss of the source, so that it has no unit."""
     if loss is None:
         in_full = sliced_loss(target, functools.partial(varifold, normal_scale=_NORMAL_SCALE * size))
     else:

@@ -1,4 +1,4 @@
-"""Gradient descent of free points: every point moves on its own, nothing holds them together but the loss."""
+"""Gradient descent on the positions of free points, without connectivity between them."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -13,16 +13,16 @@ PointLoss = Callable[[Tensor], Tensor]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Descent:
-    """What a descent leaves behind: the loss before every step, and the points at the steps asked for.
+    """The result of a descent: the loss before every step, and the points after selected steps.
 
     Parameters
     ----------
     losses : tensor
-        Entry k is the loss that the (k + 1)-th step saw, before it moved the points.
+        Entry k is the loss before the (k + 1)-th step.
     steps : tuple of int
-        After how many steps the points were kept, rising.
+        The numbers of steps after which the points were stored, in ascending order.
     snapshots : tensor
-        The points after that many steps.
+        The points after these numbers of steps.
     """
 
     losses: Float[Tensor, " n_steps"]
@@ -31,7 +31,7 @@ class Descent:
 
     @property
     def points(self) -> Float[Tensor, "n d"]:
-        """The last points kept."""
+        """The last stored points."""
         return self.snapshots[-1]
 
     def at(self, step: int) -> Float[Tensor, "n d"]:
@@ -40,7 +40,7 @@ class Descent:
         Raises
         ------
         ValueError
-            If that step was not kept.
+            If the points were not stored after that step.
         """
         if step not in self.steps:
             raise ValueError(f"step is {step}; points were kept only after {self.steps}: ask for it in `keep`")
@@ -55,28 +55,29 @@ def descend(
     momentum: float = 0.9,
     keep: Sequence[int] | None = None,
 ) -> Descent:
-    """Stochastic gradient descent with momentum on the coordinates of free points (the paper's toy).
+    """Minimise a loss over the positions of free points, by stochastic gradient descent with momentum.
 
-    v ← momentum · v + ∇loss(x), then x ← x − learning_rate · v, from v = 0, as in ``torch.optim.SGD``. On a direction
-    of curvature c (loss = c x² / 2) this is stable exactly for 0 < learning_rate · c < 2 (1 + momentum).
+    This is the toy experiment of the paper. The step is v ← momentum · v + ∇loss(x), then x ← x − learning_rate · v,
+    from v = 0, as in ``torch.optim.SGD``. Along a direction of curvature c (loss = c x² / 2) it is stable if and only
+    if 0 < learning_rate · c < 2 (1 + momentum).
 
     Parameters
     ----------
     loss : callable
-        Takes the points, returns one number. It may draw its own random directions at each call: hold the generator
-        inside.
+        Takes the points and returns one number. It may draw new random directions at each call, from a generator of its
+        own.
     points : tensor
-        Where they start; not changed.
+        The initial positions. They are not modified.
     n_steps : int
     learning_rate, momentum : float
         ``learning_rate`` > 0, 0 <= ``momentum`` < 1.
     keep : sequence of int, optional
-        After how many steps to keep a copy of the points; the last step is always kept, and it alone by default.
+        Numbers of steps after which to store the points. The last step is always stored, and by default it alone.
 
     Raises
     ------
     ValueError
-        If an argument is outside its range, or the points stop being finite: the learning rate is too large.
+        If an argument is outside its range, or the points become infinite or NaN (the learning rate is too large).
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Fitting a flow: the field whose flow carries one mesh to where a loss is least."""
+"""Fitting of a velocity field whose flow moves a mesh so that a loss becomes small."""
 
 import copy
 import dataclasses
@@ -24,7 +24,7 @@ FitLoss = Callable[[Mesh, int, np.random.Generator], Tensor]
 Encoding = Callable[[Mesh], DiscreteMeasure]
 Watch = Callable[[Mesh], dict[str, float]]
 
-#: What the history of a fit holds, whatever is watched.
+#: The entries that every history of a fit has.
 HISTORY = (
     "iteration", "loss", "n_directions", "checked_iteration", "checked_loss", "checked_crossings", "retreat_iteration",
 )  # fmt: skip
@@ -32,12 +32,13 @@ HISTORY = (
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted flow: the best field, the mesh it makes, and how it came about.
+    """A fitted flow: the best field, the mesh moved by it, and the history of the fit.
 
-    ``history`` holds ``iteration``, ``loss`` and ``n_directions`` for every iteration; ``checked_iteration`` and
-    ``checked_loss`` (always the same directions) for every check; with a guard, ``checked_crossings`` (faces) for every
-    check and ``retreat_iteration`` for every time the fit backed off; and what else was watched, for every check.
-    ``best_iteration`` is the check the field is from, and ``n_steps`` how many steps carried the mesh there.
+    ``history`` holds ``iteration``, ``loss`` and ``n_directions`` for every iteration. For every check it holds
+    ``checked_iteration``, ``checked_loss`` (always with the same directions), the values of ``watch``, and with a guard
+    ``checked_crossings`` (number of self-intersecting faces). ``retreat_iteration`` lists the backtracks.
+    ``best_iteration`` is the iteration of the check with the best valid state. ``n_steps`` is the number of integration
+    steps.
     """
 
     field: LearnedVelocity
@@ -57,43 +58,44 @@ def fit_flow(
     guard: Guard | None = None,
     watch: Watch | None = None,
 ) -> Fit:
-    """Fit a velocity field so that the flow carries ``mesh`` to where ``loss`` is least.
+    """Fit a velocity field so that ``loss`` of the mesh moved by its flow becomes small.
 
-    Adam with a learning rate that falls along half a cosine. Vertices move, faces stay. The field given is left as it
-    is; a fitted copy is returned, in the best state of all checks.
+    The optimiser is Adam, with a learning rate that decreases along half a cosine. Vertices move, faces stay the same.
+    The given field is not modified. The result is a fitted copy, in the best state among all checks.
 
     Parameters
     ----------
     field : LearnedVelocity
-        Where to start from, such as :func:`meshot.flow.fields.grid_around` or a network.
+        The initial field, such as :func:`meshot.flow.fields.grid_around` or a network.
     mesh : Mesh
     loss : callable of (mesh, n_directions, generator)
-        Any differentiable loss of the carried mesh on any encoding; :func:`meshot.flow.fitting.sliced_loss` makes one.
-        Losses without directions ignore the last two.
+        Any differentiable loss of the moved mesh, in any encoding. :func:`meshot.flow.fitting.sliced_loss` makes one.
+        Losses without directions ignore the last two arguments.
     settings : FitSettings, optional
     checkpoint : path, optional
-        A safetensors file, written whole every ``save_every`` iterations. If it is there already, the fit goes on from
-        it and ends with the same field as if it had never stopped.
+        A safetensors file, written every ``save_every`` iterations. If the file exists, the fit resumes from it and
+        ends with the same field as an uninterrupted fit.
     progress : callable of (iterations done, loss), optional
-        Called after every iteration; :func:`meshot.flow.fitting.fit_progress` makes one that draws a bar.
+        Called after every iteration. :func:`meshot.flow.fitting.fit_progress` makes one that shows a progress bar.
     guard : Guard, optional
-        Count the faces that cross at every check, and back off when there are any.
+        Counts self-intersecting faces at every check, and backtracks if there are too many.
     watch : callable of (mesh), optional
-        Measures the carried mesh at every check: names and numbers, such as distances, which go into the history and
-        change nothing else.
+        Called with the moved mesh at every check. Returns named numbers, such as distances, that are stored in the
+        history. They do not influence the fit.
 
     Raises
     ------
     ValueError
-        If the checkpoint belongs to other settings or another field, there is a guard and faces cross from the start,
-        or what is watched has the name of something that the history holds anyway.
+        If the checkpoint belongs to other settings or another field, the initial mesh has more self-intersections than
+        the guard allows, or a name returned by ``watch`` is an entry of every history.
     FloatingPointError
-        If the loss or a gradient is not finite; it names the iteration. The checkpoint then holds the last good state.
+        If the loss or a gradient is not finite. The message names the iteration; the checkpoint holds the last finite
+        state.
 
     Notes
     -----
-    On one thread a fit repeats bit for bit. On several, torch may add the gradients of shared corners in another order
-    each time; after ``torch.use_deterministic_algorithms(True)`` it repeats there too.
+    On one thread, a fit is reproducible bit for bit. On several threads torch may add the gradients of shared vertices
+    in varying order. After ``torch.use_deterministic_algorithms(True)`` the fit is reproducible there too.
     """
     settings = settings or FitSettings()
     field = copy.deepcopy(field)
@@ -113,14 +115,15 @@ def fit_flow(
 
 
 def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
-    """The sliced Wasserstein loss to ``target`` along fresh directions, for :func:`meshot.flow.fitting.fit_flow`.
+    """The sliced Wasserstein loss to ``target`` with new directions in every iteration, for ``fit_flow``.
 
     Parameters
     ----------
     target : Mesh
     encoding : callable of a mesh
-        Such as ``lambda mesh: varifold(mesh, normal_scale=8.0)``.
+        For example ``lambda mesh: varifold(mesh, normal_scale=8.0)``.
     p : float
+        Exponent of the ground cost.
     """
     encoded = encoding(target)
 
@@ -143,7 +146,7 @@ def _task(
 
     def hold_fine_stages(i: int) -> None:
         for parameter in itertools.chain(*stages[settings.n_stages_at(i, len(stages)) :]):
-            parameter.grad = None  # Adam leaves it where it is
+            parameter.grad = None  # Adam skips parameters without a gradient
 
     def is_given_up() -> bool:
         return guard is not None and sum(line.get("retreated", False) for line in state.lines) >= guard.max_retreats
@@ -154,7 +157,7 @@ def _task(
 def _checked(
     state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings, guard: Guard | None, watch: Watch | None
 ) -> dict:
-    """The line of a check; with a guard, the fit backs off if too many faces cross."""
+    """The log entry of a check. With a guard, the fit backtracks if too many faces intersect."""
     generator = np.random.default_rng([settings.seed, settings.n_iterations])
     with torch.no_grad():
         moved = carried(state, mesh, settings)
@@ -173,7 +176,7 @@ def _checked(
 
 
 def _history(lines: list[dict], settings: FitSettings) -> dict[str, list[float]]:
-    """The lines of a log as columns."""
+    """The entries of a log as columns."""
     history: dict[str, list[float]] = {name: [] for name in HISTORY}
     for line in lines:
         if "loss" in line:

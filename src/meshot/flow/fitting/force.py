@@ -1,4 +1,4 @@
-"""The force of a loss: on the points themselves, and at positions where no point is yet."""
+"""Descent directions of a loss of points, at the points and at additional positions."""
 
 import torch
 
@@ -8,15 +8,15 @@ from meshot.types import Float, Tensor
 
 
 def forces(loss: PointLoss, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
-    """The force on every point, −n/2 times the gradient of the loss: the direction in which a descent moves it.
+    """The force on every point: −n/2 times the gradient of the loss, where n is the number of points.
 
-    The factor undoes the mean over n points and the 2 of the square, so that for the mean of squared distances
-    ‖xᵢ − yᵢ‖² the force on xᵢ is the vector yᵢ − xᵢ, in units of the points.
+    The factor cancels the mean over n points and the factor 2 of a squared distance. For the mean of the squared
+    distances ‖xᵢ − yᵢ‖², the force on xᵢ is yᵢ − xᵢ, in units of the points.
 
     Parameters
     ----------
     loss : callable
-        Takes the points, returns one number.
+        Takes the points and returns one number.
     points : tensor
 
     Raises
@@ -32,9 +32,9 @@ def forces(loss: PointLoss, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"
 
 
 def probe_forces(loss: PointLoss, points: Float[Tensor, "n d"], probes: Float[Tensor, "k d"]) -> Float[Tensor, "k d"]:
-    """The force on one more point: each probe in turn joins the points, and its force is taken.
+    """The force on an additional point at each probe position: one probe at a time is appended to the points.
 
-    One evaluation of the loss per probe.
+    Needs one evaluation of the loss per probe.
 
     Raises
     ------

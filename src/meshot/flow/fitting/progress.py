@@ -1,4 +1,4 @@
-"""A bar that shows how far a fit has come."""
+"""A progress bar for fits."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -12,7 +12,10 @@ from meshot.flow.fitting.settings import FitSettings
 def fit_progress(
     settings: FitSettings, description: str = "fit", disable: bool = False
 ) -> Iterator[Callable[[int, float], None]]:
-    """A ``progress`` for :func:`meshot.flow.fitting.fit_flow`: a bar with the loss, on standard error, or none."""
+    """Yield a ``progress`` callback for :func:`meshot.flow.fitting.fit_flow`.
+
+    It shows a bar with the loss on standard error, unless ``disable`` is true.
+    """
     with tqdm(total=settings.n_iterations, desc=description, disable=disable) as bar:
 
         def report(done: int, loss: float) -> None:

@@ -1,4 +1,4 @@
-"""How a flow is fitted: the numbers, and when a fit backs off."""
+"""Settings of a fit, and of its backtracking."""
 
 import dataclasses
 import math
@@ -10,30 +10,31 @@ from meshot.train import Plan
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FitSettings:
-    """How a flow is fitted.
+    """Settings of a fit.
 
     Parameters
     ----------
     n_iterations : int
-        Of Adam.
+        Number of iterations of Adam.
     learning_rate : float
-        At the start, in mm per unit of time: about how far a coefficient moves in one iteration. It falls to zero
-        along half a cosine.
+        Initial learning rate, in mm per unit of time: about how far a coefficient moves in one iteration. It decreases
+        to zero along half a cosine.
     n_steps, method, gradient
         As in :func:`meshot.integrate`.
     n_directions : pair of int
-        How many directions the loss is given at the start and at the end; the number doubles in equal stretches.
+        Number of directions of the loss at the start and at the end. It doubles after equal numbers of iterations.
     check_every : int
-        The fit is judged by the loss with the most directions, always the same, every so many iterations.
+        Iterations between checks. A check evaluates the loss with the largest number of directions, always the same
+        ones.
     save_every : int
-        Iterations between checkpoints, if a file for them is given.
+        Iterations between checkpoints, if a checkpoint file is given.
     seed : int
-        Of everything random; iteration i draws from (seed, i), so that a resumed fit draws what it would have drawn.
+        Seed of all random numbers. Iteration i uses (seed, i), so that a resumed fit draws the same numbers.
     patience : int, optional
-        Stop early after so many checks in a row without a better loss.
+        Stop after this many consecutive checks without a better loss.
     coarse_share : float
-        The share of the iterations over which the levels of a field are let go one after another, coarse to fine; 0
-        lets all of them move from the start.
+        Fraction of the iterations during which the levels of a field are released one after another, from coarse to
+        fine. With 0 all levels move from the start.
 
     Raises
     ------
@@ -71,39 +72,41 @@ class FitSettings:
             raise ValueError(f"coarse_share is {self.coarse_share!r}; a share in [0, 1] is needed")
 
     def plan(self) -> Plan:
-        """The same, as the engine of all trainings takes it."""
+        """The settings in the form that the training loop takes."""
         return Plan(self.n_iterations, self.check_every, self.save_every, self.patience, self.learning_rate, "cosine")
 
     def n_directions_at(self, iteration: int) -> int:
-        """First · 2^k, in equal stretches, up to the last."""
+        """The number of directions at an iteration: first · 2^k up to the last, k growing at equal distances."""
         first, last = self.n_directions
         n_stretches = math.ceil(math.log2(last / first)) + 1
         return min(last, first * 2 ** (iteration * n_stretches // self.n_iterations))
 
     def n_stages_at(self, iteration: int, n_stages: int) -> int:
-        """How many of ``n_stages`` stages may move: one more in each of equal pieces of ``coarse_share``."""
+        """The number of released stages, out of ``n_stages``: one more after each equal part of ``coarse_share``."""
         until = self.coarse_share * self.n_iterations
         return n_stages if iteration >= until else 1 + int(iteration * n_stages / until)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Guard:
-    """When a fit backs off, and how.
+    """Settings of backtracking when a fit causes self-intersections.
 
-    At every check the faces that cross are counted, exactly. If there are more than allowed, the fit goes back to the
-    best state that passed, multiplies its learning rate by ``slow_down``, and forgets its momentum. If the steps are at
-    fault, because h·Lip >= 1 or a flip was met along the paths of the vertices, it also takes more of them, as many as
-    the local Jacobians ask for. It gives up after ``max_retreats`` and keeps the best state.
+    At every check the self-intersecting faces are counted exactly. If there are more than ``max_crossings``, the fit
+    restores the best valid state, multiplies its learning rate by ``slow_down``, and resets its momentum. If the step
+    size is too large (h·Lip >= 1, or a step reverses orientation, along the paths of the vertices), the number of steps
+    is also increased, as the local Jacobians require. After ``max_retreats`` backtracks the fit stops and keeps the
+    best state.
 
     Parameters
     ----------
     max_crossings : int
-        Faces that may cross others in the carried mesh.
+        Number of self-intersecting faces that are allowed in the moved mesh.
     slow_down : float
-        In (0, 1).
+        Factor on the learning rate, in (0, 1).
     max_retreats : int
+        Maximum number of backtracks.
     max_steps : int
-        Never take more steps than this.
+        Maximum number of integration steps.
 
     Raises
     ------

@@ -1,18 +1,18 @@
-"""The state of a fit: that of a training, with a number of steps that a guard may change."""
+"""The state of a fit: that of a training, plus the number of integration steps, which a guard may change."""
 
 from meshot.flow.fields.field import LearnedVelocity
 from meshot.train import TrainingState
 
 
 class FitState(TrainingState):
-    """Where a fit stands: the field, its optimiser, how far it came, and the best so far.
+    """The state of a fit: the field, its optimiser, the progress, and the best field so far.
 
     Parameters
     ----------
     field : LearnedVelocity
     learning_rate : float
     n_steps : int
-        Of integration, at the start.
+        Initial number of integration steps.
     """
 
     def __init__(self, field: LearnedVelocity, learning_rate: float, n_steps: int):
@@ -20,10 +20,10 @@ class FitState(TrainingState):
 
     @property
     def n_steps(self) -> int:
-        """Steps of integration."""
+        """Number of integration steps."""
         return self.extras["n_steps"]
 
     @n_steps.setter
     def n_steps(self, value: int) -> None:
-        """The same, from now on."""
+        """Set the number of integration steps."""
         self.extras["n_steps"] = value

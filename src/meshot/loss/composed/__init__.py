@@ -1,7 +1,7 @@
-"""Losses between surfaces, composed of an encoding and a loss of measures, each found by its name.
+"""Losses between surfaces: an encoding combined with a loss of measures, both selected by name.
 
-``ENCODINGS`` and ``LOSSES`` are the tables; :func:`surface_loss` composes a :class:`SurfaceLoss` from flat settings and
-refuses one that neither part uses.
+``ENCODINGS`` and ``LOSSES`` list the names. :func:`surface_loss` makes a :class:`SurfaceLoss` from a flat mapping of
+settings, and raises an error for a setting that neither part uses.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Encodings of a mesh as a measure, by name, each with settings of its own."""
+"""Encodings of a mesh as a measure, selected by name, with their settings."""
 
 import abc
 import dataclasses
@@ -13,19 +13,19 @@ from meshot.mesh import Mesh
 
 
 class Encoding(abc.ABC):
-    """A way from a mesh to a measure; a frozen dataclass, whose fields are its settings.
+    """An encoding of a mesh as a measure: a frozen dataclass whose fields are its settings.
 
     Attributes
     ----------
     continuous : bool
-        Whether the measure has no supports, so that only some losses take it.
+        Whether the measure has no support points. Only some losses accept such measures.
     """
 
     continuous: ClassVar[bool] = False
 
     @abc.abstractmethod
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> Measure:
-        """The encoding of a mesh, with ``n_default`` supports where a number is needed and none is set."""
+        """The measure of a mesh. ``n_default`` is the number of support points if one is needed and not set."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,12 +35,12 @@ class VarifoldEncoding(Encoding):
     Parameters
     ----------
     n_supports : int, optional
-        So many faces are drawn anew at every call; all faces if left out.
+        Number of faces drawn in every call. By default all faces are used.
     normal_scale : float
-        The length of a unit normal, in mm; at zero, the default of every encoding, normals are not compared. The paper
-        has 1 and names no unit.
+        The length of a scaled unit normal, in mm. With 0, the default of every encoding, normals are not compared. The
+        paper uses 1 and states no unit.
     detach_weights : bool
-        Stop the gradient through the areas; by default, as in every encoding, it goes through them.
+        Whether to stop the gradient through the areas. By default, as in every encoding, it includes them.
 
     Raises
     ------
@@ -60,7 +60,7 @@ class VarifoldEncoding(Encoding):
             raise ValueError(f"normal_scale is {self.normal_scale!r}; a length >= 0 is needed, in mm")
 
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> DiscreteMeasure:
-        """The varifold of all faces, or of those drawn."""
+        """The varifold of all faces, or of the drawn ones."""
         if self.n_supports is None:
             return varifold(mesh, normal_scale=self.normal_scale, detach_weights=self.detach_weights)
         return varifold_sample(
@@ -70,12 +70,12 @@ class VarifoldEncoding(Encoding):
 
 @dataclasses.dataclass(frozen=True)
 class SampleEncoding(Encoding):
-    """Points drawn by area, without normals or a gradient in their masses: see :func:`meshot.empirical`.
+    """Points drawn by area, without normals and without a gradient of their masses: see :func:`meshot.empirical`.
 
     Parameters
     ----------
     n_supports : int, optional
-        So many points are drawn anew at every call; as many as the source has faces if left out.
+        Number of points drawn in every call. The default is the number of faces of the source.
 
     Raises
     ------
@@ -89,7 +89,7 @@ class SampleEncoding(Encoding):
         _require_supports(self.n_supports)
 
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> DiscreteMeasure:
-        """The points."""
+        """The empirical measure."""
         return empirical(mesh, self.n_supports or n_default, generator, detach_weights=True)
 
 
@@ -100,7 +100,7 @@ class SurfaceEncoding(Encoding):
     continuous: ClassVar[bool] = True
 
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> SurfaceMeasure:
-        """The measure of the surface; nothing is drawn."""
+        """The continuous measure. Nothing is random."""
         return surface(mesh)
 
 
@@ -109,7 +109,7 @@ def _require_supports(n_supports: int | None) -> None:
         require_positive_integer(n_supports, "n_supports")
 
 
-#: Every encoding by the name that settings give it.
+#: The encodings by name.
 ENCODINGS: dict[str, type[Encoding]] = {
     "varifold": VarifoldEncoding, "samples": SampleEncoding, "surface": SurfaceEncoding,
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Losses between two measures, by name, each with settings of its own."""
+"""Losses between two measures, selected by name, with their settings."""
 
 import abc
 import dataclasses
@@ -19,19 +19,19 @@ from meshot.types import Float, Tensor
 
 
 class MeasureLoss(abc.ABC):
-    """A loss between measures; a frozen dataclass, whose fields are its settings.
+    """A loss between measures: a frozen dataclass whose fields are its settings.
 
     Attributes
     ----------
     takes_continuous : bool
-        Whether it takes a measure without supports.
+        Whether the loss accepts measures without support points.
     """
 
     takes_continuous: ClassVar[bool] = False
 
     @abc.abstractmethod
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss; whatever is drawn is drawn from ``generator``."""
+        """The loss. Random numbers are drawn from ``generator``."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,7 +41,7 @@ class SlicedLoss(MeasureLoss):
     Parameters
     ----------
     n_directions : int
-        Drawn anew at every call.
+        Number of directions, drawn in every call.
     p : int
         The exponent: 1 or 2.
 
@@ -60,23 +60,23 @@ class SlicedLoss(MeasureLoss):
         _require_exponent(self.p)
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss along fresh directions."""
+        """The loss along newly drawn directions."""
         directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
         return sliced_wasserstein(source, target, directions, self.p)
 
 
 @dataclasses.dataclass(frozen=True)
 class WindowedLoss(MeasureLoss):
-    """The sliced distance within windows of space: see :func:`meshot.windowed_sliced_wasserstein`. Not in the paper.
+    """The sliced distance in spatial windows: see :func:`meshot.windowed_sliced_wasserstein`. Not in the paper.
 
     Parameters
     ----------
     window : float
-        The radius, in mm.
+        Standard deviation of the windows, in mm.
     n_windows : int
-        How many are drawn at every call, around places of the target, by area.
+        Number of windows drawn in every call, centred at positions of the target, by mass.
     n_directions : int
-        For each of them.
+        Number of directions per window.
     p : int
         The exponent: 1 or 2.
 
@@ -98,7 +98,7 @@ class WindowedLoss(MeasureLoss):
         _require_exponent(self.p)
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss in fresh windows, each with directions of its own."""
+        """The loss in newly drawn windows, each with its own directions."""
         n_lines, d = self.n_windows * self.n_directions, source.places.shape[1]
         lines = random_directions(n_lines, d, generator).to(source.places)
         shares = target.weights.double().cpu().numpy()
@@ -113,7 +113,7 @@ class ChamferLoss(MeasureLoss):
     """The Chamfer distance, squared: see :func:`meshot.chamfer`."""
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss; nothing is drawn."""
+        """The loss. Nothing is random."""
         return chamfer(source, target)
 
 
@@ -128,7 +128,7 @@ class SinkhornLoss(MeasureLoss):
     blur : float
         In mm.
     scaling : float
-        In (0, 1): nearer to one is slower and more exact.
+        In (0, 1). Values closer to one are slower and more accurate.
 
     Raises
     ------
@@ -147,7 +147,7 @@ class SinkhornLoss(MeasureLoss):
             raise ValueError(f"scaling is {self.scaling!r}; a number in (0, 1) is needed")
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss; nothing is drawn."""
+        """The loss. Nothing is random."""
         return sinkhorn_divergence(source, target, self.p, self.blur, self.scaling)
 
 
@@ -161,7 +161,7 @@ def _require_positive(value: float, name: str) -> None:
         raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed")
 
 
-#: Every loss by the name that settings give it.
+#: The losses by name.
 LOSSES: dict[str, type[MeasureLoss]] = {
     "sliced": SlicedLoss, "windowed": WindowedLoss, "chamfer": ChamferLoss, "sinkhorn": SinkhornLoss,
 }  # fmt: skip

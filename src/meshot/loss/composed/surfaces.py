@@ -1,4 +1,4 @@
-"""A loss between two surfaces: a loss of measures on an encoding."""
+"""Losses between two surfaces: a loss of measures applied to an encoding."""
 
 import dataclasses
 import math
@@ -16,24 +16,24 @@ _VARIFOLD, _SLICED = VarifoldEncoding(), SlicedLoss()
 
 @dataclasses.dataclass(frozen=True)
 class SurfaceLoss:
-    """A loss on an encoding.
+    """A loss of measures applied to an encoding of both meshes.
 
-    DDOT is ``SurfaceLoss(VarifoldEncoding(normal_scale=1.0))``, CortexODE ``SurfaceLoss(SampleEncoding(),
+    DDOT uses ``SurfaceLoss(VarifoldEncoding(normal_scale=1.0))``, and CortexODE uses ``SurfaceLoss(SampleEncoding(),
     ChamferLoss())``.
 
     Parameters
     ----------
     encoding : Encoding
-        What becomes of each mesh.
+        Maps each mesh to a measure.
     loss : MeasureLoss
-        What is computed of both.
+        Compares the two measures.
     factor : float
-        What the loss is multiplied by. Adam hardly notices.
+        Factor on the loss. It has almost no effect with Adam, whose steps do not depend on the scale of the loss.
 
     Raises
     ------
     ValueError
-        If the loss does not take the encoding, or the factor is not positive.
+        If the loss does not accept the encoding, or the factor is not positive.
 
     References
     ----------
@@ -52,30 +52,30 @@ class SurfaceLoss:
             raise ValueError(f"factor is {self.factor!r}; a finite number > 0 is needed")
 
     def __call__(self, source: Mesh, target: Mesh, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss between two meshes, times ``factor``; whatever is drawn is drawn from ``generator``."""
+        """The loss between two meshes, times ``factor``. Random numbers are drawn from ``generator``."""
         n_default = len(source.faces)
         first, second = (self.encoding.measure(mesh, n_default, generator) for mesh in (source, target))
         return self.factor * self.loss(first, second, generator)
 
     def settings(self) -> dict:
-        """The same as settings, flat, as :func:`surface_loss` reads them."""
+        """The settings as a flat mapping, in the format that :func:`surface_loss` reads."""
         names = {"loss": _name_of(LOSSES, self.loss), "encoding": _name_of(ENCODINGS, self.encoding)}
         return names | dataclasses.asdict(self.encoding) | dataclasses.asdict(self.loss) | {"factor": self.factor}
 
 
 def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss:
-    """A loss between surfaces from flat settings, as they stand in a YAML file.
+    """Make a loss between surfaces from a flat mapping of settings, such as a section of a YAML file.
 
     Parameters
     ----------
     settings : mapping
-        ``loss`` and ``encoding`` are names (sliced, and varifold, if left out); the others are fields of these two, and
-        ``factor``. None counts as left out.
+        ``loss`` and ``encoding`` are names (default: sliced and varifold). The others are fields of these two, and
+        ``factor``. None means that a setting is not given.
 
     Raises
     ------
     ValueError
-        If a name is unknown, a setting is one that neither part uses, or a value will not do.
+        If a name is unknown, a setting is not used by either part, or a value is invalid.
     """
     given = {name: value for name, value in settings.items() if value is not None}
     loss, encoding = str(given.pop("loss", "sliced")), str(given.pop("encoding", "varifold"))
@@ -94,7 +94,7 @@ def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss:
 
 
 def loss_setting_names(loss: str | None = None, encoding: str | None = None) -> set[str]:
-    """Every setting that a loss and an encoding use; that any uses where no name, or an unknown one, is given."""
+    """The settings that a loss and an encoding use. For a missing or unknown name, the settings of all of its kind."""
     kinds = [LOSSES[loss]] if loss in LOSSES else LOSSES.values()
     kinds = [*kinds, *([ENCODINGS[encoding]] if encoding in ENCODINGS else ENCODINGS.values())]
     return {"loss", "encoding", "factor"} | {field.name for kind in kinds for field in dataclasses.fields(kind)}

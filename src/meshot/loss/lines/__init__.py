@@ -1,7 +1,7 @@
-"""Transport on a line, and what a mesh becomes when it is projected on one.
+"""Transport on a line, and the distribution of a projected mesh on it.
 
-The monotone plan between two weighted sets of numbers, and the projected distribution of a surface: its atoms, density
-and distribution function. The losses use faster code; this is the code to read.
+The monotone plan between two weighted sets of numbers, and the projected distribution of a surface with its atoms,
+density and distribution function. This code is written to be read; the losses use faster code.
 """
 
 import lazy_loader

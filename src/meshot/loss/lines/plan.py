@@ -1,4 +1,4 @@
-"""Optimal transport on a line as a plan: who sends how much to whom."""
+"""Optimal transport plans on a line."""
 
 import dataclasses
 
@@ -11,14 +11,14 @@ from meshot.types import Float, Int64, Tensor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MonotonePlan:
-    """The cells into which the steps of both quantile functions cut [0, 1], from the left.
+    """The cells of [0, 1] on which both quantile functions are constant, in ascending order.
 
     Parameters
     ----------
     source, target : tensor
-        Which point of each side is the quantile on a cell.
+        For every cell, the index of the source point and of the target point.
     masses : tensor
-        The lengths of the cells: what that point of the source sends to that point of the target.
+        The lengths of the cells: the mass transported from that source point to that target point.
     """
 
     source: Int64[Tensor, " k"]
@@ -32,11 +32,11 @@ def monotone_plan(
     target: Float[Tensor, " m"],
     target_weights: Float[Tensor, " m"],
 ) -> MonotonePlan:
-    """The optimal plan between two discrete measures on a line, for every cost ``|x − y|^p`` with p ≥ 1 at once.
+    """The optimal plan between two discrete measures on a line. It is optimal for all costs ``|x − y|^p`` with p ≥ 1.
 
-    Whoever comes first on one side sends to whoever comes first on the other, until one of the two has nothing left.
-    At most n + m − 1 cells carry mass, and only these are kept; the masses are differentiable in the weights, where no
-    point is without mass and no two steps end together.
+    Mass is transported from the smallest remaining source point to the smallest remaining target point, until one of
+    the two is exhausted. At most n + m − 1 cells have mass, and only these are returned. The masses are differentiable
+    with respect to the weights, if no weight is zero and no two steps end at the same value.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def monotone_plan(
 
     Notes
     -----
-    O(n log n + m log m) time. The plan behind ``meshot.loss.quantile_cost``, which does not keep it.
+    O(n log n + m log m) time. ``meshot.loss.quantile_cost`` computes the cost of this plan without storing it.
 
     References
     ----------
@@ -61,7 +61,7 @@ def monotone_plan(
         weights = as_probabilities(weights, positions, len(positions))
         order = positions.detach().argsort(stable=True)
         ends = weights[order].cumsum(dim=0)
-        # The last step of either side ends at one, whatever roundoff says.
+        # The last step of either side ends exactly at one, without roundoff.
         sides.append((order, ends / ends[-1]))
     (order, ends), (target_order, target_ends) = sides
     cuts, which = torch.cat([ends[:-1], target_ends[:-1], ends.new_ones(1)]).sort(stable=True)

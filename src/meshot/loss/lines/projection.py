@@ -1,4 +1,4 @@
-"""The law of a measure projected on a line, as the exact loss uses it: to be looked at, drawn, and checked."""
+"""The distribution of a measure projected on a line, as used by the exact loss, for plots and checks."""
 
 import dataclasses
 
@@ -13,16 +13,16 @@ from meshot.types import Array, Float, Tensor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ProjectedLaw:
-    """A probability law on a line: intervals on which the density is linear, and atoms.
+    """A probability distribution on a line: intervals with linear density, and atoms.
 
     Parameters
     ----------
     starts, extents : array
-        Of the intervals, from left to right; an interval without extent is an atom.
+        Start and length of the intervals, from left to right. An interval of length zero is an atom.
     masses : array
-        Of the intervals and atoms, summing to one.
+        Masses of the intervals and atoms, with sum one.
     densities : array
-        At the start and the end of every interval, in 1/(unit of length); zero at atoms.
+        Densities at the start and the end of every interval, in 1/(unit of length); zero at atoms.
     """
 
     starts: Float[Array, " n"]
@@ -32,13 +32,13 @@ class ProjectedLaw:
 
     @property
     def atoms(self) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-        """Where single points carry mass, and how much each of them."""
+        """Positions and masses of the atoms."""
         chosen = (self.extents == 0) & (self.masses > 0)
         places = np.unique(self.starts[chosen])
         return places, np.array([self.masses[chosen & (self.starts == place)].sum() for place in places])
 
     def density(self, x: Float[Array, " k"]) -> Float[Array, " k"]:
-        """The density at every x, atoms left out; zero outside the support."""
+        """The density at every x, without atoms; zero outside the support."""
         wide = self.extents > 0
         starts, extents, ends = self.starts[wide], self.extents[wide], self.densities[wide]
         if len(starts) == 0:
@@ -49,7 +49,7 @@ class ProjectedLaw:
         return np.where(inside, ends[at, 0] + (ends[at, 1] - ends[at, 0]) * np.clip(share, 0, 1), 0.0)
 
     def distribution(self, x: Float[Array, " k"]) -> Float[Array, " k"]:
-        """F(x): the mass at or to the left of every x, quadratic between breakpoints."""
+        """The distribution function F(x): the mass at or to the left of every x."""
         below = np.concatenate([[0.0], np.cumsum(self.masses)])
         at = np.searchsorted(self.starts, x, side="right") - 1
         first = np.maximum(at, 0)
@@ -66,10 +66,10 @@ class ProjectedLaw:
 
 
 def projected_law(measure: Measure, direction: Float[Tensor, " d"]) -> ProjectedLaw:
-    """The exact law of ⟨θ, X⟩ for X drawn from a measure: what :func:`meshot.sliced_wasserstein` compares.
+    """The exact distribution of ⟨θ, X⟩ for X drawn from a measure, as used by :func:`meshot.sliced_wasserstein`.
 
-    A triangle contributes a tent, so that a surface has a piecewise linear density; a segment contributes a box; a
-    point, and a face perpendicular to the direction, an atom. No sampling, and no gradient.
+    The density of a triangle is piecewise linear, that of a segment is constant. A point, or a face perpendicular to
+    the direction, gives an atom. No sampling, no gradient.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def projected_law(measure: Measure, direction: Float[Tensor, " d"]) -> Projected
     Raises
     ------
     ValueError
-        If the direction does not fit the measure or is not of unit length.
+        If the direction does not fit the measure or does not have unit length.
 
     Notes
     -----

@@ -1,6 +1,6 @@
-"""Penalties of a single mesh: edge lengths, Laplacians, normals that disagree.
+"""Penalties of a single mesh: edge lengths, Laplacians, and inconsistent normals.
 
-They measure how uneven a mesh is, without a target. All are differentiable in the vertices.
+They measure how irregular a mesh is, without a target. All are differentiable with respect to the vertices.
 """
 
 import lazy_loader

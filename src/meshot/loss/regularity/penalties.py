@@ -1,4 +1,4 @@
-"""What a shape should look like, whatever the target: short edges, vertices amid their neighbours, no sharp turns."""
+"""Regularity penalties of a mesh or contour, which do not depend on a target."""
 
 import math
 
@@ -17,17 +17,17 @@ from meshot.types import Float, Int64, Tensor
 
 
 def squared_edge_length(shape: Mesh | Contour, target_length: float = 0.0) -> Float[Tensor, ""]:
-    """The mean squared difference of the edge lengths from a target length, in squared units of the vertices.
+    """The mean squared difference between the edge lengths and a target length, in squared units of the vertices.
 
-    With target zero every edge is a spring that wants to vanish; on a closed contour of given length the sum is least
-    when all edges are equally long. PyTorch3D's ``mesh_edge_loss``. At an edge without length the gradient is zero.
+    With target zero, shorter edges are better; on a closed contour of given length the sum is smallest if all edges
+    have the same length. Same as PyTorch3D's ``mesh_edge_loss``. The gradient at an edge of length zero is zero.
 
     Parameters
     ----------
     shape : Mesh or Contour
-        Each edge of a mesh counts once, however many faces share it.
+        Each edge of a mesh counts once.
     target_length : float
-        At least zero, in units of the vertices.
+        Non-negative, in units of the vertices.
 
     Raises
     ------
@@ -42,10 +42,10 @@ def squared_edge_length(shape: Mesh | Contour, target_length: float = 0.0) -> Fl
 
 
 def squared_laplacian(shape: Mesh | Contour) -> Float[Tensor, ""]:
-    """The mean squared distance of every vertex from the mean of its neighbours (uniform Laplacian).
+    """The mean squared distance between every vertex and the mean of its neighbours (uniform Laplacian).
 
-    In squared units of the vertices; smooth everywhere. See :func:`meshot.loss.regularity.laplacian_length` for the
-    distance without the square.
+    In squared units of the vertices, and smooth everywhere. :func:`meshot.loss.regularity.laplacian_length` is the
+    mean of the distances themselves.
 
     Raises
     ------
@@ -56,10 +56,10 @@ def squared_laplacian(shape: Mesh | Contour) -> Float[Tensor, ""]:
 
 
 def laplacian_length(shape: Mesh | Contour) -> Float[Tensor, ""]:
-    """The mean distance of every vertex from the mean of its neighbours, in units of the vertices.
+    """The mean distance between every vertex and the mean of its neighbours, in units of the vertices.
 
-    PyTorch3D's ``mesh_laplacian_smoothing`` with method "uniform", for one mesh. Where the distance is zero, so is the
-    gradient.
+    Same as PyTorch3D's ``mesh_laplacian_smoothing`` with method "uniform", for one mesh. The gradient of a distance
+    that is zero is zero.
 
     Raises
     ------
@@ -74,20 +74,20 @@ def laplacian_length(shape: Mesh | Contour) -> Float[Tensor, ""]:
 
 
 def cotangent_laplacian_length(mesh: Mesh, detach_weights: bool = False) -> Float[Tensor, ""]:
-    """The mean distance of every vertex from the cotangent-weighted mean of its neighbours, in units of the vertices.
+    """The mean distance between every vertex and the cotangent-weighted mean of its neighbours.
 
-    PyTorch3D's ``mesh_laplacian_smoothing`` with method "cot", for one mesh; unlike the uniform weights these do not
-    see how vertices slide along the surface, only how it bends. Two differences: the weights take part in the gradient
-    unless detached, and a vertex all of whose faces are without area (no other has weights that add up to zero) counts
-    as lying where it should, so that the value never depends on the origin. Where the distance is zero, so is the
-    gradient.
+    In units of the vertices. Corresponds to PyTorch3D's ``mesh_laplacian_smoothing`` with method "cot", for one mesh.
+    Unlike uniform weights, cotangent weights measure curvature and are little affected by tangential motion of
+    vertices. There are two differences to PyTorch3D. The gradient includes the weights unless they are detached. A
+    vertex whose faces all have zero area (only there do the weights sum to zero) counts with distance zero, so that the
+    value does not depend on the origin. The gradient of a distance that is zero is zero.
 
     Parameters
     ----------
     mesh : Mesh
-        May be open; at its boundary vertices are drawn inwards.
+        It may be open. At its boundary the weighted means lie inside.
     detach_weights : bool
-        Hold the weights fixed in the gradient.
+        Treat the weights as constants in the gradient.
 
     Raises
     ------
@@ -105,12 +105,12 @@ def cotangent_laplacian_length(mesh: Mesh, detach_weights: bool = False) -> Floa
 
 
 def normal_inconsistency(shape: Mesh | Contour) -> Float[Tensor, ""]:
-    """The mean of 1 − cos φ, φ the angle by which the normal turns from a cell to its neighbour: in [0, 2], no unit.
+    """The mean of 1 − cos φ, where φ is the angle between the normals of neighbouring cells; in [0, 2].
 
-    On a contour the neighbours meet at vertices. On a mesh they share an edge; three or more faces at one edge make a
-    pair of every two, edges of one face none, and faces that run along their edge in the same direction, so that one
-    of them is turned round, are compared as if they agreed. PyTorch3D's ``mesh_normal_consistency``. A cell without
-    size has no normal: its pairs count 1, without a gradient.
+    Neighbouring cells of a contour share a vertex, those of a mesh share an edge. If more than two faces share an edge,
+    every pair counts; boundary edges do not count. Two faces with the same direction along their edge have opposite
+    orientations, and one normal is reversed in the comparison. Same as PyTorch3D's ``mesh_normal_consistency``. A cell
+    of zero size has no normal: its pairs count 1, without a gradient.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def _edges_around(contour: Contour) -> tuple[Int64[Tensor, " V"], Int64[Tensor, 
 
 
 def _neighbours(mesh: Mesh) -> tuple[Int64[Tensor, " P"], Int64[Tensor, " P"], Float[Tensor, " P"]]:
-    """Every two faces that share an edge, and minus one where they run along it in the same direction."""
+    """All pairs of faces that share an edge, with sign −1 if both have the same direction along it."""
     n_vertices, n_faces = len(mesh.vertices), len(mesh.faces)
     sides = torch.stack([mesh.faces, mesh.faces.roll(-1, dims=1)], dim=2).reshape(-1, 2)
     keys, order = (sides.amin(dim=1) * n_vertices + sides.amax(dim=1)).sort(stable=True)

@@ -1,6 +1,6 @@
-"""Meshes made from meshes: smoothing, mending, subdivision, decimation.
+"""Operations that make a new mesh: smoothing, repair of self-intersections, subdivision, decimation.
 
-Every function returns a new mesh and leaves the one that came as it was. Each says whether it keeps the faces.
+Every function returns a new mesh and does not modify its argument. Each docstring says whether the faces stay the same.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Faces that cross, smoothed apart where they do, and nowhere else."""
+"""Repair of self-intersections by local smoothing."""
 
 import torch
 
@@ -9,32 +9,32 @@ from meshot.mesh.topology.intersection import self_intersecting_faces
 from meshot.types import Bool, Int64, Tensor
 
 _ROUNDS_PER_RING = 5
-_AMOUNT = 0.5  # part of the way to the mean of the neighbours, in each round
+_AMOUNT = 0.5  # fraction of the way to the mean of the neighbours, in each round
 
 
 def smooth_crossings(mesh: Mesh, max_rounds: int = 50) -> Mesh:
-    """The mesh with the neighbourhood of crossing faces smoothed until no faces cross; every other vertex stays.
+    """The mesh after local smoothing around intersecting faces until no faces intersect. Other vertices do not move.
 
-    A round counts the crossing faces and lets their corners, and the vertices around them, go half of the way to the
-    mean of their neighbours. In the first five rounds only the corners move, and in every five that follow one ring of
-    neighbours more: small defects are mended by small changes. Faces stay as they are, and so does the topology.
+    Each round counts the intersecting faces and moves nearby vertices half of the way to the mean of their neighbours.
+    In the first five rounds only the corners of these faces move. After every five rounds the neighbourhood grows by a
+    ring of vertices, so that small defects are repaired by small changes. Faces and topology stay the same.
 
     Parameters
     ----------
     mesh : Mesh
-        Returned as it is if no faces cross.
+        Returned unchanged if no faces intersect.
     max_rounds : int
+        Maximum number of rounds.
 
     Raises
     ------
     ValueError
-        If ``max_rounds`` is not a positive integer, or faces still cross after so many rounds.
+        If ``max_rounds`` is not a positive integer, or faces still intersect after this many rounds.
 
     Notes
     -----
-    A round counts exactly (``self_intersecting_faces``), which takes most of its time:
-    about .2 s for 80 000 faces. Meant for a few defects; a surface that crosses itself far and wide needs to be made
-    differently.
+    Counting is exact (``self_intersecting_faces``) and takes most of the time: about .2 s per round for 80 000 faces.
+    The method is meant for a few local defects, not for surfaces with many self-intersections.
     """
     require_positive_integer(max_rounds, "max_rounds")
     crossing = self_intersecting_faces(mesh)
@@ -54,7 +54,7 @@ def smooth_crossings(mesh: Mesh, max_rounds: int = 50) -> Mesh:
 
 
 def _ring_around(mesh: Mesh, faces: Int64[Tensor, " n"], n_rings: int) -> Bool[Tensor, " V"]:
-    """Which vertices are corners of the faces, or at most so many edges away from one."""
+    """Which vertices are corners of the faces, or at most ``n_rings`` edges away from a corner."""
     inside = torch.zeros(len(mesh.vertices), dtype=torch.bool, device=mesh.faces.device)
     inside[mesh.faces[faces].flatten()] = True
     for _ in range(n_rings):

@@ -1,4 +1,4 @@
-"""Light smoothing of the staircase that voxels leave on a surface."""
+"""Smoothing of meshes, for example of the voxel steps in a surface extracted from an image."""
 
 import torch
 
@@ -7,7 +7,10 @@ from meshot.types import Float, Tensor
 
 
 def neighbour_means(mesh: Mesh) -> Float[Tensor, "V 3"]:
-    """For every vertex the mean of its neighbours, weighted by how many faces share the edge; itself if it has none."""
+    """The mean of the neighbours of every vertex, weighted by the number of faces that share the edge.
+
+    A vertex without neighbours keeps its own position.
+    """
     ends = mesh.faces
     source = torch.cat([ends, ends], dim=1).T.reshape(-1)
     other = torch.cat([ends.roll(1, dims=1), ends.roll(-1, dims=1)], dim=1).T.reshape(-1)
@@ -17,19 +20,19 @@ def neighbour_means(mesh: Mesh) -> Float[Tensor, "V 3"]:
 
 
 def laplacian_smoothing(mesh: Mesh, n_steps: int, amount: float = 0.5) -> Mesh:
-    """The mesh after ``n_steps`` in which each vertex goes part of the way to the mean of its neighbours; it shrinks.
+    """The mesh after ``n_steps`` steps that move each vertex towards the mean of its neighbours. The mesh shrinks.
 
     Parameters
     ----------
     mesh : Mesh
     n_steps : int
     amount : float
-        Which part of the way, in (0, 1].
+        Fraction of the way to the mean, in (0, 1].
 
     Raises
     ------
     ValueError
-        If ``n_steps`` is negative or ``amount`` outside (0, 1].
+        If ``n_steps`` is negative or ``amount`` is outside (0, 1].
     """
     _require_steps(n_steps)
     if not 0 < amount <= 1:
@@ -40,21 +43,21 @@ def laplacian_smoothing(mesh: Mesh, n_steps: int, amount: float = 0.5) -> Mesh:
 
 
 def taubin_smoothing(mesh: Mesh, n_steps: int, amount: float = 0.5, pass_band: float = 0.1) -> Mesh:
-    """The mesh after ``n_steps`` pairs of a Laplacian step inwards and a slightly larger one back; it hardly shrinks.
+    """The mesh after ``n_steps`` pairs of Laplacian steps, inwards and outwards, which limits shrinkage.
 
     Parameters
     ----------
     mesh : Mesh
     n_steps : int
     amount : float
-        λ, the part of the way to the mean of the neighbours, in (0, 1].
+        λ, the fraction of the way to the mean of the neighbours in the inward step, in (0, 1].
     pass_band : float
-        k = 1/λ + 1/μ > 0: the eigenvalue of the Laplacian below which waves are kept.
+        k = 1/λ + 1/μ > 0: components of the shape with eigenvalues of the Laplacian below k are kept.
 
     Raises
     ------
     ValueError
-        If ``n_steps`` is negative, ``amount`` outside (0, 1], or ``pass_band`` outside (0, 1/λ).
+        If ``n_steps`` is negative, ``amount`` is outside (0, 1], or ``pass_band`` is outside (0, 1/λ).
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Edges cut in two, only where that is wanted: more vertices on the same surface."""
+"""Subdivision of selected edges: more vertices on the same surface."""
 
 import torch
 
@@ -8,28 +8,29 @@ from meshot.types import Bool, Int64, Tensor
 
 
 def with_edges_split(mesh: Mesh, edges: Int64[Tensor, "E 2"]) -> Mesh:
-    """The mesh with a new vertex amid each of some edges, and every face cut where its sides were: the same surface.
+    """The same surface with a new vertex at the midpoint of each given edge, and with its faces divided there.
 
-    A face with one such side becomes two, with two sides three, with three sides four. Old vertices keep their indices;
-    that of the k-th edge is V + k. Orientation and topology stay.
+    A face with one, two or three given edges is divided into two, three or four faces. Old vertices keep their indices;
+    the vertex on the k-th edge has index V + k. Orientation and topology stay the same.
 
     Parameters
     ----------
     mesh : Mesh
     edges : tensor
-        At least one pair of vertices, in any order, each edge once; see :func:`meshot.mesh.geometry.mesh_edges`.
+        At least one pair of vertex indices, in any order, each edge once; see
+        :func:`meshot.mesh.geometry.mesh_edges`.
 
     Raises
     ------
     ValueError
-        If there is no pair, or one is no edge of the mesh or comes twice.
+        If there is no pair, or a pair is not an edge of the mesh or appears twice.
     """
     n_vertices = len(mesh.vertices)
     edges = as_indices(edges, "edges", n_vertices).to(mesh.faces.device)
     require_shape(edges, "edges", 2)
     new = _new_vertices(mesh, edges)  # (F, 3): on the sides ab, bc, ca, or −1
     marks = (new >= 0).long()
-    # Turned so that a single cut is on ab, and a single whole side is ca.
+    # Rotate the corners so that a single divided edge is ab, and a single undivided edge is ca.
     count = marks.sum(dim=1)
     turn = torch.where(count == 1, marks.argmax(dim=1), torch.where(count == 2, marks.argmin(dim=1) + 1, 0))
     order = (torch.arange(3, device=turn.device) + turn[:, None]) % 3
@@ -45,7 +46,7 @@ def with_edges_split(mesh: Mesh, edges: Int64[Tensor, "E 2"]) -> Mesh:
 
 
 def _new_vertices(mesh: Mesh, edges: Int64[Tensor, "E 2"]) -> Int64[Tensor, "F 3"]:
-    """For the sides ab, bc, ca of every face, the index of the vertex that is to lie on it; −1 if none is."""
+    """The index of the new vertex on the sides ab, bc, ca of every face; −1 if the side is not divided."""
     n_vertices, n_edges = len(mesh.vertices), len(edges)
     sides = torch.stack([mesh.faces, mesh.faces.roll(-1, dims=1)], dim=2).sort(dim=2).values
     wanted = edges.sort(dim=1).values

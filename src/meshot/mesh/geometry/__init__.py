@@ -1,7 +1,7 @@
-"""Areas, normals, edges, curvature and plane sections of meshes, differentiable where it makes sense.
+"""Areas, normals, edges, curvature and plane sections of meshes, differentiable where possible.
 
-All are plain functions of a mesh or a contour. A length is in units of the vertices, an area in their square. Normals
-point outward where faces are consistently oriented.
+All are functions of a mesh or a contour. Lengths are in units of the vertices, areas in their square. Normals point
+outwards if the faces are consistently oriented.
 """
 
 import lazy_loader

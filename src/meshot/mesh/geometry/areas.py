@@ -7,18 +7,18 @@ from meshot.types import Float, Int64, Tensor
 
 
 def face_corners(mesh: Mesh) -> Float[Tensor, "F 3 3"]:
-    """The three corners of every face."""
+    """The positions of the three corners of every face."""
     return mesh.vertices[mesh.faces]
 
 
 def face_area_vectors(mesh: Mesh) -> Float[Tensor, "F 3"]:
-    """Half the cross product of two edges: the outward normal times the area of every face."""
+    """The outward normal times the area of every face: half the cross product of two edges."""
     corners = face_corners(mesh)
     return torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
 
 
 def face_areas(mesh: Mesh) -> Float[Tensor, " F"]:
-    """The area of every face, in squared units of the vertices; its gradient at a face without area is zero."""
+    """The area of every face, in squared units of the vertices. The gradient at a face without area is zero."""
     return safe_norm(face_area_vectors(mesh))
 
 
@@ -30,7 +30,7 @@ def face_normals(mesh: Mesh) -> Float[Tensor, "F 3"]:
 
 
 def vertex_normals(mesh: Mesh) -> Float[Tensor, "V 3"]:
-    """The outward unit normal at every vertex: that of its faces, weighted by area; zero where they cancel."""
+    """The outward unit normal at every vertex: the area-weighted mean of its faces' normals; zero where they cancel."""
     vectors = face_area_vectors(mesh).repeat_interleave(3, dim=0)
     sums = torch.zeros_like(mesh.vertices).index_add(0, mesh.faces.flatten(), vectors)
     lengths = safe_norm(sums)
@@ -43,20 +43,20 @@ def face_barycentres(mesh: Mesh) -> Float[Tensor, "F 3"]:
 
 
 def vertex_areas(mesh: Mesh) -> Float[Tensor, " V"]:
-    """A third of the area of the faces around every vertex; together the area of the mesh."""
+    """A third of the area of the faces around every vertex. The sum is the area of the mesh."""
     thirds = (face_areas(mesh) / 3).repeat_interleave(3)
     return torch.zeros_like(mesh.vertices[:, 0]).index_add(0, mesh.faces.flatten(), thirds)
 
 
 def signed_volume(mesh: Mesh) -> Float[Tensor, ""]:
-    """The volume that a closed mesh encloses: positive if its normals point outward (divergence theorem)."""
+    """The volume enclosed by a closed mesh, positive if its normals point outwards (divergence theorem)."""
     centred = mesh.with_vertices(mesh.vertices - mesh.vertices.mean(dim=0))
     return (face_barycentres(centred) * face_area_vectors(centred)).sum() / 3
 
 
 def mesh_edges(mesh: Mesh) -> Int64[Tensor, "E 2"]:
     """Every edge once, as a sorted pair of vertex indices, in lexicographic order."""
-    # One number per edge sorts ten times faster than a row.
+    # Sorting one integer per edge is ten times faster than sorting rows.
     pairs, n_vertices = _half_edges(mesh), len(mesh.vertices)
     keys = torch.unique(pairs[:, 0] * n_vertices + pairs[:, 1])
     return torch.stack([keys // n_vertices, keys % n_vertices], dim=1)
@@ -68,7 +68,7 @@ def _half_edges(mesh: Mesh) -> Int64[Tensor, "H 2"]:
 
 
 def edge_lengths(shape: Mesh | Contour) -> Float[Tensor, " E"]:
-    """The length of every edge (each edge of a mesh once)."""
+    """The length of every edge, in units of the vertices. Each edge of a mesh appears once."""
     edges = shape.edges if isinstance(shape, Contour) else mesh_edges(shape)
     return safe_norm(shape.vertices[edges[:, 1]] - shape.vertices[edges[:, 0]])
 
@@ -79,7 +79,7 @@ def edge_midpoints(contour: Contour) -> Float[Tensor, "E 2"]:
 
 
 def edge_normals(contour: Contour) -> Float[Tensor, "E 2"]:
-    """The unit normal to the right of every edge: outward where the contour runs counter-clockwise."""
+    """The unit normal to the right of every edge. It points outwards if the contour runs counter-clockwise."""
     along = contour.vertices[contour.edges[:, 1]] - contour.vertices[contour.edges[:, 0]]
     lengths = safe_norm(along)
     right = torch.stack([along[:, 1], -along[:, 0]], dim=1)

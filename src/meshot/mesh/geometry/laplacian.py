@@ -1,4 +1,4 @@
-"""Where a vertex lies against its neighbours: the umbrella vectors of the uniform and of the cotangent Laplacian."""
+"""Uniform and cotangent Laplacians of the vertex positions, and mean curvature."""
 
 import torch
 
@@ -8,10 +8,10 @@ from meshot.types import Float, Int64, Tensor
 
 
 def umbrella_vectors(shape: Mesh | Contour) -> Float[Tensor, "V d"]:
-    """For every vertex the vector to the mean of its neighbours (uniform Laplacian), in units of the vertices.
+    """The vector from every vertex to the mean of its neighbours (uniform Laplacian), in units of the vertices.
 
-    It mixes how the surface bends (its part along the normal) with how unevenly the vertices lie (its part along the
-    surface); at a boundary it points inwards.
+    The part along the normal measures curvature. The tangential part measures uneven spacing of the vertices. At a
+    boundary the vector points inwards.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def umbrella_vectors(shape: Mesh | Contour) -> Float[Tensor, "V d"]:
 
 
 def cotangents(mesh: Mesh) -> Float[Tensor, "F 3"]:
-    """The cotangent of the angle at each corner of every face, without unit; zero in a face without area."""
+    """The cotangent of the angle at each corner of every face; zero in a face without area."""
     corners = face_corners(mesh)
     double_areas = 2 * face_areas(mesh)
     flat = double_areas == 0
@@ -37,19 +37,20 @@ def cotangents(mesh: Mesh) -> Float[Tensor, "F 3"]:
 
 
 def cotangent_vectors(mesh: Mesh, detach_weights: bool = False) -> tuple[Float[Tensor, "V 3"], Float[Tensor, " V"]]:
-    """For every vertex i the sum Σⱼ wᵢⱼ (xⱼ − xᵢ) over its neighbours, and Σⱼ wᵢⱼ, with cotangent weights.
+    """The sums Σⱼ wᵢⱼ (xⱼ − xᵢ) and Σⱼ wᵢⱼ over the neighbours of every vertex i, with cotangent weights.
 
-    wᵢⱼ = ½ (cot α + cot β), α and β the angles opposite to the edge; a boundary edge has one of them, an edge of
-    several faces a summand for each. The sum of vectors is minus the gradient of the total area; for interior vertices
-    it is normal to a smooth surface, however unevenly the vertices lie. In units of the vertices; the weights have
-    none, are negative where the two angles add up to more than π, and add up to more than zero around every vertex of
-    a face with area (the other two angles of a triangle add up to less than π).
+    The weights are wᵢⱼ = ½ (cot α + cot β), where α and β are the angles opposite to the edge. A boundary edge has one
+    such angle; an edge of several faces has one term for each. The first sum is minus the gradient of the total area,
+    in units of the vertices. At interior vertices of a smooth surface it is approximately normal to the surface, also
+    for uneven vertices. The weights have no unit. A weight is negative if the two angles add up to more than π, but
+    the sum around a vertex of a face with positive area is positive, because the other two angles of a triangle add up
+    to less than π.
 
     Parameters
     ----------
     mesh : Mesh
     detach_weights : bool
-        Hold the weights fixed in the gradient, as PyTorch3D does.
+        Treat the weights as constants in the gradient, as PyTorch3D does.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def cotangent_vectors(mesh: Mesh, detach_weights: bool = False) -> tuple[Float[T
     halves = cotangents(mesh) / 2
     if detach_weights:
         halves = halves.detach()
-    # The angle at a corner faces the edge between the other two.
+    # The angle at a corner is opposite to the edge between the other two corners.
     starts, ends = faces.roll(-1, dims=1), faces.roll(1, dims=1)
     weights = torch.cat([halves.flatten()] * 2)
     rows, others = torch.cat([starts.flatten(), ends.flatten()]), torch.cat([ends.flatten(), starts.flatten()])
@@ -77,8 +78,8 @@ def cotangent_vectors(mesh: Mesh, detach_weights: bool = False) -> tuple[Float[T
 def mean_curvatures(mesh: Mesh) -> Float[Tensor, " V"]:
     """The unsigned mean curvature at every vertex, in 1/units of the vertices: 1/r on a sphere of radius r.
 
-    Half the length of the area's gradient, over a third of the area of the faces around. Meaningful at interior
-    vertices; at a vertex all of whose faces are without area it is zero.
+    It is half the norm of the gradient of the area, divided by a third of the area of the faces around the vertex. It
+    is meaningful at interior vertices only. At a vertex whose faces all have zero area it is zero.
 
     Raises
     ------

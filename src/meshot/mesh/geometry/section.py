@@ -1,15 +1,15 @@
-"""Where a surface meets a plane."""
+"""Intersection of a surface with a plane."""
 
 from meshot.mesh.mesh import Mesh
 from meshot.types import Float, Tensor
 
 
 def plane_section(mesh: Mesh, axis: int, position: float) -> Float[Tensor, "n 2 3"]:
-    """The line segments in which the faces meet the plane on which coordinate ``axis`` equals ``position``.
+    """The line segments in which the faces intersect the plane where coordinate ``axis`` equals ``position``.
 
-    Exact up to rounding: one segment for each face that crosses the plane. A vertex on the plane counts as above it,
-    so that a closed surface gives closed lines; a face that only touches the plane from above gives nothing, one that
-    touches it from below with a corner a segment of length zero.
+    Exact up to rounding, with one segment for each face that crosses the plane. A vertex on the plane counts as above
+    it, so that a closed surface gives closed lines. A face that touches the plane only from above gives no segment; one
+    that touches it from below with a corner gives a segment of length zero.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def plane_section(mesh: Mesh, axis: int, position: float) -> Float[Tensor, "n 2 
     Returns
     -------
     tensor
-        The two ends of each segment; no rows where the plane misses the surface.
+        The two ends of each segment. It has no rows if the plane does not intersect the surface.
 
     Raises
     ------

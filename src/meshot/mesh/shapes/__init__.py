@@ -1,7 +1,7 @@
-"""Analytic surfaces and contours: examples whose area, volume or distance is known.
+"""Example surfaces and contours with known area, volume or distance.
 
-Spheres, ellipsoids, cubes, a folded sphere; circles, polygons, stars and a letter. Chapters draw them, and tests
-compare with their closed forms.
+Spheres, ellipsoids, cubes, a folded sphere; circles, polygons, stars and the letter E. The book uses them as examples,
+and the tests compare results with their closed forms.
 """
 
 import lazy_loader

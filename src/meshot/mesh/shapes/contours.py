@@ -1,4 +1,4 @@
-"""Closed 2D shapes with known lengths: what the toy of the first chapter deforms, and into what."""
+"""Closed contours with known lengths, used in the 2D experiments of the book."""
 
 import math
 
@@ -12,7 +12,7 @@ from meshot.types import Float, Tensor
 
 
 def regular_polygon(n_corners: int, radius: float = 1.0) -> Contour:
-    """A polygon with equal sides and angles, counter-clockwise, its first corner straight above the origin.
+    """A polygon with equal sides and angles, counter-clockwise, with its first corner directly above the origin.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def regular_polygon(n_corners: int, radius: float = 1.0) -> Contour:
 
 
 def circle(radius: float = 1.0, n_corners: int = 720) -> Contour:
-    """A circle as a fine regular polygon; at 720 corners it is 3 parts in a million shorter than 2π · radius.
+    """A circle, approximated by a regular polygon. With 720 corners its length is 3 · 10⁻⁶ below 2π · radius, relative.
 
     Raises
     ------
@@ -42,19 +42,19 @@ def circle(radius: float = 1.0, n_corners: int = 720) -> Contour:
 
 
 def star(n_tips: int, outer_radius: float = 1.0, inner_radius: float = 0.4) -> Contour:
-    """A star with ``n_tips`` equal tips: corners on two circles in turn, the first tip straight above the origin.
+    """A star with ``n_tips`` equal tips and corners alternately on two circles. The first tip is above the origin.
 
     Parameters
     ----------
     n_tips : int
         At least two.
     outer_radius, inner_radius : float
-        Of the tips, and of the notches between them; the smaller the inner one, the more acute the tips.
+        Radius of the tips, and of the corners between them. A smaller inner radius gives sharper tips.
 
     Raises
     ------
     ValueError
-        If there are fewer than two tips, or not 0 < ``inner_radius`` < ``outer_radius``.
+        If there are fewer than two tips, or 0 < ``inner_radius`` < ``outer_radius`` does not hold.
     """
     _require_corners(n_tips, "n_tips", 2)
     if not 0 < inner_radius < outer_radius:
@@ -66,7 +66,7 @@ def star(n_tips: int, outer_radius: float = 1.0, inner_radius: float = 0.4) -> C
 
 
 def near_regular_polygon(n_corners: int, jitter: float, generator: Generator, radius: float = 1.0) -> Contour:
-    """A regular polygon whose corners are moved in and out by up to ``jitter`` · ``radius``, at random.
+    """A regular polygon whose corners are moved radially by random amounts up to ``jitter`` · ``radius``.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def near_regular_polygon(n_corners: int, jitter: float, generator: Generator, ra
     jitter : float
         In [0, 1): each corner's distance from the origin is uniform in ``radius`` · [1 − jitter, 1 + jitter].
     generator : numpy.random.Generator, torch.Generator or int
-        Who holds the randomness; an integer is a seed.
+        Random number generator; an integer is a seed.
 
     Raises
     ------
@@ -90,14 +90,14 @@ def near_regular_polygon(n_corners: int, jitter: float, generator: Generator, ra
 
 
 def letter_e(width: float = 1.4, height: float = 2.0, stroke: float = 0.3) -> Contour:
-    """The outline of a capital E with three bars of equal thickness, centred on the origin: not convex, twelve corners.
+    """The outline of a capital E with three bars of equal thickness, centred on the origin. Not convex, twelve corners.
 
     Parameters
     ----------
     width, height : float
-        Of the box around the letter; the perimeter is 2 · height + 6 · width − 4 · stroke.
+        Size of the bounding box. The perimeter is 2 · height + 6 · width − 4 · stroke.
     stroke : float
-        Thickness of the stem and of the bars; less than a third of the height and less than the width.
+        Thickness of the stem and of the bars, less than a third of the height and less than the width.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Closed surfaces known in closed form, with outward normals: what everything else is tried on."""
+"""Closed example surfaces with known area or volume and with outward normals."""
 
 import itertools
 import math
@@ -17,17 +17,17 @@ def icosphere(
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
     dtype: torch.dtype = torch.float64,
 ) -> Mesh:
-    """A sphere made of an icosahedron whose faces are cut into four ``subdivisions`` times: 20 · 4ˢ faces.
+    """A sphere: an icosahedron whose faces are divided into four ``subdivisions`` times, with 20 · 4ˢ faces.
 
     Parameters
     ----------
     subdivisions : int
-        From 0 (the icosahedron) on; the vertices number 10 · 4ˢ + 2.
+        At least 0 (the icosahedron). There are 10 · 4ˢ + 2 vertices.
     radius : float
-        All vertices lie on the sphere, so that area and volume stay below the sphere's by O(h²).
+        All vertices lie on the sphere, so that area and volume are below those of the sphere, by O(h²).
     centre : three floats
     dtype : torch.dtype
-        Of the vertices.
+        Dtype of the vertices.
 
     Raises
     ------
@@ -72,20 +72,20 @@ def ellipsoid(subdivisions: int, radii: tuple[float, float, float], dtype: torch
 def folded_sphere(
     subdivisions: int, radius: float = 40.0, depth: float = 6.0, n_folds: int = 5, dtype: torch.dtype = torch.float64
 ) -> Mesh:
-    """A star-shaped surface with gyri and sulci: an icosphere whose radius varies with its direction.
+    """A star-shaped surface with gyri and sulci: an icosphere whose radius depends on the direction.
 
     The distance from the origin along the unit vector u is ``radius`` + ``depth`` · s(u), with
     s(u) = ⅓ Σ sin(n x + cos(n y)) over cyclic (x, y, z), which lies in [−1, 1]. The surface is a radial graph, so it
-    cannot intersect itself, and the deformation from the sphere is known vertex by vertex.
+    does not intersect itself, and the deformation from the sphere is known at every vertex.
 
     Parameters
     ----------
     subdivisions : int
         As :func:`icosphere`.
     radius, depth : float
-        Of the sphere and of the folds, in mm; ``depth`` below ``radius``.
+        Radius of the sphere and amplitude of the folds, in mm; ``depth`` is below ``radius``.
     n_folds : int
-        The frequency n; about as many folds along a quarter of a circle as n divided by 4.
+        The frequency n. There are about n / 4 folds along a quarter of a circle.
     dtype : torch.dtype
 
     Raises
@@ -120,12 +120,12 @@ def cube(side: float = 1.0, dtype: torch.dtype = torch.float64) -> Mesh:
 
 
 def tetrahedron(corners: Float[Tensor, "4 3"] | None = None) -> Mesh:
-    """The surface of a tetrahedron, its faces turned outward whatever the order of the corners.
+    """The surface of a tetrahedron. Faces are oriented outwards for any order of the corners.
 
     Parameters
     ----------
     corners : tensor, optional
-        Four points; every other corner of the cube [−1, 1]³, a regular tetrahedron, if left out.
+        Four points. The default is every other corner of the cube [−1, 1]³, a regular tetrahedron.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def tetrahedron(corners: Float[Tensor, "4 3"] | None = None) -> Mesh:
 def split_in_four(
     points: Float[Tensor, "V 3"], faces: Int64[Tensor, "F 3"]
 ) -> tuple[Float[Tensor, "W 3"], Int64[Tensor, "G 3"]]:
-    """Every triangle cut at its edge midpoints into four; shared midpoints are shared, orientation stays."""
+    """Every triangle divided into four at its edge midpoints, which neighbours share. Orientation stays the same."""
     n_points, n_faces = len(points), len(faces)
     halves = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).sort(dim=1).values
     keys, which = torch.unique(halves[:, 0] * n_points + halves[:, 1], return_inverse=True)
@@ -160,12 +160,12 @@ def split_in_four(
 
 
 def require_positive(value: float, name: str) -> None:
-    """Require a finite number above zero.
+    """Check that a number is finite and positive.
 
     Raises
     ------
     ValueError
-        For anything else.
+        If it is not.
     """
     if not (math.isfinite(value) and value > 0):
         raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed, in units of the vertices")
@@ -181,6 +181,6 @@ def _icosahedron() -> tuple[Tensor, Tensor]:
     faces = [
         f for f in itertools.combinations(range(12), 3) if near[f[0], f[1]] and near[f[1], f[2]] and near[f[0], f[2]]
     ]
-    # Three corners run counter-clockwise seen from outside if their determinant is positive.
+    # Three corners are counter-clockwise seen from outside if their determinant is positive.
     outward = [f if torch.det(points[list(f)]) > 0 else (f[0], f[2], f[1]) for f in faces]
     return points, torch.tensor(outward)

@@ -1,7 +1,7 @@
-"""Counts that say what kind of surface a mesh is, and the faces that cross each other.
+"""Topological invariants of a mesh, and its self-intersecting faces.
 
-Euler number, components, boundary and non-manifold edges, orientation: integers, which depend on the faces only.
-Self-intersection depends on the vertices too, and comes from libigl.
+Euler number, components, boundary and non-manifold edges, and orientation depend on the faces only. Self-intersections
+depend on the vertices too, and are computed by libigl.
 """
 
 import lazy_loader

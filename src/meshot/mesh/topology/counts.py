@@ -1,4 +1,4 @@
-"""Counts that do not change when vertices move."""
+"""Topological counts, which depend on the faces only."""
 
 import dataclasses
 
@@ -12,24 +12,24 @@ from meshot.types import Int64, Tensor
 
 
 def euler_number(mesh: Mesh) -> int:
-    """V − E + F: 2 for a sphere, 2 − 2g for one closed surface with g handles; vertices without a face do not count."""
+    """V − E + F: 2 for a sphere, 2 − 2g for a closed surface with g handles. Vertices without a face do not count."""
     return len(torch.unique(mesh.faces)) - len(_edge_counts(mesh)[0]) + len(mesh.faces)
 
 
 def boundary_edges(mesh: Mesh) -> Int64[Tensor, "E 2"]:
-    """The edges of only one face: none if the mesh is closed."""
+    """The edges that belong to exactly one face. A closed mesh has none."""
     edges, counts = _edge_counts(mesh)
     return edges[counts == 1]
 
 
 def nonmanifold_edges(mesh: Mesh) -> Int64[Tensor, "E 2"]:
-    """The edges of more than two faces."""
+    """The edges that belong to more than two faces."""
     edges, counts = _edge_counts(mesh)
     return edges[counts > 2]
 
 
 def component_labels(mesh: Mesh) -> Int64[Tensor, " F"]:
-    """For every face, which piece of the mesh it belongs to (pieces hang together by vertices), from 0."""
+    """The number, from 0, of the connected component of every face. Faces are connected if they share a vertex."""
     faces = mesh.faces.cpu().numpy()
     n_vertices = len(mesh.vertices)
     pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
@@ -39,14 +39,14 @@ def component_labels(mesh: Mesh) -> Int64[Tensor, " F"]:
 
 
 def is_consistently_oriented(mesh: Mesh) -> bool:
-    """Whether no two faces run along a shared edge in the same direction, so that normals agree on a side."""
+    """Whether every shared edge has opposite directions in its two faces, so that normals lie on the same side."""
     directed = _directed_edges(mesh)
     return len(torch.unique(directed[:, 0] * len(mesh.vertices) + directed[:, 1])) == len(directed)
 
 
 @dataclasses.dataclass(frozen=True)
 class Topology:
-    """The counts that say whether a mesh is a surface, and which."""
+    """Topological counts of a mesh. They show whether it is a closed surface, and its genus."""
 
     euler_number: int
     n_components: int
@@ -59,7 +59,7 @@ SPHERE = Topology(2, 1, 0, 0, True)
 
 
 def topology(mesh: Mesh) -> Topology:
-    """Euler number, pieces, boundary and non-manifold edges, and orientation; equal to ``SPHERE`` for a sphere."""
+    """Euler number, components, boundary and non-manifold edges, orientation. Equal to ``SPHERE`` for a sphere."""
     return Topology(
         euler_number(mesh),
         int(component_labels(mesh).max()) + 1,
@@ -74,7 +74,7 @@ def _directed_edges(mesh: Mesh) -> Tensor:
 
 
 def _edge_counts(mesh: Mesh) -> tuple[Tensor, Tensor]:
-    # One number per edge sorts ten times faster than a row.
+    # Sorting one integer per edge is ten times faster than sorting rows.
     n_vertices = len(mesh.vertices)
     edges = _directed_edges(mesh).sort(dim=1).values
     keys, counts = torch.unique(edges[:, 0] * n_vertices + edges[:, 1], return_counts=True)

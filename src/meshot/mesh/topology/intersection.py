@@ -1,4 +1,4 @@
-"""Faces of a mesh that cross other faces of the same mesh."""
+"""Detection of self-intersections of a mesh."""
 
 import igl.predicates
 import numpy as np
@@ -9,15 +9,15 @@ from meshot.types import Int64, Tensor
 
 
 def self_intersecting_faces(mesh: Mesh) -> Int64[Tensor, " n"]:
-    """The faces that cross, touch or overlap another face beyond the edge or corner that the two share.
+    """The faces that intersect, touch or overlap another face outside the edge or corner that they share.
 
-    Each face counts once, however many others it meets. Vertices at the same place are merged first, so that
-    neighbours in a soup of triangles do not count merely for touching.
+    Each face is listed once. Vertices at the same position are merged first, so that adjacent faces of a triangle soup
+    do not count as touching.
 
     Parameters
     ----------
     mesh : Mesh
-        Decided in double precision with exact predicates.
+        Tested in double precision with exact predicates.
 
     Returns
     -------
@@ -26,12 +26,12 @@ def self_intersecting_faces(mesh: Mesh) -> Int64[Tensor, " n"]:
 
     Notes
     -----
-    libigl's ``find_self_intersections``; about 1 s for 330 000 faces.
+    Computed by libigl's ``find_self_intersections``, in about 1 s for 330 000 faces.
     """
     vertices = mesh.vertices.detach().double().cpu().numpy()
     merged, index = np.unique(vertices, axis=0, return_inverse=True)
     faces = index.reshape(-1)[mesh.faces.cpu().numpy()]
-    # A face whose corners fall together has no inside that could cross anything.
+    # A face with coincident corners has no interior that could intersect another face.
     kept = np.flatnonzero((faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0]))
     if not len(kept):
         return torch.zeros(0, dtype=torch.int64, device=mesh.faces.device)

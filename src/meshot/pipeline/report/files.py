@@ -18,7 +18,7 @@ from meshot.pipeline.report.page import reconstruction_page
 from meshot.pipeline.report.pictures import slice_pictures, surface_view
 from meshot.pipeline.stages import StageClock
 from meshot.provenance import provenance
-from meshot.volume import Volume, centre_ras, read_volume
+from meshot.volume import Volume, centre_ras, masked_scan, read_volume
 
 REPORT, TIMING, TRANSFORM, PAGE = "report.json", "timing.json", "to_standard.json", "report.html"
 FORMATS = ("", ".surf.gii", ".ply")
@@ -31,6 +31,9 @@ def write_reconstruction(
     networks: TrainedNetworks,
     replace: bool = False,
     template: Volume | None = None,
+    *,
+    brain_mask: str | os.PathLike | None = None,
+    strict: bool = False,
 ) -> dict:
     """Reconstruct the white surfaces of a scan and write everything, with a progress bar; whole or not at all.
 
@@ -47,6 +50,10 @@ def write_reconstruction(
     template : Volume, optional
         As in :func:`meshot.pipeline.reconstruct`.
     replace : bool
+    brain_mask : path, optional
+        Of a volume on the grid of the scan; what lies where it is zero is left out.
+    strict : bool
+        As in :func:`meshot.pipeline.reconstruct`.
 
     Returns
     -------
@@ -61,6 +68,8 @@ def write_reconstruction(
     path, folder = Path(path), Path(folder)
     _require_free(folder, replace)
     scan = read_volume(path)
+    if brain_mask is not None:
+        scan = masked_scan(scan, read_volume(brain_mask))
     with whole_folder(folder, replace) as temporary, tqdm(unit="stage", leave=False, delay=0.1) as bar:
 
         def tell(stage: str, n_done: int, n_stages: int) -> None:
@@ -69,12 +78,13 @@ def write_reconstruction(
             bar.update(n_done - bar.n)
             bar.refresh()
 
-        found = reconstruct(scan, networks.segmentation, networks.system, tell, template)
+        found = reconstruct(scan, networks.segmentation, networks.system, tell, template, strict)
         clock = StageClock(2)
         with clock.stage("surfaces and numbers"):
             distances = {side: vertex_distances(s.final, s.initial) for side, s in found.surfaces.items()}
             _write_surfaces(temporary, found, scan)
             report = _report(found, scan, printable_name(path.name), networks, distances)
+            report["brain_mask"] = None if brain_mask is None else printable_name(Path(brain_mask).name)
         bar.update()
         bar.set_description("pictures")
         with clock.stage("pictures"):

@@ -1,0 +1,63 @@
+"""The page of the command line, written from its parser when the book is built."""
+
+import argparse
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+from meshot.cli import make_parser
+
+WIDTH = 72
+HEAD = """# Command line
+
+This page lists every command and argument. It is generated from the parser of `meshot` when the book is built.
+`meshot COMMAND --help` prints the same text.
+
+The exit status of a command is 0. It is 2 if the input cannot be used; one line then says why. Warnings go to the
+standard error stream.
+"""
+
+
+def command_page(parser: argparse.ArgumentParser) -> str:
+    """The page of a parser whose commands are subparsers, in MyST Markdown."""
+    (commands,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    helps = {choice.dest: choice.help for choice in commands._choices_actions}
+    parts = [HEAD]
+    for name, command in commands.choices.items():
+        parts.append(f"## `{parser.prog} {name}`\n\n{_sentence(helps[name])} {command.description or ''}\n")
+        parts.append(f"```text\n{_usage(command)}\n```\n")
+        parts += [_argument(action, command) for action in command._actions if action.dest != "help"]
+        parts += [f"{command.epilog}\n"] if command.epilog else []
+    return "\n".join(parts)
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:].rstrip('.')}."
+
+
+def _formatter(command: argparse.ArgumentParser) -> argparse.HelpFormatter:
+    return argparse.HelpFormatter(command.prog, width=WIDTH)
+
+
+def _usage(command: argparse.ArgumentParser) -> str:
+    formatter = _formatter(command)
+    formatter.add_usage(command.usage, command._actions, command._mutually_exclusive_groups)
+    return formatter.format_help().strip().removeprefix("usage: ")
+
+
+def _argument(action: argparse.Action, command: argparse.ArgumentParser) -> str:
+    formatter = _formatter(command)
+    shown = formatter._format_action_invocation(action)
+    said = formatter._expand_help(action) if action.help else ""
+    return f"`{shown}`\n: {_sentence(said) if said else 'See the usage above.'}\n"
+
+
+def write_page(app: Sphinx) -> None:
+    """Write ``commands.md`` beside the other pages."""
+    (Path(app.srcdir) / "commands.md").write_text(command_page(make_parser()), encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the event."""
+    app.connect("builder-inited", write_page)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

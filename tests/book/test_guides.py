@@ -1,0 +1,78 @@
+"""The pages that show how to use the package: their programs run, their commands parse, and they cover the parser."""
+
+import argparse
+import re
+import shlex
+
+import nbformat
+import pytest
+
+import meshot
+from commands_extension import command_page
+from meshot.cli import make_parser
+from meshot.mesh.shapes import icosphere
+from shown_extension import shown_html
+
+PAGES = ("README.md", "book/getting_started.md", "book/howto.md")
+
+
+def blocks(page: str, language: str) -> list[str]:
+    found = re.findall(rf"^```{language}\n(.*?)^```", page, re.M | re.S)
+    assert found
+    return found
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_programs_run(root, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    meshot.write_mesh("predicted.ply", icosphere(2, 38.0))
+    meshot.write_mesh("lh.white.surf.gii", icosphere(2, 40.0))
+    shown: dict[str, object] = {}
+    for program in blocks((root / name).read_text(encoding="utf-8"), "python"):
+        exec(compile(program, name, "exec"), shown)
+    if "fitted" in shown:
+        assert shown["fitted"].losses[-1] < 0.5
+        assert (shown["back"] - shown["predicted"].vertices).abs().max() < 0.5  # of 2 mm
+        assert shown["loss"] < 0.5 * meshot.sliced_wasserstein(shown["predicted"], shown["target"])
+
+
+def commands(text: str) -> list[list[str]]:
+    lines = (line for block in blocks(text, "sh") for line in block.splitlines())
+    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("meshot ")]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_commands_parse(root, name):
+    found = commands((root / name).read_text(encoding="utf-8"))
+    assert found
+    for words in found:
+        make_parser().parse_args(words)
+
+
+def test_the_page_of_the_command_line_says_what_the_parser_says():
+    page = command_page(make_parser())
+    for words in ("## `meshot evaluate`", "`--emd-blur MM`", "(default: 100000)", "Not for clinical use", "warmup"):
+        assert words in page
+    assert "%(default)s" not in page
+
+
+def test_a_new_command_is_on_the_page():
+    parser = argparse.ArgumentParser(prog="tool")
+    command = parser.add_subparsers(metavar="COMMAND").add_parser("go", help="go there", description="Fast.")
+    command.add_argument("--number", type=int, default=3, help="how often (default: %(default)s)")
+    page = command_page(parser)
+    assert "## `tool go`\n\nGo there. Fast." in page
+    assert "`--number NUMBER`\n: How often (default: 3)." in page
+
+
+def test_what_a_cell_shows_is_found_or_missed_by_name(tmp_path):
+    output = nbformat.v4.new_output("execute_result", {"text/plain": "Player(3)", "text/html": "<p>x</p>"})
+    file = tmp_path / "01_a.ipynb"
+    nbformat.write(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("p", outputs=[output])]), file)
+    assert shown_html(file, "Player") == "<p>x</p>"
+    with pytest.raises(ValueError, match="no output of 01_a\\.ipynb begins with 'Scene'"):
+        shown_html(file, "Scene")
+
+
+def test_readme_is_short(root):
+    assert len((root / "README.md").read_text(encoding="utf-8").split()) < 550

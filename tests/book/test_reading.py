@@ -1,0 +1,106 @@
+"""Every page as a reader meets it: whole, within its column at three widths, open to all, and light to load.
+
+Each page is opened once. What is found on the way is what the tests look at.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+import build
+from browser import barriers, broken_links, offline_browser, raw_tex, sideways, watched_page, weight
+from preflight import browser as browser_path
+
+#: Of a page, as a server sends it, without surfaces to be turned.
+HEAVIEST = 1_500_000
+
+
+class Visit(NamedTuple):
+    """What one page was found to be."""
+
+    troubles: list[str]
+    sideways: list[str]
+    barriers: list[str]
+    weight: int
+
+
+def visit(context, file: Path) -> Visit:
+    """Open a page and look at everything."""
+    with watched_page(context, file) as (page, troubles):
+        loaded = {file}
+        page.on("requestfinished", lambda request: loaded.add(Path(unquote(urlsplit(request.url).path))))
+        page.reload()
+        page.evaluate("() => window.MathJax && MathJax.startup ? MathJax.startup.promise.then(() => null) : null")
+        found = troubles + raw_tex(page) + broken_links(page, file)
+        files = {path for path in loaded if path.is_file()}
+        return Visit(found, sideways(page), barriers(page), weight(files))
+
+
+@pytest.fixture(scope="module")
+def visits(html, context) -> dict[str, Visit]:
+    """Every page of the book, by its name."""
+    files = sorted([*html.glob("*.html"), *html.glob("api/*.html")])
+    return {file.relative_to(html).as_posix(): visit(context, file) for file in files}
+
+
+def test_every_page_is_whole_without_a_network(visits, capsys):
+    with capsys.disabled():
+        print(f"\nopened {len(visits)} pages offline: {', '.join(visits)}")
+    assert {name: seen.troubles for name, seen in visits.items() if seen.troubles} == {}
+    chapters = {path.stem for path in (build.ROOT / "notebooks").glob("[0-9]*.md")}
+    wanted = chapters | {"index", "ledger", "search", "references", "meshot", "meshot.loss"}
+    assert wanted <= {Path(name).stem for name in visits}
+
+
+def test_nothing_scrolls_sideways_or_is_clipped(visits):
+    assert {name: seen.sideways for name, seen in visits.items() if seen.sideways} == {}
+
+
+def test_no_page_shuts_a_reader_out(visits):
+    assert {name: seen.barriers for name, seen in visits.items() if seen.barriers} == {}
+
+
+def test_no_page_is_heavy(visits, capsys):
+    heaviest = sorted(visits, key=lambda name: -visits[name].weight)
+    with capsys.disabled():
+        print("\nkB as sent: " + ", ".join(f"{name} {visits[name].weight / 1000:.0f}" for name in heaviest[:20]))
+    assert [name for name in heaviest if visits[name].weight > HEAVIEST] == []
+
+
+@pytest.mark.parametrize(
+    ("body", "kind", "seen"),
+    [
+        ('<pre style="overflow: auto">' + "x" * 300 + "</pre>", "sideways", "at 800 px: pre"),
+        ('<div style="overflow: hidden"><p style="width: 500px">x</p></div>', "sideways", "at 400 px: div"),
+        ('<table><tr><td style="min-width: 900px">x</td></tr></table>', "sideways", "at 800 px: table"),
+        ('<img src="data:image/gif;base64,R0lGODlhAQABAAAAACw=">', "barriers", "light: image-alt"),
+        ('<p style="color: #777; background: #888">words</p>', "barriers", "light: color-contrast"),
+        ('<button tabindex="-1">go</button>', "barriers", "keyboard: <button"),
+        ("<span onclick='go()'>go</span>", "barriers", "keyboard: <span"),
+        ("<details><summary>more</summary><button></button></details>", "barriers", "light: button-name"),
+    ],
+)
+def test_each_barrier_is_seen(tmp_path, context, body, kind, seen):
+    file = tmp_path / "page.html"
+    head = '<!doctype html><html lang="en"><title>t</title><style>body { margin: 0 }</style>'
+    file.write_text(f"{head}<body><main><article><h1>t</h1>{body}</article></main></body></html>")
+    assert any(found.startswith(seen) for found in getattr(visit(context, file), kind))
+
+
+def test_text_is_weighed_packed(tmp_path):
+    text, picture = tmp_path / "a.html", tmp_path / "a.png"
+    text.write_text("a" * 10_000)
+    picture.write_text("a" * 10_000)
+    assert weight({text}) < 100
+    assert weight({picture}) == 10_000
+
+
+def test_nothing_moves_where_a_reader_asks_for_rest(html):
+    with (
+        offline_browser(browser_path(), reduced_motion="reduce") as context,
+        watched_page(context, html / "01_circle_to_polygon.html") as (page, _),
+    ):
+        assert page.evaluate("() => getComputedStyle(document.documentElement).scrollBehavior") == "auto"
+        assert page.evaluate("() => document.getAnimations().length") == 0
