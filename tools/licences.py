@@ -27,7 +27,8 @@ system or another Python are locked too, and say when they are installed.
 
 The default build of torch for Linux also brings CUDA packages (`nvidia-*`, under NVIDIA's own licence) and `triton`
 (MIT); the CPU build does not. The rendered book contains MathJax (Apache-2.0), taken from sphinx-mathjax-offline.
-axe-playwright-python, a package of the tests, contains axe-core (MPL-2.0). The licences of data stand in [limits and licences](book/limits.md).
+axe-playwright-python, a package of the tests, contains axe-core (MPL-2.0). The licences of
+data stand in [limits and licences](book/limits.md).
 
 | package | version | licence | installed |
 |---|---|---|---|
