@@ -103,14 +103,14 @@ fuzz: $(READY)
 
 audit: $(READY)
 	@$(PIP) --upgrade --target build/audit pip-audit==2.10.1
-	PYTHONPATH=build/audit $(RUN) tools/audit.py
+	PYTHONPATH=$(CURDIR)/build/audit $(RUN) tools/audit.py
 
 test-everywhere: $(READY)
 	$(RUN) tests/everywhere/run.py $(TESTS)
 
 mutation: $(READY)
 	@$(PIP) --upgrade --target build/cosmic-ray cosmic-ray==8.7.0
-	PYTHONPATH=build/cosmic-ray $(RUN) tests/mutation/run.py --sample $(MUTANTS)
+	PYTHONPATH=$(CURDIR)/build/cosmic-ray $(RUN) tests/mutation/run.py --sample $(MUTANTS)
 
 kill: $(READY)
 	$(RUN) tests/kills/run.py $(WRITERS) --kills $(KILLS)
