@@ -17,6 +17,7 @@ from meshot.files import whole_file
 ROOT = Path(__file__).resolve().parent.parent
 LOCK, TABLE = ROOT / "requirements.lock", ROOT / "THIRD_PARTY.md"
 NOT_HERE = "not installed where this table was made"
+UNSTATED = "not stated"
 LONGEST = 60
 HEAD = """# Third-party packages
 
@@ -25,8 +26,9 @@ from `requirements.lock` and from the metadata of the installed packages, and a 
 system or another Python are locked too, and say when they are installed.
 
 The default build of torch for Linux also brings CUDA packages (`nvidia-*`, under NVIDIA's own licence) and `triton`
-(MIT); the CPU build does not. The rendered book contains MathJax (Apache-2.0), taken from sphinx-mathjax-offline. The
-licences of data stand in [limits and licences](book/limits.md).
+(MIT); the CPU build does not. The rendered book contains MathJax (Apache-2.0), taken from sphinx-mathjax-offline.
+axe-playwright-python, a package of the tests, contains axe-core (MPL-2.0). The licences of
+data stand in [limits and licences](book/limits.md).
 
 | package | version | licence | installed |
 |---|---|---|---|
@@ -54,16 +56,27 @@ def licence_of(metadata: importlib.metadata.PackageMetadata) -> str:
     if classifiers:
         return ", ".join(sorted(classifiers))
     first = next(iter((metadata.get("License") or "").strip().splitlines()), "")
-    return re.sub(r"\s+", " ", first) if 0 < len(first) <= LONGEST and first != "UNKNOWN" else "not stated"
+    return re.sub(r"\s+", " ", first) if 0 < len(first) <= LONGEST and first != "UNKNOWN" else UNSTATED
+
+
+def licence_file_of(package: importlib.metadata.Distribution) -> str:
+    """The title of the licence that a package comes with, such as MIT License."""
+    for name in package.metadata.get_all("License-File") or []:
+        text = package.read_text(f"licenses/{name}") or package.read_text(name) or ""
+        first = next(iter(text.strip().splitlines()), "").strip()
+        if "licen" in first.lower() and len(first) <= LONGEST:
+            return first
+    return UNSTATED
 
 
 def known_licence(requirement: Requirement, before: dict[str, str]) -> str:
     """The licence of the locked version where it is installed, else what the table said before, else that it is not."""
     if requirement.marker is None or requirement.marker.evaluate():
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            metadata = importlib.metadata.metadata(requirement.name)
-            if metadata["Version"].partition("+")[0] == version_of(requirement):
-                return licence_of(metadata)
+            package = importlib.metadata.distribution(requirement.name)
+            if package.version.partition("+")[0] == version_of(requirement):
+                stated = licence_of(package.metadata)
+                return stated if stated != UNSTATED else licence_file_of(package)
     return before.get(requirement.name, NOT_HERE)
 
 
