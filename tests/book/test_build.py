@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from build import lighten
-from reading import count_reading, count_words, reading_table
+from reading import count_reading, count_words, read_chapters, reading_table
 
 cell = nbformat.v4.new_code_cell
 words = nbformat.v4.new_markdown_cell
@@ -55,3 +55,14 @@ def test_a_chapter_is_counted_up_to_its_exercises():
     assert found.minutes == 2
     assert found.head == "About 2 minutes to read: 400 words, 1 figures and tables. The code ran in 12 s."
     assert reading_table({"01_a": found}).splitlines()[-1] == "| 01 | 400 | 1 | 2 | 2 | 1 | 12 |"
+
+
+#: Chapters that are still too long. This list only becomes shorter.
+TOO_LONG = {"11"}
+LONGEST_READING = 45
+
+
+def test_no_chapter_takes_longer_than_a_lesson(root):
+    minutes = {name[:2]: one.minutes for name, one in read_chapters(root / "notebooks").items()}
+    assert len(minutes) > 10
+    assert {number for number, taken in minutes.items() if taken > LONGEST_READING} <= TOO_LONG
