@@ -14,6 +14,9 @@ from pathlib import Path
 
 from PIL import Image
 
+from meshot.files import whole_folder
+from meshot.scratch import scratch_folder
+
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGURATION = ("conf.py", "api_pages.py", "reading.py", "*_extension.py")
 SIGNATURE = re.compile(r'<dt class="sig .*?</dt>', re.S)
@@ -64,11 +67,10 @@ def copy_mathjax(into: Path) -> None:
 
 
 def render(source: Path, html: Path) -> int:
-    """Run Sphinx, every warning an error; the exit status."""
-    shutil.rmtree(html, ignore_errors=True)
+    """Run Sphinx, every warning an error; the exit status. Its own files go beside the source."""
     command = [sys.executable, "-m", "sphinx", "-n", "-W", "--keep-going", "-q", "-b", "html"]
     return subprocess.run(
-        [*command, "-d", str(html.parent / "doctrees"), str(source), str(html)], check=False
+        [*command, "-d", str(source.parent / "doctrees"), str(source), str(html)], check=False
     ).returncode
 
 
@@ -107,19 +109,25 @@ def _plain_blocks(signature: str) -> str:
 
 
 def build(mode: str, into: Path) -> int:
-    """Assemble and render the book into ``into/html``; the exit status."""
+    """Assemble and render the book into ``into/html``; the exit status.
+
+    The book that is there gives way to the new one when that is whole, and stays if anything fails.
+    """
     notebooks = ROOT / "notebooks" if mode == "stored" else ROOT / "build" / "notebooks"
+    into.mkdir(parents=True, exist_ok=True)
     try:
-        assemble(notebooks, into / "source")
-    except ValueError as error:
+        with scratch_folder(into) as place, whole_folder(into / "html", replace=True) as html:
+            assemble(notebooks, place / "source")
+            status = render(place / "source", html)
+            if status:
+                raise ValueError(f"the book was not rendered: Sphinx ended with status {status}")
+            lighten(html)
+            mend_signatures(html)
+    except (ValueError, OSError) as error:
         print(error)
         return 1
-    status = render(into / "source", into / "html")
-    if status == 0:
-        lighten(into / "html")
-        mend_signatures(into / "html")
-        print(f"open {into / 'html' / 'index.html'}")
-    return status
+    print(f"open {into / 'html' / 'index.html'}")
+    return 0
 
 
 def main() -> int:
