@@ -197,9 +197,9 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
 
 
 def _trained_columns(trained: dict) -> list[dict]:
-    """For each cohort and side the crossing faces of DDOT and of its rival in per cent, first seed, before any repair.
+    """The intersecting faces of DDOT and of its rival in per cent, by cohort and side: first seed, before any repair.
 
-    The held-out subjects are those that were made like the training subjects.
+    The held-out subjects are those of the same kind as the training subjects.
     """
     plan, columns = trained["config"]["comparison"], {}
     for row in sorted(trained["results"]["summary"], key=lambda row: -(row["seed"] or 0)):
