@@ -195,7 +195,7 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
 
 
 def _trained_columns(trained: dict) -> list[dict]:
-    """Intersecting faces of DDOT and its rival in per cent, by cohort and side: first seed, training kind, no repair."""
+    """Intersecting faces of DDOT and its rival in %, by cohort and side: first seed, training kind, unrepaired."""
     plan, columns = trained["config"]["comparison"], {}
     for row in sorted(trained["results"]["summary"], key=lambda row: -(row["seed"] or 0)):
         for role in ("ours", "rival"):
