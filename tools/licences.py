@@ -1,6 +1,6 @@
 """Write ``THIRD_PARTY.md``: every package of the lock with its version and its licence, from its own metadata.
 
-``python tools/licences.py`` writes the table; ``--check`` compares it with the lock and says what differs.
+``python tools/licences.py`` writes the table; ``--check`` compares it with the lock and prints the differences.
 """
 
 import argparse
@@ -36,18 +36,18 @@ data stand in [limits and licences](book/limits.md).
 
 
 def locked_requirements(text: str) -> list[Requirement]:
-    """The requirements of a lock, in its order; each names one version."""
+    """The requirements of a lock, in its order. Each has exactly one version."""
     return [Requirement(line) for line in text.splitlines() if line.strip()]
 
 
 def version_of(requirement: Requirement) -> str:
-    """The one version that a locked requirement allows."""
+    """The version in a locked requirement."""
     (pin,) = requirement.specifier
     return pin.version
 
 
 def licence_of(metadata: importlib.metadata.PackageMetadata) -> str:
-    """A licence in a few words: the SPDX expression, else the classifiers, else the first line of a short text."""
+    """A short form of a licence: the SPDX expression, else the classifiers, else the first line of a short text."""
     expression = metadata.get("License-Expression")
     if expression:
         return expression
@@ -70,7 +70,7 @@ def licence_file_of(package: importlib.metadata.Distribution) -> str:
 
 
 def known_licence(requirement: Requirement, before: dict[str, str]) -> str:
-    """The licence of the locked version where it is installed, else what the table said before, else that it is not."""
+    """The licence of the locked version if it is installed, else the one in the old table, else a note."""
     if requirement.marker is None or requirement.marker.evaluate():
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             package = importlib.metadata.distribution(requirement.name)
@@ -81,13 +81,13 @@ def known_licence(requirement: Requirement, before: dict[str, str]) -> str:
 
 
 def rows_of(table: str) -> dict[str, tuple[str, ...]]:
-    """The cells of a table by the name of the package."""
+    """The cells of a table, by name of the package."""
     cells = [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in table.splitlines() if "|" in line]
     return {row[0]: row for row in cells[2:]}
 
 
 def table_of(lock: str, before: str) -> str:
-    """The whole page, from the lock and from the page before."""
+    """The whole page, from the lock and the old page."""
     licences = {name: row[2] for name, row in rows_of(before).items()}
     lines = []
     for requirement in locked_requirements(lock):
@@ -99,13 +99,13 @@ def table_of(lock: str, before: str) -> str:
 
 
 def differences(old: str, new: str) -> list[str]:
-    """The packages whose lines differ between two pages."""
+    """The packages whose rows differ between two pages."""
     before, after = rows_of(old), rows_of(new)
     return sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Write the table, or check it; the exit status is 1 if the check finds a difference."""
+    """Write the table, or check it. Returns 1 if the check finds a difference, else 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args(arguments).check
