@@ -101,7 +101,7 @@ def main() -> None:
 
         pip(python, "install", "-c", ROOT / "requirements.lock", wheel)
         run(python, "-c", f"import meshot; assert meshot.__file__.startswith({name!r}), meshot.__file__")
-        for code in (SURFACES, *examples()):
+        for code in (SURFACES, "\n".join(examples())):
             run(python, "-c", code)
         run_commands(LOSSES)
         pip(python, "install", "-c", ROOT / "requirements.lock", f"{wheel}[cortex]")
