@@ -25,7 +25,7 @@ def read_yaml(path: str | os.PathLike | Traversable) -> object:
         file = path if isinstance(path, Traversable) else Path(path)
         return parsed_yaml(file.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise ValueError(f"{path} is no YAML that is read here ({error})") from error
+        raise ValueError(f"{path} cannot be read as plain YAML ({error})") from error
 
 
 def parsed_yaml(text: str) -> object:

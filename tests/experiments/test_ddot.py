@@ -354,7 +354,7 @@ def test_networks_that_cannot_be_compared_are_refused(part, place):
         trainings.record_of(each, config)
     record["config"]["loss"]["loss"] = "nearest"
     each.kept(config, ".json").write_text(json.dumps(record))
-    with pytest.raises(ValueError, match=r"alpha_left_ddot_0.json: .*will not do: loss is 'nearest'"):
+    with pytest.raises(ValueError, match=r"alpha_left_ddot_0.json: .*is invalid: loss is 'nearest'"):
         trainings.record_of(each, config)
 
 

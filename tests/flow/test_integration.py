@@ -193,7 +193,7 @@ def test_gradient_in_the_points(method):
         ({"n_steps": 0}, "n_steps is 0"),
         ({"method": "heun"}, "one of euler, midpoint, rk4, dopri5"),
         ({"gradient": "exact"}, "one of direct, adjoint"),
-        ({"tolerance": 1e-3}, "dopri5 to obey it"),
+        ({"tolerance": 1e-3}, "the method dopri5 are needed"),
         ({"tolerance": 0.0, "method": "dopri5"}, "a number > 0"),
         ({"points": torch.full((2, 2), math.nan)}, "NaN"),
     ],

@@ -65,5 +65,5 @@ def test_doors():
     with pytest.raises(ValueError, match="max_backtracks is 0"):
         repair_crossings(BALL, BALL, 0)
     crossed = BALL.with_vertices(with_pole_pushed_through(25.0))
-    with pytest.raises(ValueError, match="initial surface cross"):
+    with pytest.raises(ValueError, match="initial surface has self-intersecting faces"):
         repair_crossings(crossed, crossed)

@@ -78,7 +78,7 @@ def test_broken_files_are_refused(tmp_path, field):
     whole = path.read_bytes()
     for content in (b"", b"garbage", whole[: len(whole) // 2]):
         path.write_bytes(content)
-        with pytest.raises(ValueError, match="not a whole velocity file"):
+        with pytest.raises(ValueError, match="not a complete velocity file"):
             read_velocity(path)
-    with pytest.raises(ValueError, match="not a whole velocity file"):
+    with pytest.raises(ValueError, match="not a complete velocity file"):
         read_velocity(tmp_path / "missing.safetensors.gz")

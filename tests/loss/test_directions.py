@@ -127,7 +127,7 @@ def test_bad_requests_are_refused(unchecked):
         orthogonal_directions(3, True, 0)
     with pytest.raises(ValueError, match="method is 'halton'; one of 'equal angles'"):
         quasi_directions(5, 2, method="halton")
-    with pytest.raises(ValueError, match=r"'spiral' lives in R\^3, and d is 2"):
+    with pytest.raises(ValueError, match=r"'spiral' is for R\^3 only, and d is 2"):
         quasi_directions(5, 2, method="spiral")
 
 

@@ -126,8 +126,8 @@ def test_trimesh_reads_our_glb(tmp_path):
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        (np.zeros((3, 3)), "a numpy.ndarray came; a trimesh.Trimesh or a trimesh.Scene is needed"),
-        (trimesh.PointCloud(np.zeros((3, 3))), "a trimesh.PointCloud came"),
+        (np.zeros((3, 3)), "a numpy.ndarray was given; a trimesh.Trimesh or a trimesh.Scene is needed"),
+        (trimesh.PointCloud(np.zeros((3, 3))), "a trimesh.PointCloud was given"),
         (trimesh.Trimesh(np.zeros((3, 3)), np.zeros((0, 3), int)), "has no triangles"),
         (trimesh.Scene(), "has no triangles"),
     ],
@@ -140,8 +140,8 @@ def test_what_is_no_mesh_of_trimesh_is_refused(unchecked, value, words):
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        (None, "a NoneType came; a pyvista.PolyData is needed"),
-        (pyvista.ImageData(dimensions=(3, 3, 3)), r"a pyvista.ImageData came; .*have \.extract_surface"),
+        (None, "a NoneType was given; a pyvista.PolyData is needed"),
+        (pyvista.ImageData(dimensions=(3, 3, 3)), r"a pyvista.ImageData was given; .*have \.extract_surface"),
         (pyvista.PolyData(np.zeros((3, 3))), "has no triangles"),
     ],
 )
@@ -152,7 +152,7 @@ def test_what_is_no_mesh_of_pyvista_is_refused(unchecked, value, words):
 
 def test_a_file_without_triangles_is_refused(tmp_path):
     pyvista.ImageData(dimensions=(3, 3, 3)).save(tmp_path / "image.vtk")
-    with pytest.raises(ValueError, match=r"image.vtk cannot be read as a vtk mesh: a pyvista.ImageData came"):
+    with pytest.raises(ValueError, match=r"image.vtk cannot be read as a vtk mesh: a pyvista.ImageData was given"):
         read_mesh(tmp_path / "image.vtk")
     (tmp_path / "no.glb").write_bytes(b"glTF, but not really")
     with pytest.raises(ValueError, match=r"no.glb cannot be read as a glb mesh"):

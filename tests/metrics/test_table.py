@@ -129,7 +129,7 @@ DAMAGED = {
 @pytest.mark.parametrize("words", DAMAGED)
 def test_damaged_meshes_are_measured_with_a_warning(words):
     sphere = icosphere(2, 10.0)
-    with pytest.warns(UserWarning, match=f"predicted mesh .*{words}.* distances hold"):
+    with pytest.warns(UserWarning, match=f"predicted mesh .*{words}.* distances are valid"):
         found = evaluate(DAMAGED[words](sphere), sphere, **FEW)
     assert found.assd.value < 0.3
     with pytest.warns(UserWarning, match=f"target mesh .*{words}"):

@@ -139,7 +139,7 @@ def test_doors():
     layer = CubeConvolution(2, 2, 3)
     one = (image(np.eye(4)),)
     for path in (layer.maps, lambda images: layer.cut(images, torch.zeros(1, 3, dtype=torch.float64))):
-        with pytest.raises(ValueError, match="1 images came, 2 are needed"):
+        with pytest.raises(ValueError, match="1 images were given, 2 are needed"):
             path(one)
 
 

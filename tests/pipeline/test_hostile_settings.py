@@ -26,9 +26,9 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
 )
 def test_yaml_that_is_not_read(tmp_path, text):
     (tmp_path / "c.yaml").write_text(text)
-    with pytest.raises(ValueError, match="is no YAML that is read here"):
+    with pytest.raises(ValueError, match="cannot be read as plain YAML"):
         read_yaml(tmp_path / "c.yaml")
-    with pytest.raises(ValueError, match="is no YAML that is read here"):
+    with pytest.raises(ValueError, match="cannot be read as plain YAML"):
         read_recipe(tmp_path / "c.yaml")
     with pytest.raises(ValueError, match="the value is no YAML"):
         changed_groups({}, [f"a.b={text}"])
@@ -36,7 +36,7 @@ def test_yaml_that_is_not_read(tmp_path, text):
 
 def test_bytes_that_are_no_text(tmp_path):
     (tmp_path / "c.yaml").write_bytes(b"a: \xff\xfe\xfa")
-    with pytest.raises(ValueError, match="is no YAML that is read here"):
+    with pytest.raises(ValueError, match="cannot be read as plain YAML"):
         checked_groups(read_groups(tmp_path / "c.yaml"), {"a": {"b"}}, "here")
 
 

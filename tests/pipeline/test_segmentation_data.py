@@ -63,7 +63,7 @@ def test_bad_examples_are_refused(unchecked, surfaces, tmp_path):
     with pytest.raises(ValueError, match=r"in \[0, 1\] are needed"):
         example("one", scan.with_data(scan.data * 300), surfaces)
     far = {side: mesh.with_vertices(mesh.vertices + 500) for side, mesh in surfaces.items()}
-    with pytest.raises(ValueError, match="spaces mixed up"):
+    with pytest.raises(ValueError, match="are both in the same space"):
         example("one", scan, far)
     with pytest.raises(ValueError, match="multiple of 5"):
         example("one", scan, surfaces, reduction=5)

@@ -178,10 +178,10 @@ def test_configurations_are_read_and_checked(tmp_path):
     path = tmp_path / "a.yaml"
     for text, message in (
         ("network: {wide: 3}\ntrain: {}", "train, network.wide, which nothing reads"),
-        ("network: {width: 0}", "will not do: width is 0"),
-        ("training: {learning_rate: fast}", "will not do"),
+        ("network: {width: 0}", "is invalid: width is 0"),
+        ("training: {learning_rate: fast}", "is invalid"),
         ("- a", "groups of settings are needed, such as training"),
-        ("network: [1", "is no YAML"),
+        ("network: [1", "cannot be read as plain YAML"),
     ):
         path.write_text(text)
         with pytest.raises(ValueError, match=message):

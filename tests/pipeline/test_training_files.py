@@ -48,7 +48,7 @@ def test_everything_is_written_with_its_provenance(words, tmp_path, capsys):
 def test_what_will_not_do_is_one_line(words, tmp_path, capsys):
     (tmp_path / "c.yaml").write_text("network: {width: 0}")
     assert main(words) == 2
-    assert "will not do" in capsys.readouterr().err
+    assert "is invalid" in capsys.readouterr().err
     (tmp_path / "c.yaml").write_text(CONFIG.replace("0.01", "1.0e+30"))
     assert main(words) == 2
     assert "is not finite" in capsys.readouterr().err

@@ -170,7 +170,7 @@ def test_nothing_changes_its_input(folded):
         (lambda m: unevenly_sampled(m, torch.ones(3, dtype=torch.bool), 1), "each of 1280 faces"),
         (lambda m: with_flipped_faces(m, 0.0, 0), "share is 0.0"),
         (lambda m: with_bridge(m, 3.0, 2.0), "narrowest is 3.0"),
-        (with_bridge, "no two faces look"),
+        (with_bridge, "no two faces face each other"),
         (lambda m: with_crossing(m, 0.0), "depth is 0.0"),
     ],
 )

@@ -115,7 +115,7 @@ def test_every_knob_is_checked(unchecked, entries, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("name: [", "no YAML"),
+        ("name: [", "cannot be read as plain YAML"),
         ("- 1\n- 2\n", "holds list"),
         ("", "holds NoneType"),
         ("name: x\n", "lacks seed"),

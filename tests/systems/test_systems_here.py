@@ -37,7 +37,7 @@ def test_the_paper_is_the_papers():
 
 
 def test_a_setting_that_the_loss_does_not_use_is_refused_by_file_and_name():
-    with pytest.raises(ValueError, match="small: the configuration of cortexode will not do: normal_scale is set, whi"):
+    with pytest.raises(ValueError, match="small: the configuration of cortexode is invalid: normal_scale is set, whi"):
         read_settings(get_system("cortexode"), "small", ["loss.normal_scale=1.0"])
     changed = read_settings(get_system("ddot"), "small", ["loss.encoding=samples", "loss.normal_scale=null"])
     assert (changed["loss"]["loss"], changed["loss"]["encoding"]) == ("sliced", "samples")

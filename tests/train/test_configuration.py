@@ -15,7 +15,7 @@ def test_groups_are_read_and_missing_ones_are_empty(tmp_path):
     with pytest.raises(ValueError, match=r"c\.yaml holds \[1\]; groups of settings are needed"):
         read_groups(path)
     path.write_text("a: [")
-    with pytest.raises(ValueError, match=r"c\.yaml is no YAML"):
+    with pytest.raises(ValueError, match=r"c\.yaml cannot be read as plain YAML"):
         read_groups(path)
     with pytest.raises(ValueError, match=r"none\.yaml does not exist"):
         read_groups(tmp_path / "none.yaml")
@@ -30,7 +30,7 @@ def test_changes_replace_and_add():
 
 @pytest.mark.parametrize("change", ["a.one", "one=1", "a.=1", ".one=1"])
 def test_a_change_without_group_name_or_value_is_refused(change):
-    with pytest.raises(ValueError, match=r"changes nothing; write group\.setting=value"):
+    with pytest.raises(ValueError, match=r"is not a change of a setting; write group\.setting=value"):
         changed_groups({"a": {}}, [change])
 
 

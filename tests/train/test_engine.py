@@ -94,7 +94,7 @@ def test_a_stopped_training_goes_on_to_the_bit(tmp_path, averaging, stop):
 def test_another_training_another_network_and_a_torn_file_are_refused(tmp_path):
     network = line()
     train_network(network, PLAN, task_of(network), {"loss": 1, "data": {}}, tmp_path)
-    with pytest.raises(ValueError, match="was made with another loss: use the same, or another place"):
+    with pytest.raises(ValueError, match="was made with another loss: use the same, or another folder"):
         train_network(network, PLAN, task_of(network), {"loss": 2, "data": {}}, tmp_path)
     wide = torch.nn.Linear(2, 1, bias=False).double()
     with pytest.raises(ValueError, match=r"is the state of another training \(its network is Linear.*remove it to"):

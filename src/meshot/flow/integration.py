@@ -165,7 +165,7 @@ def _solver_options(grid: Tensor, method: str, tolerance: float | None) -> dict:
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; one of {', '.join(METHODS)} is needed")
     if tolerance is not None and (method != "dopri5" or not 0 < tolerance < math.inf):
-        raise ValueError(f"tolerance is {tolerance!r} with {method}; a number > 0 is needed, and dopri5 to obey it")
+        raise ValueError(f"tolerance is {tolerance!r} with {method}; a number > 0 and the method dopri5 are needed")
     if method != "dopri5":
         # By default the solver steps only between the requested times.
         on_grid = {"grid_constructor": lambda f, y, t: grid if t[0] == grid[0] else grid.flip(0), "perturb": True}

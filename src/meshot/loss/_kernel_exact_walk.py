@@ -236,5 +236,5 @@ def walk(power, source, target, wanted, moments, moments_target):
             j += 1
             left_target, share_target, at_target, density_target = mass_target[j], 0.0, 0.0, 1 - change_target[j]
     if i < len(x) - 1 or j < len(y) - 1:
-        raise ValueError("the walk over two laws did not reach their ends: a mass is NaN; laws need finite masses")
+        raise ValueError("the pass over two distributions did not reach their ends: a mass is NaN; it must be finite")
     return cost

@@ -149,7 +149,7 @@ def _construction(method: str | None, d: int) -> Construction:
         raise ValueError(f"method is {method!r}; one of {', '.join(map(repr, CONSTRUCTIONS))} is needed, or None")
     construct, only = CONSTRUCTIONS[method]
     if only not in (None, d):
-        raise ValueError(f"method {method!r} lives in R^{only}, and d is {d}: take 'sobol', or None for the default")
+        raise ValueError(f"method {method!r} is for R^{only} only, and d is {d}: take 'sobol', or None for the default")
     return construct
 
 

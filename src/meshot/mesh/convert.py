@@ -28,7 +28,7 @@ def trimesh_arrays(other: Any) -> tuple[Array, Array]:
     if isinstance(other, trimesh.Scene):
         other = other.to_mesh()
     if not isinstance(other, trimesh.Trimesh):
-        raise ValueError(f"a {_kind(other)} came; a trimesh.Trimesh or a trimesh.Scene is needed")
+        raise ValueError(f"a {_kind(other)} was given; a trimesh.Trimesh or a trimesh.Scene is needed")
     if len(other.faces) == 0:
         raise ValueError(f"the {_kind(other)} has no triangles; a triangle mesh is needed")
     return np.array(other.vertices, np.float64), np.array(other.faces, np.int64)
@@ -53,7 +53,7 @@ def pyvista_arrays(other: Any) -> tuple[Array, Array]:
 
     if not isinstance(other, pyvista.PolyData):
         raise ValueError(
-            f"a {_kind(other)} came; a pyvista.PolyData is needed: other data sets of PyVista have .extract_surface()"
+            f"a {_kind(other)} was given; a pyvista.PolyData is needed: other data sets have .extract_surface()"
         )
     surface = other if other.is_all_triangles and other.n_strips == 0 else other.triangulate()
     faces = np.array(surface.regular_faces, np.int64)

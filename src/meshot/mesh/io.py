@@ -211,7 +211,9 @@ def _read_freesurfer(path: Path, c_ras: tuple[float, float, float] | None) -> tu
         vertices, faces, info = nibabel.freesurfer.read_geometry(path, read_metadata=True)
     known = "cras" in info and str(info.get("valid", "1")).strip().startswith("1")
     if not known and c_ras is None:
-        raise ValueError("it does not say where it lies in the scanner; pass c_ras, (0, 0, 0) for surface RAS as it is")
+        raise ValueError(
+            "it does not specify its position in the scanner; pass c_ras, or (0, 0, 0) to keep surface RAS"
+        )
     if not known:
         return vertices + np.asarray(c_ras, dtype=np.float64), faces
     # The identity for a volume in FreeSurfer's standard orientation; a reflection for one of opposite handedness.

@@ -64,4 +64,4 @@ def warn_of_defects(mesh: Mesh, name: str, volume: float) -> None:
     elif not n_open and not n_many and volume < 0:
         found.append("is inside out (negative volume): turn its faces round with mesh.faces.flip(1)")
     if found:
-        warnings.warn(f"the {name} mesh {'; it '.join(found)}; distances hold all the same", stacklevel=3)
+        warnings.warn(f"the {name} mesh {'; it '.join(found)}; distances are valid nevertheless", stacklevel=3)

@@ -148,5 +148,5 @@ class CubeConvolution(nn.Module):
     def _require_scales(self, images: tuple[Volume, ...]) -> None:
         if len(images) != self.weight.shape[1]:
             raise ValueError(
-                f"{len(images)} images came, {self.weight.shape[1]} are needed: see CubeConvolution.images"
+                f"{len(images)} images were given, {self.weight.shape[1]} are needed: see CubeConvolution.images"
             )

@@ -45,7 +45,7 @@ def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
     """
     if len(distances) != len(mesh.vertices) or float(distances.min()) * float(distances.max()) < 0:
         raise ValueError(
-            f"{len(distances)} distances from {float(distances.min()):.3g} to {float(distances.max()):.3g} mm came for "
+            f"{len(distances)} distances from {float(distances.min()):.3g} to {float(distances.max()):.3g} mm for "
             f"{len(mesh.vertices)} vertices; one for each, all of one sign, is needed"
         )
     if float(signed_volume(mesh)) <= 0:

@@ -186,7 +186,7 @@ class SurfaceSystem(abc.ABC):
         for group in ("training", "results"):
             if not isinstance(record.get(group, {}), dict):
                 raise ValueError(
-                    f"{path} says of its {group} {reprlib.repr(record[group])}; names and values are needed"
+                    f"{path} has {reprlib.repr(record[group])} as its {group}; names and values are needed"
                 )
         if record.get("system", cls.name) != cls.name:
             raise ValueError(

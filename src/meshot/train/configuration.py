@@ -78,7 +78,9 @@ def changed_groups(groups: Groups, changes: Sequence[str]) -> Groups:
         key, equals, value = change.partition("=")
         group, point, setting = key.partition(".")
         if not (equals and group and point and setting):
-            raise ValueError(f"{change!r} changes nothing; write group.setting=value, such as training.seed=1")
+            raise ValueError(
+                f"{change!r} is not a change of a setting; write group.setting=value, such as training.seed=1"
+            )
         try:
             found.setdefault(group, {})[setting] = parsed_yaml(value)
         except ValueError as error:

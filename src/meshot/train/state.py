@@ -111,7 +111,7 @@ def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict
     changed = sorted(k for k in now.keys() | header["made_with"] if header["made_with"].get(k) != now.get(k))
     if changed:
         raise ValueError(
-            f"the training in {path} was made with another {' and '.join(changed)}: use the same, or another place"
+            f"the training in {path} was made with another {' and '.join(changed)}: use the same, or another folder"
         )
     average = {name: tensors.pop(name) for name in list(tensors) if name.startswith("average/")}
     try:

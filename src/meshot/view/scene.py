@@ -68,7 +68,7 @@ def interactive(
         If there is no OpenGL to draw the static image.
     """
     if not alt.strip():
-        raise ValueError("alt is empty; say in a sentence what is to be seen")
+        raise ValueError("alt is empty; a description of the picture in a sentence is needed")
     meshes, values = named(meshes, values)
     limits = colour_limits(values, limits)
     sight = view_from(view)

@@ -85,7 +85,9 @@ def without_crossings(
     """
     require_positive_integer(max_rounds, "max_rounds")
     if len(self_intersecting_faces(mesh)):
-        raise ValueError("faces of the mesh cross before it is carried: a standstill cannot mend that; mend the mesh")
+        raise ValueError(
+            "the mesh has self-intersecting faces before the flow, which damping cannot repair: repair the mesh first"
+        )
     places, calmed = mesh.vertices[:0], field
     for round_ in itertools.count():
         with torch.no_grad():

@@ -59,12 +59,14 @@ def repair_crossings(initial: Mesh, carried: Mesh, max_backtracks: int = 8) -> R
     """
     require_positive_integer(max_backtracks, "max_backtracks")
     if carried.faces.shape != initial.faces.shape or not bool((carried.faces == initial.faces).all()):
-        raise ValueError("the carried mesh has other faces than the initial one; carry the initial mesh itself")
+        raise ValueError(
+            "the carried mesh has other faces than the initial one; pass the initial mesh, moved by the flow"
+        )
     n_crossing = len(self_intersecting_faces(carried))
     if not n_crossing:
         return RepairedSurface(carried, 0, 0, 0.0)
     if len(self_intersecting_faces(initial)):
-        raise ValueError("faces of the initial surface cross: there is nothing to go back to; mend it first")
+        raise ValueError("the initial surface has self-intersecting faces; it must have none: repair it first")
     way, share, mesh = carried.vertices - initial.vertices, torch.ones_like(initial.vertices[:, 0]), carried
     for n_backtracks in range(max_backtracks + 1):
         found = _mended(mesh)

@@ -44,7 +44,7 @@ class Affine(AnalyticField):
             raise ValueError(f"matrix has shape {tuple(matrix.shape)}; (d, d) is needed")
         offset = matrix.new_zeros(len(matrix)) if self.offset is None else as_floating(self.offset, "offset")
         if offset.shape != (len(matrix),):
-            raise ValueError(f"offset has shape {tuple(offset.shape)}; ({len(matrix)},) is needed, as the matrix says")
+            raise ValueError(f"offset has shape {tuple(offset.shape)}; ({len(matrix)},) is needed, as for the matrix")
         object.__setattr__(self, "offset", offset)
 
     def __call__(self, time: Float[Tensor, ""], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:

@@ -43,7 +43,7 @@ def write_velocity(path: str | os.PathLike, field: GridVelocity, step: float = 2
         If the suffix is not ``.safetensors.gz``, or as :func:`quantised_velocity`.
     """
     if not str(path).endswith(".safetensors.gz"):
-        raise ValueError(f"{Path(path).name} does not end in .safetensors.gz; it is one, so name it so")
+        raise ValueError(f"{Path(path).name} does not end in .safetensors.gz; a path with this suffix is needed")
     coefficients = quantised_velocity(field, step).coefficients().detach()
     tensors = {
         # Component first: neighbouring values are then similar, and gzip saves a fifth of the bytes.
@@ -79,4 +79,6 @@ def read_velocity(path: str | os.PathLike) -> GridVelocity:
     except (
         OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, safetensors.SafetensorError
     ) as error:  # fmt: skip
-        raise ValueError(f"{path} is not a whole velocity file ({error}); get it again, or fit anew") from error
+        raise ValueError(
+            f"{path} is not a complete velocity file ({error}); copy it again, or repeat the fit"
+        ) from error

@@ -107,7 +107,7 @@ def _require_rates(learning_rate: float, momentum: float) -> None:
     if not learning_rate > 0:
         raise ValueError(f"learning_rate is {learning_rate!r}; a number > 0 is needed")
     if not 0 <= momentum < 1:
-        raise ValueError(f"momentum is {momentum!r}; a number in [0, 1) is needed, or old steps never fade")
+        raise ValueError(f"momentum is {momentum!r}; a number in [0, 1) is needed")
 
 
 def _kept_steps(keep: Sequence[int] | None, n_steps: int) -> tuple[int, ...]:

@@ -47,7 +47,7 @@ class SurfaceLoss:
     def __post_init__(self):
         if self.encoding.continuous and not self.loss.takes_continuous:
             able = ", ".join(name for name, kind in LOSSES.items() if kind.takes_continuous)
-            raise ValueError(f"{self.loss} takes no measure without supports, as {self.encoding} is one; {able} does")
+            raise ValueError(f"{self.loss} does not accept {self.encoding}, which has no support points; {able} does")
         if not 0 < self.factor < math.inf:
             raise ValueError(f"factor is {self.factor!r}; a finite number > 0 is needed")
 

@@ -72,7 +72,9 @@ def example(name: str, scan: Volume, white: Mapping[str, Mesh], reduction: int =
     fractions = np.stack([enclosed_fractions(white[side], scan) for side in HEMISPHERES])
     empty = [side for side, part in zip(HEMISPHERES, fractions) if not part.any()]
     if empty:
-        raise ValueError(f"no voxel of the scan of {name} lies in its {empty[0]} white surface: are spaces mixed up?")
+        raise ValueError(
+            f"no voxel of the scan of {name} lies in its {empty[0]} white surface: are both in the same space?"
+        )
     image = np.rint(block_means(scan.data, reduction) * _IMAGE_LEVELS).astype(np.uint16)
     parts = np.stack([block_means(part, reduction) for part in fractions])
     return Example(name, image, np.rint(parts * _FRACTION_LEVELS).astype(np.uint8))

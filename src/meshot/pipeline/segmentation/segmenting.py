@@ -28,7 +28,7 @@ def segment(scan: Volume, network: SegmentationNetwork) -> dict[Hemisphere, Volu
     low, high = float(scan.data.min()), float(scan.data.max())
     if low < 0 or high > 1 or low == high:
         raise ValueError(
-            f"the scan ranges from {low:.4g} to {high:.4g}; the network knows scans scaled to [0, 1]: bring it to the "
+            f"the scan ranges from {low:.4g} to {high:.4g}; the network needs a scan scaled to [0, 1]: bring it to the "
             "standard grid with standard_scan"
         )
     parameter = next(network.parameters())

@@ -147,7 +147,7 @@ def segmentation_config(content: object, name: str = "the configuration") -> Seg
         config = SegmentationConfig(groups["network"], SegmentationSettings(**groups["training"]))
         config.new_network()
     except (ValueError, TypeError) as error:
-        raise ValueError(f"{name} will not do: {error}") from error
+        raise ValueError(f"{name} is invalid: {error}") from error
     return config
 
 

@@ -49,7 +49,7 @@ def facing_walls(mesh: Mesh, narrowest: float, widest: float) -> SulcalWalls:
     kept = (gaps >= narrowest) & (np.minimum(ahead, behind) >= FACING * gaps)
     if not kept.any():
         raise ValueError(
-            f"no two faces look at each other from {narrowest:g} to {widest:g} apart; widen the range, or fold deeper"
+            f"no two faces face each other from {narrowest:g} to {widest:g} apart; widen the range, or fold deeper"
         )
     order = np.lexsort((pairs[kept, 0], -gaps[kept]))
     return SulcalWalls(torch.from_numpy(pairs[kept][order].astype(np.int64)), torch.from_numpy(gaps[kept][order]))

@@ -116,7 +116,7 @@ def deformation_config(content: object, name: str = "the configuration") -> Defo
         )
         config.new_network()
     except (ValueError, TypeError) as error:
-        raise ValueError(f"{name} will not do: {error}") from error
+        raise ValueError(f"{name} is invalid: {error}") from error
     return config
 
 

@@ -73,7 +73,7 @@ def train_deformation(
             return config.loss(predicted, item.target.to(device), generator), item.name
         except ValueError as error:  # for example a mesh without area
             raise FloatingPointError(
-                f"the prediction of step {step} ({item.name}) carries no loss: {error}; lower the learning rate"
+                f"the prediction of step {step} ({item.name}) has no loss: {error}; lower the learning rate"
             ) from error
 
     return train_network(

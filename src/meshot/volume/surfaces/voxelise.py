@@ -39,7 +39,7 @@ def enclosed_fractions(mesh: Mesh, grid: Volume, n_lines: int = 3) -> Float[Arra
     """
     numbers = winding_numbers(mesh, grid, n_lines)
     if numbers.min() < -1e-6:
-        raise ValueError("the mesh is left before it is entered: its normals point inward; flip its faces")
+        raise ValueError("the normals of the mesh point inwards; outward normals are needed: flip its faces")
     return np.clip(numbers, 0, 1)
 
 
