@@ -17,6 +17,9 @@ JOBS ?= 2
 
 FILES ?= 5000
 TESTS ?=
+KILLS ?= 20
+MUTANTS ?= 600
+WRITERS ?=
 
 # Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
 WARM = @$(BIN)meshot warmup
@@ -31,17 +34,23 @@ PREFLIGHT = tools/preflight.py $(NEEDS)
 # A worker on every core, one thread in each; a file stays in one worker, since its tests share what they build.
 PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
 
-.PHONY: help book test test-everywhere test-wheel fuzz html notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test test-everywhere test-wheel fuzz kill mutation html slides pdf editions reading notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
 	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
-	@echo "make fuzz       read 5000 damaged files of every kind (an hour at most; FILES=500 for fewer)"
+	@echo "make fuzz       read 5000 damaged files, solve 20000 drawn problems of every loss (an hour at most; FILES=500 for fewer)"
+	@echo "make kill       kill everything that writes at 20 random moments each, two hours (WRITERS='fit files' KILLS=5 for less)"
+	@echo "make mutation   try 600 mutants of the library, and print those that no test sees (a day; MUTANTS=20 for fewer)"
 	@echo "make test-everywhere  the numerical tests as on 19 other machines, two hours (TESTS=loss for a folder of them)"
 	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
 	@echo "make audit      look the locked packages up in a database of vulnerabilities (needs a network)"
 	@echo "make sbom       write the bill of materials of the lock to build/sbom.json"
 	@echo "make html       render the book from the stored outputs (seconds)"
+	@echo "make slides     slides of every chapter in build/html/slides, from the rendered book"
+	@echo "make pdf        the whole book as build/meshes_as_measures.pdf, from the rendered book"
+	@echo "make editions   notebooks for students (no solutions) and instructors (board notes) in build/editions"
+	@echo "make reading    words, minutes and cells of every chapter"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make ledger     write the claims ledger from the committed results"
@@ -72,6 +81,22 @@ book: $(READY)
 html: $(READY)
 	@$(RUN) book/build.py stored
 
+build/html/index.html: $(READY)
+	@$(RUN) book/build.py stored
+
+slides: build/html/index.html
+	@$(RUN) book/slides.py
+
+pdf: build/html/index.html
+	@$(RUN) tools/preflight.py browser
+	@$(RUN) book/pdf.py
+
+editions: $(READY)
+	@$(RUN) book/editions.py
+
+reading: $(READY)
+	@$(RUN) book/reading.py
+
 notebooks: $(READY)
 	@$(RUN) $(PREFLIGHT)
 	$(WARM)
@@ -93,6 +118,7 @@ test: $(READY)
 
 fuzz: $(READY)
 	$(RUN) tests/fuzz/run.py --files $(FILES) --keep build/fuzz
+	MESHOT_DRAWN=20000 OMP_NUM_THREADS=1 $(RUN) -m pytest $(PARALLEL) tests/loss/test_drawn_problems.py
 
 audit: $(READY)
 	@$(PIP) --upgrade --target build/audit pip-audit==2.10.1
@@ -100,6 +126,13 @@ audit: $(READY)
 
 test-everywhere: $(READY)
 	$(RUN) tests/everywhere/run.py $(TESTS)
+
+mutation: $(READY)
+	@$(PIP) --upgrade --target build/cosmic-ray cosmic-ray==8.7.0
+	PYTHONPATH=build/cosmic-ray $(RUN) tests/mutation/run.py --sample $(MUTANTS)
+
+kill: $(READY)
+	$(RUN) tests/kills/run.py $(WRITERS) --kills $(KILLS)
 
 sbom: $(READY)
 	@$(RUN) tools/sbom.py build/sbom.json

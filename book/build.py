@@ -6,6 +6,7 @@
 
 import argparse
 import importlib.metadata
+import re
 import shutil
 import subprocess
 import sys
@@ -13,8 +14,12 @@ from pathlib import Path
 
 from PIL import Image
 
+from meshot.files import whole_folder
+from meshot.scratch import scratch_folder
+
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGURATION = ("conf.py", "api_pages.py", "reading.py", "*_extension.py")
+SIGNATURE = re.compile(r'<dt class="sig .*?</dt>', re.S)
 MATHJAX = "static/mathjax/"
 #: Pictures above this size, in bytes, are stored anew; quality is that of WebP, of 100.
 LARGE, QUALITY = 30_000, 82
@@ -30,7 +35,9 @@ def assemble(notebooks: Path, source: Path) -> None:
         If a text source has no executed notebook.
     """
     shutil.rmtree(source, ignore_errors=True)
-    shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "claims.yaml"))
+    shutil.copytree(
+        ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "assets", "claims.yaml")
+    )
     copy_configuration(source)
     for text in sorted((ROOT / "notebooks").glob("[0-9]*.md")):
         notebook = notebooks / f"{text.stem}.ipynb"
@@ -60,11 +67,10 @@ def copy_mathjax(into: Path) -> None:
 
 
 def render(source: Path, html: Path) -> int:
-    """Run Sphinx, every warning an error; the exit status."""
-    shutil.rmtree(html, ignore_errors=True)
+    """Run Sphinx, every warning an error; the exit status. Its own files go beside the source."""
     command = [sys.executable, "-m", "sphinx", "-n", "-W", "--keep-going", "-q", "-b", "html"]
     return subprocess.run(
-        [*command, "-d", str(html.parent / "doctrees"), str(source), str(html)], check=False
+        [*command, "-d", str(source.parent / "doctrees"), str(source), str(html)], check=False
     ).returncode
 
 
@@ -84,19 +90,44 @@ def lighten(html: Path) -> None:
         page.write_text(text, encoding="utf-8")
 
 
+def mend_signatures(html: Path) -> None:
+    """Long signatures of the API come as lists of definitions without terms; they become plain blocks."""
+    for page in html.glob("api/*.html"):
+        text = page.read_text(encoding="utf-8")
+        page.write_text(SIGNATURE.sub(lambda found: _plain_blocks(found[0]), text), encoding="utf-8")
+
+
+def _plain_blocks(signature: str) -> str:
+    for tag, plain in (
+        ("<dl>", '<div class="sig-parameters">'),
+        ("</dl>", "</div>"),
+        ("<dd>", "<div>"),
+        ("</dd>", "</div>"),
+    ):
+        signature = signature.replace(tag, plain)
+    return signature
+
+
 def build(mode: str, into: Path) -> int:
-    """Assemble and render the book into ``into/html``; the exit status."""
+    """Assemble and render the book into ``into/html``; the exit status.
+
+    The book that is there gives way to the new one when that is whole, and stays if anything fails.
+    """
     notebooks = ROOT / "notebooks" if mode == "stored" else ROOT / "build" / "notebooks"
+    into.mkdir(parents=True, exist_ok=True)
     try:
-        assemble(notebooks, into / "source")
-    except ValueError as error:
+        with scratch_folder(into) as place, whole_folder(into / "html", replace=True) as html:
+            assemble(notebooks, place / "source")
+            status = render(place / "source", html)
+            if status:
+                raise ValueError(f"the book was not rendered: Sphinx ended with status {status}")
+            lighten(html)
+            mend_signatures(html)
+    except (ValueError, OSError) as error:
         print(error)
         return 1
-    status = render(into / "source", into / "html")
-    if status == 0:
-        lighten(into / "html")
-        print(f"open {into / 'html' / 'index.html'}")
-    return status
+    print(f"open {into / 'html' / 'index.html'}")
+    return 0
 
 
 def main() -> int:

@@ -41,7 +41,7 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with _naming_a_full_disk(path), scratch_folder(path.parent) as folder:
+    with naming_a_full_disk(path), scratch_folder(path.parent) as folder:
         temporary, usual = folder / path.name, folder / ".usual"
         yield temporary
         # Some writers create files that only the owner can read. Give the file the usual permissions (umask).
@@ -89,7 +89,7 @@ def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Pat
         )
     path = path.resolve()
     path.parent.mkdir(parents=True, exist_ok=True)
-    with _naming_a_full_disk(path), scratch_folder(path.parent) as place:
+    with naming_a_full_disk(path), scratch_folder(path.parent) as place:
         before = _contents(path)
         temporary = place / "new" / path.name
         temporary.mkdir(parents=True)
@@ -143,8 +143,14 @@ def _changed(path: Path) -> str:
 
 
 @contextlib.contextmanager
-def _naming_a_full_disk(path: Path) -> Iterator[None]:
-    """Turn an error about a full disk into one that names the path."""
+def naming_a_full_disk(path: Path) -> Iterator[None]:
+    """Name the disk when it is full: writers say that no space is left, but not where.
+
+    Raises
+    ------
+    OSError
+        In place of an error that says that no space is left.
+    """
     try:
         yield
     except Exception as error:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from meshot.files import whole_file
+from meshot.files import naming_a_full_disk, whole_file
 from meshot.provenance import PACKAGE
 
 
@@ -71,7 +71,7 @@ def run_jobs(
             started = clock()
             found = work(task)
             line = json.dumps({"task": task, "stamp": stamp, "found": found, "seconds": clock() - started})
-            with partial.open("a", encoding="utf-8") as file:
+            with naming_a_full_disk(partial), partial.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
             done[key] = json.loads(line)
         rows.append({"task": task, "found": done[key]["found"], "seconds": done[key]["seconds"]})

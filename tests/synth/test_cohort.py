@@ -110,7 +110,7 @@ def test_what_was_stopped_goes_on_and_ends_the_same(quick, tmp_path, monkeypatch
         list(make_cohort(RECIPE, tmp_path / "c"))
     assert [p.participant_id for p in participants(tmp_path / "c")] == ["sub-001"]
     assert len(participants(tmp_path / "c", unfinished=True)) == 3
-    assert not list((tmp_path / "c").glob(".making-*"))
+    assert not list((tmp_path / "c").glob(".writing-*"))
     with pytest.raises(ValueError, match="no finished scan sub-002"):
         read_subject(tmp_path / "c", "sub-002")
     with pytest.raises(ValueError, match="not finished"):

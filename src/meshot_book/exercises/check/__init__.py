@@ -5,7 +5,7 @@ from meshot_book.exercises.convergence_exercises import mean_gap, points_needed,
 from meshot_book.exercises.cost_exercises import blocked_chamfer, growth_exponent, merged_cells
 from meshot_book.exercises.ddot_exercises import alignment, count_weights, feature_at, mean_displacements
 from meshot_book.exercises.deforming_exercises import edge_variation, equal_time, safe_steps
-from meshot_book.exercises.descent_exercises import largest_rate, line_pull, nearest_pull
+from meshot_book.exercises.descent_exercises import largest_rate, line_arrows, nearest_arrows
 from meshot_book.exercises.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot_book.exercises.imaging_exercises import grid_affine, noise_from_air, pixel_share
 from meshot_book.exercises.line_exercises import quantiles, transport_cost, weight_gradient
@@ -42,14 +42,14 @@ __all__ = [
     "is_simple",
     "kept_check",
     "largest_rate",
-    "line_pull",
+    "line_arrows",
     "lines_needed",
     "mask_euler",
     "mean_displacements",
     "mean_gap",
     "mean_square",
     "merged_cells",
-    "nearest_pull",
+    "nearest_arrows",
     "noise_from_air",
     "observed_order",
     "paired_gap",
