@@ -19,6 +19,8 @@ from meshot.scratch import scratch_folder
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGURATION = ("conf.py", "api_pages.py", "reading.py", "*_extension.py")
+#: Two thirds of a megabyte that draw icons, which the theme's font draws too.
+ICONS = re.compile(r"<script[^>]*/fontawesome\.js[^>]*></script>")
 SIGNATURE = re.compile(r'<dt class="sig .*?</dt>', re.S)
 MATHJAX = "static/mathjax/"
 #: Pictures above this size, in bytes, are stored anew; quality is that of WebP, of 100.
@@ -90,6 +92,14 @@ def lighten(html: Path) -> None:
         page.write_text(text, encoding="utf-8")
 
 
+def drop_icon_script(html: Path) -> None:
+    """Leave the icons to the font of the theme."""
+    for page in html.rglob("*.html"):
+        page.write_text(ICONS.sub("", page.read_text(encoding="utf-8")), encoding="utf-8")
+    for script in html.glob("_static/scripts/fontawesome.js*"):
+        script.unlink()
+
+
 def mend_signatures(html: Path) -> None:
     """Long signatures of the API come as lists of definitions without terms; they become plain blocks."""
     for page in html.glob("api/*.html"):
@@ -122,6 +132,7 @@ def build(mode: str, into: Path) -> int:
             if status:
                 raise ValueError(f"the book was not rendered: Sphinx ended with status {status}")
             lighten(html)
+            drop_icon_script(html)
             mend_signatures(html)
     except (ValueError, OSError) as error:
         print(error)

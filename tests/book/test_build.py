@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 import build
-from build import lighten
-from reading import count_reading, count_words, reading_table
+from build import drop_icon_script, lighten, mend_signatures
+from reading import count_reading, count_words, read_chapters, reading_table
 
 cell = nbformat.v4.new_code_cell
 words = nbformat.v4.new_markdown_cell
@@ -23,6 +23,29 @@ def test_large_pictures_become_lighter_and_stay_linked(tmp_path):
     assert (tmp_path / "a.html").read_text() == '<img src="_images/large.webp"><img src="_images/small.png">'
     assert {file.name for file in (tmp_path / "_images").iterdir()} == {"large.webp", "small.png"}
     assert (tmp_path / "_images" / "large.webp").stat().st_size < before
+
+
+def test_icons_come_from_the_font_alone(tmp_path):
+    script = tmp_path / "_static" / "scripts" / "fontawesome.js"
+    script.parent.mkdir(parents=True)
+    script.touch()
+    (tmp_path / "api").mkdir()
+    page = tmp_path / "api" / "a.html"
+    page.write_text(
+        '<script defer src="../_static/scripts/fontawesome.js?digest=1"></script><script src="b.js"></script>'
+    )
+    drop_icon_script(tmp_path)
+    assert page.read_text() == '<script src="b.js"></script>'
+    assert not script.exists()
+
+
+def test_a_long_signature_becomes_blocks(tmp_path):
+    (tmp_path / "api").mkdir()
+    page = tmp_path / "api" / "a.html"
+    page.write_text('<dl><dt class="sig sig-object">f(<dl><dd>x</dd></dl>)</dt><dd>words</dd></dl>')
+    mend_signatures(tmp_path)
+    blocks = '<div class="sig-parameters"><div>x</div></div>'
+    assert page.read_text() == f'<dl><dt class="sig sig-object">f({blocks})</dt><dd>words</dd></dl>'
 
 
 @pytest.mark.parametrize(
@@ -56,6 +79,17 @@ def test_a_chapter_is_counted_up_to_its_exercises():
     assert found.minutes == 2
     assert found.head == "About 2 minutes to read: 400 words, 1 figures and tables. The code ran in 12 s."
     assert reading_table({"01_a": found}).splitlines()[-1] == "| 01 | 400 | 1 | 2 | 2 | 1 | 12 |"
+
+
+#: Chapters that are still too long. This list only becomes shorter.
+TOO_LONG = {"11"}
+LONGEST_READING = 45
+
+
+def test_no_chapter_takes_longer_than_a_lesson(root):
+    minutes = {name[:2]: one.minutes for name, one in read_chapters(root / "notebooks").items()}
+    assert len(minutes) > 10
+    assert {number for number, taken in minutes.items() if taken > LONGEST_READING} <= TOO_LONG
 
 
 @pytest.fixture

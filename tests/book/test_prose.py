@@ -8,7 +8,7 @@ import pytest
 from prose import lapses, sentences, unopened
 
 #: Chapters that are still to be rewritten. This list only becomes shorter.
-TO_REWRITE = {"01", "02", "03", "04", "20", "21", "30", "31", "33"}
+TO_REWRITE = {"04"}
 PAGES = ("index", "getting_started", "howto", "teaching", "limits", "notation")
 
 

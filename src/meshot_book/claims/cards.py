@@ -6,10 +6,10 @@ from meshot_book.claims.ledger import STATUSES, Entry, Rule, read_entries
 
 _HEAD = """# Claims ledger
 
-A verdict on each claim of the paper {cite:p}`le2024ddot`, and on questions of our own that the paper leaves open.
-Every sentence and number on this page is computed from the result files in `experiments/`; a test compares the page
-with them. The data sets of the paper are under data-use agreements, so that its tables are rebuilt on other data; the
-details of a claim name them.
+This page has a verdict on each claim of the paper {cite:p}`le2024ddot`, and on questions of our own that the paper
+leaves open. Every sentence and number is computed from the result files in `experiments/`, and a test compares them.
+The data sets of the paper are under data-use agreements. Its tables are therefore rebuilt on other data, which the
+details of each claim name.
 """
 _PAPER = """## What the paper claims
 """

@@ -55,7 +55,7 @@ def without_crossings(
     """The field, damped near every face of the mesh that its flow makes intersect another face.
 
     Each round moves the mesh, finds the faces that intersect at the end, and damps the field along the paths of their
-    vertices, see :func:`meshot.flow.crossings.damped`. The radius grows by ``radius`` after every third round. The
+    vertices. The radius grows by ``radius`` after every third round. The
     field does not change elsewhere, and its flow remains that of a smooth field. Near the damped faces the mesh is
     less close to the target. :class:`meshot.flow.fitting.Guard` instead changes the fit as a whole.
 

@@ -58,7 +58,7 @@ def _theorem_headline(results: dict, slower: list[dict], grown: list[dict]) -> t
     if not grown:
         return f"{len(results['sizes']) - len(slower)} of {len(results['sizes'])}", "cases with the stated rate"
     most = _worst_at_distance(grown)
-    growth = f"{digits(most['ratio'][-1], 2)} times"
+    growth = f"{digits(most['ratio'][-1], 3)} times"
     return (
         growth,
         f"larger error (p = {most['p']}) when the same spheres are {most['apart'][-1]} mm apart, not concentric",
