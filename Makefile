@@ -39,10 +39,10 @@ PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
 	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
-	@echo "make fuzz       read 5000 damaged files, solve 20000 drawn problems of every loss (an hour at most; FILES=500 for fewer)"
-	@echo "make kill       kill everything that writes at 20 random moments each, two hours (WRITERS='fit files' KILLS=5 for less)"
-	@echo "make mutation   try 600 mutants of the library, and print those that no test sees (a day; MUTANTS=20 for fewer)"
-	@echo "make test-everywhere  the numerical tests as on 19 other machines, two hours (TESTS=loss for a folder of them)"
+	@echo "make fuzz       read 5000 damaged files, solve 20000 drawn problems of every loss (FILES=500 for fewer)"
+	@echo "make kill       kill everything that writes at 20 random moments each (WRITERS='fit files' KILLS=5 for less)"
+	@echo "make mutation   try 600 mutants of the library, and print those that no test sees (MUTANTS=20 for fewer)"
+	@echo "make test-everywhere  the numerical tests as on other processors and in other places (TESTS=loss for a folder of them)"
 	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
 	@echo "make audit      look the locked packages up in a database of vulnerabilities (needs a network)"
 	@echo "make sbom       write the bill of materials of the lock to build/sbom.json"
@@ -59,6 +59,7 @@ help:
 	@echo "make lab        open the notebooks in JupyterLab"
 	@echo "make lint       check style"
 	@echo "make lock       solve requirements.lock anew from pyproject.toml"
+	@echo "make licences   write THIRD_PARTY.md from the lock and the installed packages"
 	@echo "make clean      remove what was built (make distclean: the environment too)"
 
 ifneq ($(VENV),)
@@ -122,14 +123,14 @@ fuzz: $(READY)
 
 audit: $(READY)
 	@$(PIP) --upgrade --target build/audit pip-audit==2.10.1
-	PYTHONPATH=build/audit $(RUN) tools/audit.py
+	PYTHONPATH=$(CURDIR)/build/audit $(RUN) tools/audit.py
 
 test-everywhere: $(READY)
 	$(RUN) tests/everywhere/run.py $(TESTS)
 
 mutation: $(READY)
 	@$(PIP) --upgrade --target build/cosmic-ray cosmic-ray==8.7.0
-	PYTHONPATH=build/cosmic-ray $(RUN) tests/mutation/run.py --sample $(MUTANTS)
+	PYTHONPATH=$(CURDIR)/build/cosmic-ray $(RUN) tests/mutation/run.py --sample $(MUTANTS)
 
 kill: $(READY)
 	$(RUN) tests/kills/run.py $(WRITERS) --kills $(KILLS)

@@ -28,6 +28,10 @@ LONG_FILES = (
     "synth/test_cohort.py",
     "experiments/test_ddot.py",
     "loss/test_exact.py",
+    "loss/test_drawn_problems.py",
+    "test_memory.py",
+    "kills/test_kills.py",
+    "everywhere/test_everywhere.py",
 )
 
 

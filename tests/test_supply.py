@@ -18,7 +18,7 @@ def test_the_table_is_current():
 
 def test_every_installed_package_states_a_licence():
     rows = licences.rows_of(licences.TABLE.read_text(encoding="utf-8"))
-    unknown = ("not stated", licences.NOT_HERE)
+    unknown = (licences.UNSTATED, licences.NOT_HERE)
     assert [name for name, row in rows.items() if row[3] == "always" and row[2] in unknown] == []
 
 
@@ -50,11 +50,22 @@ def test_a_licence_is_a_few_words(fields, expected):
     assert licences.licence_of(message) == expected
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("MIT License\n\nCopyright", "MIT License"), ("Copyright", "not stated"), (None, "not stated")],
+)
+def test_a_licence_that_only_a_file_states(text, expected):
+    message = Message()
+    message["License-File"] = "LICENSE"
+    package = SimpleNamespace(metadata=message, read_text=lambda name: text)
+    assert licences.licence_file_of(package) == expected
+
+
 def test_what_is_not_installed_keeps_its_line(monkeypatch):
     def missing(name):
         raise importlib.metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(importlib.metadata, "metadata", missing)
+    monkeypatch.setattr(importlib.metadata, "distribution", missing)
     table = licences.HEAD + "| appnope | 1 | BSD | always |\n"
     assert "| appnope | 2 | BSD |" in licences.table_of("appnope==2\n", table)
     assert licences.NOT_HERE in licences.table_of("other==2\n", table)

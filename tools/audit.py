@@ -1,6 +1,6 @@
-"""Look up the locked packages in a database of known vulnerabilities: ``python tools/audit.py`` (needs a network).
+"""Check the locked packages against a database of known vulnerabilities: ``python tools/audit.py`` (needs a network).
 
-The exit status is 0 if none is known, 1 if one is, and 2 if the database could not be asked: then nothing is known.
+The exit status is 0 if no vulnerability is known, 1 if one is known, and 2 if the database could not be queried.
 """
 
 import json
@@ -14,7 +14,7 @@ UNKNOWN = 2
 
 
 def said_of(report: str) -> list[str]:
-    """A line for each vulnerability of a report in JSON; ValueError if it is no report."""
+    """One line for each vulnerability in a JSON report. Raises ValueError if the text is not such a report."""
     found = json.loads(report)["dependencies"]
     if not found:
         raise ValueError("the report names no package")
@@ -23,7 +23,7 @@ def said_of(report: str) -> list[str]:
 
 
 def main() -> int:
-    """Ask pip-audit, and print what it found; the exit status."""
+    """Run pip-audit and print the vulnerabilities. Returns the exit status."""
     command = [sys.executable, "-m", "pip_audit", "-s", "osv", "-f", "json", "-r", str(LOCK), *PINNED]
     asked = subprocess.run(command, capture_output=True, text=True, check=False)
     try:

@@ -13,7 +13,7 @@ from meshot.files import whole_file
 
 
 def component(name: str, version: str, licence: str) -> dict:
-    """One package as CycloneDX describes it."""
+    """One package in the format of CycloneDX."""
     url = f"pkg:pypi/{canonicalize_name(name)}@{version}"
     return {
         "type": "library",
@@ -26,7 +26,7 @@ def component(name: str, version: str, licence: str) -> dict:
 
 
 def bill_of(lock: str, table: str) -> dict:
-    """The bill of materials of a lock; the same lock gives the same bill, so it states no time."""
+    """The bill of materials of a lock. It contains no time, so that the same lock gives the same bill."""
     licences = {name: row[2] for name, row in rows_of(table).items()}
     parts = [component(r.name, version_of(r), licences[r.name]) for r in locked_requirements(lock)]
     whole = component("meshot", meshot.__version__, "MIT") | {"type": "application"}
@@ -41,7 +41,7 @@ def bill_of(lock: str, table: str) -> dict:
 
 
 def main(path: str) -> None:
-    """Write the bill of the lock that is committed."""
+    """Write the bill of the committed lock."""
     bill = bill_of(LOCK.read_text(encoding="utf-8"), TABLE.read_text(encoding="utf-8"))
     with whole_file(path) as temporary:
         temporary.write_text(json.dumps(bill, indent=1) + "\n", encoding="utf-8")

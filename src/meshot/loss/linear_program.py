@@ -65,7 +65,9 @@ def wasserstein(
     cost = squared if p == 2 else torch.where(squared > 0, squared, torch.ones_like(squared)).pow(p / 2) * (squared > 0)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        value = ot.emd2(source.weights, target.weights, cost, numItermax=max_iterations)
+        # POT refuses arrays with gaps in memory.
+        masses = source.weights.contiguous(), target.weights.contiguous()
+        value = ot.emd2(*masses, cost.contiguous(), numItermax=max_iterations)
     if caught:
         raise ValueError(
             f"the transport solver did not finish ({caught[0].message}): raise max_iterations or use fewer points"

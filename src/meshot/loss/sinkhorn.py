@@ -4,12 +4,16 @@ import importlib.util
 import math
 
 import geomloss
+import torch
 
 from meshot.measure import MeasureLike, as_point_measures
 from meshot.types import Float, Tensor
 
 #: GeomLoss's methods for sums over pairs of points. All but the first need KeOps.
 BACKENDS = ("tensorized", "online", "multiscale")
+
+#: Measures of a smaller extent, in blurs, are a point to the loss.
+POINT = 1e-6
 
 
 def sinkhorn_divergence(
@@ -85,8 +89,12 @@ def sinkhorn_divergence(
     if not 0 < scaling < 1:
         raise ValueError(f"scaling is {scaling!r}; a number in (0, 1) is needed")
     _require_backend(backend)
+    places = torch.cat([source.places, target.places]).detach()
+    extent = float((places.amax(dim=0) - places.amin(dim=0)).norm())
+    # Annealing begins at the diameter; from one point it would begin at zero, and divide by it.
+    diameter = blur if extent < POINT * blur else None
     loss = geomloss.SamplesLoss(
-        "sinkhorn", p=p, blur=blur, scaling=scaling, reach=reach, debias=True, backend=backend
+        "sinkhorn", p=p, blur=blur, scaling=scaling, reach=reach, debias=True, backend=backend, diameter=diameter
     )  # fmt: skip
     return p * loss(source.weights, source.places, target.weights, target.places)
 

@@ -1,4 +1,4 @@
-"""A scan without what lies outside a brain mask from elsewhere."""
+"""Removal of everything outside a given brain mask from a scan."""
 
 import numpy as np
 
@@ -6,18 +6,18 @@ from meshot.volume.volume import Volume
 
 
 def masked_scan(scan: Volume, mask: Volume) -> Volume:
-    """The scan with its least value outside the mask.
+    """The scan with its minimum value outside the mask.
 
     Parameters
     ----------
     scan : Volume
     mask : Volume
-        On the grid of the scan: zero outside the brain, not zero inside, as SynthStrip and HD-BET write it.
+        On the grid of the scan: zero outside the brain, non-zero inside, as written by SynthStrip and HD-BET.
 
     Raises
     ------
     ValueError
-        If the grids differ, or the mask holds nothing or everything.
+        If the grids differ, or the mask is empty or contains all voxels.
     """
     if mask.data.shape != scan.data.shape:
         raise ValueError(

@@ -11,9 +11,9 @@ with needing("cortex"):
 
 
 def bright_volume(scan: Volume) -> float:
-    """The volume of the brighter of two classes of voxels, in mm³: of a brain on a dark ground.
+    """The volume of the brighter of two classes of voxels, in mm³: that of a brain on a dark background.
 
-    The threshold is Otsu's.
+    The classes are separated by Otsu's threshold.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def white_matter_probability(t1: Volume, brain: Volume) -> Volume:
     values = t1.data[brain.data.astype(bool)]
     if len(np.unique(values)) < 3:
         raise ValueError(
-            f"the brain mask holds {len(values)} voxels of fewer than three intensities: no tissue to tell"
+            f"the brain mask holds {len(values)} voxels of fewer than three intensities; at least three are needed"
         )
     lower, upper = skimage.filters.threshold_multiotsu(values, classes=3, nbins=128)
     grey = values[(values > lower) & (values <= upper)].mean(dtype=np.float64)

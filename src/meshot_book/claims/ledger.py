@@ -57,7 +57,7 @@ class Verdict:
             raise ValueError(f"status is {self.status!r}; one of {', '.join(STATUSES)} is needed")
 
 
-#: From the record of the claim's experiment, and of those that it names under ``also``, to a verdict.
+#: A function from the record of a claim's experiment, and of the experiments under ``also``, to a verdict.
 Rule = Callable[..., Verdict]
 
 

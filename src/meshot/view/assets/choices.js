@@ -1,4 +1,4 @@
-// One radio button for each name; the first is chosen.
+// One radio button for each name. The first is selected.
 export function offerChoices(holder, group, names, choose) {
   names.forEach((name, i) => {
     const label = document.createElement("label");

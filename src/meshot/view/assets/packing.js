@@ -1,6 +1,6 @@
-// The data of a scene unpacked; scene_data.py says how they are packed.
+// Decodes the data of a scene. The encoding is described in scene_data.py.
 
-// Integers: differences zigzagged into three planes of bytes, so that small ones deflate well.
+// Decodes integers: zigzag-encoded differences in three planes of bytes, which compress well.
 export async function unpack(packed, lengths) {
   if (!window.DecompressionStream) {
     throw new Error("this browser is too old");
@@ -45,7 +45,7 @@ export function joinedCorners(steps) {
   return corners;
 }
 
-// Normals of vertices: of the faces around each, weighed by area.
+// Vertex normals: the area-weighted mean of the normals of the faces around each vertex.
 export function perpendicular(p, f) {
   const normals = new Float32Array(p.length);
   for (let i = 0; i < f.length; i += 3) {

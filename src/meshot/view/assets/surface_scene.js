@@ -3,7 +3,7 @@ import { unpack } from "./packing.js";
 import { turnable } from "./turning.js";
 import { renderer } from "./webgl.js";
 
-// A still that a click replaces by a surface to be turned; root.showItem(i) serves the controls of a page around it.
+// A static image that a click replaces by an interactive surface. Controls of an enclosing page call root.showItem(i).
 export function main(root, data) {
   const find = (name) => root.querySelector(name);
   const [start, hint, help] = [".start", ".hint", ".help"].map(find);

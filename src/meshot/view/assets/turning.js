@@ -1,4 +1,4 @@
-// Let a node be turned: by mouse or finger (press, drag), by wheel or two fingers (zoom), by keys (name -> action).
+// Makes a node rotatable by dragging (mouse or finger), zoomable by wheel or two fingers, and usable by keys.
 export function turnable(node, { press, drag, zoom, keys }) {
   const fingers = new Map();
   node.addEventListener("pointerdown", (event) => {
@@ -25,7 +25,7 @@ export function turnable(node, { press, drag, zoom, keys }) {
     node.addEventListener(end, (event) => fingers.delete(event.pointerId));
   }
   if (node instanceof SVGElement) {
-    // The style touch-action does not reach SVG groups: without this a browser takes the finger for scrolling.
+    // The style touch-action does not apply to SVG groups. Without this, browsers would scroll.
     node.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
   }
   if (zoom) {
@@ -36,7 +36,7 @@ export function turnable(node, { press, drag, zoom, keys }) {
   }
 }
 
-// How far two fingers are apart; 0 for one, or for more than two.
+// The distance between two fingers; 0 for any other number of fingers.
 function spread(fingers) {
   const [a, b] = fingers.values();
   return fingers.size === 2 ? Math.hypot(a.x - b.x, a.y - b.y) : 0;

@@ -1,4 +1,4 @@
-// A page that is shown twice is brought to life once.
+// Starts the script of a page once, also if the page is shown twice.
 export function wake(id, main) {
   const root = document.getElementById(id);
   if (!root || root.dataset.ready) {

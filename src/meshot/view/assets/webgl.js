@@ -10,7 +10,7 @@ const FRAGMENT = `#version 300 es
     vec3 own = share < -0.001 ? plain : texture(colours, vec2((share * 255.0 + 0.5) / 256.0, 0.5)).rgb;
     colour = vec4(own * light, 1.0); }`;
 
-// A function that draws one of the surfaces of a scene, turned and enlarged.
+// Returns a function that draws a surface of the scene with a rotation and a zoom.
 export function renderer(canvas, gl, data, arrays) {
   const uniform = prepare(gl, data);
   const objects = data.items.map((item) => upload(gl, data, arrays, item));

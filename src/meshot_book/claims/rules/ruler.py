@@ -156,10 +156,8 @@ def _metric_table(record: dict) -> str:
 def counts_verdict(record: dict, trained: dict) -> Verdict:
     """Claim 16 from ``experiments/paper_table`` and ``experiments/ddot``: shares of intersecting faces, as counts.
 
-    The status follows from the trained flows, before any repair: in how many columns (cohort and side) is DDOT below
-    the bound, and CortexODE above DDOT by the stated factor? The shares in the paper's table are also reported as
-    numbers of faces. At least two faces intersect, so that a bound below their share holds on one surface only if no
-    faces intersect.
+    The status follows from the trained flows before repair: in how many columns (cohort and side) is DDOT below the
+    bound, and CortexODE above DDOT by the stated factor? Shares of the paper's table are also given as face counts.
     """
     counts = record["results"]["counts"]
     n_faces, bound, wanted = counts["typical_faces"], counts["bound_percent"], counts["stated_factor"]
@@ -197,10 +195,7 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
 
 
 def _trained_columns(trained: dict) -> list[dict]:
-    """For each cohort and side the crossing faces of DDOT and of its rival in per cent, first seed, before any repair.
-
-    The held-out subjects are those that were made like the training subjects.
-    """
+    """Intersecting faces of DDOT and its rival in %, by cohort and side: first seed, training kind, unrepaired."""
     plan, columns = trained["config"]["comparison"], {}
     for row in sorted(trained["results"]["summary"], key=lambda row: -(row["seed"] or 0)):
         for role in ("ours", "rival"):

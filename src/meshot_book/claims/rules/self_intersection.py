@@ -23,7 +23,7 @@ def self_intersection_verdict(record: dict, deforming: dict | None = None, ddot:
     crossed = [row for row in safe if row["most"] > 0]
     by_spacing = _fits_by_spacing(results["fits"])
     free, flows = by_spacing.pop(0.0), by_spacing
-    others = [row["end"]["intersecting_faces"] for row in deforming["results"]["fits"]] if deforming else []
+    others = [int(row["end"]["intersecting_faces"]) for row in deforming["results"]["fits"]] if deforming else []
     fits = [most for found in flows.values() for most in found] + others
     networks = _networks(ddot["results"]["summary"]) if ddot else {}
     status = IN_PART if _share(fits) < min(0.5, _share(free)) else NOT_REPRODUCED
@@ -102,7 +102,7 @@ def _sentence(
         f"fits by flows that cross: {by_fineness}",
     ]
     if others:
-        parts.append(f"{_count(others)} in the fits of chapter 21 (up to {max(others):.0f} faces)")
+        parts.append(f"{_count(others)} in the fits of chapter 21 (up to {max(others)} faces)")
     parts.append(f"free vertices: {_count(free)} (up to {max(free)} faces)")
     if networks:
         shares = "; ".join(f"{name} {digits(low, 2)} to {digits(high, 2)} %" for name, (low, high) in networks.items())

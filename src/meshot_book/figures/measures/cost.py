@@ -45,7 +45,7 @@ def cost_figure(rows: Sequence[Mapping], quantity: str, label: str, factor: floa
     dimensions = sorted({row["d"] for row in shown})
     names = list(dict.fromkeys(row["peer"] for row in shown))
     looks = _looks(names)
-    size = (WIDTH * 1.15, 4.6 * len(dimensions))
+    size = (WIDTH * 1.2, 4.6 * len(dimensions))
     figure, axes = plt.subplots(len(dimensions), 1, figsize=size, layout="constrained", sharex=True, squeeze=False)
     for ax, d in zip(axes[:, 0], dimensions):
         lines = {}
@@ -77,7 +77,7 @@ def _looks(names: Sequence[str]) -> dict[str, dict]:
     return looks
 
 
-def _name_ends(ax: Axes, lines: Mapping[str, np.ndarray], looks: Mapping[str, dict], gap: float = 0.052) -> None:
+def _name_ends(ax: Axes, lines: Mapping[str, np.ndarray], looks: Mapping[str, dict], gap: float = 0.065) -> None:
     """Names beside the panel, at the heights of the lines' ends, pushed apart where they would touch."""
     ax.figure.canvas.draw_idle()
     to_panel = ax.transData.transform, ax.transAxes.inverted().transform
@@ -97,7 +97,7 @@ def _name_ends(ax: Axes, lines: Mapping[str, np.ndarray], looks: Mapping[str, di
             xycoords="axes fraction",
             xytext=(1.04, height),
             textcoords="axes fraction",
-            fontsize=9,
+            fontsize=12,
             va="center",
             color=looks[name]["color"],
             arrowprops={

@@ -1,4 +1,4 @@
-"""Pictures of projected laws: densities with their atoms, distribution functions, what a turning line sees."""
+"""Pictures of projected distributions: densities with their atoms, distribution functions, a turning direction."""
 
 from collections.abc import Mapping, Sequence
 
@@ -25,11 +25,11 @@ def draw_density(ax: Axes, law: ProjectedLaw, colour: str = BLUE, points: Float[
     heights = np.pad(law.densities[wide].reshape(-1), 1)  # down to zero at either end
     ax.plot(np.pad(x, 1, mode="edge"), heights, color=colour, label="exact density")
     top = max(float(law.densities.max(initial=0)), 1e-9) * 1.25
-    for place, mass in zip(*law.atoms):
+    for position, mass in zip(*law.atoms):
         if mass > FIRST_ATOM:
-            ax.plot([place, place], [0, top], color=BLACK, linewidth=1.6)
-            ax.plot(place, top, "o", color=BLACK, markersize=6)
-            ax.annotate(f"{mass:.2g}", (place, top), (0, 6), textcoords="offset points", ha="center", fontsize=11)
+            ax.plot([position, position], [0, top], color=BLACK, linewidth=1.6)
+            ax.plot(position, top, "o", color=BLACK, markersize=6)
+            ax.annotate(f"{mass:.2g}", (position, top), (0, 6), textcoords="offset points", ha="center", fontsize=11)
     ax.set_ylim(0, top * 1.3)
 
 
@@ -57,7 +57,7 @@ def law_figure(
         left.set(title=title, ylabel=f"density (1/{unit})", xlim=(x[0], x[-1]))
         right.set(ylabel="$F$", xlim=(x[0], x[-1]), ylim=(-0.03, 1.06))
     for ax in axes[-1]:
-        ax.set_xlabel(f"place on the line ({unit})")
+        ax.set_xlabel(f"position on the line ({unit})")
     return figure
 
 
@@ -82,7 +82,8 @@ def turned_densities_figure(measure: SurfaceMeasure, angles: Sequence[float]) ->
         ax.set_title(f"{angle:g}°")
     for ax, law in zip(axes[1], laws):
         draw_density(ax, law)
-        ax.set_xlabel("place")
+        ax.margins(x=0.25)  # room for the mass beside an atom at the end
+        ax.set_xlabel("position")
     axes[1, 0].set_ylim(0, 1.6 * max(float(law.densities.max()) for law in laws))
     axes[1, 0].set_ylabel("density")
     return figure
