@@ -28,7 +28,7 @@ def transport_rate_verdict(record: dict) -> Verdict:
         status=status,
         says=(
             f"Sliced Wasserstein has the rate $m^{{-1/2}}$ in {sum(holds(row, row['expected']) for row in sliced)} of "
-            f"{len(sliced)} cases with connected supports and no symmetry{_slow_in_words(rest)}; $W_p$ has the rate "
+            f"{len(sliced)} cases with connected supports and no symmetry{_slow_in_words(rest)}. $W_p$ has the rate "
             f"$m^{{-1/d}}$ in only {len(cases['follows'])} of {len(transport)}, as the surface's dimension counts."
         ),
         headline=(f"{len(cases['follows'])} of {len(transport)}", "cases in which $W_p$ has the stated rate"),
