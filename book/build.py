@@ -100,6 +100,13 @@ def drop_icon_script(html: Path) -> None:
         script.unlink()
 
 
+def mend_roles(html: Path) -> None:
+    """Lists of references claim to be lists without having items; they become plain blocks."""
+    for page in html.glob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        page.write_text(text.replace('<div role="list" class="citation-list">', '<div class="citation-list">'), "utf-8")
+
+
 def mend_signatures(html: Path) -> None:
     """Long signatures of the API come as lists of definitions without terms; they become plain blocks."""
     for page in html.glob("api/*.html"):
@@ -133,6 +140,7 @@ def build(mode: str, into: Path) -> int:
                 raise ValueError(f"the book was not rendered: Sphinx ended with status {status}")
             lighten(html)
             drop_icon_script(html)
+            mend_roles(html)
             mend_signatures(html)
     except (ValueError, OSError) as error:
         print(error)

@@ -36,7 +36,7 @@ def sentences(text: str) -> Iterator[str]:
     """The sentences of Markdown, each as one line; a formula is one word, a list item a sentence of its own."""
     text = _FENCED.sub("\n\n", text)
     text = re.sub(r"\$\$.*?\$\$", " formula ", text, flags=re.S)
-    text = re.sub(r"\$[^$]+\$", "formula", text)
+    text = re.sub(r"\$[^$]+\$", "Formula", text)
     text = _HEADING.sub("\n\n", text)
     for pattern in _DROPPED:
         text = pattern.sub(" ", text)

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 import build
-from build import drop_icon_script, lighten, mend_signatures
+from build import drop_icon_script, lighten, mend_roles, mend_signatures
 from reading import count_reading, count_words, read_chapters, reading_table
 
 cell = nbformat.v4.new_code_cell
@@ -37,6 +37,13 @@ def test_icons_come_from_the_font_alone(tmp_path):
     drop_icon_script(tmp_path)
     assert page.read_text() == '<script src="b.js"></script>'
     assert not script.exists()
+
+
+def test_references_are_no_list_without_items(tmp_path):
+    page = tmp_path / "references.html"
+    page.write_text('<div role="list" class="citation-list">x</div>')
+    mend_roles(tmp_path)
+    assert page.read_text() == '<div class="citation-list">x</div>'
 
 
 def test_a_long_signature_becomes_blocks(tmp_path):

@@ -60,5 +60,5 @@ def test_each_lapse_is_seen(text, seen):
 def test_good_prose_has_no_lapse():
     text = "## Head\n\nThe loss of $x$ is small, e.g. 3 mm. [Table](#tab-a) shows it:\n\n- one\n- two\n\n| a |\n|---|\n"
     assert lapses(text) == []
-    assert list(sentences(text)) == ["The loss of formula is small, eg 3 mm.", "Table shows it:", "- one", "- two"]
+    assert list(sentences(text)) == ["The loss of Formula is small, eg 3 mm.", "Table shows it:", "- one", "- two"]
     assert unopened("# Title\n\n**Bold** words.\n") == []
