@@ -34,7 +34,7 @@ PREFLIGHT = tools/preflight.py $(NEEDS)
 # A worker on every core, one thread in each; a file stays in one worker, since its tests share what they build.
 PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
 
-.PHONY: help book test test-everywhere test-wheel fuzz kill mutation html notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test test-everywhere test-wheel fuzz kill mutation html slides pdf editions reading notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -47,6 +47,10 @@ help:
 	@echo "make audit      look the locked packages up in a database of vulnerabilities (needs a network)"
 	@echo "make sbom       write the bill of materials of the lock to build/sbom.json"
 	@echo "make html       render the book from the stored outputs (seconds)"
+	@echo "make slides     slides of every chapter in build/html/slides, from the rendered book"
+	@echo "make pdf        the whole book as build/meshes_as_measures.pdf, from the rendered book"
+	@echo "make editions   notebooks for students (no solutions) and instructors (board notes) in build/editions"
+	@echo "make reading    words, minutes and cells of every chapter"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make ledger     write the claims ledger from the committed results"
@@ -77,6 +81,22 @@ book: $(READY)
 
 html: $(READY)
 	@$(RUN) book/build.py stored
+
+build/html/index.html: $(READY)
+	@$(RUN) book/build.py stored
+
+slides: build/html/index.html
+	@$(RUN) book/slides.py
+
+pdf: build/html/index.html
+	@$(RUN) tools/preflight.py browser
+	@$(RUN) book/pdf.py
+
+editions: $(READY)
+	@$(RUN) book/editions.py
+
+reading: $(READY)
+	@$(RUN) book/reading.py
 
 notebooks: $(READY)
 	@$(RUN) $(PREFLIGHT)

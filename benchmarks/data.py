@@ -1,4 +1,4 @@
-"""What is timed on: weighted measures on folded surfaces, and the same surfaces as meshes."""
+"""Inputs of the benchmarks: weighted measures on folded surfaces, and the same surfaces as meshes."""
 
 import numpy as np
 import torch
@@ -8,9 +8,9 @@ from meshot.mesh import sample_locations
 from meshot.mesh.geometry import face_normals
 from meshot.mesh.shapes import folded_sphere
 
-DEPTHS = (4.0, 8.0)  # mm, of the folds of source and target
-NORMAL_SCALE = 10.0  # mm for a unit normal
-#: Faces of a folded sphere by number of subdivisions: a mesh cannot have any number.
+DEPTHS = (4.0, 8.0)  # depth of the folds of source and target, in mm
+NORMAL_SCALE = 10.0  # length of a scaled unit normal, in mm
+#: Possible numbers of faces of a folded sphere, by number of subdivisions.
 FACES = {20 * 4**level: level for level in range(3, 8)}
 
 
@@ -25,7 +25,7 @@ def surface_measure(mesh: Mesh, n: int, d: int, seed: int) -> DiscreteMeasure:
 
 
 def measures(m: int, d: int, seed: int) -> tuple[DiscreteMeasure, DiscreteMeasure]:
-    """Source and target with ``m`` supports each; gradients are wanted in the points and weights of the source."""
+    """Source and target with ``m`` support points each. Points and weights of the source require gradients."""
     source, target = (surface_measure(folded_sphere(6, depth=depth), m, d, seed + i) for i, depth in enumerate(DEPTHS))
     source.points.requires_grad_()
     source.weights.requires_grad_()
@@ -33,7 +33,7 @@ def measures(m: int, d: int, seed: int) -> tuple[DiscreteMeasure, DiscreteMeasur
 
 
 def surfaces(m: int, d: int) -> tuple[torch.Tensor, SurfaceMeasure, SurfaceMeasure]:
-    """The vertices of the source, and both continuous measures of meshes with ``m`` faces."""
+    """The vertices of the source, and both continuous measures, of meshes with ``m`` faces."""
     scale = NORMAL_SCALE if d == 6 else 0
     first, second = (folded_sphere(FACES[m], depth=depth) for depth in DEPTHS)
     vertices = first.vertices.clone().requires_grad_()
@@ -41,9 +41,9 @@ def surfaces(m: int, d: int) -> tuple[torch.Tensor, SurfaceMeasure, SurfaceMeasu
 
 
 def mesh_of(source: DiscreteMeasure) -> Mesh:
-    """A closed mesh whose vertices are the points of a measure: a torus of m vertices and 2 m faces.
+    """A closed mesh whose vertices are the points of a measure: a torus with m vertices and 2 m faces.
 
-    The regularisers' work depends on how many edges and faces there are, not on where the vertices lie.
+    The cost of the regularisers depends on the numbers of edges and faces, not on the positions of the vertices.
     """
     m = len(source.points)
     columns = next(k for k in range(int(m**0.5), 2, -1) if m % k == 0)
@@ -55,5 +55,5 @@ def mesh_of(source: DiscreteMeasure) -> Mesh:
 
 
 def directions(n: int, d: int, seed: int) -> torch.Tensor:
-    """The directions that every sliced loss takes."""
+    """The directions that all sliced losses use."""
     return random_directions(n, d, seed)

@@ -1,13 +1,14 @@
-"""Time and memory of the losses side by side: ours, POT, GeomLoss, OTT, Chamfer by brute force and by a k-d tree.
+"""Time and memory of the losses: ours, POT, GeomLoss, OTT, and Chamfer by brute force and by a k-d tree.
 
-Run on an otherwise idle machine, after ``make benchmark`` has installed the peers that nothing else needs::
+Run on an otherwise idle machine, after ``make benchmark`` has installed the libraries that only benchmarks need::
 
-    python benchmarks/losses.py            # some 15 minutes; stopped and started again it goes on where it was
+    python benchmarks/losses.py            # about 15 minutes; a stopped run is resumed
     python benchmarks/losses.py --quick    # small sizes, one round, nothing written
 
-It prints a table and writes ``experiments/cost/results.json``. Weighted measures on folded surfaces, points in R³ and
-points with normals in R⁶, value and gradient, the same directions for all, float64, two threads; every peer in a warm
-loop of its own, medians. A peer is left out from the size on at which it would take too long or too much memory.
+Prints a table and writes ``experiments/cost/results.json``. The inputs are weighted measures on folded surfaces: points
+in R³, and points with normals in R⁶. Value and gradient are computed in float64 on two threads, with the same
+directions for all. Every method runs in its own loop after a warm-up; the results are medians. A method is not run at
+sizes at which it would need too much time or memory.
 """
 
 import argparse
@@ -34,7 +35,7 @@ QUICK = {"sizes": [1000, 3000, 10_000], "memory_sizes": [10_000], "n_rounds": 1,
 
 
 def run(config: dict, partial: Path | None) -> dict:
-    """Every case that is not done yet; ``partial`` keeps what is."""
+    """Run all missing cases. Finished cases are stored in ``partial``."""
     lines = partial.read_text(encoding="utf-8").splitlines() if partial and partial.exists() else []
     done = {line["key"]: line["found"] for line in map(json.loads, lines)}
 
@@ -75,7 +76,7 @@ def run(config: dict, partial: Path | None) -> dict:
 
 
 def _able(m: int, d: int, results: dict, missing: dict, config: dict) -> list[str]:
-    """Who runs at this size; who does not any more is noted once."""
+    """The methods that run at this size. A method that no longer runs is recorded once in ``missing``."""
     names, past = [], [row for row in results["cases"] if row["d"] == d]
     out = {row["peer"] for row in results["stopped"] if row.get("d", d) == d} | set(missing)
     for name in peers.PEERS:
@@ -96,7 +97,7 @@ def _compared(m: int, d: int, names: list[str], config: dict) -> dict:
 
 
 def printed(results: dict) -> str:
-    """Seconds of every peer by size, and the targets."""
+    """A table of the seconds of every method by size, and of the targets."""
     parts = []
     for d in sorted({row["d"] for row in results["cases"]}):
         by_peer: dict[str, dict] = {}
@@ -111,11 +112,11 @@ def printed(results: dict) -> str:
 
 
 def main() -> None:
-    """Run, print, write."""
+    """Run the benchmark, print the table, and write the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="small sizes, one round, nothing written")
-    parser.add_argument("--rounds", type=int, help="instead of the configured number")
-    parser.add_argument("--longest", type=float, help="seconds that a peer may take, instead of the configured ones")
+    parser.add_argument("--rounds", type=int, help="in place of the configured number")
+    parser.add_argument("--longest", type=float, help="seconds that a peer may take, in place of the configured ones")
     parser.add_argument("--memory", choices=list(peers.PEERS), help=argparse.SUPPRESS)
     for name in ("size", "dimension", "directions", "threads"):
         parser.add_argument(f"--{name}", type=int, help=argparse.SUPPRESS)

@@ -1,4 +1,4 @@
-"""The losses side by side: each as a call that makes its value and its gradient in the source, on given inputs."""
+"""The compared losses: each as a call that computes value and gradient in the source, on given inputs."""
 
 import dataclasses
 import os
@@ -26,17 +26,17 @@ OTT_DENSE, OTT_LAZY = "Sinkhorn, OTT dense", "Sinkhorn, OTT lazy"
 BRUTE, TREE, REGULARISED = "Chamfer, brute force", "Chamfer, k-d tree", "Chamfer, k-d tree, regularised"
 FLOOR = "np.argsort, both sides"
 
-BLUR, SCALING = 1.0, 0.5  # mm; how fast the blur is annealed from the diameter
-OTT_STEPS = 10  # of Sinkhorn's algorithm, about as many as GeomLoss takes from the diameter to the blur
-OTT_BATCH = 1024  # rows of the cost matrix that the lazy variant holds at once
+BLUR, SCALING = 1.0, 0.5  # in mm; factor per step by which the blur decreases from the diameter
+OTT_STEPS = 10  # iterations of Sinkhorn's algorithm, about as many as GeomLoss takes from the diameter to the blur
+OTT_BATCH = 1024  # rows of the cost matrix that the lazy variant stores at a time
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Peer:
-    """How a loss is made ready for inputs, and what it takes of memory at the least, in bytes.
+    """How to prepare a loss for given inputs, and a lower bound of its memory in bytes.
 
-    ``make(m, d, n_directions, seed)`` returns the call that is timed. Where a peer ``compiles`` for every new size, its
-    first call says nothing about the others.
+    ``make(m, d, n_directions, seed)`` returns the call that is timed. If a loss ``compiles`` for every new size, its
+    first call is not representative.
     """
 
     make: Callable[[int, int, int, int], Call]
@@ -46,23 +46,23 @@ class Peer:
 
 
 def peers_folder() -> Path:
-    """Where "make benchmark" puts what only the benchmark needs."""
+    """The folder where "make benchmark" installs libraries that only benchmarks need."""
     return Path(__file__).resolve().parent.parent / "build" / "peers"
 
 
 def prepare() -> dict[str, str]:
-    """Make the extra peers importable; returns, for those that cannot run, why."""
+    """Make the additional libraries importable. Returns, for those that cannot run, the reason."""
     folder = str(peers_folder())
     if folder not in sys.path:
         sys.path.append(folder)
-    # KeOps asks another Python where the headers of pybind11 are.
+    # KeOps asks another Python process for the headers of pybind11.
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [folder, os.environ.get("PYTHONPATH")]))
     os.environ.setdefault("KEOPS_VERBOSE", "0")
     missing = {}
     for name, peers in {"ott": (OTT_SLICED, OTT_DENSE, OTT_LAZY), "pykeops": (LAZY, MULTISCALE)}.items():
         try:
             __import__(name)
-            # GeomLoss looks for KeOps when it is imported, and meshot has imported it already.
+            # GeomLoss checks for KeOps on import, and meshot has already imported it.
             for module in [module for module in sys.modules if module.split(".")[0] == "geomloss"]:
                 del sys.modules[module]
         except ImportError as error:
@@ -152,7 +152,7 @@ def _ott_sinkhorn(batch: int | None) -> Callable[..., object]:
         from ott.geometry import epsilon_scheduler, pointcloud
         from ott.tools.sinkhorn_divergence import sinkhorn_divergence
 
-        # GeomLoss halves the squared distance: its blur² is half of the epsilon here.
+        # GeomLoss halves the squared distance: its blur² is half of the epsilon used here.
         epsilon = epsilon_scheduler.Epsilon(target=2 * BLUR**2, init=100.0**2, decay=SCALING**2)
         steps = {"threshold": -1.0, "min_iterations": OTT_STEPS, "max_iterations": OTT_STEPS}
         steps |= {"inner_iterations": OTT_STEPS, "use_danskin": True}
@@ -163,7 +163,7 @@ def _ott_sinkhorn(batch: int | None) -> Callable[..., object]:
 
 
 def _floor(m: int, d: int, n_directions: int, seed: int) -> Call:
-    """Only the sorting of what is projected already; the call says itself how long that took."""
+    """The time to sort values that are already projected. The call returns its own duration."""
     lines = data.directions(n_directions, d, seed).numpy()
     sides = [measure.points.detach().numpy() for measure in data.measures(m, d, seed)]
 

@@ -1,8 +1,8 @@
-"""How long a scan takes on its way to surfaces, by stage, and the flow alone: ``python benchmarks/reconstruction.py``.
+"""Time of a reconstruction by stage, and of the flow alone: ``python benchmarks/reconstruction.py``.
 
-CPU seconds of this process beside seconds of the wall, medians of three; written to
-``experiments/cost/reconstruction.json``. Asked for: the MNI152 average within 60 s of the wall on two idle cores; the
-flow alone, 40 962 vertices, 10 steps, the whole standard grid, within 5 s.
+CPU seconds of this process and wall-clock seconds, medians of three, written to
+``experiments/cost/reconstruction.json``. Targets on two idle cores: 60 s of wall-clock time for the MNI152 average; 5 s
+for the flow alone with 40 962 vertices, 10 steps and the whole standard grid.
 """
 
 import argparse
@@ -31,15 +31,15 @@ WHOLE, FLOW = "a scan, from volume to surfaces", "flow alone, {}"
 
 
 def carried_surface() -> Mesh:
-    """The left white surface of fsaverage5, refined once: 40 962 vertices."""
+    """The left white surface of fsaverage5, refined once, with 40 962 vertices."""
     return loop_subdivided(fsaverage5_surface("white", "left"))
 
 
 def flow(settings: str) -> dict:
-    """The flow of one network, in the MNI152 average."""
+    """The time of the flow of one network in the MNI152 average."""
     kind = get_system("ddot")
     network = kind.config(read_settings(kind, settings)).new_network()
-    # Untrained, it does not move: let it wander by a millimetre or more, so that it visits what a trained one would.
+    # An untrained network gives no motion. Random weights give motions of a millimetre or more, as a trained one does.
     torch.nn.init.normal_(network.to_velocity.weight, std=0.3, generator=torch.Generator().manual_seed(0))
     surface = carried_surface()
     image = standard_scan(mni152_t1(), mni152_t1()).volume
@@ -47,7 +47,7 @@ def flow(settings: str) -> dict:
 
 
 def whole(initial_only: bool) -> list[dict]:
-    """Every stage of a reconstruction of the MNI152 average with the networks that come with the package, and all."""
+    """The time of every stage of a reconstruction of the MNI152 average with the package's networks, and the total."""
     networks = load_networks(initial_only=initial_only)
     found = reconstruct(mni152_t1(), networks.segmentation, networks.system)
     stages = [
@@ -58,11 +58,11 @@ def whole(initial_only: bool) -> list[dict]:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Measure, print, keep."""
+    """Measure, print and store the times."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--initial-only", action="store_true", help="the scan without its flow")
+    parser.add_argument("--initial-only", action="store_true", help="without the flow")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT)
     chosen = parser.parse_args(words)
     torch.set_num_threads(chosen.threads)

@@ -1,8 +1,8 @@
-"""How long the ruler takes, part by part, on two large surfaces: ``python benchmarks/ruler.py``.
+"""Time of an evaluation by part, on two large surfaces: ``python benchmarks/ruler.py``.
 
-CPU seconds of this process, which other work on the machine changes little, beside seconds of the wall, medians of
-three; written to ``experiments/cost/ruler.json``. Everything but the earth mover's distance is to stay within 8 s of
-the wall on two idle cores at 300 000 faces and 100 000 points.
+CPU seconds of this process (which depend little on other work on the machine) and wall-clock seconds, medians of three,
+written to ``experiments/cost/ruler.json``. Target: all metrics but the earth mover's distance within 8 s of wall-clock
+time on two idle cores, for 300 000 faces and 100 000 points.
 """
 
 import argparse
@@ -26,14 +26,14 @@ LIMIT_S = 8.0
 
 
 def timed(part: str, call: Callable[[], object]) -> dict:
-    """One call, in CPU seconds and seconds of the wall."""
+    """CPU seconds and wall-clock seconds of one call."""
     cpu, wall = time.process_time(), time.perf_counter()
     call()
     return {"part": part, "CPU s": time.process_time() - cpu, "wall s": time.perf_counter() - wall}
 
 
 def measured(subdivisions: int, n_points: int, emd_sizes: list[int]) -> list[dict]:
-    """The parts of an evaluation, the whole without EMD (one point for it), and EMD alone at several sizes."""
+    """Times of the parts of an evaluation, of all of it without EMD (one point for it), and of EMD at several sizes."""
     predicted, target = folded_sphere(subdivisions, depth=6.2), folded_sphere(subdivisions)
     surface = Surface(target)
     one, other = surface.sample(n_points, 0), surface.sample(n_points, 1)
@@ -51,7 +51,7 @@ def measured(subdivisions: int, n_points: int, emd_sizes: list[int]) -> list[dic
 
 
 def medians(runs: list[list[dict]]) -> list[dict]:
-    """The rows of several runs as one."""
+    """The medians over several runs, as one list of rows."""
     return [
         {key: rows[0][key] if key == "part" else statistics.median(row[key] for row in rows) for key in rows[0]}
         for rows in zip(*runs, strict=True)
@@ -59,7 +59,7 @@ def medians(runs: list[list[dict]]) -> list[dict]:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Measure, print, keep."""
+    """Measure, print and store the times."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--subdivisions", type=int, default=7, help="7 makes 327 680 faces (default: %(default)s)")
     parser.add_argument("--points", type=int, default=100_000)

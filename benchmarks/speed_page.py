@@ -1,4 +1,4 @@
-"""Write what the benchmarks found into book/speed.md, between its markers: ``python benchmarks/speed_page.py``."""
+"""Write the results of the benchmarks into book/speed.md, between its markers: ``python benchmarks/speed_page.py``."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ MARKERS = "<!-- {} -->", "<!-- /{} -->"
 
 
 def losses_block(record: dict) -> str:
-    """The targets of the losses and what was found, and where the numbers come from."""
+    """Targets and results of the losses, with their provenance."""
     lines = [
         f"Value and gradient, weighted, {record['config']['n_directions']} directions, float64, medians; written by "
         f"`{record['command']}` on {record['date']} ({record['machine']}). All peers and sizes: chapter 12.",
@@ -29,14 +29,14 @@ def losses_block(record: dict) -> str:
 
 
 def ruler_block(record: dict) -> str:
-    """The parts of an evaluation and their times."""
+    """The parts of an evaluation with their times."""
     config = record["config"]
     what = f"`meshot.evaluate` on two surfaces of {config['faces']} faces, {config['points']} points on each"
     return parts_block(what, record)
 
 
 def reconstruction_block(record: dict) -> str:
-    """The stages of a reconstruction and their times."""
+    """The stages of a reconstruction with their times."""
     config = record["config"]
     what = "`meshot reconstruct` on the MNI152 average"
     what += ", without the flow" if config["initial_only"] else ""
@@ -45,7 +45,7 @@ def reconstruction_block(record: dict) -> str:
 
 
 def parts_block(what: str, record: dict) -> str:
-    """Times part by part, and what was asked for."""
+    """The times of all parts, and the target."""
     asked = "; ".join(
         f"{target['what']}, within {digits(target['limit_s'])} s ({'met' if target['met'] else 'missed'})"
         for target in record["results"]["targets"]
@@ -70,7 +70,7 @@ BLOCKS = {
 
 
 def with_block(text: str, name: str, block: str) -> str:
-    """The text with what stands between the markers of that name replaced.
+    """The text with the block between the markers of a name replaced.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def with_block(text: str, name: str, block: str) -> str:
 
 
 def written(text: str) -> str:
-    """The text with every block as its results are."""
+    """The text with every block updated from the stored results."""
     for name, (results, block) in BLOCKS.items():
         text = with_block(text, name, block(read_results(results)))
     return text

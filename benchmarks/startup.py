@@ -1,6 +1,6 @@
-"""CPU seconds before anything is computed: import, help, and a first call with kernels compiled and not yet compiled.
+"""CPU seconds of start-up: import, help, and a first call with and without compiled kernels.
 
-Run as ``python benchmarks/startup.py``; two minutes. Every line is a process of its own.
+Run as ``python benchmarks/startup.py``, in two minutes. Every line is measured in a separate process.
 """
 
 import os
@@ -33,7 +33,7 @@ RUNS = {
 
 
 def cpu_seconds(code: str, cache: str) -> float:
-    """What a process of its own takes to run some code."""
+    """CPU seconds of a new process that runs some code."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     environment = os.environ | {"NUMBA_CACHE_DIR": cache}
     subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
@@ -42,7 +42,7 @@ def cpu_seconds(code: str, cache: str) -> float:
 
 
 def main() -> None:
-    """Print a line for each start: cold, with nothing compiled, and warm."""
+    """Print a line for each start: cold (nothing compiled) and warm."""
     with tempfile.TemporaryDirectory() as cache:
         print("CPU seconds                    cold    warm")
         for name, code in RUNS.items():

@@ -1,4 +1,4 @@
-"""From seconds and bytes to what is said about them: growth exponents, and the table of targets."""
+"""Summaries of the benchmarks: growth exponents of time and memory, and the table of targets."""
 
 import math
 
@@ -9,7 +9,7 @@ MEGABYTE = 1e6
 
 
 def exponents(cases: list[dict], memory: list[dict], smallest: int = 10_000) -> list[dict]:
-    """For every peer and dimension, the slope of log seconds (or bytes) over log m, from ``smallest`` on."""
+    """For every method and dimension, the slope of log seconds (or bytes) over log m, from ``smallest`` on."""
     rows = []
     for quantity, found in (("seconds", cases), ("bytes", memory)):
         for name in peers.PEERS:
@@ -24,7 +24,7 @@ def exponents(cases: list[dict], memory: list[dict], smallest: int = 10_000) -> 
 
 
 def targets(cases: list[dict], memory: list[dict]) -> list[dict]:
-    """What was aimed at, what was found (None where not measured), and whether it is met."""
+    """Targets, measured values (None if not measured), and whether they are met."""
     seconds = {(row["peer"], row["m"], row["d"]): row["seconds"] for row in cases}
     rows = []
 
@@ -54,6 +54,6 @@ def targets(cases: list[dict], memory: list[dict]) -> list[dict]:
 
 
 def end_to_end(seconds: dict, d: int) -> float | None:
-    """The exponent between a hundred times as many supports."""
+    """The growth exponent between two sizes whose ratio is 100."""
     ends = [seconds.get((peers.OURS, m, d)) for m in (10_000, 1_000_000)]
     return None if None in ends else math.log(ends[1] / ends[0]) / math.log(100)

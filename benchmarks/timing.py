@@ -1,4 +1,4 @@
-"""Seconds side by side, and peak memory in a process of its own."""
+"""Timing of the compared methods, and their peak memory in separate processes."""
 
 import ctypes
 import gc
@@ -17,31 +17,31 @@ SCRIPT = Path(__file__).with_name("losses.py")
 
 
 def timed(call: peers.Call) -> float:
-    """Seconds of one call; of a part alone where the call says so itself."""
+    """Seconds of one call, or of the part of it that the call itself measures."""
     started = time.perf_counter()
     own = call()
     return own if isinstance(own, float) else time.perf_counter() - started
 
 
 def support_count(name: str, m: int, config: dict) -> int:
-    """How many supports, or for a continuous measure faces, a peer gets on each side at size ``m``."""
+    """The number of support points (faces for a continuous measure) of a method on each side at size ``m``."""
     return config["faces"][m] if name in (peers.EXACT, peers.VALUE) else m
 
 
 def foretold_seconds(name: str, m: int, past: list[dict]) -> float:
-    """From the last two sizes of a peer; a first guess of zero, then growth at least in proportion."""
+    """A prediction from the last two sizes of a method: zero at first, then growth at least proportional to size."""
     own = [row for row in past if row["peer"] == name]
     if not own:
         return 0.0
     exponent = 1.0
     a, b = own[max(-2, -len(own))], own[-1]
-    if a["m"] < b["m"]:  # two sizes may share a number of faces
+    if a["m"] < b["m"]:  # two sizes may have the same number of faces
         exponent = max(1.0, math.log(b["seconds"] / a["seconds"]) / math.log(b["m"] / a["m"]))
     return own[-1]["seconds"] * (m / own[-1]["m"]) ** exponent
 
 
 def reason_to_stop(name: str, m: int, past: list[dict], config: dict) -> str:
-    """Why a peer is not tried at size ``m``, or nothing."""
+    """Why a method is not run at size ``m``; empty if it is."""
     peer = peers.PEERS[name]
     memory = peer.bytes_per_pair * m * m + peer.bytes_per_support * m
     if memory > config["largest_memory"]:
@@ -51,17 +51,17 @@ def reason_to_stop(name: str, m: int, past: list[dict], config: dict) -> str:
 
 
 def compare(m: int, d: int, names: list[str], config: dict) -> tuple[list[dict], list[dict]]:
-    """Median seconds of every peer in a warm loop of its own, and who failed.
+    """Median seconds of every method, each in its own loop after a warm-up; and the methods that failed.
 
-    In turns each would find the caches, the memory and the threads as another has left them, which costs the fast ones
-    most: nobody who calls a loss again and again meets that.
+    If the methods took turns, each would find caches, memory and threads in the state left by another. This slows the
+    fast methods most and does not happen when one loss is called repeatedly.
     """
     found, failed = [], []
     for name in tqdm(names, desc=f"d = {d}, m = {m}", leave=False):
         size = support_count(name, m, config)
         try:
             times = warm_times(name, size, d, config)
-        except Exception as error:  # a peer that fails is a finding, not the end
+        except Exception as error:  # the failure of a method is recorded; the benchmark continues
             failed.append({"peer": name, "d": d, "m": m, "why": f"{type(error).__name__}: {str(error)[:200]}"})
             continue
         row = {"peer": name, "d": d, "m": size, "rounds": len(times)}
@@ -70,24 +70,24 @@ def compare(m: int, d: int, names: list[str], config: dict) -> tuple[list[dict],
 
 
 def warm_times(name: str, size: int, d: int, config: dict) -> list[float]:
-    """Seconds of a peer's calls one after the other, the first left out unless it is so slow that it has to do."""
+    """Seconds of consecutive calls of a method, without the first one unless it is slow."""
     compile_for(name, d, config["n_directions"])
     call = peers.PEERS[name].make(size, d, config["n_directions"], config["seed"])
     first = timed(call)
     slow = first > config["slow"]
-    if slow and not peers.PEERS[name].compiles:  # what is slow has no use for warming up
+    if slow and not peers.PEERS[name].compiles:  # a slow method needs no warm-up
         return [first]
     return [timed(call) for _ in range(1 if slow else config["n_rounds"])]
 
 
 def compile_for(name: str, d: int, n_directions: int) -> None:
-    """Run a peer on a few supports, so that what is compiled once is compiled before anything is measured."""
+    """Run a method on small inputs, so that compilation is finished before the measurement."""
     small = 1280 if name in (peers.EXACT, peers.VALUE) else 300
     peers.PEERS[name].make(small, d, n_directions, 0)()
 
 
 def measured_memory(name: str, m: int, d: int, config: dict) -> dict:
-    """Peak memory of one call above its inputs, in a fresh process."""
+    """Peak memory of one call in addition to its inputs, in a new process."""
     size = support_count(name, m, config)
     command = [sys.executable, str(SCRIPT), "--memory", name, "--size", str(size), "--dimension", str(d)]
     command += ["--directions", str(config["n_directions"]), "--threads", str(config["n_threads"])]
@@ -98,12 +98,12 @@ def measured_memory(name: str, m: int, d: int, config: dict) -> dict:
 
 
 def print_memory(name: str, m: int, d: int, n_directions: int) -> None:
-    """What :func:`measured_memory` asks the fresh process for: load and compile on few supports, then measure."""
+    """The code that :func:`measured_memory` runs in the new process: compile on small inputs, then measure."""
     compile_for(name, d, n_directions)
     call = peers.PEERS[name].make(m, d, n_directions, 0)
     gc.collect()
-    ctypes.CDLL("libc.so.6").malloc_trim(0)  # else the call may live on what making the inputs has left behind
-    Path("/proc/self/clear_refs").write_text("5")  # the peak begins here
+    ctypes.CDLL("libc.so.6").malloc_trim(0)  # otherwise the call may reuse memory freed while making the inputs
+    Path("/proc/self/clear_refs").write_text("5")  # reset the peak
     before = _status("VmRSS")
     call()
     print(max(0, _status("VmHWM") - before))

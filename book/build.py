@@ -6,6 +6,7 @@
 
 import argparse
 import importlib.metadata
+import re
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from meshot.scratch import scratch_folder
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGURATION = ("conf.py", "api_pages.py", "reading.py", "*_extension.py")
+SIGNATURE = re.compile(r'<dt class="sig .*?</dt>', re.S)
 MATHJAX = "static/mathjax/"
 #: Pictures above this size, in bytes, are stored anew; quality is that of WebP, of 100.
 LARGE, QUALITY = 30_000, 82
@@ -33,7 +35,9 @@ def assemble(notebooks: Path, source: Path) -> None:
         If a text source has no executed notebook.
     """
     shutil.rmtree(source, ignore_errors=True)
-    shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "claims.yaml"))
+    shutil.copytree(
+        ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "assets", "claims.yaml")
+    )
     copy_configuration(source)
     for text in sorted((ROOT / "notebooks").glob("[0-9]*.md")):
         notebook = notebooks / f"{text.stem}.ipynb"
@@ -86,6 +90,24 @@ def lighten(html: Path) -> None:
         page.write_text(text, encoding="utf-8")
 
 
+def mend_signatures(html: Path) -> None:
+    """Long signatures of the API come as lists of definitions without terms; they become plain blocks."""
+    for page in html.glob("api/*.html"):
+        text = page.read_text(encoding="utf-8")
+        page.write_text(SIGNATURE.sub(lambda found: _plain_blocks(found[0]), text), encoding="utf-8")
+
+
+def _plain_blocks(signature: str) -> str:
+    for tag, plain in (
+        ("<dl>", '<div class="sig-parameters">'),
+        ("</dl>", "</div>"),
+        ("<dd>", "<div>"),
+        ("</dd>", "</div>"),
+    ):
+        signature = signature.replace(tag, plain)
+    return signature
+
+
 def build(mode: str, into: Path) -> int:
     """Assemble and render the book into ``into/html``; the exit status.
 
@@ -100,6 +122,7 @@ def build(mode: str, into: Path) -> int:
             if status:
                 raise ValueError(f"the book was not rendered: Sphinx ended with status {status}")
             lighten(html)
+            mend_signatures(html)
     except (ValueError, OSError) as error:
         print(error)
         return 1

@@ -1,5 +1,6 @@
 """Sphinx configuration. The source folder is put together by ``book/build.py``."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -81,5 +82,17 @@ html_theme_options = {
     "show_toc_level": 2,
     "toc_title": "On this page",
 }
+# The address of the repository, the one setting that links to it, and to Binder and Colab, depend on. Without it the
+# pages have no such links.
+REPOSITORY = os.environ.get("MESHOT_REPOSITORY", "")
+if REPOSITORY:
+    html_theme_options |= {
+        "repository_url": REPOSITORY,
+        "repository_branch": "main",
+        "repository_provider": "gitlab" if "gitlab" in REPOSITORY else "github",
+        "path_to_docs": "notebooks",
+        "use_repository_button": True,
+        "launch_buttons": {"binderhub_url": "https://mybinder.org", "colab_url": "https://colab.research.google.com"},
+    }
 html_context = {"default_mode": "auto"}
 suppress_warnings = ["myst.domains"]

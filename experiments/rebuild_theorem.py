@@ -1,8 +1,8 @@
-"""Rebuild every number and figure of chapter 11 from nothing: four experiments, the ledger, the chapter.
+"""Rebuild every number and figure of chapter 11: run four experiments, the ledger and the chapter.
 
-Run as ``python experiments/rebuild_theorem.py``, on one thread. The recorded seconds of every part are printed first:
-two and a half hours in all, on a machine that had other work to do; ``convergence`` alone takes thirteen minutes of an
-idle core. Stopped and started again, each experiment goes on where it was.
+Run as ``python experiments/rebuild_theorem.py``, on one thread. The recorded seconds of every part are printed first.
+They sum to two and a half hours, measured on a busy machine; ``convergence`` alone takes thirteen minutes on an idle
+core. A stopped run can be resumed.
 """
 
 import subprocess
@@ -17,7 +17,7 @@ CHAPTER = "11_convergence"
 
 
 def main() -> int:
-    """Run all in order; the exit status is that of the first that fails."""
+    """Run all parts in order. Returns the exit status of the first that fails, or 0."""
     seconds = {name: read_results(HERE / name / "results.json")["seconds"] for name in EXPERIMENTS}
     print(", ".join(f"{name} {value / 60:.0f} min" for name, value in seconds.items()), "as recorded;")
     print(f"all together {sum(seconds.values()) / 60:.0f} min, and one minute for the chapter", flush=True)

@@ -1,8 +1,8 @@
 """Look for missing system packages before anything is installed, and offer to install them.
 
-Run as ``python3 tools/preflight.py [python] [display] [browser]``. Everything that is missing is listed first, each
-with its reason. Then a question on a terminal, or ``YES=1`` in a script, decides whether apt-get installs it. Without
-either nothing is changed, and the command to run is printed. Kept to syntax that an old Python can read.
+Run as ``python3 tools/preflight.py [python] [display] [browser]``. All missing packages are listed with the reason why
+they are needed. They are installed by apt-get if the user agrees on a terminal, or if ``YES=1`` is set. Otherwise
+nothing is changed, and the command to run is printed. The syntax is limited to that of old Pythons.
 """
 
 import ctypes
@@ -19,7 +19,7 @@ MESA_DRIVERS = ("/usr/lib/*/dri/swrast_dri.so", "/usr/lib*/dri/swrast_dri.so", "
 
 
 class Lack:
-    """Something that is missing: its reason, and the Debian packages that bring it (none: apt-get cannot help)."""
+    """A missing requirement: the reason, and the Debian packages that contain it (none if apt-get cannot help)."""
 
     def __init__(self, why, *packages):
         self.why = why
@@ -27,7 +27,7 @@ class Lack:
 
 
 def missing_python():
-    """What is wrong with this Python, or None."""
+    """What is missing in this Python, or None."""
     if sys.version_info < (3, 11):
         found = ".".join(str(part) for part in sys.version_info[:3])
         return Lack(f"Python {found} is too old, 3.11 or newer is needed: install one, then add PYTHON=python3.11")
@@ -40,7 +40,7 @@ def missing_python():
 
 
 def missing_display():
-    """Why surfaces could not be drawn here, or None; VTK draws as a trial as soon as it is installed."""
+    """Why surfaces cannot be drawn on this machine, or None. If VTK is installed, it is tested by drawing."""
     if importlib.util.find_spec("vtkmodules"):
         # In a second process, since VTK may crash.
         command = [sys.executable, "-m", "meshot.view.display"]
@@ -53,7 +53,7 @@ def missing_display():
 
 
 def has_opengl():
-    """Whether the libraries of EGL and a driver are there, as Debian and Ubuntu place them."""
+    """Whether the EGL libraries and a driver are installed, at the paths of Debian and Ubuntu."""
     if loads("libOSMesa.so.8") or loads("libOSMesa.so.6"):
         return True
     drawn_by_mesa = loads("libEGL_mesa.so.0") and any(glob.glob(pattern) for pattern in MESA_DRIVERS)
@@ -61,7 +61,7 @@ def has_opengl():
 
 
 def loads(library):
-    """Whether the system finds a shared library."""
+    """Whether a shared library can be loaded."""
     try:
         ctypes.CDLL(library)
     except OSError:
@@ -70,7 +70,7 @@ def loads(library):
 
 
 def browser():
-    """The browser that the tests drive, or None.
+    """The browser that the tests use, or None.
 
     MESHOT_BROWSER, or the first of the usual names on the path, or the one that ``playwright install`` downloads.
     """
@@ -92,7 +92,7 @@ def missing_browser():
 
 
 def system_name():
-    """The name of this Linux, such as debian, or nothing."""
+    """The name of the Linux distribution, such as debian, or an empty string."""
     try:
         with open("/etc/os-release", encoding="utf-8") as file:
             names = [line[3:].strip('"\n ') for line in file if line.startswith("ID=")]
@@ -105,12 +105,12 @@ CHECKS = {"python": missing_python, "display": missing_display, "browser": missi
 
 
 def lacks_of(names):
-    """Everything that is missing, of what was named."""
+    """The missing requirements among those named."""
     return [lack for lack in (CHECKS[name]() for name in names) if lack]
 
 
 def install_commands(packages):
-    """What to run: as root, or by way of sudo."""
+    """The command to run, as root or with sudo."""
     prefix = [] if os.geteuid() == 0 else ["sudo"]
     return [
         [*prefix, "apt-get", "update", "-qq"],
@@ -119,7 +119,7 @@ def install_commands(packages):
 
 
 def agreed():
-    """Whether somebody wants the packages: YES=1, or an answer on a terminal; nobody there to ask means no."""
+    """Whether to install the packages: YES=1, or an answer on a terminal. Without a terminal, no."""
     if os.environ.get("YES") == "1":
         return True
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
@@ -131,7 +131,7 @@ def agreed():
 
 
 def main(names):
-    """List what is missing, and install it if somebody agrees; the exit status."""
+    """List what is missing, and install it if the user agrees. Returns the exit status."""
     names = names or sorted(CHECKS)
     lacks = lacks_of(names)
     if not lacks:

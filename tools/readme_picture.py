@@ -1,4 +1,4 @@
-"""Copy the process figure out of the stored chapter 01 for the README, so that the picture is one that was computed."""
+"""Copy the process figure from the stored chapter 01 for the README, so that it is a computed picture."""
 
 import base64
 from pathlib import Path
@@ -13,7 +13,7 @@ PICTURE = ROOT / "book" / "_static" / "circle_to_polygon.png"
 
 
 def process_figure() -> bytes:
-    """The first picture that a cell with a process figure shows, as PNG."""
+    """The first picture of a cell with a process figure, as PNG."""
     cells = nbformat.read(CHAPTER, as_version=4).cells
     cell = next(c for c in cells if c.cell_type == "code" and "process_figure(" in c.source)
     return base64.b64decode(next(o.data["image/png"] for o in cell.outputs if "image/png" in o.get("data", {})))

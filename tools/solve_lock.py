@@ -1,6 +1,6 @@
-"""Solve ``requirements.lock`` anew: exact versions for every platform, no host named, torch without its CUDA packages.
+"""Solve ``requirements.lock`` again: exact versions for all platforms, without hosts and torch's CUDA packages.
 
-pip takes those from torch's own metadata where the CUDA build is installed, so that one lock serves both builds.
+pip takes the CUDA packages from torch's metadata if the CUDA build is installed, so that one lock serves both builds.
 """
 
 import re
@@ -16,7 +16,7 @@ TORCH = "torch==2.13.0"
 
 
 def main() -> None:
-    """Solve with uv and write the lock."""
+    """Solve with uv and write the lock file."""
     command = [sys.executable, "-m", "uv", "pip", "compile", "--universal", "--fork-strategy", "fewest", "--quiet"]
     command += ["--python-version", "3.11", "--extra", "book", "--extra", "test", "--no-header", "--no-annotate"]
     solved = subprocess.run(

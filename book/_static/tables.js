@@ -43,21 +43,22 @@ function fitFormula(formula) {
   }
 }
 
-function fitAll() {
-  document.querySelectorAll(".bd-article table:not(.indextable)").forEach(fitTable);
-  document.querySelectorAll(".bd-article mjx-container[display]").forEach(fitFormula);
+function fitAll(root) {
+  // What is folded has no width; it is fitted when it is opened.
+  const seen = (node) => node.offsetParent !== null && node.closest(".bd-article");
+  [...root.querySelectorAll("table:not(.indextable)")].filter(seen).forEach(fitTable);
+  [...root.querySelectorAll("mjx-container[display]")].filter(seen).forEach(fitFormula);
 }
 
 window.addEventListener("load", () => {
   const typeset = window.MathJax?.startup?.promise ?? Promise.resolve();
-  typeset.then(fitAll);
+  typeset.then(() => fitAll(document));
   let width = window.innerWidth;
   window.addEventListener("resize", () => {
     if (window.innerWidth !== width) {
       width = window.innerWidth;
-      fitAll();
+      fitAll(document);
     }
   });
-  // A table within a folded part has no width until it is opened.
-  document.addEventListener("toggle", fitAll, true);
+  document.addEventListener("toggle", (event) => fitAll(event.target), true);
 });

@@ -1,4 +1,4 @@
-"""Two different measures that finitely many directions cannot tell apart."""
+"""Pairs of different measures that have equal projections along finitely many given directions."""
 
 import itertools
 
@@ -9,10 +9,10 @@ from meshot import DiscreteMeasure, quasi_directions, random_directions, sliced_
 
 
 def ghost_pair(shifts: np.ndarray) -> tuple[DiscreteMeasure, DiscreteMeasure]:
-    """Sums of an even, and of an odd, number of the ``shifts`` (L, d): 2^(L−1) points each.
+    """The sums of an even, and of an odd, number of the ``shifts`` (L, d): 2^(L−1) points each.
 
-    Along a direction perpendicular to one of the shifts, adding that shift moves nothing: it pairs the points of one
-    measure with those of the other, so that both project alike.
+    Along a direction perpendicular to a shift, adding this shift does not change the projection. It pairs the points of
+    one measure with those of the other, so that both have the same projection.
     """
     chosen = np.array(list(itertools.product([0, 1], repeat=len(shifts))))
     points, odd = chosen @ shifts, chosen.sum(axis=1) % 2 == 1
@@ -20,7 +20,7 @@ def ghost_pair(shifts: np.ndarray) -> tuple[DiscreteMeasure, DiscreteMeasure]:
 
 
 def measured(n: int, d: int, seed: int) -> dict:
-    """SW₂ of a ghost pair over the directions it was made for and over many others, and its W₂."""
+    """SW₂ of such a pair over the given directions and over many others, and its W₂."""
     directions = random_directions(n, d, seed)
     helpers = random_directions(n, d, seed + 1)
     shifts = helpers - (helpers * directions).sum(dim=1, keepdim=True) * directions

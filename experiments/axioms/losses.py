@@ -1,4 +1,4 @@
-"""The losses on batches of pairs of small measures, and a Sinkhorn divergence that has converged."""
+"""The losses on batches of pairs of small measures, and a Sinkhorn divergence iterated to convergence."""
 
 import numpy as np
 import ot
@@ -10,14 +10,14 @@ Measures = tuple[np.ndarray, np.ndarray]  # points (batch, n, 2), weights (batch
 
 
 def measure(points: np.ndarray, weights: np.ndarray) -> DiscreteMeasure:
-    """One of a batch, for the package."""
+    """One element of a batch as a measure of the package."""
     return DiscreteMeasure(
         torch.from_numpy(np.ascontiguousarray(points)), torch.from_numpy(np.ascontiguousarray(weights))
     )
 
 
 def sides(triples: list[Measures], setting: dict, config: dict, n_iterations: int | None = None) -> np.ndarray:
-    """(3, batch): the loss between first and second, second and third, first and third."""
+    """The losses between first and second, second and third, first and third measure: shape (3, batch)."""
     pairs = ((0, 1), (1, 2), (0, 2))
     if setting["kind"] == "sinkhorn":
         values = _divergences(triples, pairs, setting["p"], setting["blur"], n_iterations or config["n_iterations"])
@@ -49,7 +49,7 @@ def _divergences(triples: list[Measures], pairs: tuple, p: int, blur: float, n_i
 
 
 def _entropic_cost(source: Measures, target: Measures, p: int, blur: float, n_iterations: int) -> np.ndarray:
-    """OT_ε by Sinkhorn's iteration on logarithms, with the conventions of ``meshot.sinkhorn_divergence``."""
+    """OT_ε by Sinkhorn's iteration in the logarithmic domain, with the conventions of ``sinkhorn_divergence``."""
     (x, a), (y, b), epsilon = source, target, blur**p
     cost = np.linalg.norm(x[:, :, None] - y[:, None], axis=3) ** p / p
     f, g = np.zeros_like(a), np.zeros_like(b)

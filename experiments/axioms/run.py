@@ -1,7 +1,7 @@
-"""Test the axioms of a distance on every loss, and look for the worst counterexample.
+"""Test the axioms of a distance for every loss, and search for the worst violation.
 
-Run as ``python experiments/axioms/run.py``. Finished searches are kept in ``partial.jsonl`` until all are done,
-so that a run that was stopped goes on with the next one.
+Run as ``python experiments/axioms/run.py``. Finished searches are stored in ``partial.jsonl`` until all are done, so
+that a stopped run can be resumed.
 """
 
 import time
@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 
 
 def main() -> None:
-    """Search for broken triangles, then measure ghosts and sequences."""
+    """Search for violations of the triangle inequality, then measure pairs with equal projections and sequences."""
     torch.set_num_threads(1)
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Sequences of measures that converge weakly, or do not, and what each loss says of them."""
+"""Sequences of measures that converge weakly, or do not, and the values of each loss along them."""
 
 import math
 
@@ -7,7 +7,7 @@ from losses import loss
 
 from meshot import DiscreteMeasure, sinkhorn_divergence
 
-#: Name -> whether it converges weakly to its target, and whether it stays in a bounded set.
+#: For each name: whether the sequence converges weakly to its target, and whether it is bounded.
 KINDS = {
     "a point walks in": (True, True),
     "a feather loses its weight": (True, True),
@@ -18,7 +18,7 @@ KINDS = {
 
 
 def pair(name: str, k: int) -> tuple[DiscreteMeasure, DiscreteMeasure]:
-    """The k-th measure, and the target."""
+    """The k-th measure of a sequence, and its target."""
     origin = _on_axis([0.0])
     light = [1 - 1 / k, 1 / k]
     if name == "a point walks in":
@@ -39,7 +39,7 @@ def _on_axis(places: list[float], weights: list[float] | None = None) -> Discret
 
 
 def followed(name: str, title: str, setting: dict, config: dict) -> dict:
-    """The p-th root of a loss along a sequence, and whether it tends to zero."""
+    """The p-th root of a loss along a sequence, and whether it converges to zero."""
     values = []
     for k in config["sequence"]:
         source, target = pair(name, k)

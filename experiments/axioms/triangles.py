@@ -1,4 +1,4 @@
-"""The search for broken triangles: draw triples, then climb from the worst one."""
+"""Search for violations of the triangle inequality: random triples, then local search from the worst one."""
 
 import numpy as np
 from losses import Measures, measure, sides
@@ -9,7 +9,7 @@ LEAST_WEIGHT = 1e-4
 
 
 def search(name: str, setting: dict, config: dict) -> dict:
-    """How often the triangle inequality breaks over drawn triples, and the worst triple that was found."""
+    """The frequency of violations among random triples, and the worst triple that was found."""
     generator = np.random.default_rng(config["seed"])
     triples = _drawn(generator, config["n_triples"], config["n_points"])
     ratios = longest_share(sides(triples, setting, config))
@@ -29,7 +29,7 @@ def search(name: str, setting: dict, config: dict) -> dict:
 
 
 def longest_share(lengths: np.ndarray) -> np.ndarray:
-    """Longest side over the sum of the two others; above one, the triangle inequality is broken."""
+    """The longest side divided by the sum of the two others. Above one, the triangle inequality is violated."""
     longest = lengths.max(axis=0)
     return longest / np.maximum(lengths.sum(axis=0) - longest, 1e-12)
 
@@ -46,7 +46,7 @@ def _normalised(weights: np.ndarray) -> np.ndarray:
 
 
 def _climbed(best: list[Measures], setting: dict, config: dict, generator: np.random.Generator) -> list[Measures]:
-    """Keep the best of many nearby triples, again and again, ever nearer; the first of them is the one at hand."""
+    """Local search: repeatedly the best of many nearby triples, at decreasing distance; the current one is included."""
     for step in range(config["n_climbs"]):
         size, shape = 0.5 * 0.97**step, (config["n_neighbours"], config["n_points"])
         nearby = []
@@ -60,7 +60,7 @@ def _climbed(best: list[Measures], setting: dict, config: dict, generator: np.ra
 
 
 def _rounded(triple: list[Measures]) -> list[Measures]:
-    """Coordinates and weights that a page can hold; the last weight takes what rounding left."""
+    """Coordinates and weights rounded for printing. The last weight compensates for rounding."""
     found = []
     for x, w in triple:
         weights = np.round(w, 4)
@@ -70,7 +70,7 @@ def _rounded(triple: list[Measures]) -> list[Measures]:
 
 
 def _by_package(triple: list[Measures], setting: dict) -> dict:
-    """For Sinkhorn, the same ratio from ``meshot.sinkhorn_divergence``, annealed slowly."""
+    """For Sinkhorn, the same ratio computed with ``meshot.sinkhorn_divergence`` and slow annealing."""
     if setting["kind"] != "sinkhorn":
         return {}
     a, b, c = (measure(x, w) for x, w in triple)

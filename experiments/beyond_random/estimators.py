@@ -1,4 +1,4 @@
-"""Ways to draw directions, and ways to turn the costs along them into an estimate of SW₂²."""
+"""Methods to choose directions, and estimators of SW₂² from the costs along them."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from meshot.types import Tensor
 
 
 def drawn_directions(way: str, n: int, d: int, seed: int) -> Tensor:
-    """A set of directions: "random", "orthogonal", "quasi" (the default of R^d), or "frames" (Sobol frames)."""
+    """A set of directions: "random", "orthogonal", "quasi" (the default in R^d), or "frames" (Sobol frames)."""
     if way == "random":
         return random_directions(n, d, seed)
     if way == "orthogonal":
@@ -18,10 +18,10 @@ def drawn_directions(way: str, n: int, d: int, seed: int) -> Tensor:
 
 
 class Controls:
-    """Functions of a direction whose mean over the sphere is known: what is left of a cost after them varies less.
+    """Control variates: functions of a direction whose mean over the sphere is known.
 
-    For p = 2 the cost along θ is ⟨t, θ⟩² plus that of the centred measures, where t is the difference of the means; the
-    mean of ⟨t, θ⟩² is |t|²/d. The variances θᵀΣθ of the projections have the mean trace(Σ)/d.
+    For p = 2 the cost along θ is ⟨t, θ⟩² plus the cost of the centred measures, where t is the difference of the means.
+    The mean of ⟨t, θ⟩² is |t|²/d. The mean of the variance θᵀΣθ of a projection is trace(Σ)/d.
     """
 
     def __init__(self, source: DiscreteMeasure, target: DiscreteMeasure):
@@ -31,18 +31,18 @@ class Controls:
         self.covariances = [covariance for _, covariance in moments]
 
     def mean_part(self, directions: np.ndarray) -> np.ndarray:
-        """⟨t, θ⟩² less its mean."""
+        """⟨t, θ⟩² minus its mean."""
         return (directions @ self.shift) ** 2 - self.shift @ self.shift / self.d
 
     def moments_part(self, directions: np.ndarray) -> np.ndarray:
-        """⟨t, θ⟩² and both variances of the projections, less their means: a column each."""
+        """⟨t, θ⟩² and both variances of the projections, minus their means, one column each."""
         columns = [self.mean_part(directions)]
         for covariance in self.covariances:
             columns.append(np.einsum("ld,de,le->l", directions, covariance, directions) - covariance.trace() / self.d)
         return np.stack(columns, axis=1)
 
     def quadratic_part(self, directions: np.ndarray) -> np.ndarray:
-        """All products θᵢθⱼ less their means, the last square left out (the squares add up to one)."""
+        """All products θᵢθⱼ minus their means, without the last square (the squares sum to one)."""
         rows, columns = np.triu_indices(self.d)
         products = directions[:, rows] * directions[:, columns] - (rows == columns) / self.d
         return products[:, :-1]
@@ -61,17 +61,17 @@ def plain(costs: np.ndarray, *_: object) -> float:
 
 
 def without_mean_part(costs: np.ndarray, directions: np.ndarray, controls: Controls) -> float:
-    """The mean of the costs less ⟨t, θ⟩², plus |t|²/d: unbiased, nothing is fitted."""
+    """The mean of the costs minus ⟨t, θ⟩², plus |t|²/d. Unbiased, since nothing is fitted."""
     return float((costs - controls.mean_part(directions)).mean())
 
 
 def without_moments(costs: np.ndarray, directions: np.ndarray, controls: Controls) -> float:
-    """Least squares on the mean part and both variances."""
+    """The intercept of a least-squares fit on the mean part and both variances."""
     return _intercept(costs, controls.moments_part(directions))
 
 
 def without_quadratics(costs: np.ndarray, directions: np.ndarray, controls: Controls) -> float:
-    """Least squares on every quadratic form."""
+    """The intercept of a least-squares fit on all quadratic forms."""
     return _intercept(costs, controls.quadratic_part(directions))
 
 
@@ -80,7 +80,7 @@ def _intercept(costs: np.ndarray, columns: np.ndarray) -> float:
     return float(np.linalg.lstsq(design, costs, rcond=None)[0][0])
 
 
-#: Name, way to draw, estimator. The first is what all others are compared with.
+#: Name, way to choose directions, estimator. The others are compared with the first.
 METHODS: dict[str, tuple[str, Callable[..., float]]] = {
     "random": ("random", plain),
     "random, mean part known": ("random", without_mean_part),
@@ -95,6 +95,6 @@ METHODS: dict[str, tuple[str, Callable[..., float]]] = {
 
 
 def least_directions(method: str, d: int) -> int:
-    """Below how many directions a method is not tried: twice the number of coefficients it fits."""
+    """The smallest number of directions for a method: twice the number of coefficients that it fits."""
     fitted = {without_moments: 3, without_quadratics: d * (d + 1) // 2 - 1}.get(METHODS[method][1], 0)
     return 2 * (fitted + 1)

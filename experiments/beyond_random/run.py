@@ -1,7 +1,7 @@
 """Compare ways to choose directions, and control variates, by the error of SW₂² over the number of directions.
 
-Run as ``python experiments/beyond_random/run.py``. Finished pairs are kept in ``partial.jsonl`` until all is done, so
-that a run that was stopped goes on where it ended.
+Run as ``python experiments/beyond_random/run.py``. Finished pairs are stored in ``partial.jsonl`` until all are done,
+so that a stopped run can be resumed.
 """
 
 import time
@@ -25,7 +25,7 @@ HERE = Path(__file__).parent
 
 
 def measures(pair: str, d: int, config: dict) -> tuple[DiscreteMeasure, DiscreteMeasure]:
-    """Two varifolds, or their positions alone in R³."""
+    """Two varifolds, or only their positions in R³."""
     settings = config["pairs"][pair]
     if pair == "cortex":
         meshes = [decimated(fsaverage5_surface(kind, "left"), settings["n_faces"]) for kind in ("white", "pial")]
@@ -41,7 +41,7 @@ def _encoded(mesh: Mesh, d: int, normal_scale: float) -> DiscreteMeasure:
 
 
 def estimates(task: dict, config: dict) -> dict[str, list[float]]:
-    """For one pair, space, way to draw and L: the estimates of every method that draws so, set by set."""
+    """For one pair, space, way to choose directions and L: the estimates of every such method, for each set."""
     source, target = measures(task["pair"], task["d"], config)
     controls = Controls(source, target)
     methods = {
@@ -60,7 +60,7 @@ def estimates(task: dict, config: dict) -> dict[str, list[float]]:
 
 
 def tasks(config: dict) -> list[dict]:
-    """Every pair, space, way to draw and L."""
+    """All combinations of pair, space, way to choose directions, and L."""
     return [
         {"pair": pair, "d": d, "way": way, "n_directions": n_directions, "n_sets": n_sets}
         for n_directions, n_sets in zip(config["sizes"], config["n_sets"], strict=True)
@@ -71,7 +71,7 @@ def tasks(config: dict) -> list[dict]:
 
 
 def main() -> None:
-    """Do the tasks that are missing, then write the summary."""
+    """Do the missing tasks, then write the summary."""
     torch.set_num_threads(1)
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Root mean square errors over L, their slopes, and the factor saved at one L."""
+"""Root mean square errors over L, their slopes, and the factor saved at a fixed L."""
 
 import numpy as np
 from estimators import METHODS
@@ -8,7 +8,7 @@ from meshot.types import Array
 
 
 def summarise(rows: list[dict], config: dict) -> dict:
-    """``methods``: for each pair, space and method the relative errors, the slope, the factor saved; intervals 95 %."""
+    """``methods``: for each pair, space and method the relative errors, slope and factor saved, with 95 % intervals."""
     groups: dict[tuple, dict[int, dict[str, list[float]]]] = {}
     for row in rows:
         task = row["task"]
@@ -28,9 +28,10 @@ def summarise(rows: list[dict], config: dict) -> dict:
 
 
 def reference(sizes: dict[int, dict[str, list[float]]]) -> float:
-    """The value that errors are taken against: the mean over all estimates at the largest L of unbiased methods.
+    """The reference value for errors: the mean of all estimates of unbiased methods at the largest L.
 
-    Weighted by the inverse of their variances; the methods that fit coefficients are biased by O(1/L), and left out.
+    The estimates are weighted by the inverse of their variances. Methods that fit coefficients have a bias of O(1/L)
+    and are excluded.
     """
     last = {name: np.array(values) for name, values in sizes[max(sizes)].items() if "fitted" not in name}
     weights = {name: len(values) / values.var(ddof=1) for name, values in last.items()}
@@ -53,7 +54,7 @@ def _line(errors: dict[int, np.ndarray], random: dict[int, np.ndarray], config: 
 
 
 def factor_saved(random: np.ndarray, errors: np.ndarray) -> dict:
-    """The root mean square of one list of errors over that of another, with its 95 % interval (bootstrap)."""
+    """The ratio of two root mean squares, with its 95 % bootstrap interval."""
 
     def factor(top: Array, bottom: Array, axis: int) -> Array:
         return np.sqrt(np.mean(top**2, axis=axis) / np.mean(bottom**2, axis=axis))
@@ -63,5 +64,5 @@ def factor_saved(random: np.ndarray, errors: np.ndarray) -> dict:
 
 
 def _short(value: float) -> float:
-    """Six significant digits, so that the committed file stays small."""
+    """The value with six significant digits, so that the committed file stays small."""
     return float(f"{value:.6g}")

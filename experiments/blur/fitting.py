@@ -1,4 +1,4 @@
-"""One fit: the vertices of a sphere follow a loss between varifolds; then a ruler that is none of the losses."""
+"""One fit of the vertices of a sphere under a loss between varifolds, and its evaluation by independent metrics."""
 
 from collections.abc import Callable
 
@@ -26,7 +26,7 @@ VarifoldLoss = Callable[[DiscreteMeasure], torch.Tensor]
 
 
 def make_pair(seed: int, config: dict) -> tuple[Mesh, Mesh]:
-    """Start and target, each turned at random, so that no vertex knows its partner; the start is off the centre."""
+    """Start and target with random rotations, so that vertices do not correspond; the start is off the centre."""
     generator = np.random.default_rng([seed, 0])
     turns = [torch.from_numpy(Rotation.random(rng=generator).as_matrix()) for _ in range(2)]
     offset = torch.from_numpy(generator.normal(size=3))
@@ -38,7 +38,7 @@ def make_pair(seed: int, config: dict) -> tuple[Mesh, Mesh]:
 
 
 def make_loss(run: dict, target: DiscreteMeasure, seed: int, config: dict) -> VarifoldLoss:
-    """The loss that a row of the configuration names; p = 2, all else as the package has it."""
+    """The loss of a row of the configuration, with p = 2 and the package's defaults."""
     if run["loss"] == "exact":
         return lambda measure: wasserstein(measure, target)
     if run["loss"] == "sinkhorn":
@@ -48,7 +48,7 @@ def make_loss(run: dict, target: DiscreteMeasure, seed: int, config: dict) -> Va
 
 
 def fit(run: dict, seed: int, config: dict) -> Mesh:
-    """The mesh after the steps: Adam on free vertices, which does not feel by what factor a loss is multiplied."""
+    """The mesh after Adam on free vertices. The result does not depend on the scale of the loss."""
     start, target = make_pair(seed, config)
     scale = config["normal_scale_mm"]
     loss = make_loss(run, varifold(target, normal_scale=scale), seed, config)
@@ -64,7 +64,7 @@ def fit(run: dict, seed: int, config: dict) -> Mesh:
 
 
 def judged(mesh: Mesh, target: Mesh, config: dict) -> dict[str, float]:
-    """How far the mesh is from the target, in mm: two transport distances without sampling, two metrics with it."""
+    """Distances from the mesh to the target in mm: two transport distances without sampling, two metrics with it."""
     scale, n_emd = config["normal_scale_mm"], config["n_emd_points"]
     directions = quasi_directions(config["n_judge_directions"], 3)
     surfaces = Surface(mesh), Surface(target)
@@ -79,11 +79,11 @@ def judged(mesh: Mesh, target: Mesh, config: dict) -> dict[str, float]:
 
 
 def exact_distance(source: DiscreteMeasure, target: DiscreteMeasure) -> float:
-    """W₂ by POT, in NumPy: no code of the losses."""
+    """W₂ by POT, in NumPy, without code of the losses."""
     cost = ot.dist(source.points.numpy(), target.points.numpy())
     return float(np.sqrt(ot.emd2(source.weights.numpy(), target.weights.numpy(), cost, numItermax=10_000_000)))
 
 
 def run_once(run: dict, seed: int, config: dict) -> dict[str, float]:
-    """Fit once and judge."""
+    """One fit and its evaluation."""
     return judged(fit(run, seed, config), make_pair(seed, config)[1], config)

@@ -1,4 +1,4 @@
-"""What the divergence tends to: exact transport for a small blur, the energy distance for a large one."""
+"""Limits of the Sinkhorn divergence: exact transport for small blur, the energy distance for large blur."""
 
 import numpy as np
 import ot
@@ -10,7 +10,7 @@ from meshot.types import Array, Tensor
 
 
 def limit_rows(config: dict) -> list[dict]:
-    """Value and gradient over the blur, for both exponents and annealings, between start and target of one seed."""
+    """Value and gradient over the blur, for both exponents and several scalings, at one start and target."""
     start, target = make_pair(config["seeds"][0], config)
     scale = config["normal_scale_mm"]
     measures = varifold(start, normal_scale=scale), varifold(target, normal_scale=scale)
@@ -39,7 +39,7 @@ def exact_cost(source: DiscreteMeasure, target: DiscreteMeasure, p: int) -> floa
 
 
 def energy_distance(source: DiscreteMeasure, target: DiscreteMeasure, p: int) -> float:
-    """E|X − Y|^p − ½ E|X − X'|^p − ½ E|Y − Y'|^p: for p = 2 the squared distance between the two means."""
+    """E|X − Y|^p − ½ E|X − X'|^p − ½ E|Y − Y'|^p. For p = 2 this is the squared distance between the two means."""
 
     def mean_cost(a: DiscreteMeasure, b: DiscreteMeasure) -> float:
         cost = ot.dist(a.points.numpy(), b.points.numpy(), metric="euclidean") ** p
@@ -49,7 +49,7 @@ def energy_distance(source: DiscreteMeasure, target: DiscreteMeasure, p: int) ->
 
 
 def vertex_gradient(mesh: Mesh, loss: object, normal_scale: float) -> Array:
-    """The gradient of a loss between varifolds in the barycentres and normals of the moving side, per unit of mass."""
+    """The gradient of a loss between varifolds in barycentres and normals of the moving side, per unit of mass."""
     measure = varifold(mesh, normal_scale=normal_scale)
     points = measure.points.detach().clone().requires_grad_()
     (gradient,) = torch.autograd.grad(loss(DiscreteMeasure(points, measure.weights)), points)
@@ -65,5 +65,5 @@ def _cosine(a: Array, b: Array) -> float:
 
 
 def _uniformity(gradient: Array) -> float:
-    """|mean gradient|² / mean |gradient|²: one if it is alike at every face, so that only a translation is left."""
+    """|mean gradient|² / mean |gradient|²: one if the gradient is the same at every face, that is, a translation."""
     return float(np.square(gradient.mean(axis=0)).sum() / np.square(gradient).sum(axis=1).mean())

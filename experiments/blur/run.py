@@ -1,6 +1,6 @@
-"""Sweep Sinkhorn's blur against sliced Wasserstein, and follow the divergence to its two limits.
+"""Compare Sinkhorn divergences of several blurs with sliced Wasserstein, and measure the limits of the divergence.
 
-Stopped and started again, it goes on where it was: every finished fit is a line of ``partial.jsonl``.
+A stopped run can be resumed: every finished fit is a line of ``partial.jsonl``.
 """
 
 import json
@@ -23,7 +23,7 @@ MEASURED = ("w2_varifold", "sw2_surface", "assd", "emd")
 
 
 def main() -> None:
-    """Do the fits that are missing, then write the summary."""
+    """Do the missing fits, then write the summary."""
     torch.set_num_threads(1)
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
@@ -60,7 +60,7 @@ def _difference(row: dict, sliced: dict) -> dict:
 
 
 def yardsticks(config: dict) -> dict:
-    """The start, a perfect fit, and the lengths that a blur should be compared with, in mm."""
+    """Reference values in mm: the metrics of the start and of a perfect fit, and lengths to compare a blur with."""
     pairs = [make_pair(seed, config) for seed in config["seeds"]]
     starts = [judged(start, target, config) for start, target in pairs]
     perfect = [judged(target, target, config) for _, target in pairs[:1]]

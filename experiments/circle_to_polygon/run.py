@@ -1,7 +1,7 @@
-"""Sweep the toy: polygons, samplings, reductions, redrawn or fixed directions, regularisers, numbers of points.
+"""Run the toy experiment for several polygons, samplings, reductions, directions, regularisers and numbers of points.
 
-Run as ``python experiments/circle_to_polygon/run.py``. Finished runs are kept in ``partial.jsonl`` until the whole
-sweep is done, so that a run that was stopped goes on where it ended.
+Run as ``python experiments/circle_to_polygon/run.py``. Finished runs are stored in ``partial.jsonl`` until all are
+done, so that a stopped run can be resumed.
 """
 
 import time
@@ -19,7 +19,7 @@ HERE = Path(__file__).parent
 
 
 def sweep_runs(config: dict) -> list[dict]:
-    """Every run of the sweep: what to set, apart from the seed."""
+    """The settings of all runs, except the seed."""
     base = {"n_points": config["n_points"], "sampling": "even"}
     main = [
         {"part": "summary", **base, "polygon": polygon, "sampling": sampling, **variant}
@@ -45,7 +45,7 @@ def sweep_runs(config: dict) -> list[dict]:
 
 
 def main() -> None:
-    """Do the runs that are missing, then write the summary."""
+    """Do the missing runs, then write the summary."""
     torch.set_num_threads(1)
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))

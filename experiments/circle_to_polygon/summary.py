@@ -11,7 +11,7 @@ MEASURED = ("w2", "coverage", "coverage_3", "evenness", "off_contour", "chamfer"
 
 
 def summarise(rows: list[dict]) -> dict:
-    """Rows of every part over seeds, and Chamfer minus sliced Wasserstein wherever both ran at their means."""
+    """Statistics of every part over seeds, and Chamfer minus sliced Wasserstein where both were run."""
     groups: dict[str, list[dict]] = {}
     for row in rows:
         groups.setdefault(repr(row["run"]), []).append(row)
@@ -37,14 +37,14 @@ def _statistics(group: list[dict]) -> dict:
 
 
 def _difference(trapped: dict, rival: dict) -> dict:
-    """Paired over seeds: mean of Chamfer minus sliced Wasserstein and its 95 % interval (Student's t)."""
+    """Mean over seeds of the paired difference Chamfer minus sliced Wasserstein, with its 95 % interval (Student)."""
     found = {name: trapped[name] for name in ("polygon", "sampling")} | {"redraw": rival["redraw"]}
     arms = ({name: arm[f"{name}_seeds"] for name in MEASURED} for arm in (trapped, rival))
     return found | rounded(arm_differences(*arms, centre="mean")) | {"n_seeds": len(trapped["w2_seeds"])}
 
 
 def floors(config: dict) -> list[dict]:
-    """What a perfect sampling scores, and an independent sample of the target itself, against a second one."""
+    """The metrics of an even sampling, and of an independent sample of the target, against another sample."""
     rows = []
     for name, settings in config["polygons"].items():
         shape = polygon(settings)
@@ -61,5 +61,5 @@ def floors(config: dict) -> list[dict]:
 
 
 def _short(value: float) -> float:
-    """Six significant digits, so that the committed file stays small."""
+    """The value with six significant digits, so that the committed file stays small."""
     return float(f"{value:.6g}")

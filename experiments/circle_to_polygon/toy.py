@@ -1,4 +1,4 @@
-"""One run of the toy: points of a circle descend to a polygon under one loss."""
+"""One run of the toy experiment: points of a circle move to a polygon by gradient descent on one loss."""
 
 from collections.abc import Callable
 
@@ -14,22 +14,22 @@ from meshot_book.examples import coverage, distance_to_contour, evenness, exact_
 
 
 def polygon(settings: dict) -> Contour:
-    """The polygon that a row of the configuration describes."""
+    """The polygon described by an entry of the configuration."""
     settings = dict(settings)
     return getattr(contours, settings.pop("shape"))(**settings)
 
 
 def draw_points(contour: Contour, n_points: int, sampling: str, generator: np.random.Generator) -> Tensor:
-    """Even points from a random offset on, or independent ones."""
+    """Evenly spaced points with a random offset, or independent points."""
     if sampling == "even":
         return even_points(contour, n_points, generator.random())
     return sample_points(contour, n_points, generator)
 
 
 def run_once(run: dict, seed: int, config: dict) -> dict:
-    """Descend once and judge where the points end."""
+    """Do one descent and evaluate the final points."""
     shape = polygon(config["polygons"][run["polygon"]])
-    # Every variant of one seed starts from the same points and aims at the same target: differences are paired.
+    # All variants of one seed have the same initial points and target, so that differences are paired.
     place = np.random.default_rng([seed, 0])
     start = draw_points(contours.circle(), run["n_points"], run["sampling"], place)
     target = DiscreteMeasure(draw_points(shape, run["n_points"], run["sampling"], place))
@@ -39,7 +39,7 @@ def run_once(run: dict, seed: int, config: dict) -> dict:
 
 
 def make_loss(run: dict, target: DiscreteMeasure, n_directions: int, generator: np.random.Generator) -> Callable:
-    """The loss of free points that a row of the sweep describes."""
+    """The loss of free points described by a row of the sweep."""
     factor = run["n_points"] if run["reduction"] == "sum" else 1
     if run["loss"] == "sliced":
         fixed = random_directions(n_directions, 2, generator)
@@ -56,7 +56,7 @@ def make_loss(run: dict, target: DiscreteMeasure, n_directions: int, generator: 
 
 
 def judged(points: Tensor, target: DiscreteMeasure, shape: Contour) -> dict:
-    """The ruler: exact W₂ to the target points, how the contour is filled, and both losses."""
+    """The metrics: exact W₂ to the target points, coverage of the contour, and both losses."""
     spacing = float(edge_lengths(shape).sum()) / len(points)
     measure = DiscreteMeasure(points)
     return {

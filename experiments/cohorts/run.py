@@ -1,7 +1,7 @@
 """Summarise generated cohorts: areas, volumes, thickness, contrast and noise of every scan.
 
-Run as ``python experiments/cohorts/run.py`` after the cohorts have been made (``data_synth/README.md``). What is
-finished is summarised, and nothing else.
+Run as ``python experiments/cohorts/run.py`` after the cohorts have been made (``data_synth/README.md``). Only finished
+scans are summarised.
 """
 
 import argparse
@@ -23,7 +23,7 @@ COHORTS = HERE.parents[1] / "build" / "cohorts"
 
 
 def main() -> None:
-    """Summarise each scan, then write everything."""
+    """Summarise each scan, then write the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cohorts", type=Path, default=COHORTS, help="the folder that holds the cohorts")
     folder = parser.parse_args().cohorts
@@ -56,7 +56,7 @@ def summary_of(task: dict, folder: Path) -> dict:
 
 
 def scan_summary(subject: Subject) -> dict:
-    """Anatomy from the true surfaces; contrast and noise as they are seen in the image."""
+    """Anatomy measured on the true surfaces; contrast and noise measured in the image."""
     facts = subject.facts()
     of = facts["surfaces"]
     image, labels = subject.scan().data, subject.tissue().data
@@ -64,7 +64,7 @@ def scan_summary(subject: Subject) -> dict:
         tissue: np.median(image[np.isin(labels, (LABELS[f"left {tissue}"], LABELS[f"right {tissue}"]))])
         for tissue in ("white", "grey")
     }
-    # Where there is nothing the magnitude is Rayleigh: its mean is σ √(π/2).
+    # Without signal, the magnitude has a Rayleigh distribution with mean σ √(π/2).
     far = scipy.ndimage.binary_erosion(labels == 0, iterations=5)
     noise = image[far].mean() / np.sqrt(np.pi / 2)
     numbers = {
@@ -87,7 +87,7 @@ def scan_summary(subject: Subject) -> dict:
 
 
 def cpu_seconds(cohort: Path) -> dict[str, float]:
-    """Median seconds of one core for each stage of a scan."""
+    """Median CPU seconds for each stage of a scan."""
     logs = [json.loads(path.read_text(encoding="utf-8"))["cpu_seconds"] for path in (cohort / "logs").glob("*.json")]
     stages = [stage for log in logs for name, stage in log.items() if name != "total"]
     return {name: float(f"{np.median([s[name] for s in stages]):.3g}") for name in stages[0]} if stages else {}

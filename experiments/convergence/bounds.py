@@ -1,4 +1,4 @@
-"""The bounds: the paper's, the sharper one, and one from the projected laws, beside what is measured."""
+"""The bounds: the paper's, a sharper one, and one from the projected distributions, with measured errors."""
 
 import functools
 
@@ -13,13 +13,13 @@ from meshot.types import Array, Float
 
 
 def bound_runs(config: dict) -> list[dict]:
-    """Every pair at every number of points."""
+    """All combinations of pair and number of points."""
     settings = config["bounds"]
     return [{"part": "bounds", "d": d, "n_points": m} for d in settings["dimensions"] for m in settings["points"]]
 
 
 def bound_values(run: dict, config: dict) -> dict:
-    """Measured errors, one-sided distances (their mean and their maximum over directions), and every bound."""
+    """Measured errors, one-sided distances (mean and maximum over directions), and all bounds."""
     settings, exponents, m = config["bounds"], config["exponents"], run["n_points"]
     pair = make_pair("generic", run["d"])
     directions = frames(settings["n_directions"], run["d"], config["seed"])
@@ -48,7 +48,7 @@ def bound_values(run: dict, config: dict) -> dict:
 
 
 def all_bounds(pair: Pair, n_points: int, d: int, exponents: list, projected: tuple[Array, Array]) -> dict:
-    """What the paper's proof gives with a textbook constant, and what needs no supremum."""
+    """The bound of the paper's proof with a textbook constant, and bounds without a supremum."""
     sizes = diameter(pair.source.vertices.numpy()), diameter(pair.target.vertices.numpy())
     joint = diameter(np.concatenate([pair.source.vertices.numpy(), pair.target.vertices.numpy()]))
     # Devroye and Lugosi, 2001, Theorem 3.1; half-spaces of R^d pick at most (m + 1)^(d + 1) subsets of m points.
@@ -79,7 +79,7 @@ def diameter(points: Float[Array, "n d"]) -> float:
 
 @functools.cache
 def projected_spreads(name: str, d: int, n_directions: int, seed: int, n_places: int = 2000) -> tuple[Array, Array]:
-    """For every direction ∫√(F(1 − F)) + ∫√(G(1 − G)) of a pair, and the joint extent of its two projections."""
+    """∫√(F(1 − F)) + ∫√(G(1 − G)) of a pair for every direction, and the joint extent of its two projections."""
     pair, spreads, extents = make_pair(name, d), [], []
     for direction in frames(n_directions, d, seed):
         ends, spread = [], 0.0
@@ -95,7 +95,7 @@ def projected_spreads(name: str, d: int, n_directions: int, seed: int, n_places:
 
 
 def bound_summary(rows: list[dict], config: dict) -> dict:
-    """One row for every pair, exponent and number of points."""
+    """One row per pair, exponent and number of points."""
     found = []
     for row in rows:
         for index, p in enumerate(config["exponents"]):

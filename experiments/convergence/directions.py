@@ -1,4 +1,4 @@
-"""The error over the number of random directions: root mean square over many draws, against √(Var/L)."""
+"""The error over the number of random directions: root mean square over many draws, compared with √(Var/L)."""
 
 import numpy as np
 from pairs import frames, make_pair, sampled_costs
@@ -9,17 +9,17 @@ from meshot import random_directions
 from meshot.statistics import bootstrap_interval, fitted_slope
 from meshot.types import Array, Float, Tensor
 
-#: By what the shapes of the case "translation" are moved: twelve millimetres along one axis.
+#: Length of the translation in the case "translation", along one axis, in mm.
 SHIFT_MM = 12.0
 
 
 def direction_runs(config: dict) -> list[dict]:
-    """Every case."""
+    """All cases."""
     return [{"part": "directions", "name": name} | case for name, case in config["directions"]["cases"].items()]
 
 
 def direction_errors(run: dict, config: dict) -> dict:
-    """What the mean over L random directions misses the mean over all by: for each L many independent draws."""
+    """Errors of the mean over L random directions against the mean over all, for many independent draws of each L."""
     settings, found = config["directions"], []
     generator = np.random.default_rng([config["seed"], 3, run["d"]])
     pools = [None] * len(config["exponents"])
@@ -35,8 +35,8 @@ def direction_errors(run: dict, config: dict) -> dict:
         rows = []
         for count in settings["counts"]:
             errors = _means(pool, count, settings["n_draws"], run["d"], p, generator) - moments["mean"]
-            # All draws would be a large file: means of absolute values and of squares suffice for the fits, in a
-            # hundred groups that the bootstrap may draw anew.
+            # To keep the file small, only means of absolute values and of squares are stored, in a hundred groups that
+            # can be resampled by the bootstrap.
             groups = errors.reshape(100, -1)
             rows.append({"squares": np.square(groups).mean(axis=1).tolist()})
             rows[-1]["sizes"] = np.abs(groups).mean(axis=1).tolist()
@@ -45,7 +45,7 @@ def direction_errors(run: dict, config: dict) -> dict:
 
 
 def _means(pool: Array | None, count: int, n_draws: int, d: int, p: float, generator: np.random.Generator) -> Array:
-    """Independent means over ``count`` directions: fresh ones where the cost is a formula, else from the pool."""
+    """Independent means over ``count`` directions: new ones if the cost is a formula, else from the pool."""
     means = np.empty(n_draws)
     step = max(1, 500_000 // count)
     for start in range(0, n_draws, step):
@@ -66,7 +66,7 @@ def translation_mean(d: int, p: float) -> float:
 
 
 def _costs(run: dict, directions: Float[Tensor, "L d"], config: dict) -> list[Array]:
-    """For every exponent the cost along every direction."""
+    """The cost along every direction, for every exponent."""
     pair = make_pair("generic", run["d"], run["subdivisions"])
     if run["case"] == "generic":
         return [pair.true_costs(directions, p) for p in config["exponents"]]
@@ -76,14 +76,14 @@ def _costs(run: dict, directions: Float[Tensor, "L d"], config: dict) -> list[Ar
 
 
 def _moments(first: Array, second: Array) -> dict:
-    """Mean and variance over all directions by two quasi-random sets, and by how much the two differ."""
+    """Mean and variance over all directions from two quasi-random sets, and the difference between the two."""
     mean, variance = (first.mean() + second.mean()) / 2, (first.var() + second.var()) / 2
     gaps = {"mean": abs(first.mean() - second.mean()) / mean, "variance": abs(first.var() - second.var()) / variance}
     return {"mean": float(mean), "variance": float(variance), "check": {key: float(gap) for key, gap in gaps.items()}}
 
 
 def direction_summary(rows: list[dict], config: dict) -> dict:
-    """For every case and exponent what _summary says."""
+    """The summary of every case and exponent."""
     told = []
     for row in rows:
         case = {"case": row["run"]["name"], "kind": row["run"]["case"], "d": row["run"]["d"]}
@@ -92,9 +92,9 @@ def direction_summary(rows: list[dict], config: dict) -> dict:
 
 
 def _summary(values: dict, config: dict) -> dict:
-    """The slope in L of the root mean square, and its constant against √(Var/L) with an interval."""
+    """The slope in L of the root mean square error, and its ratio to √(Var/L) with an interval."""
     counts = config["directions"]["counts"]
-    # Roots of mean squares of groups: their own mean square is that of all draws.
+    # The root mean square of the groups' root mean squares is that of all draws.
     roots = [np.sqrt(entry["squares"]) for entry in values["rows"]]
     sizes = [np.mean(entry["sizes"]) for entry in values["rows"]]
     whole = np.array([np.sqrt(np.mean(entry["squares"])) for entry in values["rows"]])

@@ -1,4 +1,4 @@
-"""The fine print: two spheres, further and further apart; nothing changes but the distance between the supports."""
+"""The constant in the theorem: two spheres at increasing distance, with everything else fixed."""
 
 import numpy as np
 from pairs import frames, sampled_costs, spheres
@@ -8,7 +8,7 @@ from meshot.statistics import averages, fitted_slope, percentile_interval
 
 
 def distance_runs(config: dict) -> list[dict]:
-    """Every number of points at every distance between the centres."""
+    """All combinations of number of points and distance between the centres."""
     settings = config["distance"]
     return [
         {"part": "distance", "n_points": m, "apart": apart} for m in settings["points"] for apart in settings["apart"]
@@ -16,7 +16,7 @@ def distance_runs(config: dict) -> list[dict]:
 
 
 def distance_errors(run: dict, config: dict) -> dict:
-    """Sampled minus true SW_p^p for every exponent, over repetitions; the same draws at every distance."""
+    """Sampled minus true SW_p^p for every exponent and repetition, with the same draws at every distance."""
     settings = config["distance"]
     exponents, directions = settings["exponents"], frames(settings["n_directions"], 3, config["seed"])
     pair = spheres(*settings["radii"], run["apart"])
@@ -30,13 +30,13 @@ def distance_errors(run: dict, config: dict) -> dict:
 
 
 def distance_summary(rows: list[dict], config: dict) -> dict:
-    """Mean errors over the distance, their ratio to the concentric one with an interval, and the slope far away."""
+    """Mean errors over the distance, their ratio to the concentric case with an interval, and the slope far away."""
     settings, found = config["distance"], []
     for n_points in settings["points"]:
         same = [row for row in rows if row["run"]["n_points"] == n_points]
         for index, p in enumerate(settings["exponents"]):
             errors = np.abs([row["values"]["errors"][index] for row in same])
-            # Draws are shared, so that repetitions are drawn anew for all distances at once.
+            # Draws are shared between distances, so that repetitions are resampled jointly.
             pick = np.random.default_rng([config["seed"], 7]).integers(errors.shape[1], size=(2000, errors.shape[1]))
             means = errors[:, pick].mean(axis=2)
             low, high = percentile_interval(means / means[0])
@@ -57,6 +57,6 @@ def distance_summary(rows: list[dict], config: dict) -> dict:
 
 
 def sharper_bound(radii: list[float], apart: float, n_points: int, p: float) -> float:
-    """p·D^(p−1)·(R₁ + R₂)/(2√m) for two spheres: diameters R, and D that of both together."""
+    """p·D^(p−1)·(R₁ + R₂)/(2√m) for two spheres: R are their diameters and D is the diameter of their union."""
     joint = max(2 * max(radii), apart + sum(radii))
     return p * joint ** (p - 1) * 2 * sum(radii) / (2 * n_points**0.5)

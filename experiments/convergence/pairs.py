@@ -1,4 +1,4 @@
-"""The pairs of measures that are compared: how to draw from them, and their exact cost along every direction."""
+"""The compared pairs of measures: sampling, and exact costs along every direction."""
 
 import dataclasses
 import functools
@@ -13,14 +13,14 @@ from meshot.mesh import sample_locations
 from meshot.mesh.shapes import circle, ellipsoid, folded_sphere, icosphere, star
 from meshot.types import Array, Float, Tensor
 
-#: A unit normal counts as much as moving by so many mm; colours and features swing as far.
+#: Length of a scaled unit normal in mm. Colours and features have the same range.
 SCALE_MM = 32.0
 Draw = Callable[[int, np.random.Generator], Array]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pair:
-    """Two measures, known by how to draw from them and by the true cost along directions."""
+    """Two measures, given by sampling functions and by the true cost along directions."""
 
     draw_source: Draw
     draw_target: Draw
@@ -31,7 +31,7 @@ class Pair:
 
 @functools.cache
 def make_pair(name: str, d: int, subdivisions: int = 3) -> Pair:
-    """A pair by its name, lifted to R^d by features; 1280 faces for three subdivisions."""
+    """A pair by its name, lifted to R^d by features, with 1280 faces for three subdivisions."""
     if name == "contours":
         return _of_shapes(star(5, 60.0, 25.0), _moved(circle(), 40.0, (15.0, -10.0)), d)
     folded = folded_sphere(subdivisions, 40.0, 6.0)
@@ -49,7 +49,7 @@ def make_pair(name: str, d: int, subdivisions: int = 3) -> Pair:
 
 
 def two_spheres(radius: float = 20.0, apart: float = 100.0) -> Mesh:
-    """One surface in two pieces, their centres ``apart`` mm apart."""
+    """One surface with two components, whose centres are ``apart`` mm apart."""
     left, right = (icosphere(3, radius, (0.0, 0.0, sign * apart / 2)) for sign in (-1, 1))
     faces = torch.cat([left.faces, right.faces + len(left.vertices)])
     return Mesh(torch.cat([left.vertices, right.vertices]), faces)
@@ -61,9 +61,9 @@ def _moved(shape: Mesh | Contour, factor: float, shift: tuple) -> Mesh | Contour
 
 
 def lifted(shape: Mesh | Contour, d: int) -> SurfaceMeasure:
-    """A shape in R^d: positions; from six on unit normals, then smooth features at vertices (three of them colours).
+    """A shape in R^d: positions; from d = 6 on unit normals, then smooth features at vertices (three of them colours).
 
-    Every coordinate spreads about as much as the positions do, so that the dimension is all that changes.
+    The spread of every coordinate is similar to that of the positions, so that only the dimension changes.
     """
     flat = shape.vertices.shape[1]
     n_features = d - 2 * flat
@@ -87,7 +87,7 @@ def _of_shapes(source: Mesh | Contour, target: Mesh | Contour, d: int) -> Pair:
 
 
 def _drawn(shape: Mesh | Contour, measure: SurfaceMeasure, n_points: int, generator: np.random.Generator) -> Array:
-    """Independent points of the continuous measure, through the faces and barycentric coordinates of the shape."""
+    """Independent points of the continuous measure, from faces and barycentric coordinates of the shape."""
     cells, barycentric = sample_locations(shape, n_points, generator)
     corners = measure.cells[cells].numpy()
     vertices, shares = measure.vertices.numpy(), barycentric.numpy()
@@ -95,7 +95,7 @@ def _drawn(shape: Mesh | Contour, measure: SurfaceMeasure, n_points: int, genera
 
 
 def spheres(radius: float, other: float, apart: float) -> Pair:
-    """Two round spheres, no meshes: a uniform sphere projects to a uniform law on an interval."""
+    """Two round spheres, without meshes: the projection of a uniform sphere is uniform on an interval."""
 
     def draw(n_points: int, generator: np.random.Generator, size: float, shift: float) -> Array:
         points = generator.normal(size=(n_points, 3))
@@ -111,9 +111,10 @@ def spheres(radius: float, other: float, apart: float) -> Pair:
 
 
 def interval_costs(shift: Array, excess: float, p: float) -> Array:
-    """W_p^p between uniform laws on two intervals whose half-lengths differ by ``excess``, centres ``shift`` apart.
+    """W_p^p between uniform distributions on two intervals.
 
-    The mean of |shift + excess·u|^p over u uniform on [−1, 1].
+    Their half-lengths differ by ``excess``, and their centres by ``shift``. It is the mean of |shift + excess·u|^p over
+    u uniform on [−1, 1].
     """
     above, below = shift + excess, shift - excess
     return (np.sign(above) * np.abs(above) ** (p + 1) - np.sign(below) * np.abs(below) ** (p + 1)) / (
@@ -122,14 +123,14 @@ def interval_costs(shift: Array, excess: float, p: float) -> Array:
 
 
 def frames(n: int, d: int, seed: int) -> Float[Tensor, "n d"]:
-    """Fixed directions in whole orthonormal frames, for which the mean of θθᵀ is I/d exactly; one is just a draw."""
+    """Fixed directions in whole orthonormal frames, for which the mean of θθᵀ is exactly I/d; one is a random draw."""
     if d == 2:
         return quasi_directions(n, d, seed)
     return quasi_directions(n, d, seed, method="sobol frames")
 
 
 def sampled_costs(points: Array, others: Array, directions: Array, exponents: list) -> Array:
-    """W_p^p between equally many points along every direction, a row for every exponent: sorted pairs."""
+    """W_p^p between equally many points along every direction, from sorted pairs; one row per exponent."""
     costs = np.empty((len(exponents), len(directions)))
     columns, other_columns = np.ascontiguousarray(points.T), np.ascontiguousarray(others.T)
     for index, direction in enumerate(directions):

@@ -1,7 +1,7 @@
-"""Measure the theorem: slopes in the number of points, of directions, in the dimension; and its fine print.
+"""Measure the error of the theorem: slopes in the numbers of points and directions, in the dimension, and its bounds.
 
-Run as ``python experiments/convergence/run.py``. Finished runs are kept in ``partial.jsonl`` until all are done,
-so that a run that was stopped goes on where it ended.
+Run as ``python experiments/convergence/run.py``. Finished runs are stored in ``partial.jsonl`` until all are done, so
+that a stopped run can be resumed.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ from meshot.jobs import run_jobs
 from meshot.provenance import write_results
 
 HERE = Path(__file__).parent
-#: Part → its runs, what a run finds, and what the part's rows are told as.
+#: For each part: its runs, the function of a run, and the summary of the rows.
 PARTS = {
     "distance": (distance_runs, distance_errors, distance_summary),
     "bounds": (bound_runs, bound_values, bound_summary),
@@ -27,7 +27,7 @@ PARTS = {
 
 
 def main() -> None:
-    """Do the runs that are missing, then write the summary."""
+    """Do the missing runs, then write the summary."""
     torch.set_num_threads(1)
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"

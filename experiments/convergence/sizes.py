@@ -1,4 +1,4 @@
-"""The error over the number of points: both sides sampled, the same fixed directions as the exact value."""
+"""The error over the number of points: both measures are sampled; directions are the same as for the exact value."""
 
 import functools
 
@@ -10,7 +10,7 @@ from meshot.types import Array
 
 
 def size_runs(config: dict) -> list[dict]:
-    """Every pair at every number of points."""
+    """All combinations of pair and number of points."""
     settings, runs = config["sizes"], []
     for name, pair in settings["pairs"].items():
         counts = [(n_points, settings["n_repetitions"]) for n_points in settings["points"]]
@@ -28,7 +28,7 @@ def _truth(pair: str, d: int, n_directions: int, seed: int, exponents: tuple) ->
 
 
 def size_errors(run: dict, config: dict) -> dict:
-    """Sampled minus exact SW_p^p: for each exponent a list over repetitions, each with random numbers of its own."""
+    """Sampled minus exact SW_p^p: for each exponent a list over repetitions with independent random numbers."""
     exponents = config["exponents"]
     pair = make_pair(run["pair"], run["d"])
     directions, truth = _truth(run["pair"], run["d"], run["n_directions"], config["seed"], tuple(exponents))
@@ -42,7 +42,7 @@ def size_errors(run: dict, config: dict) -> dict:
 
 
 def size_summary(rows: list[dict], config: dict) -> dict:
-    """For every pair and exponent the mean errors and slopes; for every family the error over the dimension."""
+    """Mean errors and slopes for every pair and exponent, and the error over the dimension for every family."""
     slopes, at_one_size = [], {}
     for name, pair in config["sizes"]["pairs"].items():
         found = [row for row in rows if row["run"]["name"] == name]
@@ -63,7 +63,7 @@ def _slopes(found: list[dict], index: int) -> dict:
     half = len(counts) // 2
     means = averages(errors)
     whole, upper = fitted_slope(counts, errors), fitted_slope(counts[half:], errors[half:])
-    # The bound itself, sqrt(log m / m), is no exact power law: its slope over the same sizes is what to compare with.
+    # The bound sqrt(log m / m) is not an exact power law. Its slope over the same sizes is used for comparison.
     bound = fitted_slope(counts, [[np.sqrt(np.log(m) / m)] * len(e) for m, e in zip(counts, errors)], n_draws=2).slope
     return (
         {
@@ -81,11 +81,11 @@ def _slopes(found: list[dict], index: int) -> dict:
 
 
 def _over_dimension(found: list[dict], index: int) -> dict:
-    """Slopes of the error in d, and of the error relative to the true value where that is not zero."""
+    """Slopes of the error in d, and of the error relative to the true value if that is not zero."""
     dimensions = [row["run"]["d"] for row in found]
     errors = [row["values"]["errors"][index] for row in found]
     truths = [row["values"]["truth"][index] for row in found]
-    # What grows like the root of d + 1 has this slope over the same dimensions.
+    # The slope of √(d + 1) over the same dimensions.
     bound = fitted_slope(dimensions, [[np.sqrt(d + 1)] * 2 for d in dimensions], n_draws=2).slope
     row = {"d": dimensions, "error": [short(value) for value in averages(errors)], "bound_slope": short(bound)}
     row |= named_slope(fitted_slope(dimensions, errors))
@@ -102,5 +102,5 @@ def named_slope(found: tuple[float, float, float], prefix: str = "") -> dict:
 
 
 def short(value: float) -> float:
-    """Six significant digits, so that the committed file stays small."""
+    """The value with six significant digits, so that the committed file stays small."""
     return float(f"{value:.6g}")

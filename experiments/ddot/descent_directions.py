@@ -1,8 +1,8 @@
-"""The descent direction of each loss on initial surfaces, beside the displacement that is needed.
+"""Compare the descent direction of each loss on initial surfaces with the displacement that is needed.
 
-The length of the normals was chosen by it. Run as
-``python experiments/ddot/descent_directions.py`` once both cohorts and the segmentation weights are there. It reads
-validation subjects only, before any training, and takes two minutes of one core.
+The length of the normals was chosen with this experiment. Run as ``python experiments/ddot/descent_directions.py`` when
+both cohorts and the segmentation weights exist. It uses validation subjects only and no trained network, and takes two
+minutes on one core.
 """
 
 import sys
@@ -27,7 +27,7 @@ Arrows = Float[Tensor, "vertex 3"]
 
 
 def needed(mesh: Mesh, target: Surface) -> Arrows:
-    """From every vertex along its normal, as far as the nearest place of the target says, in mm."""
+    """The displacement of every vertex along its normal towards the nearest point of the target, in mm."""
     places = target.tree.squared_distance(target.vertices, target.faces, mesh.vertices.numpy())[2]
     normals = vertex_normals(mesh)
     return ((torch.from_numpy(places) - mesh.vertices) * normals).sum(dim=1, keepdim=True) * normals
@@ -42,13 +42,13 @@ def descent_direction(loss: SurfaceLoss, mesh: Mesh, target: Mesh, draw: int) ->
 
 
 def cosine(first: Arrows, second: Arrows, masses: Tensor) -> float:
-    """How far two fields of arrows agree, weighted by the area of the vertices."""
+    """The cosine between two vector fields, weighted by the area of the vertices."""
     first, second = (arrows * masses.sqrt()[:, None] for arrows in (first, second))
     return float((first * second).sum() / (first.norm() * second.norm()))
 
 
 def affine_share(arrows: Arrows, mesh: Mesh, masses: Tensor) -> float:
-    """The part of the squared arrows that one affine map of the whole surface explains."""
+    """The fraction of the squared vectors that one affine map of the whole surface explains."""
     weights = masses.sqrt()[:, None]
     design = torch.cat([torch.ones_like(weights), mesh.vertices - mesh.vertices.mean(dim=0)], dim=1) * weights
     wanted = arrows * weights
@@ -57,12 +57,12 @@ def affine_share(arrows: Arrows, mesh: Mesh, masses: Tensor) -> float:
 
 
 def initial_distance(example: DeformationExample, n_points: int) -> float:
-    """ASSD of the initial surface, in mm of the standard space, as a training validates."""
+    """ASSD of the initial surface, in mm of the standard space, as in the validation of a training."""
     return average_surface_distance(*offsets_between(Surface(example.initial), Surface(example.target), n_points))
 
 
 def measured(example: DeformationExample, losses: dict[str, SurfaceLoss], n_points: int) -> list[dict]:
-    """A row for every loss on one hemisphere."""
+    """One row per loss, for one hemisphere."""
     mesh, target = example.coarse.to(torch.float64), example.target.to(torch.float64)
     way, masses = needed(mesh, Surface(target)), vertex_areas(mesh)
     share = float(face_areas(example.initial).sum() / face_areas(target).sum())
@@ -86,7 +86,7 @@ def measured(example: DeformationExample, losses: dict[str, SurfaceLoss], n_poin
 
 
 def main(words: list[str] | None = None) -> int:
-    """Measure and write."""
+    """Measure and write the results."""
     asked = arguments(__doc__, HERE / "descent_directions.json").parse_args(words)
     config = read_config(asked.config)
     settings, started = config["descent_directions"], time.process_time()
@@ -106,7 +106,7 @@ def main(words: list[str] | None = None) -> int:
 
 
 def means(rows: list[dict]) -> list[dict]:
-    """Each loss over all subjects."""
+    """The means of each loss over all subjects."""
     found = []
     for name in dict.fromkeys(row["loss"] for row in rows):
         own = [row for row in rows if row["loss"] == name]

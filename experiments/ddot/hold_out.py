@@ -1,7 +1,7 @@
-"""Make the small file of one held-out hemisphere that chapter 32 looks at: ``held_out.safetensors``.
+"""Make the small file of one held-out hemisphere that chapter 32 uses: ``held_out.safetensors``.
 
-Run as ``python experiments/ddot/hold_out.py`` once the cohort and the segmentation weights are there. The subject is
-the first of the test split, so that nobody chose it.
+Run as ``python experiments/ddot/hold_out.py`` when the cohort and the segmentation weights exist. The subject is the
+first of the test split, so that it is not selected by results.
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ def main(words: list[str] | None = None) -> int:
     keys = [(SIDE, "white")]
     example = InitialSurfaces(config["initial"], network).example(subject, keys, keys)
     example = hemisphere_example(example, SIDE, INITIAL_FACES)
-    # Simplified faces may cross; what the flow starts from must not.
+    # Simplification may cause self-intersections, which the initial surface of a flow must not have.
     example = dataclasses.replace(example, initial=smooth_crossings(example.coarse))
     record = provenance() | {"cohort": COHORT, "side": SIDE, "segmentation_sha256": network_digest(network)}
     write_example(asked.output, example, record, TARGET_FACES)

@@ -1,4 +1,4 @@
-"""What is measured of one hemisphere of a held-out subject, in scanner space: before a flow, after it, and settled."""
+"""Measurements of one hemisphere of a held-out subject in scanner space: before a flow, after it, and repaired."""
 
 import dataclasses
 import time
@@ -26,7 +26,7 @@ FLOORS = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm", "normals")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Seen:
-    """A hemisphere: scan and initial surface in the standard space, the truth in scanner space with its places."""
+    """A hemisphere: scan and initial surface in standard space; the true surface in scanner space, with its bins."""
 
     scan: StandardScan
     initial: Mesh
@@ -34,13 +34,13 @@ class Seen:
 
 
 def seen(subject: Subject, side: Hemisphere, surfaces: InitialSurfaces, settings: dict) -> Seen:
-    """Read a hemisphere; its initial surface is made if it is not there."""
+    """Read a hemisphere. Its initial surface is computed if it does not exist."""
     truth = places(subject.surface("white", side), settings)
     return Seen(subject.standard(), surfaces.of(subject, side), truth)
 
 
 def initial_row(found: Seen, settings: dict) -> dict:
-    """The initial surface, what a perfect surface would score, and how the area is shared between the places."""
+    """Metrics of the initial surface, floors of the metrics, and the fraction of the area in each bin."""
     evaluation = evaluated(found.initial, found, settings)
     floors = {key: getattr(evaluation, METRICS[key]).floor for key in FLOORS}
     measured = numbers(evaluation) | found.truth.errors(in_scanner(found.initial, found.scan))
@@ -48,7 +48,7 @@ def initial_row(found: Seen, settings: dict) -> dict:
 
 
 def flow_row(found: Seen, network: DeformationNetwork, training: dict, settings: dict) -> dict:
-    """The surface that a flow leads to, as it is (``flow``) and with its crossing faces settled (``settled``)."""
+    """Metrics of the surface after a flow, as it is (``flow``) and after repair of intersections (``settled``)."""
     started = time.process_time()
     carried = deformed(found.initial, found.scan.volume, network, training["n_flow_steps"], training["method"])
     flowed = time.process_time()
@@ -64,7 +64,7 @@ def flow_row(found: Seen, network: DeformationNetwork, training: dict, settings:
 
 
 def evaluated(mesh: Mesh, found: Seen, settings: dict) -> Evaluation:
-    """All metrics of a mesh of the standard space against the truth, in the scanner's."""
+    """All metrics between a mesh of the standard space and the true surface, in scanner space."""
     return evaluate(
         in_scanner(mesh, found.scan), found.truth.mesh, settings["n_points"], settings["seed"],
         settings["n_emd_points"],
@@ -72,5 +72,5 @@ def evaluated(mesh: Mesh, found: Seen, settings: dict) -> Evaluation:
 
 
 def numbers(evaluation: Evaluation) -> dict[str, float]:
-    """The values of the metrics that are kept."""
+    """The values of the metrics that are stored."""
     return {key: getattr(evaluation, name).value for key, name in METRICS.items()}

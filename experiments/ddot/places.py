@@ -1,4 +1,4 @@
-"""Where on the true surface an error is: how deep in a sulcus, and how strongly and to which side it bends."""
+"""Bins of the true surface by sulcal depth and by mean curvature, to localise errors."""
 
 import dataclasses
 
@@ -13,12 +13,12 @@ from meshot.types import Array, Float, Int64, Tensor
 from meshot.volume import Volume, sample_volume
 from meshot.volume.surfaces import signed_distance, voxel_distance
 
-CURVATURE_ROUNDS = 3  # of means over neighbours: single vertices are noisy
+CURVATURE_ROUNDS = 3  # of averaging over neighbours, since values at single vertices are noisy
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Places:
-    """A true surface, with the bins that its vertices fall into and the area that each vertex stands for."""
+    """A true surface, with the bin and the area of each vertex."""
 
     mesh: Mesh
     areas: Float[Array, " V"]
@@ -27,11 +27,11 @@ class Places:
     n_bins: tuple[int, int]
 
     def shares(self) -> dict[str, list[float]]:
-        """The share of the area in each bin."""
+        """The fraction of the area in each bin."""
         return {name: (np.bincount(bins, self.areas, n) / self.areas.sum()).tolist() for name, bins, n in self._parts()}
 
     def errors(self, predicted: Mesh) -> dict[str, list[float | None]]:
-        """The mean distance from the true surface to a predicted one in each bin, in mm; None where a bin is empty."""
+        """The mean distance from the true surface to a predicted one in each bin, in mm; None for an empty bin."""
         distances, found = vertex_distances(self.mesh, predicted), {}
         for name, bins, n in self._parts():
             areas = np.bincount(bins, self.areas, n)
@@ -44,7 +44,7 @@ class Places:
 
 
 def places(mesh: Mesh, settings: dict) -> Places:
-    """The bins of a true surface, by the edges that the configuration names."""
+    """The bins of a true surface, with the edges given in the configuration."""
     mesh = mesh.with_vertices(mesh.vertices.double())
     depths = sulcal_depths(mesh, settings["closing_mm"], settings["closing_voxel_mm"]).numpy()
     curvatures = signed_curvatures(mesh).numpy()
@@ -54,11 +54,11 @@ def places(mesh: Mesh, settings: dict) -> Places:
 
 
 def sulcal_depths(mesh: Mesh, radius: float, voxel: float) -> Float[Tensor, " V"]:
-    """How far every vertex lies below the hull that a ball leaves which rolls over the outside, in mm.
+    """The depth of every vertex below the hull of the surface, in mm.
 
-    The hull is the morphological closing of what the surface encloses: a vertex is as deep as its distance from the
-    nearest place that the centre of the ball can take, less the radius. About 0 on the crown of a gyrus; right to
-    about a voxel.
+    The hull is the morphological closing by a ball that rolls over the outside. The depth of a vertex is its distance
+    from the nearest possible centre of the ball, minus the radius. It is about 0 on the crown of a gyrus, and accurate
+    to about a voxel.
     """
     margin = radius + 3 * voxel
     low, high = (f(mesh.vertices, dim=0).values.numpy() for f in (torch.min, torch.max))
@@ -72,7 +72,7 @@ def sulcal_depths(mesh: Mesh, radius: float, voxel: float) -> Float[Tensor, " V"
 
 
 def signed_curvatures(mesh: Mesh) -> Float[Tensor, " V"]:
-    """The mean curvature at every vertex, averaged with neighbours; per mm, 1/r on a sphere, negative in a fundus."""
+    """The mean curvature at every vertex, averaged over neighbours, per mm: 1/r on a sphere, negative in a fundus."""
     sums, _ = cotangent_vectors(mesh)
     values = -(sums * vertex_normals(mesh)).sum(dim=1) / (2 * vertex_areas(mesh))
     for _ in range(CURVATURE_ROUNDS):

@@ -1,9 +1,9 @@
-"""Measure the trained flows once on the held-out subjects of the cohort that each was trained on.
+"""Measure the trained flows on the held-out subjects of the cohort that each was trained on.
 
-Run as ``python experiments/ddot/run.py`` once some of the networks are there (see ``train.py``): those that are missing
-are named in the results, and measured when the command is given again. Every finished hemisphere is kept in a file
-beside the output, so that a run that was stopped, or has more networks now, goes on where it was; ``commits`` of the
-results are those that measured. Where the code that measures has changed, everything is measured again.
+Run as ``python experiments/ddot/run.py`` when some of the networks exist (see ``train.py``). Missing networks are
+listed in the results, and are measured when the command is run again. Every finished hemisphere is stored in a file
+beside the output, so that the run can be resumed or extended. ``commits`` in the results lists the commits that
+measured. If the measuring code changes, everything is measured again.
 """
 
 import functools
@@ -31,7 +31,7 @@ def tasks_of(
     there: list[Wanted], subjects: dict[str, dict[str, Subject]], digests: dict[str, str],
     data: dict[str, dict[str, str]],
 ) -> list[dict]:  # fmt: skip
-    """Every held-out hemisphere: its initial surface first, then each flow that knows its cohort and side."""
+    """All held-out hemispheres: first the initial surface, then each flow for this cohort and side."""
     found = []
     for cohort, side in dict.fromkeys((each.cohort, each.side) for each in there):
         names = [INITIAL, *(each.name for each in there if (each.cohort, each.side) == (cohort, side))]
@@ -42,7 +42,7 @@ def tasks_of(
 
 
 def data_digests(subjects: dict[str, dict[str, Subject]]) -> dict[str, dict[str, str]]:
-    """By cohort and subject: all that is on disk of it, so that a cohort made anew is measured anew."""
+    """A digest of all files of each subject, by cohort and subject, so that regenerated cohorts are measured again."""
     return {cohort: {name: _digest(subject) for name, subject in those.items()} for cohort, those in subjects.items()}
 
 
@@ -54,7 +54,7 @@ def _digest(subject: Subject) -> str:
 
 
 def digests_of(there: list[Wanted], config: dict, segmentation: str) -> dict[str, str]:
-    """What a measurement depends on, so that one of other weights or settings is not taken for it."""
+    """A digest of everything a measurement depends on, to detect other weights or settings."""
     settings = json.dumps(config["evaluation"], sort_keys=True).encode() + segmentation.encode()
     found = {INITIAL: settings}
     found |= {each.name: settings + each.kept(config, ".safetensors").read_bytes() for each in there}
@@ -90,12 +90,12 @@ def measured(
 
 
 def described(each: Wanted, config: dict, segmentation: str) -> dict:
-    """Where a network comes from, and how it did in validation.
+    """The origin of a network, and its results in validation.
 
     Raises
     ------
     ValueError
-        If it learned from initial surfaces of another segmentation network.
+        If it was trained on initial surfaces of another segmentation network.
     """
     record = record_of(each, config)
     if record["results"]["segmentation_sha256"] != segmentation:
@@ -110,12 +110,12 @@ def described(each: Wanted, config: dict, segmentation: str) -> dict:
 
 
 def require_fair(trainings: list[dict]) -> None:
-    """Refuse networks for one side of one cohort that did not see the same data.
+    """Check that networks for one side of one cohort were trained on the same data.
 
     Raises
     ------
     ValueError
-        If two of them differ.
+        If two of them were not.
     """
     data: dict[tuple[str, str], dict] = {}
     for each in trainings:
@@ -125,12 +125,12 @@ def require_fair(trainings: list[dict]) -> None:
 
 
 def main(words: list[str] | None = None) -> None:
-    """Measure what is there, then write the results.
+    """Measure the existing networks, then write the results.
 
     Raises
     ------
     ValueError
-        If no network is there.
+        If no network exists.
     """
     asked = arguments(__doc__, HERE / "results.json").parse_args(words)
     config = read_config(asked.config)
@@ -162,7 +162,7 @@ def main(words: list[str] | None = None) -> None:
 
 
 def _row(line: dict, by_name: dict[str, Wanted], subjects: dict[str, dict[str, Subject]]) -> dict:
-    """A measurement with what it is of."""
+    """A measurement together with its subject and network."""
     place = {key: line["task"][key] for key in ("cohort", "side", "subject")}
     each = by_name.get(line["task"]["of"])
     who = {"arm": INITIAL, "seed": None} if each is None else {"arm": each.arm, "seed": each.seed}

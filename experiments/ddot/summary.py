@@ -1,4 +1,4 @@
-"""What the hemispheres say together: means, paired differences over subjects and over seeds, and the targets."""
+"""Summary over hemispheres: means, paired differences over subjects and over seeds, and targets."""
 
 import itertools
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ import numpy as np
 from meshot.statistics import bootstrap_interval, paired_interval
 
 INITIAL = "initial"
-MAIN = "template"  # the kind of subject that trainings know; the procedural ones stand apart
+MAIN = "template"  # the kind of the training subjects; procedural subjects are reported separately
 DISTANCES = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm")
 COMPARED = (*DISTANCES, "normals", "flow_crossing_percent")
 FIRST_SEED = 0
@@ -16,7 +16,7 @@ SECONDS = ("cpu_seconds_flow", "cpu_seconds_settling")
 
 
 def summarised(rows: list[dict], settings: dict, comparison: dict) -> dict:
-    """Everything that follows from the rows, and the rows; ``comparison`` names our arm, its rival and others."""
+    """All statistics of the rows, and the rows. ``comparison`` names our arm, its rival and others."""
     main = [row for row in rows if row["kind"] == MAIN]
     return {
         "targets": targets(main, settings["targets"], comparison),
@@ -28,7 +28,7 @@ def summarised(rows: list[dict], settings: dict, comparison: dict) -> dict:
 
 
 def grouped(rows: list[dict], keys: Iterable[str]) -> list[list[dict]]:
-    """The rows by what they have in common, in the order in which it first occurs."""
+    """The rows grouped by the values of ``keys``, in order of first occurrence."""
     found: dict[tuple, list[dict]] = {}
     for row in rows:
         found.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -36,7 +36,7 @@ def grouped(rows: list[dict], keys: Iterable[str]) -> list[list[dict]]:
 
 
 def numbers(row: dict) -> dict[str, float]:
-    """What is compared: the settled surface, and the share of faces that cross before it is settled."""
+    """The compared numbers: metrics of the repaired surface, and the share of intersecting faces before repair."""
     if row["arm"] == INITIAL:
         return row["measured"] | {"flow_crossing_percent": row["measured"]["crossing_percent"]}
     return row["settled"] | {"flow_crossing_percent": row["flow"]["crossing_percent"]}
@@ -65,18 +65,17 @@ def _spread(values: list[float]) -> dict[str, float | None]:
 
 
 def _means(lists: list[list[float | None]]) -> list[float | None]:
-    """Bin by bin, over the subjects that have something in the bin."""
+    """The mean of each bin over the subjects whose bin is not empty."""
     columns = [[value for value in column if value is not None] for column in zip(*lists, strict=True)]
     return [float(np.mean(column)) if column else None for column in columns]
 
 
 def differences(rows: list[dict], settings: dict, comparison: dict) -> list[dict]:
-    """First minus second arm at the first seed, subject by subject: every flow against its start, ours against others.
+    """First minus second arm at the first seed, paired over subjects: flows and their start, our arm and others.
 
-    What else is compared stands against the rival too.
-
-    ``side`` is "both" for the mean of the two sides of a subject. The interval holds 95 % of the means of resampled
-    subjects (percentiles); with eight subjects it is about a fifth too narrow.
+    Other compared arms are also compared with the rival. ``side`` is "both" for the mean of the two sides of a subject.
+    The interval contains 95 % of the means of resampled subjects (percentiles). With eight subjects it is about a fifth
+    too narrow.
     """
     found = []
     for part in grouped(rows, ("cohort",)):
@@ -92,7 +91,7 @@ def differences(rows: list[dict], settings: dict, comparison: dict) -> list[dict
 
 
 def _by_arm(rows: list[dict]) -> dict[str, dict[str, dict[str, dict]]]:
-    """Numbers by arm, side and subject, of the first seed."""
+    """The numbers by arm, side and subject, for the first seed."""
     found: dict[str, dict[str, dict[str, dict]]] = {}
     for row in rows:
         if row["seed"] in (None, FIRST_SEED):
@@ -116,15 +115,15 @@ def _of_side(sides: dict[str, dict[str, dict]], side: str) -> dict[str, dict[str
 
 
 def resampled(gaps: list[float], settings: dict) -> dict[str, float]:
-    """The mean of paired differences, and between which values 95 % of the means of resampled ones lie."""
+    """The mean of paired differences, with the interval of 95 % of the means of resampled differences."""
     gap, low, high = bootstrap_interval(gaps, n_draws=settings["n_resamples"], generator=settings["seed"])
     return {"gap": gap, "low": low, "high": high}
 
 
 def seeds(rows: list[dict], comparison: dict) -> list[dict]:
-    """Where both arms have several seeds: their means over subjects, seed by seed, and the interval of the difference.
+    """Means over subjects for each seed, for pairs of arms with several seeds, and the interval of the difference.
 
-    The interval is Student's, paired: equal seeds begin with the same weights and see the subjects in the same order.
+    The interval is Student's for pairs: equal seeds have the same initial weights and the same order of subjects.
     """
     found, arms = [], (comparison["ours"], comparison["rival"])
     for part in grouped([row for row in rows if row["arm"] in arms], ("cohort", "side")):
@@ -152,7 +151,7 @@ def _over_seeds(means: dict[str, dict[int, dict[str, float]]], shared: list[int]
 
 
 def targets(rows: list[dict], wanted: dict, comparison: dict) -> list[dict]:
-    """What was asked for, for each cohort and side, by ours, its rival and the others: means over subjects."""
+    """The targets for each cohort and side, and the means over subjects of our arm, its rival and the others."""
     found = []
     for part in grouped(rows, ("cohort", "side")):
         by_arm = {arm: sides[part[0]["side"]] for arm, sides in _by_arm(part).items()}

@@ -1,8 +1,8 @@
-"""Train the networks of the experiment that are missing; those for the fair pairs come first.
+"""Train the missing networks of the experiment, starting with those for the fair pairs.
 
-Run as ``python experiments/ddot/train.py`` once both cohorts and the segmentation weights are there. ``--jobs 2``
-trains two at a time, each on one thread; ``--only 'oasis_like_left_*_0'`` makes some of them; ``--list`` says what
-is there. Stopped, it goes on where it was, and ends with the same weights.
+Run as ``python experiments/ddot/train.py`` when both cohorts and the segmentation weights exist. ``--jobs 2`` trains
+two networks at a time, each on one thread; ``--only 'oasis_like_left_*_0'`` selects networks; ``--list`` shows their
+status. A stopped training resumes and ends with the same weights.
 """
 
 import argparse
@@ -28,16 +28,16 @@ OUTPUT = "output.txt"
 
 
 class Busy(Exception):
-    """Another process trains the same network."""
+    """Another process is training the same network."""
 
 
 def made(each: Wanted, config: dict) -> None:
-    """Train one network, on one thread, and keep what came of it.
+    """Train one network on one thread and store its results.
 
     Raises
     ------
     Busy
-        If another process is at it.
+        If another process is training it.
     """
     torch.set_num_threads(1)
     with alone(each.state(config)):
@@ -50,7 +50,7 @@ def made(each: Wanted, config: dict) -> None:
 
 @contextlib.contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Hold the folder of a training against other processes; the lock ends with the process, however that ends."""
+    """Lock the folder of a training against other processes. The lock is released when the process ends."""
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as file:
         try:
@@ -61,7 +61,7 @@ def alone(folder: Path) -> Iterator[None]:
 
 
 def prepared(missing: list[Wanted], config: dict) -> None:
-    """Make the initial surfaces that are missing, so that trainings side by side do not all make the same."""
+    """Compute the missing initial surfaces, so that parallel trainings do not compute the same ones."""
     torch.set_num_threads(1)
     surfaces = InitialSurfaces(config["initial"], segmentation_network(config))
     cohorts = dict.fromkeys((each.cohort, each.side) for each in missing)
@@ -76,7 +76,7 @@ def prepared(missing: list[Wanted], config: dict) -> None:
 
 
 def side_by_side(missing: list[Wanted], config: dict, words: list[str], n_jobs: int) -> list[str]:
-    """Train in so many processes; what each says goes to ``output.txt`` beside its state. Names of the failed."""
+    """Train in ``n_jobs`` processes, with output in ``output.txt`` beside the state. Returns names of failures."""
     waiting, running, failed = list(missing), {}, []
     with tqdm(total=len(missing), desc="trainings", unit="network") as bar:
         try:
@@ -106,13 +106,13 @@ def _started(each: Wanted, config: dict, words: list[str]) -> subprocess.Popen:
 
 
 def _steps(each: Wanted, config: dict) -> int:
-    """How many steps are done, roughly: lines of the log, of which a few are validations."""
+    """The approximate number of steps done: the number of lines in the log, of which a few are validations."""
     path = each.state(config) / STATE_FOLDER / each.part / "log.jsonl"
     return path.read_bytes().count(b"\n") if path.is_file() else 0
 
 
 def in_turn(missing: list[Wanted], config: dict) -> list[str]:
-    """Train one after another, here. Names of those that failed."""
+    """Train one network after another in this process. Returns names of failures."""
     failed = []
     for i, each in enumerate(missing):
         print(f"{each.name} ({i + 1} of {len(missing)})", file=sys.stderr)
@@ -125,16 +125,16 @@ def in_turn(missing: list[Wanted], config: dict) -> list[str]:
 
 
 def parsed(words: list[str] | None) -> argparse.Namespace:
-    """What was asked for."""
+    """The parsed command line."""
     parser = arguments(__doc__)
     parser.add_argument("--only", nargs="+", default=["*"], metavar="PATTERN", help="names, * for anything")
-    parser.add_argument("--jobs", type=int, default=1, help="how many at a time (default: %(default)s)")
-    parser.add_argument("--list", action="store_true", help="say what is there, and train nothing")
+    parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
+    parser.add_argument("--list", action="store_true", help="show which networks exist, and train nothing")
     return parser.parse_args(words)
 
 
 def main(words: list[str] | None = None) -> int:
-    """Train what is missing; 1 if something failed."""
+    """Train the missing networks. Returns 1 if one failed."""
     asked = parsed(words)
     config = read_config(asked.config)
     chosen = wanted(config, asked.only)
@@ -142,7 +142,7 @@ def main(words: list[str] | None = None) -> int:
     if asked.list:
         print("\n".join(f"{'missing' if each in missing else 'there':8} {each.name}" for each in chosen))
         return 0
-    # Stopped politely, the processes that it started are stopped too.
+    # On SIGTERM, exit normally, so that child processes are stopped too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     if asked.jobs > 1 and len(missing) > 1:
         prepared(missing, config)

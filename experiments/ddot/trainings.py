@@ -1,4 +1,4 @@
-"""Which networks the experiment trains, in which order, and what is kept of each."""
+"""The networks of the experiment, their order, and the files that are stored for each."""
 
 import argparse
 import dataclasses
@@ -21,7 +21,7 @@ CURVE_POINTS = 110
 
 @dataclasses.dataclass(frozen=True)
 class Wanted:
-    """One network to be trained; its name is ``COHORT_SIDE_ARM_SEED``."""
+    """A network of the experiment. Its name is ``COHORT_SIDE_ARM_SEED``."""
 
     cohort: str
     side: str
@@ -30,7 +30,7 @@ class Wanted:
 
     @property
     def name(self) -> str:
-        """What its files are called."""
+        """The base name of its files."""
         return f"{self.cohort}_{self.side}_{self.arm}_{self.seed}"
 
     @property
@@ -39,11 +39,11 @@ class Wanted:
         return f"{self.side}_white"
 
     def system(self, config: dict) -> type[SurfaceSystem]:
-        """The system that the arm is, or is a variant of."""
+        """The system of the arm, or the one that it is a variant of."""
         return get_system(config["arms"][self.arm]["system"])
 
     def changes(self, config: dict) -> list[str]:
-        """What differs from the settings that come with the system."""
+        """The settings that differ from those of the system."""
         own = config["arms"][self.arm].get("changes", [])
         return [*own, f"training.side={self.side}", f"training.seed={self.seed}"]
 
@@ -52,24 +52,24 @@ class Wanted:
         return read_settings(self.system(config), config["settings"], self.changes(config))
 
     def state(self, config: dict) -> Path:
-        """The folder of the training itself."""
+        """The folder of the training."""
         return Path(config["state"]) / self.name
 
     def kept(self, config: dict, suffix: str) -> Path:
-        """A file that is kept of it: ``.safetensors``, ``.json`` (the record) or ``.log.jsonl`` (the thinned log)."""
+        """A stored file: ``.safetensors``, ``.json`` (the record) or ``.log.jsonl`` (the thinned log)."""
         return Path(config["weights"]) / f"{self.name}{suffix}"
 
     def is_made(self, config: dict) -> bool:
-        """Whether it is there; the record is written last."""
+        """Whether it is complete; the record is written last."""
         return self.kept(config, ".json").is_file()
 
 
 def arguments(about: str, output: Path | None = None) -> argparse.ArgumentParser:
-    """What all commands of the experiment take; ``output`` is the default of ``-o``, for those that write one file."""
+    """The arguments of all commands of the experiment. ``output`` is the default of ``-o``, if there is one file."""
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", type=Path, default=HERE / "config.yaml", help="in place of config.yaml")
     if output is not None:
-        parser.add_argument("-o", "--output", type=Path, default=output, help="where the result goes")
+        parser.add_argument("-o", "--output", type=Path, default=output, help="the file for the result")
     return parser
 
 
@@ -79,12 +79,12 @@ def read_config(path: Path = HERE / "config.yaml") -> dict:
 
 
 def wanted(config: dict, only: Iterable[str] = ("*",)) -> list[Wanted]:
-    """All networks in the order in which they are made, each once, whose names fit one of the patterns.
+    """The networks whose names match one of the patterns, each once, in the order in which they are made.
 
     Raises
     ------
     ValueError
-        If none fits.
+        If none matches.
     """
     found = {
         Wanted(cohort, side, arm, seed): None
@@ -107,7 +107,7 @@ def segmentation_network(config: dict) -> SegmentationNetwork:
 
 
 def keep(each: Wanted, config: dict) -> None:
-    """Copy weights, record and thinned log to where they are kept; the record, which says that all is there, last."""
+    """Copy weights, record and thinned log to their final place. The record is last and marks completion."""
     folder = each.state(config)
     TrainingLog(each.kept(config, LOG), thinned(read_log(folder / f"{each.part}{LOG}")))
     for suffix in (WEIGHTS, RECORD):
@@ -116,7 +116,7 @@ def keep(each: Wanted, config: dict) -> None:
 
 
 def thinned(log: list[dict], n_points: int = CURVE_POINTS) -> list[dict]:
-    """A log for a learning curve: validations as they are, and the mean loss over each of ``n_points`` stretches."""
+    """A log for a learning curve: all validations, and the mean loss over each of ``n_points`` intervals of steps."""
     steps = [line for line in log if "loss" in line]
     size = max(1, len(steps) // n_points)
     means = []
@@ -124,21 +124,21 @@ def thinned(log: list[dict], n_points: int = CURVE_POINTS) -> list[dict]:
         part = steps[start : start + size]
         means.append(part[-1] | {"loss": sum(line["loss"] for line in part) / len(part)})
     checks = [line for line in log if "validation_loss" in line]
-    # A validation comes after the step that it follows.
+    # A validation is listed after the step that it follows.
     return rounded(sorted([*means, *checks], key=lambda line: (line["step"], "validation_loss" in line)))
 
 
 def record_of(each: Wanted, config: dict) -> dict:
-    """The record of a network that is there.
+    """The record of a stored network.
 
     Raises
     ------
     ValueError
-        If it was trained with other settings than the configuration names, or its file is broken.
+        If it was trained with settings other than those of the configuration, or its file is damaged.
     """
     path = each.kept(config, ".json")
     record = read_results(path)
-    # Settings that came later than the record have their defaults there.
+    # Settings introduced after the record have their defaults.
     try:
         trained = each.system(config).complete(record["config"])
     except ValueError as error:

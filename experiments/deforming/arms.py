@@ -1,4 +1,4 @@
-"""The arms: a loss, what it compares, and with how many supports; each a loss of the carried mesh for the fit."""
+"""The arms of the comparison: a loss, an encoding, and a number of support points, as a loss for ``fit_flow``."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ from meshot.types import Tensor
 
 
 def planned_arms(config: dict) -> list[dict]:
-    """Every arm with all supports, but for Sinkhorn; then every one that has supports with few of them."""
+    """Every arm with all supports, except Sinkhorn; then every arm that has support points with few of them."""
     full = [arm | {"supports": "full"} for arm in config["arms"] if arm["loss"] != "sinkhorn"]
     return full + [arm | {"supports": config["few_supports"]} for arm in config["arms"] if arm["encoding"] != "surface"]
 
 
 def arm_loss(arm: dict, target: Mesh, config: dict) -> FitLoss:
-    """The loss of a carried mesh to the target; whatever is drawn is drawn anew at every call, on both sides."""
+    """The loss between a deformed mesh and the target. Random numbers are drawn again in every call, on both sides."""
     encoding, of_measures = _encoding(arm, config), _loss(arm, config)
     drawn, n_faces = arm["encoding"] == "samples" or arm["supports"] != "full", len(target.faces)
     fixed = None if drawn else encoding.measure(target, n_faces, np.random.default_rng(0))
@@ -25,7 +25,7 @@ def arm_loss(arm: dict, target: Mesh, config: dict) -> FitLoss:
         goal = encoding.measure(target, n_faces, generator) if fixed is None else fixed
         if of_measures is not None:
             return of_measures(source, goal, generator)
-        # The fit says how many directions, and they are even ones.
+        # The fit determines the number of directions, which are quasi-random.
         places = source.places
         directions = quasi_directions(n_directions, places.shape[1], int(generator.integers(2**31)))
         return sliced_wasserstein(source, goal, directions.to(places))
@@ -34,7 +34,7 @@ def arm_loss(arm: dict, target: Mesh, config: dict) -> FitLoss:
 
 
 def n_supports(arm: dict, target: Mesh) -> int:
-    """How many supports either side has: as many as faces if all, so that samples and varifold have the same."""
+    """The number of support points on either side. "full" means the number of faces, for samples and varifold alike."""
     return len(target.faces) if arm["supports"] == "full" else arm["supports"]
 
 

@@ -1,4 +1,4 @@
-"""One fit: the mesh at every check, with the seconds until then, and what the ruler says of it."""
+"""One fit: the mesh and the elapsed time at every check, and its evaluation."""
 
 import dataclasses
 import time
@@ -27,9 +27,9 @@ CURVES = ("assd", "normals", "intersecting_faces", "edge_variation", "area_varia
 
 
 class Watch:
-    """A loss that keeps the mesh of every check, and a clock of the iterations alone.
+    """A loss that stores the mesh of every check, and measures the time of iterations without checks.
 
-    The fit takes the loss with gradients in an iteration, and without them in a check.
+    The fit calls the loss with gradients in an iteration, and without gradients in a check.
     """
 
     def __init__(self, loss: FitLoss):
@@ -39,11 +39,11 @@ class Watch:
         self.begun, self.in_checks, self.until = 0.0, 0.0, 0.0
 
     def start(self) -> None:
-        """Begin to count."""
+        """Start the clock."""
         self.begun = time.process_time()
 
     def __call__(self, mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
-        """The loss; in a check, the mesh is kept, and the time is not counted."""
+        """The loss. In a check, the mesh is stored and the time does not count."""
         if torch.is_grad_enabled():
             return self.loss(mesh, n_directions, generator)
         entered = time.process_time()
@@ -55,7 +55,7 @@ class Watch:
 
 
 def fit_once(task: dict, config: dict) -> tuple[dict, dict[str, Mesh]]:
-    """Fit one arm in one setting: numbers, and the meshes at the end and along the flow."""
+    """Fit one arm in one setting. Returns numbers, and the meshes at the end and along the flow."""
     goal = target_mesh(task["target"], task["seed"], config)
     begin = start_mesh(task["start"], task["target"], goal, config)
     moving, fixed = begin.to(torch.float32), goal.to(torch.float32)
@@ -63,7 +63,7 @@ def fit_once(task: dict, config: dict) -> tuple[dict, dict[str, Mesh]]:
     grid = config["grid"] | {"spacings": tuple(config["targets"][task["target"]]["spacings"])}
     field = grid_around(moving.vertices, fixed.vertices, **grid)
     watch = Watch(arm_loss(task, fixed, config))
-    fit_flow(field, moving, watch.loss, dataclasses.replace(settings, n_iterations=1))  # so that all is compiled
+    fit_flow(field, moving, watch.loss, dataclasses.replace(settings, n_iterations=1))  # compiles all kernels
     watch.start()
     fitted = fit_flow(field, moving, watch, settings)
     ruler = Ruler(goal, config)
@@ -81,7 +81,7 @@ def fit_once(task: dict, config: dict) -> tuple[dict, dict[str, Mesh]]:
 
 
 def fit_settings(task: dict, config: dict) -> FitSettings:
-    """What the package needs to know, the same for every arm."""
+    """The settings of the fit, the same for every arm."""
     n_iterations = config["targets"][task["target"]]["n_iterations"]
     return FitSettings(
         n_iterations=n_iterations, check_every=n_iterations // config["n_checks"], learning_rate=task["learning_rate"],
@@ -100,7 +100,7 @@ def _path(field: torch.nn.Module, mesh: Mesh, n_steps: int) -> dict[str, Mesh]:
 
 
 class Ruler:
-    """The metrics to one target, always from points of the same seed."""
+    """The metrics to one target, always with points of the same seed."""
 
     def __init__(self, goal: Mesh, config: dict):
         self.goal, self.config = goal, config
@@ -109,7 +109,7 @@ class Ruler:
         self.sample = self.surface.sample(config["n_points"], np.random.default_rng(self.streams[1]))
 
     def all(self, mesh: Mesh) -> tuple[dict[str, float], dict[str, float]]:
-        """Every metric of the package, and the floors."""
+        """All metrics of the package, and their floors."""
         config = self.config
         counts = {"n_points": config["n_points"], "n_emd_points": config["n_emd_points"]}
         found = evaluate(mesh, self.goal, seed=config["judge_seed"], **counts).as_dict()
@@ -117,7 +117,7 @@ class Ruler:
         return values, {name: short(metric["floor"]) for name, metric in found.items()}
 
     def curve(self, mesh: Mesh) -> dict[str, float]:
-        """Those of the curves: the same numbers from the same points."""
+        """The metrics of the curves, from the same points."""
         moved = Surface(mesh)
         drawn = moved.sample(self.config["n_points"], np.random.default_rng(self.streams[0]))
         there, back = self.surface.offsets(drawn), moved.offsets(self.sample)
@@ -132,5 +132,5 @@ class Ruler:
 
 
 def short(value: float) -> float:
-    """Six significant digits, so that committed files stay small."""
+    """The value with six significant digits, so that committed files stay small."""
     return float(f"{value:.6g}")

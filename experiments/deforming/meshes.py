@@ -1,4 +1,4 @@
-"""Targets and starts, and the small file that keeps meshes for the chapter."""
+"""Targets and initial meshes, and the file of meshes for the chapter."""
 
 import gzip
 import json
@@ -18,7 +18,7 @@ from meshot.mesh.shapes import folded_sphere, icosphere
 
 
 def target_mesh(target: str, seed: int, config: dict) -> Mesh:
-    """A member of the analytic family (stretched and turned by the seed), or fsaverage5's white surface, mended."""
+    """A member of the analytic family (stretched and rotated by the seed), or fsaverage5's white surface, repaired."""
     if target != "folded":
         return smooth_crossings(fsaverage5_surface("white", target.removeprefix("fsaverage5_")))
     shape = config["folded"]
@@ -31,7 +31,7 @@ def target_mesh(target: str, seed: int, config: dict) -> Mesh:
 
 
 def start_mesh(start: str, target: str, goal: Mesh, config: dict) -> Mesh:
-    """A sphere of the target's volume about the mean of its vertices, or the target smoothed; as many faces."""
+    """A sphere of the target's volume around the mean of its vertices, or the smoothed target, with as many faces."""
     if start == "smoothed":
         return laplacian_smoothing(goal, config["targets"][target]["smoothing"])
     radius = (3 * float(signed_volume(goal)) / (4 * math.pi)) ** (1 / 3)
@@ -40,7 +40,7 @@ def start_mesh(start: str, target: str, goal: Mesh, config: dict) -> Mesh:
 
 
 def write_meshes(path: Path, meshes: dict[str, Mesh], step: float) -> None:
-    """Vertices of meshes as 16-bit multiples of ``step``, each as what differs from the most similar one before it."""
+    """Write vertices as 16-bit multiples of ``step``, each mesh as its difference from the most similar one before."""
     faces: list[torch.Tensor] = []
     tensors, places, entries = {}, {}, {}
     for name, mesh in meshes.items():
@@ -60,7 +60,7 @@ def write_meshes(path: Path, meshes: dict[str, Mesh], step: float) -> None:
 
 
 def read_meshes(path: Path) -> dict[str, Mesh]:
-    """What :func:`write_meshes` wrote, in double precision."""
+    """Read a file of :func:`write_meshes`, in double precision."""
     content = gzip.decompress(path.read_bytes())
     length = int.from_bytes(content[:8], "little")
     header = json.loads(json.loads(content[8 : 8 + length])["__metadata__"]["meshes"])

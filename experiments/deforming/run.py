@@ -1,41 +1,42 @@
-"""One field, one optimiser, seven losses: how near a mesh comes, how evenly its triangles lie, and in how long.
+"""Deform meshes with one velocity field and one optimiser under seven losses: closeness, mesh regularity, time.
 
-Run as ``python experiments/deforming/run.py``, on one thread. Finished fits are kept in ``partial.jsonl``, their meshes
-in ``partial_meshes/``, so that a run that was stopped goes on where it ended. ``--early`` writes the results of what is
-finished so far.
+Run as ``python experiments/deforming/run.py``, on one thread. Finished fits are stored in ``partial.jsonl``, and their
+meshes in ``partial_meshes/``, so that a stopped run can be resumed. ``--early`` writes the results of the fits that are
+finished.
 
 An *arm* is ``loss`` ("sliced", "chamfer", "sinkhorn"), ``encoding`` ("varifold", "samples", "surface": the exact
-continuous measure, for "sliced" only) and ``supports`` ("full": as many as faces, the whole varifold; or a number: so
-many faces or points drawn anew at every step, on both sides). A *setting* is ``target`` ("folded": analytic, another
-member of the family for each seed; "fsaverage5_left", "fsaverage5_right"), ``start`` ("sphere", "smoothed"), ``seed``.
+continuous measure, for "sliced" only) and ``supports`` ("full": as many as faces, or the whole varifold; or a number of
+faces or points drawn at every step, on both sides). A *setting* is ``target`` ("folded": analytic, another member of
+the family for each seed; "fsaverage5_left", "fsaverage5_right"), ``start`` ("sphere", "smoothed"), ``seed``.
 
-``results.json`` holds, under "results" (all lengths in mm, ``seconds`` CPU seconds of one thread, checks not counted):
+``results.json`` has, under "results" (all lengths in mm, ``seconds`` are CPU seconds of one thread without checks):
 
-- ``rates``: loss, encoding, supports, ``learning_rate``, ``assd``, ``edge_variation``: what other learning rates than
-  the common one would have done, on a seed of their own, from the sphere to "folded";
-- ``areas``: the same with ``detached``: whether gradients stop at the areas of the faces that are drawn;
-- ``settings``: target, start, seed, ``n_vertices``, ``n_faces``, ``floor`` {metric: what the target scores against
-  itself}, ``begin`` {metric: what the start scores};
+- ``rates``: loss, encoding, supports, ``learning_rate``, ``assd``, ``edge_variation``: results with other learning
+  rates than the common one, for a separate seed, from the sphere to "folded";
+- ``areas``: the same with ``detached``: whether gradients stop at the areas of the drawn faces;
+- ``settings``: target, start, seed, ``n_vertices``, ``n_faces``, ``floor`` {metric: value of the target against
+  itself}, ``begin`` {metric: value of the start};
 - ``fits``: arm and setting; ``n_supports``, ``learning_rate``, ``n_iterations``, ``seconds``, ``lipschitz_per_step``
   (bound of h·Lip), ``end`` {metric: value after the last step}, ``curve`` {``iteration``, ``seconds`` and METRICS:
   lists over the start and the twelve checks};
 - ``summary``: target, start, arm, ``n_seeds``, ``at`` ("steps": after the last step of every arm; "seconds": when the
-  first arm of the same setting and supports was done, linear between checks), and for each metric of the curves, and
-  for ``seconds`` and ``iteration``, ``NAME_mean``, ``NAME_sd`` (null for one seed); at "steps" also for all of ``end``;
-- ``differences``: target, start, encoding, supports, ``at`` ("steps", "seconds", "closeness": where both are as near
-  by ASSD as the one that ends farther away), paired over seeds: Chamfer minus sliced, ``NAME_chamfer``,
-  ``NAME_sliced``, ``NAME_gap``, ``NAME_low``, ``NAME_high`` (95 %, Student's t), ``n_seeds``;
-- ``missing``: the settings and arms that were planned but are not here.
+  first arm of the same setting and supports was finished, linear between checks), and for each metric of the curves,
+  and for ``seconds`` and ``iteration``, ``NAME_mean``, ``NAME_sd`` (null for one seed); at "steps" also for all of
+  ``end``;
+- ``differences``: target, start, encoding, supports, ``at`` ("steps", "seconds", "closeness": where both have the ASSD
+  of the one that ends farther away), paired over seeds: Chamfer minus sliced, ``NAME_chamfer``, ``NAME_sliced``,
+  ``NAME_gap``, ``NAME_low``, ``NAME_high`` (95 %, Student's t), ``n_seeds``;
+- ``missing``: the settings and arms that were planned but are not finished.
 
 The metrics of ``end``, ``floor`` and ``begin``: those of :func:`meshot.metrics.evaluate` (emd, swd, assd,
 hausdorff, normals, signed_normals, intersecting_faces, intersecting_share, euler_number, area, volume, edge_variation,
 area_variation, smallest_angle). METRICS of the curves: assd, normals, intersecting_faces, edge_variation,
 area_variation, smallest_angle.
 
-``meshes.safetensors.gz`` (read by ``meshes.read_meshes``, which gives :class:`meshot.Mesh`) holds, for seed 0 and the
-arms that ``kept`` in the configuration names, the target, the start and the end of a fit, named ``TARGET/target``,
-``TARGET/START/begin`` and ``TARGET/START/LOSS_ENCODING_SUPPORTS``; for ``paths`` also where the best field has the mesh
-after each of its steps, named ``…/path/K``.
+``meshes.safetensors.gz`` (read by ``meshes.read_meshes``, which gives :class:`meshot.Mesh`) has, for seed 0 and the
+arms under ``kept`` in the configuration, the target, the start and the end of a fit, named ``TARGET/target``,
+``TARGET/START/begin`` and ``TARGET/START/LOSS_ENCODING_SUPPORTS``; for ``paths`` also the mesh after each integration
+step of the best field, named ``…/path/K``.
 """
 
 import argparse
@@ -64,7 +65,7 @@ SETTING = ("target", "start", "seed")
 
 
 def planned_settings(config: dict) -> list[dict]:
-    """Every target from every start under every seed."""
+    """All combinations of target, start and seed."""
     settings = []
     for start in ("sphere", "smoothed"):
         for target, of_target in config["targets"].items():
@@ -74,13 +75,13 @@ def planned_settings(config: dict) -> list[dict]:
 
 
 def planned_fits(config: dict) -> list[dict]:
-    """Every arm in every setting."""
+    """All combinations of arm and setting."""
     rate = {"learning_rate": config["learning_rate"]}
     return [setting | arm | rate for setting in planned_settings(config) for arm in planned_arms(config)]
 
 
 def stage(task: dict, config: dict) -> int:
-    """The order of the tasks, so that a run that is cut short has done what says most."""
+    """The priority of a task, so that a run that is stopped early has finished the most informative tasks."""
     far, slow, full = task["start"] == "sphere", task["loss"] == "sinkhorn", task["supports"] == "full"
     if task["seed"] == config["trials"]["seed"]:
         return 3
@@ -94,7 +95,7 @@ def stage(task: dict, config: dict) -> int:
 
 
 def planned_trials(config: dict) -> list[dict]:
-    """Other learning rates, and gradients that do or do not stop at the areas of drawn faces, on a seed of its own."""
+    """Fits with other learning rates, and with gradients that stop at the areas of drawn faces or not."""
     trials, arms = config["trials"], planned_arms(config)
     setting = {name: trials[name] for name in SETTING}
     of_rates = [arm for arm in arms if arm["loss"] in trials["losses"] and arm["supports"] == "full"]
@@ -106,7 +107,7 @@ def planned_trials(config: dict) -> list[dict]:
 
 
 def work(task: dict, config: dict) -> dict:
-    """One fit; what the chapter shows of its meshes goes into a file."""
+    """One fit. Meshes for the chapter are written to a file."""
     found, meshes = fit_once(task, config)
     goal = target_mesh(task["target"], task["seed"], config)
     if is_kept(task, config):
@@ -132,7 +133,7 @@ def _kept_at(task: dict, config: dict) -> Path:
 
 
 def describe(setting: dict, config: dict) -> dict:
-    """What the start of a setting scores, and what the target scores against itself."""
+    """The metrics of the start of a setting, and of the target against itself."""
     goal = target_mesh(setting["target"], setting["seed"], config)
     begin = start_mesh(setting["start"], setting["target"], goal, config)
     values, floors = Ruler(goal, config).all(begin)
@@ -156,7 +157,7 @@ def stored_meshes(fits: list[dict], config: dict) -> Iterator[tuple[str, Mesh]]:
 
 
 def collect(rows: list[dict], trials: list[dict], config: dict) -> dict:
-    """Everything but the meshes."""
+    """The results without the meshes."""
     fits = [row["task"] | row["found"] for row in rows]
     settings = [s for s in planned_settings(config) if any(all(f[k] == v for k, v in s.items()) for f in fits)]
     tried = [{k: v for k, v in row["task"].items() if k not in SETTING} | _ends(row["found"]) for row in trials]
@@ -177,7 +178,7 @@ def _ends(found: dict) -> dict:
 
 
 def main() -> None:
-    """Do the fits that are missing, unless only what is there is wanted, and write the results."""
+    """Do the missing fits (unless ``--early``), and write the results."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--early", action="store_true", help="write the results of the fits that are finished")
     early = parser.parse_args().early

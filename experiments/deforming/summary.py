@@ -1,4 +1,4 @@
-"""Means over seeds, after equal steps and after equal seconds, and Chamfer minus sliced Wasserstein."""
+"""Means over seeds, after equal steps and after equal times, and Chamfer minus sliced Wasserstein."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ READ = ("seconds", "iteration", *CURVES)
 
 
 def summarise(fits: list[dict]) -> list[dict]:
-    """Every arm over the seeds of a target and a start, when its steps are done and when the fastest arm is done."""
+    """Statistics of every arm over the seeds, at its last step and at the time when the fastest arm is finished."""
     rows = []
     for group in _groups(fits, ("target", "start", "loss", "encoding", "supports")):
         kind = {name: group[0][name] for name in ("target", "start", "loss", "encoding", "supports")}
@@ -23,24 +23,24 @@ def summarise(fits: list[dict]) -> list[dict]:
 
 
 def at_the_end(fit: dict) -> dict[str, float]:
-    """All that was measured after the last step."""
+    """All metrics after the last step."""
     return {name: fit["curve"][name][-1] for name in READ} | fit["end"]
 
 
 def shared_seconds(fit: dict, fits: list[dict]) -> float:
-    """When the first arm of the same setting and supports was done."""
+    """The time at which the first arm of the same setting and supports was finished, in s."""
     same = ("target", "start", "seed", "supports")
     return min(other["seconds"] for other in fits if all(other[name] == fit[name] for name in same))
 
 
 def at_seconds(fit: dict, seconds: float) -> dict[str, float]:
-    """The curves at that time, linear between checks."""
+    """The curves at a time, linear between checks."""
     times = fit["curve"]["seconds"]
     return {name: float(np.interp(seconds, times, fit["curve"][name])) for name in READ}
 
 
 def at_closeness(fit: dict, level: float) -> dict[str, float]:
-    """The curves where ASSD first comes down to a level, linear between checks."""
+    """The curves where ASSD first reaches a level, linear between checks."""
     assd = np.array(fit["curve"]["assd"])
     k = int(np.argmax(assd <= level))
     if k == 0:
@@ -51,7 +51,7 @@ def at_closeness(fit: dict, level: float) -> dict[str, float]:
 
 
 def differences(fits: list[dict]) -> list[dict]:
-    """Chamfer minus sliced Wasserstein, paired over the seeds, at three kinds of equality."""
+    """Chamfer minus sliced Wasserstein, paired over seeds, at equal steps, equal time and equal closeness."""
     rows = []
     for group in _groups(fits, ("target", "start", "encoding", "supports")):
         sides = {loss: {f["seed"]: f for f in group if f["loss"] == loss} for loss in ("chamfer", "sliced")}

@@ -1,7 +1,7 @@
-"""Measure which construction of directions errs least, in two, three and six dimensions.
+"""Measure which construction of directions has the smallest error, in two, three and six dimensions.
 
-Run as ``python experiments/directions/run.py``. Finished problems are kept in ``partial.jsonl`` until all are done, so
-that a run that was stopped goes on where it ended.
+Run as ``python experiments/directions/run.py``. Finished problems are stored in ``partial.jsonl`` until all are done,
+so that a stopped run can be resumed.
 """
 
 import time
@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 
 
 def tasks(config: dict) -> list[dict]:
-    """Every problem with every method."""
+    """All combinations of problem and method."""
     return [problem | {"method": name} for problem in config["problems"] for name in methods(problem["d"])]
 
 
@@ -30,12 +30,12 @@ def mean_of(problem: dict, config: dict) -> dict:
 
 
 def problem_of(row: dict) -> tuple:
-    """What a task or a mean is of."""
+    """The problem that a task or a mean belongs to."""
     return row["d"], row["pair"], row["p"]
 
 
 def main() -> None:
-    """Do what is missing, then write the summary."""
+    """Do the missing tasks, then write the summary."""
     torch.set_num_threads(1)
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Problems of this experiment: the cost along a direction, exact, and its mean over all directions."""
+"""The problems of this experiment: exact costs along a direction, and their mean over all directions."""
 
 import functools
 import math
@@ -26,7 +26,7 @@ Cost = Callable[[torch.Tensor], np.ndarray]
 
 
 def slice_cost(problem: dict, config: dict) -> Cost:
-    """From directions to W_p^p along each of them."""
+    """The function from directions to W_p^p along each of them."""
     p = problem["p"]
     if problem["pair"] == "translation":
         return lambda directions: np.abs(directions[:, 0].numpy()) ** p
@@ -52,7 +52,7 @@ def _pair(d: int, name: str, config: dict) -> tuple[Measure, Measure]:
 
 
 def mean_over_all(problem: dict, config: dict) -> tuple[float, float]:
-    """The mean over all directions and its standard error; zero where there is a closed form, E|θ₁|^p."""
+    """The mean over all directions and its standard error, which is zero if there is a closed form, E|θ₁|^p."""
     d, p = problem["d"], problem["p"]
     if problem["pair"] == "translation":
         moment = math.gamma(d / 2) * math.gamma((p + 1) / 2) / (math.gamma((d + p) / 2) * math.sqrt(math.pi))
@@ -68,7 +68,7 @@ def mean_over_all(problem: dict, config: dict) -> tuple[float, float]:
 
 
 def methods(d: int) -> dict[str, Callable[[int, int], torch.Tensor]]:
-    """Name → (number, seed) → directions."""
+    """The constructions by name, each as a function from (number, seed) to directions."""
     found = {"random": lambda n, seed: random_directions(n, d, seed)}
     found["orthogonal"] = lambda n, seed: orthogonal_directions(n, d, seed)
     for name, (_, only) in CONSTRUCTIONS.items():
@@ -81,12 +81,12 @@ def _quasi(d: int, name: str, n: int, seed: int) -> torch.Tensor:
     return quasi_directions(n, d, seed, method=name)
 
 
-#: Constructions whose first L rows are the set of L rows: one long set serves every L.
+#: Constructions in which the first L rows of a long set are the set of L rows, so that one set serves every L.
 NESTED = ("random", "orthogonal", "lattice", "sobol", "sobol frames")
 
 
 def relative_errors(problem: dict, method: str, mean: float, config: dict) -> np.ndarray:
-    """(repetitions, numbers of directions): estimate / mean − 1."""
+    """estimate / mean − 1, with shape (repetitions, numbers of directions)."""
     cost, make, counts = slice_cost(problem, config), methods(problem["d"])[method], config["n_directions"]
     errors = np.empty((config["n_repetitions"], len(counts)))
     for seed in range(config["n_repetitions"]):

@@ -1,4 +1,4 @@
-"""Root-mean-square errors with intervals, slopes in L, what is saved at L = 100, and the ranking behind the default."""
+"""Root mean square errors with intervals, slopes in L, the factor saved at L = 100, and the ranking of methods."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ RANKED_AT = 100
 
 
 def summarise(found: list[dict], config: dict) -> dict:
-    """``found``: a row per problem and method with its relative errors (repetitions × numbers of directions)."""
+    """The summary of ``found``: one row per problem and method with its relative errors (repetitions × counts)."""
     counts = config["n_directions"]
     rows, savings = [], []
     for entry in found:
@@ -33,9 +33,9 @@ def summarise(found: list[dict], config: dict) -> dict:
 
 
 def ranking(rows: list[dict], counts: list[int]) -> list[dict]:
-    """Geometric mean over problems of RMSE / RMSE of random, for every dimension, method and L; best at L = 100 first.
+    """Geometric mean over problems of RMSE / RMSE of random, by dimension, method and L, sorted by L = 100.
 
-    Translations with p = 2 are left out: orthogonal blocks are exact there, and would win by them alone.
+    Translations with p = 2 are excluded, because orthogonal blocks are exact for them.
     """
     rows = [row for row in rows if (row["pair"], row["p"]) != ("translation", 2)]
     random = {_problem(row): row["rmse"] for row in rows if row["method"] == "random"}
@@ -57,7 +57,7 @@ def _problem(row: dict) -> tuple:
 
 
 def _random_of(found: list[dict], entry: dict) -> np.ndarray:
-    """Squared errors of random directions on the same problem."""
+    """Squared errors of random directions for the same problem."""
     same = [e for e in found if e["method"] == "random" and all(e[k] == entry[k] for k in ("d", "pair", "p"))]
     return np.square(same[0]["errors"])
 
@@ -77,5 +77,5 @@ def _interval(values: np.ndarray) -> dict:
 
 
 def _short(value: float) -> float:
-    """Four significant digits, so that the committed file stays small."""
+    """The value with four significant digits, so that the committed file stays small."""
     return float(f"{value:.4g}")

@@ -1,4 +1,4 @@
-"""Error against seconds: the exact value, varifolds and samples of one pair of cortical surfaces."""
+"""Error over time for one pair of cortical surfaces: the exact value, varifolds and samples."""
 
 import statistics
 import time
@@ -15,10 +15,10 @@ from meshot.types import Tensor
 
 
 def measure_clock(task: dict, config: dict) -> dict:
-    """SW₂² of positions between two surfaces by every way, with its relative error and CPU seconds, encoding included.
+    """SW₂² of positions between two surfaces by every method, with relative error and CPU seconds including encoding.
 
-    All ways see the same directions, so that the exact value of the full meshes is the truth. The first call of each
-    way compiles it and is thrown away.
+    All methods use the same directions, and the exact value of the full meshes is the reference. The first call of each
+    method compiles it and is not timed.
     """
     settings = config["clock"]
     white = fsaverage5_surface("white", config["cortex"]["hemisphere"])
@@ -49,7 +49,7 @@ def measure_clock(task: dict, config: dict) -> dict:
 
 
 def ways(name: str, pair: tuple[Mesh, Mesh], directions: Tensor, settings: dict) -> list[tuple[str, int, Callable]]:
-    """Name, number of supports, and a function from the number of the repeat to SW₂²."""
+    """Name, number of support points, and a function from the index of the repetition to SW₂²."""
     found: list[tuple[str, int, Callable]] = [("exact", len(pair[0].faces), lambda _: _exact(pair, directions))]
     if name == "white to pial":
         for n_faces in settings["faces"]:

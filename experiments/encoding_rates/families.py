@@ -1,4 +1,4 @@
-"""Pairs of meshes that are refined together: a polyhedron, smooth shapes, a cortical surface, an uneven mesh."""
+"""Families of meshes that are refined together: a polyhedron, smooth shapes, a cortical surface, an uneven mesh."""
 
 import functools
 import math
@@ -12,7 +12,7 @@ from meshot.mesh.shapes import cube, ellipsoid, folded_sphere, icosphere, split_
 
 
 def pair_of_meshes(family: str, level: int, config: dict) -> tuple[Mesh, Mesh]:
-    """The mesh of a family at a level, and the other mesh that it is compared with, refined alike."""
+    """The mesh of a family at a level, and the mesh that it is compared with, refined in the same way."""
     if family in ("cube", "uneven_cube"):
         refine = refined if family == "cube" else refined_on_one_side
         return refine(cube(), level), refine(turned_box(), level)
@@ -33,7 +33,7 @@ def _cortex(kind: str, hemisphere: str) -> Mesh:
 
 
 def turned_box() -> Mesh:
-    """A box of unequal sides, turned out of the axes and moved: no face is parallel to one of the cube."""
+    """A box with unequal sides, rotated and translated, so that no face is parallel to a face of the cube."""
     box = cube()
     a, b = 0.4, 0.7
     about_z = torch.tensor([[math.cos(a), -math.sin(a), 0], [math.sin(a), math.cos(a), 0], [0, 0, 1]])
@@ -44,7 +44,7 @@ def turned_box() -> Mesh:
 
 
 def refined(mesh: Mesh, times: int) -> Mesh:
-    """Every face cut in four, again and again: the same surface."""
+    """Every face divided into four, ``times`` times: the same surface."""
     vertices, faces = mesh.vertices, mesh.faces
     for _ in range(times):
         vertices, faces = split_in_four(vertices, faces)
@@ -52,7 +52,7 @@ def refined(mesh: Mesh, times: int) -> Mesh:
 
 
 def refined_on_one_side(mesh: Mesh, times: int) -> Mesh:
-    """One side of a cube cut in four, again and again, the other five left as they are."""
+    """One side of a cube with faces divided into four, ``times`` times; the other five sides do not change."""
     # Faces 0 and 6 of a cube are the two halves of one side.
     vertices = mesh.vertices
     fine, coarse = mesh.faces[[0, 6]], mesh.faces[[1, 2, 3, 4, 5, 7, 8, 9, 10, 11]]
@@ -62,6 +62,6 @@ def refined_on_one_side(mesh: Mesh, times: int) -> Mesh:
 
 
 def displaced(mesh: Mesh, amplitude: float, wavelength: float) -> Mesh:
-    """The mesh after a smooth, small displacement along x, y and z, a wave in each."""
+    """The mesh after a small smooth displacement along x, y and z, with a wave in each."""
     wave = torch.sin(2 * math.pi / wavelength * mesh.vertices.roll(1, dims=1))
     return mesh.with_vertices(mesh.vertices + amplitude * wave)

@@ -1,4 +1,4 @@
-"""The errors of every encoding of one pair of meshes at one level, set of directions by set of directions."""
+"""The errors of all encodings of one pair of meshes at one level, for each set of directions."""
 
 import numpy as np
 from families import pair_of_meshes
@@ -10,7 +10,7 @@ from meshot.types import Tensor
 
 
 def measure_level(task: dict, config: dict) -> dict:
-    """Exact values, edge length, and the errors of varifold, other rules and samples, by exponent."""
+    """Exact values, edge length, and the errors of varifold, other quadrature rules and samples, by exponent."""
     family, d = task["family"], task["d"]
     normal_scale = config["families"][family]["normal_scale"] if d == 6 else 0.0
     meshes = pair_of_meshes(family, task["level"], config)
@@ -43,7 +43,7 @@ def _one_set(
     normal_scale: float,
     config: dict,
 ) -> dict:
-    """On one set of directions: the exact SW_p^p, and (error to the other mesh, SW_p to the own mesh) of encodings."""
+    """For one set of directions: the exact SW_p^p, and for each encoding the error and SW_p to its own mesh."""
     directions = quasi_directions(config["n_directions"], task["d"], config["seed"] + k)
     exact = float(sliced_wasserstein(*truths, directions, p))
     row = {"exact": exact}

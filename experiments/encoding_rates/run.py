@@ -1,7 +1,7 @@
-"""Measure how far varifolds and samples are from the continuous measure of a mesh, as edges shrink and against time.
+"""Measure the distance of varifolds and samples from the continuous measure, over the edge length and over time.
 
-Run as ``python experiments/encoding_rates/run.py``. Finished levels are kept in ``partial.jsonl`` until all is done, so
-that a run that was stopped goes on where it ended. Errors repeat from run to run; the seconds of the last part do not.
+Run as ``python experiments/encoding_rates/run.py``. Finished levels are stored in ``partial.jsonl`` until all are done,
+so that a stopped run can be resumed. Errors are reproducible; the times of the last part are not.
 """
 
 import time
@@ -21,7 +21,7 @@ MEASURE = {"levels": measure_level, "clock": measure_clock}
 
 
 def tasks(config: dict) -> list[dict]:
-    """Every level of every family in both spaces, the cheap ones first; the clock at the end."""
+    """All levels of all families in both spaces, the fast ones first; the timing at the end."""
     found = [
         {"part": "levels", "family": family, "level": level, "d": d}
         for family, settings in config["families"].items()
@@ -34,7 +34,7 @@ def tasks(config: dict) -> list[dict]:
 
 
 def main() -> None:
-    """Do the tasks that are missing, then write the summary."""
+    """Do the missing tasks, then write the summary."""
     torch.set_num_threads(1)
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Discrete stand-ins for a mesh: its varifold, two other rules on the same faces, and random samples."""
+"""Discrete encodings of a mesh: its varifold, two other quadrature rules on the same faces, and random samples."""
 
 import numpy as np
 import torch
@@ -9,14 +9,14 @@ from meshot.mesh.geometry import face_areas, face_normals
 
 
 def continuous(mesh: Mesh, normal_scale: float) -> SurfaceMeasure:
-    """The truth: the surface itself, with its scaled face normals unless the scale is zero."""
+    """The reference: the continuous surface, with its scaled face normals unless the scale is zero."""
     return surface(mesh, normal_scale=normal_scale)
 
 
 def atoms(mesh: Mesh, rule: str, normal_scale: float) -> DiscreteMeasure:
     """A quadrature rule on every face: one atom at its barycentre, or a third of its area at each midpoint or corner.
 
-    The barycentre rule with normals is the oriented varifold; the other two know positions only.
+    The barycentre rule with normals is the oriented varifold. The other two rules have positions only.
     """
     if rule == "barycentres":
         encoded = varifold(mesh, normal_scale=normal_scale)

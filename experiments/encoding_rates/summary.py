@@ -1,4 +1,4 @@
-"""Slopes in the edge length, and varifold against samples with as many points."""
+"""Slopes in the edge length, and the comparison of varifolds with samples of the same size."""
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def ratio_of_means(samples: list[float], varifold: list[float]) -> dict:
 
 
 def summarise_clock(rows: list[dict]) -> list[dict]:
-    """For each pair the ways with median seconds and root-mean-square relative error, and where they cross."""
+    """For each pair the methods with median seconds and root mean square relative error, and their crossings."""
     found = []
     for row in (row for row in rows if row["task"]["part"] == "clock"):
         lines = [
@@ -81,9 +81,9 @@ def summarise_clock(rows: list[dict]) -> list[dict]:
 
 
 def crossings(lines: list[dict]) -> dict:
-    """What samples reach in the seconds of the exact value, and what they would need for the varifold's error.
+    """The error of samples in the time of the exact value, and the samples needed for the varifold's error.
 
-    Interpolated on logarithmic axes; beyond the largest sample extrapolated along the fitted line, and said so.
+    Interpolated on logarithmic axes. Beyond the largest sample it is extrapolated along the fitted line, and marked so.
     """
     found = {}
     exact = next(line for line in lines if line["way"] == "exact")
@@ -105,5 +105,5 @@ def crossings(lines: list[dict]) -> dict:
 
 
 def _short(value: float) -> float:
-    """Six significant digits, so that the committed file stays small."""
+    """The value with six significant digits, so that the committed file stays small."""
     return float(f"{value:.6g}")

@@ -1,4 +1,4 @@
-"""Against closed forms, a slow twin, and finite differences."""
+"""Accuracy against closed forms, a brute-force implementation, and finite differences."""
 
 import sys
 from pathlib import Path
@@ -15,7 +15,7 @@ import oracles_exact
 
 
 def accuracy(config: dict) -> dict:
-    """Values with their truths, the order at which icospheres reach that of spheres, and gradients."""
+    """Values with their references, the convergence order of icospheres to spheres, and gradients."""
     settings = config["accuracy"]
     values = [row for p in (1, 2) for row in _closed_forms(settings, p) + _by_brute_force(p)]
     return {"values": values, "spheres": _spheres(settings), "gradients": _gradients(settings)}
@@ -58,7 +58,7 @@ def _crossing(seed: int) -> SurfaceMeasure:
 
 
 def _spheres(settings: dict) -> list[dict]:
-    """A projected sphere is uniform on an interval: W₂² = (r − s)²/3, which icospheres reach as their edges shrink."""
+    """A projected sphere is uniform on an interval: W₂² = (r − s)²/3. Icospheres converge to it with finer edges."""
     directions, rows = random_directions(16, 3, 0), []
     for subdivisions in settings["sphere_subdivisions"]:
         pair = surface(icosphere(subdivisions)), surface(icosphere(subdivisions, 1.5))
@@ -68,7 +68,7 @@ def _spheres(settings: dict) -> list[dict]:
 
 
 def _gradients(settings: dict) -> list[dict]:
-    """Slopes along random motions of all vertices, against central differences."""
+    """Directional derivatives for random motions of all vertices, compared with central differences."""
     mesh, target, directions = folded_sphere(2, 1.0, 0.2), surface(icosphere(2, 1.3)), random_directions(8, 3, 0)
     rows = []
     for p in (1, 2):

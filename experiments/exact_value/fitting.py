@@ -1,4 +1,4 @@
-"""A sphere descends to a folded surface by the exact loss, and by two discrete ones with as many supports."""
+"""Descent of a sphere to a folded surface by the exact loss, and by two discrete ones with as many support points."""
 
 import numpy as np
 import torch
@@ -13,12 +13,12 @@ ENCODINGS = ("continuous", "barycentres", "samples")
 
 
 def descents(config: dict) -> list[dict]:
-    """For every encoding and seed: how far from the target the surface starts and ends."""
+    """For every encoding and seed: the distance from the target at the start and at the end."""
     return [descend_once(encoding, seed, config) for encoding in ENCODINGS for seed in config["descent"]["seeds"]]
 
 
 def descend_once(encoding: str, seed: int, config: dict) -> dict:
-    """Free vertices, Adam with a cosine schedule, directions drawn afresh at every step; no regulariser."""
+    """Free vertices, Adam with a cosine schedule, new directions at every step, no regulariser."""
     settings = config["descent"]
     start = icosphere(settings["source_subdivisions"], 40.0)
     target = folded_sphere(settings["target_subdivisions"], 40.0, settings["depth"])
@@ -41,7 +41,7 @@ def descend_once(encoding: str, seed: int, config: dict) -> dict:
 
 
 def _encoded(mesh: Mesh, encoding: str, n_points: int, generator: np.random.Generator) -> object:
-    """Samples have as many points as the moving mesh has faces, on either side."""
+    """The encoding of a mesh. Samples have as many points as the moving mesh has faces, on either side."""
     if encoding == "continuous":
         return surface(mesh)
     if encoding == "samples":
@@ -51,7 +51,7 @@ def _encoded(mesh: Mesh, encoding: str, n_points: int, generator: np.random.Gene
 
 
 def _judged(mesh: Mesh, target: Mesh, settings: dict) -> dict:
-    """The exact SW₂ along directions that no descent used, and the mean distance to the other's faces, both in mm."""
+    """The exact SW₂ along directions not used in the descent, and the mean distance to the other's faces, in mm."""
     directions = quasi_directions(settings["n_judging_directions"], 3, seed=1)
     squared = float(sliced_wasserstein(surface(mesh), surface(target), directions))
     sides = Surface(mesh), Surface(target)

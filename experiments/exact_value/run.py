@@ -1,7 +1,7 @@
-"""The exact sliced loss of continuous surfaces: its accuracy, its time, what samples miss, and a descent on it.
+"""The exact sliced loss of continuous surfaces: its accuracy, its time, the error of samples, and a descent with it.
 
-Run as ``python experiments/exact_value/run.py``. Finished parts are kept in ``partial.jsonl`` until all are done, so
-that a run that was stopped goes on with the next part.
+Run as ``python experiments/exact_value/run.py``. Finished parts are stored in ``partial.jsonl`` until all are done, so
+that a stopped run can be resumed.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ PARTS = {"accuracy": accuracy, "sampling": sampling, "time": times, "descent": d
 
 
 def main() -> None:
-    """Do the parts that are missing, then write the results."""
+    """Do the missing parts, then write the results."""
     torch.set_num_threads(1)
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"

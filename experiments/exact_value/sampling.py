@@ -1,4 +1,4 @@
-"""What samples make of the same value, and what they cost."""
+"""Errors and times of sampled estimates of the same value."""
 
 import statistics
 import time
@@ -15,7 +15,7 @@ from meshot.types import Tensor
 
 
 def pairs(config: dict) -> dict[str, tuple[Mesh, Mesh]]:
-    """Surfaces of 20 480 faces in mm: far, near and very near."""
+    """Surfaces of 20 480 faces in mm: far apart, near and very near."""
     folded = folded_sphere(5, 40.0, 6.0)
     lengths = folded.vertices.norm(dim=1, keepdim=True)
     wave = torch.sin(9 * folded.vertices / lengths).mean(dim=1, keepdim=True)
@@ -31,7 +31,7 @@ def pairs(config: dict) -> dict[str, tuple[Mesh, Mesh]]:
 
 
 def sampling(config: dict) -> list[dict]:
-    """For every pair the exact SW₂², and what samples and one point per cell make of it, along the same directions."""
+    """For every pair the exact SW₂², and estimates from samples and from one point per cell, with equal directions."""
     directions, rows = quasi_directions(config["n_directions"], 3), []
     for name, pair in pairs(config).items():
         exact = float(sliced_wasserstein(*map(surface, pair), directions))
@@ -46,7 +46,7 @@ def sampling(config: dict) -> list[dict]:
 
 
 def _sampled(pair: tuple[Mesh, Mesh], size: int, exact: float, directions: Tensor, config: dict) -> dict:
-    """Relative errors: the mean (what is left of it after many draws) and the root of the mean square (of one draw)."""
+    """Relative errors: the mean (the bias over many draws) and the root mean square (of one draw)."""
     errors = []
     for seed in config["sampling"]["seeds"]:
         generator = np.random.default_rng([seed, size])
@@ -61,7 +61,7 @@ def _barycentres(mesh: Mesh) -> DiscreteMeasure:
 
 
 def _spread(points: Callable[[Mesh], Tensor]) -> Callable[[Mesh], DiscreteMeasure]:
-    """The mass of every face in equal parts on some points of it."""
+    """The mass of every face in equal parts on some of its points."""
 
     def measure(mesh: Mesh) -> DiscreteMeasure:
         areas, places = face_areas(mesh), points(mesh)
@@ -79,7 +79,7 @@ PROXIES = {
 
 
 def times(config: dict) -> dict:
-    """CPU seconds of one thread, medians over rounds in which all take turns; ratios to exact value and gradient."""
+    """CPU seconds on one thread, medians over rounds in which methods alternate; ratios to exact value and gradient."""
     settings = config["time"]
     source, target = (folded_sphere(settings["subdivisions"], 40.0, depth) for depth in (6.0, 4.0))
     directions = quasi_directions(config["n_directions"], 3)

@@ -1,4 +1,4 @@
-"""What one step of a fit costs: bytes that autograd holds, and seconds."""
+"""The cost of one step of a fit: memory of autograd in bytes, and seconds."""
 
 import time
 
@@ -13,7 +13,7 @@ from meshot_book.examples import peak_saved_bytes
 
 
 def cost_rows(config: dict) -> list[dict]:
-    """Every loss and variant on every mesh: the whole step, and the loss on a mesh that is there already."""
+    """Every loss and variant on every mesh: the whole step, and the loss alone on an existing mesh."""
     costs, rows = config["cost"], []
     for subdivisions in costs["subdivisions"]:
         start, target = pair_of_meshes(subdivisions, 0, config)
@@ -49,7 +49,7 @@ def _measured(
 
 
 def one_step(loss: str, variant: str, field: LearnedVelocity | None, start: Mesh, target: Mesh, config: dict) -> None:
-    """Value and gradient, in the field, or without one in the vertices."""
+    """Value and gradient, with respect to the field, or to the vertices if there is no field."""
     n_supports, scale = config["cost"]["n_supports"], config["normal_scale"]
     generator = np.random.default_rng(0)
     before = drawn_part(start, n_supports, generator) if variant == "carried" else start

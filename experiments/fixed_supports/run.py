@@ -1,17 +1,17 @@
-"""A fixed number of supports: what it saves as the mesh grows, and where fits end with it.
+"""Fits with a fixed number of support points: time and memory as the mesh grows, and the results of fits.
 
-Run as ``python experiments/fixed_supports/run.py``, on one thread. Finished fits are kept in ``partial.jsonl``, so that
-a run that was stopped goes on where it ended.
+Run as ``python experiments/fixed_supports/run.py``, on one thread. Finished fits are stored in ``partial.jsonl``, so
+that a stopped run can be resumed.
 
-``results.json`` holds, under "results":
+``results.json`` has, under "results":
 
 - ``costs``: ``loss`` ("sliced", "chamfer"), ``variant`` ("all": the whole varifold; "drawn": a fixed number of faces
   drawn from the mesh after the flow, with gradients that stop at their areas; "through": with gradients that do not;
-  "carried": drawn before the flow, and only their corners carried), ``n_faces``, ``step_bytes`` and ``step_seconds``
+  "carried": drawn before the flow, which moves only their corners), ``n_faces``, ``step_bytes`` and ``step_seconds``
   of a step of a fit (flow, loss, gradient), ``loss_bytes`` and ``loss_seconds`` of the loss and its gradient alone.
-  Bytes are the most that autograd held at one time, seconds CPU seconds of one thread;
+  Bytes are the maximum held by autograd at a time, seconds are CPU seconds of one thread;
 - ``fits``: from a sphere to an analytic surface under the sliced loss: ``variant``, ``n_supports``, ``n_seeds``, and
-  mean, sd and single seeds of ``assd`` (mm), ``edge_variation`` and ``intersecting_faces``;
+  mean, sd and values per seed of ``assd`` (mm), ``edge_variation`` and ``intersecting_faces``;
 - ``differences``: paired over seeds, a fixed number minus all: ``assd_gap``, ``assd_low``, ``assd_high`` (95 %).
 """
 
@@ -36,7 +36,7 @@ MEASURED = ("assd", "edge_variation", "intersecting_faces")
 
 
 def planned_fits(config: dict) -> list[dict]:
-    """All supports, and every fixed number, under every seed."""
+    """All support points, and every fixed number, for every seed."""
     fits = config["fits"]
     n_faces = 20 * 4 ** fits["subdivisions"]
     kinds = [("all", n_faces)] + [(variant, n) for variant, counts in fits["n_supports"].items() for n in counts]
@@ -44,7 +44,7 @@ def planned_fits(config: dict) -> list[dict]:
 
 
 def fit_once(task: dict, config: dict) -> dict[str, float]:
-    """One fit, and how near and how even its mesh is."""
+    """One fit, with closeness and regularity of its mesh."""
     fits = config["fits"]
     start, target = pair_of_meshes(fits["subdivisions"], task["seed"], config)
     spacings = tuple(config["grid"]["spacings"])
@@ -59,12 +59,12 @@ def fit_once(task: dict, config: dict) -> dict[str, float]:
 
 
 def short(value: float) -> float:
-    """Six significant digits, so that committed files stay small."""
+    """The value with six significant digits, so that committed files stay small."""
     return float(f"{value:.6g}")
 
 
 def summarise(rows: list[dict]) -> list[dict]:
-    """Every variant and number of supports over the seeds."""
+    """Statistics of every variant and number of support points over the seeds."""
     groups: dict[tuple, list[dict]] = {}
     for row in rows:
         groups.setdefault((row["task"]["variant"], row["task"]["n_supports"]), []).append(row["found"])
@@ -90,7 +90,7 @@ def differences(summary: list[dict]) -> list[dict]:
 
 
 def main() -> None:
-    """Do the fits that are missing, weigh and time the steps, and write the results."""
+    """Do the missing fits, measure memory and time of the steps, and write the results."""
     torch.set_num_threads(1)
     began = time.process_time()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))

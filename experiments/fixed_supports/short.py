@@ -1,9 +1,9 @@
-"""The first iterations of one fit: what another machine can be asked to find again.
+"""The first iterations of one fit, which can be reproduced on another machine.
 
     python experiments/fixed_supports/short.py
 
 A whole fit is chaotic: Adam divides by the size of the gradient, so that rounding decides the sign of steps where the
-gradient is nearly zero. The first iterations are not. Written to ``short.json``; seconds.
+gradient is nearly zero. The first iterations are not chaotic. Writes ``short.json``, in seconds.
 """
 
 import time
@@ -25,7 +25,7 @@ TASK = {"variant": "drawn", "n_supports": 500, "seed": 0, "n_iterations": 8}
 
 
 def short_fit(task: dict, config: dict, nudge: float = 0.0) -> dict[str, float]:
-    """How near and how even the mesh is after ``n_iterations``, if every start vertex is moved by ``nudge`` mm."""
+    """Closeness and regularity after ``n_iterations``, with every initial vertex moved by ``nudge`` mm."""
     fits = config["fits"]
     start, target = pair_of_meshes(fits["subdivisions"], task["seed"], config)
     moved = np.random.default_rng(1).standard_normal(tuple(start.vertices.shape))

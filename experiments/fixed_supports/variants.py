@@ -1,4 +1,4 @@
-"""A mesh under a loss: with all faces, or with a fixed number, drawn after the flow or before it."""
+"""Losses of a mesh with all faces, or with a fixed number, drawn after the flow or before it."""
 
 import math
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from meshot.types import Tensor
 
 
 def pair_of_meshes(subdivisions: int, seed: int, config: dict) -> tuple[Mesh, Mesh]:
-    """A sphere, and the analytic target that the seed stretches and turns, with as many faces."""
+    """A sphere, and the analytic target, stretched and rotated by the seed, with as many faces."""
     shape = dict(config["shape"])
     generator = np.random.default_rng([seed, 0])
     stretch = 1 + shape.pop("stretch") * generator.uniform(-1, 1, 3)
@@ -35,7 +35,7 @@ def drawn_part(mesh: Mesh, n_faces: int, generator: np.random.Generator) -> Mesh
 
 
 def reweighted(part: Mesh, before: Mesh, normal_scale: float) -> DiscreteMeasure:
-    """Drawn faces after the flow: drawn by their areas before it, so that a mass is how much its face has grown."""
+    """Drawn faces after the flow. They were drawn by area before it, so each mass is the growth of its face."""
     growth = face_areas(part) / face_areas(before)
     return DiscreteMeasure(varifold(part, normal_scale=normal_scale).points, growth / growth.sum())
 
@@ -49,11 +49,11 @@ def compare(loss: str, source: DiscreteMeasure, target: DiscreteMeasure, n_direc
 
 
 def fit_loss(variant: str, n_supports: int, start: Mesh, target: Mesh, normal_scale: float) -> Callable:
-    """A loss of the carried mesh, for a fit.
+    """A loss of the moved mesh, for a fit.
 
-    "all" faces; faces "drawn" from the carried mesh, with gradients that stop at their areas, or go "through" them; or
-    from the start: the fit carries all vertices, but to any that is not a corner of a drawn face there is no gradient,
-    so that the same would come out if only the corners were "carried".
+    Variants: "all" faces; faces "drawn" from the moved mesh, with gradients that stop at their areas, or go "through"
+    them; or "carried", with faces drawn from the start. In the last case the fit moves all vertices, but only corners
+    of drawn faces have a gradient. The result is the same as if only these corners were moved.
     """
     whole = varifold(target, normal_scale=normal_scale)
 

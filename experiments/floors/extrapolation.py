@@ -1,4 +1,4 @@
-"""From samples that fit to the number of points that does not: two laws, each with its 95 % interval."""
+"""Extrapolation from feasible samples to a larger number of points: two models, each with its 95 % interval."""
 
 import math
 from collections.abc import Callable
@@ -11,7 +11,7 @@ Groups = dict[int, list[float]]
 
 
 def power_law(groups: Groups, target_m: int) -> float:
-    """The value at ``target_m`` of the line through the logarithms of the means, weighted by repetitions."""
+    """The value at ``target_m`` of a line fitted to the logarithms of the means, weighted by repetitions."""
     sizes = np.log(list(groups))
     heights = np.log([np.mean(values) for values in groups.values()])
     slope, offset = np.polyfit(sizes, heights, 1, w=np.sqrt([len(values) for values in groups.values()]))
@@ -19,11 +19,11 @@ def power_law(groups: Groups, target_m: int) -> float:
 
 
 def matching_law(area: float) -> Callable[[Groups, int], float]:
-    """W₂² = A (log m + c) / (2π m): the law of random matching on a surface of area A, with c from the samples.
+    """W₂² = A (log m + c) / (2π m): the asymptotics of random matching on a surface of area A, with fitted c.
 
-    Ambrosio, Stra and Trevisan (2019) found the constant for the square; Ambrosio and Glaudo (2019) for any closed
-    surface, with distances along it. c takes up what is left: at first straight lines are shorter than ways along a
-    folded surface, so that c grows with m until points lie closer than folds.
+    Ambrosio, Stra and Trevisan (2019) proved the constant for the square; Ambrosio and Glaudo (2019) for any closed
+    surface with geodesic distances. c absorbs the remaining terms. For small m, straight lines are shorter than paths
+    on a folded surface, so that c grows with m until the spacing of points is smaller than the folds.
     """
 
     def law(groups: Groups, target_m: int) -> float:
@@ -37,7 +37,7 @@ def matching_law(area: float) -> Callable[[Groups, int], float]:
 
 
 def with_interval(law: Callable[[Groups, int], float], groups: Groups, target_m: int, n_draws: int, seed: int) -> dict:
-    """What a law says at ``target_m``, and the middle 95 % of what it says of repetitions drawn anew."""
+    """The prediction of a model at ``target_m``, and the central 95 % of its predictions for resampled repetitions."""
     generator = np.random.default_rng(seed)
     drawn = []
     for _ in range(n_draws):
@@ -48,7 +48,7 @@ def with_interval(law: Callable[[Groups, int], float], groups: Groups, target_m:
 
 
 def ratios_of(groups: Groups, exact: dict[tuple[int, int], float]) -> Groups:
-    """Each value over exact W₂ of the same pair of samples: much steadier than either, since both share the draw."""
+    """Each value over exact W₂ of the same samples. The ratio varies less than either, since both share the draw."""
     return {m: [value / exact[m, seed] for seed, value in enumerate(values)] for m, values in groups.items()}
 
 

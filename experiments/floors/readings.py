@@ -1,4 +1,4 @@
-"""What a perfect surface would score as "EMD", under each way in which the word can be read."""
+"""The value of "EMD" for a perfect surface, under each interpretation of the term."""
 
 import math
 from pathlib import Path
@@ -9,13 +9,13 @@ PAPER = Path(__file__).resolve().parents[1] / "paper_table" / "paper.yaml"
 
 
 def paper_number() -> float:
-    """The smallest EMD (mm) that the paper prints for its own system on ADNI: where EMD stands above SWD."""
+    """The smallest EMD (mm) in the paper for its own system on ADNI, where EMD is larger than SWD."""
     table = yaml.safe_load(PAPER.read_text(encoding="utf-8"))["table_1"]["ADNI"]
     return min(table[side]["DDOT"][0][0] for side in ("left", "right"))
 
 
 def emd_readings(floors: list[dict], from_m: int) -> list[dict]:
-    """Each reading with its floor at the target: the widest of the intervals of its laws and white surfaces."""
+    """Each interpretation with its floor at the target size: the union of the intervals of models and surfaces."""
     w2 = _exact_ends(floors)
     rows = [
         _reading("exact W₂", w2, "mm"),
@@ -44,7 +44,7 @@ def _exact_ends(floors: list[dict]) -> list[float]:
 
 
 def _scaled(w2: list[float], floors: list[dict], metric: str, setting: dict) -> list[float]:
-    """The ends for a metric that was measured over fewer points, from its ratio to exact W₂ on the same samples."""
+    """The ends for a metric measured with fewer points, from its ratio to exact W₂ on the same samples."""
     (row,) = [row for row in floors if (row["metric"], row["setting"]) == (metric, setting)]
     ratio = row["ratio_at_target"]
     return [w2[0] * ratio["low"], w2[1] * ratio["high"]]

@@ -1,6 +1,6 @@
-"""Measure the floors of EMD, SWD and ASSD, and carry them to the paper's number of points.
+"""Measure the floors of EMD, SWD and ASSD, and extrapolate them to the paper's number of points.
 
-Stopped and started again, it goes on where it was: every finished pair of samples is a line of ``partial.jsonl``.
+A stopped run can be resumed: every finished pair of samples is a line of ``partial.jsonl``.
 """
 
 import itertools
@@ -22,7 +22,7 @@ DIRECT = ("sw2", "point_to_point", "point_to_face")
 
 
 def main() -> None:
-    """Do the measurements that are missing, then write the summary."""
+    """Do the missing measurements, then write the summary."""
     torch.set_num_threads(1)
     started = time.process_time()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def all_tasks(config: dict) -> list[dict]:
-    """Every pair of samples to be measured, the quick ones first."""
+    """All pairs of samples to measure, the fast ones first."""
     counts, tasks = config["repetitions"], []
     every, white = config["surfaces"], [s for s in config["surfaces"] if s[0] == "white"]
     for metric in DIRECT:
@@ -55,7 +55,7 @@ def _tasks(kind: dict, surfaces: list, counts: dict[int, int]) -> list[dict]:
 
 
 def summarise(rows: list[dict], config: dict) -> dict:
-    """Means and deviations over m, slopes, and what is to be expected at the paper's number of points."""
+    """Means and deviations over m, slopes, and predictions at the paper's number of points."""
     found: dict[tuple, Groups] = {}
     for row in rows:
         task = row["task"]
@@ -82,7 +82,7 @@ def area_of(surface: list[str]) -> float:
 
 
 def floor_row(metric: str, surface: tuple, setting: tuple, groups: Groups, exact: dict, config: dict) -> dict:
-    """One metric on one surface: what was measured, how it falls, and what it comes to."""
+    """One metric on one surface: measured values, their decrease, and the prediction."""
     target, options = config["target_m"], (config["n_draws"], config["seed"])
     groups = dict(sorted(groups.items()))
     row = {"metric": metric, "surface": " ".join(surface), "setting": dict(setting)}
@@ -103,12 +103,12 @@ def floor_row(metric: str, surface: tuple, setting: tuple, groups: Groups, exact
 
 
 def spread(values: list[float]) -> dict:
-    """The mean of what was measured at the target, and its extremes."""
+    """The mean of the values at the target size, and their extremes."""
     return {"value": sum(values) / len(values), "low": min(values), "high": max(values)}
 
 
 def seconds_of(rows: list[dict]) -> list[dict]:
-    """CPU seconds of one exact EMD over the number of points, the mean over repetitions."""
+    """CPU seconds of one exact EMD over the number of points, mean over repetitions."""
     exact = [row for row in rows if row["task"]["metric"] == "exact_w2"]
     sizes = sorted({row["task"]["m"] for row in exact})
     means = {m: [row["seconds"] for row in exact if row["task"]["m"] == m] for m in sizes}

@@ -1,4 +1,4 @@
-"""One measurement: what a metric says of two independent samples of one surface."""
+"""One measurement: a metric between two independent samples of one surface."""
 
 import functools
 import math
@@ -39,7 +39,7 @@ def measured(task: dict) -> float:
 
 
 def exact_w1(points: np.ndarray, others: np.ndarray) -> float:
-    """W₁: the least mean distance over pairings, in mm."""
+    """W₁: the minimal mean distance over pairings, in mm."""
     masses = np.full(len(points), 1 / len(points))
     cost = ot.dist(points, others, metric="euclidean")
     return float(ot.emd2(masses, masses, cost, numItermax=100 * len(points) ** 2))
@@ -52,7 +52,7 @@ def point_to_point(points: np.ndarray, others: np.ndarray) -> float:
 
 
 def sinkhorn_length(points: np.ndarray, others: np.ndarray, setting: dict, scaling: float) -> float:
-    """The root of twice GeomLoss's value, in mm; the sign of a negative value is kept."""
+    """The root of twice GeomLoss's value, in mm, with the sign of the value."""
     both = np.concatenate([points, others])
     middle = (both.max(axis=0) + both.min(axis=0)) / 2
     unit = 1.0 if "blur_mm" in setting else float(np.abs(both - middle).max())

@@ -1,4 +1,4 @@
-"""One leg of a chain: a flow fitted from where the flows before it ended."""
+"""One flow of a sequence, fitted from the end of the flows before it."""
 
 import json
 import time
@@ -17,12 +17,12 @@ from meshot.mesh import Mesh
 from meshot.metrics import Surface, average_surface_distance
 from meshot.types import Tensor
 
-#: The numbers of a leg that are settings of a fit.
+#: The entries of a leg that are settings of the fit.
 OF_THE_FIT = ("n_iterations", "learning_rate", "n_steps", "n_directions", "coarse_share")
 
 
 class Clock:
-    """Seconds spent on a fit, of the processor and of the wall, that go on after a kill from the last saved state."""
+    """CPU and wall-clock seconds of a fit. After an interruption they continue from the last saved state."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -35,13 +35,13 @@ class Clock:
         return {name: self.spent[name] + now[name] - self.started[name] for name in now}
 
     def save(self) -> None:
-        """Keep them, as the state of the fit is kept."""
+        """Store them, together with the state of the fit."""
         with whole_file(self.path) as temporary:
             temporary.write_text(json.dumps(self.now()), encoding="utf-8")
 
 
 def leg_settings(leg: dict, config: dict) -> FitSettings:
-    """How the flow of a leg is fitted; checked every so many iterations, and saved with every check."""
+    """The settings of the fit of a leg, with the intervals of checks and saved states."""
     every = min(config["check_every"], max(1, leg["n_iterations"] // 4))
     numbers = {name: leg[name] for name in OF_THE_FIT if name in leg}
     if "n_directions" in numbers:
@@ -50,12 +50,12 @@ def leg_settings(leg: dict, config: dict) -> FitSettings:
 
 
 def guard_of(leg: dict) -> Guard:
-    """None may cross at any check; but where a leg is mended afterwards, crossings are only counted."""
+    """A guard that allows no intersections at checks; None if the leg is repaired afterwards."""
     return Guard(max_crossings=10**9) if "standstill" in leg else Guard()
 
 
 def leg_loss(leg: dict, target: Mesh, normal_scale: float) -> FitLoss:
-    """Sliced Wasserstein on oriented varifolds, or Chamfer on points drawn anew from both surfaces every time."""
+    """Sliced Wasserstein on oriented varifolds, or Chamfer on points drawn from both surfaces in every call."""
     if leg["loss"] == "sliced":
         return sliced_loss(target, lambda mesh: varifold(mesh, normal_scale=normal_scale))
 
@@ -69,7 +69,7 @@ def leg_loss(leg: dict, target: Mesh, normal_scale: float) -> FitLoss:
 
 
 def closeness(mesh: Mesh, target: Mesh, n_points: int, seed: int) -> float:
-    """ASSD in mm, point to face, both ways."""
+    """ASSD in mm, point to face, in both directions."""
     surfaces = Surface(mesh), Surface(target)
     samples = [
         surface.sample(n_points, np.random.default_rng(stream))
@@ -79,7 +79,7 @@ def closeness(mesh: Mesh, target: Mesh, n_points: int, seed: int) -> float:
 
 
 def fit_leg(name: str, leg: dict, mesh: Mesh, target: Mesh, config: dict, partial: Path) -> tuple[Fit, dict]:
-    """The flow that carries ``mesh`` on, fitted in single precision, and the seconds that took."""
+    """The flow that moves ``mesh`` on, fitted in single precision, and its time in seconds."""
     settings, mesh, goal = leg_settings(leg, config), mesh.to(torch.float32), target.to(torch.float32)
     field = grid_around(
         mesh.vertices, goal.vertices, margin=leg["margin"], spacings=tuple(leg["spacings"]), n_pieces=leg["n_pieces"]

@@ -1,4 +1,4 @@
-"""What is recorded of a chain of fitted flows."""
+"""The measurements of a sequence of fitted flows."""
 
 import numpy as np
 import torch
@@ -8,11 +8,11 @@ from meshot.mesh import Mesh
 from meshot.mesh.topology import self_intersecting_faces
 from meshot.metrics import evaluate, smallest_angles
 
-LOSS_STRIDE = 10  # iterations whose losses are told as one mean
+LOSS_STRIDE = 10  # iterations whose losses are averaged in the record
 
 
 def fit_record(leg: dict, fit: Fit, seconds: dict[str, float], mending: dict) -> dict:
-    """How one leg was fitted: losses, distances and crossings on the way, retreats, seconds."""
+    """The record of one fit: losses, distances, intersections, backtracks, seconds."""
     history = fit.history
     means = [float(np.mean(history["loss"][i : i + LOSS_STRIDE])) for i in range(0, len(history["loss"]), LOSS_STRIDE)]
     names = ("checked_iteration", "checked_loss", "checked_crossings", "retreat_iteration", "assd", "cpu_seconds")
@@ -29,19 +29,19 @@ def fit_record(leg: dict, fit: Fit, seconds: dict[str, float], mending: dict) ->
 
 
 def quality(mesh: Mesh) -> dict[str, float]:
-    """The smallest angles of the faces, in degrees, by percentiles."""
+    """Percentiles of the smallest angles of the faces, in degrees."""
     angles = smallest_angles(mesh)
     return {f"percentile_{q}": float(np.percentile(angles, q)) for q in (0, 1, 50)}
 
 
 def measured(mesh: Mesh, target: Mesh, config: dict) -> dict:
-    """Every metric with its floor, and the smallest angles."""
+    """All metrics with their floors, and the smallest angles."""
     ruler = evaluate(mesh, target, config["n_points"], config["seed"], config["n_emd_points"])
     return {"metrics": ruler.as_dict(), "smallest_angles": quality(mesh)}
 
 
 def watched_path(legs: list[Leg], mesh: Mesh) -> dict:
-    """Crossing faces after every step of the chain, and what each leg does to space along the paths."""
+    """Self-intersections after every step of the sequence, and the local Jacobians of each leg along the paths."""
     with torch.no_grad():
         positions = chain_trajectory(legs, mesh.vertices)
     return {

@@ -1,4 +1,4 @@
-"""A chain of fitted legs without the crossings that they would make."""
+"""Repair of a sequence of fitted flows that would cause self-intersections."""
 
 import time
 
@@ -11,11 +11,11 @@ from meshot.mesh.topology import self_intersecting_faces
 
 
 def mended_chain(leg: dict, legs: list[Leg], start: Mesh) -> tuple[list[Leg], Mesh, dict]:
-    """The legs and the start, mended so that no faces cross after any leg, and what that took.
+    """The legs and the start after repair, so that there are no self-intersections after any leg; and a record of it.
 
-    ``leg`` holds the settings of the last one. First the start is cut where the chain stretches it, if there is a
-    longest edge; faces that cross then are a matter of the flow, which comes to a standstill there, if there is a
-    radius: in the earlier legs too, for the new faces have not been through them.
+    ``leg`` has the settings of the last one. If it sets a longest edge, edges of the start that the sequence stretches
+    are first divided. If it sets a radius, the flows are damped where faces still intersect, in earlier legs too,
+    because the new faces have not been checked in them.
     """
     began = {"cpu": time.process_time(), "wall": time.perf_counter()}
     counts = {"fitted": crossings(legs, start)}
@@ -30,7 +30,7 @@ def mended_chain(leg: dict, legs: list[Leg], start: Mesh) -> tuple[list[Leg], Me
 
 
 def stilled_chain(legs: list[Leg], start: Mesh, radius: float) -> list[Leg]:
-    """Every leg brought to a standstill where faces cross after it."""
+    """All legs, damped where faces intersect after them."""
     done: list[Leg] = []
     for leg in legs:
         field = without_crossings(leg.field, carried(done, start), leg.n_steps, radius=radius)
@@ -39,5 +39,5 @@ def stilled_chain(legs: list[Leg], start: Mesh, radius: float) -> list[Leg]:
 
 
 def crossings(legs: list[Leg], start: Mesh) -> int:
-    """How many faces cross at the end of a chain."""
+    """The number of self-intersecting faces at the end of a sequence."""
     return len(self_intersecting_faces(carried(legs, start)))

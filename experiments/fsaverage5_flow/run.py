@@ -1,29 +1,30 @@
-"""Flows from smooth starts to fsaverage5's white surface, both hemispheres, without a crossing face.
+"""Fit flows from smooth surfaces to fsaverage5's white surface, both hemispheres, without self-intersections.
 
-Run as ``python experiments/fsaverage5_flow/run.py``, on one thread. Every fit saves as it goes and every finished task
-is kept in ``partial/``, so that a run that was stopped goes on where it was and ends with the same result; ``--fresh``
-throws such parts away first.
+Run as ``python experiments/fsaverage5_flow/run.py``, on one thread. Every fit saves its state and every finished task
+is stored in ``partial/``, so that a stopped run can be resumed with the same result. ``--fresh`` deletes stored parts
+first.
 
-Three *tasks* for each hemisphere, see ``config.yaml``: ``sliced``, from the target smoothed a little, by sliced
-Wasserstein on varifolds alone; ``mixture``, which goes on from there by Chamfer on a finer grid; ``far``, from a
-surface with neither the folds nor the connectivity. Each ends in a chain of flows (:mod:`meshot.flow.fitting.chain`).
+Three *tasks* for each hemisphere, see ``config.yaml``: ``sliced``, from the slightly smoothed target, by sliced
+Wasserstein on varifolds alone; ``mixture``, which continues with Chamfer on a finer grid; ``far``, from a surface
+without the folds and with another connectivity. Each gives a sequence of flows (:mod:`meshot.flow.fitting.chain`).
 
-``results.json`` holds, under "results" → hemisphere → task (lengths in mm):
+``results.json`` has, under "results" → hemisphere → task (lengths in mm):
 
-- ``goal``, ``stretch`` (null where there is none), ``assd``, ``intersecting_faces``, and from them ``reached``,
+- ``goal``, ``stretch`` (null if there is none), ``assd``, ``intersecting_faces``, and computed from them ``reached``,
   ``stretched``;
-- ``seconds`` of the wall and ``cpu_seconds`` of all fits of the chain, checks included; ``n_vertices``, ``n_faces``;
-- ``fits``, one for each leg (see ``measuring.fit_record``): ``loss`` (means over ten iterations), at every check
+- ``seconds`` (wall-clock) and ``cpu_seconds`` of all fits of the sequence, including checks; ``n_vertices``,
+  ``n_faces``;
+- ``fits``, one per leg (see ``measuring.fit_record``): ``loss`` (means over ten iterations), at every check
   ``checked_iteration``, ``checked_loss``, ``checked_crossings``, ``assd``, ``cpu_seconds``; ``retreat_iteration``,
-  ``best_iteration``, ``n_steps``; ``mending`` {``crossings`` of the leg as it was ``fitted``, with the start ``cut``
-  where the chain stretches it, with the flow ``damped`` where faces crossed; ``n_faces`` after cutting; ``seconds``};
-  ``seconds`` and ``cpu_seconds_in_all``, mending included;
+  ``best_iteration``, ``n_steps``; ``mending`` {``crossings`` of the leg as ``fitted``, with the start ``cut`` where the
+  sequence stretches it, with the flow ``damped`` where faces intersected; ``n_faces`` after division; ``seconds``};
+  ``seconds`` and ``cpu_seconds_in_all``, including repair;
 - ``before``, ``after``: ``metrics`` {name: value, unit, definition, floor}, ``smallest_angles`` {percentile: degrees};
-- ``path`` (see ``measuring.watched_path``): ``crossings`` after every step of the chain, the first before any;
+- ``path`` (see ``measuring.watched_path``): ``crossings`` before the first step and after every step of the sequence;
   ``legs``: local Lipschitz constants, h·Lip, flips, volume factors; ``largest_move``;
-- ``stored`` (where the flow is kept): ``files``, and ``assd`` and ``intersecting_faces`` of the rounded flow in them.
+- ``stored`` (if the flow is stored): ``files``, and ``assd`` and ``intersecting_faces`` of the rounded flow in them.
 
-The kept flows are read by ``stored.stored_flow(hemisphere, task)``: the start, and the legs that carry it, for
+The stored flows are read by ``stored.stored_flow(hemisphere, task)``: the start, and the legs of the sequence, for
 :func:`meshot.flow.fitting.chain_trajectory`.
 """
 
@@ -52,9 +53,9 @@ PARTIAL = HERE / "partial"
 
 
 def fit_chain(side: str, task: str, target: Mesh, config: dict, place: Path) -> tuple[list[Leg], Mesh, list[dict]]:
-    """The legs of a task, its start, and how each leg was fitted; those of the task that it goes on from come first.
+    """The legs of a task including those it continues from, its start, and the records of the fits.
 
-    The start is cut where the legs stretch it, if one of them asks for that. Fits save into ``place`` as they go.
+    Edges of the start that the legs stretch are divided if a leg requires it. States of fits are saved in ``place``.
     """
     settings = config["tasks"][task]
     if "after" in settings:
@@ -63,14 +64,14 @@ def fit_chain(side: str, task: str, target: Mesh, config: dict, place: Path) -> 
         legs, start, records = [], start_surface(side, config["starts"][settings["start"]]), []
     for index, leg in enumerate(settings["legs"]):
         fit, seconds = fit_leg(f"{side}_{task}_{index}", leg, carried(legs, start), target, config, place)
-        # Fitted in single precision, applied in double.
+        # Fitted in single precision, applied in double precision.
         legs, start, mending = mended_chain(leg, [*legs, Leg(fit.field.double(), fit.n_steps)], start)
         records = [*records, fit_record(leg, fit, seconds, mending)]
     return legs, start, records
 
 
 def do_task(task: str, side: str, config: dict, place: Path) -> dict:
-    """Everything about one task on one hemisphere."""
+    """All results of one task on one hemisphere."""
     settings, target = config["tasks"][task], target_surface(side)
     legs, start, fits = fit_chain(side, task, target, config, place)
     end = carried(legs, start)
@@ -99,7 +100,7 @@ def do_task(task: str, side: str, config: dict, place: Path) -> dict:
 
 
 def store(side: str, task: str, legs: list[Leg], start: Mesh, target: Mesh, config: dict) -> dict:
-    """Write the rounded flow, read it again, and measure where it leads; its start must be one that was not cut."""
+    """Write the rounded flow, read it, and measure its result. Its start must not have divided edges."""
     files = write_flow(side, task, legs, config["velocity_step"])
     end = carried(read_flow(files, [leg.n_steps for leg in legs]), start)
     return {
@@ -110,9 +111,9 @@ def store(side: str, task: str, legs: list[Leg], start: Mesh, target: Mesh, conf
 
 
 def main() -> None:
-    """All tasks on both hemispheres, then the results."""
+    """Do all tasks on both hemispheres, then write the results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--fresh", action="store_true", help="forget what a stopped run left, and begin anew")
+    parser.add_argument("--fresh", action="store_true", help="delete what a stopped run left, and start again")
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     torch.set_num_threads(config["n_threads"])
     if parser.parse_args().fresh:

@@ -1,4 +1,4 @@
-"""The fitted flows that are kept beside this file, and their starts."""
+"""The fitted flows that are stored beside this file, and their starts."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ HERE = Path(__file__).parent
 
 
 def write_flow(side: str, task: str, legs: list[Leg], step: float) -> list[str]:
-    """Write every leg with coefficients rounded to multiples of ``step``; the names of the files."""
+    """Write every leg with coefficients rounded to multiples of ``step``. Returns the names of the files."""
     names = [f"velocity_{side}_{task}_{index}.safetensors.gz" for index in range(len(legs))]
     for name, leg in zip(names, legs, strict=True):
         write_velocity(HERE / name, leg.field, step)
@@ -21,19 +21,19 @@ def write_flow(side: str, task: str, legs: list[Leg], step: float) -> list[str]:
 
 
 def read_flow(names: list[str], n_steps: list[int]) -> list[Leg]:
-    """The legs again."""
+    """Read the legs of :func:`write_flow`."""
     return [Leg(read_velocity(HERE / name), n) for name, n in zip(names, n_steps, strict=True)]
 
 
 def stored_flow(side: str, task: str) -> tuple[Mesh, list[Leg]]:
-    """The start of a task and the legs of the flow that carries it to the white surface, as far as they are kept.
+    """The start of a task, and the legs of its stored flow to the white surface.
 
     ``meshot.flow.fitting.chain_trajectory(legs, start.vertices)`` moves it, step by step.
 
     Raises
     ------
     ValueError
-        If the flow of this task was not kept.
+        If the flow of this task is not stored.
     """
     record = read_results(HERE / "results.json")
     result = record["results"][side][task]

@@ -1,4 +1,4 @@
-"""Where the flows begin, and where they are to end."""
+"""The initial and the target surfaces."""
 
 import numpy as np
 import torch
@@ -11,22 +11,22 @@ from meshot.mesh.geometry import edge_lengths, mesh_edges
 from meshot.volume import Volume
 from meshot.volume.surfaces import enclosed_fractions, isosurface
 
-MOST_CUTS = 8  # rounds; an edge is then a 256th of what it was
+MOST_CUTS = 8  # maximum number of divisions; an edge is then 1/256 of its length
 
 
 def target_surface(side: Hemisphere) -> Mesh:
-    """fsaverage5's white surface; its right hemisphere has four crossing faces, which are mended."""
+    """fsaverage5's white surface. Its right hemisphere has four self-intersecting faces, which are repaired."""
     return smooth_crossings(fsaverage5_surface("white", side))
 
 
 def start_surface(side: Hemisphere, start: dict) -> Mesh:
-    """The target smoothed; with a voxel size in ``start``, remeshed too, so that not even the connectivity is left."""
+    """The smoothed target; with a voxel size in ``start`` also remeshed, so that the connectivity differs."""
     smooth = laplacian_smoothing(target_surface(side), start["smoothing"])
     return remeshed(smooth, start["voxel"], start["n_faces"], start["evening"]) if "voxel" in start else smooth
 
 
 def remeshed(mesh: Mesh, voxel: float, n_faces: int, evening: int) -> Mesh:
-    """Another triangulation of nearly the same surface: its voxels, marching cubes, fewer faces, a little smoothing."""
+    """Another triangulation of nearly the same surface: voxelisation, marching cubes, decimation, light smoothing."""
     lower, upper = (bound.numpy() for bound in (mesh.vertices.amin(dim=0), mesh.vertices.amax(dim=0)))
     affine = np.diag([voxel, voxel, voxel, 1.0])
     affine[:3, 3] = lower - 3 * voxel
@@ -38,15 +38,15 @@ def remeshed(mesh: Mesh, voxel: float, n_faces: int, evening: int) -> Mesh:
 
 @torch.no_grad()
 def carried(legs: list[Leg], mesh: Mesh) -> Mesh:
-    """The mesh where the chain takes it."""
+    """The mesh after the sequence of flows."""
     return mesh.with_vertices(chain_end(legs, mesh.vertices))
 
 
 def cut_where_stretched(start: Mesh, legs: list[Leg], longest: float) -> Mesh:
-    """The same start with edges cut in two until none is longer than ``longest`` where the chain has taken it.
+    """The start with edges divided until none is longer than ``longest`` after the sequence of flows.
 
-    A flow carries points; between them a triangle stays flat, and where it is stretched far it leaves the path of the
-    surface and meets others.
+    A flow moves points. Triangles between them stay flat. Where a triangle is stretched, it deviates from the moved
+    surface and may intersect other triangles.
     """
     for _ in range(MOST_CUTS):
         end = carried(legs, start)

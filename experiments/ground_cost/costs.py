@@ -1,4 +1,4 @@
-"""Two ground costs, and what they change in transport between points of two surfaces."""
+"""Two ground costs, and their effect on transport between points of two surfaces."""
 
 import math
 
@@ -36,7 +36,7 @@ def two_surfaces(seed: int, config: dict) -> tuple[Array, Array]:
 
 
 def transport_row(seed: int, p: float, config: dict) -> dict[str, float]:
-    """How the two costs differ between two surfaces: value, plan, descent direction, change under rotation."""
+    """Differences between the two costs for two surfaces: value, plan, descent direction, change under rotation."""
     points, others = two_surfaces(seed, config)
     costs = {cost: cost_matrix(points, others, p, cost) for cost in (EUCLIDEAN, COORDINATES)}
     partners = {cost: scipy.optimize.linear_sum_assignment(matrix)[1] for cost, matrix in costs.items()}
@@ -64,7 +64,7 @@ def _descent_direction(points: Array, partners: Array, p: float, cost: str) -> A
 
 
 def _turned(points: Array, others: Array, p: float, config: dict, seed: int) -> dict[str, float]:
-    """The spread (largest over smallest, minus one) of each cost's root when both surfaces turn together."""
+    """The spread (largest over smallest, minus one) of each cost's root under rotations of both surfaces."""
     turns = Rotation.random(config["n_turns"], rng=np.random.default_rng([seed, 2])).as_matrix()
     masses = np.full(len(points), 1 / len(points))
     found = {}
@@ -76,7 +76,7 @@ def _turned(points: Array, others: Array, p: float, config: dict, seed: int) -> 
 
 
 def minimiser_row(seed: int, p: float, config: dict) -> dict[str, float]:
-    """Where one point is nearest to a third of a surface under each cost, and how far apart the two places are."""
+    """The position with the smallest mean cost to a third of a surface, for each cost, and the distance of the two."""
     points, _ = two_surfaces(seed, config)
     axis = Rotation.random(rng=np.random.default_rng([seed, 3])).as_matrix()[0]
     cap = points[points @ axis > np.quantile(points @ axis, 2 / 3)]
@@ -94,7 +94,7 @@ def minimiser_row(seed: int, p: float, config: dict) -> dict[str, float]:
 
 
 def sliced_rows(config: dict) -> list[dict]:
-    """Sliced costs of a step along an axis and along a diagonal, against E|⟨θ, z⟩|^p = c ‖z‖₂^p."""
+    """Sliced costs of a step along an axis and along a diagonal, compared with E|⟨θ, z⟩|^p = c ‖z‖₂^p."""
     directions, rows = quasi_directions(config["n_directions"], 3), []
     for p in config["exponents"]:
         constant = direction_moment(3, p)
@@ -123,9 +123,9 @@ def two_steps(config: dict) -> dict[str, Array]:
 
 
 def asked_rows(config: dict) -> list[dict]:
-    """What each loss (and metric) says of two single points: which cost must it have?
+    """The value of each loss and metric for two single points, which shows its ground cost.
 
-    A step of the same Euclidean length costs ‖z‖₂^p whichever way it goes; Σ|zₖ|^p does not, but for p = 2.
+    ‖z‖₂^p depends only on the Euclidean length of a step. Σ|zₖ|^p also depends on the direction, unless p = 2.
     """
     directions = quasi_directions(config["n_directions"], 3)
     losses = {("chamfer", 2): chamfer}

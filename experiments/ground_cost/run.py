@@ -1,7 +1,7 @@
 """Compare the Euclidean ground cost with the sum of p-th powers that the paper writes.
 
-Run as ``python experiments/ground_cost/run.py``. Finished pairs of an exponent and a seed are kept in ``partial.jsonl``
-until all are done, so that a run that was stopped goes on where it ended.
+Run as ``python experiments/ground_cost/run.py``. Finished combinations of exponent and seed are stored in
+``partial.jsonl`` until all are done, so that a stopped run can be resumed.
 """
 
 import time
@@ -19,7 +19,7 @@ HERE = Path(__file__).resolve().parent
 
 
 def main() -> None:
-    """Every exponent and seed, then the summary; a minute in all."""
+    """All exponents and seeds, then the summary. Takes one minute."""
     torch.set_num_threads(1)
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
@@ -35,12 +35,12 @@ def main() -> None:
 
 
 def row_of(p: float, seed: int, config: dict) -> dict:
-    """Everything measured at one exponent under one seed."""
+    """All measurements for one exponent and one seed."""
     return {"p": p, "seed": seed} | transport_row(seed, p, config) | minimiser_row(seed, p, config)
 
 
 def summarise(rows: list[dict]) -> list[dict]:
-    """For every exponent the mean and the deviation over seeds of everything measured."""
+    """Mean and standard deviation over seeds of all measurements, for every exponent."""
     found = []
     for p in dict.fromkeys(row["p"] for row in rows):
         group = [row for row in rows if row["p"] == p]

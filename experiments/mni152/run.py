@@ -1,7 +1,7 @@
-"""From the MNI152 T1 to white surfaces, and a fitted flow from there to the surface of the white-matter map.
+"""White surfaces of the MNI152 T1, and a fitted flow from them to the surface of the white-matter map.
 
-Run as ``python experiments/mni152/run.py``. Every finished task is kept in ``partial/``, and every fit saves as it
-goes, so that a run that was stopped goes on where it was and ends with the same result.
+Run as ``python experiments/mni152/run.py``. Every finished task is stored in ``partial/``, and every fit saves its
+state, so that a stopped run can be resumed with the same result.
 """
 
 import itertools
@@ -40,7 +40,7 @@ PARTS = ("surfaces", "flow", "before", "after")
 
 
 def make_surfaces(side: str, config: dict, place: Path) -> dict:
-    """Initial surface and target of one hemisphere, into ``place``; what was counted on the way."""
+    """Write initial surface and target of one hemisphere to ``place``. Returns counts of the intermediate results."""
     t1, white_matter = mni152_t1(), mni152_white_matter()
     guide = (fsaverage5_surface(kind, side) for kind in ("white", "pial"))
     region = hemisphere_region(t1, *guide, side, **config["region"])
@@ -55,7 +55,7 @@ def make_surfaces(side: str, config: dict, place: Path) -> dict:
 
 
 def count(surface: TissueSurface) -> dict:
-    """Voxels, topology before and after, faces, area."""
+    """Voxels, topology before and after the correction, faces, area."""
     n_before, n_after = (int(mask.data.sum()) for mask in (surface.mask, surface.genus_zero_mask))
     before = topology(isosurface(surface.mask.with_data(surface.mask.data.astype(float))))
     after = topology(surface.mesh)
@@ -72,12 +72,12 @@ def count(surface: TissueSurface) -> dict:
 
 
 def load(side: str, name: str, place: Path) -> Mesh:
-    """A surface that :func:`make_surfaces` left."""
+    """A surface written by :func:`make_surfaces`."""
     return Mesh(**safetensors.torch.load_file(place / f"{side}_{name}.safetensors"))
 
 
 def fit(side: str, field: GridVelocity, stage: int, config: dict, place: Path) -> tuple[GridVelocity, dict]:
-    """One stage of the fit, gone on with from its checkpoint; the field and how the loss fell."""
+    """One stage of the fit, resumed from its checkpoint. Returns the field and the history of the loss."""
     settings = dict(config["stages"][stage])
     n_faces = settings.pop("n_faces")
     initial, target = (decimated(load(side, name, place), n_faces).to(torch.float32) for name in ("initial", "target"))
@@ -106,7 +106,7 @@ def fit(side: str, field: GridVelocity, stage: int, config: dict, place: Path) -
 
 
 def fit_stages(side: str, config: dict, place: Path) -> dict:
-    """The flow of one side, rounded, into ``place``; how it was fitted and what it does."""
+    """Write the rounded flow of one side to ``place``. Returns the records of the fit and of the flow."""
     initial, target = (load(side, name, place) for name in ("initial", "target"))
     spacings = tuple(config["grid"]["spacings"])
     field = grid_around(
@@ -128,14 +128,14 @@ def fit_stages(side: str, config: dict, place: Path) -> dict:
 
 
 def carried(side: str, config: dict, place: Path) -> tuple[GridVelocity, Mesh]:
-    """The flow that is kept, and where it leads, in double precision: what is measured is the rounded field."""
+    """The stored flow and the mesh moved by it, in double precision: the rounded field is measured."""
     field, initial = read_velocity(place / VELOCITY.format(side)).double(), load(side, "initial", place)
     with torch.no_grad():
         return field, initial.with_vertices(integrate(field, initial.vertices, config["n_steps"]))
 
 
 def do_part(side: str, part: str, config: dict, place: Path) -> dict:
-    """One part of a side; ``before`` and ``after`` are all metrics with their floors."""
+    """One part of a side. ``before`` and ``after`` are all metrics with their floors."""
     if part == "surfaces":
         return make_surfaces(side, config, place)
     if part == "flow":
@@ -145,7 +145,7 @@ def do_part(side: str, part: str, config: dict, place: Path) -> dict:
 
 
 def told(found: dict[str, dict], seconds: dict[str, float]) -> dict:
-    """One side of the results."""
+    """The results of one side."""
     return {
         "surfaces": found["surfaces"] | {"seconds": seconds["surfaces"]},
         **found["flow"],
@@ -155,10 +155,10 @@ def told(found: dict[str, dict], seconds: dict[str, float]) -> dict:
 
 
 def main() -> None:
-    """Both hemispheres, then the results."""
+    """Do both hemispheres, then write the results."""
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     torch.set_num_threads(config["n_threads"])
-    # Without this, torch adds gradients of shared corners in whatever order its threads arrive.
+    # Otherwise torch adds gradients of shared vertices in the varying order of its threads.
     torch.use_deterministic_algorithms(True)
     place = PARTIAL / fingerprint(HERE, config)
     place.mkdir(parents=True, exist_ok=True)

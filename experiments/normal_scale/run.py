@@ -1,7 +1,7 @@
 """The share of the normals in the sliced loss of oriented varifolds, over their scale in mm.
 
-Run as ``python experiments/normal_scale/run.py``. Finished pairs are kept in ``partial.jsonl`` until all are done, so
-that a run that was stopped goes on with the next pair.
+Run as ``python experiments/normal_scale/run.py``. Finished pairs are stored in ``partial.jsonl`` until all are done, so
+that a stopped run can be resumed.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ HERE = Path(__file__).parent
 
 
 def main() -> None:
-    """Do the pairs that are missing, then write the results."""
+    """Do the missing pairs, then write the results."""
     torch.set_num_threads(1)
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     measured, partial = pairs(config), HERE / "partial.jsonl"

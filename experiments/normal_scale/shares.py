@@ -1,4 +1,4 @@
-"""What the normals add to the loss, to its gradient, and to what a nearest neighbour is."""
+"""The effect of normals on the loss, on its gradient, and on nearest neighbours."""
 
 import itertools
 
@@ -14,7 +14,7 @@ from meshot.types import Tensor
 
 
 def pairs(config: dict) -> dict[str, tuple[Mesh, Mesh]]:
-    """Surfaces to compare, in mm: near and far, smooth and rough, and one turned inside out."""
+    """Pairs of surfaces, in mm: near and far, smooth and rough, and one inside out."""
     white, pial = (fsaverage5_surface(kind, config["hemisphere"]) for kind in ("white", "pial"))
     folds = config["folds"]
     deep, shallow = (folded_sphere(folds["subdivisions"], folds["radius"], depth) for depth in folds["depths"])
@@ -30,12 +30,12 @@ def pairs(config: dict) -> dict[str, tuple[Mesh, Mesh]]:
 
 
 def half_extent(mesh: Mesh) -> float:
-    """Half of the largest side of the box around a mesh: the length that is one in [-1, 1] coordinates."""
+    """Half of the largest side of the bounding box of a mesh: the length of 1 in coordinates scaled to [-1, 1]."""
     return float((mesh.vertices.amax(dim=0) - mesh.vertices.amin(dim=0)).max()) / 2
 
 
 def scales_of(config: dict, mesh: Mesh) -> list[float]:
-    """An even logarithmic grid, 1 mm, and half the extent of the mesh."""
+    """A logarithmic grid of scales, 1 mm, and half the extent of the mesh."""
     grid = config["scales"]
     spaced = np.geomspace(grid["from"], grid["to"], grid["n"])
     return sorted({*(float(f"{s:.6g}") for s in spaced), 1.0, float(f"{half_extent(mesh):.6g}")})
@@ -48,18 +48,17 @@ def measure_pair(source: Mesh, target: Mesh, config: dict) -> dict:
 
 
 def _in_six(mesh: Mesh, scale: float) -> DiscreteMeasure:
-    """The varifold in R⁶, also at scale 0, where its normals are zero."""
+    """The varifold in R⁶. At scale 0 its normals are zero."""
     measure = varifold(mesh, normal_scale=scale)
     points = torch.nn.functional.pad(measure.points, (0, 6 - measure.points.shape[1]))
     return DiscreteMeasure(points, measure.weights)
 
 
 def measure_scale(source: Mesh, target: Mesh, scale: float, config: dict) -> dict:
-    """Everything at one scale: means over sets of directions, and the standard deviation of the share over them.
+    """All measurements at one scale: means over sets of directions, and the standard deviation of the share over them.
 
-    The share is 1 − SW₂²(scale 0)/SW₂²(scale), both along the same directions of R⁶: what is left of the loss if the
-    normals are taken away. The share in the gradient compares the norms of its two parts, through normals and through
-    places (with weights held fixed), as seen by the vertices.
+    The share is 1 − SW₂²(scale 0)/SW₂²(scale), both along the same directions of R⁶. The share in the gradient is
+    computed from the norms of its two parts at the vertices: through normals and through positions, with fixed weights.
     """
     values, shares, pulls = [], [], []
     for seed in config["seeds"]:
@@ -95,7 +94,7 @@ def _gradient_share(source: Mesh, target: Mesh, scale: float, directions: Tensor
 
 
 def _wrong_neighbours(source: Mesh, target: Mesh, scale: float) -> float:
-    """The share of the source's area whose nearest support of the target faces the other way: another bank."""
+    """The fraction of the source's area whose nearest support point of the target has an opposite normal."""
     here, there = varifold(source, normal_scale=scale), varifold(target, normal_scale=scale)
     _, nearest = scipy.spatial.cKDTree(there.points.numpy()).query(here.points.numpy())
     normals, others = (varifold(mesh, normal_scale=1.0).points[:, 3:] for mesh in (source, target))
@@ -104,7 +103,7 @@ def _wrong_neighbours(source: Mesh, target: Mesh, scale: float) -> float:
 
 
 def crossing_scale(rows: list[dict], share: float = 0.5) -> float | None:
-    """The scale at which the normals first make this share of the loss, between grid points on a logarithmic line."""
+    """The scale at which the share of the normals first reaches ``share``, interpolated on a logarithmic axis."""
     for low, high in itertools.pairwise(rows):
         if low["share"] < share <= high["share"]:
             part = (share - low["share"]) / (high["share"] - low["share"])

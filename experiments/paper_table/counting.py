@@ -1,8 +1,8 @@
-"""Shares of intersecting faces as counts: what a bound in per cent can mean on a mesh of a given size."""
+"""Shares of intersecting faces as numbers of faces: the meaning of a bound in per cent for a mesh of a given size."""
 
 
 def smallest_shares(face_counts: list[int], bound: float, n_scans: int) -> list[dict]:
-    """Two faces are the fewest that can cross: their share in per cent, and what the bound allows."""
+    """The share in per cent of two faces, the smallest possible number, and the number that the bound allows."""
     rows = []
     for n_faces in face_counts:
         allowed = bound / 100 * n_faces
@@ -19,12 +19,12 @@ def smallest_shares(face_counts: list[int], bound: float, n_scans: int) -> list[
 
 
 def faces_for(bound: float) -> float:
-    """The number of faces from which on a single crossing pair is below the bound (in per cent)."""
+    """The number of faces from which a single intersecting pair is below the bound (in per cent)."""
     return 200 / bound
 
 
 def factors(paper: dict, n_faces: int) -> list[dict]:
-    """CortexODE's share over the bound, column by column, and its share as a count of faces."""
+    """CortexODE's share divided by the bound, for each column, and its share as a number of faces."""
     rows = []
     for cohort, sides in paper["table_1"].items():
         for side, systems in sides.items():

@@ -1,4 +1,4 @@
-"""SW against W in each row: what the printed means must satisfy, under each way of writing the two columns."""
+"""Consistency of SW and W in each row: inequalities for the printed means, under each convention of the columns."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from meshot.rng import numpy_generator
 
-#: What the columns may hold, and how a row is then bounded: SWD ** power <= bound * EMD, for means over scans too.
+#: Possible meanings of the columns, and the bound of a row, also for means over scans: SWD ** power <= bound * EMD.
 #: With p = 2: SW2^2 <= W2^2 / 3. With p = 1: SW1 <= W1 / 2, the mean of |u_1| over directions. GeomLoss at p = 2
 #: returns half of W2^2. A mean of roots is at most the root of the mean, so that the fourth holds for means.
 CONVENTIONS = {
@@ -20,7 +20,7 @@ CONVENTIONS = {
 
 
 def direction_allowance(n_directions: int, n_draws: int, quantile: float, seed: int) -> float:
-    """By which factor SW2² over random directions may exceed W2²/3: 3 times the largest eigenvalue of mean u uᵀ."""
+    """The factor by which SW2² over random directions may exceed W2²/3: 3 times the largest eigenvalue of mean u uᵀ."""
     generator = numpy_generator(seed)
     largest = np.empty(n_draws)
     for i in range(n_draws):
@@ -31,13 +31,13 @@ def direction_allowance(n_directions: int, n_draws: int, quantile: float, seed: 
 
 
 def excess(emd: float, swd: float, convention: dict, allowance: float, rounding: float) -> float:
-    """SWD over its largest value that the row allows: above 1 the row breaks the inequality, rounding granted."""
+    """SWD over its largest value in the row. Above 1 the row violates the inequality, with allowance for rounding."""
     bound = convention["bound"] * allowance ** convention["directions"] * (emd + rounding)
     return (swd - rounding) ** convention["power"] / bound
 
 
 def rows_of(paper: dict) -> list[dict]:
-    """Every row of the three tables with an EMD and an SWD."""
+    """All rows of the three tables with an EMD and an SWD."""
     rows = []
     for cohort, sides in paper["table_1"].items():
         for side, systems in sides.items():
@@ -54,14 +54,14 @@ def _row(table: str, part: str, system: str, cells: list) -> dict:
 
 
 def exchanged(row: dict, part: str) -> dict:
-    """The row with its two columns swapped if it belongs to ``part``."""
+    """The row, with its two columns swapped if it belongs to ``part``."""
     if not row["part"].startswith(part):
         return row
     return row | {"emd": row["swd"], "swd": row["emd"], "emd_sd": row["swd_sd"], "swd_sd": row["emd_sd"]}
 
 
 def broken_rows(rows: list[dict], allowance: float, rounding: float) -> list[dict]:
-    """For each convention how many rows break its inequality, and which."""
+    """For each convention the number of rows that violate its inequality, and their names."""
     found = []
     for name, convention in CONVENTIONS.items():
         ratios = {label(row): excess(row["emd"], row["swd"], convention, allowance, rounding) for row in rows}
@@ -71,5 +71,5 @@ def broken_rows(rows: list[dict], allowance: float, rounding: float) -> list[dic
 
 
 def label(row: dict) -> str:
-    """Which row it is, in words."""
+    """The name of a row."""
     return f"{row['table']}, {row['part']}, {row['system']}"

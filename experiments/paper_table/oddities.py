@@ -1,10 +1,10 @@
-"""Numbers of the tables that do not sit well beside the others: deviations, and cells printed twice."""
+"""Inconsistent numbers in the tables: deviations, and cells that are printed twice."""
 
 import itertools
 
 
 def smallest_deviations(rows: list[dict]) -> list[dict]:
-    """For each column of EMD and SWD its smallest standard deviation beside the next one up, largest factor first."""
+    """The smallest standard deviation of each column of EMD and SWD, and the next larger one, sorted by their ratio."""
     found = []
     for (table, part), group in itertools.groupby(rows, key=lambda row: (row["table"], row["part"])):
         group = list(group)
@@ -17,7 +17,7 @@ def smallest_deviations(rows: list[dict]) -> list[dict]:
 
 
 def printed_twice(paper: dict) -> list[dict]:
-    """DDOT on ADNI stands in Table 1 and in Table 3: where do the two differ?"""
+    """DDOT on ADNI is in Table 1 and in Table 3: the cells in which the two differ."""
     found = []
     for side in ("left", "right"):
         first, second = paper["table_1"]["ADNI"][side]["DDOT"], paper["table_3"][side]["SWD on varifolds"]
@@ -28,7 +28,7 @@ def printed_twice(paper: dict) -> list[dict]:
 
 
 def column_pattern(rows: list[dict]) -> list[dict]:
-    """How EMD and SWD relate in each cohort of Table 1, in the means and in the deviations."""
+    """The relation of EMD and SWD in each cohort of Table 1, for means and deviations."""
     found = []
     for cohort in ("ADNI", "OASIS"):
         group = [row for row in rows if row["table"] == "Table 1" and row["part"].startswith(cohort)]

@@ -1,4 +1,4 @@
-"""Read the paper's tables against themselves: inequalities, deviations, cells printed twice, shares as counts."""
+"""Check the paper's tables for consistency: inequalities, deviations, cells printed twice, shares as counts."""
 
 import time
 from pathlib import Path
@@ -27,7 +27,7 @@ def main() -> None:
 
 
 def table_read(paper: dict, config: dict) -> dict:
-    """Claim 14: EMD and SWD beside each other."""
+    """Claim 14: EMD and SWD."""
     rows, rounding = rows_of(paper), config["rounding"]
     allowance = direction_allowance(paper["n_directions"], **config["allowance"], seed=config["seed"])
     swapped = [exchanged(row, "OASIS") for row in rows]
@@ -44,7 +44,7 @@ def table_read(paper: dict, config: dict) -> dict:
 
 
 def counts_read(paper: dict, config: dict) -> dict:
-    """Claim 16: per cent as faces."""
+    """Claim 16: per cent as numbers of faces."""
     n_scans = paper["test_scans"]["ADNI"]
     return {
         "bound_percent": paper["si_bound"],

@@ -37,7 +37,7 @@ def bulging_sphere(size: Tensor) -> Mesh:
 
 
 def curve(config: dict) -> list[dict]:
-    """The slope of the mean of x over an L, W₁ to the origin along x: exactly 3/8, of which points give 1/4."""
+    """The slope of the mean of x over an L, that is, W₁ to the origin along x: exactly 3/8; points alone give 1/4."""
     origin = DiscreteMeasure(torch.zeros(1, 2, dtype=torch.float64))
     along_x = torch.tensor([[1.0, 0.0]], dtype=torch.float64)
     return slopes("mean of x on an L", bent_line, origin, along_x, 1, config["curve"])
@@ -60,7 +60,7 @@ def losses(config: dict) -> list[dict]:
 def slopes(
     name: str, family: Family, target: SurfaceMeasure | DiscreteMeasure, directions: Tensor, p: int, settings: dict
 ) -> list[dict]:
-    """For every number of points: means of sampled slopes with 95 % intervals, beside the exact ones."""
+    """For every number of points: means of sampled slopes with 95 % intervals, and the exact slopes."""
 
     def slope(encode: Callable) -> float:
         size = torch.tensor(1.0, dtype=torch.float64, requires_grad=True)

@@ -1,4 +1,4 @@
-"""A polygon descends to a star that it can reach, having corners enough, or not: where do the gradients lead it?"""
+"""Descent of a polygon to a star, with enough corners or too few, for several kinds of gradient."""
 
 from collections.abc import Callable
 
@@ -28,10 +28,10 @@ def descents(config: dict) -> list[dict]:
 
 
 def descend_once(n_corners: int, kind: str, seed: int, settings: dict) -> dict:
-    """Adam with a cosine schedule; the target is the continuous star for all, directions and points drawn afresh."""
+    """Adam with a cosine schedule. The target is the continuous star; directions and points are drawn at each step."""
     start, goal = regular_polygon(n_corners), star(**settings["star"])
     generator = np.random.default_rng([seed, 5])
-    # A circle has no preferred side: the corners start a little off it, alike for all kinds.
+    # To break the symmetry of the circle, the corners start slightly off it, in the same way for all kinds.
     off = 0.05 * torch.from_numpy(np.random.default_rng(seed).standard_normal(start.vertices.shape))
     vertices = (start.vertices + off).requires_grad_()
     optimiser = torch.optim.Adam([vertices], lr=settings["rate"])
@@ -49,6 +49,6 @@ def descend_once(n_corners: int, kind: str, seed: int, settings: dict) -> dict:
 
 
 def judged(contour: Contour, goal: Contour) -> float:
-    """The exact SW₂ along 360 even directions."""
+    """The exact SW₂ along 360 equally spaced directions."""
     squared = sliced_wasserstein(surface(contour), surface(goal), quasi_directions(360, 2, seed=1))
     return float(squared) ** 0.5

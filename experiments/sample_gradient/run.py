@@ -1,7 +1,7 @@
-"""Gradients through samples: the bias of fixed draws, and what it does to a descent.
+"""Gradients through samples: the bias for fixed draws, and its effect on a descent.
 
-Run as ``python experiments/sample_gradient/run.py``. Finished parts are kept in ``partial.jsonl`` until all are done,
-so that a run that was stopped goes on with the next part.
+Run as ``python experiments/sample_gradient/run.py``. Finished parts are stored in ``partial.jsonl`` until all are done,
+so that a stopped run can be resumed.
 """
 
 from pathlib import Path
@@ -19,7 +19,7 @@ PARTS = {"curve": curve, "losses": losses, "descent": descents}
 
 
 def main() -> None:
-    """Do the parts that are missing, then write the results."""
+    """Do the missing parts, then write the results."""
     torch.set_num_threads(1)
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"

@@ -1,8 +1,8 @@
-"""What the segmentation network and the way to the initial surface reach on held-out subjects.
+"""Results of the segmentation network and of the initial surfaces on held-out subjects.
 
-Run as ``python experiments/segmentation/run.py`` once both cohorts and the weights are there; ``--cohorts``,
-``--weights`` and ``--output`` take others. Every finished hemisphere is kept in a file beside the output, so that a run
-that was stopped goes on where it was.
+Run as ``python experiments/segmentation/run.py`` when both cohorts and the weights exist; ``--cohorts``, ``--weights``
+and ``--output`` replace the configured ones. Every finished hemisphere is stored in a file beside the output, so that a
+stopped run can be resumed.
 """
 
 import argparse
@@ -32,7 +32,7 @@ HERE = Path(__file__).parent
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Seen:
-    """A subject's scan and what the network says of it, kept while both hemispheres are measured."""
+    """A subject's scan and the output of the network, stored while both hemispheres are measured."""
 
     scan: object
     probability: dict[str, Volume]
@@ -40,7 +40,7 @@ class Seen:
 
 
 def measured(subject: Subject, side: str, seen: Seen, n_points: int, seed: int) -> dict:
-    """Every number of one hemisphere; distances in mm, in scanner space."""
+    """All numbers of one hemisphere; distances in mm, in scanner space."""
     started = time.process_time()
     surface = segmented_surface(seen.probability[side])
     mesh = in_scanner(surface.mesh, seen.scan)
@@ -75,7 +75,7 @@ def measured(subject: Subject, side: str, seen: Seen, n_points: int, seed: int) 
 
 
 def from_truth(subject: Subject, side: str, scan: object, fractions: np.ndarray, n_points: int, seed: int) -> dict:
-    """The same way from the true fractions: what the grid itself costs, with no network."""
+    """The same computation from the true fractions: the error of the grid itself, without a network."""
     surface = segmented_surface(scan.volume.with_data(fractions))
     found, goal = Surface(in_scanner(surface.mesh, scan)), Surface(subject.surface("white", side))
     there, back = offsets_between(found, goal, n_points, (seed, seed + 1))
@@ -84,7 +84,7 @@ def from_truth(subject: Subject, side: str, scan: object, fractions: np.ndarray,
 
 
 def parsed(words: list[str] | None) -> argparse.Namespace:
-    """What was asked for; the configuration where nothing was."""
+    """The parsed command line, with defaults from the configuration."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cohorts", nargs="+", help="folders, in place of those of config.yaml")
     parser.add_argument("--weights", help="a file, in place of that of config.yaml")
@@ -93,7 +93,7 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
 
 
 def main(words: list[str] | None = None) -> None:
-    """Every held-out hemisphere, then the results."""
+    """Measure all held-out hemispheres, then write the results."""
     asked = parsed(words)
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     config |= {key: value for key in ("cohorts", "weights") if (value := getattr(asked, key)) is not None}
@@ -124,14 +124,14 @@ def main(words: list[str] | None = None) -> None:
 
 
 def described(network: SegmentationNetwork, record: dict) -> dict:
-    """Where the weights come from."""
+    """The origin of the weights."""
     kept = {key: record[key] for key in ("command", "commit", "date", "network", "training", "cohorts", "machine")}
     about = {key: record["results"][key] for key in ("best_step", "n_steps", "cpu_seconds", "data")}
     return kept | about | {"n_weights": sum(p.numel() for p in network.parameters())}
 
 
 def data_of(cohorts: list[str]) -> str:
-    """What the numbers stand on."""
+    """A description of the data."""
     return f"held-out subjects of the synthetic cohorts {', '.join(Path(cohort).name for cohort in cohorts)}"
 
 

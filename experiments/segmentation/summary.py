@@ -1,13 +1,13 @@
-"""What the hemispheres say together: for every cohort and kind of subject, the typical and the worst."""
+"""Summary over hemispheres: mean and worst values for every cohort and kind of subject."""
 
 import numpy as np
 
-#: What is asked for of every held-out subject.
+#: Targets for every held-out subject.
 LEAST_DICE, LARGEST_ASSD_MM = 0.95, 0.6
 
 
 def summary(hemispheres: list[dict]) -> list[dict]:
-    """One row for every cohort and kind; all counts must be zero and all χ 2 for ``all_spheres`` to hold."""
+    """One row per cohort and kind. ``all_spheres`` requires that all defect counts are zero and all χ are 2."""
     groups: dict[tuple[str, str], list[dict]] = {}
     for row in hemispheres:
         groups.setdefault((row["subject"].split("/")[0], row["kind"]), []).append(row)
@@ -35,6 +35,6 @@ def _row(cohort: str, kind: str, rows: list[dict]) -> dict:
 
 
 def is_sphere(row: dict) -> bool:
-    """One closed, manifold piece of Euler number 2."""
+    """Whether the surface is one closed, manifold component of Euler number 2."""
     counts = (row["euler_number"], row["components"], row["nonmanifold_edges"], row["boundary_edges"])
     return counts == (2, 1, 0, 0)

@@ -1,4 +1,4 @@
-"""Meshes of several resolutions carried by a field, given or fitted, in several ways of stepping."""
+"""Meshes of several resolutions moved by a given or fitted field, with several integration methods and step numbers."""
 
 import torch
 from fitting import fitted_flow, turned_sphere
@@ -12,17 +12,17 @@ from meshot.mesh.topology import self_intersecting_faces
 
 
 def ways(config: dict) -> list[tuple[str, int]]:
-    """Method and number of steps."""
+    """All combinations of method and number of steps."""
     return [("euler", n) for n in config["steps"]] + [("rk4", config["rk4_steps"])]
 
 
 def count(mesh: Mesh, vertices: torch.Tensor) -> int:
-    """How many faces cross others once the vertices are there."""
+    """The number of self-intersecting faces of the mesh with other vertices."""
     return len(self_intersecting_faces(mesh.with_vertices(vertices)))
 
 
 def given_row(task: dict, config: dict) -> list[dict]:
-    """One whirl and one resolution: faces that cross after every way of stepping, and after the exact flow."""
+    """One vortex and one resolution: self-intersecting faces for every integration, and for the exact flow."""
     given = config["given"]
     field = Vortex(task["strength"], given["offset"])
     mesh = icosphere(task["level"], given["sphere_radius"], (given["offset"], 0.0, 0.0))
@@ -36,7 +36,7 @@ def given_row(task: dict, config: dict) -> list[dict]:
 
 
 def carried_row(task: dict, config: dict) -> list[dict]:
-    """One fitted field times each factor: local Lipschitz constants, flips, and crossing faces by resolution."""
+    """One fitted field times each factor: local Lipschitz constants, flips, and intersections by resolution."""
     carried, field = config["carried"], fitted_flow(task, config)
     looked = turned_sphere(task, config, carried["inspected_level"]).vertices
     rows = []
@@ -51,7 +51,7 @@ def carried_row(task: dict, config: dict) -> list[dict]:
 
 
 def scaled(velocity: Velocity, factor: float) -> Velocity:
-    """The field at another strength: its Lipschitz constant is multiplied by the factor."""
+    """The field times a factor, which also multiplies its Lipschitz constant."""
     return lambda time, points: factor * velocity(time, points)
 
 
@@ -59,7 +59,7 @@ def scaled(velocity: Velocity, factor: float) -> Velocity:
 def crossing_by_level(
     velocity: Velocity, method: str, n_steps: int, task: dict, config: dict
 ) -> dict[str, dict[str, int]]:
-    """For each resolution: faces that cross at the end, and the most at a few times on the way."""
+    """For each resolution: self-intersecting faces at the end, and the maximum at a few earlier times."""
     found = {}
     for level in config["carried"]["levels"]:
         mesh = turned_sphere(task, config, level)

@@ -1,4 +1,4 @@
-"""One fit: a sphere to a folded sphere, under a loss on an encoding, by free vertices or by a flow."""
+"""One fit of a sphere to a folded sphere, under a loss on an encoding, by free vertices or by a flow."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ from meshot.metrics import Surface, average_surface_distance
 
 
 def turned_sphere(task: dict, config: dict, level: int | None = None) -> Mesh:
-    """The start, or another resolution of it: an icosphere, turned and shifted by the seed."""
+    """The start, or another resolution of it: an icosphere, rotated and shifted by the seed."""
     pair = config["pairs"][task["pair"]]
     turns, shift = _placement(task["seed"], pair["offset"])
     sphere = icosphere(pair["level"] if level is None else level, pair["radius"])
@@ -25,7 +25,7 @@ def turned_sphere(task: dict, config: dict, level: int | None = None) -> Mesh:
 
 
 def folded_target(task: dict, config: dict) -> Mesh:
-    """The folded sphere, turned by the seed in another way."""
+    """The folded sphere, with another rotation by the seed."""
     pair = config["pairs"][task["pair"]]
     turns, _ = _placement(task["seed"], pair["offset"])
     target = folded_sphere(pair["level"], pair["radius"], pair["depth"], pair["n_folds"])
@@ -51,7 +51,7 @@ def make_encoding(name: str, config: dict) -> Callable[[Mesh], DiscreteMeasure]:
 
 
 def make_loss(loss: str, encoding: str, target: Mesh, config: dict) -> FitLoss:
-    """The loss that a row names, p = 2."""
+    """The loss of a row, with p = 2."""
     encode = make_encoding(encoding, config)
     if loss == "sliced":
         return sliced_loss(target, encode)
@@ -60,7 +60,7 @@ def make_loss(loss: str, encoding: str, target: Mesh, config: dict) -> FitLoss:
 
 
 def fitted_flow(task: dict, config: dict) -> GridVelocity:
-    """The field whose flow carries the sphere of the task's seed to its target."""
+    """The field whose flow moves the sphere of the task's seed to its target."""
     fits = config["fits"]
     start, target = turned_sphere(task, config), folded_target(task, config)
     spacings = [fits["coarsest"]]
@@ -80,7 +80,7 @@ def fitted_flow(task: dict, config: dict) -> GridVelocity:
 
 
 def free_fit(task: dict, config: dict) -> Mesh:
-    """The mesh whose vertices went each on its own: Adam in as many iterations, at the same rate."""
+    """The mesh after a fit of free vertices by Adam, with the same number of iterations and learning rate."""
     fits, seed = config["fits"], task["seed"]
     start, target = turned_sphere(task, config), folded_target(task, config)
     loss = make_loss(task["loss"], task["encoding"], target, config)
@@ -96,7 +96,7 @@ def free_fit(task: dict, config: dict) -> Mesh:
 
 
 def fit_row(task: dict, config: dict) -> dict[str, float]:
-    """Fit once; count the faces that cross at the end and on the way, and look at the paths."""
+    """One fit, with the self-intersections at the end and along the flow, and the diagnosis of its paths."""
     target = folded_target(task, config)
     if not task["spacing"]:
         mesh = free_fit(task, config)

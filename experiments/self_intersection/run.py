@@ -1,15 +1,15 @@
-"""Count the faces that cross others: given flows, fits by flows and by free vertices, fitted flows carried otherwise.
+"""Count self-intersecting faces: given flows, fits by flows and by free vertices, fitted flows with other integrations.
 
-Stopped and started again, it goes on where it was: every finished task is a line of ``partial.jsonl``.
+A stopped run can be resumed: every finished task is a line of ``partial.jsonl``. ``results`` has four tables, without
+times, computed on one thread:
 
-``results`` holds four tables, all without seconds, on one thread:
-
-- ``given``: whirl (``strength`` is its Lipschitz constant) × ``level`` of the icosphere; ``rows`` by way of stepping.
-- ``fits``: ``pair`` × ``loss`` × ``encoding`` × ``spacing`` of the finest grid (0: free vertices) × ``seed``; faces
-  that cross at the end and at most on the way, ASSD in mm, local Lipschitz constant along the paths, flips.
-- ``carried``: arm × ``seed``; ``rows`` by factor and way of stepping, each with ``levels``: faces that cross at the end
-  and at most on the way.
-- ``differences``: paired over seeds, with 95 % intervals: what the loss changes, and what the flow changes.
+- ``given``: vortex (``strength`` is its Lipschitz constant) × ``level`` of the icosphere; ``rows`` by integration.
+- ``fits``: ``pair`` × ``loss`` × ``encoding`` × ``spacing`` of the finest grid (0: free vertices) × ``seed``;
+  self-intersecting faces at the end and the maximum along the flow, ASSD in mm, local Lipschitz constant along the
+  paths, flips.
+- ``carried``: arm × ``seed``; ``rows`` by factor and integration, each with ``levels``: self-intersecting faces at the
+  end and the maximum along the flow.
+- ``differences``: paired over seeds, with 95 % intervals: the effect of the loss, and the effect of the flow.
 """
 
 import itertools
@@ -30,7 +30,7 @@ WORK = {"given": given_row, "fits": fit_row, "carried": carried_row}
 
 
 def tasks(config: dict) -> list[dict]:
-    """Everything to be done, each with the name of its table."""
+    """All tasks, each with the name of its table."""
     given, fits, carried = config["given"], config["fits"], config["carried"]
     todo = [
         {"table": "given", "strength": strength, "level": level}
@@ -47,7 +47,7 @@ def tasks(config: dict) -> list[dict]:
 
 
 def main() -> None:
-    """Do what is missing, then write the tables."""
+    """Do the missing tasks, then write the tables."""
     torch.set_num_threads(1)
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
     partial = HERE / "partial.jsonl"

@@ -1,10 +1,10 @@
-"""Paired differences over seeds in the number of crossing faces."""
+"""Paired differences over seeds in the number of self-intersecting faces."""
 
 from meshot.statistics import paired_interval
 
 
 def differences(fits: list[dict]) -> list[dict]:
-    """What the loss changes at each fineness, and what the flow changes under each loss, as means with 95 % intervals.
+    """The effect of the loss for each grid spacing, and of the flow for each loss: means with 95 % intervals.
 
     ``change`` is "loss" (Chamfer minus sliced) or "flow" (free vertices minus the flow of that spacing).
     """

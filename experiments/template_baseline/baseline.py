@@ -1,4 +1,4 @@
-"""Two guesses at a subject's white surface that no training is needed for."""
+"""Two predictions of a subject's white surface without training."""
 
 import dataclasses
 
@@ -14,10 +14,10 @@ LABEL = {"left": 1, "right": 2}
 
 
 def template_in_standard_space(recipe: Recipe) -> dict[str, Mesh]:
-    """The white surfaces of the mean subject of a recipe, in MNI152 space: by the registration of its own scan.
+    """The white surfaces of the mean subject of a recipe, in MNI152 space, by the registration of its own scan.
 
-    That scan is made and registered as those of the subjects are, so that what the registration does to all of them
-    it does to the template as well.
+    This scan is simulated and registered in the same way as those of the subjects, so that systematic effects of the
+    registration are the same.
     """
     mean = mean_surfaces(drawn_shape(recipe, "template"))
     appearance = dataclasses.replace(drawn_appearance(recipe, 0), noise=0.0, bias=0.0)
@@ -30,13 +30,13 @@ def template_in_standard_space(recipe: Recipe) -> dict[str, Mesh]:
 
 
 def registered_template(template: dict[str, Mesh], subject: Subject, side: str) -> Mesh:
-    """The template in the scanner of a subject, by that subject's affine alone."""
+    """The template in the scanner space of a subject, by that subject's affine registration alone."""
     mesh = template[side]
     return mesh.with_vertices(transform_points(np.linalg.inv(subject.to_standard()), mesh.vertices))
 
 
 def perfect_mask_surface(subject: Subject, side: str) -> Mesh:
-    """The initial surface of the true mask on the standard grid, in the scanner of the subject."""
+    """The initial surface of the true mask on the standard grid, in the scanner space of the subject."""
     labels = subject.standard_labels()
     inside = labels.with_data((labels.data == LABEL[side]).astype(np.float32))
     mesh = segmented_surface(inside).mesh

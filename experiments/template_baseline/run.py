@@ -1,7 +1,7 @@
-"""Score the mean surface, registered, on every test subject, beside what a perfect segmentation would give.
+"""Evaluate the registered mean surface on every test subject, and the surface of a perfect segmentation.
 
 Run as ``python experiments/template_baseline/run.py`` after the cohorts have been made (``data_synth/README.md``).
-Every score is kept as it is found: stopped and started again, this goes on where it was.
+Every result is stored, so that a stopped run can be resumed.
 """
 
 import argparse
@@ -26,7 +26,7 @@ MEASURED = ("assd", "hausdorff", "swd", "emd", "normals")
 
 
 def main() -> None:
-    """Score what is missing, then write the summary."""
+    """Compute the missing results, then write the summary."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cohorts", type=Path, default=COHORTS, help="the folder that holds the cohorts")
     folder = parser.parse_args().cohorts
@@ -57,7 +57,7 @@ def _template(recipe_path: Path) -> dict:
 
 
 def score(task: dict, folder: Path, config: dict) -> dict:
-    """What the template and the perfect mask score on one hemisphere, in scanner mm."""
+    """The metrics of the template and of the perfect mask for one hemisphere, in scanner mm."""
     subject = read_subject(folder / task["cohort"], task["participant"])
     true = subject.surface("white", task["side"])
     guesses = {
@@ -73,7 +73,7 @@ def score(task: dict, folder: Path, config: dict) -> dict:
 
 
 def summarise(scores: list[dict]) -> list[dict]:
-    """ASSD over the hemispheres of each cohort and kind of subject, and how far apart the two guesses are at least."""
+    """ASSD over the hemispheres of each cohort and kind of subject, and the smallest difference of the two."""
     rows = []
     for cohort, kind in sorted({(s["cohort"], s["kind"]) for s in scores}):
         own = [s for s in scores if (s["cohort"], s["kind"]) == (cohort, kind)]

@@ -1,4 +1,4 @@
-"""To what the sampled Chamfer distance converges: the Chamfer distance between the surfaces (or solids) themselves."""
+"""The limit of the sampled Chamfer distance: the Chamfer distance between the surfaces (or solids) themselves."""
 
 import itertools
 
@@ -12,10 +12,10 @@ from meshot.metrics import Surface, SurfaceSample
 
 
 def chamfer_limit(pair: dict, config: dict) -> dict:
-    """The pair with its limit, how it is known, and for quadrature the error that refinement still shows.
+    """The pair with its limit, the method by which it is known, and for quadrature an estimate of its error.
 
-    The limit is the mean squared distance from one support to the other, both ways, added. It is zero wherever the
-    supports are equal, whatever the masses on them.
+    The limit is the mean squared distance from one support to the other, summed over both directions. It is zero if the
+    supports are equal, for any masses on them.
     """
     relation = pair["relation"]
     if relation in ("equal", "other_density"):
@@ -29,7 +29,7 @@ def chamfer_limit(pair: dict, config: dict) -> dict:
     values = [
         surface_chamfer(source, MESHES["sphere_mesh"], refinement) for refinement in config["limits"]["refinements"]
     ]
-    # The barycentre rule errs by c·h²: two levels tell the limit, three how well.
+    # The barycentre rule has an error of c·h²: two levels give the limit, a third its accuracy.
     limits = [(4 * fine - coarse) / 3 for coarse, fine in itertools.pairwise(values)]
     return pair | {"limit": limits[-1], "known_by": "quadrature", "uncertainty": abs(limits[-1] - limits[-2])}
 
@@ -37,7 +37,7 @@ def chamfer_limit(pair: dict, config: dict) -> dict:
 def shifted_cubes(pair: dict, config: dict) -> float:
     """Chamfer between a unit cube and its translate by a in every coordinate, 0 ≤ a ≤ 1: 2 · d · a³/3.
 
-    Along each axis a point at x < a is a − x short of the other cube, and ∫₀ᵃ (a − x)² dx = a³/3.
+    Along each axis a point at x < a has the distance a − x from the other cube, and ∫₀ᵃ (a − x)² dx = a³/3.
     """
     return 2 * float((translation(pair, config) ** 3 / 3).sum())
 
@@ -49,7 +49,7 @@ def surface_chamfer(source: Mesh, target: Mesh, refinement: int) -> float:
 
 def one_way(source: Mesh, target: Mesh, refinement: int) -> float:
     """The mean over the source's area of the squared distance to the target's faces."""
-    # Coarse faces are cut first, so that both sides are refined alike.
+    # Coarse faces are divided first, so that both sides have the same refinement.
     vertices, faces = source.vertices, source.faces
     while len(faces) < 1000:
         vertices, faces = split_in_four(vertices, faces)

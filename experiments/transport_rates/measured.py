@@ -1,4 +1,4 @@
-"""The errors of one estimate on one pair at one size, repetition by repetition."""
+"""The errors of one estimator for one pair at one size, for each repetition."""
 
 import json
 import warnings
@@ -13,17 +13,17 @@ from scipy.spatial.distance import cdist
 from meshot import DiscreteMeasure, chamfer, quasi_directions
 from meshot.loss import slice_costs
 
-#: What is estimated. W_p and SW_p are distances, roots taken; Chamfer is squared as in the paper.
+#: The estimated quantities. W_p and SW_p are distances (roots taken); Chamfer is squared as in the paper.
 MEASURES = ("transport", "sliced", "chamfer")
 
 
 def errors(task: dict, limits: list[dict], config: dict) -> dict[str, list[float]]:
-    """Signed errors of a task, one for each repetition, by exponent (``"1"``, ``"2"``; Chamfer knows only ``"2"``)."""
+    """Signed errors of a task, one per repetition, by exponent (``"1"``, ``"2"``; Chamfer has only ``"2"``)."""
     pair = {name: task[name] for name in ("shape", "d", "relation")}
     measure = {"transport": _transport, "sliced": _sliced, "chamfer": _chamfer}[task["estimate"]]
     found = []
     for repetition in range(task["n_repetitions"]):
-        # One stream for each repetition: W and SW see the same samples.
+        # One random stream per repetition: W and SW use the same samples.
         name = zlib.crc32(json.dumps([pair, task["n_points"]], sort_keys=True).encode())
         stream = [config["seed"], repetition, name]
         sample = draw_pair(pair, task["n_points"], config, np.random.default_rng(stream))
@@ -34,8 +34,8 @@ def errors(task: dict, limits: list[dict], config: dict) -> dict[str, list[float
 def optimal_cost(points: np.ndarray, others: np.ndarray, p: int) -> float:
     """W_p^p between equally many points of equal mass, exactly (POT's network simplex).
 
-    For p = 2 the means go their own way: W₂² is the squared distance of the means plus W₂² of what is left after each
-    is taken off, which is solved several times faster where the measures are far apart.
+    For p = 2, W₂² is the squared distance of the means plus W₂² of the centred points. The latter is solved several
+    times faster if the measures are far apart.
     """
     apart = 0.0
     if p == 2:
@@ -43,7 +43,7 @@ def optimal_cost(points: np.ndarray, others: np.ndarray, p: int) -> float:
         points, others, apart = points - means[0], others - means[1], float(np.sum((means[0] - means[1]) ** 2))
     cost = cdist(points, others, "sqeuclidean" if p == 2 else "euclidean")
     with warnings.catch_warnings():
-        # A solver that stops early only warns: let that end the run.
+        # A solver that stops early only warns: turn the warning into an error.
         warnings.simplefilter("error")
         return float(ot.emd2([], [], cost, numItermax=10**9)) + apart
 

@@ -1,4 +1,4 @@
-"""Pairs of measures whose distance is known, and how to draw from them."""
+"""Pairs of measures with known distance, and functions to sample from them."""
 
 import math
 
@@ -11,7 +11,7 @@ ELLIPSOID = np.array([1.0, 0.7, 0.5])
 
 
 def draw_pair(pair: dict, n_points: int, config: dict, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Independent samples of both measures of a pair, equally many points each."""
+    """Independent samples of both measures of a pair, of the same size."""
     shape, d, relation = pair["shape"], pair["d"], pair["relation"]
     first = draw(shape, d, n_points, config, generator)
     if relation == "concentric":
@@ -25,7 +25,7 @@ def draw_pair(pair: dict, n_points: int, config: dict, generator: np.random.Gene
 
 
 def translation(pair: dict, config: dict) -> np.ndarray:
-    """The vector of a translation: along the diagonal of the positions; normals stay."""
+    """The vector of a translation along the diagonal of the positions. Normals do not change."""
     n_positions = pair["d"] if pair["shape"] == "cube" else 3
     along = np.zeros(pair["d"])
     along[:n_positions] = config["shift"] / math.sqrt(n_positions)
@@ -35,7 +35,7 @@ def translation(pair: dict, config: dict) -> np.ndarray:
 def draw(
     shape: str, d: int, n_points: int, config: dict, generator: np.random.Generator, radius: float = 1.0
 ) -> np.ndarray:
-    """Points of one shape, uniform by area or volume; in R^6 a surface carries its scaled unit normals."""
+    """Points of one shape, uniform by area or volume. In R^6 a surface has its scaled unit normals."""
     if shape == "cube":
         return generator.random((n_points, d))
     if shape == "two_cubes":
@@ -62,7 +62,7 @@ def _sphere(n_points: int, generator: np.random.Generator) -> tuple[np.ndarray, 
 
 
 def _ellipsoid(n_points: int, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    # The linear map of the sphere stretches area in proportion to |A⁻¹ u|: accept in that proportion.
+    # The linear map stretches the area of the sphere in proportion to |A⁻¹ u|: rejection sampling.
     kept: list[np.ndarray] = []
     while sum(map(len, kept)) < n_points:
         points, _ = _sphere(2 * n_points, generator)
@@ -82,7 +82,7 @@ def _cube_surface(n_points: int, generator: np.random.Generator) -> tuple[np.nda
 
 
 def _tilted(n_points: int, slope: float, generator: np.random.Generator) -> np.ndarray:
-    """Points of the unit sphere with density in proportion to 1 + slope · z."""
+    """Points of the unit sphere with density proportional to 1 + slope · z."""
     points, _ = _sphere(4 * n_points, generator)
     keep = generator.random(len(points)) * (1 + abs(slope)) < 1 + slope * points[:, 2]
     if keep.sum() < n_points:
@@ -91,10 +91,10 @@ def _tilted(n_points: int, slope: float, generator: np.random.Generator) -> np.n
 
 
 def known_distance(pair: dict, config: dict) -> float:
-    """W_p between the two measures, for every p >= 1: nothing, the translation, or the difference of the radii.
+    """W_p between the two measures, for every p >= 1: zero, the translation, or the difference of the radii.
 
-    Radial transport between concentric spheres keeps normals, and no plan can do better: every point of one sphere is
-    at least the difference of the radii away from the other.
+    Radial transport between concentric spheres keeps normals. It is optimal, since the distance of every point of one
+    sphere from the other is at least the difference of the radii.
     """
     return {"equal": 0.0, "translated": config["shift"], "concentric": 1 - config["inner_radius"]}[pair["relation"]]
 
@@ -105,7 +105,7 @@ def known_slices(pair: dict, config: dict, directions: np.ndarray, p: int) -> np
         return np.zeros(len(directions))
     if pair["relation"] == "translated":
         return np.abs(directions @ translation(pair, config)) ** p
-    # A sphere projects to the uniform law on an interval; normals are multiples of the positions.
+    # The projection of a sphere is uniform on an interval; normals are multiples of the positions.
     normals = config["normal_scale"] * directions[:, 3:] if pair["d"] == 6 else 0.0
     halves = [np.linalg.norm(r * directions[:, :3] + normals, axis=1) for r in (1.0, config["inner_radius"])]
     return np.abs(halves[0] - halves[1]) ** p / (p + 1)

@@ -1,7 +1,7 @@
-"""Measure how fast plug-in estimates of W, of sliced Wasserstein and of Chamfer come near their limits.
+"""Measure how fast plug-in estimates of W, of sliced Wasserstein and of Chamfer converge to their limits.
 
-Run as ``python experiments/transport_rates/run.py``. Finished repetitions are kept in ``partial.jsonl`` until all is
-done, so that a run that was stopped goes on where it ended.
+Run as ``python experiments/transport_rates/run.py``. Finished repetitions are stored in ``partial.jsonl`` until all are
+done, so that a stopped run can be resumed.
 """
 
 import time
@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 
 
 def tasks(config: dict) -> list[dict]:
-    """Every (estimate, pair, size), the dear ones last."""
+    """All combinations of estimator, pair and size, the slow ones last."""
     found = []
     for estimate in MEASURES:
         settings = config[estimate]
@@ -31,7 +31,7 @@ def tasks(config: dict) -> list[dict]:
 
 
 def main() -> None:
-    """Do the tasks that are missing, then write the summary."""
+    """Do the missing tasks, then write the summary."""
     torch.set_num_threads(1)
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))

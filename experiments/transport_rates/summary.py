@@ -1,15 +1,15 @@
-"""Errors over sizes, and the slopes they follow, with intervals."""
+"""Errors over sizes, and their slopes, with intervals."""
 
 import numpy as np
 
 from meshot.statistics import fitted_slope
 
-#: How many dimensions the measure itself has, whatever the space it lies in.
+#: Shapes whose intrinsic dimension is that of the space.
 SOLID = ("cube", "two_cubes")
 
 
 def summarise(rows: list[dict], config: dict) -> dict:
-    """For every estimate, pair and exponent the mean absolute errors over sizes, and the fitted slope."""
+    """For every estimator, pair and exponent the mean absolute errors over sizes, and the fitted slope."""
     groups: dict[tuple, list[dict]] = {}
     for row in rows:
         task = row["task"]
@@ -48,11 +48,12 @@ def intrinsic_dimension(pair: dict) -> int:
 
 
 def expected_slope(estimate: str, pair: dict, p: int) -> float | None:
-    """What theory says of the exponent, logarithms left out; none where we know of no statement.
+    """The exponent according to theory, without logarithms; None if no statement is known.
 
-    Equal measures of intrinsic dimension k: W_p errs by m^(-1/max(k, 2)), and by m^(-1/(2p)) if the support falls into
-    pieces and that is larger. Different ones, p = 2: a bias of m^(-2/k) from matching and noise of m^(-1/2), unless
-    symmetry makes the potential constant. Chamfer: squared distances to the nearest sample, m^(-2/k), and such noise.
+    Equal measures of intrinsic dimension k: W_p has an error of m^(-1/max(k, 2)), and of m^(-1/(2p)) if the support is
+    disconnected and that is larger. Different measures, p = 2: a bias of m^(-2/k) from matching and noise of m^(-1/2),
+    unless the potential is constant by symmetry. Chamfer: squared distances to the nearest sample, m^(-2/k), and the
+    same noise.
     """
     k, relation = intrinsic_dimension(pair), pair["relation"]
     if estimate == "sliced":
@@ -70,5 +71,5 @@ def expected_slope(estimate: str, pair: dict, p: int) -> float | None:
 
 
 def _short(value: float) -> float:
-    """Six significant digits, so that the committed file stays small."""
+    """The value with six significant digits, so that the committed file stays small."""
     return float(f"{value:.6g}")

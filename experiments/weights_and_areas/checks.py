@@ -1,4 +1,4 @@
-"""What needs no descent: merging against other libraries, and what normalised areas do not see."""
+"""Checks without a descent: 1D transport against other libraries, and pairs with equal normalised areas."""
 
 import numpy as np
 import ot
@@ -14,7 +14,7 @@ from meshot.mesh.shapes import icosphere
 
 
 def drawn_case(settings: dict, generator: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """Points and weights on a line, both sides; some tie, some weigh nothing, some measures are one point."""
+    """Random points and weights on a line for both sides, with ties, zero weights, and measures of one point."""
     sides = []
     for _ in range(2):
         n = int(generator.integers(1, settings["largest"] + 1))
@@ -45,7 +45,7 @@ def merging_errors(settings: dict) -> list[dict]:
 
 
 def forgotten_areas(config: dict) -> list[dict]:
-    """Pairs of surfaces of different area: their ratio, and how far apart each encoding finds them."""
+    """Pairs of surfaces of different area: the ratio of the areas, and the distance under each encoding."""
     sphere, flat = icosphere(3), pleated_square(config["pleats"]["counts"][0], 0.0)
     pairs = {"a sphere covered twice": (sphere, doubled(sphere))}
     for count in config["pleats"]["counts"]:

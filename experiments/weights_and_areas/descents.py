@@ -1,4 +1,4 @@
-"""One descent of a mesh under the sliced loss, and what its gradients look like before it starts."""
+"""One descent of a mesh under the sliced loss, and a comparison of gradients at its start."""
 
 from collections.abc import Callable
 
@@ -25,16 +25,16 @@ DIMENSIONS = {"surface": 3, "varifold": 6}
 
 
 def encoded(mesh: Mesh, encoding: str, config: dict, detach: bool = False) -> DiscreteMeasure | SurfaceMeasure:
-    """A mesh as the measure that a run compares."""
+    """The encoding of a mesh in a run."""
     if encoding == "surface":
         return surface(mesh, detach_weights=detach)
     return varifold(mesh, normal_scale=config["normal_scale"], detach_weights=detach)
 
 
 def run_once(run: dict, seed: int, config: dict) -> dict:
-    """Descend once and judge the mesh at the end; a rate at which the mesh collapses is a result too."""
+    """Do one descent and evaluate the final mesh. A learning rate at which the mesh collapses is also a result."""
     goal = target_mesh(config["targets"][run["target"]])
-    # Variants of one seed start alike and see the same directions: differences are paired.
+    # Variants of one seed have the same start and directions, so that differences are paired.
     start = start_mesh(config["source"], np.random.default_rng([seed, 0]))
     loss = _mesh_loss(run, start, goal, config, np.random.default_rng([seed, 1]))
     try:
@@ -51,14 +51,14 @@ def _mesh_loss(run: dict, start: Mesh, goal: Mesh, config: dict, generator: np.r
     def loss(vertices: Tensor) -> Tensor:
         directions = random_directions(config["n_directions"], DIMENSIONS[encoding], generator)
         source = encoded(start.with_vertices(vertices), encoding, config, detach)
-        # Times the number of vertices: the pull on one of them does not depend on how many there are.
+        # Multiplied by the number of vertices, so that the gradient of a vertex does not depend on this number.
         return len(vertices) * sliced_wasserstein(source, target, directions)
 
     return loss
 
 
 def judged(end: Mesh, goal: Mesh, config: dict) -> dict:
-    """How near the mesh is to its target, by what its descent did not minimise as well, and how even its edges are."""
+    """Distances from the mesh to its target, also by metrics that its descent did not minimise, and edge variation."""
     values = {}
     for encoding, d in DIMENSIONS.items():
         directions = quasi_directions(config["n_judging_directions"], d)
@@ -73,12 +73,12 @@ def judged(end: Mesh, goal: Mesh, config: dict) -> dict:
 
 
 def short(value: float) -> float:
-    """Six significant digits, so that committed files stay small."""
+    """The value with six significant digits, so that committed files stay small."""
     return float(f"{value:.6g}")
 
 
 def gradients_at_start(target: str, encoding: str, seed: int, config: dict) -> dict:
-    """The gradient with and without the areas: the angle between them, their tangential parts, finite differences."""
+    """The gradient with and without areas: the angle between both, their tangential parts, finite differences."""
     generator = np.random.default_rng([seed, 0])
     start = start_mesh(config["source"], generator)
     goal = encoded(target_mesh(config["targets"][target]), encoding, config)
@@ -105,7 +105,7 @@ def _gradient(loss: Callable, vertices: Tensor) -> Tensor:
 
 
 def tangential_share(mesh: Mesh, gradient: Tensor) -> float:
-    """Which share of the squared length of the gradient lies along the surface: area-weighted vertex normals."""
+    """The tangential share of the squared length of the gradient, with area-weighted vertex normals."""
     normals = torch.zeros_like(mesh.vertices)
     normals = normals.index_add(0, mesh.faces.flatten(), face_area_vectors(mesh).repeat_interleave(3, dim=0))
     normals = torch.nn.functional.normalize(normals, dim=1)

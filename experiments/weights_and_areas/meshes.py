@@ -1,4 +1,4 @@
-"""The meshes of the experiment: the sphere that moves, its targets, and surfaces that differ in area alone."""
+"""The meshes of the experiment: the initial sphere, its targets, and surfaces that differ in area alone."""
 
 import numpy as np
 import torch
@@ -10,7 +10,7 @@ from meshot.types import Tensor
 
 
 def target_mesh(settings: dict) -> Mesh:
-    """The mesh that an entry of ``targets`` describes."""
+    """The mesh described by an entry of ``targets``."""
     settings = dict(settings)
     n_splits = settings.pop("splits", 0)
     mesh = getattr(shapes, settings.pop("shape"))(**settings)
@@ -21,7 +21,7 @@ def target_mesh(settings: dict) -> Mesh:
 
 
 def start_mesh(settings: dict, generator: np.random.Generator) -> Mesh:
-    """A sphere of triangles, turned and jittered at random."""
+    """A triangulated sphere with random rotation and jitter."""
     sphere = shapes.icosphere(settings["subdivisions"])
     turn = torch.from_numpy(Rotation.random(rng=generator).as_matrix().copy())
     jitter = torch.from_numpy(generator.standard_normal(sphere.vertices.shape))
@@ -34,7 +34,7 @@ def doubled(mesh: Mesh) -> Mesh:
 
 
 def pleated_square(n_pleats: int, slope: float) -> Mesh:
-    """The unit square in pleats along x, up and down with the given slope: √(1 + slope²) times its area."""
+    """The unit square with pleats along x of the given slope. Its area is √(1 + slope²)."""
     n = 2 * n_pleats
     x = torch.linspace(0, 1, n + 1, dtype=torch.float64)
     height = slope / n * (torch.arange(n + 1) % 2).double()

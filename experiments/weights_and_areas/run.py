@@ -1,7 +1,7 @@
-"""Weights and areas: merging against other libraries, descents with and without gradients through the areas.
+"""Weights and areas: 1D transport against other libraries, descents with and without gradients through the areas.
 
-Run as ``python experiments/weights_and_areas/run.py``, on one thread. Finished descents are kept in ``partial.jsonl``
-until all are done, so that a run that was stopped goes on where it ended.
+Run as ``python experiments/weights_and_areas/run.py``, on one thread. Finished descents are stored in ``partial.jsonl``
+until all are done, so that a stopped run can be resumed.
 """
 
 import time
@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 
 
 def planned_runs(config: dict) -> list[dict]:
-    """Every descent, apart from its seed."""
+    """The settings of all descents, except the seed."""
     return [
         {"target": target, "encoding": encoding, "detach_weights": detach, "learning_rate": rate}
         for target in config["targets"]
@@ -31,7 +31,7 @@ def planned_runs(config: dict) -> list[dict]:
 
 
 def main() -> None:
-    """Do the descents that are missing, then everything that is quick, and write the results."""
+    """Do the missing descents, then the fast parts, and write the results."""
     torch.set_num_threads(1)
     started = time.perf_counter()
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))

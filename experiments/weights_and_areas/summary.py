@@ -1,4 +1,4 @@
-"""Means, deviations and paired intervals over seeds."""
+"""Means, standard deviations and paired intervals over seeds."""
 
 import numpy as np
 from descents import gradients_at_start, short
@@ -10,7 +10,7 @@ MEASURED = ("sw_surface", "sw_varifold", "assd", "edge_variation")
 
 
 def summarise(rows: list[dict]) -> dict:
-    """Every setting over seeds, and with minus without the areas, each at the rate that serves it best."""
+    """Statistics of every setting over seeds, and with minus without areas, each at its best learning rate."""
     groups: dict[str, list[dict]] = {}
     for row in rows:
         groups.setdefault(repr(row["run"]), []).append(row)
@@ -18,7 +18,7 @@ def summarise(rows: list[dict]) -> dict:
     best: dict[tuple, dict] = {}
     for row in descents:
         key = row["target"], row["encoding"], row["detach_weights"]
-        # Its own loss decides, not the ruler: otherwise the choice would lean towards the exact value.
+        # The best rate is chosen by the run's own loss. A choice by the exact value would favour that encoding.
         own = f"sw_{row['encoding']}_mean"
         if row["n_collapsed"] == 0 and (key not in best or row[own] < best[key][own]):
             best[key] = row
@@ -37,7 +37,7 @@ def _statistics(group: list[dict]) -> dict:
 
 
 def _difference(full: dict, stopped: dict) -> dict:
-    """Paired over seeds: gradients stopped minus gradients through the areas, and the 95 % interval (Student's t)."""
+    """Paired over seeds: gradients stopped minus gradients through the areas, with the 95 % interval (Student's t)."""
     found = {"target": full["target"], "encoding": full["encoding"]}
     found |= {"rate_full": full["learning_rate"], "rate_stopped": stopped["learning_rate"]}
     arms = ({name: arm[f"{name}_seeds"] for name in MEASURED} for arm in (stopped, full))

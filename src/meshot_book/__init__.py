@@ -1,4 +1,4 @@
-"""What only the book needs: figures, players, exercises, verdict rules, the ledger.
+"""Code that only the book needs: figures, interactive players, exercises, rules of verdicts, the ledger.
 
 The book imports the library ``meshot``; the library never imports the book.
 """

@@ -10,8 +10,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 import build
-from browser import barriers, broken_links, offline_browser, raw_tex, sideways, watched_page, weight
-from preflight import browser as browser_path
+from browser import barriers, broken_links, raw_tex, sideways, watched_page, weight
 
 #: Of a page, as a server sends it, without surfaces to be turned.
 HEAVIEST = 1_500_000
@@ -97,10 +96,21 @@ def test_text_is_weighed_packed(tmp_path):
     assert weight({picture}) == 10_000
 
 
-def test_nothing_moves_where_a_reader_asks_for_rest(html):
-    with (
-        offline_browser(browser_path(), reduced_motion="reduce") as context,
-        watched_page(context, html / "01_circle_to_polygon.html") as (page, _),
-    ):
+def test_nothing_moves_where_a_reader_asks_for_rest(html, context):
+    calm = context.browser.new_context(offline=True, reduced_motion="reduce")
+    with watched_page(calm, html / "index.html") as (page, _):
         assert page.evaluate("() => getComputedStyle(document.documentElement).scrollBehavior") == "auto"
+        page.wait_for_timeout(500)
         assert page.evaluate("() => document.getAnimations().length") == 0
+        assert page.locator(".moving button[data-moving]").text_content() == "▶ play"
+    calm.close()
+
+
+def test_the_landing_page_moves_and_can_be_stopped(html, context):
+    with watched_page(context, html / "index.html") as (page, _):
+        button = page.locator(".moving button[data-moving]")
+        assert button.text_content() == "❚❚ pause"
+        button.click()
+        assert button.text_content() == "▶ play"
+        page.wait_for_timeout(3000)
+        assert button.text_content() == "▶ play"

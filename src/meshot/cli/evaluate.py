@@ -17,27 +17,29 @@ def add_to(commands: Commands) -> None:
     """Add the command ``evaluate`` and its arguments to the parser."""
     command = commands.add_parser(
         "evaluate",
-        help="how close a surface is to a target surface",
+        help="compare a surface with a target surface",
         description="EMD, SWD, ASSD, Hausdorff at 90 %, normals, self-intersection, topology, size and triangles, each "
-        f"with its unit and with what the target scores against itself (the floor). {NOTE}",
+        f"with its unit and with its value for the target against itself (the floor). {NOTE}",
         epilog="Meshes: PLY, OBJ, OFF, STL, GIfTI, FreeSurfer. Both in the same space, in mm.",
     )
-    command.add_argument("predicted", type=Path, nargs="?", help="the surface to judge")
-    command.add_argument("target", type=Path, nargs="?", help="the surface it should be")
+    command.add_argument("predicted", type=Path, nargs="?", help="the surface to evaluate")
+    command.add_argument("target", type=Path, nargs="?", help="the true surface")
     command.add_argument(
         "--pairs", type=Path, metavar="TSV",
-        help="many pairs: a table with the columns predicted and target, paths from its folder",
+        help="a table of many pairs with the columns predicted and target; paths are relative to its folder",
     )  # fmt: skip
-    command.add_argument("--points", type=int, default=100_000, help="drawn on each surface (default: %(default)s)")
+    command.add_argument(
+        "--points", type=int, default=100_000, help="number of points on each surface (default: %(default)s)"
+    )
     command.add_argument(
         "--emd-points", type=int, default=5_000,
-        help="the first of them, for the EMD; never more than --points (default: %(default)s)",
+        help="number of these points for the EMD, at most --points (default: %(default)s)",
     )  # fmt: skip
     command.add_argument("--emd-blur", type=float, metavar="MM", help="EMD by Sinkhorn's algorithm with this blur")
-    command.add_argument("--seed", type=int, default=0, help="of the points (default: %(default)s)")
-    command.add_argument("--json", metavar="FILE", help="write everything, inputs and settings too; - is stdout")
+    command.add_argument("--seed", type=int, default=0, help="seed of the points (default: %(default)s)")
+    command.add_argument("--json", metavar="FILE", help="write all results with inputs and settings; - is stdout")
     command.add_argument("--tsv", metavar="FILE", help="write a row for each pair (default with --pairs: -, stdout)")
-    command.add_argument("--definitions", action="store_true", help="say what each metric is")
+    command.add_argument("--definitions", action="store_true", help="print the definition of each metric")
     command.set_defaults(run=_run)
 
 
@@ -65,7 +67,7 @@ def _pairs(chosen: argparse.Namespace) -> list[tuple[Path, Path]]:
         rows = list(csv.DictReader(file, dialect="excel-tab"))
     if not rows or not all(row.get(name) for row in rows for name in PAIR):
         raise ValueError(
-            f"{chosen.pairs} lacks an entry or all rows; the columns predicted and target are needed, with a head, "
+            f"{chosen.pairs} lacks an entry or all rows; the columns predicted and target are needed, with a header, "
             "separated by tabs"
         )
     return [tuple(chosen.pairs.parent / row[name] for name in PAIR) for row in rows]

@@ -11,17 +11,17 @@ def add_to(commands: Commands) -> None:
     """Add the command ``make-cohort`` and its arguments to the parser."""
     command = commands.add_parser(
         "make-cohort",
-        help="make synthetic scans whose surfaces are known",
-        description=f"Make a synthetic cohort from a recipe; stopped, the same command goes on. {NOTE}",
-        epilog="Recipes that come with the package: oasis_like, adni_like, test_retest, tiny.",
+        help="make synthetic scans with known surfaces",
+        description=f"Make a synthetic cohort from a recipe. If stopped, run the same command to resume. {NOTE}",
+        epilog="Recipes in the package: oasis_like, adni_like, test_retest, tiny.",
     )
-    command.add_argument("recipe", help="the name of a recipe that comes with the package, or a YAML file")
-    command.add_argument("folder", type=Path, help="where the cohort shall be, or was begun")
-    command.add_argument("--jobs", type=int, default=1, help="processes that share the work (default: %(default)s)")
+    command.add_argument("recipe", help="the name of a recipe in the package, or a YAML file")
+    command.add_argument("folder", type=Path, help="the folder of the cohort, new or unfinished")
+    command.add_argument("--jobs", type=int, default=1, help="number of processes (default: %(default)s)")
     command.add_argument("--subjects", type=int, help="template subjects, in place of the recipe's number")
-    command.add_argument("--days", type=int, help="days on which each subject is scanned")
-    command.add_argument("--keep", type=Path, metavar="FILE", help="put the digests into this file of manifests")
-    command.add_argument("--check", action="store_true", help="make nothing; compare a cohort with its manifest")
+    command.add_argument("--days", type=int, help="number of days on which each subject is scanned")
+    command.add_argument("--keep", type=Path, metavar="FILE", help="add the digests to this file of manifests")
+    command.add_argument("--check", action="store_true", help="only compare the cohort with its manifest")
     command.set_defaults(run=_run)
 
 

@@ -13,20 +13,20 @@ def add_to(commands: Commands) -> None:
     command = commands.add_parser(
         "train",
         help="train a system, such as flows that deform initial surfaces",
-        description="Train a system by its name on cohorts; stopped, the same command goes on, and with --threads 1 "
-        f"--device cpu ends with the same weights. {NOTE}",
-        epilog="CONFIG is a YAML file, or the name of a setting that comes with the system, such as tiny, small or "
-        "paper. What is written can be used at once: meshot reconstruct --system SYSTEM --weights OUT.",
+        description="Train a system on cohorts. If stopped, run the same command to resume; with --threads 1 "
+        f"--device cpu the final weights are then the same. {NOTE}",
+        epilog="CONFIG is a YAML file, or the name of a configuration of the system, such as tiny, small or "
+        "paper. Use the result with: meshot reconstruct --system SYSTEM --weights OUT.",
     )
-    command.add_argument("system", help="its name; a wrong one is answered by a list of all")
+    command.add_argument("system", help="name of the system; for an unknown name, all names are listed")
     add_training_arguments(command, "training.side=right training.seed=1")
     command.add_argument(
         "--segmentation", type=Path, metavar="FILE",
-        help="weights of the network that makes the initial surfaces (default: those that come with the package)",
+        help="weights of the network for the initial surfaces (default: those of the package)",
     )  # fmt: skip
     command.add_argument(
         "--initial", type=Path, default=Path("build/initial"), metavar="FOLDER",
-        help="where initial surfaces are kept between trainings (default: %(default)s)",
+        help="folder in which initial surfaces are stored for later trainings (default: %(default)s)",
     )  # fmt: skip
     command.set_defaults(run=_run)
 

@@ -12,9 +12,9 @@ def add_to(commands: Commands) -> None:
     command = commands.add_parser(
         "train-segmentation",
         help="train the network that finds white matter",
-        description="Learn left and right white matter from cohorts; stopped, the same command goes on, and with "
-        f"--threads 1 --device cpu ends with the same weights. {NOTE}",
-        epilog="Configurations that come with the package: tiny, small, paper.",
+        description="Train the segmentation of left and right white matter on cohorts. If stopped, run the same "
+        f"command to resume; with --threads 1 --device cpu the final weights are then the same. {NOTE}",
+        epilog="Configurations in the package: tiny, small, paper.",
     )
     add_training_arguments(command, "training.precision=bfloat16")
     command.set_defaults(run=_run)

@@ -20,17 +20,19 @@ def add_training_arguments(command: argparse.ArgumentParser, change: str) -> Non
     change : str
         An example of a changed setting, for the help text.
     """
-    command.add_argument(
-        "config", type=Path, help="the form of the network and how it is trained: a name, or a YAML file"
-    )
+    command.add_argument("config", type=Path, help="architecture and training settings: a name, or a YAML file")
     command.add_argument("--data", type=Path, nargs="+", required=True, metavar="COHORT", help="folders of cohorts")
-    command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="for weights, log, picture")
+    command.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FOLDER", help="folder for weights, log, picture"
+    )
     command.add_argument(
         "--set", nargs="+", default=[], metavar="GROUP.NAME=VALUE", dest="changes",
-        help=f"in place of what the file says, such as {change}",
+        help=f"replace settings of the file, such as {change}",
     )  # fmt: skip
-    command.add_argument("--threads", type=int, help="of the processor; one repeats bit for bit (default: torch's)")
-    command.add_argument("--device", help="cpu, cuda, ... (default: the accelerator if there is one, else cpu)")
+    command.add_argument(
+        "--threads", type=int, help="number of CPU threads; with 1 results are reproducible (default: torch's)"
+    )
+    command.add_argument("--device", help="cpu, cuda, ... (default: the GPU if there is one, else cpu)")
 
 
 def device_of(chosen: argparse.Namespace) -> "torch.device | None":
@@ -48,7 +50,7 @@ def device_of(chosen: argparse.Namespace) -> "torch.device | None":
     try:
         torch.empty(0, device=chosen.device)
     except (RuntimeError, AssertionError) as error:
-        raise ValueError(f"--device {chosen.device}: {error}; cpu is always there") from error
+        raise ValueError(f"--device {chosen.device}: {error}; cpu is always available") from error
     return torch.device(chosen.device)
 
 

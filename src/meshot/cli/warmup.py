@@ -11,10 +11,9 @@ def add_to(commands: Commands) -> None:
     """Add the command ``warmup`` to the parser."""
     command = commands.add_parser(
         "warmup",
-        help="compile all kernels now, so that no first call has to wait",
-        description="Compile all kernels now, once, and keep them: beside the package, or in the user's cache where "
-        "the package cannot be written to, or in NUMBA_CACHE_DIR. Without the extra cortex, those of losses and "
-        "flows.",
+        help="compile all kernels now instead of on first use",
+        description="Compile all kernels and store them beside the package, or in the user's cache if the package is "
+        "not writable, or in NUMBA_CACHE_DIR. Without the extra cortex, only those of losses and flows.",
     )
     command.set_defaults(run=_run)
 

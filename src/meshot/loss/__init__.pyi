@@ -9,6 +9,7 @@ from .error_bar import (
     sliced_wasserstein_estimate as sliced_wasserstein_estimate,
     translation_spread as translation_spread,
 )
+from .kernel_norm import varifold_kernel as varifold_kernel
 from .linear_program import wasserstein as wasserstein
 from .nearest import chamfer as chamfer, nearest_neighbours as nearest_neighbours
 from .plain import plain_sliced_wasserstein as plain_sliced_wasserstein, quantile_cost as quantile_cost

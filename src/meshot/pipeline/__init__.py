@@ -1,8 +1,8 @@
-"""From a scan to surfaces: conform, segment, find an initial surface, deform, report.
+"""Cortical surface reconstruction: registration, segmentation, initial surface, deformation, report.
 
-:func:`reconstruct` is the whole way. ``segmentation`` finds white matter, and a system of :mod:`meshot.systems`, which
-:func:`run_system_training` trains, the surfaces; ``report`` writes the folder of a reconstruction and its page.
-Surfaces are in scanner RAS, in mm.
+:func:`reconstruct` runs all steps. ``segmentation`` finds white matter. A system of :mod:`meshot.systems`, trained by
+:func:`run_system_training`, finds the surfaces. ``report`` writes the output folder of a reconstruction with an HTML
+page. Surfaces are in scanner RAS, in mm.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Cohorts as examples for systems: initial surfaces, made once and kept on disk, beside the true ones."""
+"""Training examples from cohorts: scans, true surfaces, and initial surfaces, which are stored on disk."""
 
 import hashlib
 import os
@@ -18,10 +18,10 @@ from meshot.volume import StandardScan
 
 
 class InitialSurfaces:
-    """Initial surfaces of subjects, in a folder: each is made when it is first asked for.
+    """Initial surfaces of subjects, stored in a folder and computed on first use.
 
-    What is kept is found again by the weights of the network and by the scan, whatever the cohort is called. It does
-    not know the code that made it: empty the folder where that changes.
+    A stored surface is identified by the weights of the network and by the scan, not by the name of the cohort. Changes
+    of the code that computes it are not detected: empty the folder after such a change.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class InitialSurfaces:
         Raises
         ------
         ValueError
-            As :func:`meshot.pipeline.segmentation.segment`; or if the network finds no white matter on a side.
+            As :func:`meshot.pipeline.segmentation.segment`, or if the network finds no white matter on a side.
         """
         return self._of(subject, side, subject.standard())
 
@@ -47,21 +47,21 @@ class InitialSurfaces:
         paths = {s: self.path(subject, s, scan) for s in HEMISPHERES}
         if not paths[side].is_file():
             for name, found in initial_surfaces(scan, self.network).items():
-                if not paths[name].is_file():  # another training may have read it
+                if not paths[name].is_file():  # another process may be reading it
                     write_mesh(paths[name], found.mesh)
         return read_mesh(paths[side])
 
     def path(self, subject: Subject, side: Hemisphere, scan: StandardScan) -> Path:
-        """Where the initial surface of one side is kept."""
+        """The path at which the initial surface of one side is stored."""
         return self.folder / _cohort(subject) / f"{subject.name}_{_scan_digest(scan)}_{side}.surf.gii"
 
     def example(self, subject: Subject, surfaces: Sequence[SurfaceKey], needs: Sequence[SurfaceKey]) -> Example:
-        """One subject, with the true surfaces that are named and the initial ones that are needed.
+        """The example of one subject, with the given true surfaces and the initial surfaces that are needed.
 
         Raises
         ------
         ValueError
-            If an initial surface other than the white one is needed, or the cohort has no such true surface.
+            If an initial surface other than the white one is needed, or the cohort lacks a true surface.
         """
         standard = subject.standard()
         strange = [" ".join(key) for key in needs if key[1] != "white"]
@@ -80,7 +80,7 @@ class InitialSurfaces:
         needs: Sequence[SurfaceKey],
         progress: Callable[[list], Iterable] = iter,
     ) -> list[Example]:
-        """Every scan of a split, of one or more cohorts on disk.
+        """The examples of all scans of a split, from one or more cohorts on disk.
 
         Parameters
         ----------
@@ -88,20 +88,20 @@ class InitialSurfaces:
         split : str
             "train", "validation" or "test".
         surfaces, needs : sequence of keys
-            True and initial surfaces: those of a system.
+            Keys of the true and of the initial surfaces, usually those of a system.
         progress : callable
-            Wraps the list of scans, such as tqdm does.
+            Wraps the list of scans, for example tqdm.
 
         Raises
         ------
         ValueError
-            If a folder is no cohort or none has a scan in the split.
+            If a folder is not a cohort, or no cohort has a scan in the split.
         """
         return [self.example(subject, surfaces, needs) for subject in progress(scans_of(cohorts, split))]
 
 
 def _cohort(subject: Subject) -> str:
-    """What the folder of its cohort is called, also where it was given as ``.``."""
+    """The name of the folder of the cohort, also if its path is ``.``."""
     return subject.cohort.absolute().name
 
 

@@ -1,4 +1,4 @@
-"""Which part of a scan is one cerebral hemisphere, by a guide surface in the same space."""
+"""The region of one cerebral hemisphere in a scan, from a guide surface in the same space."""
 
 import dataclasses
 
@@ -18,12 +18,12 @@ _ORIGIN = torch.zeros(1, 3, dtype=torch.float64)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HemisphereRegion:
-    """Where white matter of one hemisphere may lie, and what inside is filled whatever its tissue.
+    """The region in which white matter of one hemisphere may lie, and the part of it that is always filled.
 
     Parameters
     ----------
     allowed : Volume
-        Boolean: cerebrum of this side; neither cerebellum, nor brainstem, nor the other side.
+        Boolean: cerebrum of this side, without cerebellum, brainstem and the other side.
     filled : Volume
         Boolean: ventricles, thalamus and basal ganglia, which a closed white surface encloses.
     """
@@ -35,19 +35,19 @@ class HemisphereRegion:
 def hemisphere_region(
     grid: Volume, white: Mesh, pial: Mesh, side: str, margin: float = 1.5, depth: float = 3.0
 ) -> HemisphereRegion:
-    """The region of one hemisphere, from a guide that need only be roughly right (a few mm).
+    """The region of one hemisphere, from a guide surface that is accurate to a few mm.
 
-    Allowed is what lies inside the guide's pial surface or at most ``margin`` outside, on this side of the plane
-    x = 0. Along the guide's medial wall, where its white and pial surface coincide, there is no margin: that is where
-    brainstem and the other hemisphere are cut off. Filled is what lies inside the guide's white surface and more than
+    The allowed region is inside the guide's pial surface or at most ``margin`` outside, on one side of the plane x = 0.
+    Along the medial wall of the guide, where its white and pial surfaces coincide, there is no margin, so that the
+    brainstem and the other hemisphere are excluded. The filled region is inside the guide's white surface, more than
     ``depth`` away from its cortical part.
 
     Parameters
     ----------
     grid : Volume
-        Any volume of the scan; its values are not used. The region is cropped to the guide.
+        Any volume of the scan. Its values are not used. The region is cropped to the guide.
     white, pial : Mesh
-        The guide, closed, in mm, with the same vertices in the same order.
+        The guide: closed surfaces in mm, with corresponding vertices.
     side : str
         "left" (x < 0) or "right" (x > 0).
     margin, depth : float
@@ -56,7 +56,7 @@ def hemisphere_region(
     Raises
     ------
     ValueError
-        If ``side`` is another word, or the guide does not overlap the scan.
+        If ``side`` is unknown, or the guide does not overlap the scan.
     """
     if side not in ("left", "right"):
         raise ValueError(f"side is {side!r}; 'left' or 'right' is needed")
@@ -83,21 +83,21 @@ def _volume_of(grid: Volume, places: Array) -> Volume:
 
 
 def restricted(probability: Volume, region: HemisphereRegion, blur: float = 0.7) -> Volume:
-    """A tissue probability inside a region, 1 where the region is filled, on the region's grid.
+    """A tissue probability restricted to a region, on the grid of the region; 1 where the region is filled.
 
     Parameters
     ----------
     probability : Volume
-        In [0, 1]; on the grid that the region was cropped from, or on the region's own.
+        In [0, 1], on the grid from which the region was cropped, or on the grid of the region.
     region : HemisphereRegion
     blur : float
-        Standard deviation, in voxels, of the Gaussian that softens the region's own borders, which are artificial and
-        would otherwise leave a staircase.
+        Standard deviation, in voxels, of the Gaussian that smooths the borders of the region. Without it, these
+        artificial borders would give a voxelised surface.
 
     Raises
     ------
     ValueError
-        If the two do not lie on one grid.
+        If the two have different grids.
     """
     allowed, filled = (
         scipy.ndimage.gaussian_filter(part.data.astype(np.float32), blur) for part in (region.allowed, region.filled)

@@ -1,4 +1,4 @@
-"""From a tissue probability to a closed surface without handles, as every flow needs it to start from."""
+"""A closed surface of genus 0 from a tissue probability: the initial surface of a flow."""
 
 import dataclasses
 
@@ -16,14 +16,14 @@ DEPTH_WEIGHT = 0.02  # of probability, per voxel
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TissueSurface:
-    """A surface of a tissue and the stages it came through.
+    """A tissue surface, and intermediate results of its computation.
 
     Parameters
     ----------
     mesh : Mesh
-        Closed, outward, χ = 2, no non-manifold edge, no self-intersecting face; in mm.
+        Closed, oriented outwards, χ = 2, without non-manifold edges and self-intersections; in mm.
     mask : Volume
-        Boolean: the tissue above ½, largest piece, cavities filled.
+        Boolean: the largest component of the tissue above ½, with cavities filled.
     genus_zero_mask : Volume
         Boolean: the part of it that has the topology of a ball.
     """
@@ -34,25 +34,25 @@ class TissueSurface:
 
 
 def tissue_surface(probability: Volume, n_faces: int = 80_000) -> TissueSurface:
-    """The surface where a tissue probability crosses ½, made to have the topology of a sphere.
+    """The surface where a tissue probability is ½, with the topology of a sphere.
 
-    Threshold → largest piece → cavities filled → genus 0, voxels of low probability given up first → marching cubes,
-    between voxels where the probability says → light smoothing → decimation.
+    Steps: threshold, largest component, filled cavities, genus-0 correction (voxels of low probability are removed
+    first), marching cubes at subvoxel accuracy, light smoothing, decimation.
 
     Parameters
     ----------
     probability : Volume
-        In [0, 1]; already restricted to what the surface shall enclose.
+        In [0, 1], already restricted to the region that the surface may enclose.
     n_faces : int
-        About how many faces are wanted at most.
+        Approximate maximum number of faces.
 
     Raises
     ------
     ValueError
-        If nothing, or everything, lies above ½.
+        If no voxel, or every voxel, is above ½.
     """
     mask = filled_cavities(largest_component(probability.data > 0.5))
-    # Where tissue is equally sure, depth decides: else fronts meet in the middle of white matter, and wide cuts stay.
+    # Among equal probabilities, depth decides. Otherwise fronts would meet inside white matter and leave wide cuts.
     depth = scipy.ndimage.distance_transform_edt(mask)
     ball = genus_zero(mask, probability.data + DEPTH_WEIGHT * depth)
     mesh = sphere_like_mesh(isosurface(separated_field(probability, ball)), n_faces)
@@ -60,21 +60,21 @@ def tissue_surface(probability: Volume, n_faces: int = 80_000) -> TissueSurface:
 
 
 def sphere_like_mesh(mesh: Mesh, n_faces: int) -> Mesh:
-    """A mesh after light smoothing and decimation, smoothed no more than it takes to keep faces from crossing.
+    """The mesh after smoothing and decimation, with as few smoothing steps as give no self-intersections.
 
-    Where no amount that is tried keeps them apart, the mesh is returned as it came.
+    If every number of steps that is tried gives self-intersections, the mesh is returned unchanged.
 
     Raises
     ------
     ValueError
-        If the mesh is no topological sphere.
+        If the mesh is not a topological sphere.
     """
     found = topology(mesh)
     if found != SPHERE:
         raise ValueError(f"the mesh is not a topological sphere ({found}); correct the mask with genus_zero first")
     for n_steps in SMOOTHING_STEPS:
         smoothed = taubin_smoothing(mesh, n_steps)
-        # Rounded, so that the last bit, which differs between CPUs, does not decide which edge is the shortest.
+        # Rounded, because the last bits differ between CPUs and could change which edge is the shortest.
         smoothed = smoothed.with_vertices((smoothed.vertices * 2**20).round() / 2**20)
         candidate = decimated(smoothed, n_faces)
         if topology(candidate) == SPHERE and not len(self_intersecting_faces(candidate)):

@@ -1,4 +1,4 @@
-"""What a reconstruction needs to have learned: the segmentation network and a system, as they come with the package."""
+"""The trained networks of a reconstruction: the segmentation network and a system, with the package's weights."""
 
 import dataclasses
 import os
@@ -12,15 +12,15 @@ SEGMENTATION = "segmentation.safetensors"
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TrainedNetworks:
-    """What a reconstruction needs to have learned.
+    """The trained networks of a reconstruction.
 
     Parameters
     ----------
     segmentation : SegmentationNetwork
     system : SurfaceSystem or None
-        None where initial surfaces are all that is wanted.
+        None if only initial surfaces are needed.
     records : dict
-        By the name of the file: what was trained, on what, and by which code.
+        The record of the training of each network, by file name.
     """
 
     segmentation: SegmentationNetwork
@@ -29,7 +29,7 @@ class TrainedNetworks:
 
 
 def segmentation_weights(path: str | os.PathLike | None = None) -> Path:
-    """Where the weights of the segmentation network lie: at ``path``, or in the package.
+    """The path of the weights of the segmentation network: ``path``, or the file in the package.
 
     Raises
     ------
@@ -52,24 +52,24 @@ def load_networks(
     segmentation: str | os.PathLike | None = None,
     initial_only: bool = False,
 ) -> TrainedNetworks:
-    """The networks of a reconstruction, ready to use.
+    """Load the networks of a reconstruction.
 
     Parameters
     ----------
     system : str, optional
-        The name of a system; the default of the package if left out.
+        The name of a system. By default that of the package.
     weights : path, optional
-        The folder with the parts of the system; those that come with the package if left out.
+        The folder with the parts of the system. By default that of the package.
     segmentation : path, optional
-        The weights of the segmentation network; those that come with the package if left out.
+        The weights of the segmentation network. By default those of the package.
     initial_only : bool
-        Without a system.
+        Whether to load no system.
 
     Raises
     ------
     ValueError
-        If a system is unknown, a file is missing or holds something else, or the system has learned from initial
-        surfaces of another segmentation network.
+        If a system is unknown, a file is missing or of another kind, or the system was trained on initial surfaces of
+        another segmentation network.
     """
     network, record = read_weights(segmentation_weights(segmentation), SegmentationNetwork)
     if initial_only:

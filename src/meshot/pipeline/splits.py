@@ -7,12 +7,12 @@ from meshot.synth.cohorts import Subject, scans
 
 
 def scans_of(cohorts: Sequence[str | os.PathLike], split: str) -> list[Subject]:
-    """Every finished scan of a split, cohort after cohort.
+    """All finished scans of a split, in the order of the cohorts.
 
     Raises
     ------
     ValueError
-        If a folder is no cohort, or none has a scan in the split.
+        If a folder is not a cohort, or no cohort has a scan in the split.
     """
     found = [subject for cohort in cohorts for subject in scans(cohort, split)]
     if not found:

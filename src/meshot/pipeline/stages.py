@@ -1,21 +1,21 @@
-"""Work in stages: how long each takes, and a word to whoever waits."""
+"""Timing and progress reports of computations that consist of stages."""
 
 import contextlib
 import time
 from collections.abc import Callable, Iterator
 
-#: Is told which stage begins, how many are done, and how many there are.
+#: Called with the name of the stage that begins, the number of finished stages, and the number of stages.
 Progress = Callable[[str, int, int], None]
 
 
 class StageClock:
-    """Seconds of each stage, in the order in which they were begun.
+    """A timer for stages, which also reports progress.
 
     Parameters
     ----------
     n_stages : int
     progress : callable, optional
-        Called as each stage begins.
+        Called at the start of each stage.
     """
 
     def __init__(self, n_stages: int, progress: Progress | None = None):
@@ -25,7 +25,7 @@ class StageClock:
 
     @contextlib.contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time what happens in the block: processor time of all threads, and time by the clock."""
+        """Measure the block's processor time (of all threads) and wall-clock time, in seconds."""
         self._tell(name)
         cpu, wall = time.process_time(), time.perf_counter()
         yield
@@ -33,7 +33,7 @@ class StageClock:
         self.wall_seconds[name] = time.perf_counter() - wall
 
     def end(self) -> None:
-        """Say that the last stage is done."""
+        """Report that the last stage is finished."""
         self._tell("")
 
     def _tell(self, name: str) -> None:

@@ -1,4 +1,4 @@
-"""The training of a system, from its name and a configuration to files."""
+"""Training of a system from its name and a configuration, with output files."""
 
 import os
 from collections.abc import Sequence
@@ -31,32 +31,32 @@ def run_system_training(
     changes: Sequence[str] = (),
     device: torch.device | None = None,
 ) -> SurfaceSystem:
-    """Train a system on cohorts, with a progress bar, and write what came of it.
+    """Train a system on cohorts, show a progress bar, and write the output files.
 
-    Into ``folder`` go for every part of the system the weights ``PART.safetensors``, the record ``PART.json``, the log
-    ``PART.log.jsonl`` and its picture ``PART.png``; ``state/`` is what a stopped training goes on from.
+    For every part of the system, ``folder`` receives the weights ``PART.safetensors``, the record ``PART.json``, the
+    log ``PART.log.jsonl`` and its picture ``PART.png``. A stopped training resumes from ``state/``.
 
     Parameters
     ----------
     name : str
-        Of the system: see :func:`meshot.systems.get_system`.
+        The name of the system: see :func:`meshot.systems.get_system`.
     config : path or str
-        A YAML file, or the name of a setting that comes with the system.
+        A YAML file, or the name of a configuration of the system.
     cohorts : sequence of path
     folder : path
     segmentation : path
         Weights of the segmentation network, which makes the initial surfaces.
     initial : path
-        Where these are kept: what is there already is not made again.
+        The folder of initial surfaces. Those that exist already are not computed again.
     changes : sequence of str
-        Such as ``training.seed=1``, in place of what the configuration says.
+        Settings that replace those of the configuration, such as ``training.seed=1``.
     device : torch.device, optional
-        The accelerator if there is one, else the processor, if left out.
+        By default the GPU if there is one, else the CPU.
 
     Raises
     ------
     ValueError
-        If the system is unknown, or the configuration, a cohort, the weights or the folder will not do.
+        If the system is unknown, or the configuration, a cohort, the weights or the folder is invalid.
     """
     folder, made, kind = Path(folder), provenance(), get_system(name)
     settings = read_settings(kind, config, changes)

@@ -1,4 +1,4 @@
-"""A training from a configuration to files: weights, their record, the log and its picture."""
+"""Output files of a training: weights, record, log, and a picture of the log."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from meshot.provenance import provenance, write_results
 from meshot.train import Progress, TrainingLog, read_log
 from meshot.view import write_training_figure
 
-#: What is written of a trained network, after its name.
+#: The suffixes of the output files of a trained network.
 WEIGHTS, RECORD, LOG, PICTURE = ".safetensors", ".json", ".log.jsonl", ".png"
 STATE_FOLDER, SESSIONS = "state", "sessions.jsonl"
 
@@ -22,10 +22,10 @@ Trained = TypeVar("Trained")
 
 
 def run_watched_training(folder: Path, made: dict, train: Callable[[Progress], Trained]) -> Trained:
-    """Run a training under a progress bar that shows the last loss and the last validation.
+    """Run a training with a progress bar that shows the last loss and the last validation.
 
-    ``made`` is the provenance when the command began, since files may change while it runs: with the first step that is
-    taken it goes into ``sessions.jsonl`` of the folder.
+    ``made`` is the provenance at the start of the command, since files may change while it runs. It is appended to
+    ``sessions.jsonl`` in the folder when the first step has been taken.
     """
     with tqdm(desc="train", unit="step") as bar:
         shown: dict[str, str] = {}
@@ -50,20 +50,21 @@ def _note(path: Path, line: dict) -> None:
 def whole_record(folder: Path, config: dict, results: dict, command: str, cohorts: Sequence[str]) -> dict:
     """The record of a trained network: settings, results, command, cohorts and provenance.
 
-    The provenance is that of the last session in which a step was taken; ``commits`` of the results names those of all.
+    The provenance is that of the last session in which a step was taken. ``commits`` in the results lists those of all
+    sessions.
 
     Parameters
     ----------
     folder : path
-        Where :func:`run_watched_training` noted the sessions.
+        The folder in which :func:`run_watched_training` recorded the sessions.
     config : dict
-        All settings, as JSON.
+        All settings, as JSON values.
     results : dict
         See :meth:`meshot.train.Training.results`.
     command : str
-        What to type to do the same again.
+        The command that repeats the training.
     cohorts : sequence of str
-        Their names.
+        The names of the cohorts.
     """
     sessions = read_log(folder / SESSIONS) if (folder / SESSIONS).is_file() else [provenance()]
     commits = list(dict.fromkeys(session["commit"] for session in sessions))
@@ -71,14 +72,14 @@ def whole_record(folder: Path, config: dict, results: dict, command: str, cohort
 
 
 def write_record(folder: Path, name: str, record: dict, log: list[dict]) -> None:
-    """Write the record of a trained network as results with provenance, its log, and the log as a picture.
+    """Write the record of a trained network with its provenance, its log, and a picture of the log.
 
-    Into ``folder`` go ``NAME.json``, ``NAME.log.jsonl`` and ``NAME.png``.
+    The files in ``folder`` are ``NAME.json``, ``NAME.log.jsonl`` and ``NAME.png``.
 
     Raises
     ------
     ValueError
-        If the record is not JSON.
+        If the record cannot be written as JSON.
     """
     made = {key: record[key] for key in provenance() if key in record}
     config = {key: value for key, value in record.items() if key not in (*made, "results", "command", "cohorts")}
@@ -97,7 +98,7 @@ def shown_command(
     segmentation: str | os.PathLike | None = None,
     device: torch.device | None = None,
 ) -> str:
-    """What to type for a training on as many threads as now, as it may be written down."""
+    """The command that repeats a training with the current number of threads, without absolute paths."""
     words = ["meshot", name, _shown(config), "--data", *map(_shown, cohorts), "-o", _shown(folder)]
     words += [] if segmentation is None else ["--segmentation", _shown(segmentation)]
     words += ["--threads", str(torch.get_num_threads())]
@@ -106,6 +107,6 @@ def shown_command(
 
 
 def _shown(path: str | os.PathLike) -> str:
-    """A path as it may be written down: relative, without where this machine keeps its files."""
+    """A path without the absolute part that depends on this machine."""
     path = Path(path)
     return printable_name(path.as_posix() if not path.is_absolute() else path.name)

@@ -1,6 +1,6 @@
-"""Statistics of repetitions: what chance does to a mean, to a difference between two arms, and to a fitted slope.
+"""Statistics of repeated measurements: intervals for means, for differences of two arms, and for fitted slopes.
 
-Intervals hold 95 %: Student's for the mean of a few seeds, the percentile bootstrap for statistics of many repetitions.
+All intervals are 95 % confidence intervals: Student's for means of a few seeds, the percentile bootstrap otherwise.
 """
 
 import lazy_loader

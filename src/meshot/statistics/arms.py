@@ -1,4 +1,4 @@
-"""Two arms of an experiment beside each other, measure by measure."""
+"""Comparison of two arms of an experiment, for every measure."""
 
 from collections.abc import Mapping
 
@@ -10,25 +10,25 @@ from meshot.statistics.intervals import Values, paired_interval
 def arm_differences(
     first: Mapping[str, Values], second: Mapping[str, Values], centre: str = "gap"
 ) -> dict[str, float | None]:
-    """First minus second arm for every measure, paired, as entries of a row.
+    """The paired difference, first minus second arm, of every measure, as entries of a table row.
 
     Parameters
     ----------
     first, second : mapping
-        Measure → its values, in the same order of seeds or subjects in both arms.
+        The values of every measure, in the same order of seeds or subjects in both arms.
     centre : str
-        What the mean difference is called.
+        The suffix for the mean difference.
 
     Returns
     -------
     dict
         ``NAME_gap`` (or another ``centre``), ``NAME_low`` and ``NAME_high``, see
-        :func:`meshot.statistics.paired_interval`. A single pair has a difference, but no interval: None.
+        :func:`meshot.statistics.paired_interval`. For a single pair, low and high are None.
 
     Raises
     ------
     ValueError
-        If the arms have not the same measures, or as :func:`meshot.statistics.paired_interval`.
+        If the arms have different measures; otherwise as :func:`meshot.statistics.paired_interval`.
     """
     if set(first) != set(second):
         odd = ", ".join(sorted(set(first) ^ set(second)))

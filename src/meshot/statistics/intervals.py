@@ -1,4 +1,4 @@
-"""Confidence intervals of 95 %: Student's for means, the percentile bootstrap for other statistics."""
+"""95 % confidence intervals: Student's for means, the percentile bootstrap for other statistics."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -11,12 +11,12 @@ from meshot.types import Array
 
 Values = Sequence[float] | Array
 
-#: How often an interval holds the true value.
+#: The confidence level of all intervals.
 LEVEL = 0.95
 
 
 class Interval(NamedTuple):
-    """A statistic and the ends of its 95 % interval: unpacks as ``value, low, high``."""
+    """A statistic and the ends of its 95 % interval. It unpacks as ``value, low, high``."""
 
     value: float
     low: float
@@ -26,7 +26,7 @@ class Interval(NamedTuple):
 def mean_interval(values: Values) -> Interval:
     """The mean of independent values, with Student's 95 % interval: mean ± t·s/√n.
 
-    Exact for normal values. Where all values are equal, both ends are the mean.
+    Exact for normally distributed values. If all values are equal, both ends are the mean.
 
     Raises
     ------
@@ -34,19 +34,19 @@ def mean_interval(values: Values) -> Interval:
         If there are fewer than two values, or one is not finite.
     """
     numbers = _numbers(values)
-    # SciPy's own interval of a t-test is not a number where all values are equal.
+    # SciPy's interval of a t-test is NaN if all values are equal.
     half = float(stats.t.ppf((1 + LEVEL) / 2, len(numbers) - 1) * stats.sem(numbers))
     mean = float(numbers.mean())
     return Interval(mean, mean - half, mean + half)
 
 
 def paired_interval(first: Values, second: Values) -> Interval:
-    """The mean of ``first − second``, pair by pair, with Student's 95 % interval, as of a paired t-test.
+    """The mean of ``first − second`` over pairs, with Student's 95 % interval, as in a paired t-test.
 
     Parameters
     ----------
     first, second : sequence of float
-        Values of two arms that share their chance: the same seeds, or the same subjects, in the same order.
+        Values of two arms with the same seeds or the same subjects, in the same order.
 
     Raises
     ------
@@ -67,21 +67,21 @@ def bootstrap_interval(
 ) -> Interval:
     """A statistic of one or more samples, with its 95 % interval by the percentile bootstrap.
 
-    Each sample is drawn anew, with replacement, ``n_draws`` times; the interval is the middle 95 % of the statistics
-    of the draws. It is too narrow where values are few: for the mean of eight, by about a fifth.
+    Each sample is resampled with replacement ``n_draws`` times. The interval is the central 95 % of the statistics of
+    the resampled data. It is too narrow for few values: for the mean of eight, by about a fifth.
 
     Parameters
     ----------
     *samples : sequences of float
         As many as the statistic takes.
     statistic : callable
-        Takes the samples as arrays and ``axis``, along which their values lie.
+        Takes the samples as arrays, and ``axis``, the axis of their values.
     paired : bool
-        Whether values at the same place of the samples belong together, and are drawn together.
+        Whether values at the same index belong together and are resampled together.
     n_draws : int
-        How often the samples are drawn anew.
+        Number of resamplings.
     generator : numpy.random.Generator, torch.Generator or int
-        Of these draws.
+        Random number generator of the resampling; an integer is a seed.
 
     Raises
     ------
@@ -104,22 +104,22 @@ def bootstrap_interval(
 
 
 def percentile_interval(drawn: Values, axis: int = -1) -> Array:
-    """The ends of the middle 95 % of a statistic over draws: its bootstrap interval.
+    """The ends of the central 95 % of a statistic over resamplings: its percentile bootstrap interval.
 
-    For what :func:`bootstrap_interval` cannot draw itself: samples of several sizes, or draws that several statistics
-    share.
+    For resampling that :func:`bootstrap_interval` does not support: samples of several sizes, or several statistics of
+    the same draws.
 
     Parameters
     ----------
     drawn : sequence of float
         The statistic of each draw.
     axis : int
-        Along which the draws lie.
+        The axis of the draws.
 
     Returns
     -------
     numpy.ndarray
-        Low and high, along the first axis: unpacks as ``low, high``.
+        Low and high, along the first axis. It unpacks as ``low, high``.
     """
     tail = (1 - LEVEL) / 2
     return np.quantile(np.asarray(drawn), [tail, 1 - tail], axis=axis)

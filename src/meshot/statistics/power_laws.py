@@ -1,4 +1,4 @@
-"""Slopes of errors on logarithmic axes, with intervals that come from the repetitions."""
+"""Exponents of power laws, fitted to errors on logarithmic axes, with confidence intervals."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,12 +12,12 @@ from meshot.statistics.intervals import LEVEL, percentile_interval
 Values = Sequence[float] | np.ndarray
 Rows = Sequence[Values] | np.ndarray
 
-#: From repetitions to one number: E|error|, as in the theorem, or the root of E error².
+#: How repetitions are averaged: E|error|, as in the theorem, or the root of E error².
 STATISTICS = ("mean", "rms")
 
 
 class Slope(NamedTuple):
-    """An exponent, and the ends of its 95 % interval: unpacks as ``slope, low, high``."""
+    """An exponent and the ends of its 95 % interval. It unpacks as ``slope, low, high``."""
 
     slope: float
     low: float
@@ -36,36 +36,35 @@ def fitted_slope(
 ) -> Slope:
     """The exponent s of error ≈ c·x^s, by least squares on logarithms, with its 95 % interval.
 
-    At every x the repetitions become one number, and a straight line is laid through the logarithms, each weighted by
-    its number of repetitions. The interval is that of the percentile bootstrap: repetitions are drawn anew at
-    every x, and the line is laid again. It tells how far chance moves the fit, and not whether a line is the right
-    curve. With a single error at every x there is nothing to draw: then the interval is Student's, from what the
-    line leaves over.
+    At every x the repetitions are averaged. A straight line is fitted to the logarithms, weighted by the numbers of
+    repetitions. The interval is that of the percentile bootstrap: repetitions are resampled at every x, and the line is
+    fitted again. It measures the effect of chance on the fit, not whether a power law is the right model. If there is
+    only one error at every x, the interval is Student's, from the residuals of the fit.
 
     Parameters
     ----------
     x : sequence of float
-        Sizes, positive, at least two of them different (three where errors are single).
+        Sizes, positive, with at least two different values (three if errors are single).
     errors : sequence of sequences
-        For each x its repetitions, signed or not, as many as there are.
+        The repetitions at each x, signed or not, in any number.
     statistic : str
         "mean" for the mean absolute error, "rms" for the root of the mean square.
     n_draws : int
-        How often the repetitions are drawn anew.
+        Number of resamplings.
     generator : numpy.random.Generator, torch.Generator or int
-        Of these draws.
+        Random number generator of the resampling; an integer is a seed.
 
     Raises
     ------
     ValueError
-        If the lengths do not fit, an x or a mean error is not positive, or the statistic is unknown.
+        If the lengths do not match, an x or a mean error is not positive, or the statistic is unknown.
     """
     rows = [np.abs(np.asarray(row, dtype=np.float64)).reshape(-1) for row in errors]
     _require_fit(x, rows, statistic)
     logs = np.log(np.asarray(x, dtype=np.float64))
     counts = np.array([len(row) for row in rows], dtype=np.float64)
     weights = counts * (logs - np.average(logs, weights=counts))
-    weights /= weights @ logs  # slope = weights @ log(error): a weighted least-squares line
+    weights /= weights @ logs  # slope = weights @ log(error): the weighted least-squares fit
     heights = np.log(averages(rows, statistic))
     slope = float(weights @ heights)
     if counts.max() == 1:
@@ -80,7 +79,7 @@ def fitted_slope(
 
 
 def averages(errors: Rows, statistic: str = "mean") -> np.ndarray:
-    """One number for every row of repetitions: the mean absolute error, or the root of the mean square ("rms")."""
+    """The average of every row of repetitions: the mean absolute error, or the root of the mean square ("rms")."""
     if statistic == "rms":
         return np.array([np.sqrt(np.mean(np.square(row))) for row in errors])
     return np.array([np.mean(np.abs(row)) for row in errors])

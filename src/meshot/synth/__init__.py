@@ -1,7 +1,7 @@
-"""Synthetic subjects: folded cortex, structures, magnetic-resonance images of them.
+"""Synthetic subjects: folded cortical surfaces, other brain structures, and simulated magnetic-resonance images.
 
-From a seed to white and pial surfaces that are known exactly, and to a T1-like image. ``cohorts`` writes whole cohorts
-and reads them; ``defects`` plants known errors in surfaces.
+From a seed to exactly known white and pial surfaces, and a T1-like image. ``cohorts`` writes and reads whole cohorts;
+``defects`` adds known errors to surfaces.
 """
 
 import lazy_loader

@@ -1,6 +1,6 @@
-"""How a T1-weighted image comes to be: tissue in every voxel, its signal, the scanner's faults, noise.
+"""Simulation of T1-weighted images: tissue fractions, signal, artefacts and noise.
 
-Every step is a function from arrays to an array, so that a reader can turn one knob at a time.
+Every step is a function from arrays to an array, so that parameters can be studied one at a time.
 """
 
 import dataclasses
@@ -23,18 +23,18 @@ FWHM = 2 * np.sqrt(2 * np.log(2))
 
 @dataclasses.dataclass(frozen=True)
 class Appearance:
-    """The knobs of an image: what a tissue emits, and what the scanner does to it.
+    """Parameters of an image: tissue signals, and artefacts of the scanner.
 
     Parameters
     ----------
     signal : mapping
         Mean signal of each of ``TISSUES``, in arbitrary units; air is 0.
     texture, texture_mm : float
-        Standard deviation of the signal within a tissue, as a part of its mean, and over which length it varies, in mm.
+        Standard deviation of the signal within a tissue, relative to its mean, and its correlation length in mm.
     bias, bias_mm : float
-        Standard deviation of the logarithm of the bias field, and its length, in mm.
+        Standard deviation of the logarithm of the bias field, and its correlation length in mm.
     blur_mm : float
-        Full width at half maximum of the point spread, in mm.
+        Full width at half maximum of the point spread function, in mm.
     noise : float
         Standard deviation of the noise in each of the two channels of the receiver, in units of the signal.
     """
@@ -63,26 +63,26 @@ def tissue_fractions(
     n_lines: int = 3,
     structures: Sequence[Structure] = (),
 ) -> dict[str, Float[Array, "X Y Z"]]:
-    """Which part of every voxel is which of ``TISSUES``; what is left is air.
+    """The fractions of every voxel that belong to each of ``TISSUES``; the rest is air.
 
     Parameters
     ----------
     white, pial : sequence of Mesh
-        Closed, one for each hemisphere, in scanner RAS.
+        Closed, one per hemisphere, in scanner RAS.
     grid : Volume
-        Whose grid to use; its data do not matter.
+        Defines the grid. Its data are not used.
     head_mm : sequence of float
-        How thick fluid, skull and scalp are around the pial surfaces; empty for a brain in air, with fluid only in the
-        sulci narrower than 4 mm.
+        Thickness of fluid, skull and scalp around the pial surfaces. Empty for a brain in air, with fluid only in sulci
+        narrower than 4 mm.
     n_lines : int
-        Lines across each voxel, see :func:`meshot.volume.surfaces.enclosed_fractions`.
+        Number of lines across each voxel, see :func:`meshot.volume.surfaces.enclosed_fractions`.
     structures : sequence of Structure
-        What else is in the head, in the place of white matter or below the brain.
+        Further structures, which replace white matter or lie below the brain.
 
     Raises
     ------
     ValueError
-        If ``head_mm`` has neither three numbers nor none, or a mesh has no inside.
+        If ``head_mm`` has neither three numbers nor none, or a mesh is not closed.
     """
     if len(head_mm) not in (0, 3) or any(not thickness > 0 for thickness in head_mm):
         raise ValueError(f"head_mm is {list(head_mm)}; three thicknesses > 0 (fluid, skull, scalp) or none are needed")
@@ -98,9 +98,9 @@ def tissue_fractions(
 
 
 def _shells(inside: Array, sizes: Array, head_mm: Sequence[float]) -> list[Array]:
-    """Fluid, skull and scalp, each 0 to 1 with an edge one voxel wide."""
+    """Fractions of fluid, skull and scalp, each with an edge one voxel wide."""
     sampling = sizes.tolist()
-    # From the centre of the nearest voxel inside to the surface it is half a voxel.
+    # The surface is half a voxel from the centre of the nearest voxel inside.
     distance = scipy.ndimage.distance_transform_edt(inside < 0.5, sampling=sampling) - sizes.mean() / 2
     if not len(head_mm):
         closed = scipy.ndimage.distance_transform_edt(distance <= 2.0, sampling=sampling)
@@ -116,7 +116,7 @@ def _below(distance: Array, end: float, sizes: Array) -> Array:
 def t1_image(
     fractions: dict[str, Float[Array, "X Y Z"]], grid: Volume, appearance: Appearance, generator: Generator
 ) -> Volume:
-    """A T1-weighted magnitude image: signal by partial volume, texture, bias field, point spread, Rician noise.
+    """A T1-weighted magnitude image: partial-volume signal, texture, bias field, point spread, Rician noise.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def t1_image(
         The grid they are on.
     appearance : Appearance
     generator : generator or int
-        Who holds the randomness.
+        Random number generator; an integer is a seed.
     """
     rng, sizes = numpy_generator(generator), voxel_sizes(grid)
     shape = grid.data.shape
@@ -140,10 +140,10 @@ def t1_image(
 
 
 def smooth_noise(shape: Sequence[int], length: Float[Array, " 3"], generator: Generator) -> Float[Array, "X Y Z"]:
-    """A random field of mean 0 and standard deviation 1 over the grid, smooth over some voxels along each axis.
+    """A smooth random field of mean 0 and standard deviation 1 on a grid.
 
-    Independent normal numbers on knots ``length`` voxels apart, interpolated by cubic splines: long lengths cost
-    no more than short ones.
+    It interpolates independent normal numbers on knots ``length`` voxels apart by cubic splines. The cost does not
+    increase with ``length``.
     """
     rng = numpy_generator(generator)
     step = np.maximum(np.asarray(length, dtype=np.float64), 1.0)
@@ -157,7 +157,7 @@ def smooth_noise(shape: Sequence[int], length: Float[Array, " 3"], generator: Ge
 def rician_noise(signal: Float[Array, "*shape"], sigma: float, generator: Generator) -> Float[Array, "*shape"]:
     """The magnitude of a signal with normal noise of standard deviation ``sigma`` in both channels of the receiver.
 
-    Where there is no signal the values follow a Rayleigh distribution with mean σ √(π/2).
+    Without signal the values follow a Rayleigh distribution with mean σ √(π/2).
 
     References
     ----------

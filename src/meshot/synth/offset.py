@@ -1,4 +1,4 @@
-"""A surface moved outwards or inwards by some mm, without crossing itself where it would meet its own other bank."""
+"""Offset surfaces: a surface moved outwards or inwards by some mm, without self-intersection where walls would meet."""
 
 import numpy as np
 import scipy.ndimage
@@ -13,34 +13,35 @@ from meshot.volume.surfaces import winding_numbers
 
 _VOXEL = 1.0  # mm
 _BLUR = 1.3  # mm
-_FLAT = 0.02  # per mm: below it the blurred edge has no direction
+_FLAT = 0.02  # per mm: below this slope the blurred edge has no reliable direction
 _STEP = 0.25  # mm
 _MARGIN = 4.0  # mm, beyond the largest distance
 
 
 def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
-    """Every vertex of a closed surface carried that far outwards (mm; inwards if negative), or as far as there is room.
+    """Move every vertex of a closed surface outwards by a distance in mm (inwards if negative), as far as possible.
 
-    The vertices follow the flow of one smooth field: down the gradient of the enclosed space, blurred by 1.3 mm, at
-    unit speed, and slower where banks face each other, where the gradient vanishes. Trajectories do not meet, so a
-    sulcus closes up to a slit and its banks stop there. A vertex halts when it is as far from where it began as asked
-    for, or when the time for the farthest is twice over.
+    The vertices follow the flow of one smooth velocity field: the negative gradient of the enclosed volume's indicator
+    function, blurred by 1.3 mm, scaled to unit speed. Where walls face each other, the gradient vanishes and the
+    velocity is lower. Trajectories do not meet, so that the walls of a sulcus approach each other and stop. A vertex
+    stops when its distance from the start is the requested one, or after twice the time for the largest distance.
 
     Parameters
     ----------
     mesh : Mesh
-        With an inside, its normals outward.
+        Closed, with outward normals.
     distances : tensor
         All of one sign.
 
     Raises
     ------
     ValueError
-        If the distances have two signs, their number is not that of the vertices, or the mesh is open or inverted.
+        If the distances have different signs, their number is not that of the vertices, or the mesh is open or inside
+        out.
 
     Notes
     -----
-    Corners do not cross; faces between them may, in slits narrower than an edge is long: count them.
+    Vertices do not meet, but faces between them may intersect in gaps narrower than an edge. Check the result.
     """
     if len(distances) != len(mesh.vertices) or float(distances.min()) * float(distances.max()) < 0:
         raise ValueError(
@@ -65,7 +66,7 @@ def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
         following = place + step * velocity(place + step / 2 * velocity(place))
         reaches = safe_norm(following - start)
         part = ((wanted - reached) / (reaches - reached).clamp(min=1e-9)).clamp(0, 1)
-        moving = reached < wanted  # halted vertices are left where they are
+        moving = reached < wanted  # the other vertices have stopped
         result = torch.where(moving[:, None], place + part[:, None] * (following - place), result)
         reached = torch.where(moving, torch.maximum(reaches, reached), reached)
         place = torch.where(moving[:, None], following, place)
@@ -73,13 +74,13 @@ def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
 
 
 def _outward_field(mesh: Mesh, margin: float) -> tuple[Float[Tensor, "X Y Z 3"], Float[Tensor, " 3"]]:
-    """Spline coefficients of the field on a grid around the mesh, and where its first node lies."""
+    """Spline coefficients of the velocity field on a grid around the mesh, and the position of its first node."""
     vertices = mesh.vertices.detach()
     lower = torch.floor(vertices.amin(dim=0) - margin)
     shape = [int(n) for n in torch.ceil((vertices.amax(dim=0) + margin - lower) / _VOXEL)]
     affine = np.diag([_VOXEL, _VOXEL, _VOXEL, 1.0])
     affine[:3, 3] = lower.numpy()
-    # Deep folds may cross and leave a pocket inside out; it counts as outside.
+    # Deep folds may intersect and have regions with winding number -1, which count as outside.
     inside = winding_numbers(mesh, Volume(np.zeros(shape, dtype=np.float32), affine), n_lines=2).clip(0, 1)
     orders = np.eye(3, dtype=int).tolist()
     downhill = np.stack([-scipy.ndimage.gaussian_filter(inside, _BLUR / _VOXEL, order=o) for o in orders], axis=-1)

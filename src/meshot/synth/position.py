@@ -1,4 +1,4 @@
-"""How a head lies in the scanner, and on which grid it is seen."""
+"""Random position of a head in the scanner, and the grid of the image."""
 
 import dataclasses
 
@@ -14,27 +14,28 @@ _AXES = {"R": (0, 1), "L": (0, -1), "A": (1, 1), "P": (1, -1), "S": (2, 1), "I":
 
 @dataclasses.dataclass(frozen=True)
 class Position:
-    """The knobs of how a head is placed and sliced.
+    """Parameters of the random position of a head, and of the grid.
 
     Parameters
     ----------
     rotation_degrees : float
-        The head is turned about each axis by up to so much.
+        Maximum rotation of the head about each axis.
     translation_mm : float
-        The head is moved along each axis by up to so much.
+        Maximum translation of the head along each axis.
     oblique_degrees : float
-        The grid is turned about each axis by up to so much.
+        Maximum rotation of the grid about each axis.
     voxel_mm : three numbers
-        Sizes of the voxels along the axes of the grid.
+        Voxel sizes along the axes of the grid.
     orientation : str
-        Where the three axes of the grid point, up to the oblique rotation: three of the letters R or L, A or P, S or I.
+        Directions of the three axes of the grid, up to the oblique rotation: three of the letters R or L, A or P, S or
+        I.
     margin_mm : float
-        How far the grid reaches beyond the head.
+        Distance by which the grid exceeds the head.
 
     Raises
     ------
     ValueError
-        If a number is out of range, or the letters do not name three axes.
+        If a number is out of range, or the letters do not specify three axes.
     """
 
     rotation_degrees: float = 8.0
@@ -64,7 +65,7 @@ class Position:
 
 
 def head_position(position: Position, centre_mm: Float[Array, " 3"], generator: Generator) -> Float[Array, "4 4"]:
-    """A rigid motion, drawn at random: head coordinates to scanner RAS, in mm; the head turns about ``centre_mm``."""
+    """A random rigid motion from head coordinates to scanner RAS, in mm, with rotation about ``centre_mm``."""
     rng = numpy_generator(generator)
     motion = np.eye(4)
     motion[:3, :3] = _rotation(position.rotation_degrees, rng)
@@ -74,15 +75,15 @@ def head_position(position: Position, centre_mm: Float[Array, " 3"], generator: 
 
 
 def scanner_grid(position: Position, points_mm: Float[Tensor, "n 3"], generator: Generator) -> Volume:
-    """An empty volume that holds all points, with a margin, sliced along its own axes.
+    """An empty volume that contains all points with a margin, in the orientation of ``position``.
 
     Parameters
     ----------
     position : Position
     points_mm : tensor
-        In scanner RAS: what must be seen.
+        The points in scanner RAS.
     generator : generator or int
-        Draws how the grid is turned.
+        Source of the random oblique rotation.
     """
     axes = np.zeros((3, 3))
     for column, letter in enumerate(position.orientation):
@@ -96,7 +97,7 @@ def scanner_grid(position: Position, points_mm: Float[Tensor, "n 3"], generator:
     affine = np.eye(4)
     affine[:3, :3] = axes * sizes
     affine[:3, 3] = axes @ (low * sizes)
-    # A header keeps 32 bits; what is written is what is computed with.
+    # A file header stores 32-bit numbers; use the same values in the computation.
     return Volume(np.zeros(shape.tolist(), dtype=np.uint8), affine.astype(np.float32).astype(np.float64))
 
 

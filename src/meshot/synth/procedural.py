@@ -1,4 +1,4 @@
-"""A folded hemisphere that comes from no brain: sulci along the zeros of seeded noise on a smooth, half-flat body."""
+"""Procedural folded hemispheres: sulci along the zeros of random noise on a smooth body, not derived from a brain."""
 
 import numpy as np
 import torch
@@ -15,21 +15,21 @@ from meshot.synth.offset import offset_surface
 from meshot.synth.warp import VARIATION_MM, smooth_variation
 from meshot.types import Bool, Float, Tensor
 
-LATERAL, MEDIAL, LENGTH, HEIGHT = 53.0, 15.0, 83.0, 57.0  # mm, half-axes of the hull; medial is towards the other half
+LATERAL, MEDIAL, LENGTH, HEIGHT = 53.0, 15.0, 83.0, 57.0  # half-axes of the hull in mm; medial: towards the midline
 _DEPTH = 16.0  # mm of the sulci, where folding is 1
-_MEDIAL_DEPTH = 0.55  # of it towards the other hemisphere, where the body is thin
+_MEDIAL_DEPTH = 0.55  # factor on the depth towards the other hemisphere, where the body is thin
 _DEEPEST = 21.0  # mm
-WAVELENGTH = 22.0  # mm; the zeros of a wave lie half of it apart, and so do sulci
+WAVELENGTH = 22.0  # mm; zeros of the noise, and therefore sulci, are about half a wavelength apart
 _BANDWIDTH = 0.18  # of the wave number
-_SULCUS = 0.7  # the sine of the phase at which a bank is half-way up, nearly
-_BLUNT = 0.3  # keeps the phase smooth where the noise and its gradient are both near zero
-_SMOOTHINGS = 8  # of the white surface, which take the edge off the steepest banks
-_PIAL_SMOOTHINGS = 2  # for banks that meet in a slit
+_SULCUS = 0.7  # approximately the sine of the phase at which a wall has half its height
+_BLUNT = 0.3  # keeps the phase smooth where noise and gradient are both close to zero
+_SMOOTHINGS = 8  # smoothing steps of the white surface, which make the steepest walls less steep
+_PIAL_SMOOTHINGS = 2  # smoothing steps of the pial surface, for walls that meet in a slit
 _SPACING = 3.0  # mm between the samples of the noise
 _SPREADING = 25  # rounds of moving vertices to where the surface is large
 _LARGEST_GROWTH = 6.0
-_WALL_GAP = 0.3  # mm; the flow that lifts the pial surface is not exactly normal, and .1 would be too little
-_APART = 1.5  # mm from the midline to the pial surface, at least
+_WALL_GAP = 0.3  # mm; the flow to the pial surface is not exactly normal, so that .1 mm would be too small
+_APART = 1.5  # smallest distance in mm between the midline and the pial surface
 
 
 def procedural_cortex(
@@ -43,19 +43,20 @@ def procedural_cortex(
 ) -> tuple[Mesh, Mesh, Bool[Tensor, " V"]]:
     """White surface, pial surface and medial wall of one hemisphere.
 
-    The white surface is a sphere mapped to a body whose half-axes shrink where the noise is near zero (the bodies are
-    nested, so it cannot cross itself); vertices are spread so that faces become more equal. It recedes by ``atrophy``;
-    the pial surface is the white one offset outwards by the thickness, less where a sulcus is too narrow.
+    The white surface is a sphere mapped to a body whose half-axes are smaller where the noise is near zero. Bodies of
+    different depths are nested, so the surface does not intersect itself. Vertices are redistributed so that faces have
+    similar areas. The surface is moved inwards by ``atrophy``. The pial surface is the white one offset outwards by the
+    thickness, or by less where a sulcus is too narrow.
 
     Parameters
     ----------
     side : "left" or "right"
     subdivisions : int
-        Of an icosahedron.
+        Number of subdivisions of an icosahedron.
     folding : float
-        Depth of the sulci, 1 being 16 mm.
+        Depth of the sulci, where 1 means 16 mm.
     thickness, thickness_variation : float
-        Of the cortex, in mm, and how it varies from place to place as a part of it (standard deviation).
+        Thickness of the cortex in mm, and its relative standard deviation over the surface.
     atrophy : float
         In mm.
     generator : generator or int
@@ -74,7 +75,7 @@ def procedural_cortex(
 
 
 class _Body:
-    """Where each direction of the unit sphere goes."""
+    """The map from directions on the unit sphere to positions in mm."""
 
     def __init__(self, side: Hemisphere, depth: float, noise: tuple[tuple[Tensor, Tensor], Tensor]):
         self.outwards = -1.0 if side == "left" else 1.0
@@ -85,14 +86,14 @@ class _Body:
         middle = self._layer(directions, torch.full_like(directions[:, 0], 0.4 * self.depth))
         values, slopes = (spline_values(field, (middle - self.lower) / _SPACING) for field in self.noise)
         squared = values[:, 0].square()
-        # Like sin²(2π d/λ) at the distance d from a zero: then all sulci are about equally wide.
+        # Similar to sin²(2π d/λ) at distance d from a zero, so that all sulci have about the same width.
         phase = squared / (squared + slopes.square().sum(dim=1) * (WAVELENGTH / (2 * np.pi)) ** 2 + _BLUNT)
         height = (1 + _SULCUS**2) * phase / (phase + _SULCUS**2)
         wall = self.wall(directions)
         return self._layer(directions, self.depth * (1 - torch.lerp(height, torch.full_like(height, 0.5), wall)))
 
     def wall(self, directions: Float[Tensor, "V 3"]) -> Float[Tensor, " V"]:
-        """From 0 where there are folds and cortex to 1 in the middle of the medial wall."""
+        """0 where there are folds and cortex, increasing to 1 in the centre of the medial wall."""
         x, y, z = (directions * directions.new_tensor([-self.outwards, LENGTH, HEIGHT])).unbind(dim=1)
         ellipse = ((y + 5) / 34) ** 2 + ((z + 4) / 20) ** 2
         return (3 * x).clamp(0, 1) * torch.exp(-ellipse.square())
@@ -105,7 +106,7 @@ class _Body:
 
 
 def _noise(rng: np.random.Generator) -> tuple[tuple[Tensor, Tensor], Float[Tensor, " 3"]]:
-    """Noise whose wavelengths lie around ``WAVELENGTH`` and its gradient, as splines, and where the first node lies."""
+    """Noise with wavelengths around ``WAVELENGTH`` and its gradient, as splines, and the position of the first node."""
     lower = -np.array([LATERAL + MEDIAL + 16, LENGTH + 10, HEIGHT + 10])
     shape = np.ceil(-2 * lower / _SPACING).astype(int)
     waves = np.fft.fftn(rng.standard_normal(tuple(shape)))
@@ -120,7 +121,7 @@ def _noise(rng: np.random.Generator) -> tuple[tuple[Tensor, Tensor], Float[Tenso
 
 
 def _spread(sphere: Mesh, body: _Body) -> Float[Tensor, "V 3"]:
-    """Directions that lie denser where the surface is larger: each moves to the mean of its faces, by area."""
+    """Directions that are denser where the surface is larger: each moves to the area-weighted mean of its faces."""
     directions, faces = sphere.vertices, sphere.faces
     for _ in range(_SPREADING):
         areas = face_areas(sphere.with_vertices(body.surface(directions)))

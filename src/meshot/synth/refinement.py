@@ -1,4 +1,4 @@
-"""More triangles for a surface that few triangles only hint at."""
+"""Smooth refinement of triangle meshes by Loop subdivision."""
 
 import torch
 
@@ -6,14 +6,14 @@ from meshot.mesh import Mesh
 from meshot.mesh.editing import neighbour_means
 from meshot.mesh.shapes import split_in_four
 
-WARREN = 3 / 8  # how far an old vertex goes towards the mean of its neighbours, if it has more than three
+WARREN = 3 / 8  # fraction of the way to the mean of the neighbours for old vertices with more than three neighbours
 
 
 def loop_subdivided(mesh: Mesh) -> Mesh:
-    """A closed mesh with every triangle cut into four and all vertices smoothed by Loop's rule (Warren's weights).
+    """A closed mesh after one step of Loop subdivision (with Warren's weights): four faces for each face.
 
-    Repeated, it tends to a surface with continuous normals, and curvature almost everywhere, where cutting at the
-    midpoints would leave flat facets. It shrinks a little. Old vertices keep their indices; new ones follow.
+    Repeated steps converge to a surface with continuous normals, and curvature almost everywhere. Subdivision at the
+    midpoints alone would keep flat faces. The mesh shrinks slightly. Old vertices keep their indices; new ones follow.
 
     References
     ----------
@@ -22,7 +22,7 @@ def loop_subdivided(mesh: Mesh) -> Mesh:
     """
     n_vertices, n_faces = len(mesh.vertices), len(mesh.faces)
     points, faces = split_in_four(mesh.vertices, mesh.faces)
-    # The four parts of a triangle name the midpoints of its sides; the corner across from each side counts 1/8.
+    # The four parts of a triangle contain the midpoints of its sides; the corner opposite to a side has weight 1/8.
     midpoints = torch.cat([faces[:n_faces, 1], faces[n_faces : 2 * n_faces, 2], faces[:n_faces, 2]])
     across = mesh.vertices[mesh.faces.roll(-2, dims=1).T.flatten()]
     smoothed = torch.cat([_smoothed(mesh), 3 / 4 * points[n_vertices:]])
@@ -30,16 +30,16 @@ def loop_subdivided(mesh: Mesh) -> Mesh:
 
 
 def smoothly_refined(mesh: Mesh, n_rounds: int = 1, n_corrections: int = 3) -> Mesh:
-    """Loop subdivision of a closed mesh whose vertices are moved outwards first, so that it hardly shrinks.
+    """Loop subdivision of a closed mesh whose vertices are first moved outwards to compensate for the shrinkage.
 
     Parameters
     ----------
     mesh : Mesh
     n_rounds : int
-        Each makes four faces of one.
+        Number of subdivisions. Each multiplies the number of faces by four.
     n_corrections : int
-        Before each round the vertices are moved by what the round would take from them, so many times over: old
-        vertices then come to lie nearly where they were (.007 mm away on average on fsaverage5).
+        Number of times that, before each subdivision, vertices are moved by the displacement it would cause. Old
+        vertices then stay nearly in place (.007 mm away on average for fsaverage5).
     """
     for _ in range(n_rounds):
         sharpened = mesh

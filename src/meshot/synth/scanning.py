@@ -1,4 +1,4 @@
-"""One scan of one subject: from surfaces in head coordinates to an image, its truth, and both on the standard grid."""
+"""Simulation of one scan of one subject, with its ground truth, in scanner RAS and on the standard grid."""
 
 import dataclasses
 import functools
@@ -23,24 +23,24 @@ from meshot.types import Array, Float, Tensor
 from meshot.volume import StandardScan, Volume, standard_scan, transform_points, volume_pyramid, write_volume
 from meshot.volume.surfaces import enclosed_fractions
 
-#: What is written is a multiple of these, so that last bits, in which CPUs differ, are gone: mm, and parts of one.
+#: Written coordinates (mm) and values are multiples of these. This removes last bits, which differ between CPUs.
 VERTEX_STEP, STANDARD_STEP = 2.0**-14, 2.0**-12
 
 
 @dataclasses.dataclass(frozen=True)
 class Anatomy:
-    """The knobs of a head beside those of its surfaces.
+    """Parameters of a head other than those of its cortical surfaces.
 
     Parameters
     ----------
     ventricles : float
-        Half axes of the ventricles, as a multiple of those of a young adult; 0 for none.
+        Half axes of the ventricles, relative to those of a young adult; 0 for none.
     below : float
         The same for cerebellum and brainstem.
     head_mm : tuple
-        Fluid, skull and scalp, in mm; empty for none.
+        Thickness of fluid, skull and scalp, in mm; empty for none.
     n_lines : int
-        Lines across each voxel for partial volume.
+        Number of lines across each voxel for partial volumes.
     """
 
     ventricles: float = 1.0
@@ -51,18 +51,18 @@ class Anatomy:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scan:
-    """A scan and its truth, in scanner RAS.
+    """A scan and its ground truth, in scanner RAS.
 
     Parameters
     ----------
     image : Volume
-        T1-weighted, whole numbers in arbitrary units.
+        T1-weighted, integers in arbitrary units.
     tissue : Volume
         See :data:`meshot.synth.cohorts.LABELS`.
     surfaces : mapping
         By ("white" or "pial", "left" or "right").
     head_to_scanner : array
-        The rigid motion by which the head lies in the scanner.
+        The rigid motion from head coordinates to scanner RAS.
     """
 
     image: Volume
@@ -74,7 +74,7 @@ class Scan:
 def simulated_scan(
     subject: CorticalSurfaces, anatomy: Anatomy, appearance: Appearance, position: Position, seed: list[int]
 ) -> Scan:
-    """A head is placed in the scanner, its tissues are found in every voxel, and an image is formed.
+    """Simulate a scan: place the head in the scanner, compute the tissue fractions, and make the image.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def simulated_scan(
     appearance : Appearance
     position : Position
     seed : list of int
-        Of the position, the grid, and the image.
+        Seed of the position, the grid, and the image.
     """
     rng = np.random.default_rng(seed)
     corners = torch.cat([mesh.vertices.detach() for mesh in subject.pial.values()])
@@ -114,14 +114,14 @@ def _room(position: Position, anatomy: Anatomy) -> Position:
 
 
 def _outermost(surfaces: Mapping[tuple[str, str], Mesh], structures: list[Structure]) -> Float[Tensor, "n 3"]:
-    """Points whose box holds all that is to be seen."""
+    """Points whose bounding box contains everything that must be in the image."""
     ends = [s.centre_mm + sign * s.axes_mm.T[k] for s in structures for sign in (-1, 1) for k in range(3)]
     vertices = [mesh.vertices for (kind, _), mesh in surfaces.items() if kind == "pial"]
     return torch.cat([*vertices, *([torch.from_numpy(np.array(ends))] if ends else [])])
 
 
 def _tissue_labels(fractions: Mapping[str, Float[Array, "X Y Z"]], pial: list[Mesh], grid: Volume) -> Volume:
-    """Which tissue, or air, fills most of each voxel."""
+    """The tissue with the largest fraction of each voxel, or air."""
     left, right = (enclosed_fractions(mesh, grid, 1) for mesh in pial)
     side = right > left
     most, labels = 1 - sum(fractions.values()), np.zeros(grid.data.shape, dtype=np.uint8)
@@ -141,15 +141,17 @@ def _template(size: int) -> Volume:
 def standardised(scan: Scan, registration_mm: int = 1, seed: int = 0) -> tuple[StandardScan, Volume]:
     """The scan on the standard grid (the paper's preprocessing), and its labels.
 
-    The labels come from the surfaces: 1 (left) or 2 (right) where the white surface encloses at least half of a voxel.
+    The labels are computed from the surfaces: 1 (left) or 2 (right) where the white surface encloses at least half of a
+    voxel.
 
     Parameters
     ----------
     scan : Scan
     registration_mm : int
-        Voxel size of the average that the scan is registered to, a power of two; above 1 it is faster and less exact.
+        Voxel size of the average to which the scan is registered, a power of two. Above 1, registration is faster and
+        less accurate.
     seed : int
-        Of the registration.
+        Seed of the registration.
     """
     placed = standard_scan(scan.image, _template(registration_mm), seed)
     volume = placed.volume.with_data((np.rint(placed.volume.data / STANDARD_STEP) * STANDARD_STEP).astype(np.float32))
@@ -162,7 +164,7 @@ def standardised(scan: Scan, registration_mm: int = 1, seed: int = 0) -> tuple[S
 
 
 def surface_facts(scan: Scan, subject: CorticalSurfaces) -> dict:
-    """Area (cm²), volume inside (ml) and crossing faces of every surface, and the thickness of the cortex in mm."""
+    """Area (cm²), enclosed volume (ml) and intersecting faces of every surface, and quantiles of thickness in mm."""
     facts = {}
     for (kind, side), mesh in scan.surfaces.items():
         facts[f"{side} {kind}"] = {
@@ -179,7 +181,7 @@ def surface_facts(scan: Scan, subject: CorticalSurfaces) -> dict:
 
 
 def rounded(value: object) -> object:
-    """Numbers in six digits, in whatever they are packed: last bits differ between CPUs, and would change a hash."""
+    """Numbers rounded to six digits, in nested containers, because last bits differ between CPUs and change hashes."""
     if isinstance(value, dict):
         return {key: rounded(v) for key, v in value.items()}
     if isinstance(value, list | tuple):
@@ -190,7 +192,7 @@ def rounded(value: object) -> object:
 
 
 def write_scan(place: cohort.Subject, scan: Scan, standard: tuple[StandardScan, Volume], facts: dict) -> None:
-    """Write all files of a scan where a reader of the cohort looks for them."""
+    """Write all files of a scan at the paths where the cohort is read."""
     write_volume(place.file(cohort.T1), scan.image)
     write_volume(place.file(cohort.TISSUE), scan.tissue)
     for (kind, side), mesh in scan.surfaces.items():

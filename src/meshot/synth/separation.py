@@ -1,4 +1,4 @@
-"""Surfaces of one head, kept from crossing themselves and each other."""
+"""Removal of self-intersections, and of intersections between surfaces of one head."""
 
 import numpy as np
 import scipy.spatial
@@ -9,21 +9,21 @@ from meshot.mesh.editing import smooth_crossings
 from meshot.mesh.topology import self_intersecting_faces
 from meshot.types import Float, Int64, Tensor
 
-#: Vertices lie on a lattice of 2⁻¹³ mm, so that single precision holds them exactly and the last bit of a sum, which
-#: differs between CPUs, does not show.
+#: Vertices are rounded to multiples of 2⁻¹³ mm. Single precision represents them exactly, and the last bits of sums,
+#: which differ between CPUs, are removed.
 LATTICE = 2.0**-13
-_REACH = 4.0  # mm around crossing faces
+_REACH = 4.0  # mm around intersecting faces
 _ROUNDS = 5
 _SMOOTHINGS = 60
 
 
 def on_lattice(points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """The nearest points whose coordinates are multiples of 2⁻¹³ mm (.00012 mm)."""
+    """The points rounded to multiples of 2⁻¹³ mm (.00012 mm)."""
     return (points / LATTICE).round() * LATTICE
 
 
 def united(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one, vertices and faces one after another.
+    """Several meshes joined to one, with vertices and faces in their order.
 
     Raises
     ------
@@ -38,9 +38,9 @@ def united(meshes: list[Mesh]) -> Mesh:
 
 
 def crossing_faces(meshes: list[Mesh]) -> Int64[Tensor, " n"]:
-    """The faces that cross another face of the same or of another mesh, counted through all meshes in order.
+    """The faces that intersect another face of the same or another mesh, as indices into the joined meshes.
 
-    If none do, and the meshes are closed, any two of them are nested or apart.
+    If there are none, and the meshes are closed, any two of them are nested or disjoint.
 
     Raises
     ------
@@ -51,15 +51,14 @@ def crossing_faces(meshes: list[Mesh]) -> Int64[Tensor, " n"]:
 
 
 def kept_apart(meshes: list[Mesh]) -> list[Mesh] | None:
-    """The meshes on the lattice of 2⁻¹³ mm, smoothed near crossing faces until no two faces of any cross.
+    """The meshes rounded to multiples of 2⁻¹³ mm, and smoothed near intersecting faces until no faces intersect.
 
-    Only the neighbourhood of crossing faces, 8 mm around them, is looked at while it is mended; then everything is
-    counted again.
+    Each round smooths and checks only the neighbourhood of intersecting faces, and then checks all meshes again.
 
     Returns
     -------
     list of Mesh, or None
-        None if faces still cross after five such rounds: then the surfaces have to be made in another way.
+        None if faces still intersect after five rounds.
 
     Raises
     ------
@@ -75,7 +74,7 @@ def kept_apart(meshes: list[Mesh]) -> list[Mesh] | None:
             return [mesh.with_vertices(part) for mesh, part in zip(meshes, parts, strict=True)]
         try:
             whole = _mended_around(whole, crossing)
-        except ValueError:  # mended gives up
+        except ValueError:  # smoothing failed
             return None
     return None
 

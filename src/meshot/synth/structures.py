@@ -1,7 +1,7 @@
-"""What a head holds besides its cortex, as ellipsoids: ventricles, deep grey matter, cerebellum, brainstem.
+"""Structures of a head other than its cortex, as ellipsoids: ventricles, deep grey matter, cerebellum, brainstem.
 
-They are plain on purpose. No one could mistake them for anatomy; but they make the inside of the white surface as
-uneven as it is in a scan, and give the registration something below the cerebrum to hold on to.
+They are deliberately simple and not realistic. They make the inside of the white surface as inhomogeneous as in a
+scan, and give the registration structures below the cerebrum.
 """
 
 import dataclasses
@@ -15,10 +15,10 @@ from meshot.mesh import Mesh
 from meshot.types import Array, Float
 from meshot.volume import Volume, mm_to_voxel, voxel_sizes
 
-#: How deep inside the white surface a structure must stay, in mm.
+#: Smallest distance between a structure inside the white surface and this surface, in mm.
 DEPTH_MM = 3.0
-# Where: from the middle of the head outward, from back to front, from bottom to top, as parts of the box around one
-# white surface; half axes as parts of the same lengths. Measured by eye on MNI152.
+# Centres: from the midline outwards, from posterior to anterior, from inferior to superior, as fractions of the
+# bounding box of one white surface. Half axes as fractions of the same lengths. Measured by eye on MNI152.
 _PLACES = {
     "thalamus": ((0.18, 0.50, 0.43), (0.120, 0.083, 0.067)),
     "caudate": ((0.20, 0.68, 0.445), (0.075, 0.054, 0.067)),
@@ -40,11 +40,13 @@ class Structure:
     tissue : str
         "deep grey", "fluid" or "hindbrain".
     centre_mm : array
+        "deep grey", "fluid" or "hindbrain".
+    centre_mm : array
     axes_mm : array
         The half axes, as columns.
     inside_white : bool
-        Whether it lies inside the white surfaces, and is cut off ``DEPTH_MM`` below them; else it lies outside the pial
-        surfaces, and is cut off there.
+        Whether it lies inside the white surfaces, and is cut off at depth ``DEPTH_MM``. Otherwise it lies outside the
+        pial surfaces, and is cut off there.
     """
 
     tissue: str
@@ -54,21 +56,21 @@ class Structure:
 
 
 def structures_of(white: Mapping[str, Mesh], ventricles: float = 1.0, below: float = 1.0) -> list[Structure]:
-    """The structures that fit the boxes around the two white surfaces, in the order in which they replace each other.
+    """The structures scaled to the bounding boxes of the two white surfaces, in the order in which they are added.
 
     Parameters
     ----------
     white : mapping
-        By hemisphere, "left" and "right", while x still grows from left to right and z upward.
+        By hemisphere, "left" and "right", in head coordinates: x increases from left to right and z upwards.
     ventricles : float
-        Half axes of the ventricles, as a multiple of those of a young adult; 0 for none.
+        Half axes of the ventricles, relative to those of a young adult; 0 for none.
     below : float
         The same for cerebellum and brainstem.
 
     Raises
     ------
     ValueError
-        If a multiple is negative or above 3.
+        If a factor is negative or above 3.
     """
     if not (0 <= ventricles <= 3 and 0 <= below <= 3):
         raise ValueError(f"ventricles is {ventricles} and below {below}; multiples from 0 (none) to 3 are needed")
@@ -87,15 +89,15 @@ def structures_of(white: Mapping[str, Mesh], ventricles: float = 1.0, below: flo
 
 
 def moved_structure(structure: Structure, affine: Float[Array, "4 4"]) -> Structure:
-    """A structure after an affine motion of the whole head."""
+    """A structure after an affine transform of the whole head."""
     centre = affine[:3, :3] @ structure.centre_mm + affine[:3, 3]
     return dataclasses.replace(structure, centre_mm=centre, axes_mm=affine[:3, :3] @ structure.axes_mm)
 
 
 def structure_fraction(structure: Structure, grid: Volume) -> tuple[tuple[slice, ...], Float[Array, "x y z"]]:
-    """Which part of each voxel of a box of the grid an ellipsoid fills (nearly), and where that box is.
+    """The approximate fraction of each voxel that an ellipsoid fills, in a box of the grid, and the slices of the box.
 
-    The edge is one voxel wide and straight: good to a few per cent for ellipsoids that are many voxels thick.
+    The edge is a linear ramp one voxel wide, accurate to a few per cent for ellipsoids that are many voxels thick.
     """
     reach = np.linalg.norm(np.linalg.inv(grid.affine)[:3, :3] @ structure.axes_mm, axis=1)
     centre = mm_to_voxel(grid, torch.from_numpy(structure.centre_mm[None])).numpy()[0]
@@ -115,14 +117,14 @@ def add_structures(
     grid: Volume,
     structures: Sequence[Structure],
 ) -> dict[str, Float[Array, "X Y Z"]]:
-    """Tissue fractions in which structures, one after another, have replaced what was there before.
+    """Tissue fractions after structures have replaced other tissue, one after another.
 
     Parameters
     ----------
     fractions : mapping
-        Of "white" and "grey".
+        Fractions of "white" and "grey".
     inside_pial : array
-        Which part of every voxel lies inside the pial surfaces.
+        The fraction of every voxel inside the pial surfaces.
     grid : Volume
     structures : sequence of Structure
     """
@@ -141,7 +143,7 @@ def add_structures(
 
 
 def _depth(white: Float[Array, "X Y Z"], sizes: Float[Array, " 3"]) -> Float[Array, "X Y Z"]:
-    """How far inside white matter each voxel lies, in mm, to about a voxel."""
+    """The depth of each voxel inside white matter, in mm, accurate to about a voxel."""
     inside = white > 0.5
     depth = np.zeros(white.shape)
     found = scipy.ndimage.find_objects(inside.astype(np.uint8))

@@ -1,4 +1,4 @@
-"""The cortex of one synthetic subject: white and pial surfaces of both hemispheres, from a few knobs and a seed."""
+"""The cortex of one synthetic subject: white and pial surfaces of both hemispheres, from parameters and a seed."""
 
 import dataclasses
 import math
@@ -18,33 +18,33 @@ from meshot.synth.warp import VARIATION_MM, random_sizes, randomly_warped, smoot
 from meshot.types import Bool, Float, Tensor
 
 Kind = Literal["template", "procedural"]
-#: By how much the deformations of a subject are scaled down, one after another, while its surfaces cross.
+#: Factors on the deformations of a subject, tried one after another until its surfaces do not intersect.
 STRENGTHS = (1.0, 0.7, 0.4, 0.0)
 Cortex = tuple[Mesh, Mesh, Bool[Tensor, " V"]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class CorticalSurfaces:
-    """The surfaces of one subject, in mm; x grows from left to right, y to the front, z upwards.
+    """The surfaces of one subject, in mm; x increases from left to right, y to the front, z upwards.
 
-    All four are closed, outward, χ = 2, and no two faces of any of them cross: so each white surface lies within its
-    pial one, and the hemispheres lie apart. Coordinates are multiples of 2⁻¹³ mm.
+    All four are closed, oriented outwards, with χ = 2, and no two of their faces intersect. Each white surface
+    therefore lies inside its pial surface, and the hemispheres are disjoint. Coordinates are multiples of 2⁻¹³ mm.
 
     Parameters
     ----------
     white, pial : dict
-        Of "left" and "right". Vertex i of the pial surface lies over vertex i of the white one, and both have the same
-        faces.
+        By "left" and "right". Vertex i of the pial surface corresponds to vertex i of the white one, and both have the
+        same faces.
     wall : dict
-        Of "left" and "right": which vertices belong to the medial wall, where there is no cortex and the two surfaces
-        lie about .1 mm apart.
+        By "left" and "right": which vertices belong to the medial wall, where there is no cortex and the two surfaces
+        are about .1 mm apart.
     strength : float
-        By which the deformations of this subject had to be scaled down to keep its surfaces apart: 1 for nearly all.
+        The factor by which the deformations of this subject were scaled to prevent intersections: 1 for nearly all.
 
     Raises
     ------
     ValueError
-        If a hemisphere is missing, or the two surfaces of one differ in their faces.
+        If a hemisphere is missing, or the two surfaces of one have different faces.
     """
 
     white: dict[Hemisphere, Mesh]
@@ -66,7 +66,7 @@ class CorticalSurfaces:
                 )
 
     def thickness(self, side: Hemisphere) -> Float[Tensor, " V"]:
-        """How far each white vertex is from its pial one, in mm; NaN on the medial wall, where there is no cortex."""
+        """The distance from each white vertex to its pial vertex, in mm; NaN on the medial wall."""
         distances = safe_norm(self.pial[side].vertices - self.white[side].vertices)
         return torch.where(self.wall[side], torch.full_like(distances, torch.nan), distances)
 
@@ -77,33 +77,33 @@ class CorticalSurfaces:
 
 @dataclasses.dataclass(frozen=True)
 class Shape:
-    """The knobs of a subject's anatomy. Every ``_sd`` is a standard deviation; 0 switches that variation off.
+    """Parameters of a subject's anatomy. Every ``_sd`` is a standard deviation; with 0 there is no such variation.
 
     Parameters
     ----------
     kind : str
-        "template": fsaverage5, folded and warped. "procedural": folds that come from no brain.
+        "template": made from fsaverage5. "procedural": with folds that are not derived from a brain.
     subdivisions : int
-        Of an icosahedron, 5, 6 or 7: each surface has 10 · 4ˢ + 2 vertices, 40 962 at 6. At 5, procedural folds as deep
-        as 1 are too fine for the triangles.
+        Subdivisions of an icosahedron, 5, 6 or 7: each surface has 10 · 4ˢ + 2 vertices, 40 962 for 6. With 5,
+        procedural folds of depth 1 are too fine for the triangles.
     size_sd : float
-        Between subjects, of the logarithm of the size along each axis.
+        Variation between subjects of the logarithm of the size along each axis.
     warp_mm : tuple
-        Between subjects, of the velocity along each axis of a smooth diffeomorphism in unit time, in mm, at scales of
-        48, 24, 12, … mm; empty for none.
+        Variation between subjects by a smooth diffeomorphism: the standard deviation of its velocity along each axis,
+        in mm per unit of time, at scales of 48, 24, 12, … mm. Empty for none.
     folding, folding_sd, folding_variation : float
-        How deep the folds are, 1 being the template's: mean over subjects, between subjects, and (template only) from
-        place to place.
+        Depth of the folds relative to the template: mean over subjects, variation between subjects, and (template only)
+        variation over the surface.
     thickness, thickness_sd, thickness_variation : float
-        The median thickness of the cortex before it is warped, in mm, between subjects in mm, and from place to place
-        as a part of it.
+        Median thickness of the cortex before the warp in mm, variation between subjects in mm, and relative variation
+        over the surface.
     atrophy, atrophy_sd : float
-        How far the white surface has receded, in mm, the cortex with it, so that sulci are wider by twice as much.
+        Distance by which white and pial surface are moved inwards, in mm. Sulci become wider by twice as much.
 
     Raises
     ------
     ValueError
-        If a knob is out of range.
+        If a parameter is out of range.
     """
 
     kind: Kind = "template"
@@ -134,16 +134,16 @@ class Shape:
                 raise ValueError(f"{name} is {numbers[name]!r}; it must lie in [{low:g}, {high:g}]")
 
     def without_variation(self) -> "Shape":
-        """The mean of all subjects: every random part switched off."""
+        """The mean of all subjects: the same parameters without random variation."""
         still = {f.name: 0.0 for f in dataclasses.fields(self) if f.name.endswith(("_sd", "_variation"))}
         return dataclasses.replace(self, warp_mm=(), **still)
 
 
 def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
-    """The cortex of a subject: the same for the same shape and seed.
+    """Make the cortex of a subject. The same shape and seed give the same subject.
 
-    Both hemispheres are folded, then scaled and warped by one diffeomorphism, so that they cannot come to overlap;
-    where triangles cross after that, they are smoothed apart. If that fails, everything random is made weaker, see
+    Both hemispheres are folded, then scaled and warped by one diffeomorphism, so that they do not overlap. Remaining
+    intersections of triangles are removed by smoothing. If that fails, all random variation is reduced, see
     ``CorticalSurfaces.strength``.
 
     Parameters
@@ -154,7 +154,7 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
     Raises
     ------
     ValueError
-        If the mean subject of this shape crosses itself.
+        If the mean subject of this shape has intersecting surfaces.
     """
     child = int(numpy_generator(seed).integers(2**62))
     for strength in STRENGTHS:
@@ -179,24 +179,24 @@ def template_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
 
 
 def procedural_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
-    """A subject whose folds come from no brain: see :func:`meshot.synth.synthetic_subject`."""
+    """A subject with procedural folds: see :func:`meshot.synth.synthetic_subject`."""
     return synthetic_subject(dataclasses.replace(shape, kind="procedural"), seed)
 
 
 def mean_surfaces(shape: Shape | None = None) -> CorticalSurfaces:
-    """The mean subject of a shape, and fsaverage5, refined, if none is given: a guess that knows no individual.
+    """The mean subject of a shape: a prediction that does not depend on the scan.
 
     Parameters
     ----------
     shape : Shape, optional
-        Its random parts are switched off.
+        Used without its random variation. By default the refined fsaverage5 surfaces.
     """
     shape = Shape(folding=1.0, thickness=template_thickness()) if shape is None else shape
     return template_subject(shape.without_variation(), 0)
 
 
 def _cortices(shape: Shape, strength: float, rng: np.random.Generator) -> list[Cortex]:
-    """White surface, pial surface and wall of either side, before they are warped."""
+    """White surface, pial surface and wall of each side, before the warp."""
     folding, thickness, atrophy = (
         mean + strength * sd * float(np.clip(rng.standard_normal(), -2, 2))
         for mean, sd in (

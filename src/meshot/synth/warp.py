@@ -1,4 +1,4 @@
-"""Smooth random fields in space, from seeded noise: what makes one subject differ from another."""
+"""Smooth random fields and random diffeomorphisms, which give the variation between subjects."""
 
 import math
 
@@ -11,18 +11,18 @@ from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
 
-COARSEST = 48.0  # mm between the nodes of the coarsest grid; each other grid halves it
-STEEPEST = 12.0  # of the Lipschitz bound: it limits the number of steps
-#: Standard deviation of a cubic spline in space whose coefficients are independent with standard deviation 1:
-#: the mean of the squared weights along one axis is 151/315.
+COARSEST = 48.0  # mm between the nodes of the coarsest grid; each further grid has half the spacing
+STEEPEST = 12.0  # largest allowed Lipschitz bound, which limits the number of steps
+#: Standard deviation in space of a cubic spline whose coefficients are independent with standard deviation 1:
+#: the mean of the sum of squared weights along one axis is 151/315.
 SPREAD = (151 / 315) ** 1.5
 MARGIN = 16.0
 LARGEST = 2.5  # standard deviations
-VARIATION_MM = 30.0  # over which the depth of folds and the thickness of the cortex vary from place to place
+VARIATION_MM = 30.0  # length scale of the variation of folding depth and cortical thickness over the surface
 
 
 def random_velocity(*points: Float[Tensor, "_ 3"], warp_mm: tuple[float, ...], generator: Generator) -> GridVelocity:
-    """A smooth velocity around the points, constant in time, whose flow is a random diffeomorphism.
+    """A smooth random velocity field around the points, constant in time. Its flow is a random diffeomorphism.
 
     Parameters
     ----------
@@ -48,16 +48,16 @@ def random_velocity(*points: Float[Tensor, "_ 3"], warp_mm: tuple[float, ...], g
 
 
 def randomly_warped(meshes: list[Mesh], warp_mm: tuple[float, ...], generator: Generator) -> list[Mesh]:
-    """Meshes carried together by the flow of one :func:`meshot.synth.warp.random_velocity`.
+    """Move meshes by the flow of one :func:`meshot.synth.warp.random_velocity`.
 
-    The steps (Runge–Kutta of order four) are so short that each is one-to-one: h·L ≤ ½ for the bound L of the
-    Lipschitz constant, and a step moves no two points closer than by a factor 2 − e^(h·L) > 0. Triangles whose corners
-    move may cross all the same where surfaces nearly touch.
+    The steps (Runge–Kutta of order four) are short enough that each is injective: h·L ≤ ½ for the bound L of the
+    Lipschitz constant, and a step reduces no distance by more than the factor 2 − e^(h·L) > 0. Triangles between moving
+    vertices may intersect where surfaces nearly touch.
 
     Raises
     ------
     ValueError
-        If the velocity is so steep (L > 12) that it would tear rather than warp.
+        If the Lipschitz bound of the velocity is above 12.
     """
     field = random_velocity(*[mesh.vertices for mesh in meshes], warp_mm=warp_mm, generator=generator)
     steepness = float(field.lipschitz_bound())
@@ -72,22 +72,22 @@ def randomly_warped(meshes: list[Mesh], warp_mm: tuple[float, ...], generator: G
 def smooth_variation(
     points: Float[Tensor, "n 3"], length: float, generator: Generator, n_fields: int = 1
 ) -> Float[Tensor, "n k"]:
-    """Smooth random fields at the points, each with mean 0 and standard deviation 1 over space, within ± 2.5.
+    """Smooth random fields at the points, each with mean 0 and standard deviation 1 in space, clipped to ± 2.5.
 
     Parameters
     ----------
     points : tensor
         In mm.
     length : float
-        Over which the fields vary, in mm: the distance between the nodes of a cubic spline.
+        Length scale of the fields in mm: the distance between the nodes of a cubic spline.
     generator : generator or int
     n_fields : int
-        Independent ones, at most 3.
+        Number of independent fields, at most 3.
 
     Raises
     ------
     ValueError
-        If ``length`` is not positive or ``n_fields`` not 1, 2 or 3.
+        If ``length`` is not positive, or ``n_fields`` is not 1, 2 or 3.
     """
     if not length > 0 or n_fields not in (1, 2, 3):
         raise ValueError(f"length is {length!r} and n_fields {n_fields!r}; a length > 0 and 1, 2 or 3 are needed")
@@ -100,5 +100,5 @@ def smooth_variation(
 
 
 def random_sizes(size_sd: float, generator: Generator) -> Float[Tensor, " 3"]:
-    """Factors along x, y and z whose logarithms have this standard deviation."""
+    """Random factors along x, y and z whose logarithms have standard deviation ``size_sd``."""
     return torch.from_numpy(np.exp(size_sd * numpy_generator(generator).standard_normal(3)))

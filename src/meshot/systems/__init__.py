@@ -1,8 +1,8 @@
-"""Systems: ways from a scan to surfaces, behind one protocol, found by name.
+"""Systems that find surfaces in a scan. They share one protocol and are selected by name.
 
-A system is a package in this folder with a class ``System``, or an entry point of the group ``meshot.systems``. Nothing
-outside a system's own folder knows its name. ``deformation`` is no system, but what those that deform initial surfaces
-share.
+A system is a package in this folder with a class ``System``, or an entry point of the group ``meshot.systems``. No code
+outside a system's folder uses its name. ``deformation`` is not a system: it contains the common code of systems that
+deform initial surfaces.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""What a system is given: scans to find surfaces in, and examples to learn from."""
+"""The inputs of a system: scans, and examples for training."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -7,20 +7,20 @@ from meshot.anatomy import Hemisphere
 from meshot.mesh import Mesh
 from meshot.volume import Volume
 
-#: Which surface: a hemisphere and a name, such as ``("left", "white")``.
+#: The key of a surface: hemisphere and name, such as ``("left", "white")``.
 SurfaceKey = tuple[Hemisphere, str]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scan:
-    """What a system sees of a subject.
+    """The input of a system for one subject.
 
     Parameters
     ----------
     image : Volume
         On the standard grid, in [0, 1].
     initial : mapping
-        Initial surfaces by key, in the space of the image, in mm. Empty where the system needs none.
+        Initial surfaces by key, in the space of the image, in mm. Empty if the system needs none.
     """
 
     image: Volume
@@ -29,14 +29,14 @@ class Scan:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Example:
-    """A subject whose true surfaces are known.
+    """A subject with known true surfaces.
 
     Parameters
     ----------
     name : str
     scan : Scan
     targets : mapping
-        True surfaces by key, of both hemispheres if they are known, in the space of the image, in mm.
+        True surfaces by key, in the space of the image, in mm.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Example:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ExampleSets:
-    """The examples of a training: those that it learns from, and those that it is validated on."""
+    """The examples of a training, and those of its validation."""
 
     training: Sequence[Example]
     validation: Sequence[Example]

@@ -1,4 +1,4 @@
-"""The protocol of a system: it is trained, saved, loaded, and finds surfaces in a scan."""
+"""The protocol of a system: training, saving, loading, and reconstruction of surfaces from a scan."""
 
 import abc
 import dataclasses
@@ -25,9 +25,9 @@ class Part:
     ----------
     network : module
     record : dict
-        JSON: the settings, and under ``results`` what came of the training.
+        JSON values: the settings, and the results of the training under ``results``.
     log : list of dict
-        The lines of the training; empty if the network was read from a file.
+        The log of the training. Empty if the network was read from a file.
     """
 
     network: nn.Module
@@ -36,32 +36,32 @@ class Part:
 
 
 class SurfaceSystem(abc.ABC):
-    """A trained system. A class is one way from a scan to surfaces, an object of it is that way with its weights.
+    """A trained system. Subclasses define the method; an object also has the weights.
 
-    A class of its own names ``name``, ``surfaces``, ``needs`` and ``networks``, and defines :meth:`complete`,
+    A subclass sets ``name``, ``surfaces``, ``needs`` and ``networks``, and defines :meth:`complete`,
     :meth:`train_parts` and :meth:`find_surfaces`.
 
     Parameters
     ----------
     parts : mapping
-        Trained networks by name; see ``networks``.
+        Trained networks by name, see ``networks``.
 
     Attributes
     ----------
     name : str
-        What the registry calls it.
+        The name in the registry.
     surfaces : tuple of keys
-        What :meth:`reconstruct` finds, and what the examples of a training must know.
+        The surfaces that :meth:`reconstruct` finds. The examples of a training must contain them.
     needs : tuple of keys
-        The initial surfaces that it starts from; none for a template or an implicit surface.
+        The initial surfaces that the system requires. Empty, for example, for a template or an implicit surface.
     networks : mapping
-        The class of each trained network, by the name of the part. Each has a method ``config``, whose result makes
-        another of the same form.
+        The class of each network, by the name of the part. It must have a method ``config`` that returns the arguments
+        of the class.
 
     Raises
     ------
     ValueError
-        If a part has a name that the system does not know.
+        If a part has a name that the system does not have.
     """
 
     name: ClassVar[str]
@@ -78,12 +78,12 @@ class SurfaceSystem(abc.ABC):
     @classmethod
     @abc.abstractmethod
     def complete(cls, settings: Groups) -> Groups:
-        """All settings of a training: those given, and the defaults of those left out.
+        """All settings of a training: the given ones, and defaults for the others.
 
         Raises
         ------
         ValueError
-            If one is unknown, or a value will not do.
+            If a setting is unknown, or a value is invalid.
         """
 
     @classmethod
@@ -92,11 +92,11 @@ class SurfaceSystem(abc.ABC):
         cls, examples: ExampleSets, settings: Groups, folder: Path | None, progress: Progress | None,
         device: torch.device | None,
     ) -> dict[str, Part]:  # fmt: skip
-        """Train with complete settings; see :meth:`train`."""
+        """Train with complete settings. Called by :meth:`train`."""
 
     @abc.abstractmethod
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
-        """The surfaces in a scan that was checked; see :meth:`reconstruct`."""
+        """The surfaces in a scan that has been checked. Called by :meth:`reconstruct`."""
 
     @classmethod
     def train(
@@ -107,25 +107,25 @@ class SurfaceSystem(abc.ABC):
         progress: Progress | None = None,
         device: torch.device | None = None,
     ) -> "SurfaceSystem":
-        """Train the system, or go on where a stopped training was.
+        """Train the system, or resume a stopped training.
 
         Parameters
         ----------
         examples : ExampleSets
         settings : dict
-            By group, as they stand in a YAML file.
+            By group, as in a YAML file.
         folder : path, optional
-            Where the states of the training are kept. A training that was stopped goes on from there, and on one
-            thread of a processor ends with the same weights as if it had never stopped.
-        progress : callable of (steps done, steps in all, line of the log), optional
+            The folder for the states of the training. A stopped training resumes from it. On one CPU thread, the final
+            weights are the same as without the interruption.
+        progress : callable of (steps done, number of steps, line of the log), optional
         device : torch.device, optional
-            The accelerator if there is one, else the processor, if left out.
+            By default the GPU if there is one, else the CPU.
 
         Raises
         ------
         ValueError
-            If the settings will not do, there are no examples, one lacks a surface, or the folder holds another
-            training.
+            If a setting is invalid, there are no examples, an example lacks a surface, or the folder contains a
+            different training.
         FloatingPointError
             If a loss or a gradient is not finite.
         """
@@ -134,12 +134,12 @@ class SurfaceSystem(abc.ABC):
         return cls(cls.train_parts(examples, settings, None if folder is None else Path(folder), progress, device))
 
     def reconstruct(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
-        """The surfaces in a scan, by key, in the space of its image, in mm.
+        """Find the surfaces in a scan, by key, in the space of its image, in mm.
 
         Raises
         ------
         ValueError
-            If the scan lacks an initial surface that the system needs, or has one that it does not take; or if a part
+            If the scan lacks an initial surface that the system needs, or has one that it does not use; or if a part
             is not trained.
         """
         self._require_initial(scan, "the scan")
@@ -152,7 +152,7 @@ class SurfaceSystem(abc.ABC):
         return self.find_surfaces(scan)
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write every part to ``PART.safetensors`` in a folder, with its record; other files stay as they are.
+        """Write every part with its record to ``PART.safetensors`` in a folder. Other files there do not change.
 
         Raises
         ------
@@ -166,12 +166,12 @@ class SurfaceSystem(abc.ABC):
 
     @classmethod
     def load(cls, folder: str | os.PathLike) -> "SurfaceSystem":
-        """Read what :meth:`save` wrote.
+        """Load a system that was written by :meth:`save`.
 
         Raises
         ------
         ValueError
-            If a part is missing, damaged, or of another system or another part.
+            If a part is missing, damaged, or belongs to another system or part.
         """
         return cls({name: cls._read_part(Path(folder) / f"{name}.safetensors") for name in cls.networks})
 

@@ -1,4 +1,4 @@
-"""Systems by name: those in this folder, and those that other packages register as entry points."""
+"""The registry of systems: those in this folder, and those that other packages register as entry points."""
 
 import importlib
 import os
@@ -13,7 +13,7 @@ import meshot.systems
 from meshot.systems.protocol import SurfaceSystem
 from meshot.train import Groups, changed_groups, read_groups
 
-#: The group of entry points for systems of other packages.
+#: The entry point group for systems of other packages.
 GROUP = "meshot.systems"
 
 
@@ -42,16 +42,16 @@ def read_settings(kind: type[SurfaceSystem], config: str | os.PathLike, changes:
     Parameters
     ----------
     kind : class
-        Such as ``get_system("ddot")``.
+        For example ``get_system("ddot")``.
     config : path or str
-        A YAML file, or the name of a setting that comes with the system, such as ``small``.
+        A YAML file, or the name of a configuration of the system, such as ``small``.
     changes : sequence of str
-        Such as ``training.seed=1``, in place of what the file says.
+        Settings that replace those of the file, such as ``training.seed=1``.
 
     Raises
     ------
     ValueError
-        If there is no such file or setting, it is no YAML, or a value will not do.
+        If the file or configuration does not exist, it is not YAML, or a value is invalid.
     """
     path, packaged = Path(config), _packaged(kind)
     if path.suffix not in (".yaml", ".yml"):
@@ -68,7 +68,7 @@ def read_settings(kind: type[SurfaceSystem], config: str | os.PathLike, changes:
 
 
 def _packaged(kind: type[SurfaceSystem]) -> dict[str, Traversable]:
-    """The settings that lie beside the system, by name."""
+    """The paths of the configurations in the folder of the system, by name."""
     module = importlib.import_module(kind.__module__)
     if not hasattr(module, "__path__"):
         return {}

@@ -1,4 +1,4 @@
-"""The weights that come with the package: which systems have some, and which system is meant where none is named."""
+"""The trained weights in the package, and the default system."""
 
 import json
 import os
@@ -7,30 +7,30 @@ from pathlib import Path
 from meshot.systems.protocol import SurfaceSystem
 from meshot.systems.registry import get_system
 
-#: One folder for each system with weights, and ``manifest.json``, which names the default.
+#: The folder of the weights: a subfolder for each system, and ``manifest.json`` with the name of the default.
 SHIPPED = Path(__file__).parent.parent / "weights"
 MANIFEST = "manifest.json"
 
 
 def default_system() -> str:
-    """The name of the system that is meant where none is named."""
+    """The name of the default system."""
     return json.loads((SHIPPED / MANIFEST).read_text(encoding="utf-8"))["default_system"]
 
 
 def load_system(name: str | None = None, folder: str | os.PathLike | None = None) -> SurfaceSystem:
-    """A trained system.
+    """Load a trained system.
 
     Parameters
     ----------
     name : str, optional
-        The default of the package if left out.
+        The name of the system. By default that of the package.
     folder : path, optional
-        What :meth:`meshot.systems.SurfaceSystem.save` wrote; the weights that come with the package if left out.
+        A folder written by :meth:`meshot.systems.SurfaceSystem.save`. By default the weights in the package.
 
     Raises
     ------
     ValueError
-        If no system has that name, there are no weights for it, or they are of another system.
+        If the system is unknown, there are no weights for it, or they belong to another system.
     """
     kind = get_system(default_system() if name is None else name)
     shipped = SHIPPED / kind.name

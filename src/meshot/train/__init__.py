@@ -1,8 +1,8 @@
-"""Training: one engine for every network, with validation, checkpoints and exact resume.
+"""Training of networks, with validation, checkpoints and exact resumption. Reading of configurations.
 
-A training is a plan (steps, rates, validation) and a task (the loss of a step, a validation); the engine keeps the best
-and the last weights, a log, and a state from which a stopped training goes on with the same result. A device that is
-left out is the accelerator if there is one, else the processor. Configurations are read here too.
+A training consists of a plan (steps, learning rates, validation) and a task (the loss of a step, a validation). It
+keeps the best and the last weights, a log, and a state from which a stopped training resumes with the same result. The
+default device is the GPU if there is one, else the CPU.
 """
 
 import lazy_loader

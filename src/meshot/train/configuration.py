@@ -1,4 +1,4 @@
-"""Configurations: groups of settings in a YAML file, of which every one is read by something."""
+"""Configurations: groups of settings in a YAML file. Unknown settings are errors."""
 
 import dataclasses
 import os
@@ -13,12 +13,12 @@ Groups = dict[str, dict]
 
 
 def read_groups(path: str | os.PathLike | Traversable) -> Groups:
-    """The groups of settings in a YAML file, whatever their names: see :func:`meshot.train.checked_groups`.
+    """Read the groups of settings in a YAML file, with any names: see :func:`meshot.train.checked_groups`.
 
     Raises
     ------
     ValueError
-        If the file is missing, is no YAML, or holds something else.
+        If the file is missing, is not YAML, or has another structure.
     """
     file = path if isinstance(path, Traversable) else Path(path)
     if not file.is_file():
@@ -27,12 +27,12 @@ def read_groups(path: str | os.PathLike | Traversable) -> Groups:
 
 
 def checked_groups(content: object, known: Mapping[str, set[str]], name: str) -> Groups:
-    """Groups of settings as they stand in a YAML file, each with every known group.
+    """The groups of settings, checked against the known names. Missing groups are added empty.
 
     Raises
     ------
     ValueError
-        If they are no groups, or name something unknown.
+        If the content does not consist of groups, or a name is unknown.
     """
     content = _require_groups(content, name)
     strange = [str(key) for key in content if key not in known]
@@ -54,7 +54,7 @@ def _require_groups(content: object, name: str) -> Groups:
         raise ValueError(
             f"{name} holds {reprlib.repr(content)}; groups of settings are needed, such as training: {{seed: 1}}"
         )
-    return {str(group): part for group, part in content.items()}  # YAML reads 1 and yes as something else than text
+    return {str(group): part for group, part in content.items()}  # YAML does not read 1 and yes as text
 
 
 def _is_number(text: str) -> bool:
@@ -66,12 +66,12 @@ def _is_number(text: str) -> bool:
 
 
 def changed_groups(groups: Groups, changes: Sequence[str]) -> Groups:
-    """The groups with some settings changed, each named as ``group.setting=value``, the value in YAML.
+    """The groups with some settings changed. A change has the form ``group.setting=value``, with a value in YAML.
 
     Raises
     ------
     ValueError
-        If a change is not of this form.
+        If a change does not have this form.
     """
     found = {group: dict(settings) for group, settings in groups.items()}
     for change in changes:
@@ -87,5 +87,5 @@ def changed_groups(groups: Groups, changes: Sequence[str]) -> Groups:
 
 
 def setting_names(kind: type) -> set[str]:
-    """The fields of a dataclass of settings."""
+    """The names of the fields of a settings dataclass."""
     return {field.name for field in dataclasses.fields(kind)}

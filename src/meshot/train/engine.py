@@ -1,4 +1,4 @@
-"""What every training shares: steps, validations in between, a state on disk, a log; stopped, it goes on."""
+"""The training loop: steps, validations, a state on disk, and a log. A stopped training can be resumed."""
 
 import dataclasses
 import os
@@ -16,29 +16,29 @@ from meshot.types import Tensor
 
 STATE, LOG = "training.safetensors", "log.jsonl"
 
-#: Called with (steps done, steps in all, line of the log).
+#: Called with (steps done, number of steps, line of the log).
 Progress = Callable[[int, int, dict], None]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Training:
-    """A trained network and how it came about.
+    """A trained network, and the history of its training.
 
     Parameters
     ----------
     network : module
-        In its best state: that of the validation with the lowest loss.
+        In its best state: at the validation with the lowest loss.
     last : dict
         The weights after the last step.
     best_step : int
-        Steps before that validation.
+        Number of steps before that validation.
     log : list of dict
-        ``step``, ``loss`` and ``learning_rate`` of every step; ``step``, ``validation_loss``, ``cpu_seconds`` and what
-        else is measured of every validation.
+        For every step ``step``, ``loss`` and ``learning_rate``; for every validation ``step``, ``validation_loss``,
+        ``cpu_seconds`` and other metrics.
     cpu_seconds : float
-        Of this process and of those before it that were stopped.
+        Processor time of this process and of the stopped processes before it.
     data : dict
-        How many examples for training and validation, and the SHA-256 of each set.
+        The number of examples for training and validation, and the SHA-256 of each set.
     """
 
     network: nn.Module
@@ -49,7 +49,7 @@ class Training:
     data: dict
 
     def results(self) -> dict:
-        """What is kept of the training in a record, as JSON."""
+        """The part of the training that is stored in its record, as JSON values."""
         return {
             "best_step": self.best_step,
             "n_steps": max(line["step"] for line in self.log),
@@ -62,18 +62,18 @@ class Training:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Task:
-    """What is trained.
+    """The functions that define a training.
 
     Parameters
     ----------
     loss_of : callable of step
-        The loss of a step, and the name of what it was computed from.
+        Returns the loss of a step, and the names of the examples it was computed from.
     validate : callable of step
-        A line of the log with ``validation_loss``; None there: whatever its loss, this state is not the best.
+        Returns a line of the log with ``validation_loss``. If that is None, the state is not considered as the best.
     change_gradients : callable of step, optional
-        Is called after the gradients are there, and before the optimiser takes them.
+        Called between the computation of the gradients and the step of the optimiser.
     is_given_up : callable, optional
-        Whether the training ends before its plan is fulfilled.
+        Whether the training ends before the planned number of steps.
     """
 
     loss_of: Callable[[int], tuple[Tensor, str]]
@@ -83,7 +83,7 @@ class Task:
 
 
 def chosen_device() -> torch.device:
-    """The accelerator if there is one, else the processor."""
+    """The GPU if there is one, else the CPU."""
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
@@ -95,26 +95,26 @@ def train_network(
     folder: str | os.PathLike | None = None,
     progress: Progress | None = None,
 ) -> Training:
-    """Train a network with Adam, or go on from what ``folder`` holds, until the plan is fulfilled.
+    """Train a network with Adam, or resume the training in ``folder``, until the plan is completed.
 
     Parameters
     ----------
     network : module
-        Changed in place: at the end it is in its best state, on the processor.
+        Modified in place. At the end it is in its best state, on the CPU.
     plan : Plan
     task : Task
     made_with : dict
-        Settings, and under ``data`` what the network learns from: a training goes on only with the same.
+        The settings, and a description of the data under ``data``. A training resumes only if they are the same.
     folder : path, optional
-        Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``).
+        The folder for the state (``training.safetensors``) and the log (``log.jsonl``).
     progress : callable, optional
 
     Raises
     ------
     ValueError
-        If the folder holds a training of something else.
+        If the folder contains a different training.
     FloatingPointError
-        If the loss or a gradient is not finite; it names the step, and the examples of the loss.
+        If the loss or a gradient is not finite. The message names the step, and the examples of the loss.
     """
     state = TrainingState(network, plan.learning_rate, plan.averaging)
     files = (None, None) if folder is None else (Path(folder) / STATE, Path(folder) / LOG)
@@ -131,7 +131,7 @@ def train(
     log: str | os.PathLike | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Tensor]:
-    """Go on from ``state``, or from what is saved, until the plan is fulfilled; the state then is the best one.
+    """Continue from ``state``, or from the saved state, until the plan is completed. ``state`` is then the best one.
 
     Parameters
     ----------
@@ -141,9 +141,9 @@ def train(
     made_with : dict
         See :func:`meshot.train.train_network`.
     saved, log : path, optional
-        Where the state is saved, and where the lines of the log go as they are made.
+        The files for the state and for the lines of the log.
     progress : callable, optional
-        Is called for each line, after the state is saved.
+        Called for each line, after the state has been saved.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The log of a training: a file with one line of JSON for each event."""
+"""The log of a training: a file with one line of JSON per event."""
 
 import json
 import os
@@ -8,14 +8,14 @@ from meshot.files import naming_a_full_disk, whole_file
 
 
 class TrainingLog:
-    """A file of JSON lines that grows with the training, one for each step and each validation.
+    """A file of JSON lines, one for each step and each validation.
 
     Parameters
     ----------
     path : path, optional
-        None keeps no file.
+        With None, no file is written.
     lines : list of dict
-        What is known already, of a training that goes on: the file then says just that, whatever a kill left in it.
+        The lines of a resumed training. They replace the content of the file.
     """
 
     def __init__(self, path: Path | None, lines: list[dict]):
@@ -25,14 +25,14 @@ class TrainingLog:
                 temporary.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
 
     def add(self, line: dict) -> None:
-        """One more line, at once on disk."""
+        """Append a line to the file immediately."""
         if self.path is not None:
             with naming_a_full_disk(self.path), self.path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
 
 
 def read_log(path: str | os.PathLike) -> list[dict]:
-    """The lines of a log; a last one that a kill cut short is left out.
+    """The lines of a log. An incomplete last line, left by a killed process, is omitted.
 
     Raises
     ------

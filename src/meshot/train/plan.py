@@ -1,4 +1,4 @@
-"""How long a training goes on, and how fast."""
+"""The plan of a training: number of steps, learning rate, validation."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ SCHEDULES = ("constant", "cosine")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Plan:
-    """How long a training goes on, and how fast.
+    """The plan of a training.
 
     Parameters
     ----------
@@ -18,13 +18,14 @@ class Plan:
     validate_every, save_every : int
         In steps.
     patience : int, optional
-        Stop after so many validations in a row without a lower loss; None: never.
+        Stop after this many consecutive validations without a lower loss. None: never.
     learning_rate : float
+        The initial learning rate.
     schedule : str
-        "constant", or "cosine": half a cosine from there to zero.
+        "constant", or "cosine": half a cosine to zero.
     averaging : float
-        In [0, 1): validate and keep the exponential moving average of the weights, of which each step keeps this share;
-        0: the weights themselves.
+        In [0, 1). If positive, the exponential moving average of the weights with this decay per step is validated and
+        stored, instead of the weights themselves.
     """
 
     n_steps: int
@@ -43,7 +44,7 @@ class Plan:
 
 
 def require_plan_settings(settings: object) -> None:
-    """Refuse numbers that no training can have: of epochs, rate, patience, averaging, seed.
+    """Check the settings that all trainings have: epochs, learning rate, patience, averaging, seed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The state of a training: the network, its optimiser, how far it came, the best so far; on disk as safetensors."""
+"""The state of a training: network, optimiser, progress, best weights; and its storage as safetensors."""
 
 import contextlib
 import json
@@ -17,26 +17,26 @@ from meshot.types import Tensor
 
 
 class TrainingState:
-    """Where a training stands.
+    """The state of a training.
 
     Parameters
     ----------
     network : module
     learning_rate : float
-        Of Adam, at the start.
+        Initial learning rate of Adam.
     averaging : float
         See :class:`meshot.train.Plan`.
     extras : dict, optional
-        JSON: what else belongs to the state, and is kept with the best weights.
+        Additional JSON values that belong to the state and are stored with the best weights.
 
     Attributes
     ----------
     step, best_step : int
-        Steps that are done, and those before the best validation.
+        Number of steps done, and number of steps before the best validation.
     rate_factor : float
-        What the planned learning rate is multiplied by; a training may lower it on its way.
+        Factor on the planned learning rate. It may be lowered during the training.
     lines : list of dict
-        Of the log.
+        The log.
     """
 
     def __init__(self, network: nn.Module, learning_rate: float, averaging: float = 0.0, extras: dict | None = None):
@@ -49,18 +49,18 @@ class TrainingState:
         self.keep_as_best(math.inf)
 
     def keep_as_best(self, loss: float) -> None:
-        """Remember the network as it is now."""
+        """Store a copy of the current network as the best state."""
         self.best, self.best_extras = _copied(self.network), dict(self.extras)
         self.best_step, self.best_loss = self.step, loss
 
     def restore_best(self) -> None:
-        """Put weights and extras back to the best state; moments and learning rate stay."""
+        """Restore weights and extras of the best state. Moments and learning rate do not change."""
         self.network.load_state_dict(self.best)
         self.extras = dict(self.best_extras)
 
     @contextlib.contextmanager
     def averaged(self) -> Iterator[None]:
-        """The network with its averaged weights, if there are any, for as long as the block lasts."""
+        """Use the averaged weights, if any, in the network within the block."""
         if self.average is None:
             yield
             return
@@ -75,14 +75,14 @@ def _copied(network: nn.Module) -> dict[str, Tensor]:
 
 
 def write_training(path: str | os.PathLike, state: TrainingState, made_with: dict) -> None:
-    """Write the state of a training, whole or not at all.
+    """Write the state of a training, completely or not at all.
 
     Parameters
     ----------
     path : path
     state : TrainingState
     made_with : dict
-        Settings and data; a state is read only by who has the same.
+        Settings and data. The state can be read only with the same ones.
     """
     tensors = {f"network/{name}": value for name, value in state.network.state_dict().items()}
     tensors |= {f"best/{name}": value for name, value in state.best.items()}
@@ -99,12 +99,12 @@ def write_training(path: str | os.PathLike, state: TrainingState, made_with: dic
 
 
 def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict) -> None:
-    """Read into ``state`` what :func:`meshot.train.state.write_training` wrote.
+    """Read a state written by :func:`meshot.train.state.write_training` into ``state``.
 
     Raises
     ------
     ValueError
-        If the file is not such a state, or was made with other settings or data, or for another kind of network.
+        If the file is not such a state, or was written with other settings, data or another kind of network.
     """
     header, tensors = _read(path)
     now = json.loads(json.dumps(made_with))
@@ -131,7 +131,7 @@ def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict
 
 
 def _progress(header: dict, extras: dict) -> dict:
-    """What else belongs to the state, by name."""
+    """The other values of the state, by name."""
     found = {name: header[name] for name in ("step", "best_step", "seconds", "lines", "extras", "best_extras")}
     step, best_step, seconds = (header[name] for name in ("step", "best_step", "seconds"))
     if type(step) is not int or type(best_step) is not int or not 0 <= best_step <= step:

@@ -1,4 +1,4 @@
-"""The state of a training in a safetensors file: what is read is checked before anything changes."""
+"""Reading of the state of a training from a safetensors file, with checks before anything is changed."""
 
 import json
 import os
@@ -9,7 +9,7 @@ from torch import nn
 
 from meshot.types import Tensor
 
-#: What Adam keeps of every parameter, beside its step: of the same shape.
+#: The tensors that Adam stores for every parameter. All but the step have the shape of the parameter.
 _MOMENTS = {"step", "exp_avg", "exp_avg_sq"}
 
 
@@ -19,7 +19,7 @@ def read_tensors(path: str | os.PathLike, name: str, entry: str) -> tuple[dict, 
     Raises
     ------
     ValueError
-        If the file is missing, no whole safetensors file, or has another header.
+        If the file is missing, is not a complete safetensors file, or has another header.
     """
     try:
         with safetensors.safe_open(path, framework="pt") as file:
@@ -35,7 +35,7 @@ def read_tensors(path: str | os.PathLike, name: str, entry: str) -> tuple[dict, 
 def stored_parts(
     tensors: dict[str, Tensor], module: nn.Module, optimiser: torch.optim.Adam
 ) -> tuple[dict[str, Tensor], dict[str, Tensor], dict[int, dict[str, Tensor]]]:
-    """The weights of a module, the best ones so far, and the moments of its optimiser, by the index of the parameter.
+    """The weights of a module, the best weights, and the moments of the optimiser by index of the parameter.
 
     Parameters
     ----------
@@ -43,12 +43,12 @@ def stored_parts(
         Named ``network/...``, ``best/...`` and ``adam/INDEX/...``.
     module : nn.Module
     optimiser : torch.optim.Adam
-        Of the parameters of the module.
+        The optimiser of the parameters of the module.
 
     Raises
     ------
     ValueError
-        If a tensor is missing, unknown, or has another shape or dtype than here.
+        If a tensor is missing or unknown, or has another shape or dtype than required.
     """
     parts: dict[str, dict[str, Tensor]] = {part: {} for part in ("network", "best", "adam")}
     for name, value in tensors.items():

@@ -1,7 +1,7 @@
-"""Pictures of volumes and surfaces: slices, stills, and a view that a reader can turn.
+"""Pictures of volumes and surfaces: slices, static images, and interactive 3D views.
 
-Used by the report of a reconstruction and by the book. The turning view is one piece of HTML that needs no network.
-``style`` holds the colours and line styles.
+Used by the report of a reconstruction and by the book. The interactive view is one piece of HTML that needs no network.
+``style`` has the colours and line styles.
 """
 
 import lazy_loader

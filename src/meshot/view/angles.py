@@ -1,4 +1,4 @@
-"""From where a surface is seen: world axes are scanner RAS, so +x is the right side, +y front, +z top."""
+"""Directions of view. World axes are scanner RAS: +x is right, +y anterior, +z superior."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from meshot.types import Array, Float
 
-# Direction from the surface to the eye, and what is up in the picture.
+# Direction from the surface to the camera, and the upward direction of the picture.
 _EYES = {
     "left": ((-1, 0, 0), (0, 0, 1)),
     "right": ((1, 0, 0), (0, 0, 1)),
@@ -22,21 +22,21 @@ _LETTERS = ("LR", "PA", "IS")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """A direction of sight.
+    """A direction of view.
 
     Parameters
     ----------
     name : str
-        As it was asked for, such as "lateral".
+        The requested name, such as "lateral".
     axes : array
-        Orthonormal rows: right and up in the picture, and towards the eye.
+        Orthonormal rows: right and up in the picture, and towards the camera.
     """
 
     name: str
     axes: Float[Array, "3 3"]
 
     def letters(self) -> tuple[str, str, str, str]:
-        """The anatomical letters at the left, right, bottom and top edge of the picture, such as A, P, I, S."""
+        """The anatomical letters at the left, right, bottom and top edges of the picture, such as A, P, I, S."""
         letters = []
         for row in self.axes[:2]:
             axis = int(np.abs(row).argmax())
@@ -46,20 +46,20 @@ class View:
 
 
 def view_from(name: str, hemisphere: str | None = None) -> View:
-    """The view of that name.
+    """The view with a name.
 
     Parameters
     ----------
     name : str
-        Where the eye stands: "left", "right", "anterior", "posterior", "superior", "inferior"; or, on a hemisphere of
-        a brain, "lateral" (from outside) or "medial" (from the other hemisphere).
+        Position of the camera: "left", "right", "anterior", "posterior", "superior", "inferior"; or, for a hemisphere
+        of a brain, "lateral" (from outside) or "medial" (from the other hemisphere).
     hemisphere : str, optional
-        "left" or "right", for the last two.
+        "left" or "right", required for the last two.
 
     Raises
     ------
     ValueError
-        If the name is not one of these, or lateral or medial comes without a hemisphere.
+        If the name is unknown, or "lateral" or "medial" is given without a hemisphere.
     """
     if name in ("lateral", "medial") and hemisphere not in ("left", "right"):
         raise ValueError(f"view is {name!r} and hemisphere {hemisphere!r}; say hemisphere='left' or 'right'")

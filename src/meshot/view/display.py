@@ -1,6 +1,6 @@
-"""Whether surfaces can be drawn here: VTK without OpenGL ends in a segmentation fault, so ask before it is used.
+"""A check that VTK can draw on this machine. Without OpenGL, VTK ends with a segmentation fault.
 
-``python -m meshot.view.display`` prints the verdict and exits with 0 or 1.
+``python -m meshot.view.display`` prints the result and exits with 0 or 1.
 """
 
 import functools
@@ -18,7 +18,7 @@ REMEDY = (
     "surfaces cannot be drawn: no OpenGL was found. On Debian or Ubuntu: "
     "apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"
 )
-# Only drawing tells: a library may load and yet find no device, and then VTK takes the process with it.
+# Only drawing is a reliable test: a library may load without a device, and VTK then crashes.
 _TRIAL = """
 import sys
 from vtkmodules import vtkRenderingOpenGL2
@@ -32,10 +32,10 @@ sys.exit(0 if window.SupportsOpenGL() else 1)
 
 @functools.cache
 def usable_window() -> str | None:
-    """The name of VTK's window class that draws without a screen here, or None.
+    """The name of a VTK window class that can draw off screen on this machine, or None.
 
-    Each candidate draws once in a process of its own (.3 s), where a crash does no harm. The class that the
-    environment variable ``VTK_DEFAULT_OPENGL_WINDOW`` names is tried first.
+    Each candidate draws once in a separate process (.3 s), so that a crash does no harm. The class named by the
+    environment variable ``VTK_DEFAULT_OPENGL_WINDOW`` is tried first.
     """
     candidates = dict.fromkeys([os.environ.get(VARIABLE, ""), *WINDOWS.get(sys.platform, WINDOWS["linux"])])
     return next((name for name in candidates if name and _draws(name)), None)
@@ -50,12 +50,12 @@ def _draws(window: str) -> bool:
 
 
 def require_display() -> None:
-    """Make VTK use the window class that works here; to be called before the first picture.
+    """Make VTK use the window class that works on this machine. Must be called before the first picture.
 
     Raises
     ------
     RuntimeError
-        If none works, with the packages to install.
+        If none works. The message names packages to install.
     """
     window = usable_window()
     if window is None:
@@ -64,7 +64,7 @@ def require_display() -> None:
 
 
 def main() -> int:
-    """Print the verdict; the exit status is 0 if surfaces can be drawn, else 1."""
+    """Print the result of the check. The exit status is 0 if surfaces can be drawn, else 1."""
     window = usable_window()
     print(REMEDY if window is None else f"surfaces can be drawn ({window})", file=sys.stdout if window else sys.stderr)
     return 0 if window else 1

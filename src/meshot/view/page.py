@@ -1,7 +1,7 @@
-"""Pages that notebooks and the book show as they are: HTML, CSS and JavaScript from files, filled with data.
+"""HTML output for notebooks and the book: HTML, CSS and JavaScript files filled with data.
 
-A file is named by its path from the folder of the packages, such as ``meshot/view/assets/page.html``. A filled page
-holds its styles and scripts: it needs no network and no file beside it, in JupyterLab and in the book from file://.
+A file is named by its path in the packages, such as ``meshot/view/assets/page.html``. A filled page includes its styles
+and scripts. It needs no network and no other file, in JupyterLab and in the book opened from file://.
 """
 
 import base64
@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 _IMPORT = re.compile(r"""^(?:@import|import\s[^;]*?\sfrom) "([^"]+)";\n""", re.MULTILINE)
 _QUOTED = re.compile(r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'|`(?:\\.|[^`\\])*`)""")
-#: Where white space says nothing, outside quotes: the formatter ends every statement with a semicolon.
+#: Where white space outside quotes is redundant. The code formatter ends every statement with a semicolon.
 _LOOSE = {
     ".js": re.compile(r"\s*([][{}();,:=<>?&|*/%])\s*| ?([+-]) (?![+-])"),
     ".css": re.compile(r"\s*([{};,>])\s*|(?<=:)()\s+"),
@@ -29,14 +29,14 @@ _COMMENT = re.compile(r"^\s*(?:export (?=(?:async )?(?:function|const|class))|//
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Page:
-    """A piece of HTML that notebooks and the book show as it is.
+    """A piece of HTML that is shown in notebooks and the book.
 
     Parameters
     ----------
     html : str
-        Whole in itself: a still, and what brings it to life.
+        Self-contained: a static image, and the script of the interactive view.
     words : str
-        What is shown where HTML is not.
+        The text shown where HTML is not available.
     """
 
     html: str
@@ -52,19 +52,19 @@ class Page:
 def live_page(stem: str, data: dict, words: str, **values: object) -> Page:
     """A page with data: the template ``stem.html``, which extends ``page.html``, with ``stem.css`` and ``stem.js``.
 
-    The script exports ``main(root, data)``, where root is the outermost element of the page. The template finds the
-    name of that element in ``id``: it depends on what the page holds, and on nothing else.
+    The script must export ``main(root, data)``, where root is the outermost element of the page. The template has the
+    name of that element in ``id``, which depends only on the content of the page.
 
     Parameters
     ----------
     stem : str
         Path without suffix.
     data : dict
-        Plain and finite, for JSON.
+        Plain, finite values, for JSON.
     words : str
-        What is shown where HTML is not.
+        The text shown where HTML is not available.
     **values
-        What else the template asks for; ``alt`` always.
+        The other variables of the template; ``alt`` is always required.
     """
     kind = posixpath.basename(stem).replace("_", "-")
     name = f"{kind}-" + hashlib.sha256(repr((data, values)).encode()).hexdigest()[:12]
@@ -73,21 +73,21 @@ def live_page(stem: str, data: dict, words: str, **values: object) -> Page:
 
 
 def filled(template: str, **values: object) -> str:
-    """A template with every value filled in and escaped; ``tojson`` writes data that no script can be closed by.
+    """The template with every value filled in and escaped. ``tojson`` writes data that cannot end a script element.
 
     Raises
     ------
     jinja2.UndefinedError
-        If the template asks for a value that is not given.
+        If a variable of the template is not given.
     """
     return _TEMPLATES.get_template(template).render(values)
 
 
 def joined(*names: str) -> str:
-    """Scripts, or styles, and all that they import, as one piece: what is imported comes first, and once.
+    """Scripts or styles joined with everything that they import, each once and after its own imports.
 
-    Comments, loose white space and the words ``import`` and ``export`` are left out: the pieces share one scope. A
-    comment stands on a line of its own.
+    Comments, redundant white space and the words ``import`` and ``export`` are removed; all parts share one scope. A
+    comment must be on a line of its own.
     """
     parts: dict[str, str] = {}
 
@@ -106,7 +106,7 @@ def joined(*names: str) -> str:
 
 
 def still_of(figure: Figure) -> str:
-    """The figure, which is closed, as a PNG in base64."""
+    """The figure as a PNG in base64. The figure is closed."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=80)
     plt.close(figure)

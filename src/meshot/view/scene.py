@@ -1,4 +1,4 @@
-"""Surfaces that a reader can turn: a still first, the interactive view by a click, all in one piece of HTML."""
+"""Interactive 3D views of surfaces in one piece of HTML: a static image first, the interactive view after a click."""
 
 import base64
 import io
@@ -32,40 +32,40 @@ def interactive(
     colour_map: str = COLOUR_MAP,
     view: str = "left",
 ) -> Page:
-    """An interactive view of one or several surfaces: turned by dragging, zoomed by the wheel, switched by name.
+    """An interactive view of one or several surfaces: rotated by dragging, zoomed by the wheel, selected by name.
 
-    It needs no network and no file beside it, in a notebook and in the book. Places are rounded to 1/16383 of the
-    largest extent, values to 1/254 of the limits. The HTML takes about 6 bytes a face, 3 more for each further mesh on
-    the same faces, and 55 kB for the still and the viewer: .18 MB for a surface of 20 000 faces with values.
+    It needs no network and no other file, in notebooks and in the book. Positions are rounded to 1/16383 of the largest
+    extent, values to 1/254 of the limits. The HTML has about 6 bytes per face, 3 more for each further mesh on the same
+    faces, and 55 kB for the static image and the viewer: .18 MB for a surface of 20 000 faces with values.
 
-    The still depends on the OpenGL and the data on the zlib of the machine, so tag the cell ``nbval-ignore-output``.
+    The static image depends on the machine's OpenGL and the data on its zlib. Tag the cell ``nbval-ignore-output``.
 
     Parameters
     ----------
     meshes : Mesh or mapping
-        By name, if there are several; the first is shown first. The same mesh may come under several names, with other
-        values: it is stored once.
+        By name, if there are several; the first is shown first. A mesh may appear under several names with different
+        values. It is stored once.
     values : array or mapping, optional
-        One number for each vertex, by the names of the meshes; NaN, and a mesh without values, are drawn plain.
+        One number per vertex, by the names of the meshes. NaN, and meshes without values, are drawn in a plain colour.
     alt : str
-        What is to be seen, for those who do not see it.
+        A description for readers who cannot see the picture.
     title : str
-        Above the picture.
+        Shown above the picture.
     label, unit : str
-        What the values are, for the colour bar; the unit is that of the values.
+        Quantity and unit of the values, for the colour bar.
     limits : tuple, optional
-        The ends of the colour map, of the finite values if left out.
+        The ends of the colour map. By default the range of the finite values.
     colour_map : str
-        A name that matplotlib knows.
+        A colour map of matplotlib.
     view : str
-        From where it is seen at first, see :func:`meshot.view.surface_figure`.
+        The initial direction of view, see :func:`meshot.view.surface_figure`.
 
     Raises
     ------
     ValueError
-        If ``alt`` is empty, or the values do not belong to the vertices, or the view is unknown.
+        If ``alt`` is empty, the values do not match the vertices, or the view is unknown.
     RuntimeError
-        If there is no OpenGL here to draw the still.
+        If there is no OpenGL to draw the static image.
     """
     if not alt.strip():
         raise ValueError("alt is empty; say in a sentence what is to be seen")

@@ -1,4 +1,4 @@
-"""Surfaces packed for the interactive view."""
+"""Compression of surfaces for the interactive view."""
 
 import base64
 import zlib
@@ -11,7 +11,7 @@ from meshot.mesh import Mesh
 from meshot.view.angles import View
 from meshot.view.surface import AMBIENT, PLAIN, framing
 
-# A hundredth of a millimetre on a brain; two bits more would cost 10 kB a surface of 20 000 faces.
+# A resolution of 1/100 mm on a brain. Two more bits would cost 10 kB for a surface of 20 000 faces.
 LEVELS = 2**14 - 1
 
 
@@ -23,10 +23,11 @@ def scene_data(
     view: View,
     aspect: float,
 ) -> dict:
-    """What the viewer reads: everything in JSON, the arrays packed into one string.
+    """The input of the viewer as JSON values, with all arrays packed into one string.
 
-    Arrays are integers (vertices on a grid, corner indices, shades), mostly differences of neighbours; zigzagged, cut
-    into three planes of bytes, deflated together, in base64. Arrays that occur twice are stored once.
+    Arrays are integers (vertices on a grid, corner indices, colour indices), mostly differences of neighbours. They are
+    zigzag-encoded, split into three planes of bytes, compressed together, and encoded in base64. Equal arrays are
+    stored once.
     """
     centre, half_height = framing(list(meshes.values()), [view], aspect)
     places = {name: mesh.vertices.detach().cpu().double().numpy() - centre for name, mesh in meshes.items()}
@@ -56,7 +57,7 @@ def scene_data(
 
 
 def _store(arrays: dict[bytes, np.ndarray], numbers: np.ndarray) -> int:
-    """The index of an array of integers among those stored, equal ones once; the key is its bytes."""
+    """The index of an array of integers among those stored. Equal arrays share one index; the key is their bytes."""
     numbers = numbers.astype(np.int64)
     zigzag = (numbers << 1) ^ (numbers >> 63)
     planes = b"".join(((zigzag >> shift) & 255).astype(np.uint8).tobytes() for shift in (0, 8, 16))
@@ -75,6 +76,6 @@ def _face_steps(faces: np.ndarray) -> np.ndarray:
 
 
 def _shades(numbers: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
-    """1 … 255 between the limits, 0 for no value."""
+    """Colour indices 1 … 255 between the limits; 0 for NaN."""
     share = np.clip((numbers - limits[0]) / (limits[1] - limits[0]), 0, 1)
     return np.where(np.isnan(share), 0, 1 + np.rint(np.nan_to_num(share) * 254)).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Slices of a volume, with the lines in which surfaces meet them, in mm."""
+"""Slices of a volume, with the outlines of surfaces, in mm."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from meshot.view.style.colours import GREEN, ORANGE, PURPLE, SKY, VERMILLION, YE
 from meshot.view.values import Values
 from meshot.volume import Volume, mm_to_voxel, sample_volume, voxel_sizes, voxel_to_mm
 
-# Those bright enough to be seen on a grey image, the most unlike first.
+# Colours that are visible on a grey image, the most distinct first.
 LINE_COLOURS = (VERMILLION, SKY, YELLOW, GREEN, PURPLE, ORANGE)
 # The axis across the slice, the axes of the picture, and the letters at its left, right, bottom and top.
 PLANES = {
@@ -32,8 +32,8 @@ def slice_image(
 ) -> tuple[Float[Array, "rows columns"], tuple[float, float, float, float]]:
     """The volume on the plane where world coordinate ``axis`` equals ``position_mm``, and its extent in mm.
 
-    The plane is that of the scanner, whatever the orientation of the voxels, which are interpolated linearly; what is
-    outside the volume is NaN.
+    The plane is in scanner coordinates, for any orientation of the voxels, which are interpolated linearly. Outside the
+    volume the image is NaN.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ def slice_image(
         0 (sagittal), 1 (coronal) or 2 (axial).
     position_mm : float
     spacing : float, optional
-        Size of the picture's pixels in mm; that of the smallest voxel side if left out.
+        Size of the picture's pixels in mm. By default the smallest voxel side.
 
     Returns
     -------
     tuple
-        The pixels, the first row at the bottom, and (left, right, bottom, top): the outer edges of the border pixels.
+        The pixels, with the first row at the bottom, and (left, right, bottom, top), the outer edges of the border.
     """
     spacing = float(voxel_sizes(volume).min()) if spacing is None else spacing
     low, high = _world_box(volume)
@@ -79,26 +79,26 @@ def slice_figure(
     limits: tuple[float, float] | None = None,
     width_inches: float = 8.0,
 ) -> Figure:
-    """Slices through one point, with the lines in which surfaces meet them; the right side is on the right.
+    """Slices through one point, with the outlines of surfaces. The right side of the subject is on the right.
 
     Parameters
     ----------
     volume : Volume
     meshes : mapping, optional
-        Surfaces by name, in scanner RAS, in mm; the names make the legend.
+        Surfaces by name, in scanner RAS, in mm. The names are shown in the legend.
     through_mm : three numbers, optional
-        The point, in scanner RAS; the middle of the surfaces, or of the volume, if left out.
+        The point, in scanner RAS. By default the centre of the surfaces, or of the volume.
     planes : sequence of str
-        Of "axial", "coronal" and "sagittal".
+        Any of "axial", "coronal" and "sagittal".
     limits : tuple, optional
-        What is black and what is white; the 1st and the 99th percentile if left out.
+        The values shown in black and in white. By default the 1st and the 99th percentile.
     width_inches : float
-        Of the figure.
+        Width of the figure.
 
     Raises
     ------
     ValueError
-        If a plane has another name, or the point lies outside the volume.
+        If a plane is unknown, or the point lies outside the volume.
     """
     unknown = [plane for plane in planes if plane not in PLANES]
     if unknown or not planes:
@@ -126,10 +126,10 @@ def slice_figure(
 
 
 def _panels(extents: Sequence[tuple], width_inches: float) -> tuple[Figure, np.ndarray]:
-    """Axes as wide as what they show, so that a millimetre is equally long in all."""
+    """Axes with widths in proportion to their extents, so that all have the same scale."""
     widths = [right - left for left, right, _, _ in extents]
     height_mm = max(top - bottom for _, _, bottom, top in extents)
-    # The labels of an axis take about .8 inch in either direction.
+    # The labels of an axis need about .8 inch in each direction.
     height = (width_inches - 0.8 * len(extents)) * height_mm / sum(widths) + 1.2
     options = {"width_ratios": widths, "layout": "constrained", "squeeze": False}
     figure, axes = plt.subplots(1, len(extents), figsize=(width_inches, height), **options)
@@ -150,7 +150,7 @@ def _draw_contours(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: fl
     for (name, mesh), colour in zip(meshes.items(), itertools.cycle(LINE_COLOURS)):
         segments = plane_section(mesh, axis, position)[:, :, list(shown)].detach().cpu().numpy()
         lines = LineCollection(segments, colors=colour, linewidths=1.2, label=name, capstyle="round")
-        ax.add_collection(lines, autolim=False)  # the picture ends where the volume does
+        ax.add_collection(lines, autolim=False)  # the limits are those of the volume
 
 
 def _label(ax: Axes, plane: str, axis: int, position: float, shown: tuple[int, int], letters: Sequence[str]) -> None:

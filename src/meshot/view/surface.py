@@ -1,4 +1,4 @@
-"""Stills of surfaces: shaded, coloured by a value at each vertex, to scale."""
+"""Static pictures of surfaces: shaded, coloured by values at the vertices, to scale."""
 
 import itertools
 import warnings
@@ -33,24 +33,24 @@ def surface_image(
     centre: Float[Array, " 3"] | None = None,
     half_height: float | None = None,
 ) -> np.ndarray:
-    """The picture of a surface in parallel projection, on a transparent ground.
+    """A picture of a surface in parallel projection, on a transparent background.
 
     Parameters
     ----------
     mesh : Mesh
     view : View
     values : array, optional
-        One for each vertex; NaN is drawn in the plain colour.
+        One per vertex. NaN is drawn in the plain colour.
     limits : tuple
         The values at the ends of the colour map.
     colour_map : str
-        A name that matplotlib knows.
+        A colour map of matplotlib.
     size : tuple
         Width and height in pixels.
     centre : array, optional
-        The point in the middle of the picture; of the surface's bounding box if left out.
+        The point at the centre of the picture. By default the centre of the surface's bounding box.
     half_height : float, optional
-        Half of what the picture's height shows, in units of the vertices; what fits if left out.
+        Half of the height shown by the picture, in units of the vertices. By default the whole surface is shown.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def surface_image(
     Raises
     ------
     RuntimeError
-        If there is no OpenGL here.
+        If there is no OpenGL.
     """
     pyvista = _drawing_library()
     if centre is None or half_height is None:
@@ -82,10 +82,10 @@ def surface_image(
 
 
 def _drawing_library() -> ModuleType:
-    """pyvista, after the check that VTK will not crash."""
+    """The module pyvista, after a check that VTK will not crash."""
     require_display()
     with warnings.catch_warnings():
-        # In a notebook tqdm, which pyvista imports, misses widgets that nothing here uses, and says so with a path.
+        # In a notebook, tqdm (imported by pyvista) warns about missing widgets that are not used here.
         warnings.filterwarnings("ignore", message="IProgress not found")
         with needing("cortex"):
             import pyvista
@@ -109,9 +109,9 @@ def _material(values: Values | None, limits: tuple[float, float], colour_map: st
 
 
 def framing(meshes: Sequence[Mesh], views: Sequence[View], aspect: float) -> tuple[Float[Array, " 3"], float]:
-    """The centre and the half height that show all meshes whole in all views, with a small margin.
+    """The centre and the half height with which all meshes are completely visible in all views, with a small margin.
 
-    ``aspect`` is width over height.
+    ``aspect`` is width divided by height.
     """
     vertices = np.concatenate([mesh.vertices.detach().cpu().double().numpy() for mesh in meshes])
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
@@ -132,27 +132,27 @@ def surface_figure(
     resolution: int = 150,
     length_unit: str = "mm",
 ) -> Figure:
-    """A figure of one or several surfaces, a row for each and a column for each view, all at one scale.
+    """A figure of one or several surfaces, with a row per surface and a column per view, all at the same scale.
 
     Parameters
     ----------
     meshes : Mesh or mapping
         By name, if there are several.
     values : array or mapping, optional
-        One number for each vertex, by the names of the meshes; a mesh without values is drawn plain.
+        One number per vertex, by the names of the meshes. Meshes without values are drawn in a plain colour.
     views : sequence of str
-        Where the eye stands: "left", "right", "anterior", "posterior", "superior" or "inferior"; on a hemisphere of a
-        brain also "lateral" (from outside) or "medial" (from the other hemisphere).
+        Positions of the camera: "left", "right", "anterior", "posterior", "superior" or "inferior"; for a hemisphere of
+        a brain also "lateral" (from outside) or "medial" (from the other hemisphere).
     hemisphere : str or mapping, optional
-        "left" or "right", for all meshes or by name: what "lateral" and "medial" mean; then letters say which way
-        the brain looks.
+        "left" or "right", for all meshes or by name. Required for "lateral" and "medial". Letters then show the
+        orientation.
     label, unit : str
-        What the values are, for the colour bar; the unit is that of the values.
+        Quantity and unit of the values, for the colour bar.
     limits : tuple, optional
-        The ends of the colour map, of the finite values if left out; values beyond get the colour of the end, and the
-        bar a pointed one.
+        The ends of the colour map. By default the range of the finite values. Values outside are drawn in the colour of
+        the nearest end, and this end of the bar is pointed.
     colour_map : str
-        A name that matplotlib knows.
+        A colour map of matplotlib.
     panel_inches : tuple
         Width and height of one picture.
     resolution : int
@@ -163,9 +163,9 @@ def surface_figure(
     Raises
     ------
     ValueError
-        If the values do not belong to the vertices, or a view is unknown.
+        If the values do not match the vertices, or a view is unknown.
     RuntimeError
-        If there is no OpenGL here.
+        If there is no OpenGL.
     """
     meshes, values = named(meshes, values)
     limits = colour_limits(values, limits)
@@ -212,7 +212,7 @@ def _draw_panel(ax: Axes, image: np.ndarray, half_height: float, letters: Sequen
 
 
 def _draw_scale(ax: Axes, half_height: float, unit: str) -> None:
-    """A bar of a round length at the lower right, about a third of the half height."""
+    """Draw a scale bar of a round length at the lower right, at most half of the half height."""
     magnitude = 10.0 ** np.floor(np.log10(half_height / 2))
     length = magnitude * max(step for step in (1, 2, 5) if step * magnitude <= half_height / 2)
     right, bottom = ax.get_xlim()[1], -0.97 * half_height

@@ -1,4 +1,4 @@
-"""How a training went: loss and overlap over its steps."""
+"""Figures of a training: loss and validation metrics over the steps."""
 
 import os
 from collections.abc import Sequence
@@ -14,17 +14,17 @@ from meshot.view.style.colours import BLUE, ORANGE, SKY, VERMILLION, WIDTH
 
 
 def training_figure(log: Sequence[dict]) -> Figure:
-    """Loss of every step and its running mean; beside it what was validated: Dice, distances in mm, or the loss.
+    """The loss of every step with its running mean, and the validation: Dice, distances in mm, or the loss.
 
     Parameters
     ----------
     log : sequence of dict
-        As :class:`meshot.train.Training` holds it.
+        The log of a :class:`meshot.train.Training`.
 
     Raises
     ------
     ValueError
-        If it holds no step.
+        If the log has no step.
     """
     steps = [line for line in log if "loss" in line]
     checks = [line for line in log if "validation_loss" in line]
@@ -49,7 +49,7 @@ def training_figure(log: Sequence[dict]) -> Figure:
     else:
         right.plot(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
         right.set(xlabel="step", ylabel="loss of the validation")
-    # After the last semilogy, which brings back its own.
+    # After the last call of semilogy, which resets the formatters.
     for formatted in (left.yaxis.set_major_formatter, left.yaxis.set_minor_formatter):
         formatted(LogFormatter())
     left.legend()
@@ -73,7 +73,7 @@ def _distances(axes: Axes, steps: list[int], checks: list[dict]) -> None:
 
 
 def write_training_figure(path: str | os.PathLike, log: Sequence[dict]) -> None:
-    """The picture of a log as a file, whole or not at all.
+    """Write the picture of a log to a file, completely or not at all.
 
     Raises
     ------

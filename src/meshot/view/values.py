@@ -1,4 +1,4 @@
-"""Numbers on the vertices of surfaces: checked against the meshes, and the colours they get."""
+"""Validation of values at the vertices of surfaces, and their colour limits."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,12 +14,12 @@ Values = Sequence[float] | np.ndarray | torch.Tensor
 def named(
     meshes: Mesh | Mapping[str, Mesh], values: Values | Mapping[str, Values] | None
 ) -> tuple[dict[str, Mesh], dict[str, np.ndarray]]:
-    """Meshes and their values by name, as float64 arrays; a single mesh gets the empty name.
+    """Meshes and their values by name, with values as float64 arrays. A single mesh has the empty name.
 
     Raises
     ------
     ValueError
-        If there is no mesh, or values have no mesh, another length than its vertices, or no finite entry.
+        If there is no mesh, or values have no mesh, another number than its vertices, or no finite entry.
     """
     if isinstance(meshes, Mesh):
         meshes, values = {"": meshes}, None if values is None else {"": values}
@@ -46,7 +46,7 @@ def _checked(numbers: Values, name: str, n_vertices: int) -> np.ndarray:
 
 
 def colour_limits(values: Mapping[str, np.ndarray], limits: tuple[float, float] | None) -> tuple[float, float]:
-    """The values at the ends of the colour map: as given, or the least and the greatest finite value of all.
+    """The values at the ends of the colour map: as given, or the range of all finite values.
 
     Raises
     ------
@@ -61,17 +61,17 @@ def colour_limits(values: Mapping[str, np.ndarray], limits: tuple[float, float] 
         return 0.0, 1.0
     every = np.concatenate(list(values.values()))
     low, high = float(np.min(every[np.isfinite(every)])), float(np.max(every[np.isfinite(every)]))
-    # One value everywhere still needs a bar of some length.
+    # If all values are equal, the colour bar still needs a positive length.
     return (low, high) if low < high else (low - 0.5, high + 0.5)
 
 
 def pointed_ends(values: Mapping[str, np.ndarray], limits: tuple[float, float]) -> str:
-    """Which ends of the colour bar hide values beyond them: "neither", "min", "max" or "both"."""
+    """Which ends of the colour bar have values beyond them: "neither", "min", "max" or "both"."""
     every = np.concatenate(list(values.values()))
     below, above = bool((every < limits[0]).any()), bool((every > limits[1]).any())
     return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[below, above]
 
 
 def bar_label(label: str, unit: str) -> str:
-    """What stands at a colour bar: the quantity and, in brackets, its unit."""
+    """The label of a colour bar: the quantity, and its unit in parentheses."""
     return f"{label} ({unit})" if label and unit else label or unit

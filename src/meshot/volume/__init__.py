@@ -1,7 +1,7 @@
-"""Volumes: an array with the affine that takes voxel indices to scanner RAS in mm.
+"""Volumes: 3D arrays with an affine from voxel indices to scanner RAS in mm.
 
-Reading and writing, interpolation, the standard grid of the networks, registration to it, tissue shares. The room
-``surfaces`` goes between volumes and meshes. Every change of space is one affine, in one function.
+Reading and writing, interpolation, registration to the standard grid of the networks, tissue probabilities. The
+subpackage ``surfaces`` converts between volumes and meshes. All changes of space use one function for affine maps.
 """
 
 import lazy_loader

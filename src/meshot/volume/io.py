@@ -1,4 +1,4 @@
-"""Images from files and into files, by nibabel."""
+"""Reading and writing of image files, with nibabel."""
 
 import os
 from pathlib import Path
@@ -12,13 +12,13 @@ from meshot.volume.volume import Volume
 
 
 def read_volume(path: str | os.PathLike) -> Volume:
-    """A 3D image from NIfTI, MGH or any other format that nibabel knows, float32, with its affine to scanner RAS.
+    """Read a 3D image in NIfTI, MGH or another format of nibabel, as float32, with its affine to scanner RAS.
 
     Raises
     ------
     ValueError
-        If the file is missing, truncated, damaged or no image; has more than one volume or more than 512³ voxels; holds
-        NaN, colours or complex numbers; or does not say where it lies in the scanner.
+        If the file is missing, truncated, damaged or not an image; has more than one volume or more than 512³ voxels;
+        contains NaN, colours or complex numbers; or does not specify its position in the scanner.
     """
     path = Path(path)
     if not path.is_file():
@@ -26,7 +26,7 @@ def read_volume(path: str | os.PathLike) -> Volume:
     try:
         image = checked_image(path)
         data, affine = np.asarray(image.dataobj, dtype=np.float32), affine_mm(image)
-    except Exception as error:  # many parsers, each with its own ways to fail
+    except Exception as error:  # the parsers raise many types
         raise ValueError(
             f"{path} is not a whole image that can be read ({error or type(error).__name__}); get the file again"
         ) from error
@@ -34,12 +34,12 @@ def read_volume(path: str | os.PathLike) -> Volume:
 
 
 def write_volume(path: str | os.PathLike, volume: Volume) -> None:
-    """Write a NIfTI file (``.nii`` or ``.nii.gz``), in mm, with the affine as its sform; masks as 8-bit integers.
+    """Write a NIfTI file (``.nii`` or ``.nii.gz``) in mm, with the affine as sform. Masks become 8-bit integers.
 
     Raises
     ------
     ValueError
-        If the suffix is another.
+        If the suffix is another one.
     """
     path = Path(path)
     if not path.name.endswith((".nii", ".nii.gz")):

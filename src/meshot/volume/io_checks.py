@@ -1,4 +1,4 @@
-"""What an image file must be before its voxels are read: whole, real numbers, in three axes, no larger than it says."""
+"""Checks of image files before their voxels are read: complete, three axes of real numbers, size as declared."""
 
 import math
 import struct
@@ -10,23 +10,23 @@ import numpy as np
 from meshot.compressed import opened, unpacked_size
 from meshot.types import Array, Float
 
-#: The most voxels that are read: a cube of 512. And the most bytes that a compressed file may hold.
+#: Maximum number of voxels (512³), and maximum size of a compressed file after decompression, in bytes.
 LARGEST_VOXELS, LARGEST_BYTES = 1 << 27, 1 << 29
-#: By the size of a NIfTI header: the mark of a file that holds its voxels too; where and as what their place stands.
+#: By size of the NIfTI header: the mark of a file that includes the voxels, and position and type of their offset.
 _HEADERS = {348: (b"n+1\0", 108, "f"), 540: (b"n+2\0", 168, "q")}
 _MM = {"meter": 1e3, "mm": 1.0, "micron": 1e-3, "unknown": 1.0}
-#: Formats whose voxels lie in the file one after another, so that the file cannot be smaller than they are.
+#: Formats that store the voxels without compression, so that the file is at least as large as they are.
 _FLAT = (nibabel.AnalyzeImage, nibabel.MGHImage)
 
 
 def checked_image(path: Path) -> nibabel.spatialimages.SpatialImage:
-    """An image whose header nibabel has read, and whose voxels may be read next.
+    """Open an image, check its header, and return it with its voxels not yet read.
 
     Raises
     ------
     ValueError
         If a compressed stream is damaged or unpacks to more than 512 MiB; if there are more than 512³ voxels, or more
-        than the file holds; if it is a surface, a series, or holds colours or complex numbers.
+        than fit into the file; if it is a surface or a series, or contains colours or complex numbers.
     """
     n_bytes = unpacked_size(path, LARGEST_BYTES)
     _require_room_for_extensions(path, n_bytes)
@@ -44,7 +44,7 @@ def checked_image(path: Path) -> nibabel.spatialimages.SpatialImage:
             "the magnitude, or one colour"
         )
     if isinstance(image, _FLAT):
-        holder = Path(image.file_map["image"].filename or path)  # some formats keep the header in a file of its own
+        holder = Path(image.file_map["image"].filename or path)  # some formats have a separate header file
         found = n_bytes if holder == path else unpacked_size(holder, LARGEST_BYTES)
         if found < math.prod(shape) * kind.itemsize:
             raise ValueError(
@@ -54,7 +54,7 @@ def checked_image(path: Path) -> nibabel.spatialimages.SpatialImage:
 
 
 def _require_room_for_extensions(path: Path, n_bytes: int) -> None:
-    """NIfTI may put blocks between header and voxels; nibabel makes room for what they declare before it reads."""
+    """Check the declared sizes of NIfTI header extensions, for which nibabel allocates memory before reading."""
     with opened(path) as file:
         head = file.read(544)
         order = next((mark for mark in "<>" if head[:4] in (struct.pack(f"{mark}i", n) for n in _HEADERS)), None)
@@ -75,12 +75,12 @@ def _require_room_for_extensions(path: Path, n_bytes: int) -> None:
 
 
 def affine_mm(image: nibabel.spatialimages.SpatialImage) -> Float[Array, "4 4"]:
-    """From voxels to scanner RAS in mm; NIfTI may state metres or micrometres.
+    """The affine from voxels to scanner RAS in mm. NIfTI files may use metres or micrometres, which are converted.
 
     Raises
     ------
     ValueError
-        If NIfTI does not say where it lies, or in which unit.
+        If a NIfTI file does not specify its position, or its unit.
     """
     header = image.header
     if not isinstance(header, nibabel.Nifti1Header):

@@ -1,4 +1,4 @@
-"""Values of a volume between its voxels."""
+"""Interpolation of volumes, and cropping."""
 
 import numpy as np
 import torch
@@ -8,7 +8,7 @@ from meshot.volume.volume import Volume, mm_to_voxel
 
 
 def sample_volume(volume: Volume, points_mm: Float[Tensor, "n 3"], outside: float = 0.0) -> Float[Tensor, " n"]:
-    """Trilinear interpolation of a volume at points in scanner RAS, differentiable in the points.
+    """Trilinear interpolation of a volume at points in scanner RAS. Differentiable with respect to the points.
 
     Parameters
     ----------
@@ -16,7 +16,7 @@ def sample_volume(volume: Volume, points_mm: Float[Tensor, "n 3"], outside: floa
     points_mm : tensor
         One row per point, in mm.
     outside : float
-        The value of every voxel beyond the grid; towards it the image is continued linearly over one voxel.
+        The value of every voxel outside the grid. Over one voxel next to the grid, the interpolation is linear.
 
     Returns
     -------
@@ -26,7 +26,7 @@ def sample_volume(volume: Volume, points_mm: Float[Tensor, "n 3"], outside: floa
     places = mm_to_voxel(volume, points_mm) + 1
     data = torch.as_tensor(np.pad(volume.data, 1, constant_values=outside)).to(points_mm)
     last = places.new_tensor(data.shape) - 1
-    # Far points are moved to the rim, which holds the outside value; a rim plus one layer keeps corners inside.
+    # Distant points are clipped to the border, which has the outside value.
     places = torch.minimum(places.clamp(min=0), last)
     lower = torch.minimum(places.detach().floor(), last - 1).long()
     fraction = places - lower
@@ -39,20 +39,20 @@ def sample_volume(volume: Volume, points_mm: Float[Tensor, "n 3"], outside: floa
 
 
 def cropped(volume: Volume, points_mm: Float[Tensor, "n 3"], margin: int = 3) -> Volume:
-    """The smallest box of voxels around a set of points, with a margin, at its old place in the world.
+    """The smallest box of voxels around a set of points, plus a margin, at the same position in world space.
 
     Parameters
     ----------
     volume : Volume
     points_mm : tensor
-        What the box must hold, in scanner RAS.
+        The points that the box must contain, in scanner RAS.
     margin : int
-        Voxels to add on each side, as far as the volume goes.
+        Number of voxels added on each side, within the volume.
 
     Raises
     ------
     ValueError
-        If none of the volume lies around the points: they may be in another space.
+        If the box around the points does not overlap the volume, for example because they are in different spaces.
     """
     places = mm_to_voxel(volume, points_mm.detach().double()).numpy()
     low = np.clip(np.floor(places.min(axis=0)).astype(int) - margin, 0, None)

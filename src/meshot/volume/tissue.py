@@ -1,4 +1,4 @@
-"""Tissue from intensity."""
+"""Tissue probabilities from intensities, and overlap of masks."""
 
 import numpy as np
 
@@ -25,23 +25,23 @@ def bright_volume(scan: Volume) -> float:
 
 
 def white_matter_probability(t1: Volume, brain: Volume) -> Volume:
-    """How much a T1 intensity speaks for white matter: 0 up to the mean of grey, 1 from the mean of white, ½ between.
+    """White-matter probability from T1 intensity: 0 up to the mean of grey matter, 1 from the mean of white, ½ between.
 
-    Two thresholds cut the intensities inside the brain into three classes, so that the variance within classes is
-    least (Otsu): fluid, grey, white. The upper one becomes ½; above and below it, the scale runs linearly to the mean
-    of its class. No map, atlas or training enters.
+    Two thresholds divide the intensities inside the brain into three classes with minimal variance within classes
+    (Otsu): fluid, grey, white. The upper threshold is mapped to ½. On both sides the map is linear up to the mean of
+    the class. No atlas and no training are used.
 
     Parameters
     ----------
     t1 : Volume
-        T1-weighted: white matter is brightest. Without strong bias field.
+        T1-weighted, so that white matter is brightest, without strong bias field.
     brain : Volume
         Boolean, on the same grid.
 
     Raises
     ------
     ValueError
-        If the grids differ, the mask is empty, or fewer than three intensities occur inside it.
+        If the grids differ, the mask is empty, or fewer than three different intensities occur inside it.
 
     References
     ----------
@@ -62,7 +62,7 @@ def white_matter_probability(t1: Volume, brain: Volume) -> Volume:
 
 
 def dice(first: Array, second: Array) -> float:
-    """The overlap of two masks: twice the size of what they share over the sum of their sizes, in [0, 1].
+    """The Dice coefficient of two masks: twice the size of the intersection over the sum of their sizes, in [0, 1].
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A scalar image with its place in the world, as plain data."""
+"""A scalar image with its affine, and coordinate transforms."""
 
 import dataclasses
 
@@ -9,20 +9,20 @@ from meshot.types import Array, Float, Tensor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Volume:
-    """A scalar image on a regular grid and the affine that puts it into the world, validated once, at the door.
+    """A scalar image on a regular grid, with its affine. It is validated when it is created.
 
     Parameters
     ----------
     data : array
         Three axes; numbers or booleans, finite.
     affine : array
-        4 × 4; takes voxel indices (the centre of the first voxel is 0, 0, 0) to scanner RAS in mm.
+        4 × 4, from voxel indices (the centre of the first voxel is 0, 0, 0) to scanner RAS in mm.
 
     Raises
     ------
     ValueError
         If the data are empty, not 3D, not numbers, or not finite; if the affine is not 4 × 4, not finite, singular,
-        or does not end in the row 0, 0, 0, 1.
+        or its last row is not 0, 0, 0, 1.
     """
 
     data: Array
@@ -36,12 +36,12 @@ class Volume:
         object.__setattr__(self, "affine", affine)
 
     def with_data(self, data: Array) -> "Volume":
-        """Other values on the same grid.
+        """A volume with other values on the same grid.
 
         Raises
         ------
         ValueError
-            If the shape differs, or as :class:`Volume`.
+            If the shape differs; otherwise as :class:`Volume`.
         """
         if np.shape(data) != self.data.shape:
             raise ValueError(
@@ -81,18 +81,18 @@ def _require_affine(affine: Array) -> None:
 
 
 def transform_points(affine: Array, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """Points under a 4 × 4 affine, in the dtype of the points; the one place where spaces are crossed."""
+    """Points transformed by a 4 × 4 affine, in the dtype of the points. All changes of space use this function."""
     matrix = points.new_tensor(np.asarray(affine))
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def voxel_to_mm(volume: Volume, points_vox: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """Scanner RAS, in mm, of points given in voxel indices."""
+    """Positions in scanner RAS, in mm, of points given in voxel indices."""
     return transform_points(volume.affine, points_vox)
 
 
 def mm_to_voxel(volume: Volume, points_mm: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """Voxel indices, with fractions, of points given in scanner RAS, in mm."""
+    """Fractional voxel indices of points given in scanner RAS, in mm."""
     return transform_points(np.linalg.inv(volume.affine), points_mm)
 
 
@@ -102,6 +102,6 @@ def voxel_sizes(volume: Volume) -> Float[Array, " 3"]:
 
 
 def centre_ras(volume: Volume) -> tuple[float, float, float]:
-    """FreeSurfer's c_ras: the centre of the volume in scanner RAS, in mm, at half the count of voxels."""
+    """FreeSurfer's c_ras: the centre of the volume, at half the number of voxels, in scanner RAS, in mm."""
     x, y, z = volume.affine[:3, :3] @ (np.array(volume.data.shape) / 2) + volume.affine[:3, 3]
     return float(x), float(y), float(z)

@@ -1,4 +1,4 @@
-"""The claims of the paper: verdicts from committed results, and the ledger's page."""
+"""The claims of the paper: verdicts computed from committed results, and the ledger's page."""
 
 import lazy_loader
 

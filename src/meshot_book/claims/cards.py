@@ -1,4 +1,4 @@
-"""The ledger as a page: a card for each claim, with its details folded."""
+"""The ledger as a page: a card for each claim, with folded details."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ The paper does not make these claims. They follow from what it uses, or from wha
 
 
 def ledger_page(claims: Path, experiments: Path, rules: dict[int, Rule]) -> str:
-    """The page, in MyST Markdown; parameters and errors as for :func:`meshot_book.claims.read_entries`."""
+    """The page in MyST Markdown. Parameters and errors as for :func:`meshot_book.claims.read_entries`."""
     entries = read_entries(claims, experiments, rules)
     parts = [_HEAD, _counts(entries), _PAPER]
     parts += [_card(entry) for entry in entries if not entry.claim.get("ours")]
@@ -29,7 +29,7 @@ def ledger_page(claims: Path, experiments: Path, rules: dict[int, Rule]) -> str:
 
 
 def _counts(entries: list[Entry]) -> str:
-    """How many claims have which status, as a row of labels."""
+    """The number of claims with each status, as a row of labels."""
     lines = ["::::{div} ledger-counts"]
     for status in STATUSES:
         count = sum(entry.verdict.status == status for entry in entries)
@@ -39,7 +39,7 @@ def _counts(entries: list[Entry]) -> str:
 
 
 def _kind(status: str) -> str:
-    """The class by which the style sheet knows a status."""
+    """The CSS class of a status."""
     return "status-" + status.replace(" ", "-")
 
 

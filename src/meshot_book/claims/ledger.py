@@ -1,4 +1,4 @@
-"""The ledger of claims: for each claim a verdict, computed from committed results by a rule, never typed."""
+"""The ledger of claims. Each verdict is computed from committed results by a rule, never typed."""
 
 import dataclasses
 from collections.abc import Callable
@@ -13,7 +13,7 @@ IN_PART = "reproduced in part"
 ASSUMING = "reproduced under a further assumption"
 CHOICE = "depends on a choice left open"
 NOT_REPRODUCED = "not reproduced"
-#: Trained on less than the paper: a larger network or a longer training may decide otherwise.
+#: Trained with less computation than in the paper: a larger network or a longer training may change the result.
 AT_THIS_BUDGET = "not reproduced at this budget"
 NOT_TESTABLE = "not testable here"
 NOT_TESTED = "not yet tested"
@@ -22,20 +22,20 @@ STATUSES = (REPRODUCED, IN_PART, ASSUMING, CHOICE, NOT_REPRODUCED, AT_THIS_BUDGE
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Verdict:
-    """What an experiment says of a claim.
+    """The verdict of an experiment on a claim.
 
     Parameters
     ----------
     status : str
-        One of the eight statuses: those at this door that are written in capitals.
+        One of the eight statuses, which are the upper-case names of :mod:`meshot_book.claims`.
     says : str
         The verdict in one sentence, with its condition.
     headline : tuple of str
-        The one number to look at, and what it counts or measures.
+        The most important number, and what it counts or measures.
     ours : str
         Our numbers, with units.
     tolerance : str
-        The rule by which the status follows from the numbers.
+        The rule that determines the status from the numbers.
     numbers : str
         A Markdown table of the numbers behind the verdict; may be empty.
 
@@ -63,7 +63,7 @@ Rule = Callable[..., Verdict]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Entry:
-    """A claim, its verdict, and the record of the experiment behind it, if there is one."""
+    """A claim, its verdict, and the record of its experiment, if there is one."""
 
     claim: dict
     verdict: Verdict
@@ -71,13 +71,13 @@ class Entry:
 
 
 def read_entries(claims: Path, experiments: Path, rules: dict[int, Rule]) -> list[Entry]:
-    """Every claim with its verdict.
+    """Read all claims and compute their verdicts.
 
     Parameters
     ----------
     claims : path
-        The YAML list of claims: id, claim, where, paper, for those that the paper does not make ``ours``, and for those
-        tested the experiment and the chapter; ``also`` lists further experiments that the rule reads.
+        The YAML list of claims: id, claim, where, paper; ``ours`` for claims that the paper does not make; experiment
+        and chapter for claims that are tested; ``also`` lists further experiments that the rule reads.
     experiments : path
         The folder of experiments, each with its ``results.json``.
     rules : dict
@@ -87,7 +87,7 @@ def read_entries(claims: Path, experiments: Path, rules: dict[int, Rule]) -> lis
     Raises
     ------
     ValueError
-        If a claim names an experiment without results, or a rule is missing.
+        If the results of a claim's experiment are missing, or a rule is missing.
     """
     return [_entry(row, experiments, rules) for row in yaml.safe_load(claims.read_text(encoding="utf-8"))]
 

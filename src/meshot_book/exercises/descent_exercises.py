@@ -1,4 +1,4 @@
-"""Chapter 01: pulls of both losses, and the step that momentum allows."""
+"""Chapter 01: descent directions of both losses, and the learning rate that momentum allows."""
 
 import numpy as np
 import torch
@@ -7,16 +7,18 @@ from meshot.types import Float, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, check_answer
 
 
-def nearest_pull(function: object) -> None:
+def nearest_arrows(function: object) -> None:
     """Check ``function(points, target)``: for every point, the vector to the nearest target point."""
     mistakes = [
         Mistake(lambda x, y: -_to_nearest(x, y), "the arrows point away from the target; which end comes first?"),
-        Mistake(lambda x, y: _nearest(x, y), "these are the nearest places themselves; a pull starts at the point"),
+        Mistake(
+            lambda x, y: _nearest(x, y), "these are the nearest target points themselves; an arrow starts at the point"
+        ),
         Mistake(
             lambda x, y: y[torch.cdist(x, y).argmin(dim=0)] - x,
             "the smallest is looked for among the points, not among the targets: check the axis of the minimum",
         ),
-        Mistake(lambda x, y: 2 * _to_nearest(x, y), "twice too long: a pull is the vector itself, not the gradient"),
+        Mistake(lambda x, y: 2 * _to_nearest(x, y), "twice too long: the arrow is the vector itself, not the gradient"),
         Mistake(_unit_pull, "the directions are right, the lengths are all one: leave out the division by the norm"),
         Mistake(lambda x, y: y.mean(dim=0) - x, "every arrow goes to the middle of the target; take the nearest one"),
     ]
@@ -30,7 +32,7 @@ def nearest_pull(function: object) -> None:
         Case("points far from the target", (x + 100, y)),
         Case("points in R³", tuple(torch.from_numpy(generator.normal(size=(n, 3))) for n in (6, 4))),
     ]
-    check_answer(function, _to_nearest, cases, mistakes, "nearest_pull")
+    check_answer(function, _to_nearest, cases, mistakes, "nearest_arrows")
 
 
 def _nearest(points: Float[Tensor, "n d"], target: Float[Tensor, "m d"]) -> Float[Tensor, "n d"]:
@@ -47,13 +49,13 @@ def _unit_pull(points: Float[Tensor, "n d"], target: Float[Tensor, "m d"]) -> Fl
     return arrows / torch.where(lengths > 0, lengths, torch.ones_like(lengths))
 
 
-def line_pull(function: object) -> None:
-    """Check ``function(points, target, direction)``: the pull of transport along one direction on every point."""
+def line_arrows(function: object) -> None:
+    """Check ``function(points, target, direction)``: the arrow of transport along one direction at every point."""
     mistakes = [
         Mistake(lambda x, y, u: -_along(x, y, u), "the arrows point away from the target; which end comes first?"),
         Mistake(
             lambda x, y, u: ((y @ u).sort().values - (x @ u).sort().values)[:, None] * u,
-            "the pulls are right but given to the wrong points: undo the sorting (what does argsort of argsort say?)",
+            "the arrows are right but given to the wrong points: undo the sorting (what does argsort of argsort say?)",
         ),
         Mistake(
             lambda x, y, u: (y @ u - x @ u)[:, None] * u,
@@ -69,7 +71,7 @@ def line_pull(function: object) -> None:
         ),
         Mistake(
             lambda x, y, u: y[(y @ u).argsort()[(x @ u).argsort().argsort()]] - x,
-            "the partners are right, but one direction can only pull along itself: project the arrow on it",
+            "the partners are right, but one direction moves points along itself only: project the arrow on it",
         ),
     ]
     generator = np.random.default_rng(1)
@@ -84,7 +86,7 @@ def line_pull(function: object) -> None:
         Case("a target that is the points, shuffled", (x, x.flip(0), u)),
         Case("points in R³", (*solid, torch.tensor([2.0, -1.0, 2.0], dtype=torch.float64) / 3)),
     ]
-    check_answer(function, _along, cases, mistakes, "line_pull")
+    check_answer(function, _along, cases, mistakes, "line_arrows")
 
 
 def _along(
@@ -95,17 +97,20 @@ def _along(
 
 
 def largest_rate(function: object) -> None:
-    """Check ``function(n_calls, momentum)``: from which learning rate on summed Chamfer is unstable."""
+    """Check ``function(n_selections, momentum)``: the learning rate at which summed Chamfer becomes unstable."""
     mistakes = [
         Mistake(lambda k, b: 1 / (1 + k), "that is the bound without momentum; momentum lets larger steps pass"),
-        Mistake(lambda k, b: 2 * (1 + b), "this does not depend on who calls; what is the curvature at such a point?"),
+        Mistake(
+            lambda k, b: 2 * (1 + b),
+            "this does not depend on the number of selections; what is the curvature at such a point?",
+        ),
         Mistake(
             lambda k, b: (1 + b) / k if k else 2 * (1 + b),
-            "each caller pulls, and the point itself has a nearest target too: one more square",
+            "each selection is one square, and the point has a nearest target point too: one more square",
         ),
         Mistake(lambda k, b: 2 * (1 + b) / (1 + k), "the curvature of |x − y|² is 2, not 1"),
         Mistake(lambda k, b: (1 - b) / (1 + k), "the sign of the momentum: 1 − momentum is about speed, not stability"),
     ]
     pairs = [(0, 0.0), (0, 0.9), (1, 0.0), (1, 0.9), (4, 0.5), (30, 0.9), (678, 0.99)]
-    cases = [Case(f"{calls} calls and momentum {momentum}", (calls, momentum)) for calls, momentum in pairs]
-    check_answer(function, lambda calls, momentum: (1 + momentum) / (1 + calls), cases, mistakes, "largest_rate")
+    cases = [Case(f"{n} selections and momentum {momentum}", (n, momentum)) for n, momentum in pairs]
+    check_answer(function, lambda n, momentum: (1 + momentum) / (1 + n), cases, mistakes, "largest_rate")

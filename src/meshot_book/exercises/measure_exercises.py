@@ -1,17 +1,13 @@
-"""Chapter 10: weights of faces, the tent of a triangle, a scale for the normals, surfaces turned inside out."""
-
-from collections.abc import Callable
+"""Chapter 10: weights of faces, the tent of a triangle, and the mean square of a projected surface."""
 
 import numpy as np
 import torch
 
 from meshot.mesh import Mesh
-from meshot.mesh.geometry import face_areas, face_barycentres, face_normals, signed_volume
-from meshot.mesh.shapes import cube, folded_sphere, icosphere, tetrahedron
+from meshot.mesh.geometry import face_areas
+from meshot.mesh.shapes import cube, folded_sphere, tetrahedron
 from meshot.types import Float, Int64, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, check_answer
-
-Loss = Callable[[float], float]
 
 
 def face_weights(function: object) -> None:
@@ -60,7 +56,7 @@ def tent_density(function: object) -> None:
         Mistake(lambda c, x: _tent(c, x, ordered=False), "the corners come in any order: sort them first"),
         Mistake(
             lambda c, x: ((x >= c.min()) & (x <= c.max())).double() / (c.max() - c.min()),
-            "this is the law of an edge, a box; the sections of a triangle grow and shrink",
+            "this is the density of an edge, a box; the sections of a triangle grow and shrink",
         ),
         Mistake(lambda c, x: _tent(c, x, cut=False), "outside the triangle the density is zero, not a falling line"),
     ]
@@ -76,11 +72,11 @@ def tent_density(function: object) -> None:
         Case("random corners", (random, torch.from_numpy(generator.normal(size=9)))),
         Case(
             "two corners at the left end",
-            (torch.tensor([0.0, 0.0, 3.0]).double(), torch.tensor([-1.0, 0.5, 2.0]).double()),
+            (torch.tensor([0.0, 0.0, 3.0]).double(), torch.tensor([-1.0, 0.0, 0.5, 2.0]).double()),
         ),
         Case(
             "two corners at the right end",
-            (torch.tensor([1.0, 4.0, 4.0]).double(), torch.tensor([0.5, 2.0, 3.5, 5.0]).double()),
+            (torch.tensor([1.0, 4.0, 4.0]).double(), torch.tensor([0.5, 2.0, 3.5, 4.0, 5.0]).double()),
         ),
     ]
     check_answer(function, _tent, cases, mistakes, "tent_density")
@@ -97,118 +93,63 @@ def _tent(
     return torch.where(inside, heights, torch.zeros_like(heights)) if cut else heights
 
 
-def scale_for_share(function: object) -> None:
-    """Check ``function(loss, share)``: the normal scale s with 1 − loss(0)/loss(s) = share."""
+def mean_square(function: object) -> None:
+    """Check ``function(vertices, faces, direction)``: the mean of ⟨θ, x⟩² under the uniform distribution on a mesh."""
     mistakes = [
         Mistake(
-            lambda loss, share: _solved(lambda s: loss(s) / loss(0) - 1, share),
-            "this compares what normals add with the loss *without* them; the share is of the whole, loss(s)",
+            lambda v, f, u: _mean(v, f, (v[f] @ u).mean(dim=1) ** 2),
+            "barycentres only: within a face the projection varies, and that adds to the mean square",
         ),
         Mistake(
-            lambda loss, share: _solved(lambda s: 1 - loss(0) / loss(s), 1 - share),
-            "this leaves that share to the positions; turn it round",
+            lambda v, f, u: _mean(v, f, (v[f] @ u).square().mean(dim=1)),
+            "corners only: most of a triangle lies nearer to its middle than its corners do",
         ),
         Mistake(
-            lambda loss, share: _solved(lambda s: 1 - loss(0) / loss(s), share) ** 2,
-            "this is the square of the scale",
+            lambda v, f, u: float(_squares(v, f, u).mean()),
+            "every face counts alike: weight each by its area",
         ),
         Mistake(
-            lambda loss, share: (loss(0) * share / ((1 - share) * (loss(1) - loss(0)))) ** 0.5,
-            "this supposes that normals add a multiple of s²; that ends where turning costs more than moving: search",
+            lambda v, f, u: float((_areas(v, f) * _squares(v, f, u)).sum()),
+            "this is the integral; divide by the total area",
+        ),
+        Mistake(
+            lambda v, f, u: _mean(v, f, _squares(v, f, u)) ** 0.5,
+            "this is a root; the mean square is asked for",
+        ),
+        Mistake(
+            lambda v, f, u: _mean(v, f, _squares(v, f, u)) - _mean(v, f, (v[f] @ u).mean(dim=1)) ** 2,
+            "this is the variance; do not subtract the square of the mean",
+        ),
+        Mistake(
+            lambda v, f, u: float((v @ u).square().mean()),
+            "this is a mean over the vertices; a surface has its mass on its faces",
         ),
     ]
+    generator = np.random.default_rng(0)
+    oblique = torch.tensor([0.36, 0.48, 0.8], dtype=torch.float64)
+    folded, box = folded_sphere(1, 1.0, 0.4), cube(2.0)
+    shifted = box.vertices * torch.tensor([1.0, 3.0, 0.5], dtype=torch.float64) + 1.0
+    one = torch.from_numpy(generator.normal(size=(3, 3)))
     cases = [
-        Case("positions 2, normals s², a tenth", (_quadratic(2.0, 1.0), 0.1)),
-        Case("positions 0.3, normals 4 s², a half", (_quadratic(0.3, 4.0), 0.5)),
-        Case("normals that saturate at large scales", (_saturating(1.0, 30.0, 0.5), 0.6)),
-        Case("lengths in metres", (_saturating(1e-6, 2.0, 1e-3), 0.25)),
+        Case("one triangle", (one, torch.tensor([[0, 1, 2]]), oblique)),
+        Case("a shifted box with unequal sides", (shifted, box.faces, oblique)),
+        Case("a folded surface", (folded.vertices, folded.faces, oblique)),
+        Case("a face seen edge-on", (one, torch.tensor([[0, 1, 2]]), _normal(one))),
     ]
-    check_answer(
-        function,
-        lambda loss, share: _solved(lambda s: 1 - loss(0) / loss(s), share),
-        cases,
-        mistakes,
-        "scale_for_share",
-    )
+    check_answer(function, lambda v, f, u: _mean(v, f, _squares(v, f, u)), cases, mistakes, "mean_square")
 
 
-def _quadratic(places: float, normals: float) -> Loss:
-    return lambda s: places + normals * s * s
+def _normal(corners: Float[Tensor, "3 3"]) -> Float[Tensor, " 3"]:
+    normal = torch.linalg.cross(corners[1] - corners[0], corners[2] - corners[0])
+    return normal / normal.norm()
 
 
-def _saturating(places: float, normals: float, scale: float) -> Loss:
-    return lambda s: places + normals * s * s / (1 + (s / scale) ** 2)
+def _squares(v: Float[Tensor, "V 3"], f: Int64[Tensor, "F 3"], u: Float[Tensor, " 3"]) -> Float[Tensor, " F"]:
+    """The mean of the squared projection over each face: (|a|² + |b|² + |c|² + (a + b + c)²) / 12."""
+    corners = v[f] @ u
+    return (corners.square().sum(dim=1) + corners.sum(dim=1).square()) / 12
 
 
-def _solved(rising: Callable[[float], float], wanted: float) -> float:
-    low, high = 1e-9, 1e9
-    for _ in range(200):
-        middle = (low * high) ** 0.5
-        low, high = (middle, high) if rising(middle) < wanted else (low, middle)
-    return high
-
-
-def is_inside_out(function: object) -> None:
-    """Check ``function(vertices, faces)``: do the normals of a closed surface point inwards?"""
-    mistakes = [
-        Mistake(lambda v, f: not _inside_out(v, f), "the other way round: outward normals are the right ones"),
-        Mistake(
-            lambda v, f: bool((_radial(v, f)).mean() < 0),
-            "faces count alike here; weight each with its area, or a finely cut corner outvotes the rest",
-        ),
-        Mistake(
-            lambda v, f: bool(_radial(v, f)[0] < 0),
-            "one face decides here; on a folded surface some faces of a right surface look back at the middle",
-        ),
-        Mistake(
-            lambda v, f: bool((_radial(v, f, centred=False) * _areas(v, f)).min() < 0),
-            "some faces of a right surface look back at the origin; only the sum over all of them tells",
-        ),
-    ]
-    sphere, folded, block, other = (
-        icosphere(1),
-        folded_sphere(2, 1.0, 0.6, 6),
-        _notched_block(True),
-        _notched_block(False),
-    )
-    far = sphere.vertices + torch.tensor([5.0, -3.0, 2.0], dtype=torch.float64)
-    cases = [
-        Case("a sphere", (sphere.vertices, sphere.faces)),
-        Case("a sphere turned inside out", (sphere.vertices, sphere.faces.flip(1))),
-        Case("a sphere far from the origin", (far, sphere.faces)),
-        Case("the same, inside out", (far, sphere.faces.flip(1))),
-        Case("a folded surface", (folded.vertices, folded.faces)),
-        Case("a block with a funnel of many small faces", (block.vertices, block.faces)),
-        Case("the same, inside out", (block.vertices, block.faces.flip(1))),
-        Case("the same, its faces in another order", (other.vertices, other.faces)),
-    ]
-    check_answer(function, _inside_out, cases, mistakes, "is_inside_out")
-
-
-def _inside_out(vertices: Float[Tensor, "V 3"], faces: Int64[Tensor, "F 3"]) -> bool:
-    return bool(signed_volume(Mesh(vertices, faces)) < 0)
-
-
-def _radial(vertices: Float[Tensor, "V 3"], faces: Int64[Tensor, "F 3"], centred: bool = True) -> Float[Tensor, " F"]:
-    """⟨barycentre, normal⟩ of every face, from the mean of the vertices."""
-    mesh = Mesh(vertices - vertices.mean(dim=0) if centred else vertices, faces)
-    return (face_barycentres(mesh) * face_normals(mesh)).sum(dim=1)
-
-
-def _notched_block(walls_first: bool) -> Mesh:
-    """A cube whose top is a deep funnel, cut into many rings of small faces."""
-    vertices, faces = cube(2.0).vertices, cube(2.0).faces
-    top = (vertices[:, 2] == 1).nonzero().flatten()
-    rim = vertices[top[[0, 2, 3, 1]]]  # counter-clockwise from above
-    tip = torch.tensor([0.0, 0.0, -0.9], dtype=torch.float64)
-    shrunk = 0.75 ** torch.arange(1, 13, dtype=torch.float64)
-    rings = tip + shrunk[:, None, None] * (rim - tip)
-    points = torch.cat([vertices, rings.reshape(-1, 3), tip[None]])
-    names = torch.cat([top[[0, 2, 3, 1]][None], 8 + torch.arange(4 * len(shrunk)).view(-1, 4)])
-    outer, inner = names[:-1], names[1:]
-    walls = [(outer, outer.roll(-1, 1), inner), (outer.roll(-1, 1), inner.roll(-1, 1), inner)]
-    last = torch.full_like(names[-1], len(points) - 1)
-    walls.append((names[-1], names[-1].roll(-1), last))
-    cut = torch.cat([torch.stack([side.reshape(-1) for side in wall], dim=1) for wall in walls])
-    rest = faces[~(vertices[faces][..., 2] == 1).all(dim=1)]
-    return Mesh(points, torch.cat([cut, rest] if walls_first else [rest, cut]))
+def _mean(v: Float[Tensor, "V 3"], f: Int64[Tensor, "F 3"], values: Float[Tensor, " F"]) -> float:
+    areas = _areas(v, f)
+    return float((areas * values).sum() / areas.sum())

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, check_answer
+from meshot_book.exercises.verdict import Case, Mistake, as_points, check_answer
 
 AGREE, DIFFER = 1e-9, 1e-3
 
@@ -105,7 +105,7 @@ def _lines(costs: Float[Tensor, " L"], relative_error: float) -> int:
 
 
 def ghost_pair(function: object) -> None:
-    """Check ``function(directions)``: two sets of points that cast the same shadow on every one of the lines."""
+    """Check ``function(directions)``: two different sets of points with the same projection on every line."""
     mistakes = [
         Mistake(lambda u: _pattern(1, 1, 0), "both sets are the same, so that no line could tell them apart"),
         Mistake(lambda u: _pattern(1, 0, 1), "there must be equally many points in both sets"),
@@ -138,7 +138,7 @@ def _looked_at(answer: object, directions: Float[Tensor, "L 2"]) -> Tensor | Non
         return None
     if not isinstance(answer, tuple | list) or len(answer) != 2:
         raise ValueError("two sets of points are needed: return first, second")
-    first, second = (torch.as_tensor(points).double() for points in answer)
+    first, second = (as_points(points) for points in answer)
     if first.ndim != 2 or first.shape[1] != 2 or second.ndim != 2 or second.shape[1] != 2:
         raise ValueError(f"(n, 2) points are needed, and the shapes are {tuple(first.shape)}, {tuple(second.shape)}")
     if len(first) != len(second):

@@ -12,6 +12,7 @@ import io
 import warnings
 from collections.abc import Callable, Sequence
 
+import numpy as np
 import torch
 
 from meshot.types import Tensor
@@ -116,8 +117,20 @@ def _try(function: Callable, case: Case) -> tuple[object, str | None]:
 
 
 def _same(before: object, after: object) -> bool:
+    """Whether a copy is still what was handed over; +0 and −0 differ, and NaN equals itself."""
+    if type(before) is not type(after):
+        return False
+    if isinstance(before, np.ndarray):
+        return before.dtype == after.dtype and _same(torch.from_numpy(before), torch.from_numpy(after))
     if isinstance(before, torch.Tensor):
-        return isinstance(after, torch.Tensor) and torch.equal(before, after)
+        if before.shape != after.shape or before.dtype != after.dtype:
+            return False
+        signs = torch.equal(before.signbit(), after.signbit())
+        return signs and torch.allclose(before.double(), after.double(), rtol=0, atol=0, equal_nan=True)
+    if isinstance(before, list | tuple):
+        return len(before) == len(after) and all(map(_same, before, after))
+    if isinstance(before, dict):
+        return before.keys() == after.keys() and all(_same(before[key], after[key]) for key in before)
     return before == after
 
 
@@ -125,8 +138,10 @@ def _wrong_form(answer: object, right: object) -> str | None:
     if answer is None:
         return "it returns None; is there a return at its end?"
     try:
+        if torch.as_tensor(answer).is_complex():
+            return "it returns complex numbers, but real ones are needed; is there a root of a negative number?"
         tensor = _as_tensor(answer)
-    except (TypeError, ValueError, RuntimeError):
+    except (TypeError, ValueError, RuntimeError, OverflowError):
         return f"it returns a {type(answer).__name__}, which cannot be read as numbers"
     wanted = _as_tensor(right)
     if tensor.shape != wanted.shape:
@@ -134,6 +149,22 @@ def _wrong_form(answer: object, right: object) -> str | None:
     if not bool(torch.isfinite(tensor).all()):
         return "it returns numbers that are infinite or not a number; is there a division by zero?"
     return None
+
+
+def as_points(values: object) -> Tensor:
+    """Coordinates that a reader returned, as float64.
+
+    Raises
+    ------
+    ValueError
+        If they are complex, infinite or not a number.
+    """
+    points = torch.as_tensor(values).detach()
+    if points.is_complex():
+        raise ValueError("complex numbers came, real coordinates are needed; is there a root of a negative number?")
+    if not bool(torch.isfinite(points).all()):
+        raise ValueError("coordinates came that are infinite or not a number; is there a division by zero?")
+    return points.double()
 
 
 def _as_tensor(values: object) -> Tensor:

@@ -9,7 +9,7 @@ from meshot.flow.fitting import forces
 from meshot.loss import chamfer, wasserstein
 from meshot.measure import DiscreteMeasure
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Case, Mistake, check_answer
+from meshot_book.exercises.verdict import Case, Mistake, as_points, check_answer
 
 
 def blur_in_coordinates(function: object) -> None:
@@ -93,15 +93,19 @@ def _entropic(p: int, epsilon: float = 0.5, n_iterations: int = 100) -> Callable
 def trap(function: object) -> None:
     """Check ``function(target)``: as many points as the target has, at rest under Chamfer, and yet not the target.
 
-    What is compared is not the points but what they do: whether Chamfer pulls at any of them, and whether exact
-    transport sees that they are not the target.
+    What is compared is not the points but two properties: whether all of them are at rest under Chamfer, and whether
+    exact transport separates them from the target.
     """
     mistakes = [
         Mistake(lambda y: torch.tensor([1.0, 0.0]), "at rest, but exact transport agrees: these are the targets again"),
         Mistake(
-            lambda y: torch.tensor([0.0, 1.0]), "Chamfer still pulls at a point; look at who calls, and add arrows"
+            lambda y: torch.tensor([0.0, 1.0]),
+            "a point is not at rest under Chamfer; which target points select it? Add the arrows",
         ),
-        Mistake(lambda y: torch.tensor([0.0, 0.0]), "Chamfer pulls and transport does not: is that possible?"),
+        Mistake(
+            lambda y: torch.tensor([0.0, 0.0]),
+            "a point is not at rest, and yet exact transport agrees: is that possible?",
+        ),
     ]
     generator = np.random.default_rng(0)
     rectangle = torch.tensor([[0.0, 0], [4, 0], [4, 1], [0, 1]], dtype=torch.float64)
@@ -120,14 +124,14 @@ def trap(function: object) -> None:
 
 
 def _rest_and_distance(points: object, target: Float[Tensor, "n d"]) -> Float[Tensor, " 2"]:
-    """One if Chamfer pulls at no point, and one if W₂ to the target is above zero.
+    """One if every point is at rest under Chamfer, and one if W₂ to the target is above zero.
 
     Raises
     ------
     ValueError
-        If the points are not of the target's shape.
+        If the points are not of the target's shape, or not real and finite.
     """
-    points = torch.as_tensor(points).double()
+    points = as_points(points)
     if points.shape != target.shape:
         raise ValueError(
             f"shape {tuple(points.shape)} came, {tuple(target.shape)} is needed: as many points as targets"

@@ -1,4 +1,4 @@
-"""What every chapter begins and ends with: numbers in four digits, tables, the environment card."""
+"""Functions that all chapters use: numbers with four digits, tables, the card of the environment."""
 
 import lazy_loader
 

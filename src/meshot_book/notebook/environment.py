@@ -1,4 +1,4 @@
-"""The card at the foot of a chapter: on what it ran."""
+"""The card at the end of a chapter: the environment in which it was run."""
 
 import platform
 import time
@@ -9,7 +9,7 @@ from meshot.provenance import package_version
 
 SHOWN = ("meshot", "torch", "numpy", "scipy", "POT", "pyvista")
 
-#: What every notebook kernel is started with, so that stored outputs can be compared: two threads for each library.
+#: Environment of every notebook kernel: two threads for each library, so that stored outputs can be compared.
 KERNEL_ENVIRONMENT = {
     "OMP_NUM_THREADS": "2",
     "MKL_NUM_THREADS": "2",

@@ -1,10 +1,10 @@
-"""How numbers are printed: four significant digits, so that stored outputs agree between kinds of CPU."""
+"""Formatting of numbers: four significant digits, so that stored outputs agree between CPUs."""
 
 import math
 
 
 def digits(value: float, n_digits: int = 4) -> str:
-    """A number in ``n_digits`` significant digits, without a trailing minus-zero or platform-dependent tail."""
+    """A number with ``n_digits`` significant digits, never as minus zero."""
     value = float(value)
     if not math.isfinite(value):
         return str(value)

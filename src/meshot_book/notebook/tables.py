@@ -1,4 +1,4 @@
-"""Tables: HTML in a browser, aligned text in a terminal, both from the same numbers in a few significant digits."""
+"""Tables as HTML in a browser and as aligned text in a terminal, with numbers in a few significant digits."""
 
 import dataclasses
 import html
@@ -18,15 +18,15 @@ _MISSING = ("", "–")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Table:
-    """Rows as a table, the keys of the first row as its heads.
+    """Rows as a table, with the keys of the first row as column heads.
 
-    A notebook shows it as HTML; ``str`` and ``print`` give aligned text. Mathematics in heads and cells stands between
-    dollars; a unit in parentheses at the end of a head stands on a line of its own.
+    A notebook shows it as HTML; ``str`` and ``print`` give aligned text. Mathematics in heads and cells is written
+    between dollars. A unit in parentheses at the end of a head is shown on a line of its own.
 
     Parameters
     ----------
     rows : list of dict
-        One mapping a row, from head to value.
+        One mapping per row, from head to value.
     n_digits : int
         Significant digits of floats.
     """
@@ -40,7 +40,7 @@ class Table:
         return list(self.rows[0]) if self.rows else []
 
     def __str__(self) -> str:
-        """Aligned text, numbers to the right."""
+        """Aligned text, with numbers aligned on the right."""
         if not self.rows:
             return "(no rows)"
         lines = [[_MATHEMATICS.sub(r"\1", text) for text in line] for line in [self.heads, *self._cells()]]
@@ -56,7 +56,7 @@ class Table:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        """A table of HTML whose first column heads the rows."""
+        """An HTML table whose first column contains the row heads."""
         kinds = ["number" if self._is_numeric(head) else "words" for head in self.heads]
         heads = [(_head(head), kind) for head, kind in zip(self.heads, kinds)]
         rows = [[(_shown(text, kind), kind) for text, kind in zip(cells, kinds)] for cells in self._cells()]
@@ -74,7 +74,7 @@ class Table:
 
 
 def table(rows: list[dict], n_digits: int = 4) -> Table:
-    """Rows as a :class:`Table`, floats in ``n_digits`` significant digits; the keys of the first row lead.
+    """Rows as a :class:`Table`, with floats in ``n_digits`` significant digits and columns as in the first row.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def table(rows: list[dict], n_digits: int = 4) -> Table:
 
 
 def markdown_table(rows: list[dict], n_digits: int = 4) -> str:
-    """Rows as a Markdown table, floats in ``n_digits`` significant digits; the keys of the first row lead.
+    """Rows as a Markdown table, with floats in ``n_digits`` significant digits and columns as in the first row.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def markdown_table(rows: list[dict], n_digits: int = 4) -> str:
 
 
 def _head(text: str) -> Markup:
-    """A head, its unit below it."""
+    """A column head, with its unit below."""
     found = _UNIT.fullmatch(text)
     return Markup(f'{_rich(found[1])} <span class="unit">{_rich(found[2])}</span>' if found else _rich(text))
 
@@ -112,10 +112,10 @@ def _shown(text: str, kind: str) -> Markup:
 
 
 def _number(text: str) -> str:
-    """A number as it is set: a minus sign, and a power of ten instead of an e."""
+    """A number for HTML: with a minus sign, and a power of ten instead of an e."""
     return _POWER.sub(r"\1·10<sup>\2\3</sup>", text.replace("-", "−")) if text != "nan" else "–"
 
 
 def _rich(text: str) -> str:
-    """Escaped text in which mathematics stands as MathJax and Jupyter find it."""
+    """Escaped text with mathematics in the form that MathJax and Jupyter expect."""
     return _MATHEMATICS.sub(r"\\(\1\\)", html.escape(text, quote=False))

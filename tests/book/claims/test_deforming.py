@@ -54,7 +54,7 @@ def test_evenness_depends_on_the_choice_where_equal_closeness_reverses_it():
     rows = [*at_every_clock(0.1, 0.2)[:2], difference("closeness", -0.2, -0.1)]
     verdict = evenness_verdict(of_differences(*rows))
     assert verdict.status == ledger.CHOICE
-    assert "at equal closeness it is 0 against 1" in verdict.says
+    assert "At equal closeness it is 0 against 1" in verdict.says
     assert verdict.headline[0] == "0 of 1"
 
 

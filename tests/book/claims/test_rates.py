@@ -37,7 +37,8 @@ def test_an_interval_holds_what_lies_a_little_beyond_its_ends():
 def test_rates_as_stated_are_reproduced(transport):
     verdict = transport_rate_verdict(transport)
     assert verdict.status == ledger.REPRODUCED
-    assert "in 2 of 2 cases, pair × p (cube in R^3 equal, cube in R^6 equal), is faster in 0 (none)" in verdict.ours
+    assert "in 2 of 2 cases, pair × p (cube in R^3 equal, cube in R^6 equal), is undecided in 0 (none)" in verdict.ours
+    assert "disconnected or symmetric: none" in verdict.ours
     assert verdict.numbers.count("\n") == 3
 
 
@@ -49,6 +50,21 @@ def test_a_pair_that_is_faster_or_slower_is_a_condition(transport):
     verdict = transport_rate_verdict(record)
     assert verdict.status == ledger.IN_PART
     assert "faster in 1 (ellipsoid in R^6 equal), and slower in 1 (two cubes in R^3 equal)" in verdict.ours
+    assert "and is slower on two cubes with p = 2 (slope −0.25)" in verdict.says
+    assert "two cubes in R^3 equal, p = 2: −0.25 [−0.26, −0.24]" in verdict.ours
+
+
+def test_an_interval_that_holds_the_stated_rate_and_that_of_theory_decides_nothing(transport):
+    wide = row("two_cubes", 3, "equal", 2, -0.24, -0.25, half=0.06)
+    transport["results"]["transport"].append(wide)
+    transport["results"]["sliced"].append(row("two_cubes", 3, "equal", 2, -0.28, None))
+    verdict = transport_rate_verdict(transport)
+    assert verdict.headline[0] == "2 of 3"
+    assert "is undecided in 1 (two cubes in R^3 equal), faster in 0 (none)" in verdict.ours
+    without_theory = row("ellipsoid", 3, "translated", 1, -0.42, None, half=0.1)
+    transport["results"]["transport"][-1] = without_theory
+    transport["results"]["sliced"][-1] = row("ellipsoid", 3, "translated", 1, -0.5, None)
+    assert "undecided in 1 (ellipsoid in R^3 translated)" in transport_rate_verdict(transport).ours
 
 
 def test_a_sliced_slope_that_knows_the_dimension_is_a_failure(transport):

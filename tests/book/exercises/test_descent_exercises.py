@@ -15,17 +15,17 @@ def nearest(x, y):
     return y[torch.cdist(x, y).argmin(dim=1)]
 
 
-def loop_line_pull(x, y, u):
+def loss_line_arrows(x, y, u):
     """By the loss itself: the gradient along one direction, halved and turned round."""
     return forces(lambda z: sliced_wasserstein(DiscreteMeasure(z), DiscreteMeasure(y), u[None]), x)
 
 
-def simulated_rate(n_calls, momentum):
+def simulated_rate(n_selections, momentum):
     """Bisection on a heavy ball that is let go: no formula."""
     low, high = 0.0, 8.0
     for _ in range(60):
         rate = (low + high) / 2
-        matrix = np.array([[1 + momentum - rate * 2 * (1 + n_calls), -momentum], [1, 0]])
+        matrix = np.array([[1 + momentum - rate * 2 * (1 + n_selections), -momentum], [1, 0]])
         stable = np.abs(np.linalg.eigvals(matrix)).max() <= 1 + 1e-9
         low, high = (rate, high) if stable else (low, rate)
     return low
@@ -34,8 +34,8 @@ def simulated_rate(n_calls, momentum):
 @pytest.mark.parametrize(
     ("checker", "function"),
     [
-        (check.nearest_pull, lambda x, y: nearest(x, y) - x),
-        (check.line_pull, loop_line_pull),
+        (check.nearest_arrows, lambda x, y: nearest(x, y) - x),
+        (check.line_arrows, loss_line_arrows),
         (check.largest_rate, simulated_rate),
     ],
 )
@@ -53,14 +53,14 @@ def test_the_first_arrow_is_that_of_chamfer():
 
 NEAREST = {
     "away from the target": lambda x, y: x - nearest(x, y),
-    "nearest places themselves": lambda x, y: nearest(x, y),
+    "nearest target points themselves": lambda x, y: nearest(x, y),
     "axis of the minimum": lambda x, y: y[torch.cdist(x, y).argmin(dim=0)] - x,
     "twice too long": lambda x, y: 2 * (nearest(x, y) - x),
     "division by the norm": lambda x, y: torch.nn.functional.normalize(nearest(x, y) - x),
     "middle of the target": lambda x, y: y.mean(dim=0) - x,
 }
 LINE = {
-    "away from the target": lambda x, y, u: -loop_line_pull(x, y, u),
+    "away from the target": lambda x, y, u: -loss_line_arrows(x, y, u),
     "undo the sorting": lambda x, y, u: torch.outer((y @ u).sort()[0] - (x @ u).sort()[0], u),
     "as they come": lambda x, y, u: torch.outer(y @ u - x @ u, u),
     "targets are not sorted": lambda x, y, u: torch.outer((y @ u)[(x @ u).argsort().argsort()] - x @ u, u),
@@ -69,7 +69,7 @@ LINE = {
 }
 RATE = {
     "without momentum": lambda k, b: 1 / (1 + k),
-    "who calls": lambda k, b: 2 * (1 + b),
+    "number of selections": lambda k, b: 2 * (1 + b),
     "one more square": lambda k, b: (1 + b) / k if k else 2 * (1 + b),
     "is 2, not 1": lambda k, b: 2 * (1 + b) / (1 + k),
     "sign of the momentum": lambda k, b: (1 - b) / (1 + k),
@@ -80,7 +80,7 @@ RATE = {
     ("checker", "words", "function"),
     [
         (getattr(check, name), words, function)
-        for name, mistakes in (("nearest_pull", NEAREST), ("line_pull", LINE), ("largest_rate", RATE))
+        for name, mistakes in (("nearest_arrows", NEAREST), ("line_arrows", LINE), ("largest_rate", RATE))
         for words, function in mistakes.items()
     ],
 )

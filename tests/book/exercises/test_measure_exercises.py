@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from scipy import optimize, stats
+from scipy import stats
 
-from meshot.mesh.geometry.areas import signed_volume
-from meshot.mesh.topology.counts import euler_number
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot import Mesh
+from meshot.mesh import sample_points
 from meshot_book.exercises import check
-from meshot_book.exercises.measure_exercises import _notched_block
+from meshot_book.exercises.measure_exercises import _mean, _squares
 
 
 def heron(v, f):
@@ -24,13 +23,11 @@ def scipy_tent(c, x):
     return torch.from_numpy(stats.triang.pdf(x.numpy(), (middle - low) / (high - low), low, high - low))
 
 
-def by_brent(loss, share):
-    exponent = optimize.brentq(lambda e: 1 - loss(0) / loss(10**e) - share, -6, 6, xtol=1e-13)
-    return 10**exponent
-
-
-def by_determinants(v, f):
-    return bool(torch.det(v[f]).sum() < 0)
+def by_quadrature(v, f, u):
+    """The rule of the three mid-edge points, exact for quadratics."""
+    corners = v[f] @ u
+    middles = (corners + corners.roll(1, dims=1)) / 2
+    return float((heron(v, f) * middles.square().mean(dim=1)).sum() / heron(v, f).sum())
 
 
 @pytest.mark.parametrize(
@@ -38,18 +35,12 @@ def by_determinants(v, f):
     [
         (check.face_weights, lambda v, f: heron(v, f) / heron(v, f).sum()),
         (check.tent_density, scipy_tent),
-        (check.scale_for_share, by_brent),
-        (check.is_inside_out, by_determinants),
+        (check.mean_square, by_quadrature),
     ],
 )
 def test_independent_solutions_pass(capsys, checker, function):
     checker(function)
     assert capsys.readouterr().out.startswith("✓")
-
-
-def outward(v, f, centre):
-    normals = torch.linalg.cross(v[f[:, 1]] - v[f[:, 0]], v[f[:, 2]] - v[f[:, 0]])
-    return ((v[f].mean(dim=1) - centre) * normals / normals.norm(dim=1, keepdim=True)).sum(dim=1)
 
 
 def sorted_tent(c, x):
@@ -71,17 +62,18 @@ MISTAKES = {
         ),
         "a box": lambda c, x: torch.from_numpy(stats.uniform.pdf(x.numpy(), float(c.min()), float(c.max() - c.min()))),
     },
-    "scale_for_share": {
-        "share is of the whole": lambda loss, share: by_brent(loss, share / (1 + share)),
-        "turn it round": lambda loss, share: by_brent(loss, 1 - share),
-        "the square": lambda loss, share: by_brent(loss, share) ** 2,
-        "search": lambda loss, share: (loss(0) * share / (1 - share) / (loss(1) - loss(0))) ** 0.5,
-    },
-    "is_inside_out": {
-        "other way round": lambda v, f: not by_determinants(v, f),
-        "faces count alike": lambda v, f: bool(outward(v, f, v.mean(dim=0)).mean() < 0),
-        "one face decides": lambda v, f: bool(outward(v, f, v.mean(dim=0))[0] < 0),
-        "look back at the origin": lambda v, f: bool(outward(v, f, 0).min() < 0),
+    "mean_square": {
+        "barycentres only": lambda v, f, u: float(
+            (heron(v, f) * (v[f].mean(dim=1) @ u) ** 2).sum() / heron(v, f).sum()
+        ),
+        "corners only": lambda v, f, u: float(
+            (heron(v, f) * (v[f] @ u).square().mean(dim=1)).sum() / heron(v, f).sum()
+        ),
+        "weight each by its area": lambda v, f, u: float(_squares(v, f, u).mean()),
+        "divide by the total area": lambda v, f, u: by_quadrature(v, f, u) * float(heron(v, f).sum()),
+        "this is a root": lambda v, f, u: by_quadrature(v, f, u) ** 0.5,
+        "this is the variance": lambda v, f, u: by_quadrature(v, f, u) - _mean(v, f, v[f].mean(dim=1) @ u) ** 2,
+        "mean over the vertices": lambda v, f, u: float((v @ u).square().mean()),
     },
 }
 
@@ -107,9 +99,18 @@ def test_unsorted_and_uncut_tents_have_their_hints(capsys):
     assert "outside the triangle" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("walls_first", [True, False])
-def test_the_block_with_a_funnel_is_a_closed_surface(walls_first):
-    block = _notched_block(walls_first)
-    assert euler_number(block) == 2
-    assert len(self_intersecting_faces(block)) == 0
-    assert float(signed_volume(block)) == pytest.approx(8 - 4 * 1.9 / 3)
+def test_a_tent_that_divides_by_the_width_of_an_upright_side_is_refused(capsys):
+    def divides(c, x):
+        low, middle, high = c.sort().values
+        tent = torch.minimum((x - low) / (middle - low), (high - x) / (high - middle)) * 2 / (high - low)
+        return torch.where((x >= low) & (x <= high), tent, 0.0)
+
+    check.tent_density(divides)
+    assert "division by zero" in capsys.readouterr().out
+
+
+def test_a_sample_has_the_mean_square_of_its_mesh():
+    vertices = torch.tensor([[0.0, 0, 0], [1, 2, 0], [4, 1, 3]], dtype=torch.float64)
+    mesh, oblique = Mesh(vertices, torch.tensor([[0, 1, 2]])), torch.tensor([0.36, 0.48, 0.8], dtype=torch.float64)
+    drawn = sample_points(mesh, 100_000, np.random.default_rng(0)) @ oblique
+    assert float(drawn.square().mean()) == pytest.approx(by_quadrature(mesh.vertices, mesh.faces, oblique), rel=0.01)

@@ -94,3 +94,8 @@ MISTAKES = {
 )
 def test_each_mistake_has_its_hint(hinted, name, words):
     hinted(getattr(check, name), MISTAKES[name][words], words)
+
+
+def test_a_complex_length_is_refused(capsys):
+    check.without_floor(lambda value, floor: (value * value - floor * floor) ** 0.5)
+    assert "it returns complex numbers" in capsys.readouterr().out

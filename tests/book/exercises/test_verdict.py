@@ -49,6 +49,8 @@ def test_right(capsys, function):
         (lambda x: {"a": 1}, "cannot be read as numbers"),
         (lambda x: x.sum(), "returns shape (), but (2,) is needed (on two)"),
         (lambda x: x / 0, "division by zero"),
+        (lambda x: 2 * x + 0j, "returns complex numbers"),
+        (lambda x: [complex(2 * each) for each in x], "returns complex numbers"),
         (lambda x: 1 / 0, "raised ZeroDivisionError: division by zero"),
         (lambda: 1, "raised TypeError"),
         (lambda x: sys.exit(3), "raised SystemExit: 3"),

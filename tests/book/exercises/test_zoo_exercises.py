@@ -89,7 +89,7 @@ WRONG = {
     },
     "trap": {
         "targets again": lambda y: y.flip(0),
-        "still pulls": lambda y: y + 0.3,
+        "not at rest under Chamfer": lambda y: y + 0.3,
         "as many points as targets": lambda y: y[:2],
         "it returns None": lambda y: None,
     },

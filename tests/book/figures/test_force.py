@@ -46,10 +46,19 @@ def test_every_second_arrow(field):
     np.testing.assert_allclose(arrows(figure.axes[0]), [[0, 3]])
 
 
+@pytest.mark.parametrize(("typical", "factor"), [(8.0, 0.2), (400.0, 10.0)])
+def test_scaled_arrows_state_their_factor(field, typical, factor):
+    figure = force_panels({"Chamfer": field}, LIMITS, typical=typical)
+    np.testing.assert_allclose(arrows(figure.axes[0]), factor * np.array([[0, 3], [0, -40]]))
+    assert figure.axes[0].get_title() == f"Chamfer\narrows × {factor:g}"
+
+
 def test_doors(field):
     with pytest.raises(ValueError, match="fields is empty"):
         force_panels({}, LIMITS)
     with pytest.raises(ValueError, match="longest is 0"):
         force_panels({"a": field}, LIMITS, longest=0.0)
+    with pytest.raises(ValueError, match="typical is 0"):
+        force_panels({"a": field}, LIMITS, typical=0.0)
     with pytest.raises(ValueError, match="columns is 0"):
         force_panels({"a": field}, LIMITS, columns=0)

@@ -10,6 +10,7 @@ import torch
 
 from meshot.errors import require_positive_integer
 from meshot.loss.directions import random_directions
+from meshot.loss.kernel_norm import ANGULAR, varifold_kernel
 from meshot.loss.nearest import chamfer
 from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import sliced_wasserstein
@@ -151,6 +152,36 @@ class SinkhornLoss(MeasureLoss):
         return sinkhorn_divergence(source, target, self.p, self.blur, self.scaling)
 
 
+@dataclasses.dataclass(frozen=True)
+class VarifoldKernelLoss(MeasureLoss):
+    """The kernel norm of varifolds: see :func:`meshot.loss.varifold_kernel`. Not in the paper.
+
+    Parameters
+    ----------
+    width : float
+        Of the Gaussian in space, in mm.
+    angular : str
+        The kernel of the normals: currents, varifold or oriented.
+
+    Raises
+    ------
+    ValueError
+        If the width is not positive or the kernel is unknown.
+    """
+
+    width: float = 5.0
+    angular: str = "oriented"
+
+    def __post_init__(self):
+        _require_positive(self.width, "width")
+        if self.angular not in ANGULAR:
+            raise ValueError(f"angular is {self.angular!r}; one of {', '.join(ANGULAR)} is needed")
+
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss. Nothing is random."""
+        return varifold_kernel(source, target, self.width, self.angular)
+
+
 def _require_exponent(p: int) -> None:
     if p not in (1, 2):
         raise ValueError(f"p is {p!r}; 1 or 2 is needed")
@@ -164,4 +195,5 @@ def _require_positive(value: float, name: str) -> None:
 #: The losses by name.
 LOSSES: dict[str, type[MeasureLoss]] = {
     "sliced": SlicedLoss, "windowed": WindowedLoss, "chamfer": ChamferLoss, "sinkhorn": SinkhornLoss,
+    "varifold_kernel": VarifoldKernelLoss,
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""The folder of a reconstruction: surfaces, transform, numbers, pictures, one page of HTML."""
+"""The output folder of a reconstruction: surfaces, transform, numbers, pictures, and an HTML page."""
 
 import lazy_loader
 

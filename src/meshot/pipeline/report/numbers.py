@@ -1,4 +1,4 @@
-"""What can be counted and measured on a reconstruction without knowing the truth; plain numbers, for JSON."""
+"""Statistics of a reconstruction that need no ground truth, as plain numbers for JSON."""
 
 import numpy as np
 
@@ -12,13 +12,13 @@ from meshot.volume import Volume, voxel_sizes
 
 
 def numbers_of_scan(scan: Volume, name: str) -> dict:
-    """Name, size and values of a scan, and where it lies.
+    """Name, size, value range and affine of a scan.
 
     Parameters
     ----------
     scan : Volume
     name : str
-        Of its file.
+        The name of its file.
     """
     return {
         "name": name,
@@ -31,13 +31,13 @@ def numbers_of_scan(scan: Volume, name: str) -> dict:
 
 
 def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]) -> dict:
-    """Everything about one hemisphere: both meshes, how far apart they are, and what had to be mended.
+    """Statistics of one hemisphere: both meshes, the distance between them, and the repair.
 
     Parameters
     ----------
     surface : HemisphereSurface
     distances : array
-        Of the vertices of the final surface from the initial one, in mm.
+        Distance of every vertex of the final surface from the initial one, in mm.
     """
     n_lost, share = voxels_given_up(surface.segmented)
     settled = surface.settled

@@ -1,4 +1,4 @@
-"""One page about a reconstruction: whole in itself, offline, light or dark, on wide and on narrow screens."""
+"""The HTML page of a reconstruction: one file, usable offline, for light and dark mode and all screen widths."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ Rows = list[tuple]
 
 
 def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> str:
-    """The page, HTML.
+    """The page as HTML.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> s
 
 
 def _mesh_rows(report: dict) -> Rows:
-    """A head, and a row for each number of the meshes, initial and final."""
+    """The table of the meshes: a header, and a row for each number."""
     surfaces = report["surfaces"]
     meshes = [
         ("vertices", "n_vertices"), ("faces", "n_faces"), ("Euler number χ (a sphere has 2)", "euler_number"),
@@ -49,7 +49,7 @@ def _mesh_rows(report: dict) -> Rows:
 
 
 def _move_rows(report: dict) -> Rows:
-    """A head, and a row for each number of a hemisphere that is of neither mesh alone."""
+    """The table of deformation and repair: a header, and a row for each number of a hemisphere."""
     sides = report["surfaces"].values()
     rows = []
     if report["system"]:
@@ -72,7 +72,7 @@ def _move_rows(report: dict) -> Rows:
 
 
 def _second_rows(seconds: dict) -> Rows:
-    """A head, and a row for each stage and for all."""
+    """The table of times: a header, a row for each stage, and the total."""
     columns = [seconds["processor"], seconds["clock"]]
     rows = [(stage, *(_cell(column[stage]) for column in columns)) for stage in seconds["processor"]]
     total = ("in all", *(_cell(sum(column.values())) for column in columns))

@@ -1,4 +1,4 @@
-"""The pictures of a reconstruction: slices with outlines, and the surfaces to be turned."""
+"""The pictures of a reconstruction: slices with outlines, and an interactive view of the surfaces."""
 
 import dataclasses
 
@@ -14,8 +14,8 @@ from meshot.volume import Volume, voxel_sizes
 
 _MARGIN_MM = 12.0
 _WIDTH_INCHES = 5.6
-_HEADROOM = 1.4  # white matter shown as light grey lets the lines stand out
-#: Plane, and where between the ends of the surfaces along the axis across it.
+_HEADROOM = 1.4  # white matter is shown as light grey, so that the lines stand out
+#: Planes, and positions along their axis as fractions of the extent of the surfaces.
 _CUTS = (
     ("axial", 0.45), ("axial", 0.65), ("coronal", 0.4), ("coronal", 0.6), ("sagittal", 0.3), ("sagittal", 0.7),
 )  # fmt: skip
@@ -23,14 +23,14 @@ _CUTS = (
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """A still for the page: a PNG in base64, and the sentence for those who do not see it."""
+    """A picture for the page: a PNG in base64, and its alternative text."""
 
     png: str
     alt: str
 
 
 def slice_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
-    """Slices of the original scan, two in each plane, with the outlines of the initial and the final surfaces."""
+    """Slices of the original scan, two in each plane, with outlines of the initial and the final surfaces."""
     stages = {"initial surface": [s.initial for s in found.surfaces.values()]}
     if found.system:
         stages["final surface"] = [s.final for s in found.surfaces.values()]
@@ -53,7 +53,7 @@ def slice_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
 
 
 def _slab(scan: Volume, box: tuple[np.ndarray, np.ndarray], axis: int, position: float) -> Volume:
-    """One layer of the scan, upright and no larger than what is looked at, however the scan lies."""
+    """One axis-aligned layer of the scan, resampled around the surfaces."""
     low, high = box[0] - _MARGIN_MM, box[1] + _MARGIN_MM
     low[axis] = high[axis] = position
     spacing = float(voxel_sizes(scan).min())
@@ -67,13 +67,18 @@ def _slab(scan: Volume, box: tuple[np.ndarray, np.ndarray], axis: int, position:
 
 
 def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]) -> str:
-    """The final surfaces, coloured by their distance from the initial ones; HTML, or a sentence where nothing draws.
+    """The final surfaces, coloured by their distance from the initial ones, as HTML.
 
     Parameters
     ----------
     found : Reconstruction
     distances : dict
-        By side: of every vertex, in mm.
+        The distance of every vertex in mm, by side.
+
+    Returns
+    -------
+    str
+        If no OpenGL is available, a paragraph that says so.
     """
     meshes = {side: surface.final for side, surface in found.surfaces.items()}
     alt = "The white surfaces of the left and the right hemisphere"

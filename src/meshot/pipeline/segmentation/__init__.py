@@ -1,4 +1,4 @@
-"""White matter of both hemispheres: the network's use, its data, its training, its surface."""
+"""Segmentation of the white matter of both hemispheres: data, training, application, initial surfaces."""
 
 import lazy_loader
 

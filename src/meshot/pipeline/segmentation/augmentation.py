@@ -1,4 +1,4 @@
-"""Another scan that might have been: turned, stretched, bent, mirrored, moved, brighter or darker."""
+"""Random augmentation of training scans: rotation, scaling, deformation, reflection, translation, intensity."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -11,27 +11,27 @@ from torch.nn.functional import grid_sample, interpolate
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
 
-_BEND_NODES = 8  # along each axis
+_BEND_NODES = 8  # control nodes along each axis
 
 
 @dataclasses.dataclass(frozen=True)
 class Augmentation:
-    """By how much a training scan may be changed.
+    """Ranges of the random augmentation of a training scan.
 
     Parameters
     ----------
     flip : float
-        How often, in [0, 1], it is mirrored, left and right exchanged with it.
+        Probability, in [0, 1], of a reflection that exchanges left and right.
     shift : int
-        By how many voxels along each axis it is moved at most.
+        Maximum translation along each axis, in voxels.
     intensity : float
-        By what part its contrast (gamma) and brightness vary at most, in [0, 1).
+        Maximum relative change of contrast (gamma) and brightness, in [0, 1).
     turn : float
-        By how many degrees it is turned at most, about each axis.
+        Maximum rotation about each axis, in degrees.
     stretch : float
-        By what part each axis is stretched or squeezed at most, in [0, 1).
+        Maximum relative scaling along each axis, in [0, 1).
     bend : float
-        The standard deviation, in voxels, of a smooth displacement.
+        Standard deviation of a smooth displacement, in voxels.
 
     Raises
     ------
@@ -64,10 +64,10 @@ def augmented(
     generator: Generator,
     by: Augmentation,
 ) -> tuple[Float[Tensor, "1 x y z"], Float[Tensor, "2 x y z"]]:
-    """A scan and its truth, changed alike.
+    """Apply the same random augmentation to a scan and to its true fractions.
 
-    Mirroring the first axis makes a left hemisphere a right one, so that the two maps change places with it. What
-    moves in at a border is empty.
+    A reflection of the first axis also exchanges the two maps, because a left hemisphere becomes a right one. Voxels
+    that enter at a border are zero.
     """
     generator = numpy_generator(generator)
     mirror, moves = generator.random() < by.flip, generator.integers(-by.shift, by.shift + 1, 3).tolist()
@@ -81,7 +81,7 @@ def augmented(
 
 
 def _warped(values: Float[Tensor, "3 x y z"], generator: np.random.Generator, by: Augmentation) -> Tensor:
-    """Turned, stretched and bent about the middle of the grid, in voxels."""
+    """Rotate, scale and deform about the centre of the grid, in voxels."""
     shape = values.shape[1:]
     turned = Rotation.from_euler("xyz", generator.uniform(-by.turn, by.turn, 3), degrees=True).as_matrix()
     matrix = turned * (1 + by.stretch * generator.uniform(-1, 1, 3))
@@ -89,7 +89,7 @@ def _warped(values: Float[Tensor, "3 x y z"], generator: np.random.Generator, by
     places = torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1) @ torch.from_numpy(matrix).to(values).T
     nodes = torch.from_numpy(generator.normal(scale=by.bend, size=(1, 3, *(_BEND_NODES,) * 3))).to(values)
     bends = interpolate(nodes, size=tuple(shape), mode="trilinear", align_corners=True)[0].movedim(0, -1)
-    # grid_sample wants the last axis first, and a grid from -1 to 1 between the outermost voxels.
+    # grid_sample expects the last axis first, and coordinates from -1 to 1 between the outermost voxels.
     halves = values.new_tensor([max(n - 1, 1) / 2 for n in shape])
     return grid_sample(values[None], ((places + bends) / halves).flip(-1)[None], align_corners=True)[0]
 

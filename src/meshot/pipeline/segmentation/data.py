@@ -1,4 +1,4 @@
-"""What the segmentation network learns from: standard scans and the part of every voxel that is white matter."""
+"""Training data of the segmentation network: standard scans, and the white-matter fraction of every voxel."""
 
 import dataclasses
 import hashlib
@@ -21,15 +21,15 @@ _IMAGE_LEVELS, _FRACTION_LEVELS = 65535, 255
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Example:
-    """A scan and its truth, rounded so that a cohort fits into memory: 4 bytes for each voxel.
+    """A scan and its true fractions, quantised to 4 bytes per voxel so that a cohort fits into memory.
 
     Parameters
     ----------
     name : str
     image : array
-        uint16; 65535 stands for 1.
+        uint16, where 65535 means 1.
     fractions : array
-        uint8, left and right; 255 is a voxel that lies wholly inside the white surface.
+        uint8, for left and right. 255 is a voxel entirely inside the white surface.
     """
 
     name: str
@@ -37,14 +37,14 @@ class Example:
     fractions: Array
 
     def tensors(self, soft: bool = True) -> tuple[Float[Tensor, "1 x y z"], Float[Tensor, "2 x y z"]]:
-        """Image and fractions as float32; unless ``soft``, each fraction is 0 or 1, whichever is nearer."""
+        """Image and fractions as float32. Unless ``soft``, each fraction is rounded to 0 or 1."""
         fractions = torch.from_numpy(self.fractions).float() / _FRACTION_LEVELS
         image = torch.from_numpy(self.image.astype(np.float32) / _IMAGE_LEVELS)
         return image[None], fractions if soft else (fractions > 0.5).float()
 
 
 def example(name: str, scan: Volume, white: Mapping[str, Mesh], reduction: int = 1) -> Example:
-    """An example from a standard scan and the true white surfaces in the same space.
+    """Make an example from a standard scan and the true white surfaces in the same space.
 
     Parameters
     ----------
@@ -52,15 +52,15 @@ def example(name: str, scan: Volume, white: Mapping[str, Mesh], reduction: int =
     scan : Volume
         Values in [0, 1].
     white : mapping
-        "left" and "right": closed, outward, in mm, in the space of the scan.
+        "left" and "right": closed, oriented outwards, in mm, in the space of the scan.
     reduction : int
-        Voxels along each axis that are averaged into one.
+        Number of voxels along each axis that are averaged into one.
 
     Raises
     ------
     ValueError
-        If values leave [0, 1], a side is missing, an axis is no multiple of ``reduction``, or a surface lies outside
-        the scan.
+        If values are outside [0, 1], a side is missing, the size of an axis is not a multiple of ``reduction``, or a
+        surface lies outside the scan.
     """
     if set(white) != set(HEMISPHERES):
         raise ValueError(f"white holds {sorted(white)}; one surface each for left and right is needed")
@@ -84,7 +84,7 @@ def block_means(data: Array, reduction: int) -> Float[Array, "i j k"]:
     Raises
     ------
     ValueError
-        If an axis is no multiple of ``reduction``.
+        If the size of an axis is not a multiple of ``reduction``.
     """
     require_positive_integer(reduction, "reduction")
     if any(n % reduction for n in data.shape):
@@ -95,7 +95,7 @@ def block_means(data: Array, reduction: int) -> Float[Array, "i j k"]:
 
 
 def reduced_volume(volume: Volume, reduction: int) -> Volume:
-    """A volume on coarser voxels, each the mean of ``reduction³``, at the same place in the world."""
+    """A volume with coarser voxels, each the mean of ``reduction³`` voxels, at the same position in world space."""
     affine = volume.affine.copy()
     affine[:3, 3] += affine[:3, :3] @ np.full(3, (reduction - 1) / 2)
     affine[:3, :3] *= reduction
@@ -108,22 +108,22 @@ def read_examples(
     reduction: int = 1,
     progress: Callable[[list], Iterable] = iter,
 ) -> list[Example]:
-    """Every scan of a split, of one or more cohorts on disk.
+    """Read the examples of all scans of a split, from one or more cohorts on disk.
 
     Parameters
     ----------
     cohorts : sequence of path
-        Folders laid out as ``meshot.synth.cohorts.cohort`` says.
+        Folders in the format described in ``meshot.synth.cohorts.cohort``.
     split : str
         "train", "validation" or "test".
     reduction : int
     progress : callable
-        Wraps the list of scans, such as tqdm does.
+        Wraps the list of scans, for example tqdm.
 
     Raises
     ------
     ValueError
-        If a folder is no cohort or none has a scan in the split.
+        If a folder is not a cohort, or no cohort has a scan in the split.
     """
     return [
         example(
@@ -137,7 +137,7 @@ def read_examples(
 
 
 def digest(examples: Sequence[Example]) -> str:
-    """SHA-256 of the names and values of all examples, in their order."""
+    """The SHA-256 of the names and values of all examples, in their order."""
     total = hashlib.sha256()
     for item in examples:
         for part in (

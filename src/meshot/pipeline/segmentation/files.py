@@ -1,4 +1,4 @@
-"""The training of the segmentation network, from a configuration to files."""
+"""Training of the segmentation network from a configuration, with output files."""
 
 import os
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from meshot.pipeline.training_files import (
 from meshot.provenance import provenance
 from meshot.train import Training
 
-#: What the files of the network are called.
+#: The base name of the output files.
 NAME = "segmentation"
 
 
@@ -33,25 +33,26 @@ def run_segmentation_training(
     changes: Sequence[str] = (),
     device: torch.device | None = None,
 ) -> Training:
-    """Train on the cohorts as the configuration says, with a progress bar, and write what came of it.
+    """Train on the cohorts with a configuration, show a progress bar, and write the output files.
 
     Parameters
     ----------
     config_path : path
-        A YAML file, or the name of one that comes with the package, such as "small".
+        A YAML file, or the name of a configuration in the package, such as "small".
     cohorts : sequence of path
     folder : path
-        For ``segmentation.safetensors``, its record ``segmentation.json``, its log ``segmentation.log.jsonl`` and the
-        picture of the log ``segmentation.png``; ``state/`` is what a stopped training goes on from.
+        The folder for ``segmentation.safetensors``, its record ``segmentation.json``, its log
+        ``segmentation.log.jsonl`` and the picture of the log ``segmentation.png``. A stopped training resumes from
+        ``state/``.
     changes : sequence of str
-        Such as ``training.precision=bfloat16``, in place of what the configuration says.
+        Settings that replace those of the configuration, such as ``training.precision=bfloat16``.
     device : torch.device, optional
-        The accelerator if there is one, else the processor, if left out.
+        By default the GPU if there is one, else the CPU.
 
     Raises
     ------
     ValueError
-        If the configuration, a cohort or the folder will not do, or the network is too large to be kept.
+        If the configuration, a cohort or the folder is invalid, or the network is too large to be stored.
     """
     folder, config, made = Path(folder), read_segmentation_config(config_path, changes), provenance()
     require_small(config.new_network())

@@ -1,4 +1,4 @@
-"""From a standard scan to probabilities of white matter, and from there to the initial surfaces."""
+"""White-matter probabilities from a standard scan, and initial surfaces from these probabilities."""
 
 import numpy as np
 import torch
@@ -17,13 +17,13 @@ def segment(scan: Volume, network: SegmentationNetwork) -> dict[Hemisphere, Volu
     Parameters
     ----------
     scan : Volume
-        On the standard grid (or the coarser one that the network was trained on), in [0, 1].
+        On the standard grid (or the coarser grid on which the network was trained), in [0, 1].
     network : SegmentationNetwork
 
     Raises
     ------
     ValueError
-        If values leave [0, 1], or the grid does not suit the network.
+        If values are outside [0, 1], or the grid does not suit the network.
     """
     low, high = float(scan.data.min()), float(scan.data.max())
     if low < 0 or high > 1 or low == high:
@@ -38,12 +38,12 @@ def segment(scan: Volume, network: SegmentationNetwork) -> dict[Hemisphere, Volu
 
 
 def white_matter(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemisphere, Volume]:
-    """The probability of white matter of each side of a whole brain, where some was found.
+    """The probability of white matter of each side, after a check that some was found on both sides.
 
     Raises
     ------
     ValueError
-        As :func:`meshot.pipeline.segmentation.segment`; or if the network finds no white matter on a side.
+        As :func:`meshot.pipeline.segmentation.segment`, or if the network finds no white matter on a side.
     """
     found = segment(scan.volume, network)
     for side, probability in found.items():
@@ -56,7 +56,7 @@ def white_matter(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemis
 
 
 def initial_surfaces(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemisphere, SegmentedSurface]:
-    """The initial white surfaces of both hemispheres, in the standard space, with the stages they came through.
+    """The initial white surfaces of both hemispheres in the standard space, with intermediate results.
 
     Raises
     ------
@@ -68,6 +68,6 @@ def initial_surfaces(scan: StandardScan, network: SegmentationNetwork) -> dict[H
 
 
 def in_scanner(mesh: Mesh, scan: StandardScan) -> Mesh:
-    """A mesh of the standard space in scanner RAS of the original scan, in mm, its normals still outward."""
+    """A mesh of the standard space in scanner RAS of the original scan, in mm, with outward normals."""
     moved = mesh.with_vertices(scan.to_scanner(mesh.vertices))
     return moved if np.linalg.det(scan.to_standard) > 0 else Mesh(moved.vertices, moved.faces.flip(1))

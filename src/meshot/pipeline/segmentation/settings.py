@@ -1,4 +1,4 @@
-"""How the segmentation network is trained: the numbers, read from a YAML file."""
+"""Settings of the training of the segmentation network, read from a YAML file."""
 
 import dataclasses
 import math
@@ -12,43 +12,43 @@ from meshot.model import SegmentationNetwork
 from meshot.pipeline.segmentation.augmentation import Augmentation
 from meshot.train import Plan, changed_groups, checked_groups, read_groups, require_plan_settings, setting_names
 
-#: Where the configurations lie that come with the package.
+#: The folder of the package's configurations.
 SETTINGS = Path(__file__).parent
 PRECISIONS = ("float32", "bfloat16")
 
 
 @dataclasses.dataclass(frozen=True)
 class SegmentationSettings:
-    """How the segmentation network is trained.
+    """Settings of the training of the segmentation network.
 
     Parameters
     ----------
     n_epochs : int
-        How often every training scan is seen.
+        Number of passes over all training scans.
     learning_rate : float
-        Of Adam, at the start.
+        Initial learning rate of Adam.
     schedule : str
-        "constant", as in the paper, or "cosine": half a cosine from there to zero.
+        "constant", as in the paper, or "cosine": half a cosine to zero.
     batch_size : int
-        Scans in one step.
+        Number of scans per step.
     dice_weight : float
-        Of the overlap beside the cross-entropy.
+        Weight of the overlap term relative to the cross-entropy.
     soft_labels : bool
-        Whether a voxel's target is the enclosed part of it, or which side its larger part is on.
+        Whether the target of a voxel is its enclosed fraction, or this fraction rounded to 0 or 1.
     flip, shift, intensity, turn, stretch, bend
-        How a training scan is changed: see :class:`meshot.pipeline.segmentation.augmentation.Augmentation`.
+        The augmentation: see :class:`meshot.pipeline.segmentation.augmentation.Augmentation`.
     reduction : int
-        Voxels along each axis that are averaged into one before anything else.
+        Number of voxels along each axis that are averaged into one at the start.
     validate_every, patience : int
-        In epochs; stop after ``patience`` validations in a row without a lower loss (None: never).
+        In epochs. The training stops after ``patience`` consecutive validations without a lower loss (None: never).
     save_every : int
         In steps.
     averaging : float
-        Of the weights: see :class:`meshot.train.Plan`.
+        Averaging of the weights: see :class:`meshot.train.Plan`.
     seed : int
-        Of everything random; step i draws from (seed, i), so that a resumed training draws what it would have drawn.
+        Seed of all random numbers. Step i uses (seed, i), so that a resumed training draws the same numbers.
     precision : str
-        "float32"; "bfloat16" convolves in half the bits, which is faster only where the processor has units for it.
+        "float32" or "bfloat16". The latter convolves in 16 bits, which is faster only on hardware that supports it.
 
     Raises
     ------
@@ -88,11 +88,11 @@ class SegmentationSettings:
             raise ValueError(f"precision is {self.precision!r}; one of {', '.join(PRECISIONS)} is needed")
 
     def augmentation(self) -> Augmentation:
-        """How a training scan is changed."""
+        """The augmentation settings as an object."""
         return Augmentation(self.flip, self.shift, self.intensity, self.turn, self.stretch, self.bend)
 
     def plan(self, n_examples: int) -> Plan:
-        """The same in steps, for so many training scans."""
+        """The settings in steps instead of epochs, for a number of training scans."""
         per_epoch = -(-n_examples // self.batch_size)
         return Plan(
             self.n_epochs * per_epoch, self.validate_every * per_epoch, self.save_every, self.patience,
@@ -102,45 +102,45 @@ class SegmentationSettings:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SegmentationConfig:
-    """A network's form and how it is trained, as a YAML file states them under ``network`` and ``training``."""
+    """Architecture and training settings of a network: ``network`` and ``training`` in a YAML file."""
 
     network: dict[str, int]
     training: SegmentationSettings
 
     def as_dict(self) -> dict:
-        """Plain numbers and words, for JSON."""
+        """The settings as plain numbers and strings, for JSON."""
         return {"network": dict(self.network), "training": dataclasses.asdict(self.training)}
 
     def new_network(self) -> SegmentationNetwork:
-        """The network before training; its weights come from the seed."""
+        """The untrained network. Its weights are determined by the seed."""
         return SegmentationNetwork(**self.network, generator=self.training.seed)
 
 
 def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = ()) -> SegmentationConfig:
-    """Read a configuration; what it leaves out has the value of the paper, where the paper gives one.
+    """Read a configuration. Missing settings have the paper's value, if the paper gives one.
 
     Parameters
     ----------
     path : path
-        A YAML file, or the name of one that comes with the package: tiny, small, paper.
+        A YAML file, or the name of a configuration in the package: tiny, small, paper.
     changes : sequence of str
-        Such as ``training.precision=bfloat16``, in place of what the file says.
+        Settings that replace those of the file, such as ``training.precision=bfloat16``.
 
     Raises
     ------
     ValueError
-        If the file is missing or no YAML, names something unknown, or a value will not do.
+        If the file is missing or not YAML, a setting is unknown, or a value is invalid.
     """
     return segmentation_config(changed_groups(read_groups(named_file(path, SETTINGS)), changes), os.fspath(path))
 
 
 def segmentation_config(content: object, name: str = "the configuration") -> SegmentationConfig:
-    """A configuration from nested dictionaries, as they stand in a YAML file.
+    """Make a configuration from nested dictionaries, such as the content of a YAML file.
 
     Raises
     ------
     ValueError
-        If it names something unknown, or a value will not do.
+        If a setting is unknown, or a value is invalid.
     """
     groups = checked_groups(content, _KNOWN, name)
     try:

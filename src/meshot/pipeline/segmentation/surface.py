@@ -1,4 +1,4 @@
-"""From the probability of white matter to the surface that a flow starts from."""
+"""The initial surface of a flow from the probability of white matter."""
 
 import dataclasses
 
@@ -19,25 +19,25 @@ from meshot.volume.surfaces import (
 )
 
 SMOOTHING_STEPS = 5
-# What a probability of 1 is worth, in mm of depth, when it is decided which voxel joins first; see chapter 31.
+# Weight of the probability relative to depth in mm, in the order in which voxels are added; see chapter 31.
 PROBABILITY_WEIGHT_MM = 12.0
 _MARGIN_VOXELS = 0.05
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SegmentedSurface:
-    """The initial surface of one hemisphere and the stages it came through; volumes are cropped to the hemisphere.
+    """The initial surface of one hemisphere, with intermediate results. Volumes are cropped to the hemisphere.
 
     Parameters
     ----------
     mesh : Mesh
-        Closed, outward, χ = 2, no non-manifold edge, no self-intersecting face; in mm.
+        Closed, oriented outwards, χ = 2, without non-manifold edges and self-intersections; in mm.
     raw_mesh : Mesh
         The same before smoothing.
     distance : Volume
-        Signed distance from the ½ of the probability, in mm, negative inside.
+        Signed distance from the level set ½ of the probability, in mm, negative inside.
     mask : Volume
-        Boolean: the largest piece of what is inside, cavities filled.
+        Boolean: the largest component of the inside, with cavities filled.
     genus_zero_mask : Volume
         Boolean: the part of it that has the topology of a ball.
     """
@@ -50,24 +50,24 @@ class SegmentedSurface:
 
 
 def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -> SegmentedSurface:
-    """The surface where a probability crosses ½, made to have the topology of a sphere.
+    """The surface where a probability is ½, with the topology of a sphere.
 
-    Largest piece above ½ → cavities filled → signed distance → genus 0, the doubtful voxels given up first → marching
-    cubes on the distance → light smoothing. Doubtful is what lies near the outside or has a low probability. Distance
-    knows how thin a bridge is, to a fraction of a voxel, but takes two banks that touch for one thick piece;
-    probability sees the seam between them, but is 1 in thin and thick pieces alike.
+    Steps: largest component above ½, filled cavities, signed distance, genus-0 correction, marching cubes on the
+    distance, light smoothing. The genus-0 correction first removes voxels that are close to the outside or have a low
+    probability. The distance measures the thickness of a bridge to a fraction of a voxel, but does not separate two
+    gyri that touch. The probability is lower between such gyri, but is 1 in thin and thick parts alike.
 
     Parameters
     ----------
     probability : Volume
-        In [0, 1], of one hemisphere; its axes must be orthogonal.
+        In [0, 1], of one hemisphere. Its axes must be orthogonal.
     n_smoothing : int
-        Steps of Taubin's smoothing.
+        Number of steps of Taubin smoothing.
 
     Raises
     ------
     ValueError
-        If nothing, or everything, lies above ½, or the axes are not orthogonal.
+        If no voxel, or every voxel, is above ½, or the axes are not orthogonal.
     """
     places = np.argwhere(largest_component(probability.data > 0.5))
     box = cropped(probability, voxel_to_mm(probability, torch.from_numpy(places).double()))
@@ -82,7 +82,7 @@ def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -
 
 
 def _without_crossings(smoothed: Mesh, raw: Mesh) -> Mesh:
-    """The smoothed mesh, mended where faces cross; if that fails, the raw one, in which none do."""
+    """The smoothed mesh with self-intersections repaired; if that fails, the raw mesh, repaired if necessary."""
     try:
         return smooth_crossings(smoothed)
     except ValueError:

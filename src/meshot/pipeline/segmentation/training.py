@@ -1,4 +1,4 @@
-"""Training the segmentation network: Adam on overlap and cross-entropy, resumable, with validation."""
+"""Training of the segmentation network with Adam on overlap and cross-entropy, with validation and resumption."""
 
 import contextlib
 import os
@@ -15,7 +15,7 @@ from meshot.train import Progress, Task, Training, chosen_device, train_network
 from meshot.types import Float, Tensor
 from meshot.volume import dice
 
-_ORDER, _AUGMENTATION = 0, 1  # streams of randomness
+_ORDER, _AUGMENTATION = 0, 1  # random number streams
 
 
 def train_segmentation(
@@ -26,26 +26,26 @@ def train_segmentation(
     progress: Progress | None = None,
     device: torch.device | None = None,
 ) -> Training:
-    """Train a network from its first weights, or go on where a stopped training was.
+    """Train a network from its initial weights, or resume a stopped training.
 
     Parameters
     ----------
     config : SegmentationConfig
     training, validation : sequence of Example
-        All on grids of one size.
+        All on grids of the same size.
     folder : path, optional
-        Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``). If a state is there
-        already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
-    progress : callable of (steps done, steps in all, line of the log), optional
+        The folder for the state (``training.safetensors``) and the log (``log.jsonl``). If it contains a state, the
+        training resumes from it. On one thread, the final weights are the same as without the interruption.
+    progress : callable of (steps done, number of steps, line of the log), optional
     device : torch.device, optional
-        The accelerator if there is one, else the processor, if left out.
+        By default the GPU if there is one, else the CPU.
 
     Raises
     ------
     ValueError
-        If there are no examples, their grids differ, or the folder holds a training of something else.
+        If there are no examples, their grids differ, or the folder contains a different training.
     FloatingPointError
-        If the loss or a gradient is not finite; it names the step and the scans.
+        If the loss or a gradient is not finite. The message names the step and the scans.
     """
     _require_examples(training, validation)
     settings, device = config.training, device or chosen_device()
@@ -78,7 +78,7 @@ def _require_examples(training: Sequence[Example], validation: Sequence[Example]
 def _batch(
     step: int, training: Sequence[Example], settings: SegmentationSettings
 ) -> tuple[list[str], Float[Tensor, "b 1 x y z"], Float[Tensor, "b 2 x y z"]]:
-    """Names, images and fractions of one step: every epoch goes through all examples in a new order."""
+    """Names, images and fractions of one step. Every epoch visits all examples in a new random order."""
     per_epoch = -(-len(training) // settings.batch_size)
     epoch, place = divmod(step, per_epoch)
     order = np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(len(training))
@@ -104,7 +104,7 @@ def _loss(
 def _validation(
     network: SegmentationNetwork, validation: Sequence[Example], settings: SegmentationSettings, device: torch.device
 ) -> dict:
-    """Mean loss and Dice over the scans of the validation."""
+    """Mean loss and Dice over the validation scans."""
     losses, overlaps = [], []
     for item in validation:
         image, fractions = (part[None].to(device) for part in item.tensors(settings.soft_labels))

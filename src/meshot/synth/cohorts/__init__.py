@@ -1,6 +1,6 @@
-"""Cohorts of synthetic subjects on disk: recipes, making, manifests, reading.
+"""Cohorts of synthetic subjects on disk: recipes, generation, manifests, reading.
 
-A recipe and a seed name every subject. A cohort that was stopped goes on, and a manifest says which files have changed.
+A recipe and a seed determine every subject. Generation can be resumed. A manifest shows which files have changed.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""A cohort on disk, laid out as BIDS and its derivatives are, and how to read it.
+"""The layout of a cohort on disk, similar to BIDS and its derivatives, and functions to read it.
 
 ::
 
@@ -7,11 +7,11 @@
                         sub-001_dseg.nii.gz                tissue of every voxel of the scan
                         sub-001_hemi-L_white.surf.gii      the true surfaces, in scanner RAS (mm); L, R; white, pial
     COHORT/derivatives/standard/sub-001/anat/
-                        sub-001_space-MNI152_desc-standard_T1w.nii.gz    what the network sees, in [0, 1]
+                        sub-001_space-MNI152_desc-standard_T1w.nii.gz    the input of the networks, in [0, 1]
                         sub-001_space-MNI152_desc-standard_dseg.nii.gz   inside the left (1) and right (2) white surface
                         sub-001_from-T1w_to-MNI152_mode-image_xfm.json   scanner RAS to MNI152, in mm
 
-A subject who was scanned more than once has a folder for each session, and a name such as ``sub-001_ses-02_run-1``.
+A subject with several scans has a folder for each session, and names such as ``sub-001_ses-02_run-1``.
 """
 
 import csv
@@ -32,12 +32,12 @@ Surface = Literal["white", "pial"]
 Space = Literal["scanner", "standard"]
 SPLITS = ("train", "validation", "test")
 KINDS = ("template", "procedural")
-#: Values in the ``dseg`` of a scan; 0 is air. In the standard space only 1 and 2 occur.
+#: Values in the ``dseg`` of a scan; 0 is air. In the standard space only 1 and 2 are used.
 LABELS = {
     "left white": 1, "right white": 2, "left grey": 3, "right grey": 4, "deep grey": 5, "hindbrain": 6, "fluid": 7,
     "skull": 8, "scalp": 9,
 }  # fmt: skip
-#: What the names of the files of a scan end in.
+#: The endings of the names of a scan's files.
 T1, FACTS, TISSUE, SURFACE = "T1w.nii.gz", "T1w.json", "dseg.nii.gz", "hemi-{}_{}.surf.gii"
 STANDARD_T1, STANDARD_LABELS = "space-MNI152_desc-standard_T1w.nii.gz", "space-MNI152_desc-standard_dseg.nii.gz"
 TRANSFORM = "from-T1w_to-MNI152_mode-image_xfm.json"
@@ -53,11 +53,13 @@ class Participant:
     participant_id : str
         Such as ``sub-001``.
     split : str
+        For example ``sub-001``.
+    split : str
         One of ``SPLITS``.
     kind : str
         "template" (made from fsaverage5) or "procedural" (made without it).
     seed : int
-        Of the anatomy.
+        Seed of the anatomy.
     """
 
     participant_id: str
@@ -68,7 +70,7 @@ class Participant:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Subject:
-    """One scan of a participant and what is known of it; every method reads from disk.
+    """One scan of a participant, with its ground truth. All methods read from disk.
 
     Parameters
     ----------
@@ -76,7 +78,7 @@ class Subject:
         The folder of the cohort.
     participant : Participant
     session, run : str, optional
-        Such as "01" and "1"; None where the participant was scanned once.
+        For example "01" and "1". None if the participant was scanned once.
     """
 
     cohort: Path
@@ -86,7 +88,7 @@ class Subject:
 
     @property
     def name(self) -> str:
-        """What all its file names begin with, such as ``sub-001`` or ``sub-001_ses-02_run-1``."""
+        """The start of all its file names, such as ``sub-001`` or ``sub-001_ses-02_run-1``."""
         parts = (
             self.participant.participant_id,
             self.session and f"ses-{self.session}",
@@ -100,20 +102,20 @@ class Subject:
         return Path(self.participant.participant_id, *session, "anat")
 
     def file(self, ending: str, standard: bool = False) -> Path:
-        """The path of one of its files, such as that which ends in ``T1w.nii.gz``."""
+        """The path of the file with this ending, such as ``T1w.nii.gz``."""
         return self.cohort / (_STANDARD if standard else "") / self._anat / f"{self.name}_{ending}"
 
     def files(self) -> list[Path]:
-        """All its files that exist, in the order of their names."""
+        """All its existing files, sorted by name."""
         found = [p for standard in (False, True) for p in self.file("", standard).parent.glob(f"{self.name}_*")]
         return sorted(found, key=lambda path: path.name)
 
     def scan(self) -> Volume:
-        """The T1-weighted scan, in arbitrary units; its affine leads to scanner RAS."""
+        """The T1-weighted scan in arbitrary units, with its affine to scanner RAS."""
         return read_volume(self.file(T1))
 
     def tissue(self) -> Volume:
-        """The tissue that fills most of each voxel of the scan, see ``LABELS``."""
+        """The most frequent tissue in each voxel of the scan, see ``LABELS``."""
         return _labels(self.file(TISSUE))
 
     def surface(self, kind: Surface, hemisphere: Hemisphere, space: Space = "scanner") -> Mesh:
@@ -122,7 +124,7 @@ class Subject:
         Raises
         ------
         ValueError
-            If kind, hemisphere or space is another word.
+            If kind, hemisphere or space is unknown.
         """
         if kind not in ("white", "pial") or hemisphere not in HEMISPHERES or space not in ("scanner", "standard"):
             raise ValueError(
@@ -135,11 +137,11 @@ class Subject:
         return mesh.with_vertices(transform_points(self.to_standard(), mesh.vertices))
 
     def to_standard(self) -> Float[Array, "4 4"]:
-        """The affine that takes scanner RAS to MNI152 space, in mm."""
+        """The affine from scanner RAS to MNI152 space, in mm."""
         return np.array(_json(self.file(TRANSFORM, standard=True))["matrix"], dtype=np.float64)
 
     def standard(self) -> StandardScan:
-        """The scan on the standard grid, with values in [0, 1], and the way back to the scanner."""
+        """The scan on the standard grid, with values in [0, 1], and its transform to the scanner."""
         return StandardScan(read_volume(self.file(STANDARD_T1, standard=True)), self.to_standard())
 
     def standard_labels(self) -> Volume:
@@ -147,27 +149,27 @@ class Subject:
         return _labels(self.file(STANDARD_LABELS, standard=True))
 
     def facts(self) -> dict:
-        """How the scan was made: every knob as it was drawn, seeds, position (the sidecar of the scan)."""
+        """How the scan was made: all drawn parameters, seeds, position (the sidecar file of the scan)."""
         return _json(self.file(FACTS))
 
 
 def participants(
     cohort_dir: str | os.PathLike, split: str | None = None, unfinished: bool = False
 ) -> list[Participant]:
-    """Who is in a cohort, in the order of their names.
+    """The participants of a cohort, sorted by name.
 
     Parameters
     ----------
     cohort_dir : path
     split : str, optional
-        One of ``SPLITS``; all if left out.
+        One of ``SPLITS``. By default all.
     unfinished : bool
-        Whether to list those who are planned but not yet made as well.
+        Whether to include participants that are planned but not yet made.
 
     Raises
     ------
     ValueError
-        If there is no cohort, its table is broken, or ``split`` is another word.
+        If there is no cohort, its table is damaged, or ``split`` is unknown.
     """
     if split is not None and split not in SPLITS:
         raise ValueError(f"split is {split!r}; one of {', '.join(SPLITS)} is needed, or None for all")
@@ -187,7 +189,7 @@ def participants(
 def read_subject(
     cohort_dir: str | os.PathLike, participant_id: str, session: str | None = None, run: str | None = None
 ) -> Subject:
-    """One scan; of a participant who was scanned more than once the first that fits.
+    """One scan of a participant; if several match, the first.
 
     Raises
     ------
@@ -209,7 +211,7 @@ def read_subject(
 
 
 def scans(cohort_dir: str | os.PathLike, split: str | None = None) -> list[Subject]:
-    """Every finished scan of a cohort: one for each participant, or one for each session and run.
+    """All finished scans of a cohort: one per participant, or one per session and run.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Cohorts made on disk from a recipe: in parallel, resumable, and with a manifest of what was made."""
+"""Generation of cohorts on disk from a recipe: parallel, resumable, with a manifest."""
 
 import concurrent.futures
 import dataclasses
@@ -33,19 +33,19 @@ from meshot.synth.scanning import Anatomy, rounded, simulated_scan, standardised
 from meshot.synth.subject import CorticalSurfaces, Shape, synthetic_subject
 from meshot.workers import begin_worker
 
-#: Entries of a recipe that may change while what was made already stays.
+#: Entries of a recipe that may change without a change of the scans that exist already.
 _GROWING = ("subjects", "procedural_subjects", "days")
 
 
 @dataclasses.dataclass(frozen=True)
 class Visit:
-    """One participant on one day: what is made at once, and appears on disk at once.
+    """One participant on one day. All scans of a visit are made together and appear on disk together.
 
     Parameters
     ----------
     participant : Participant
     session : str, optional
-        Such as "01"; None if each participant is scanned only once.
+        For example "01". None if each participant is scanned only once.
     """
 
     participant: Participant
@@ -53,24 +53,24 @@ class Visit:
 
     @property
     def folder(self) -> Path:
-        """Where it lies in the cohort; that this folder is there means that all of it is."""
+        """The folder of the visit in the cohort. If it exists, the visit is complete."""
         return Path(self.participant.participant_id, *([f"ses-{self.session}"] if self.session else []))
 
 
 def visits(recipe: Recipe) -> list[Visit]:
-    """Everything there is to make, in order."""
+    """All visits of a recipe, in order."""
     once = recipe.days == recipe.scans_per_day == 1
     sessions = [None] if once else [f"{day + 1:02d}" for day in range(recipe.days)]
     return [Visit(participant, session) for session in sessions for participant in plan(recipe)]
 
 
 def open_cohort(recipe: Recipe, folder: str | os.PathLike) -> list[Visit]:
-    """Lay out a cohort, or open one that was begun; what is still to be made.
+    """Create a cohort's folder, or open an existing one, and return the visits that are missing.
 
     Raises
     ------
     ValueError
-        If the folder holds a cohort made from another recipe, or something else.
+        If the folder contains a cohort from another recipe, or other files.
     """
     folder = Path(folder)
     kept = folder / "recipe.yaml"
@@ -101,14 +101,14 @@ def _description(recipe: Recipe, kind: str) -> str:
 
 
 def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Iterator[str]:
-    """Make what is still missing of a cohort, and yield the folder of each visit when it is whole on disk.
+    """Make the missing visits of a cohort, and yield the folder of each when it is complete on disk.
 
     Parameters
     ----------
     recipe : Recipe
     folder : path
     jobs : int
-        How many processes share the work, each with one thread.
+        Number of processes, each with one thread.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Ite
     if jobs == 1:
         yield from map(make, missing)
     else:
-        # A fork would copy the locks of other threads; a fresh process cannot inherit them.
+        # A fork would copy locks that other threads hold; a new process does not.
         context = multiprocessing.get_context("spawn")
         with concurrent.futures.ProcessPoolExecutor(jobs, context, initializer=begin_worker) as pool:
             futures = [pool.submit(make, visit) for visit in missing]
@@ -134,9 +134,9 @@ def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Ite
 
 
 def make_visit(recipe: Recipe, folder: Path, visit: Visit) -> str:
-    """Make all scans of one visit in a hidden folder, then move them to their place.
+    """Make all scans of one visit in a hidden folder, then move them to their final place.
 
-    A visit that another run has made meanwhile stays: both are the same.
+    A visit that another run has made in the meantime stays, because both are the same.
     """
     place = folder / visit.folder
     derived = folder / "derivatives" / "standard" / visit.folder
@@ -152,7 +152,7 @@ def make_visit(recipe: Recipe, folder: Path, visit: Visit) -> str:
         log = {"cpu_seconds": seconds, "processor": processor(), "hashes": hashes}
         if place.is_dir():
             return str(visit.folder)
-        # The derivatives first: the folder of the scans is the sign that all is there.
+        # The derivatives first, because the folder of the scans marks a complete visit.
         for source, target in (
             (made / "derivatives" / "standard" / visit.folder, derived),
             (made / visit.folder, place),
@@ -167,12 +167,12 @@ def make_visit(recipe: Recipe, folder: Path, visit: Visit) -> str:
 
 @functools.lru_cache(maxsize=1)
 def _surfaces(shape: Shape, seed: int) -> CorticalSurfaces:
-    """Kept, since the scans of one subject follow each other."""
+    """The surfaces of a subject. Cached, since the scans of one subject are made one after another."""
     return synthetic_subject(shape, seed)
 
 
 def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
-    """Make one scan with everything that belongs to it, and write it; CPU seconds of each stage."""
+    """Make and write one scan with all its files. Returns the CPU seconds of each stage."""
     seed, clock = place.participant.seed, [time.process_time()]
     shape, appearance = drawn_shape(recipe, place.participant.kind), drawn_appearance(recipe, seed)
     anatomy = Anatomy(**drawn_structures(recipe, seed), head_mm=recipe.head_mm, n_lines=recipe.n_lines)

@@ -1,4 +1,4 @@
-"""Hashes of what a cohort holds, by content: the numbers in the files, not how they were compressed."""
+"""Hashes of the content of a cohort: of the numbers in the files, independent of their compression."""
 
 import hashlib
 import importlib.metadata
@@ -15,13 +15,13 @@ from meshot.synth.cohorts.recipe import Recipe
 from meshot.types import Array
 from meshot.volume import read_volume
 
-#: Numbers are hashed as whole multiples of one part of these: values of voxels and vertices, and entries of affines.
+#: Numbers are rounded to multiples of 1 / these before hashing: values of voxels and vertices, and entries of affines.
 VALUE_PARTS, AFFINE_PARTS = 2**16, 10**5
 _MADE_BY = ("numpy", "scipy", "torch", "SimpleITK", "nilearn", "libigl")
 
 
 def content_hash(path: str | os.PathLike) -> str:
-    """SHA-256 of what a file holds: voxels and affine, vertices and faces, or its bytes if it is neither.
+    """The SHA-256 of a file's content: voxels and affine, or vertices and faces, or otherwise its bytes.
 
     Raises
     ------
@@ -48,12 +48,12 @@ def _whole(values: Array, parts: int) -> Array:
 
 
 def digest(hashes: dict[str, str]) -> str:
-    """One hash of the hashes of several files, whatever their order."""
+    """One hash of the hashes of several files, independent of their order."""
     return hashlib.sha256("\n".join(f"{name} {hashes[name]}" for name in sorted(hashes)).encode()).hexdigest()
 
 
 def write_manifest(recipe: Recipe, folder: str | os.PathLike) -> None:
-    """Write ``manifest.json``: the recipe's name and seed, versions, processors, and for each scan seed and hashes."""
+    """Write ``manifest.json``: name and seed of the recipe, versions, processors, and for each scan seed and hashes."""
     folder = Path(folder)
     logs = [json.loads(path.read_text(encoding="utf-8")) for path in sorted((folder / "logs").glob("*.json"))]
     logged = {name: hashes for log in logs for name, hashes in log["hashes"].items()}
@@ -70,7 +70,7 @@ def write_manifest(recipe: Recipe, folder: str | os.PathLike) -> None:
         "recipe": recipe.name,
         "seed": recipe.seed,
         "versions": {name: importlib.metadata.version(name) for name in _MADE_BY},
-        # Visits that were made before their processor was noted have none.
+        # The logs of older visits have no processor.
         "processors": sorted({log["processor"] for log in logs if "processor" in log}),
         "scans": found,
     }
@@ -79,7 +79,7 @@ def write_manifest(recipe: Recipe, folder: str | os.PathLike) -> None:
 
 
 def keep_digests(path: str | os.PathLike, folder: str | os.PathLike) -> None:
-    """Put seed, split and digest of every scan of a finished cohort into a JSON file beside those of other cohorts.
+    """Add seed, split and digest of every scan of a finished cohort to a JSON file of several cohorts.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def _manifest(folder: Path) -> dict:
 
 
 def changed_files(folder: str | os.PathLike) -> list[str]:
-    """Which files of a cohort are missing or differ from its manifest; none if all is as it was made.
+    """The files of a cohort that are missing or differ from its manifest.
 
     Raises
     ------

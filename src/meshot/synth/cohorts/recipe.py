@@ -1,4 +1,4 @@
-"""Recipes of cohorts: YAML files in which every knob is checked, and what they draw for each subject."""
+"""Recipes of cohorts: YAML files with checked parameters, and random draws from them for each subject."""
 
 import dataclasses
 import math
@@ -20,45 +20,45 @@ from meshot.synth.subject import Shape
 with needing("cortex"):
     import yaml
 
-#: A number, or two between which one is drawn for each subject.
+#: A number, or the two ends of a range from which a number is drawn for each subject.
 Range = tuple[float, float]
 _EXTRAS = {"ventricles": (0.0, 3.0), "below": (0.0, 3.0)}
 
 
 @dataclasses.dataclass(frozen=True)
 class Recipe:
-    """All that, with nothing else, determines a cohort.
+    """The complete description of a cohort.
 
     Parameters
     ----------
     name : str
     seed : int
     subjects, procedural_subjects : int
-        How many are made from the template, and how many without it; the latter are all in the test split.
+        Number of subjects made from the template, and made without it. The latter are all in the test split.
     split : mapping
-        Parts of the template subjects, by ``SPLITS``; they sum to one.
+        Fractions of the template subjects, by ``SPLITS``, with sum one.
     days, scans_per_day : int
-        1 and 1: each subject is scanned once. Else a session for each day, and new position, grid, texture, bias field
-        and noise for each scan.
+        If both are 1, each subject is scanned once. Otherwise there is a session per day, and every scan has its own
+        position, grid, texture, bias field and noise.
     shape, procedural_shape : mapping
-        Knobs of :class:`meshot.synth.Shape`.
+        Parameters of :class:`meshot.synth.Shape`.
     appearance : mapping
-        Knobs of :class:`meshot.synth.Appearance`; a number, or a range to draw from once for each subject.
+        Parameters of :class:`meshot.synth.Appearance`: numbers, or ranges from which one is drawn for each subject.
     position : mapping
-        Knobs of :class:`meshot.synth.Position`.
+        Parameters of :class:`meshot.synth.Position`.
     structures : mapping
-        ``ventricles`` and ``below``, see :class:`meshot.synth.Anatomy`; numbers or ranges.
+        ``ventricles`` and ``below``, see :class:`meshot.synth.Anatomy`: numbers or ranges.
     head_mm : tuple
-        Fluid, skull and scalp around the brain, in mm; empty for a brain without its skull.
+        Thickness of fluid, skull and scalp around the brain, in mm. Empty for a brain without skull.
     n_lines : int
-        Lines across each voxel for partial volume.
+        Number of lines across each voxel for partial volumes.
     registration_mm : int
-        Voxel size of the MNI152 average that scans are registered to: 1, or 2, 4, 8 for tests.
+        Voxel size of the MNI152 average to which scans are registered: 1; or 2, 4, 8 for tests.
 
     Raises
     ------
     ValueError
-        If a number is out of its range, or a knob is not known.
+        If a number is out of range, or a parameter is unknown.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Recipe:
         if len(self.head_mm) not in (0, 3) or not all(_is_number(x) and x > 0 for x in self.head_mm):
             raise ValueError(f"head_mm is {list(self.head_mm)}; three thicknesses > 0 or none are needed")
         _require_known(self.structures, list(_EXTRAS), "structures")
-        for end in (0, 1):  # whatever lies between two values that are possible is possible
+        for end in (0, 1):  # if both ends of a range are valid, so are the values between them
             drawn_shape(self, "template"), drawn_shape(self, "procedural")
             _appearance(self.appearance, lambda value: _range(value)[end])  # noqa: B023
             drawn_position(self)
@@ -99,19 +99,19 @@ class Recipe:
 
 
 def read_recipe(path: str | os.PathLike, **changes: object) -> Recipe:
-    """A recipe from a YAML file, with some of its entries replaced.
+    """Read a recipe from a YAML file, with some of its entries replaced.
 
     Parameters
     ----------
     path : path
-        The file, or the name of a recipe that comes with the package: oasis_like, adni_like, test_retest, tiny.
+        The file, or the name of a recipe in the package: oasis_like, adni_like, test_retest, tiny.
     changes
-        Entries, in place of those in the file.
+        Entries that replace those of the file.
 
     Raises
     ------
     ValueError
-        If the file is missing or no YAML, names something unknown, or as :class:`Recipe`.
+        If the file is missing or not YAML, or has unknown entries; otherwise as :class:`Recipe`.
     """
     path = named_file(path, Path(__file__).parent)
     if not path.is_file():
@@ -129,16 +129,16 @@ def read_recipe(path: str | os.PathLike, **changes: object) -> Recipe:
 
 
 def recipe_text(recipe: Recipe) -> str:
-    """A recipe as YAML, such that reading it gives the same recipe."""
+    """A recipe as YAML text. Reading it gives the same recipe."""
     entries = {key: list(v) if isinstance(v, tuple) else v for key, v in dataclasses.asdict(recipe).items()}
     return yaml.safe_dump(entries, sort_keys=False, allow_unicode=True)
 
 
 def plan(recipe: Recipe) -> list[Participant]:
-    """Who will be in the cohort. More subjects later leave those before them as they were.
+    """The participants of a cohort. A larger number of subjects does not change the first ones.
 
-    Each goes to the split that lacks most of its share, so that every multiple of ten subjects is split exactly in
-    tenths; nothing is lost by this order, since every subject is drawn on its own.
+    Each subject is assigned to the split whose share is furthest below its target. Every multiple of ten subjects is
+    therefore divided exactly. The order introduces no bias, since every subject is drawn independently.
     """
     counts, found = dict.fromkeys(SPLITS, 0), []
     for i in range(recipe.subjects):
@@ -155,26 +155,26 @@ def _seed(recipe: Recipe, kind: str, index: int) -> int:
 
 
 def drawn_shape(recipe: Recipe, kind: str) -> Shape:
-    """The anatomy's knobs; what differs between subjects is drawn with the surfaces."""
+    """The parameters of the anatomy. Variation between subjects is drawn together with the surfaces."""
     knobs = recipe.shape if kind == "template" else recipe.procedural_shape
     _require_known(knobs, [f.name for f in dataclasses.fields(Shape) if f.name != "kind"], "shape")
     return _made(Shape, {"kind": kind} | {k: tuple(v) if isinstance(v, list) else v for k, v in knobs.items()})
 
 
 def drawn_appearance(recipe: Recipe, seed: int) -> Appearance:
-    """What one subject's tissues emit, and the scanner's faults."""
+    """The image parameters of one subject: tissue signals and artefacts, drawn from the recipe's ranges."""
     rng = np.random.default_rng([seed, 1])
     return _appearance(recipe.appearance, lambda value: float(rng.uniform(*_range(value))))
 
 
 def drawn_structures(recipe: Recipe, seed: int) -> dict[str, float]:
-    """How large the inner structures of one subject are."""
+    """The sizes of the inner structures of one subject."""
     rng = np.random.default_rng([seed, 2])
     return {name: float(rng.uniform(*_range(recipe.structures.get(name, 1.0)))) for name in _EXTRAS}
 
 
 def drawn_position(recipe: Recipe) -> Position:
-    """The knobs of the position; they are bounds, and each scan draws within them."""
+    """The parameters of the position. They are bounds; the position of each scan is drawn within them."""
     _require_known(recipe.position, [f.name for f in dataclasses.fields(Position)], "position")
     return _made(Position, {k: tuple(v) if isinstance(v, list) else v for k, v in recipe.position.items()})
 

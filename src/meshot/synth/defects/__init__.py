@@ -1,6 +1,6 @@
-"""Surfaces with planted errors of known kind and size.
+"""Surfaces with added errors of known kind and size, to test metrics.
 
-Shifts, noise, holes, spikes, blurred folds, bridges and crossings of sulcal walls: what a metric is tried on.
+Shifts, noise, holes, spikes, smoothed folds, and bridges and intersections between sulcal walls.
 """
 
 import lazy_loader

@@ -1,8 +1,8 @@
-"""Errors planted in a surface, one kind at a time, of known size: to see what a metric sees.
+"""Errors of known kind and size that are added to a surface, to test metrics.
 
-Those that need the two banks of a sulcus, a bridge and a crossing, are in ``meshot.synth.defects.sulcal_walls``.
+Bridges and intersections of sulcal walls are in ``meshot.synth.defects.sulcal_walls``.
 
-Nothing here changes its input. Lengths are in units of the vertices, mm on a cortex.
+The functions do not modify their input. Lengths are in units of the vertices, mm for a cortex.
 """
 
 import torch
@@ -17,26 +17,26 @@ from meshot.types import Bool, Float, Tensor
 
 
 def shifted(mesh: Mesh, shift: tuple[float, float, float]) -> Mesh:
-    """The whole surface moved by a vector: what a registration that is a little off leaves.
+    """The surface translated by a vector, as after an inaccurate registration.
 
-    Exact: W₂ to the original is the length of the vector, SW₂ that over √3, as measures without sampling.
+    The distance to the original is known: W₂ is the length of the vector, SW₂ this length over √3 (without sampling).
     """
     return mesh.with_vertices(mesh.vertices + mesh.vertices.new_tensor(shift))
 
 
 def inflated(mesh: Mesh, distance: float) -> Mesh:
-    """Every vertex moved along its normal, outwards if ``distance`` > 0: a boundary drawn at the wrong grey value."""
+    """Every vertex moved along its normal, outwards if ``distance`` > 0, as by an inaccurate tissue threshold."""
     return mesh.with_vertices(mesh.vertices + distance * vertex_normals(mesh))
 
 
 def noisy(mesh: Mesh, deviation: float, generator: Generator) -> Mesh:
-    """Every vertex moved along its normal by an independent Gaussian amount: roughness.
+    """Every vertex moved along its normal by an independent Gaussian distance.
 
     Parameters
     ----------
     mesh : Mesh
     deviation : float
-        The standard deviation of the amounts.
+        Standard deviation of the distances.
     generator : numpy.random.Generator, torch.Generator or int
 
     Raises
@@ -50,7 +50,7 @@ def noisy(mesh: Mesh, deviation: float, generator: Generator) -> Mesh:
 
 
 def with_hole(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float) -> Mesh:
-    """The surface without the faces whose barycentre lies within a ball: open, with a rim.
+    """The surface without the faces whose barycentre lies in a ball. The result is open.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def with_hole(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float) -> Mesh:
 
 
 def with_spike(mesh: Mesh, vertex: int, height: float) -> Mesh:
-    """One vertex moved out along its normal (pushed in if ``height`` < 0): one bad vertex among thousands.
+    """The surface with one vertex moved outwards along its normal (inwards if ``height`` < 0).
 
     Raises
     ------
@@ -83,21 +83,21 @@ def with_spike(mesh: Mesh, vertex: int, height: float) -> Mesh:
 
 
 def with_blurred_folds(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float, n_steps: int) -> Mesh:
-    """The folds within a ball smoothed away, the rest untouched: a gyrus or sulcus that was missed.
+    """The surface with the folds in a ball smoothed, as if a gyrus or sulcus had been missed.
 
     Parameters
     ----------
     mesh : Mesh
     centre : tensor
     radius : float
-        Vertices within it move; the amount falls to zero towards its edge.
+        Vertices within it move. The displacement decreases to zero at the boundary of the ball.
     n_steps : int
-        Of Laplacian smoothing.
+        Number of steps of Laplacian smoothing.
 
     Raises
     ------
     ValueError
-        If the radius is not positive, or ``n_steps`` no positive integer.
+        If the radius is not positive, or ``n_steps`` is not a positive integer.
     """
     require_positive(radius, "radius")
     require_positive_integer(n_steps, "n_steps")
@@ -108,15 +108,15 @@ def with_blurred_folds(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float, n
 
 
 def unevenly_sampled(mesh: Mesh, inside: Bool[Tensor, " F"], n_rounds: int) -> Mesh:
-    """The same surface, point for point, with more triangles on one part: no error at all.
+    """The same surface with more triangles in one part: a change of the mesh without any error.
 
-    Each chosen face is cut at its barycentre into three, ``n_rounds`` times. Neighbours need no cut, so that the mesh
-    stays closed; as a set of points it does not change, and its triangles get worse.
+    Each chosen face is divided into three at its barycentre, ``n_rounds`` times. Neighbouring faces do not change and
+    the mesh stays closed. The set of points of the surface does not change; the triangles become less regular.
 
     Raises
     ------
     ValueError
-        If the choice does not name the faces one by one, or ``n_rounds`` is no positive integer.
+        If ``inside`` does not have one entry per face, or ``n_rounds`` is not a positive integer.
     """
     require_positive_integer(n_rounds, "n_rounds")
     if inside.shape != mesh.faces.shape[:1]:
@@ -131,19 +131,19 @@ def unevenly_sampled(mesh: Mesh, inside: Bool[Tensor, " F"], n_rounds: int) -> M
 
 
 def with_flipped_faces(mesh: Mesh, share: float, generator: Generator) -> Mesh:
-    """Some faces turned round, drawn at random: the surface stays where it is, its orientation breaks.
+    """The surface with randomly chosen faces reversed: the same positions, inconsistent orientation.
 
     Parameters
     ----------
     mesh : Mesh
     share : float
-        Of the faces, in (0, 1]; 1 turns the whole surface inside out.
+        Fraction of the faces, in (0, 1]. With 1 the whole surface is inside out.
     generator : numpy.random.Generator, torch.Generator or int
 
     Raises
     ------
     ValueError
-        If the share is not in (0, 1].
+        If ``share`` is not in (0, 1].
     """
     if not 0 < share <= 1:
         raise ValueError(f"share is {share!r}; a number in (0, 1] is needed, the part of the faces that is turned")

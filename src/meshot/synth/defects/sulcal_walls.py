@@ -1,4 +1,4 @@
-"""The two banks of a sulcus: where a bridge may be built across it, or one bank pushed through the other."""
+"""Opposite walls of a sulcus, and surfaces with a bridge between them or with one wall moved through the other."""
 
 import dataclasses
 
@@ -11,17 +11,17 @@ from meshot.mesh.geometry import face_barycentres, face_normals
 from meshot.mesh.topology import euler_number, self_intersecting_faces
 from meshot.types import Float, Int64, Tensor
 
-FACING = 0.8  # the least cosine between a normal and the way across
+FACING = 0.8  # smallest cosine between a normal and the direction to the other face
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SulcalWalls:
-    """Pairs of faces that look at each other across a gap, the widest gaps first.
+    """Pairs of faces that face each other across a gap, sorted by decreasing gap.
 
     Parameters
     ----------
     faces : tensor
-        Two indices a row.
+        Two face indices per row.
     gaps : tensor
         Distance between the two barycentres.
     """
@@ -31,7 +31,7 @@ class SulcalWalls:
 
 
 def facing_walls(mesh: Mesh, narrowest: float, widest: float) -> SulcalWalls:
-    """Pairs of faces whose outward normals point at each other, ``narrowest`` to ``widest`` apart.
+    """Pairs of faces whose outward normals point at each other, at distances from ``narrowest`` to ``widest``.
 
     Raises
     ------
@@ -56,14 +56,14 @@ def facing_walls(mesh: Mesh, narrowest: float, widest: float) -> SulcalWalls:
 
 
 def with_bridge(mesh: Mesh, narrowest: float = 2.0, widest: float = 8.0) -> Mesh:
-    """The surface with a handle across a sulcus: two faces that look at each other become the ends of a tube.
+    """The surface with a handle across a sulcus: two opposite faces are replaced by a tube between them.
 
-    χ falls by two; the widest gap is taken where the tube crosses nothing.
+    χ decreases by two. The pair with the widest gap is used whose tube does not intersect the surface.
 
     Raises
     ------
     ValueError
-        As :func:`meshot.synth.defects.facing_walls`, or if every tube would cross the surface.
+        As :func:`meshot.synth.defects.facing_walls`, or if every tube would intersect the surface.
     """
     banks = facing_walls(mesh, narrowest, widest)
     n_crossing, wanted = len(self_intersecting_faces(mesh)), euler_number(mesh) - 2
@@ -76,7 +76,7 @@ def with_bridge(mesh: Mesh, narrowest: float = 2.0, widest: float = 8.0) -> Mesh
 
 
 def _joined(mesh: Mesh, one: int, other: int) -> Mesh | None:
-    """The two faces replaced by the six of a tube with the shortest sides; nothing if they share a corner."""
+    """The mesh with two faces replaced by the six faces of the shortest tube; None if they share a corner."""
     first, second = mesh.faces[one], mesh.faces[other].flip(0)
     if bool(torch.isin(first, second).any()):
         return None
@@ -90,14 +90,14 @@ def _joined(mesh: Mesh, one: int, other: int) -> Mesh | None:
 
 
 def with_crossing(mesh: Mesh, depth: float, narrowest: float = 1.0, widest: float = 6.0) -> Mesh:
-    """One bank of a narrow sulcus pushed through the other: topology stays, faces cross.
+    """The surface with one wall of a narrow sulcus moved through the other: same topology, self-intersections.
 
-    The three corners of a face are moved across the narrowest gap and ``depth`` beyond it.
+    The three corners of a face are moved across the narrowest gap and by ``depth`` beyond it.
 
     Raises
     ------
     ValueError
-        As :func:`meshot.synth.defects.facing_walls`, or if the depth is not positive.
+        As :func:`meshot.synth.defects.facing_walls`, or if ``depth`` is not positive.
     """
     if not depth > 0:
         raise ValueError(f"depth is {depth!r}; a length > 0 is needed, how far beyond the other bank")

@@ -1,4 +1,4 @@
-"""DDOT, the paper's system: flows that learn from sliced Wasserstein distances between oriented varifolds.
+"""DDOT, the system of the paper: flows trained with sliced Wasserstein distances between oriented varifolds.
 
 Le et al., *Diffeomorphic Mesh Deformation via Efficient Optimal Transport for Cortical Surface Reconstruction*, ICLR
 2024.
@@ -8,7 +8,7 @@ from meshot.systems.deformation import DeformationSystem
 
 
 class System(DeformationSystem):
-    """DDOT; the paper gives no length of the normals, and a millimetre is one reading of it."""
+    """DDOT. The paper states no length of the scaled normals; 1 mm is one interpretation."""
 
     name = "ddot"
     loss = {"loss": "sliced", "encoding": "varifold", "normal_scale": 1.0}  # noqa: RUF012

@@ -1,7 +1,7 @@
-"""What systems share that deform initial surfaces: Algorithm 1 of the paper, with any loss.
+"""Systems that deform initial surfaces: Algorithm 1 of the paper, with any loss.
 
-One network for each hemisphere turns image and position into a velocity, whose flow carries the initial white surface
-to the true one. A system of this kind is a subclass of :class:`DeformationSystem` that names its loss.
+One network per hemisphere computes a velocity from image and position. Its flow moves the initial white surface to the
+true one. A system of this kind is a subclass of :class:`DeformationSystem` that sets its loss.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""The flow of a trained network: from an initial surface to the surface that it finds in the image."""
+"""Application of a trained network: deformation of an initial surface by the flow."""
 
 import numpy as np
 import torch
@@ -10,10 +10,10 @@ from meshot.volume import Volume, sample_volume
 
 
 def standardised(image: Volume, surface: Mesh) -> Volume:
-    """An image with mean 0 and standard deviation 1 over the vertices of a surface, so that its border stands out.
+    """An image scaled to mean 0 and standard deviation 1 over the vertices of a surface.
 
-    From 0 to 1 the border of white matter is a change by a twelfth around .6: a network hears the .6 first. Gain and
-    offset of the scanner no longer matter.
+    In an image scaled to [0, 1], the border of white matter is a change of about 1/12 around a value of .6, which is
+    small compared with the mean. Standardising removes the mean, and also gain and offset of the scanner.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def standardised(image: Volume, surface: Mesh) -> Volume:
     Raises
     ------
     ValueError
-        If the image is constant over the surface: they may lie in different spaces.
+        If the image is constant over the surface, for example because they are in different spaces.
     """
     values = sample_volume(image, surface.vertices.double())
     mean, spread = float(values.mean()), float(values.std())
@@ -39,15 +39,14 @@ def standardised(image: Volume, surface: Mesh) -> Volume:
 def deformed(
     initial: Mesh, image: Volume, network: DeformationNetwork, n_steps: int = N_STEPS, method: str = "euler"
 ) -> Mesh:
-    """An initial surface carried by the flow that a network makes in an image.
+    """Deform an initial surface by the flow of a network in an image.
 
     Parameters
     ----------
     initial : Mesh
-        In the space of the image, in mm; any number of vertices, since the flow moves the whole space.
+        In the space of the image, in mm. It may have any number of vertices, since the flow is defined everywhere.
     image : Volume
-        On the standard grid; its gain and offset do not matter, see
-        :func:`meshot.systems.deformation.standardised`.
+        On the standard grid. Its gain and offset do not matter, see :func:`meshot.systems.deformation.standardised`.
     network : DeformationNetwork
     n_steps, method : int, str
         See :func:`meshot.integrate`.
@@ -55,17 +54,17 @@ def deformed(
     Returns
     -------
     Mesh
-        With the dtype and the device of ``initial``, and its faces.
+        With the faces, dtype and device of ``initial``.
 
     Raises
     ------
     ValueError
-        As :func:`meshot.integrate` and :func:`meshot.systems.deformation.standardised`; or if the flow leaves the
-        numbers that are finite.
+        As :func:`meshot.integrate` and :func:`meshot.systems.deformation.standardised`; or if the flow gives positions
+        that are not finite.
     """
     parameter = next(network.parameters())
     start = initial.vertices.to(parameter)
-    # The displacement is rounded to the network's precision; the place it is added to is not.
+    # Only the displacement is rounded to the network's precision, not the initial position.
     path = "visited" if start.device.type == "cpu" else "convolved"
     moved = integrate(network.velocity_in(standardised(image, initial), path), start, n_steps, method) - start
     if not bool(torch.isfinite(moved).all()):

@@ -1,4 +1,4 @@
-"""What a deformation network learns from: the initial and the true white surface of one hemisphere, in an image."""
+"""Training data of a deformation network: the initial and the true white surface of one hemisphere, and the scan."""
 
 import dataclasses
 import hashlib
@@ -16,7 +16,7 @@ from meshot.volume import Volume
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DeformationExample:
-    """One hemisphere of one subject in the standard space; meshes and scan in float32.
+    """One hemisphere of one subject in the standard space, with meshes and scan in float32.
 
     Parameters
     ----------
@@ -24,9 +24,9 @@ class DeformationExample:
     scan : Volume
         On the standard grid, in [0, 1].
     initial : Mesh
-        Where the flow starts.
+        The initial surface.
     coarse : Mesh
-        The same with fewer faces, for training.
+        The initial surface with fewer faces, for training.
     target : Mesh
         The true white surface.
     """
@@ -39,7 +39,7 @@ class DeformationExample:
 
 
 def hemisphere_example(example: Example, side: Hemisphere, n_faces: int) -> DeformationExample:
-    """One hemisphere of an example, ready for training or validation.
+    """Make an example of one hemisphere for training or validation.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def hemisphere_example(example: Example, side: Hemisphere, n_faces: int) -> Defo
         With an initial white surface of that side.
     side : str
     n_faces : int
-        Of the coarse surface.
+        Number of faces of the coarse surface.
     """
     key, image = (side, "white"), example.scan.image
     initial = example.scan.initial[key]
@@ -61,7 +61,7 @@ def hemisphere_example(example: Example, side: Hemisphere, n_faces: int) -> Defo
 
 
 def digest(examples: Sequence[DeformationExample]) -> str:
-    """SHA-256 of the names and values of all examples, in their order."""
+    """The SHA-256 of the names and values of all examples, in their order."""
     total = hashlib.sha256()
     for item in examples:
         total.update(item.name.encode() + item.scan.data.tobytes())

@@ -1,4 +1,4 @@
-"""One hemisphere as one small file: scan, initial and true surface, rounded so far that no result notices."""
+"""Storage of one hemisphere in one small file: scan, initial and true surface, quantised."""
 
 import json
 import os
@@ -18,30 +18,31 @@ from meshot.volume import Volume, mm_to_voxel
 
 LARGEST_BYTES = 1_500_000
 _GREYS, _STEPS = 255, 65_535
-#: Voxels kept around the surfaces, a multiple of the coarsest scale of a network with three, as their cubes reach.
+#: Voxels kept around the surfaces, and block size: as the cubes of a network with three scales require.
 _MARGIN, _BLOCK = 12, 4
 
 
 def write_example(
     path: str | os.PathLike, example: DeformationExample, record: dict, n_target_faces: int = 30_000
 ) -> None:
-    """Write a hemisphere of at most 65 536 vertices, whole or not at all.
+    """Write a hemisphere with at most 65 536 vertices, completely or not at all.
 
     Parameters
     ----------
     path : path
     example : DeformationExample
-        The scan in [0, 1]: 256 greys of it are kept, in a box around the surfaces that begins at a multiple of four
-        voxels, so that the coarser scales of a network stay as they were. Vertices keep 1/65535 of the box around them.
+        The scan must be in [0, 1]. It is cropped to a box around the surfaces and stored with 256 grey levels. The box
+        starts at a multiple of four voxels, so that the coarser scales of a network do not change. Vertices are stored
+        with a resolution of 1/65535 of their bounding box.
     record : dict
-        JSON: who this is, and by which code it was made.
+        JSON values: the subject, and the code that made the example.
     n_target_faces : int
-        The true surface is simplified to so many.
+        The true surface is simplified to this number of faces.
 
     Raises
     ------
     ValueError
-        If a mesh has too many vertices, the scan leaves [0, 1], or the file would take more than 1.5 MB.
+        If a mesh has too many vertices, the scan is outside [0, 1], or the file would exceed 1.5 MB.
     """
     scan = _box(example)
     if scan.data.min() < 0 or scan.data.max() > 1:
@@ -66,12 +67,12 @@ def write_example(
 
 
 def read_example(path: str | os.PathLike) -> tuple[DeformationExample, dict]:
-    """A hemisphere and its record; ``coarse`` is ``initial``.
+    """Read a hemisphere and its record. ``coarse`` is the same mesh as ``initial``.
 
     Raises
     ------
     ValueError
-        If the file is missing, truncated, or holds something else.
+        If the file is missing, truncated, or of another kind.
     """
     try:
         with safetensors.safe_open(path, framework="numpy") as file:
@@ -89,7 +90,7 @@ def read_example(path: str | os.PathLike) -> tuple[DeformationExample, dict]:
 
 
 def _box(example: DeformationExample) -> Volume:
-    """The part of the scan that a flow near the surfaces can see."""
+    """The part of the scan that can influence a flow near the surfaces."""
     volume, shape = example.scan, np.array(example.scan.data.shape)
     places = mm_to_voxel(volume, torch.cat([example.initial.vertices, example.target.vertices]).double()).numpy()
     low = np.clip((np.floor(places.min(axis=0)).astype(int) - _MARGIN) // _BLOCK * _BLOCK, 0, None)

@@ -1,4 +1,4 @@
-"""How a deformation network is made and trained: the numbers, as a YAML file states them."""
+"""Architecture and training settings of a deformation network, as in a YAML file."""
 
 import dataclasses
 
@@ -14,30 +14,30 @@ NETWORK = {"width", "hidden", "n_scales", "size", "extent"}
 
 @dataclasses.dataclass(frozen=True)
 class DeformationSettings:
-    """How a deformation network is trained; one subject is one step.
+    """Settings of the training of a deformation network. One step uses one subject.
 
     Parameters
     ----------
     side : str
-        "left", "right" or "both": each hemisphere has its own network.
+        "left", "right" or "both". Each hemisphere has its own network.
     n_epochs : int
-        How often every training subject is seen.
+        Number of passes over all training subjects.
     learning_rate, schedule
         Of Adam: see :class:`meshot.train.Plan`.
     n_faces : int
-        Of the initial surface while training; afterwards the flow carries a surface of any size.
+        Number of faces of the initial surface in training. The trained flow applies to surfaces of any size.
     n_flow_steps, method : int, str
-        How the flow is integrated.
+        Integration of the flow: see :func:`meshot.integrate`.
     validate_every, patience : int
-        In epochs; stop after ``patience`` validations in a row without a lower distance (None: never).
+        In epochs. The training stops after ``patience`` consecutive validations without a lower distance (None: never).
     n_points : int
-        On each surface, for the distance of the validation.
+        Number of points on each surface for the distance in validation.
     save_every : int
         In steps.
     averaging : float
-        Of the weights: see :class:`meshot.train.Plan`.
+        Averaging of the weights: see :class:`meshot.train.Plan`.
     seed : int
-        Of everything random; step i draws from (seed, i), so that a resumed training draws what it would have drawn.
+        Seed of all random numbers. Step i uses (seed, i), so that a resumed training draws the same numbers.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class DeformationSettings:
         return HEMISPHERES if self.side == "both" else (self.side,)
 
     def plan(self, n_subjects: int) -> Plan:
-        """The same in steps, for so many training subjects."""
+        """The settings in steps instead of epochs, for a number of training subjects."""
         return Plan(
             self.n_epochs * n_subjects, self.validate_every * n_subjects, self.save_every, self.patience,
             self.learning_rate, self.schedule, self.averaging,
@@ -82,14 +82,14 @@ class DeformationSettings:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DeformationConfig:
-    """A network's form, its loss, and how it is trained: ``network``, ``loss`` and ``training`` of a file."""
+    """Architecture, loss and training settings of a network: ``network``, ``loss`` and ``training`` in a file."""
 
     network: dict
     loss: SurfaceLoss
     training: DeformationSettings
 
     def as_dict(self) -> Groups:
-        """Plain numbers and words, for JSON."""
+        """The settings as plain numbers and strings, for JSON."""
         return {
             "network": dict(self.network),
             "loss": self.loss.settings(),
@@ -97,17 +97,17 @@ class DeformationConfig:
         }
 
     def new_network(self) -> DeformationNetwork:
-        """The network before training, float32; its weights come from the seed."""
+        """The untrained network in float32. Its weights are determined by the seed."""
         return DeformationNetwork(**self.network, generator=self.training.seed).float()
 
 
 def deformation_config(content: object, name: str = "the configuration") -> DeformationConfig:
-    """A configuration from nested dictionaries, as they stand in a YAML file.
+    """Make a configuration from nested dictionaries, such as the content of a YAML file.
 
     Raises
     ------
     ValueError
-        If it names something unknown, or a value will not do.
+        If a setting is unknown, or a value is invalid.
     """
     groups = checked_groups(content, _known(), name)
     try:

@@ -1,4 +1,4 @@
-"""A system that deforms initial white surfaces by flows, one network for each hemisphere."""
+"""Systems that deform initial white surfaces by flows, with one network per hemisphere."""
 
 import dataclasses
 from pathlib import Path
@@ -22,12 +22,12 @@ _KEYS = tuple((side, "white") for side in HEMISPHERES)
 
 
 class DeformationSystem(SurfaceSystem):
-    """Flows from initial white surfaces; a system of this kind names ``name`` and ``loss``.
+    """A system that deforms initial white surfaces. A subclass sets ``name`` and ``loss``.
 
     Attributes
     ----------
     loss : dict
-        The settings of its loss, as they stand under ``loss`` in a YAML file, where a file leaves them out.
+        Default settings of the loss, in the format of ``loss`` in a YAML file.
     """
 
     surfaces = needs = _KEYS
@@ -41,11 +41,11 @@ class DeformationSystem(SurfaceSystem):
         Raises
         ------
         ValueError
-            If one is unknown, a value will not do, or the network is too large to be kept.
+            If a setting is unknown, a value is invalid, or the network is too large to be stored.
         """
         given = settings.get("loss", {})
         names = {name: given.get(name) or cls.loss[name] for name in ("loss", "encoding")}
-        # Of the system's own settings, those that what was chosen does not use fall away.
+        # Drop defaults of the system that the chosen loss and encoding do not use.
         own = {name: value for name, value in cls.loss.items() if name in loss_setting_names(**names)}
         config = deformation_config(settings | {"loss": own | names | given}, f"the configuration of {cls.name}")
         require_small(config.new_network())
@@ -53,7 +53,7 @@ class DeformationSystem(SurfaceSystem):
 
     @classmethod
     def complete(cls, settings: Groups) -> Groups:
-        """All settings: see :class:`meshot.systems.deformation.DeformationConfig`."""
+        """All settings with their defaults: see :class:`meshot.systems.deformation.DeformationConfig`."""
         return cls.config(settings).as_dict()
 
     @classmethod
@@ -61,7 +61,7 @@ class DeformationSystem(SurfaceSystem):
         cls, examples: ExampleSets, settings: Groups, folder: Path | None, progress: Progress | None,
         device: torch.device | None,
     ) -> dict[str, Part]:  # fmt: skip
-        """A network for the side that the settings name, or for each of both, one after the other."""
+        """Train a network for the side in the settings, or for both sides, one after the other."""
         config, parts = cls.config(settings), {}
         for side in config.training.sides:
             name, training = f"{side}_white", dataclasses.replace(config.training, side=side)
@@ -75,7 +75,7 @@ class DeformationSystem(SurfaceSystem):
         return parts
 
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
-        """The initial surfaces, carried by flows that are integrated as they were learned."""
+        """The initial surfaces moved by the flows, integrated with the settings of the training."""
         found = {}
         for key in self.surfaces:
             part = self.parts["_".join(key)]

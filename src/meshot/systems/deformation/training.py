@@ -1,4 +1,4 @@
-"""Algorithm 1 of the paper: a network learns flows from initial surfaces to true ones, through a loss of measures."""
+"""Algorithm 1 of the paper: training of a network whose flow moves initial surfaces to true ones."""
 
 import os
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from meshot.systems.deformation.settings import DeformationConfig, DeformationSe
 from meshot.train import Progress, Task, Training, chosen_device, train_network
 from meshot.types import Tensor
 
-_ORDER, _LOSS = 0, 1  # streams of randomness
+_ORDER, _LOSS = 0, 1  # random number streams
 
 
 def train_deformation(
@@ -27,26 +27,26 @@ def train_deformation(
     progress: Progress | None = None,
     device: torch.device | None = None,
 ) -> Training:
-    """Train a network from its first weights, or go on where a stopped training was.
+    """Train a network from its initial weights, or resume a stopped training.
 
     Parameters
     ----------
     config : DeformationConfig
     training, validation : sequence of DeformationExample
-        Of the side that the configuration names. The best network is that with the least mean ASSD in validation.
+        Of the side in the configuration. The best network is the one with the smallest mean ASSD in validation.
     folder : path, optional
-        Where the state is saved (``training.safetensors``) and the log is kept (``log.jsonl``). If a state is there
-        already, training goes on from it, and on one thread ends with the same weights as if it had never stopped.
-    progress : callable of (steps done, steps in all, line of the log), optional
+        The folder for the state (``training.safetensors``) and the log (``log.jsonl``). If it contains a state, the
+        training resumes from it. On one thread, the final weights are the same as without the interruption.
+    progress : callable of (steps done, number of steps, line of the log), optional
     device : torch.device, optional
-        The accelerator if there is one, else the processor, if left out.
+        By default the GPU if there is one, else the CPU.
 
     Raises
     ------
     ValueError
-        If there are no examples, or the folder holds a training of something else.
+        If there are no examples, or the folder contains a different training.
     FloatingPointError
-        If the loss or a gradient is not finite; it names the step and the subject.
+        If the loss or a gradient is not finite. The message names the step and the subject.
 
     References
     ----------
@@ -71,7 +71,7 @@ def train_deformation(
         predicted = carried(item.coarse.to(device), item, network, settings)
         try:
             return config.loss(predicted, item.target.to(device), generator), item.name
-        except ValueError as error:  # such as a mesh that has lost its area
+        except ValueError as error:  # for example a mesh without area
             raise FloatingPointError(
                 f"the prediction of step {step} ({item.name}) carries no loss: {error}; lower the learning rate"
             ) from error
@@ -84,14 +84,14 @@ def train_deformation(
 
 
 def carried(mesh: Mesh, item: DeformationExample, network: DeformationNetwork, settings: DeformationSettings) -> Mesh:
-    """The predicted mesh: every vertex at the end of its trajectory; differentiable in the network."""
+    """The predicted mesh: the initial mesh after the flow. Differentiable with respect to the network's parameters."""
     path = "visited" if mesh.vertices.device.type == "cpu" else "convolved"
     field = network.velocity_in(standardised(item.scan, item.initial), path)
     return mesh.with_vertices(integrate(field, mesh.vertices, settings.n_flow_steps, settings.method))
 
 
 def _example(step: int, training: Sequence[DeformationExample], settings: DeformationSettings) -> DeformationExample:
-    """The subject of a step: every epoch goes through all of them in a new order."""
+    """The subject of a step. Every epoch visits all subjects in a new random order."""
     epoch, place = divmod(step, len(training))
     return training[np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(len(training))[place]]
 
@@ -103,10 +103,10 @@ def _validation(
     targets: Sequence[Surface],
     settings: DeformationSettings,
 ) -> dict:
-    """Means over the subjects, in mm of the standard space; the loss of the validation is the ASSD."""
+    """Mean distances over the subjects, in mm of the standard space. The validation loss is the ASSD."""
     try:
         rows = [_distances(item, target, network, settings) for item, target in zip(validation, targets, strict=True)]
-    except ValueError as error:  # such as a flow that leaves the finite numbers
+    except ValueError as error:  # for example positions that are not finite
         raise FloatingPointError(
             f"the validation after step {step} failed: {error}; lower the learning rate. The last saved state is whole"
         ) from error

@@ -1,13 +1,13 @@
-"""Windows: the same flows, which learn from sliced transport within windows; ours, not in the paper.
+"""Windows: flows trained with sliced transport in spatial windows. This system is ours; it is not in the paper.
 
-Transport within windows of 6 mm does not let missing area far away attract a vertex: see chapter 32.
+In windows of 6 mm, missing area does not affect vertices far away: see chapter 32.
 """
 
 from meshot.systems.deformation import DeformationSystem
 
 
 class System(DeformationSystem):
-    """Sliced Wasserstein distances between varifolds, within windows around places of the target."""
+    """Sliced Wasserstein distances between varifolds, in windows around positions of the target."""
 
     name = "windows"
     loss = {  # noqa: RUF012

@@ -1,4 +1,4 @@
-"""Colours, dashes and text sizes: one style for every picture, safe for colour-blind readers."""
+"""Colours, dashes and text sizes: one style for all pictures, suitable for colour-blind readers."""
 
 import lazy_loader
 

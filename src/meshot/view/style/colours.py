@@ -1,4 +1,4 @@
-"""One look for all pictures: colours that colour-blind readers tell apart, type that survives a narrow screen."""
+"""The style of all pictures: colours that colour-blind readers can distinguish, and text readable on small screens."""
 
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
@@ -9,7 +9,7 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 YELLOW, BLUE, VERMILLION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 GREY = "#8C8C8C"
 
-#: What is aimed at is grey; each loss keeps its colour through the whole book.
+#: Targets are grey. Each loss has the same colour in the whole book.
 TARGET = GREY
 LOSS_COLOURS = {
     "Chamfer": VERMILLION,
@@ -17,10 +17,10 @@ LOSS_COLOURS = {
     "exact Wasserstein": GREEN,
     "Sinkhorn": PURPLE,
 }
-#: For lines in print and where colours fail: each loss keeps its dashes too.
+#: Each loss also has the same dashes, for print and where colours cannot be distinguished.
 LOSS_DASHES = {"Chamfer": "-", "sliced Wasserstein": "--", "exact Wasserstein": "-.", "Sinkhorn": ":"}
 
-#: Inches; at this width 12 point type is still readable when a picture shrinks to a screen of 400 pixels.
+#: In inches. At this width 12 point text is readable when a picture is shown on a screen of 400 pixels.
 WIDTH = 6.4
 
 
@@ -45,11 +45,11 @@ def use_style() -> None:
 
 
 def loss_line(name: str) -> dict:
-    """Colour and dashes of a loss, as keyword arguments for a line; black and solid for an unknown name."""
+    """Colour and dashes of a loss, as keyword arguments for a line. Black and solid for an unknown name."""
     return {"color": LOSS_COLOURS.get(name, BLACK), "linestyle": LOSS_DASHES.get(name, "-")}
 
 
 def legend_above(figure: Figure, ax: Axes) -> None:
-    """Set the names of one panel, which are those of every panel, above all of them in two columns."""
+    """Place one legend with two columns above all panels, from the names in one panel, which are the same in all."""
     handles, names = ax.get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=2)

@@ -1,7 +1,7 @@
-"""Between volumes and surfaces: voxelisation, signed distance, genus-0 correction, marching cubes.
+"""Conversion between volumes and surfaces: voxelisation, signed distance, genus-0 correction, marching cubes.
 
-A closed mesh becomes a mask or a distance on a grid; a mask becomes one piece without handles; a field becomes a mesh.
-Signed distance is negative inside. Lengths are in mm.
+A closed mesh is converted to a mask or a distance on a grid, a mask to one component of genus 0, and a field to a mesh.
+Signed distances are negative inside. Lengths are in mm.
 """
 
 import lazy_loader

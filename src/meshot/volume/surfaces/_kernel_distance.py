@@ -1,4 +1,4 @@
-"""Distance from triangles to the voxels around them, one triangle after another, then from voxel to voxel."""
+"""Distances from triangles to nearby voxels, and their propagation to the other voxels, compiled by numba."""
 
 from typing import no_type_check
 
@@ -45,7 +45,7 @@ def nearest_on_triangle(p, a, b, c):
 @no_type_check
 @kernel("distances to a surface", 5)
 def nearest_in_band(corners, sizes, shape, band):
-    """For every voxel centre (index · size) within ``band`` of a triangle: squared distance and nearest point."""
+    """Squared distance to the mesh, and nearest point, for every voxel centre (index · size) within ``band``."""
     squared = np.full(shape, np.inf)
     foot = np.zeros((*shape, 3))
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
@@ -63,7 +63,7 @@ def nearest_in_band(corners, sizes, shape, band):
                     p[2] = k * sizes[2]
                     q = nearest_on_triangle(p, corners[f, 0], corners[f, 1], corners[f, 2])
                     d = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
-                    # A corner of the triangle's box lies further away, and may be nearer to one whose box ends before.
+                    # Outside the band, a triangle whose box does not contain the voxel may be nearer.
                     if d <= band * band and d < squared[i, j, k]:
                         squared[i, j, k] = d
                         foot[i, j, k] = q
@@ -73,7 +73,7 @@ def nearest_in_band(corners, sizes, shape, band):
 @no_type_check
 @kernel("distances to a surface", 5)
 def spread_nearest(squared, foot, sizes, n_rounds):
-    """Let every voxel as yet without a distance try the nearest points of its 26 neighbours, there and back, in place.
+    """Propagate nearest points between the 26 neighbours to voxels outside the band, forward and backward, in place.
 
     References
     ----------

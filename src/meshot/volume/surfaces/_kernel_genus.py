@@ -1,4 +1,4 @@
-"""The inner loop of the genus-0 correction: simple points, well-composedness, and the flood."""
+"""The numba kernels of the genus-0 correction: simple points, well-composedness, and region growing."""
 
 import heapq
 from typing import no_type_check
@@ -13,7 +13,7 @@ CENTRE = 13
 
 
 def _adjacent_places(connectivity: int, allowed: np.ndarray) -> np.ndarray:
-    """Row i lists the places of the 3³ neighbourhood adjacent to place i, padded with -1."""
+    """Row i lists the positions in the 3³ neighbourhood that are adjacent to position i, padded with -1."""
     table = np.full((27, 26), -1, dtype=np.int64)
     for i in range(27):
         steps = np.abs(OFFSETS - OFFSETS[i])
@@ -31,9 +31,9 @@ _ALL = np.flatnonzero(_DISTANCE > 0)
 
 
 @njit(**INNER)
-@no_type_check  # the test suite wraps every other function in checks, which numba cannot compile
+@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def _components(values, wanted, seeds, adjacent):
-    """Number of components of the places with a wanted value that hold at least one of the seeds."""
+    """The number of components with the wanted value that contain at least one of the seeds."""
     seen = np.zeros(27, dtype=np.bool_)
     stack = np.empty(27, dtype=np.int64)
     count = 0
@@ -60,14 +60,14 @@ def _components(values, wanted, seeds, adjacent):
 @kernel("the correction of topology", 5)
 @no_type_check
 def is_simple(values):
-    """Whether adding the centre keeps the topology: one 26-component of object around it, one 6-component beside."""
+    """Whether adding the centre keeps the topology: one 26-component of the object, one 6-component of background."""
     return _components(values, True, _ALL, _ADJACENT_26) == 1 and _components(values, False, _FACES, _ADJACENT_6) == 1
 
 
 @kernel("the correction of topology", 5)
 @no_type_check
 def stays_well_composed(values):
-    """Whether neither object nor background gets voxels that meet only in an edge or corner when the centre joins."""
+    """Whether no two voxels of object or background meet only in an edge or corner after the centre is added."""
     for i in (-1, 1):
         for j in (-1, 1):
             for k in (-1, 1):
@@ -79,7 +79,7 @@ def stays_well_composed(values):
                     return False
                 if abc and not (a or b or c or ab or ac or bc):
                     return False
-                # Two opposite corners missing from a cube that is otherwise full; the centre is one of the six.
+                # Two opposite corners are missing from an otherwise full cube; the centre is one of the other six.
                 total = int(a) + int(b) + int(c) + int(ab) + int(ac) + int(bc) + int(abc)
                 if total == 5 and ((not a and not bc) or (not b and not ac) or (not c and not ab)):
                     return False
@@ -89,9 +89,10 @@ def stays_well_composed(values):
 @kernel("the correction of topology", 5)
 @no_type_check
 def flood(mask, priority, seed):
-    """Grow from a seed inside a mask, best priority first, by voxels that keep the topology of a ball.
+    """Grow a region from a seed inside a mask, in order of priority, through voxels that keep the topology of a ball.
 
-    ``mask`` and ``priority`` are flat views of a grid whose outermost layer is background; ``seed`` is an index triple.
+    ``mask`` and ``priority`` are grids whose outermost layer is background; ``priority`` is lowest first. ``seed`` is
+    an index triple.
     """
     shape = mask.shape
     strides = np.array([shape[1] * shape[2], shape[2], 1])

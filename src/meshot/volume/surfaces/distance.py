@@ -1,4 +1,4 @@
-"""Signed distance, in mm, from where a field crosses a level: finer than its voxels."""
+"""Signed distance, in mm, from a level set of a field, with subvoxel accuracy."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from meshot.volume.surfaces._kernel_distance import nearest_in_band, spread_near
 from meshot.volume.surfaces.marching_cubes import isosurface
 from meshot.volume.volume import Volume, mm_to_voxel, voxel_sizes
 
-_BAND = 1.5  # of the largest voxel side
-_ROUNDS = 1  # through the grid and back
+_BAND = 1.5  # in units of the largest voxel side
+_ROUNDS = 1  # forward and backward sweep through the grid
 
 
 def signed_distance(field: Volume, level: float = 0.5) -> Volume:
-    """The distance of every voxel centre from the surface where a field crosses a level; negative where it is above.
+    """The distance of every voxel centre from the level set of a field, negative where the field is above the level.
 
     Parameters
     ----------
     field : Volume
-        Larger inside: a probability, the enclosed part of each voxel, or a mask. Its axes must be orthogonal.
+        Larger inside: a probability, the enclosed fraction of each voxel, or a mask. Its axes must be orthogonal.
     level : float
         In the units of the field.
 
@@ -28,18 +28,18 @@ def signed_distance(field: Volume, level: float = 0.5) -> Volume:
     Raises
     ------
     ValueError
-        If the axes are not orthogonal, or no voxel, or every voxel, lies above the level.
+        If the axes are not orthogonal, or no voxel, or every voxel, is above the level.
 
     Notes
     -----
-    Within one and a half voxels the distance to the triangles of that surface is exact. Further away every voxel takes
-    the nearest point from its neighbours (Danielsson's sweeps), which is never too small and at most .3 mm too large
-    on voxels of 1.5 × 1.444 × 1.5 mm, .03 mm on average. Linear time; 2 s for the standard grid.
+    Up to one and a half voxels, the distance to the triangles of that surface is exact. Further away, every voxel uses
+    the nearest points of its neighbours (Danielsson's sweeps). The result is never too small, and at most .3 mm too
+    large for voxels of 1.5 × 1.444 × 1.5 mm, .03 mm on average. Linear time; 2 s for the standard grid.
 
-    How far the triangles are from the truth is up to the field. For spheres of 6 to 30 mm on that grid, and over all
-    voxels, enclosed parts of voxels give distances within .6 mm of the truth, on average .1 mm for the smallest sphere
-    and below .06 mm from 24 mm on; a mask, which knows of no half-filled voxel, within .8 mm, on average .2 to .3 mm.
-    The tests hold it to these numbers.
+    The distance of the triangles from the true surface depends on the field. For spheres of 6 to 30 mm on that grid,
+    over all voxels, enclosed fractions give errors below .6 mm, on average .1 mm for the smallest sphere and below
+    .06 mm from 24 mm on. Masks, which contain no partial volumes, give errors below .8 mm, on average .2 to .3 mm. The
+    tests check these numbers.
     """
     axes = field.affine[:3, :3] / voxel_sizes(field)
     if np.abs(axes.T @ axes - np.eye(3)).max() > 1e-4:

@@ -1,4 +1,4 @@
-"""Masks without handles, cavities or loose pieces."""
+"""Operations on masks: largest component, filling of cavities, genus-0 correction."""
 
 import numpy as np
 import scipy.ndimage
@@ -10,7 +10,7 @@ _CORNERS = np.ones((3, 3, 3), dtype=bool)
 
 
 def largest_component(mask: Bool[Array, "X Y Z"]) -> Bool[Array, "X Y Z"]:
-    """The largest piece of a mask whose voxels hang together by faces.
+    """The largest component of a mask, where voxels are connected by faces.
 
     Raises
     ------
@@ -22,24 +22,25 @@ def largest_component(mask: Bool[Array, "X Y Z"]) -> Bool[Array, "X Y Z"]:
 
 
 def filled_cavities(mask: Bool[Array, "X Y Z"]) -> Bool[Array, "X Y Z"]:
-    """A mask together with every pocket of background from which no path, not even over corners, leads outside."""
+    """The mask together with all cavities: background that is not 26-connected to the outside."""
     return scipy.ndimage.binary_fill_holes(mask, structure=_CORNERS)
 
 
 def genus_zero(mask: Bool[Array, "X Y Z"], priority: Float[Array, "X Y Z"]) -> Bool[Array, "X Y Z"]:
-    """The part of a mask that a ball can be grown into: one piece, no cavity, no handle, well-composed.
+    """A part of the mask with the topology of a ball: one component, no cavity, no handle, well-composed.
 
-    From the best voxel a front floods the mask in the order of priority. A voxel joins if it is simple for (26, 6)
-    connectivity (joining changes no component, handle or cavity) and if object and background remain well-composed
-    (no two voxels that meet only in an edge or a corner). So rings are cut where the priority is worst. Marching
-    cubes then gives a surface of Euler number 2 without a non-manifold edge; simple points alone do not.
+    A region grows from the voxel of highest priority, in the order of priority. A voxel is added if it is simple for
+    (26, 6) connectivity (adding it changes no component, handle or cavity) and if object and background remain
+    well-composed (no two voxels meet only in an edge or a corner). Handles are therefore cut where the priority is
+    lowest. Marching cubes then gives a surface of Euler number 2 without non-manifold edges. Simple points alone would
+    not ensure this.
 
     Parameters
     ----------
     mask : array
-        Boolean. Only voxels inside are ever kept: fill cavities first, or a channel is left open to each.
+        Boolean. Only voxels of the mask are kept. Fill cavities first; otherwise a channel to each is left open.
     priority : array
-        High values join first; the probability of the tissue, or the depth inside the mask.
+        Voxels with high values are added first: the probability of the tissue, or the depth inside the mask.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The surface where a volume crosses a level, in scanner mm."""
+"""Level sets of volumes as meshes, by marching cubes, in mm of scanner RAS."""
 
 import numpy as np
 import torch
@@ -13,16 +13,15 @@ with needing("cortex"):
 
 
 def isosurface(volume: Volume, level: float = 0.5) -> Mesh:
-    """The closed surface around everything above a level, by marching cubes, with outward normals.
+    """The closed level set of a volume, by marching cubes, with outward normals.
 
-    The volume is padded by one voxel of its smallest value, so that the surface closes even where the object reaches
-    the rim. Vertices leave voxel space through the affine, once; if that affine mirrors, faces are turned round.
+    The volume is padded by one voxel with its minimum, so that the surface is closed even if the object reaches the
+    border. The vertices are transformed by the affine once. If the affine is a reflection, faces are reversed.
 
     Parameters
     ----------
     volume : Volume
         A mask or a field that is larger inside.
-    level : float
         In the units of the volume.
 
     Returns
@@ -34,7 +33,7 @@ def isosurface(volume: Volume, level: float = 0.5) -> Mesh:
     Raises
     ------
     ValueError
-        If no voxel, or every voxel, lies above the level.
+        If no voxel, or every voxel, is above the level.
 
     References
     ----------
@@ -55,10 +54,10 @@ def isosurface(volume: Volume, level: float = 0.5) -> Mesh:
 
 
 def separated_field(field: Volume, mask: Bool[Array, "X Y Z"], level: float = 0.5, margin: float = 0.05) -> Volume:
-    """A field that lies above a level exactly on a mask, and is left as it was wherever the two agree.
+    """A field that is above a level exactly on a mask, and unchanged where field and mask already agree.
 
-    Marching cubes then sees the topology of the mask, and places the surface between voxels as the field says. Voxels
-    on the wrong side are reflected at the level, which leaves slits and bridges about a voxel wide.
+    Marching cubes of the result has the topology of the mask, and positions between voxels as in the field. Values on
+    the wrong side are reflected at the level, which gives slits and bridges about one voxel wide.
 
     Parameters
     ----------
@@ -68,8 +67,8 @@ def separated_field(field: Volume, mask: Bool[Array, "X Y Z"], level: float = 0.
     level : float
         In the units of the field.
     margin : float
-        Voxels closer than this to the level are moved away from it, so that no vertex comes near a voxel centre,
-        where triangles degenerate.
+        Values closer than this to the level are moved away from it. Otherwise vertices close to voxel centres would
+        give degenerate triangles.
 
     Raises
     ------

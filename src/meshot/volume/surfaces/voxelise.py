@@ -1,4 +1,4 @@
-"""A closed mesh on a voxel grid."""
+"""Voxelisation of closed meshes."""
 
 import numpy as np
 import scipy.ndimage
@@ -10,12 +10,12 @@ from meshot.volume.volume import Volume, mm_to_voxel, voxel_sizes
 
 
 def enclosed_voxels(mesh: Mesh, grid: Volume) -> Bool[Array, "X Y Z"]:
-    """Which voxel centres a closed mesh encloses, by the parity of crossings along the last axis of the grid.
+    """Which voxel centres are inside a closed mesh, by the parity of intersections along the last axis of the grid.
 
     Raises
     ------
     ValueError
-        If a line crosses the mesh an odd number of times: then it is not closed.
+        If a line intersects the mesh an odd number of times, so that it is not closed.
     """
     column, height, _ = _crossings(_corners(mesh, grid), grid.data.shape)
     n_columns, depth = grid.data.shape[0] * grid.data.shape[1], grid.data.shape[2]
@@ -27,16 +27,15 @@ def enclosed_voxels(mesh: Mesh, grid: Volume) -> Bool[Array, "X Y Z"]:
 
 
 def enclosed_fractions(mesh: Mesh, grid: Volume, n_lines: int = 3) -> Float[Array, "X Y Z"]:
-    """Which part of every voxel a closed mesh encloses, from 0 to 1: the partial volume.
+    """The fraction of every voxel that a closed mesh encloses, from 0 to 1: the partial volume.
 
-    Along the last axis the lengths inside are exact; across, ``n_lines`` × ``n_lines`` lines through every voxel are
-    averaged.
+    Lengths along the last axis are exact. Across it, ``n_lines`` × ``n_lines`` lines per voxel are averaged.
 
     Raises
     ------
     ValueError
-        If a line enters the mesh more or less often than it leaves, so that it is not closed; or if its normals point
-        inward.
+        If the numbers of entries and exits of a line differ, so that the mesh is not closed; or if its normals point
+        inwards.
     """
     numbers = winding_numbers(mesh, grid, n_lines)
     if numbers.min() < -1e-6:
@@ -45,27 +44,28 @@ def enclosed_fractions(mesh: Mesh, grid: Volume, n_lines: int = 3) -> Float[Arra
 
 
 def winding_numbers(mesh: Mesh, grid: Volume, n_lines: int = 3) -> Float[Array, "X Y Z"]:
-    """How often a closed mesh winds around the points of every voxel, on average: 1 inside, 0 outside.
+    """The mean winding number of a closed mesh over every voxel: 1 inside, 0 outside.
 
-    Where faces cross there may be pockets of -1 or 2. Lines as in :func:`meshot.volume.surfaces.enclosed_fractions`.
+    If the mesh intersects itself, there may be regions with -1 or 2. Lines as in
+    :func:`meshot.volume.surfaces.enclosed_fractions`.
 
     Raises
     ------
     ValueError
-        If a line enters the mesh more or less often than it leaves, so that it is not closed.
+        If the numbers of entries and exits of a line differ, so that the mesh is not closed.
     """
     require_positive_integer(n_lines, "n_lines")
     nx, ny, depth = grid.data.shape
-    # Voxel (i, j) holds the lines n_lines·i … n_lines·i + n_lines − 1, evenly spread over it.
+    # Voxel (i, j) contains the lines n_lines·i … n_lines·i + n_lines − 1, evenly spaced.
     corners = _corners(mesh, grid)
     corners[:, :, :2] = (corners[:, :, :2] + 0.5) * n_lines - 0.5
     line, height, entering = _crossings(corners, (nx * n_lines, ny * n_lines))
-    entering *= np.sign(np.linalg.det(grid.affine[:3, :3]))  # a mirrored grid turns every face over
+    entering *= np.sign(np.linalg.det(grid.affine[:3, :3]))  # a reflected grid reverses every face
     balance = np.bincount(line, weights=entering, minlength=nx * ny * n_lines**2)
     if balance.any():
         raise ValueError("a line enters the mesh more or less often than it leaves: it is not closed; close it first")
     x, y = np.divmod(line, ny * n_lines)
-    # Entering at a height fills the rest of that voxel and all voxels above; leaving takes the same away again.
+    # An entry adds the rest of its voxel and all voxels above; an exit subtracts the same.
     place = np.clip(height + 0.5, 0, depth)
     voxel = np.floor(place).astype(np.int64)
     column = ((x // n_lines) * ny + y // n_lines) * (depth + 2) + voxel
@@ -76,17 +76,17 @@ def winding_numbers(mesh: Mesh, grid: Volume, n_lines: int = 3) -> Float[Array, 
 
 
 def _corners(mesh: Mesh, grid: Volume) -> Float[Array, "F 3 3"]:
-    """The corners of every face in voxel indices, shifted by less than matters.
+    """The corners of every face in voxel indices, with a negligible shift.
 
-    Otherwise a line through a vertex or an edge would be counted twice or not at all.
+    Without the shift, a line through a vertex or an edge could be counted twice or not at all.
     """
     corners = mm_to_voxel(grid, mesh.vertices.detach().double().cpu()).numpy()
     return (corners + np.array([1.37e-7, 2.91e-7, 0.0]))[mesh.faces.cpu().numpy()]
 
 
 def _crossings(corners: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
-    """For every crossing of a face with a line along the last axis: the flat index of the line, the height in voxels,
-    and 1 where going up enters the mesh, -1 where it leaves."""
+    """The intersections of faces with lines along the last axis: the flat index of the line, the height in voxels,
+    and 1 where an upward line enters the mesh, -1 where it leaves."""
     low = np.clip(np.ceil(corners[:, :, :2].min(axis=1)).astype(np.int64), 0, None)
     high = np.minimum(np.floor(corners[:, :, :2].max(axis=1)).astype(np.int64), np.array(shape[:2]) - 1)
     extent = np.maximum(high - low + 1, 0)
@@ -106,9 +106,9 @@ def _crossings(corners: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Ar
 
 
 def voxel_distance(mesh: Mesh, grid: Volume) -> Float[Array, "X Y Z"]:
-    """Signed distance of every voxel centre from a closed mesh, in mm, negative inside, to within about a voxel.
+    """Signed distance of every voxel centre from a closed mesh, in mm, negative inside, accurate to about a voxel.
 
-    It is measured to the nearest voxel centre on the other side, less half a voxel. Axes must be orthogonal.
+    It is the distance to the nearest voxel centre on the other side, minus half a voxel. Axes must be orthogonal.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""From results to verdicts: the rule for each tested claim, by its number."""
+"""The rules that compute verdicts from results, by number of the claim."""
 
 from meshot_book.claims.ledger import Rule
 from meshot_book.claims.rules.axioms import axioms_verdict

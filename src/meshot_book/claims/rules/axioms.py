@@ -1,4 +1,4 @@
-"""Claim 11: sliced Wasserstein is a metric, Sinkhorn breaks the triangle inequality, Chamfer is a pseudo-distance."""
+"""Claim 11: sliced Wasserstein is a metric, Sinkhorn violates the triangle inequality, Chamfer is a pseudo-distance."""
 
 from meshot_book.claims import ledger
 from meshot_book.notebook import digits, markdown_table
@@ -44,7 +44,7 @@ def axioms_verdict(record: dict) -> ledger.Verdict:
 
 
 def _agrees_with_weak_convergence(sequences: list[dict], name: str) -> bool:
-    """Whether the loss tends to zero exactly where the sequence converges weakly, among bounded ones."""
+    """Whether, among bounded sequences, the loss converges to zero exactly for those that converge weakly."""
     rows = [row for row in sequences if row["loss"] == name and row["bounded"]]
     return all(row["tends_to_zero"] == row["converges_weakly"] for row in rows)
 

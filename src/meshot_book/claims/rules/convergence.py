@@ -1,21 +1,21 @@
-"""Claims 2 and 5: the theorem, and what random directions cost."""
+"""Claims 2 and 5: the theorem, and the error caused by random directions."""
 
 from meshot_book.claims.ledger import ASSUMING, IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
 
-#: How far a slope in L may lie from −½, and a constant from one.
+#: Largest deviation of a slope in L from −½, and of a constant from one.
 SLOPE_TOLERANCE, CONSTANT_TOLERANCE = 0.02, 0.05
-#: With fewer directions than this the cost of a few heavy-tailed draws decides, not the rate.
+#: With fewer directions than this, a few draws from the heavy tail of the costs dominate the error.
 LEAST_DIRECTIONS = 10
-#: A constant that depends on the supports' own diameters alone would leave the error as it is (a ratio of about one).
+#: If the constant depended only on the diameters of the supports, this ratio of errors would be about one.
 LARGEST_RATIO = 2.0
 
 
 def theorem_verdict(record: dict) -> Verdict:
     """Claim 2 from ``experiments/convergence``: is the error at most C·R·√((d+1) log m / m), C of p and R alone?
 
-    The rate holds where the whole interval of the slope lies at or below the slope of √(log m / m) over the same sizes.
-    The constant fails where the error grows with the distance between supports that stay the same.
+    The rate holds if the whole interval of the slope is at or below the slope of √(log m / m) over the same sizes. The
+    constant fails if the error grows with the distance between unchanged supports.
     """
     results = record["results"]
     slower = [row for row in results["sizes"] if row["high"] > row["bound_slope"]]

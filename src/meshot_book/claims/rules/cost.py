@@ -4,12 +4,12 @@ from meshot_book.claims.ledger import IN_PART, NOT_REPRODUCED, NOT_TESTABLE, REP
 from meshot_book.notebook import digits, markdown_table
 
 OURS, TREE, BRUTE = "sliced, fused", "Chamfer, k-d tree", "Chamfer, brute force"
-SMALLEST = 10_000  # supports; below, all losses are fast
-HIGHEST_EXPONENT = 1.5  # halfway between m and m²
+SMALLEST = 10_000  # support points; with fewer, all losses are fast
+HIGHEST_EXPONENT = 1.5  # the mean of the exponents of m and m²
 
 
 def speed_verdict(record: dict) -> Verdict:
-    """Claim 10 from ``experiments/cost``: does sorting scale like m log m, and is it faster than Chamfer?"""
+    """Claim 10 from ``experiments/cost``: does sorting scale as m log m, and is it faster than Chamfer?"""
     cases = [row for row in record["results"]["cases"] if row["m"] >= SMALLEST]
     ratios = {rival: _ratios(cases, rival) for rival in (BRUTE, TREE)}
     grown = {
@@ -47,7 +47,7 @@ def speed_verdict(record: dict) -> Verdict:
 
 
 def _ratios(cases: list[dict], rival: str) -> dict[tuple[int, int], float]:
-    """(d, m) → seconds of the rival over ours."""
+    """The ratios of the rival's seconds to ours, by (d, m)."""
     seconds = {(row["peer"], row["d"], row["m"]): row["seconds"] for row in cases}
     return {(d, m): s / seconds[OURS, d, m] for (peer, d, m), s in seconds.items() if peer == rival}
 
@@ -60,9 +60,9 @@ def _range(ratios: dict[tuple[int, int], float], d: int | None = None) -> str:
 
 
 def memory_verdict(record: dict) -> Verdict:
-    """Claim 21 from ``experiments/cost``: must Sinkhorn hold a number for every pair of supports?
+    """Claim 21 from ``experiments/cost``: must Sinkhorn store a number for every pair of support points?
 
-    Judged at the largest size at which a library's dense variant was measured, against its lazy one.
+    The rule compares a library's dense variant with its lazy one, at the largest size at which the dense one was run.
     """
     memory = record["results"]["memory"]
     shares, said = {}, []
@@ -111,7 +111,7 @@ def _name(library: str, kind: str) -> str:
 
 
 def _by_size(rows: list[dict], quantity: str, unit: str, factor: float = 1.0) -> str:
-    """A line for every peer and dimension, a column for every size."""
+    """A row for every method and dimension, a column for every size."""
     lines: dict[tuple[str, int], dict] = {}
     sizes = sorted({row["m"] for row in rows})
     for row in rows:

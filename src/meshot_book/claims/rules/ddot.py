@@ -1,7 +1,7 @@
-"""Claims 13 and 17: trained flows on held-out subjects, DDOT beside CortexODE and beside other losses and encodings.
+"""Claims 13 and 17: trained flows on held-out subjects: DDOT, CortexODE, and other losses and encodings.
 
-Which arm is DDOT and which its rival, what the others are called and what the paper's Table 3 exchanges stands in the
-configuration of the experiment, under ``arms`` and ``comparison``.
+The configuration of the experiment defines DDOT, its rival, the names of the others, and the comparisons of the paper's
+Table 3, under ``arms`` and ``comparison``.
 """
 
 from meshot_book.claims.ledger import AT_THIS_BUDGET, IN_PART, NOT_TESTED, Verdict
@@ -9,22 +9,22 @@ from meshot_book.notebook import digits, markdown_table
 
 INITIAL = "initial"
 DISTANCES = ("emd_mm", "swd_mm", "assd_mm")
-#: The columns of the paper's Table 1; crossing faces are counted as the flow leaves them, before they are settled.
+#: The columns of the paper's Table 1. Self-intersecting faces are counted after the flow, before the repair.
 METRICS = {
     "emd_mm": "EMD, mm", "swd_mm": "SWD, mm", "assd_mm": "ASSD, mm", "normals": "Chamfer normals",
     "flow_crossing_percent": "crossing faces, %",
 }  # fmt: skip
 LARGER_IS_BETTER = ("normals",)
-LOSSES_ALLOWED = 1 / 20  # CortexODE leads in one of the twenty cells of the paper
-PAPER_STEPS = 90_000  # 300 epochs over some 300 scans, one a step
+LOSSES_ALLOWED = 1 / 20  # CortexODE is better in one of the twenty cells of the paper
+PAPER_STEPS = 90_000  # 300 epochs over about 300 scans, one per step
 
 
 def systems_verdict(record: dict) -> Verdict:
-    """Claim 13 from ``experiments/ddot``: DDOT against CortexODE, with all but the loss alike.
+    """Claim 13 from ``experiments/ddot``: DDOT against CortexODE, with only the loss different.
 
-    A cell is a metric on one side of one cohort. It goes to the one that the interval over subjects favours, and, where
-    several seeds were trained, that over seeds as well. Three of the five systems are not compared, so that the claim
-    can at best hold in part.
+    A cell is a metric on one side of one cohort. It counts for the system favoured by the interval over subjects and,
+    if several seeds were trained, also by the interval over seeds. Three of the paper's five systems are not compared,
+    so that the claim is at best reproduced in part.
     """
     results, plan = record["results"], record["config"]["comparison"]
     pair = (plan["ours"], plan["rival"])
@@ -37,7 +37,7 @@ def systems_verdict(record: dict) -> Verdict:
         status=status if columns else NOT_TESTED,
         says=(
             f"{_budget(results['trainings'])}, DDOT is better than CortexODE in {won} of {len(cells)} cells and worse "
-            f"in {lost}; the other three systems of the table are not compared."
+            f"in {lost}. The other three systems of the table are not compared."
         ),
         headline=(f"{won} of {len(cells)}", "cells of Table 1 in which DDOT is better than CortexODE"),
         ours=_systems_sentence(results, plan, columns, won, lost, len(cells))
@@ -61,7 +61,7 @@ def _budget(trainings: list[dict]) -> str:
 def ablation_verdict(record: dict) -> Verdict:
     """Claim 17 from ``experiments/ddot``: is DDOT better than with another encoding, or another loss?
 
-    One seed each, so that the claim can at best hold in part.
+    There is one seed for each, so that the claim is at best reproduced in part.
     """
     results, rule, plan = record["results"], _ABLATION_RULE, record["config"]["comparison"]
     titles, ours = {arm: each["title"] for arm, each in record["config"]["arms"].items()}, plan["ours"]
@@ -94,7 +94,7 @@ _ENDS = {
 
 
 def _from_start(results: dict, ours: str, place: dict) -> int:
-    """Whether DDOT ends farther (1) or nearer (-1) in ASSD than the initial surface, or the interval leaves it open."""
+    """1 if DDOT ends farther in ASSD than the initial surface, -1 if nearer, 0 if the interval contains zero."""
     for row in results["differences"]:
         if (row["first"], row["second"]) == (ours, INITIAL) and _same_place(row, place):
             return _side_of_zero(row["assd_mm"])
@@ -112,7 +112,7 @@ _ABLATION_RULE = (
 
 
 def _grid(results: dict, ours: str) -> dict[str, dict]:
-    """By arm, ours minus it, on the side of the cohort where most arms were trained."""
+    """The differences between our arm and each other arm, on the cohort and side with most trained arms."""
     columns: dict[tuple[str, str], dict[str, dict]] = {}
     for row in results["differences"]:
         if row["first"] == ours and row["second"] != INITIAL and row["side"] != "both":
@@ -121,7 +121,7 @@ def _grid(results: dict, ours: str) -> dict[str, dict]:
 
 
 def _favours(row: dict, metric: str, seeds: list[dict]) -> str | None:
-    """Which arm is better, if the intervals over subjects and over seeds, where there are any, agree on one."""
+    """The better arm, if the intervals over subjects and over seeds (if any) agree; else None."""
     found = {_side_of_zero(row[metric])}
     found |= {_side_of_zero(s[metric]) for s in seeds if (s["cohort"], s["side"]) == (row["cohort"], row["side"])}
     if len(found) > 1 or found == {0}:
@@ -134,7 +134,7 @@ def _side_of_zero(interval: dict) -> int:
 
 
 def _systems_sentence(results: dict, plan: dict, columns: list[dict], won: int, lost: int, n_cells: int) -> str:
-    """Who is better how often, in what, and how near both come."""
+    """A sentence on how often and in which metrics each system is better, and on their distances."""
     by_metric, ours, rival, names = [], plan["ours"], plan["rival"], plan["names"]
     for metric, name in METRICS.items():
         found = [_favours(row, metric, results["seeds"]) for row in columns]
@@ -170,7 +170,7 @@ def _favoured(row: dict) -> list[str | None]:
 
 
 def _compared(row: dict) -> str:
-    """In which distances the second arm of a difference is worse than the first, and in which better."""
+    """The distances in which the second arm of a difference is worse than the first, and those where it is better."""
     found = {METRICS[m].split(",")[0]: arm for m, arm in zip(DISTANCES, _favoured(row), strict=True)}
     worse = [name for name, arm in found.items() if arm == row["first"]]
     better = [name for name, arm in found.items() if arm == row["second"]]
@@ -215,7 +215,7 @@ def _same_place(one: dict, other: dict) -> bool:
 
 
 def _of(results: dict, place: dict, arm: str) -> dict:
-    """The summary of an arm at the first seed, on subjects of the kind that trainings know."""
+    """The summary of an arm at the first seed, on subjects of the training kind."""
     (row,) = [
         row for row in results["summary"]
         if _same_place(row, place) and row["arm"] == arm and row["kind"] == "template" and row["seed"] in (None, 0)

@@ -1,4 +1,4 @@
-"""Claims 20 and 22: what a fixed number of supports mends, and which loss leaves the triangles more even."""
+"""Claims 20 and 22: the effect of a fixed number of support points, and of the loss on mesh regularity."""
 
 from meshot_book.claims.ledger import ASSUMING, CHOICE, IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
@@ -6,7 +6,7 @@ from meshot_book.notebook import digits, markdown_table
 ANALYTIC = "folded"
 EVENNESS = ("edge_variation", "area_variation")
 CLOCKS = ("steps", "seconds", "closeness")
-STEADY = 1.1  # times the memory on the mesh before counts as the same
+STEADY = 1.1  # memory up to this multiple of that on the previous mesh counts as constant
 LOSSES = {"sliced": "sliced Wasserstein", "chamfer": "Chamfer"}
 
 
@@ -28,8 +28,8 @@ def evenness_verdict(record: dict) -> Verdict:
         status=status,
         says=(
             f"After equal steps sliced Wasserstein leaves more even triangles in {steps['sliced']} of {steps['all']} "
-            f"comparisons and Chamfer in {steps['chamfer']}; at equal closeness it is {close['sliced']} against "
-            f"{close['chamfer']}, and the paper does not say which it compares."
+            f"comparisons and Chamfer in {steps['chamfer']}. At equal closeness it is {close['sliced']} against "
+            f"{close['chamfer']}. The paper does not say which it compares."
         ),
         headline=(f"{close['sliced']} of {close['all']}", "comparisons at equal closeness with more even triangles"),
         ours=_evenness_sentence(rows, tallies),
@@ -44,18 +44,18 @@ def evenness_verdict(record: dict) -> Verdict:
 
 
 def _tally(rows: list[dict]) -> dict[str, int]:
-    """In how many comparisons each loss leaves more even triangles, and how many there are."""
+    """The number of comparisons in which each loss gives more even triangles, and the number of all."""
     sliced, chamfer = (len(_more_even(rows, end, sign)) for end, sign in (("low", 1), ("high", -1)))
     return {"sliced": sliced, "chamfer": chamfer, "all": len(rows)}
 
 
 def _more_even(rows: list[dict], end: str, sign: int) -> list[dict]:
-    """Where the whole interval of the variation, in edges and in areas, lies on one side of zero."""
+    """The rows in which the whole interval of the variation, in edges and in areas, is on one side of zero."""
     return [row for row in rows if all(sign * row[f"{name}_{end}"] > 0 for name in EVENNESS)]
 
 
 def _evenness_sentence(rows: list[dict], tallies: dict[str, dict[str, int]]) -> str:
-    """The first setting in numbers, the tallies by clock, on the cortex alone, and what evenness costs in closeness."""
+    """The first setting in numbers, the tallies by kind of equality and for the cortex, and the closeness."""
     first = next(row for row in rows if row["target"] == ANALYTIC)
     ended = [row for row in rows if row["at"] != "closeness"]
     nearer, farther = (sum(sign * row[end] > 0 for row in ended) for end, sign in (("assd_low", 1), ("assd_high", -1)))
@@ -98,7 +98,7 @@ def _gap(row: dict, name: str) -> str:
 
 
 def supports_verdict(record: dict) -> Verdict:
-    """Claim 20 from ``experiments/fixed_supports``: does memory grow with the mesh, and does a fixed number mend it?"""
+    """Claim 20 from ``experiments/fixed_supports``: does memory grow with the mesh, unless supports are fixed?"""
     grows = all(_growth(record, loss, "all") > STEADY for loss in LOSSES)
     mended = all(_growth(record, loss, "carried") <= STEADY for loss in LOSSES)
     dearer = any(r["variant"] == "carried" and r["assd_low"] > 0 for r in record["results"]["differences"])
@@ -133,7 +133,7 @@ def _costs(record: dict, loss: str, variant: str) -> list[dict]:
 
 
 def _growth(record: dict, loss: str, variant: str) -> float:
-    """The memory of a step on the largest mesh over that on the one before: few draws share corners on small meshes."""
+    """The ratio of a step's memory on the largest mesh and on the one before. Small meshes have shared corners."""
     before, last = _costs(record, loss, variant)[-2:]
     return last["step_bytes"] / before["step_bytes"]
 

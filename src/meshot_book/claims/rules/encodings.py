@@ -1,11 +1,11 @@
-"""Claims 6, 8 and 23: what a mesh becomes as a measure, and what its gradient carries."""
+"""Claims 6, 8 and 23: encodings of a mesh as a measure, and their gradients."""
 
 from meshot_book.claims.ledger import CHOICE, IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
 
 ROUNDOFF, BY_DIFFERENCES = 1e-11, 1e-5
-SEEN = (0.05, 0.95)  # shares of the gradient within which a loss can be said to see both parts
-CONTROLS = ("white and shifted", "white and inside out")  # these differ in one part only
+SEEN = (0.05, 0.95)  # range of a part's share of the gradient in which both parts influence the loss
+CONTROLS = ("white and shifted", "white and inside out")  # pairs that differ in positions or in normals only
 CLOSE = 0.1
 
 
@@ -13,7 +13,7 @@ def continuous_verdict(record: dict) -> Verdict:
     """Claim 6 from ``experiments/exact_value``: is the continuous encoding of theoretical use only?
 
     It is of practical use if value and gradient are exact, if both together cost less than 10⁵ samples, and if a
-    descent on it arrives in every run.
+    descent with it reaches the target in every run.
     """
     results = record["results"]
     error = max(row["error"] for row in results["accuracy"]["values"])
@@ -65,7 +65,7 @@ def _sampling_table(rows: list[dict]) -> str:
 
 
 def _percent(share: float) -> str:
-    """As a multiple where it is more than tenfold; roundoff as zero."""
+    """The share in per cent; as a multiple above tenfold; as zero within roundoff."""
     if abs(share) >= 10:
         return f"{digits(share, 3)} times"
     return f"{digits(100 * share, 3)} %" if abs(share) > 1e-9 else "0 %"
@@ -86,10 +86,10 @@ def _descent_table(rows: list[dict]) -> str:
 
 
 def normal_scale_verdict(record: dict) -> Verdict:
-    """Claim 8 from ``experiments/normal_scale``: can positions and unit normals share one space, whatever the units?
+    """Claim 8 from ``experiments/normal_scale``: can positions and unit normals share one space, in any unit?
 
-    Both are seen where each has at least a twentieth of the gradient. The conventions are vertices in mm (a normal is
-    1 mm long) and coordinates in [-1, 1] (half the largest extent).
+    Both parts influence the loss if each has at least a twentieth of the gradient. The two conventions are vertices in
+    mm (a normal has length 1 mm) and coordinates in [-1, 1] (a normal has half the largest extent).
     """
     pairs = [row for row in record["results"]["pairs"] if row["pair"] not in CONTROLS]
     conventions = [_share(row, scale) for row in pairs for scale in (1.0, row["half_extent"])]
@@ -163,8 +163,8 @@ def _scale_table(rows: list[dict]) -> str:
 def sample_gradient_verdict(record: dict) -> Verdict:
     """Claim 23 from ``experiments/sample_gradient``: can a mesh be optimised through points sampled from it?
 
-    Fixed draws are biased where the 95 % interval of their mean slope excludes the exact slope. Whether that matters is
-    seen at the end of a descent that cannot reach its target.
+    Fixed draws are biased if the 95 % interval of their mean slope excludes the exact slope. The effect of the bias is
+    measured at the end of a descent that cannot reach its target.
     """
     results = record["results"]
     rows = results["curve"] + results["losses"]

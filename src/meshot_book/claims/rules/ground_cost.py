@@ -1,17 +1,17 @@
-"""Claim 24: which distance is raised to the power p."""
+"""Claim 24: the ground cost whose p-th power is transported."""
 
 from meshot_book.claims.ledger import ASSUMING, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
 
-#: Two costs agree if they differ by no more than the errors of solvers and of finitely many directions.
+#: Two costs count as equal if they differ by at most this, the error of solvers and of finitely many directions.
 AGREES = 0.01
 
 
 def ground_cost_verdict(record: dict) -> Verdict:
     """Claim 24 from ``experiments/ground_cost``: is the cost of transport the sum of p-th powers over coordinates?
 
-    Reproduced if for every exponent both costs give the same values between surfaces; under a further assumption if for
-    some exponents only (which are named); else not.
+    Reproduced if both costs give the same values between surfaces for every exponent; under a further assumption if
+    they do for some exponents, which are named; else not reproduced.
     """
     results = record["results"]
     same = [row["p"] for row in results["summary"] if abs(row["ratio_mean"] - 1) < AGREES]
@@ -86,7 +86,7 @@ def _surfaces(results: dict) -> list[dict]:
 
 
 def _losses(results: dict) -> list[dict]:
-    """What each loss charges for a step, and how it depends on the way that the step goes."""
+    """The cost of a step under each loss, and its dependence on the direction of the step."""
     return [
         {
             "loss": row["loss"],

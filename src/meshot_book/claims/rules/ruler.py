@@ -1,17 +1,17 @@
-"""Claims 14, 15 and 16: the paper's own numbers, read with floors and as counts, and the counts of our flows."""
+"""Claims 14, 15 and 16: the paper's numbers, compared with floors, inequalities and counts, and with our flows."""
 
 from meshot_book.claims.ledger import CHOICE, IN_PART, NOT_REPRODUCED, NOT_TESTED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
 
-USABLE = 0.5  # a floor up to this share of a number leaves three quarters of its square to the surfaces
-STRIKING = 3  # a smallest deviation of a column so many times below the next one
+USABLE = 0.5  # if the floor is at most this share of a number, three quarters of its square are due to the surfaces
+STRIKING = 3  # smallest ratio of a column's second smallest deviation to its smallest that is reported
 
 
 def table_verdict(record: dict) -> Verdict:
-    """Claim 14 from ``experiments/paper_table``: do the EMD and SWD columns fit together?
+    """Claim 14 from ``experiments/paper_table``: are the EMD and SWD columns consistent?
 
-    On the same points SW₂ ≤ W₂/√3, up to the error of the directions. The columns are consistent if under one way of
-    writing them (exponent, root, half) every row obeys its inequality.
+    On the same points SW₂ ≤ W₂/√3, up to the error of the directions. The columns are consistent if, under one
+    convention (exponent, root, half), every row satisfies its inequality.
     """
     table = record["results"]["table"]
     printed, swapped = (min(table[key], key=lambda row: row["n_broken"]) for key in ("as_printed", "oasis_exchanged"))
@@ -86,10 +86,10 @@ def _oddities_table(table: dict) -> str:
 
 
 def floor_verdict(record: dict) -> Verdict:
-    """Claim 15 from ``experiments/floors``: does an EMD of .70 mm say how good a surface is?
+    """Claim 15 from ``experiments/floors``: does an EMD of .70 mm measure the quality of a surface?
 
-    It does in a reading (which distance, which root) whose floor, two samples of one surface, is at most half the
-    number: squares add, so that three quarters of its square are then due to the surfaces.
+    It does under an interpretation (which distance, which root) whose floor, from two samples of one surface, is at
+    most half the number. Squares are additive, so that three quarters of its square are then due to the surfaces.
     """
     readings, number = record["results"]["readings"], record["results"]["number_mm"]
     usable = [row for row in readings if row["high"] <= USABLE * number]
@@ -120,7 +120,7 @@ def floor_verdict(record: dict) -> Verdict:
 
 
 def readings_of(record: dict, metric: str) -> list[dict]:
-    """What a metric comes to at the target, of every surface."""
+    """The predictions of a metric at the target size, for every surface."""
     rows = [row for row in record["results"]["floors"] if row["metric"] == metric]
     return [row["at_target"]["measured"] for row in rows if "measured" in row["at_target"]]
 
@@ -157,8 +157,9 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
     """Claim 16 from ``experiments/paper_table`` and ``experiments/ddot``: shares of intersecting faces, as counts.
 
     The status follows from the trained flows, before any repair: in how many columns (cohort and side) is DDOT below
-    the bound, and CortexODE so many times above DDOT? The printed table is read as counts beside it. Two faces are the
-    fewest that cross, so that a bound below their share can hold on one surface only if nothing crosses.
+    the bound, and CortexODE above DDOT by the stated factor? The shares in the paper's table are also reported as
+    numbers of faces. At least two faces intersect, so that a bound below their share holds on one surface only if no
+    faces intersect.
     """
     counts = record["results"]["counts"]
     n_faces, bound, wanted = counts["typical_faces"], counts["bound_percent"], counts["stated_factor"]

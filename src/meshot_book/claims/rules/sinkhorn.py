@@ -3,17 +3,17 @@
 from meshot_book.claims.ledger import CHOICE, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
 
-#: By which distances a loss is called weaker or better, and how they are called.
+#: The distances by which losses are compared, and their names.
 RULER = {"w2_varifold": "W₂ of varifolds", "sw2_surface": "SW₂ of surfaces"}
 SHOWN = RULER | {"assd": "ASSD", "emd": "EMD"}
 
 
 def blur_verdict(record: dict) -> Verdict:
-    """Claim 18 from ``experiments/blur``: at which blurs does a fit by Sinkhorn end further away than one by slices?
+    """Claim 18 from ``experiments/blur``: for which blurs is the result of Sinkhorn farther away than that of slices?
 
-    A blur is weaker where the 95 % intervals over seeds of Sinkhorn minus sliced Wasserstein lie above zero in exact W₂
-    between varifolds and in exact continuous SW₂; better where both lie below zero. Reproduced if weaker at every blur
-    tried, depending on the choice of blur if at some, else not.
+    A blur is weaker if the 95 % intervals over seeds of Sinkhorn minus sliced Wasserstein are above zero, both in exact
+    W₂ between varifolds and in exact continuous SW₂; it is better if both are below zero. Reproduced if Sinkhorn is
+    weaker at every blur that was tried, dependent on the choice of blur if at some, else not reproduced.
     """
     results = record["results"]
     tried = [row for row in results["differences"] if row["loss"] == "sinkhorn"]
@@ -70,7 +70,7 @@ def _name(row: dict) -> str:
 
 
 def _fits(results: dict) -> list[dict]:
-    """Mean ± sd over seeds, with the start above and the target against itself below."""
+    """Mean ± sd over seeds, with the start in the first row and the target against itself in the last."""
     rows = [{"fit by": "*start*"} | {f"{text} (mm)": results["start"][name] for name, text in SHOWN.items()}]
     for row in results["fits"]:
         cells = {f"{text} (mm)": f"{row[f'{name}_mean']:.3f} ± {row[f'{name}_sd']:.3f}" for name, text in SHOWN.items()}
@@ -92,7 +92,7 @@ def _differences(results: dict) -> list[dict]:
 
 
 def _limits(results: dict) -> list[dict]:
-    """How far the divergence is from exact transport and from the energy distance, by blur and annealing."""
+    """The differences of the divergence from exact transport and from the energy distance, by blur and scaling."""
     return [
         {
             "p": row["p"],

@@ -1,4 +1,4 @@
-"""Claim 1: the toy of chapter 01."""
+"""Claim 1: the toy experiment of chapter 01."""
 
 from meshot_book.claims.ledger import IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict
 
@@ -6,9 +6,10 @@ from meshot_book.claims.ledger import IN_PART, NOT_REPRODUCED, REPRODUCED, Verdi
 def toy_verdict(record: dict) -> Verdict:
     """Claim 1 from ``experiments/circle_to_polygon``: is Chamfer trapped where sliced Wasserstein is not?
 
-    A setting is a polygon, a sampling, and directions redrawn or fixed, with both losses at their means and the paper's
-    optimiser. Chamfer ends further away where the 95 % interval of the paired difference in exact W₂ lies above zero,
-    and leaves more of the target bare where that in coverage lies below zero.
+    A setting is a polygon, a sampling, and directions that are drawn again or fixed, with the mean reduction of both
+    losses and the paper's optimiser. Chamfer ends farther away if the 95 % interval of the paired difference in exact
+    W₂ is above zero. It leaves more of the target uncovered if the interval of the difference in coverage is below
+    zero.
     """
     differences = record["results"]["differences"]
     further = [row for row in differences if row["w2_low"] > 0]
@@ -37,7 +38,7 @@ def toy_verdict(record: dict) -> Verdict:
 
 
 def _toy_sentence(summary: list[dict], differences: list[dict], further: list[dict], barer: list[dict]) -> str:
-    """Where the claim holds, and the headline setting: the first polygon, even sampling, directions redrawn."""
+    """A sentence on the settings where the claim holds, and on the first polygon, even sampling, new directions."""
     first = [r for r in summary if r["reduction"] == "mean" and r["sampling"] == "even"][:2]
     ends = ", against ".join(
         f"{row['w2_mean']:.3f} and {row['coverage_mean']:.0%} ({_loss_name(row)})" for row in first
@@ -58,7 +59,7 @@ def _loss_name(row: dict) -> str:
 
 
 def _toy_table(results: dict) -> str:
-    """Exact W₂, coverage and evenness of every setting, mean ± sd over seeds, and the floors to read them by."""
+    """Exact W₂, coverage and evenness of every setting, mean ± sd over seeds, and the floors."""
     lines = [
         "| polygon | sampling | loss | W₂ to the target | coverage | evenness | seeds |",
         "|---|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""Claim 7: the varifold against samples with as many points, the exact continuous value being the truth."""
+"""Claim 7: the varifold against samples of the same size, with the exact continuous value as reference."""
 
 from meshot_book.claims.ledger import IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict
 from meshot_book.notebook import digits, markdown_table
@@ -8,8 +8,8 @@ def varifold_verdict(record: dict) -> Verdict:
     """Claim 7 from ``experiments/encoding_rates``: does the varifold approximate a mesh better than samples do?
 
     A duel is a mesh (family and level), a space, an exponent and a quantity (error of SW_p^p to another mesh; SW_p to
-    the mesh itself), at equal numbers of supports. The varifold wins it if the 95 % interval of the ratio of mean
-    errors, samples over varifold, lies above one, and loses it if the interval lies below.
+    the mesh itself), with equal numbers of support points. The varifold wins if the 95 % interval of the ratio of mean
+    errors, samples over varifold, is above one, and loses if the interval is below one.
     """
     results = record["results"]
     won = [row for row in results["duels"] if row["low"] > 1]
@@ -64,7 +64,7 @@ def _range(rows: list[dict]) -> str:
 
 
 def _rate_table(rates: list[dict]) -> str:
-    """Slopes in the edge length, a line for each family, space, exponent and quantity."""
+    """Slopes in the edge length, a row for each family, space, exponent and quantity."""
     lines: dict[tuple, dict] = {}
     for row in rates:
         if row["encoding"] not in ("barycentres", "samples"):
@@ -80,7 +80,7 @@ def _rate_table(rates: list[dict]) -> str:
 
 
 def _duel_table(duels: list[dict]) -> str:
-    """Ratios of errors, a line for each mesh."""
+    """Ratios of errors, a row for each mesh."""
     lines: dict[tuple, dict] = {}
     for row in duels:
         line = lines.setdefault((row["family"], row["level"]), {"mesh": _name(row), "supports": row["n_faces"]})

@@ -1,4 +1,4 @@
-"""Claim 9: measures of different sizes and masses are compared by merging; what the gradient in the areas does."""
+"""Claim 9: transport between measures of different sizes and masses, and the gradient through the areas."""
 
 from meshot_book.claims.ledger import CHOICE, NOT_REPRODUCED, REPRODUCED, Verdict
 
@@ -7,11 +7,11 @@ LIBRARIES = ("pot_sorting", "pot_linear_program", "scipy")
 
 
 def weights_verdict(record: dict) -> Verdict:
-    """Claim 9 from ``experiments/weights_and_areas``: is merging right, and must gradients pass through the areas?
+    """Claim 9 from ``experiments/weights_and_areas``: is 1D transport correct, and must gradients include the areas?
 
-    Merging is right where it differs from POT and SciPy by roundoff alone. The unstated choice matters where the 95 %
-    interval of the paired difference in the exact sliced Wasserstein distance to the target, gradients stopped at the
-    areas minus gradients through them, excludes zero.
+    Transport is correct if it differs from POT and SciPy by roundoff alone. The choice of the gradient matters if the
+    95 % interval of the paired difference in the exact sliced Wasserstein distance to the target, gradients stopped at
+    the areas minus gradients through them, excludes zero.
     """
     results = record["results"]
     worst = max(row[name] for row in results["merging"] for name in LIBRARIES if name in row)
@@ -64,7 +64,7 @@ def _sentence(results: dict, worst: float, better: list[dict], worse: list[dict]
 
 
 def _table(results: dict) -> str:
-    """Where descents end, with gradients through the areas and without, and the paired differences."""
+    """Final distances of descents, with gradients through the areas and without, and the paired differences."""
     lines = [
         "| target | encoding | SW₂ to the target, through | stopped | stopped − through [95 %] | edge variation, "
         "through | stopped | seeds |",

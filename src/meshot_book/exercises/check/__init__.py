@@ -1,14 +1,16 @@
 """The checkers of the exercises, by name: ``check.NAME(your_function)`` prints one line."""
 
+from meshot_book.exercises.beyond_exercises import centred_cost, chamfer_floor, gap_cost
 from meshot_book.exercises.convergence_exercises import mean_gap, points_needed, wrong_curve
 from meshot_book.exercises.cost_exercises import blocked_chamfer, growth_exponent, merged_cells
 from meshot_book.exercises.ddot_exercises import alignment, count_weights, feature_at, mean_displacements
 from meshot_book.exercises.deforming_exercises import edge_variation, equal_time, safe_steps
-from meshot_book.exercises.descent_exercises import largest_rate, line_pull, nearest_pull
+from meshot_book.exercises.descent_exercises import largest_rate, line_arrows, nearest_arrows
 from meshot_book.exercises.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot_book.exercises.imaging_exercises import grid_affine, noise_from_air, pixel_share
 from meshot_book.exercises.line_exercises import quantiles, transport_cost, weight_gradient
-from meshot_book.exercises.measure_exercises import face_weights, is_inside_out, scale_for_share, tent_density
+from meshot_book.exercises.measure_exercises import face_weights, mean_square, tent_density
+from meshot_book.exercises.normal_exercises import area_gradient, is_inside_out, scale_for_share
 from meshot_book.exercises.results_exercises import kept_check, observed_order, paired_gap
 from meshot_book.exercises.ruler_exercises import breaks_bound, pairs_left, two_sided, without_floor
 from meshot_book.exercises.scan_exercises import handles, is_simple, surface_ras
@@ -18,9 +20,12 @@ from meshot_book.exercises.zoo_exercises import blur_in_coordinates, debiased, s
 
 __all__ = [
     "alignment",
+    "area_gradient",
     "blocked_chamfer",
     "blur_in_coordinates",
     "breaks_bound",
+    "centred_cost",
+    "chamfer_floor",
     "count_weights",
     "debiased",
     "edge_variation",
@@ -28,6 +33,7 @@ __all__ = [
     "euler_flow",
     "face_weights",
     "feature_at",
+    "gap_cost",
     "ghost_pair",
     "grid_affine",
     "growth_exponent",
@@ -36,13 +42,14 @@ __all__ = [
     "is_simple",
     "kept_check",
     "largest_rate",
-    "line_pull",
+    "line_arrows",
     "lines_needed",
     "mask_euler",
     "mean_displacements",
     "mean_gap",
+    "mean_square",
     "merged_cells",
-    "nearest_pull",
+    "nearest_arrows",
     "noise_from_air",
     "observed_order",
     "paired_gap",

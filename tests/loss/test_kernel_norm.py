@@ -1,0 +1,135 @@
+"""The kernel norm of varifolds: closed forms, GeomLoss, a slow twin, gradients, invariance, refused input."""
+
+import functools
+
+import geomloss
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from meshot import DiscreteMeasure, varifold
+from meshot.loss import varifold_kernel
+from meshot.loss.composed import surface_loss
+from meshot.loss.kernel_norm import ANGULAR
+from meshot.mesh.shapes import icosphere
+
+
+def oriented(seed, n, scale=1.0, dtype=torch.float64):
+    """Points with normals of a length, and unequal masses."""
+    random = np.random.default_rng(seed)
+    normals = random.normal(size=(n, 3))
+    normals *= scale / np.linalg.norm(normals, axis=1, keepdims=True)
+    points = torch.from_numpy(np.hstack([random.normal(size=(n, 3)), normals])).to(dtype)
+    masses = torch.from_numpy(random.dirichlet(np.ones(n))).to(dtype)
+    return DiscreteMeasure(points, masses)
+
+
+def slow(source, target, width, angular):
+    """The definition, pair by pair."""
+    gamma = {"currents": lambda u: u, "varifold": lambda u: u**2, "oriented": lambda u: np.exp(8 * (u - 1))}[angular]
+
+    def inner(p, q):
+        total = 0.0
+        for x, a in zip(p.points.numpy(), p.weights.numpy()):
+            for y, b in zip(q.points.numpy(), q.weights.numpy()):
+                u = x[3:] @ y[3:] / np.linalg.norm(x[3:]) / np.linalg.norm(y[3:])
+                total += a * b * np.exp(-((x[:3] - y[:3]) ** 2).sum() / width**2) * gamma(u)
+        return total
+
+    return inner(source, source) - 2 * inner(source, target) + inner(target, target)
+
+
+@pytest.mark.parametrize("angular", ANGULAR)
+@pytest.mark.parametrize("block", [1 << 22, 40])
+def test_the_definition(angular, block, monkeypatch):
+    monkeypatch.setattr("meshot.loss.kernel_norm._BLOCK", block)
+    source, target = oriented(0, 17), oriented(1, 13, scale=4.0)
+    found = float(varifold_kernel(source, target, 0.8, angular))
+    assert found == pytest.approx(slow(source, target, 0.8, angular), rel=1e-12)
+
+
+def test_equal_normals_leave_the_gaussian_norm_of_another_library():
+    """GeomLoss's kernel is exp(−d²/(2 blur²)), and its value half the squared norm."""
+    source, target = oriented(2, 30), oriented(3, 20)
+    up = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
+    level = [
+        DiscreteMeasure(torch.cat([m.points[:, :3], up.expand(len(m.points), 3)], 1), m.weights)
+        for m in (source, target)
+    ]
+    other = geomloss.SamplesLoss("gaussian", blur=0.9 / 2**0.5, backend="tensorized")
+    expected = 2 * other(
+        source.weights, source.points[:, :3].contiguous(), target.weights, target.points[:, :3].contiguous()
+    )
+    for angular in ANGULAR:
+        assert float(varifold_kernel(*level, 0.9, angular)) == pytest.approx(float(expected), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("angular", "value"), [("currents", 4.0), ("varifold", 0.0), ("oriented", 2 - 2 * np.exp(-16))]
+)
+def test_opposite_normals_in_one_place(angular, value):
+    one = oriented(4, 1)
+    turned = DiscreteMeasure(one.points * torch.tensor([1.0, 1, 1, -1, -1, -1]))
+    assert float(varifold_kernel(one, turned, 1.0, angular)) == pytest.approx(value, abs=1e-12)
+
+
+@pytest.mark.parametrize("angular", ANGULAR)
+def test_zero_between_equal_varifolds_symmetric_and_invariant(angular):
+    source, target = oriented(5, 20), oriented(6, 25)
+    loss = functools.partial(varifold_kernel, width=1.3, angular=angular)
+    assert abs(float(loss(source, source))) < 1e-15
+    value = float(loss(source, target))
+    assert float(loss(target, source)) == pytest.approx(value, rel=1e-12)
+    turn = torch.from_numpy(Rotation.from_euler("xyz", [0.3, -1, 2]).as_matrix())
+
+    def moved(m):
+        return DiscreteMeasure(torch.cat([m.points[:, :3] @ turn.T + 7, m.points[:, 3:] @ turn.T], dim=1), m.weights)
+
+    assert float(loss(moved(source), moved(target))) == pytest.approx(value, rel=1e-10)
+
+
+@pytest.mark.parametrize("angular", ANGULAR)
+def test_gradients(angular, monkeypatch):
+    monkeypatch.setattr("meshot.loss.kernel_norm._BLOCK", 20)
+    source, target = oriented(7, 6), oriented(8, 5)
+    points, logits = source.points.clone().requires_grad_(), source.weights.log().requires_grad_()
+
+    def value(points, logits):
+        return varifold_kernel(DiscreteMeasure(points, logits.softmax(0)), target, 0.9, angular)
+
+    assert torch.autograd.gradcheck(value, (points, logits))
+
+
+def test_single_precision_far_from_the_origin():
+    """Squared distances are taken around the middle of the target, so that a shift of 100 widths costs no digits."""
+    near = [varifold(icosphere(2, radius), normal_scale=1.0) for radius in (10.0, 11.0)]
+    expected = float(varifold_kernel(*near, 4.0))
+    shift = torch.tensor([400.0, -300, 200, 0, 0, 0])
+    far = [DiscreteMeasure((m.points + shift).float(), m.weights.float()) for m in near]
+    # The points themselves are rounded at 400: 3e-5 of a unit, of a width of 4.
+    assert float(varifold_kernel(*far, 4.0)) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_setting_by_name():
+    loss = surface_loss({"loss": "varifold_kernel", "normal_scale": 1.0, "width": 3.0, "angular": "currents"})
+    source, target = icosphere(1, 10.0), icosphere(1, 11.0)
+    found = loss(source, target, np.random.default_rng(0))
+    direct = varifold_kernel(varifold(source, normal_scale=1.0), varifold(target, normal_scale=1.0), 3.0, "currents")
+    assert float(found) == pytest.approx(float(direct), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("points", "words", "said"),
+    [
+        (torch.zeros(4, 3), {}, r"lie in R\^3; R\^6 is needed"),
+        (torch.zeros(4, 6), {}, "4 normals have length zero"),
+        (torch.ones(4, 6), {"width": 0.0}, "width is 0.0"),
+        (torch.ones(4, 6), {"width": float("nan")}, "width is nan"),
+        (torch.ones(4, 6), {"angular": "normal"}, "angular is 'normal'; one of currents, varifold, oriented"),
+    ],
+)
+def test_refused(points, words, said):
+    measure = DiscreteMeasure(points.double())
+    with pytest.raises(ValueError, match=said):
+        varifold_kernel(measure, measure, **words)

@@ -1,0 +1,75 @@
+"""What a test can hold of the rules for prose: words that say nothing, long sentences, sections that open with none."""
+
+import re
+from collections.abc import Iterator
+
+LONGEST_SENTENCE = 40
+
+#: Words and phrases, and why they do not stand in the book. Case does not matter.
+BANNED = {
+    r"hardly|scarcely|dozens|myriads?|plethora|a handful of|a host of": "give the number",
+    r"obviously|of course|needless to say|trivially|it is clear that|it is easy to see": "say the reason or nothing",
+    r"really|extremely|incredibly": "give the number, or leave it out",
+    r"(?<!power )laws? of (?:a|the) (?:mesh|surface|points?|sample)|uniform laws?": "say distribution",
+    r"pull(?:s|ed)? of (?:a|the) loss": "say gradient or descent direction",
+    r"(?:loss|losses|metrics?|numbers|measures?|networks?|optimisers?|Chamfer|Wasserstein|transport) "
+    r"(?:sees?|wants?|says?|asks?|tells?|feels?|likes?|thinks?|believes?|hopes?|dreams?|cares?)": "losses do not speak",
+    r"behind the scenes|under the hood|at the end of the day|in a nutshell|the devil is in": "say it plainly",
+    r"let us|let's": "say what is done",
+}
+#: Sections that are lists by nature.
+LISTS = ("Summary", "Exercises")
+_BANNED = [(re.compile(rf"\b(?:{words})\b", re.I), remedy) for words, remedy in BANNED.items()]
+_FENCED = re.compile(r"^(`{3,}).*?^\1[ \t]*$", re.M | re.S)
+_HEADING = re.compile(r"^(#{1,4}) +(.*)$", re.M)
+_DROPPED = (
+    re.compile(r"^:{3,}.*$|^:[\w-]+:.*$|^\([\w-]+\)=$|^\|.*$", re.M),  # fences, options, labels, tables
+    re.compile(r"<[^>]+>|\]\{\.[^}]*\}"),
+    re.compile(r"\{[a-z:]+\}`[^`]*`"),
+)
+_BLOCK = re.compile(r"\n\s*\n|\n(?=\s*(?:[-*]|\d+\.|:) )")
+_STOP = re.compile(r"(?<=[.!?:])[\"”’)*]*\s+(?=[A-Z\[$*`“(])")
+_SHORT = re.compile(r"\b(?:e\.g|i\.e|cf|vs|Fig|Eq|Thm|Sec|App|al|approx)\.")
+
+
+def sentences(text: str) -> Iterator[str]:
+    """The sentences of Markdown, each as one line; a formula is one word, a list item a sentence of its own."""
+    text = _FENCED.sub("\n\n", text)
+    text = re.sub(r"\$\$.*?\$\$", " formula ", text, flags=re.S)
+    text = re.sub(r"\$[^$]+\$", "formula", text)
+    text = _HEADING.sub("\n\n", text)
+    for pattern in _DROPPED:
+        text = pattern.sub(" ", text)
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    text = re.sub(r"`[^`]*`", "code", text)
+    for block in _BLOCK.split(text):
+        line = _SHORT.sub(lambda word: word[0].replace(".", ""), " ".join(block.split()))
+        yield from (part for part in _STOP.split(line) if part)
+
+
+def lapses(text: str) -> list[str]:
+    """What is against the rules in one piece of Markdown."""
+    found = []
+    for sentence in sentences(text):
+        n_words = len(re.findall(r"\w[\w'’.,-]*", sentence))
+        if n_words > LONGEST_SENTENCE:
+            found.append(f"{n_words} words: {sentence[:80]}…")
+        for pattern, remedy in _BANNED:
+            word = pattern.search(sentence)
+            if word:
+                found.append(f"{word[0]!r} ({remedy}): {sentence[:80]}")
+    return found + unopened(text)
+
+
+def unopened(text: str) -> list[str]:
+    """Headings that no sentence follows."""
+    text = _FENCED.sub(lambda block: "\n```\n" if "{" not in block[0].splitlines()[0] else "\n", text)
+    parts = _HEADING.split(text)
+    found = []
+    for heading, below in zip(parts[2::3], parts[3::3], strict=True):
+        if heading in LISTS:
+            continue
+        lines = [line for line in below.splitlines() if line.strip() and not re.match(r"\([\w-]+\)=$", line)]
+        if not lines or not re.match(r"[\w\[*$“\"`(:]", lines[0]) or lines[0].startswith(("```", "* ", "- ")):
+            found.append(f"no sentence opens the section {heading!r}")
+    return found
