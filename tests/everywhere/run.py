@@ -23,14 +23,15 @@ def main() -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     rows, failures = [], []
     for machine in machines:
-        print(f"{machine.name} …", flush=True)
         done = run_tests(machine, chosen.files, IN_PARALLEL)
         if done is None:
             rows.append((machine.name, "-", "-", f"this processor has no {machine.needs}"))
+            print(f"{machine.name}: {rows[-1][-1]}", flush=True)
             continue
         found = counts_of(done.stdout)
         troubles = found.get("failed", 0) + found.get("error", 0) + found.get("errors", 0)
         rows.append((machine.name, found.get("passed", 0), troubles, "ok" if done.returncode == 0 else "FAILED"))
+        print(f"{machine.name}: {rows[-1][-1]}", flush=True)
         if done.returncode:
             failures.append(f"\n{machine.name}, {machine.environment}\n{done.stdout}")
     print("\n".join(failures))
