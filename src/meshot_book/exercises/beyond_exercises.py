@@ -66,6 +66,10 @@ def centred_cost(function: object) -> None:
         ),
         Mistake(lambda x, y, u: _centred(x, y, u) ** 0.5, "SW₂² is asked for: no root"),
     ]
+    check_answer(function, _centred, _cloud_cases(), mistakes, "centred_cost")
+
+
+def _cloud_cases() -> list[Case]:
     generator = np.random.default_rng(0)
 
     def cloud(m: int, d: int, shift: float) -> Tensor:
@@ -75,13 +79,12 @@ def centred_cost(function: object) -> None:
         drawn = torch.from_numpy(generator.normal(size=(n, d)))
         return drawn / drawn.norm(dim=1, keepdim=True)
 
-    cases = [
+    return [
         Case("two clouds in space", (cloud(9, 3, 0.0), cloud(9, 3, 2.0), directions(4, 3))),
         Case("two clouds with normals", (cloud(12, 6, 0.0), cloud(12, 6, -1.0), directions(7, 6))),
         Case("two clouds in the plane", (cloud(5, 2, 1.0), cloud(5, 2, 1.5), directions(3, 2))),
         Case("one direction", (cloud(8, 3, 0.0), cloud(8, 3, 5.0), directions(1, 3))),
     ]
-    check_answer(function, _centred, cases, mistakes, "centred_cost")
 
 
 def _sliced(x: Float[Tensor, "m d"], y: Float[Tensor, "m d"], u: Float[Tensor, "L d"]) -> float:

@@ -125,18 +125,21 @@ def mean_square(function: object) -> None:
             "this is a mean over the vertices; a surface has its mass on its faces",
         ),
     ]
+    check_answer(function, lambda v, f, u: _mean(v, f, _squares(v, f, u)), _mesh_cases(), mistakes, "mean_square")
+
+
+def _mesh_cases() -> list[Case]:
     generator = np.random.default_rng(0)
     oblique = torch.tensor([0.36, 0.48, 0.8], dtype=torch.float64)
     folded, box = folded_sphere(1, 1.0, 0.4), cube(2.0)
     shifted = box.vertices * torch.tensor([1.0, 3.0, 0.5], dtype=torch.float64) + 1.0
     one = torch.from_numpy(generator.normal(size=(3, 3)))
-    cases = [
+    return [
         Case("one triangle", (one, torch.tensor([[0, 1, 2]]), oblique)),
         Case("a shifted box with unequal sides", (shifted, box.faces, oblique)),
         Case("a folded surface", (folded.vertices, folded.faces, oblique)),
         Case("a face seen edge-on", (one, torch.tensor([[0, 1, 2]]), _normal(one))),
     ]
-    check_answer(function, lambda v, f, u: _mean(v, f, _squares(v, f, u)), cases, mistakes, "mean_square")
 
 
 def _normal(corners: Float[Tensor, "3 3"]) -> Float[Tensor, " 3"]:
