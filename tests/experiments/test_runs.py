@@ -229,7 +229,7 @@ def torch_as_it_was(one_thread):
 
 
 @pytest.mark.usefixtures("torch_as_it_was")
-@pytest.mark.filterwarnings("ignore:.*holds 1 tasks finished with another configuration or other code")
+@pytest.mark.filterwarnings("ignore:.*holds 1 tasks that another configuration or other code has done")
 @pytest.mark.parametrize("name", sorted(CHEAP))
 def test_a_killed_run_goes_on(name, tmp_path, monkeypatch, root):
     folder, work = tmp_path / name, Work()
