@@ -147,8 +147,8 @@ test-wheel: $(READY)
 lint: $(READY)
 	$(BIN)ruff check .
 	$(BIN)ruff format --check .
-	$(BIN)oxlint --deny-warnings src
-	$(BIN)oxfmt --check 'src/**/*.js' 'src/**/*.css'
+	$(BIN)oxlint --deny-warnings src book/_static book/assets
+	$(BIN)oxfmt --check 'src/**/*.js' 'src/**/*.css' 'book/_static/*.js' 'book/_static/*.css' 'book/assets/*.js' 'book/assets/*.css'
 	$(BIN)djlint --check --lint src
 
 lab: $(READY)

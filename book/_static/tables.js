@@ -43,11 +43,14 @@ function fitFormula(formula) {
   }
 }
 
+// What is folded has no width; it is fitted when it is opened.
+function isSeen(node) {
+  return node.offsetParent !== null && node.closest(".bd-article");
+}
+
 function fitAll(root) {
-  // What is folded has no width; it is fitted when it is opened.
-  const seen = (node) => node.offsetParent !== null && node.closest(".bd-article");
-  [...root.querySelectorAll("table:not(.indextable)")].filter(seen).forEach(fitTable);
-  [...root.querySelectorAll("mjx-container[display]")].filter(seen).forEach(fitFormula);
+  [...root.querySelectorAll("table:not(.indextable)")].filter(isSeen).forEach(fitTable);
+  [...root.querySelectorAll("mjx-container[display]")].filter(isSeen).forEach(fitFormula);
 }
 
 window.addEventListener("load", () => {

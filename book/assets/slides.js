@@ -1,3 +1,4 @@
+/* global Reveal, RevealNotes */
 // Slides of 1280 by 720; what does not fit is made smaller, once formulas are set.
 const ROOM = 690;
 const SMALLEST = 0.35;
@@ -11,7 +12,13 @@ function fit(section) {
 }
 
 Reveal.initialize({
-  width: 1280, height: 720, margin: 0.04, center: false, hash: true, transition: "none", slideNumber: "c/t",
+  width: 1280,
+  height: 720,
+  margin: 0.04,
+  center: false,
+  hash: true,
+  transition: "none",
+  slideNumber: "c/t",
   plugins: [RevealNotes],
 });
 const fitShown = () => fit(Reveal.getCurrentSlide());
