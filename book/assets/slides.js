@@ -1,4 +1,3 @@
-/* global Reveal, RevealNotes */
 // Slides of 1280 by 720; what does not fit is made smaller, once formulas are set.
 const ROOM = 690;
 const SMALLEST = 0.35;
