@@ -88,15 +88,13 @@ def test_a_chapter_is_counted_up_to_its_exercises():
     assert reading_table({"01_a": found}).splitlines()[-1] == "| 01 | 400 | 1 | 2 | 2 | 1 | 12 |"
 
 
-#: Chapters that are still too long. This list only becomes shorter.
-TOO_LONG = {"11"}
 LONGEST_READING = 45
 
 
 def test_no_chapter_takes_longer_than_a_lesson(root):
     minutes = {name[:2]: one.minutes for name, one in read_chapters(root / "notebooks").items()}
     assert len(minutes) > 10
-    assert {number for number, taken in minutes.items() if taken > LONGEST_READING} <= TOO_LONG
+    assert {number: taken for number, taken in minutes.items() if taken > LONGEST_READING} == {}
 
 
 @pytest.fixture
