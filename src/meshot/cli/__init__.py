@@ -1,4 +1,4 @@
-"""The command line: ``meshot COMMAND``; each command in a file of its own, with its arguments.
+"""The command line, ``meshot COMMAND``. Each command has a file of its own.
 
 No file here imports torch, nor what is slow to load, before its command runs: help must come at once.
 """

@@ -23,13 +23,13 @@ class HemisphereSurface:
     Parameters
     ----------
     initial, final : Mesh
-        Where the system starts from, or might, and what it finds; in scanner RAS of the scan, in mm, outward. If the
-        system deforms the initial surface, both have the same faces, χ = 2, and no self-intersecting face.
+        The initial surface and the result of the system, in scanner RAS of the scan, in mm, with outward normals. If the
+        system deforms the initial surface, both have the same faces, Euler number 2, and no self-intersecting face.
     segmented : SegmentedSurface
         The stages of the initial surface, in the standard space.
     settled : RepairedSurface or None
-        What the system left with crossing faces, and how that was mended, in the standard space; None if it does not
-        deform an initial surface.
+        The surface after the repair of crossing faces, with a record of the repair, in the standard space. None if the
+        system does not deform an initial surface.
     """
 
     initial: Mesh
@@ -40,18 +40,18 @@ class HemisphereSurface:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """What a scan became, how long it took, and what there is to doubt.
+    """The surfaces of a scan, the time of each stage, and the warnings.
 
     Parameters
     ----------
     scan : StandardScan
-        The scan on the standard grid, and the way back.
+        The scan on the standard grid, with its transforms.
     surfaces : dict
         By side.
     cpu_seconds, wall_seconds : dict
-        By stage: processor time of all threads, and by the clock.
+        Processor time of all threads and wall-clock time, by stage.
     warnings : tuple of str
-        Empty if nothing looks odd, which does not mean that all is well.
+        Signs of failure. An empty tuple does not prove success.
     system : str or None
         The name of the system; None if the initial surfaces are the result.
     """
@@ -74,9 +74,9 @@ def reconstruct(
 ) -> Reconstruction:
     """The white surfaces of both hemispheres in a scan.
 
-    Registration to the MNI152 average → white matter of both sides → initial surfaces → the system → faces that cross
-    apart → back to the scanner. Without crossing faces, whatever the networks do, if the system deforms the initial
-    surfaces: see :func:`meshot.flow.crossings.repair_crossings`.
+    The stages are: registration to the MNI152 average, segmentation of white matter, initial surfaces, the system, repair
+    of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the result has
+    no crossing faces: see :func:`meshot.flow.crossings.repair_crossings`.
 
     Parameters
     ----------
@@ -86,7 +86,8 @@ def reconstruct(
     system : SurfaceSystem or None
         Trained; None: the initial surfaces are the result.
     progress : callable, optional
-        Is told which stage begins, how many are done, and how many there are; at the end once more, without a name.
+        Called with the name of the stage that begins, the number of finished stages, and the number of stages. At the
+        end it is called once more with an empty name.
     template : Volume, optional
         Where to register to; the MNI152 average if left out, which the shipped networks know.
     strict : bool

@@ -60,10 +60,10 @@ def register_affine(moving: Volume, fixed: Volume, seed: int = 0, quick: bool = 
     Parameters
     ----------
     moving, fixed : Volume
-        Images of the same organ; contrast, grid and position may differ. Far-off positions are met by the centres of
-        mass; the orientations may differ by some 30 degrees.
+        Images of the same organ. Contrast, grid and position may differ. The centres of mass are aligned first. The
+        orientations may differ by about 30 degrees.
     seed : int
-        Of the voxels that are looked at. With the same seed the result is the same.
+        Seed of the sampled voxels. The same seed gives the same result.
     quick : bool
         Whether to look at voxels of 6 and 3 mm (some 4 s) instead of 4 and 2 mm (some 20 s).
 

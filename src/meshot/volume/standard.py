@@ -1,4 +1,4 @@
-"""The paper's standard grid: every scan in the space of MNI152, at one size, with values from 0 to 1."""
+"""The standard grid of the paper: scans in MNI152 space, on one grid, with values in [0, 1]."""
 
 import dataclasses
 
@@ -16,7 +16,7 @@ SHAPE = (128, 144, 128)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StandardScan:
-    """A scan on the standard grid, and the way back.
+    """A scan on the standard grid, with its transform to and from scanner space.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class StandardScan:
 
 
 def standard_scan(scan: Volume, template: Volume, seed: int = 0, quick: bool = False) -> StandardScan:
-    """A scan as the network wants it: registered (affine), cropped or padded, resized, scaled to [0, 1].
+    """Prepare a scan for the networks: affine registration, cropping or padding, resampling, scaling to [0, 1].
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ def standard_scan(scan: Volume, template: Volume, seed: int = 0, quick: bool = F
 
     Notes
     -----
-    The three steps are one interpolation (trilinear), since each of them would blur. Values are scaled by the extremes
-    on the grid; beyond the scan they are its minimum.
+    The three steps use one trilinear interpolation, because each interpolation blurs. Values are scaled by the extremes
+    on the grid. Outside the scan its minimum is used.
 
     References
     ----------
     Le et al., ICLR 2024, appendix (preprocessing).
     """
-    # Rounded, so that the last bits, which differ between CPUs, do not matter; it moves nothing by 1e-3 mm.
+    # Rounded, because the last bits differ between CPUs. This moves no point by as much as 1e-3 mm.
     to_standard = register_affine(scan, template, seed, quick).round(6)
     return place_on_grid(scan, to_standard, centre_of_mass(template))
 
