@@ -23,8 +23,8 @@ class HemisphereSurface:
     Parameters
     ----------
     initial, final : Mesh
-        The initial surface and the result of the system, in scanner RAS of the scan, in mm, with outward normals. If the
-        system deforms the initial surface, both have the same faces, Euler number 2, and no self-intersecting face.
+        The initial surface and the result of the system, in scanner RAS of the scan, in mm, with outward normals. If
+        the system deforms the initial surface, both have the same faces, Euler number 2, and no crossing faces.
     segmented : SegmentedSurface
         The stages of the initial surface, in the standard space.
     settled : RepairedSurface or None
@@ -74,8 +74,8 @@ def reconstruct(
 ) -> Reconstruction:
     """The white surfaces of both hemispheres in a scan.
 
-    The stages are: registration to the MNI152 average, segmentation of white matter, initial surfaces, the system, repair
-    of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the result has
+    The stages are: registration to the MNI152 average, segmentation of white matter, initial surfaces, the system,
+    repair of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the result has
     no crossing faces: see :func:`meshot.flow.crossings.repair_crossings`.
 
     Parameters
