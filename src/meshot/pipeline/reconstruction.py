@@ -75,8 +75,8 @@ def reconstruct(
     """The white surfaces of both hemispheres in a scan.
 
     The stages are: registration to the MNI152 average, segmentation of white matter, initial surfaces, the system,
-    repair of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the result has
-    no crossing faces: see :func:`meshot.flow.crossings.repair_crossings`.
+    repair of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the
+    result has no crossing faces: see :func:`meshot.flow.crossings.repair_crossings`.
 
     Parameters
     ----------
