@@ -156,19 +156,30 @@ def test_a_system_without_apt_is_told_the_names(bare, monkeypatch, capsys):
     assert bare == []
 
 
-def test_make_alone_prints_the_commands(root):
-    printed = subprocess.run(["make"], cwd=root, capture_output=True, text=True, check=True).stdout
+@pytest.fixture
+def run_make(root, monkeypatch):
+    """Run make as from a shell, also where an outer make runs these tests: its flags are not passed on."""
+    for name in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "MAKEOVERRIDES"):
+        monkeypatch.delenv(name, raising=False)
+
+    def run(*words: str) -> subprocess.CompletedProcess:
+        return subprocess.run(["make", *words], cwd=root, capture_output=True, text=True, check=False)
+
+    return run
+
+
+def test_make_alone_prints_the_commands(run_make):
+    printed = run_make().stdout
     commands = ("book", "test", "html", "notebooks", "lab", "lint", "clean")
     assert all(f"make {command} " in printed for command in commands)
 
 
-def test_make_stops_at_an_old_python(root, tmp_path):
+def test_make_stops_at_an_old_python(run_make, tmp_path):
     """The rule that makes the environment asks first."""
     old = tmp_path / "python"
     old.write_text('#!/bin/sh\necho "too old" && exit 1\n')
     old.chmod(0o755)
-    command = ["make", "html", f"PYTHON={old}", f"VENV={tmp_path}/venv"]
-    result = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    result = run_make("html", f"PYTHON={old}", f"VENV={tmp_path}/venv")
     assert result.returncode != 0
     assert "too old" in result.stdout
     assert not (tmp_path / "venv").exists()
@@ -177,8 +188,7 @@ def test_make_stops_at_an_old_python(root, tmp_path):
 @pytest.mark.parametrize(
     ("target", "expected"), [("html", "python"), ("book", "python display"), ("test", "python display browser")]
 )
-def test_make_looks_for_everything_before_it_makes_the_environment(root, tmp_path, target, expected):
-    command = ["make", "-n", target, f"VENV={tmp_path}/venv", "PYTHON=py"]
-    lines = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True).stdout.splitlines()
+def test_make_looks_for_everything_before_it_makes_the_environment(run_make, tmp_path, target, expected):
+    lines = run_make("-n", target, f"VENV={tmp_path}/venv", "PYTHON=py").stdout.splitlines()
     assert lines[0] == f"py tools/preflight.py {expected}"
     assert "py -m venv" in lines[2]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from exercise_answers import merged_pair
 from meshot_book.exercises import check
 
 
@@ -49,16 +50,6 @@ NEVER_RIGHT = {
 }
 
 
-def right_trap(target):
-    """Two nearest targets share one point at rest between them; the point left over stacks on another target."""
-    apart = torch.cdist(target, target).fill_diagonal_(torch.inf)
-    a, b = divmod(int(apart.argmin()), len(target))
-    points = target.clone()
-    points[a] = (2 * target[a] + target[b]) / 3
-    points[b] = target[next(i for i in range(len(target)) if i not in (a, b))]
-    return points
-
-
 def right_ghost_pair(directions):
     """Each direction doubles the points: both sets are shifted across it, and the copies swapped."""
     first, second = torch.zeros(1, 2).double(), torch.zeros(0, 2).double()
@@ -69,7 +60,7 @@ def right_ghost_pair(directions):
 
 
 #: Exercises with many right answers: their checkers compare properties and not values.
-BY_PROPERTY = {"trap": right_trap, "ghost_pair": right_ghost_pair}
+BY_PROPERTY = {"trap": merged_pair, "ghost_pair": right_ghost_pair}
 
 
 def spoil(change):

@@ -5,22 +5,12 @@ import ot
 import pytest
 import torch
 
+from exercise_answers import merged_pair
 from meshot import DiscreteMeasure, sinkhorn_divergence, varifold, wasserstein
 from meshot.mesh.mesh import Contour
 from meshot.mesh.shapes.contours import circle
 from meshot_book.exercises import check
 from meshot_book.exercises.zoo_exercises import _entropic
-
-
-def merged_pair(target):
-    """The two nearest targets share one point, a third of the way; the one left over doubles a third target."""
-    apart = torch.cdist(target, target).fill_diagonal_(torch.inf)
-    first, second = divmod(int(apart.argmin()), len(target))
-    points = target.clone()
-    points[first] = (2 * target[first] + target[second]) / 3
-    points[second] = target[next(i for i in range(len(target)) if i not in (first, second))]
-    return points
-
 
 RIGHT = {
     "blur_in_coordinates": lambda blur, half, p: torch.tensor([blur / half, (blur / half) ** p]).double(),
