@@ -16,7 +16,8 @@ RANKS = {
     "systems": 6,
     "pipeline": 7,
     "": 7,  # the front door itself, which only the command line goes through
-    "cli": 8,
+    "study": 8,
+    "cli": 9,
 }  # fmt: skip
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.
 BOOK_RANKS = {"notebook": 0, "examples": 0, "figures": 1, "exercises": 1, "claims": 1}
