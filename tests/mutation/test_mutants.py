@@ -1,6 +1,7 @@
 """The list of survivors is current and gives reasons, and a mutant is tried by the tests of its room."""
 
 import tomllib
+from pathlib import Path
 
 import mutants
 import pytest
@@ -31,11 +32,31 @@ def test_what_is_mutated_is_there(root):
     assert all((root / "tests" / name).exists() for names in try_mutant.MORE.values() for name in names)
 
 
-def test_the_room_of_a_mutant_is_found(tmp_path):
+@pytest.fixture
+def two_checkouts(tmp_path):
+    """A checkout and its copy, each with two rooms and their tests."""
     for copy in ("original", "copy"):
         for room in ("loss", "mesh"):
-            (tmp_path / copy / "src/meshot" / room).mkdir(parents=True)
-            (tmp_path / copy / "src/meshot" / room / "a.py").write_text("x = 1\n")
-    assert try_mutant.changed_rooms(tmp_path / "copy", tmp_path / "original") == set()
-    (tmp_path / "copy/src/meshot/loss/a.py").write_text("x = 2\n")
-    assert try_mutant.changed_rooms(tmp_path / "copy", tmp_path / "original") == {"loss"}
+            for place, name in (("src/meshot", "slicing.py"), ("tests", "test_all.py"), ("tests", "test_slicing.py")):
+                (tmp_path / copy / place / room).mkdir(parents=True, exist_ok=True)
+                (tmp_path / copy / place / room / name).write_text("def sliced():\n    return 1\n")
+    return tmp_path / "copy", tmp_path / "original"
+
+
+def test_the_file_of_a_mutant_is_found(two_checkouts):
+    copy, original = two_checkouts
+    assert try_mutant.changed_files(copy, original) == []
+    (copy / "src/meshot/loss/slicing.py").write_text("def sliced():\n    return 2\n")
+    assert try_mutant.changed_files(copy, original) == [Path("loss/slicing.py")]
+
+
+def test_a_mutant_is_tried_by_the_nearest_tests_first(two_checkouts):
+    _, original = two_checkouts
+    tests = try_mutant.tests_of(Path("loss/slicing.py"), original)
+    assert tests == [Path("loss/test_slicing.py"), Path("loss/test_all.py")]
+
+
+def test_every_room_that_is_mutated_has_tests(root):
+    assert try_mutant.tests_of(Path("loss/sinkhorn.py"), root)[0] == Path("loss/test_sinkhorn.py")
+    assert Path("loss/test_values.py") in try_mutant.tests_of(Path("measure/discrete.py"), root)
+    assert Path("metrics/test_table.py") in try_mutant.tests_of(Path("mesh/sampling.py"), root)
