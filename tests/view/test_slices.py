@@ -108,12 +108,31 @@ def test_what_is_drawn_at_a_place_is_what_the_volume_has_there():
         assert abs(value - place @ slope) <= 1.5 * np.delete(slope, axis).sum()
 
 
-def test_a_millimetre_is_equally_long_in_all_panels():
+@pytest.mark.parametrize("planes", [("axial", "coronal", "sagittal"), ("sagittal", "axial")])
+def test_a_millimetre_is_equally_long_in_all_panels(planes):
     volume = Volume(np.zeros((30, 60, 90)), np.eye(4))
-    figure = slice_figure(volume, limits=(0, 1))
+    figure = slice_figure(volume, planes=planes, limits=(0, 1))
     figure.draw_without_rendering()
     scales = [ax.get_window_extent().width / np.ptp(ax.get_xlim()) for ax in figure.axes]
     assert max(scales) / min(scales) < 1.05
+
+
+def test_three_panels_stand_where_they_share_an_axis_with_their_neighbour():
+    figure = slice_figure(linear_volume(np.array([1.0, 0, 0]), oblique_affine()))
+    figure.draw_without_rendering()
+    axial, coronal, sagittal = (ax.get_position() for ax in figure.axes)
+    assert coronal.y0 > axial.y1
+    assert sagittal.x0 > coronal.x1
+    assert coronal.y0 == pytest.approx(sagittal.y0, abs=0.02)
+    assert coronal.x0 == pytest.approx(axial.x0, abs=0.02)
+
+
+def test_a_margin_shows_the_surfaces_only_and_never_more_than_the_volume():
+    volume = Volume(np.random.default_rng(0).random((40, 40, 40)), np.eye(4))
+    ball = icosphere(3, 6.0, (20.0, 20.0, 5.0))
+    axial, coronal, _ = slice_figure(volume, {"ball": ball}, margin_mm=4.0).axes
+    np.testing.assert_allclose([*axial.get_xlim(), *axial.get_ylim()], [10, 30, 10, 30], atol=0.05)
+    np.testing.assert_allclose(coronal.get_ylim(), [-0.5, 15], atol=0.05)
 
 
 @pytest.mark.parametrize(
@@ -121,6 +140,9 @@ def test_a_millimetre_is_equally_long_in_all_panels():
     [
         ({"planes": ("axial", "diagonal")}, "planes are"),
         ({"planes": ()}, "planes are"),
+        ({"planes": ("axial", "axial")}, "each once"),
+        ({"margin_mm": 3.0}, "a surface"),
+        ({"margin_mm": -1.0, "meshes": {"ball": icosphere(1)}}, "margin_mm is -1.0"),
         ({"through_mm": (0, 0, 99)}, "point in the volume"),
         ({"through_mm": (0, 0)}, "point in the volume"),
     ],

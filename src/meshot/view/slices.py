@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import plane_section
 from meshot.types import Array, Float
-from meshot.view.style.colours import GREEN, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
+from meshot.view.style.colours import GREEN, ORANGE, PURPLE, SKY, VERMILLION, WIDTH, YELLOW
 from meshot.view.values import Values
 from meshot.volume import Volume, mm_to_voxel, sample_volume, voxel_sizes, voxel_to_mm
 
@@ -25,6 +25,8 @@ PLANES = {
     "coronal": (1, (0, 2), ("L", "R", "I", "S")),
     "sagittal": (0, (1, 2), ("P", "A", "I", "S")),
 }
+# Where three planes stand: panels in a column share their horizontal axis, panels in the upper row their vertical one.
+CELLS = {"coronal": (0, 0), "sagittal": (0, 1), "axial": (1, 0)}
 
 
 def slice_image(
@@ -77,9 +79,12 @@ def slice_figure(
     through_mm: Values | None = None,
     planes: Sequence[str] = ("axial", "coronal", "sagittal"),
     limits: tuple[float, float] | None = None,
-    width_inches: float = 8.0,
+    width_inches: float = WIDTH,
+    margin_mm: float | None = None,
 ) -> Figure:
     """Slices through one point, with the outlines of surfaces. The right side of the subject is on the right.
+
+    Three planes are drawn in two rows, coronal and sagittal above axial. One or two are drawn side by side.
 
     Parameters
     ----------
@@ -94,15 +99,21 @@ def slice_figure(
         The values shown in black and in white. By default the 1st and the 99th percentile.
     width_inches : float
         Width of the figure.
+    margin_mm : float, optional
+        Show only the box around the surfaces, enlarged by this margin on each side. By default the whole volume.
 
     Raises
     ------
     ValueError
-        If a plane is unknown, or the point lies outside the volume.
+        If a plane is unknown or occurs twice, the point lies outside the volume, or the margin is negative or given
+        without surfaces.
     """
-    unknown = [plane for plane in planes if plane not in PLANES]
-    if unknown or not planes:
-        raise ValueError(f"planes are {list(planes)}; one or more of {', '.join(PLANES)} are needed")
+    if not planes or len(set(planes) & set(PLANES)) != len(planes):
+        raise ValueError(f"planes are {list(planes)}; one or more of {', '.join(PLANES)} are needed, each once")
+    if margin_mm is not None and not (meshes and margin_mm >= 0):
+        raise ValueError(
+            f"margin_mm is {margin_mm!r} with {len(meshes or {})} surfaces; a number >= 0 and a surface are needed"
+        )
     meshes = meshes or {}
     through = _middle(volume, meshes) if through_mm is None else np.asarray(through_mm, dtype=float)
     low, high = _world_box(volume)
@@ -113,37 +124,65 @@ def slice_figure(
         )
     black, white = np.percentile(volume.data, [1, 99]) if limits is None else limits
     slices = [slice_image(volume, PLANES[plane][0], float(through[PLANES[plane][0]])) for plane in planes]
-    figure, axes = _panels([extent for _, extent in slices], width_inches)
-    for plane, ax, (image, extent) in zip(planes, axes, slices):
+    windows = [_window(extent, PLANES[plane][1], meshes, margin_mm) for plane, (_, extent) in zip(planes, slices)]
+    figure, axes = _panels(planes, windows, width_inches)
+    for plane, ax, window, (image, extent) in zip(planes, axes, windows, slices):
         axis, shown, letters = PLANES[plane]
         ax.imshow(image, extent=extent, origin="lower", cmap="gray", vmin=black, vmax=white)
         _draw_contours(ax, meshes, axis, float(through[axis]), shown)
+        ax.set(xlim=window[:2], ylim=window[2:])
         _label(ax, plane, axis, float(through[axis]), shown, letters)
     if meshes:
-        handles, names = axes[0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside lower center", ncols=len(names), frameon=False)
+        _legend(figure, axes)
     return figure
 
 
-def _panels(extents: Sequence[tuple], width_inches: float) -> tuple[Figure, np.ndarray]:
-    """Axes with widths in proportion to their extents, so that all have the same scale."""
-    widths = [right - left for left, right, _, _ in extents]
-    height_mm = max(top - bottom for _, _, bottom, top in extents)
+def _legend(figure: Figure, axes: Sequence[Axes]) -> None:
+    """The names of the surfaces: in the free place beside three panels, or below one or two."""
+    handles, names = axes[0].get_legend_handles_labels()
+    if len(axes) == len(CELLS):
+        figure.legend(handles, names, loc="center", bbox_to_anchor=(0.75, 0.25), frameon=False)
+    else:
+        figure.legend(handles, names, loc="outside lower center", ncols=len(names), frameon=False)
+
+
+def _panels(planes: Sequence[str], windows: Sequence[tuple], width_inches: float) -> tuple[Figure, list[Axes]]:
+    """Axes with sides in proportion to what they show, so that all have the same scale."""
+    cells = [CELLS[plane] for plane in planes] if len(planes) == len(CELLS) else [(0, k) for k in range(len(planes))]
+    rows, columns = (1 + max(cell[i] for cell in cells) for i in (0, 1))
+    widths, heights = np.zeros(columns), np.zeros(rows)
+    for (row, column), (left, right, bottom, top) in zip(cells, windows):
+        widths[column] = max(widths[column], right - left)
+        heights[row] = max(heights[row], top - bottom)
     # The labels of an axis need about .8 inch in each direction.
-    height = (width_inches - 0.8 * len(extents)) * height_mm / sum(widths) + 1.2
-    options = {"width_ratios": widths, "layout": "constrained", "squeeze": False}
-    figure, axes = plt.subplots(1, len(extents), figsize=(width_inches, height), **options)
-    for ax in axes[0]:
-        ax.set_facecolor("black")
-    return figure, axes[0]
+    height = (width_inches - 0.8 * columns) * heights.sum() / widths.sum() + 0.8 * rows + 0.4 * (rows == 1)
+    figure = plt.figure(figsize=(width_inches, height), layout="constrained")
+    grid = figure.add_gridspec(rows, columns, width_ratios=widths, height_ratios=heights)
+    return figure, [figure.add_subplot(grid[cell], facecolor="black") for cell in cells]
+
+
+def _window(
+    extent: tuple[float, float, float, float],
+    shown: tuple[int, int],
+    meshes: Mapping[str, Mesh],
+    margin_mm: float | None,
+) -> tuple[float, float, float, float]:
+    """What a panel shows of a slice: all of it, or the box around the surfaces with a margin."""
+    if margin_mm is None:
+        return extent
+    low, high = _box(meshes)
+    (left, bottom), (right, top) = low[list(shown)] - margin_mm, high[list(shown)] + margin_mm
+    return max(left, extent[0]), min(right, extent[1]), max(bottom, extent[2]), min(top, extent[3])
+
+
+def _box(meshes: Mapping[str, Mesh]) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and the highest coordinates of all surfaces, in mm."""
+    vertices = np.concatenate([mesh.vertices.detach().cpu().double().numpy() for mesh in meshes.values()])
+    return vertices.min(axis=0), vertices.max(axis=0)
 
 
 def _middle(volume: Volume, meshes: Mapping[str, Mesh]) -> np.ndarray:
-    boxes = [_world_box(volume)] if not meshes else []
-    for mesh in meshes.values():
-        vertices = mesh.vertices.detach().cpu().double().numpy()
-        boxes.append((vertices.min(axis=0), vertices.max(axis=0)))
-    return (np.min([low for low, _ in boxes], axis=0) + np.max([high for _, high in boxes], axis=0)) / 2
+    return np.mean(_box(meshes) if meshes else _world_box(volume), axis=0)
 
 
 def _draw_contours(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: float, shown: tuple[int, int]) -> None:
@@ -154,12 +193,12 @@ def _draw_contours(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: fl
 
 
 def _label(ax: Axes, plane: str, axis: int, position: float, shown: tuple[int, int], letters: Sequence[str]) -> None:
-    ax.set_title(f"{plane}, {'xyz'[axis]} = {position:.1f} mm".replace("-", "−"), fontsize=10)
+    ax.set_title(f"{plane}, {'xyz'[axis]} = {position:.1f} mm".replace("-", "−"), fontsize=11)
     ax.set_xlabel(f"{'xyz'[shown[0]]} (mm)")
     ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)")
     places = [(0.02, 0.5), (0.98, 0.5), (0.5, 0.02), (0.5, 0.98)]
     sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
     for letter, place, (across, along) in zip(letters, places, sides):
         ax.text(
-            *place, letter, transform=ax.transAxes, ha=across, va=along, color="white", fontweight="bold", fontsize=9
+            *place, letter, transform=ax.transAxes, ha=across, va=along, color="white", fontweight="bold", fontsize=11
         )
