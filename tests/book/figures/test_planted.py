@@ -107,14 +107,14 @@ def test_choosing_and_sliding(file, context):
         page.keyboard.press("ArrowLeft")
         assert (shown(page)["size"], shown(page)["seen"]) == ("1 mm", "EMD <mm>")
         assert widths(page) == pytest.approx([100 * (math.log10(5) + 1) / 3, 0], rel=1e-4)
-        assert page.get_by_role("status").text_content() == "shift, 1 mm. Seen by: EMD <mm>."
+        assert page.get_by_role("status").text_content() == "shift, 1 mm. Detected by: EMD <mm>."
         page.keyboard.press("Home")
         assert shown(page)["seen"] == ""
         assert widths(page)[0] == pytest.approx(100 / 3, rel=1e-4)
         page.locator(".planted select").select_option("1")
         assert (shown(page)["error"], shown(page)["size"]) == ("one & only", "2 mm")
         assert slider.is_disabled()
-        assert "Seen by none" in page.get_by_role("status").text_content()
+        assert "Detected by none" in page.get_by_role("status").text_content()
         assert page.locator(".planted svg path").count() == 3  # target, error, scale
         assert page.locator(".planted svg text").text_content() == "2 mm"
         assert troubles == []

@@ -15,7 +15,7 @@ export function main(root, data) {
     rows.forEach((row, k) => drawBar(row, ratios[k], state.values[k], ratios[k] > data.seen));
     const seen = data.metrics.filter((_, k) => ratios[k] > data.seen);
     slider.setAttribute("aria-valuetext", state.size);
-    const verdict = seen.length ? `Seen by: ${seen.join(", ")}.` : "Seen by none of them.";
+    const verdict = seen.length ? `Detected by: ${seen.join(", ")}.` : "Detected by none of them.";
     status.textContent = `${error.name}, ${state.size}. ${verdict}`;
     Object.assign(root.dataset, { error: error.name, size: state.size, seen: seen.join("|") });
   }
