@@ -13,6 +13,7 @@ from meshot.statistics import (
     mean_interval,
     paired_interval,
     percentile_interval,
+    robust_scores,
 )
 
 SIZES = [100, 1000, 10_000, 100_000]
@@ -170,3 +171,31 @@ def test_arms_are_compared_measure_by_measure():
 def test_guards_of_intervals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_robust_scores_of_normal_values_are_standard_scores():
+    drawn = np.random.default_rng(0).normal(7, 3, 40_001)
+    expected = (drawn - np.median(drawn)) / stats.median_abs_deviation(drawn, scale="normal")
+    np.testing.assert_allclose(robust_scores(drawn), expected, rtol=1e-12)
+    # The relative standard error of MAD is 1.17/√n.
+    assert robust_scores(drawn).std() == pytest.approx(1, abs=0.03)
+
+
+def test_an_outlier_does_not_hide_itself():
+    values = np.array([1.0, 2, 3, 4, 5, 1000, np.nan])
+    found = robust_scores(values)
+    assert np.isnan(found[-1])
+    assert found[5] > 100
+    assert np.abs(found[:5]).max() < 2
+
+
+def test_values_beside_a_constant_have_infinite_scores():
+    assert robust_scores(np.array([2.0, 2, 2, 4, -8, np.nan])).tolist()[:5] == [0, 0, 0, np.inf, -np.inf]
+    assert np.isnan(robust_scores(np.array([2.0, 2, np.nan]))[2])
+    assert np.isnan(robust_scores(np.full(3, np.nan))).all()
+
+
+@pytest.mark.parametrize("values", [np.array([1.0, np.inf]), np.ones((2, 2))])
+def test_values_without_a_score_are_refused(values):
+    with pytest.raises(ValueError, match="one list of finite numbers"):
+        robust_scores(values)

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 
+import matplotlib.image
 import nibabel
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from preflight import browser as browser_path
 SURFACES = [
     f"{side}.{name}{suffix}" for side in ("lh", "rh") for name in ("white", "initial") for suffix in written.FORMATS
 ]
-TEXTS = ["report.html", "report.json", "timing.json", "to_standard.json"]
+TEXTS = ["report.html", "report.json", "slices.webp", "timing.json", "to_standard.json"]
 NAME = "<one & only>.nii.gz"
 
 
@@ -132,6 +133,18 @@ def test_the_transform_leads_to_the_standard_space_and_back(made):
         (moved[0] - moved[1]) @ matrix[:3, :3].T, np.tile([0, 0, 2.0], (len(moved[0]), 1)), atol=1e-3
     )
     assert NAME in transform["from"]
+
+
+def test_the_overview_has_six_squares_with_the_outline_of_the_result(made):
+    image = matplotlib.image.imread(made / "slices.webp")[..., :3].astype(float)
+    assert image.shape == (480, 720, 3)
+    for row in range(2):
+        for column in range(3):
+            square = image[240 * row : 240 * (row + 1), 240 * column : 240 * (column + 1)]
+            # The line is blue; everything else is grey.
+            blue = (square[..., 2] - square[..., 0] > 60).mean()
+            assert 0.002 < blue < 0.05
+            assert square[:5, :5].max() < 20
 
 
 @pytest.mark.parametrize("width", [400, 1280])

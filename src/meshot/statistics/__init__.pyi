@@ -7,6 +7,7 @@ from .intervals import (
     paired_interval as paired_interval,
     percentile_interval as percentile_interval,
 )
+from .outliers import OUTLIER_SCORE as OUTLIER_SCORE, robust_scores as robust_scores
 from .power_laws import (
     Slope as Slope,
     averages as averages,

@@ -1,6 +1,7 @@
 from .display import require_display as require_display
 from .page import Page as Page, filled as filled, live_page as live_page, still_of as still_of
 from .scene import interactive as interactive
+from .sheet import Cut as Cut, slice_sheet as slice_sheet
 from .slices import (
     LINE_COLOURS as LINE_COLOURS,
     PLANES as PLANES,

@@ -15,12 +15,14 @@ from meshot.pipeline.networks import TrainedNetworks
 from meshot.pipeline.reconstruction import Reconstruction, reconstruct
 from meshot.pipeline.report.numbers import numbers_of_scan, numbers_of_surface
 from meshot.pipeline.report.page import reconstruction_page
-from meshot.pipeline.report.pictures import slice_pictures, surface_view
+from meshot.pipeline.report.pictures import overview, slice_pictures, surface_view
 from meshot.pipeline.stages import StageClock
 from meshot.provenance import provenance
 from meshot.volume import Volume, centre_ras, masked_scan, read_volume
 
 REPORT, TIMING, TRANSFORM, PAGE = "report.json", "timing.json", "to_standard.json", "report.html"
+#: A small picture of all slices, for a page about many subjects.
+OVERVIEW = "slices.webp"
 FORMATS = ("", ".surf.gii", ".ply")
 SHORT = {"left": "lh", "right": "rh"}
 
@@ -38,7 +40,8 @@ def write_reconstruction(
     """Reconstruct the white surfaces of a scan and write everything, with a progress bar; whole or not at all.
 
     Into ``folder`` go, for each side, the surfaces ``white`` and ``initial`` in scanner RAS, as FreeSurfer, GIfTI and
-    PLY; ``to_standard.json``, ``report.json``, ``timing.json`` and ``report.html``, which needs nothing beside it.
+    PLY; ``to_standard.json``, ``report.json``, ``timing.json``, the picture ``slices.webp``, and ``report.html``, which
+    needs nothing beside it.
 
     Parameters
     ----------
@@ -89,6 +92,7 @@ def write_reconstruction(
         bar.set_description("pictures")
         with clock.stage("pictures"):
             slices, view = slice_pictures(found, scan), surface_view(found, distances)
+            (temporary / OVERVIEW).write_bytes(overview(found, scan))
         report["seconds"] = {
             "processor": _rounded(found.cpu_seconds | clock.cpu_seconds),
             "clock": _rounded(found.wall_seconds | clock.wall_seconds),

@@ -1,6 +1,7 @@
 """The pictures of a reconstruction: slices with outlines, and an interactive view of the surfaces."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 import torch
@@ -9,7 +10,7 @@ from scipy.ndimage import affine_transform
 from meshot.mesh import Mesh
 from meshot.pipeline.reconstruction import Reconstruction
 from meshot.types import Array, Float
-from meshot.view import PLANES, interactive, slice_figure, still_of
+from meshot.view import LINE_COLOURS, PLANES, Cut, interactive, slice_figure, slice_sheet, still_of
 from meshot.volume import Volume, voxel_sizes
 
 _MARGIN_MM = 12.0
@@ -31,25 +32,51 @@ class Picture:
 
 def slice_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
     """Slices of the original scan, two in each plane, with outlines of the initial and the final surfaces."""
-    stages = {"initial surface": [s.initial for s in found.surfaces.values()]}
-    if found.system:
-        stages["final surface"] = [s.final for s in found.surfaces.values()]
-    meshes = {name: _together(parts) for name, parts in stages.items()}
-    vertices = torch.cat([mesh.vertices for mesh in meshes.values()]).numpy()
-    box = vertices.min(axis=0), vertices.max(axis=0)
-    dark, bright = np.percentile(scan.data, [1, 99])
-    limits = float(dark), float(dark + _HEADROOM * max(bright - dark, 1e-6))
+    meshes, limits = _meshes(found), _limits(scan)
     pictures = []
-    for plane, share in _CUTS:
+    for (plane, _), (slab, through) in zip(_CUTS, _slabs(meshes, scan), strict=True):
         axis = PLANES[plane][0]
-        through = (box[0] + box[1]) / 2
-        through[axis] = box[0][axis] + share * (box[1][axis] - box[0][axis])
-        slab = _slab(scan, box, axis, through[axis])
         figure = slice_figure(slab, meshes, through, (plane,), limits, _WIDTH_INCHES)
         place = f"{plane.capitalize()} slice of the scan at {'xyz'[axis]} = {through[axis]:.0f} mm"
         alt = f"{place}, with the outline of the {' and the '.join(meshes)}"
         pictures.append(Picture(still_of(figure), alt))
     return pictures
+
+
+def overview(found: Reconstruction, scan: Volume) -> bytes:
+    """The slices of :func:`slice_pictures` in one small WebP file without labels, with the outline of the result."""
+    meshes = _meshes(found)
+    cuts = [
+        Cut(slab, plane, float(through[PLANES[plane][0]]))
+        for (plane, _), (slab, through) in zip(_CUTS, _slabs(meshes, scan), strict=True)
+    ]
+    *_, result = meshes.values()
+    ordered = [*cuts[::2], *cuts[1::2]]  # a plane in every column
+    return slice_sheet(ordered, result, _limits(scan), LINE_COLOURS[len(meshes) - 1])
+
+
+def _meshes(found: Reconstruction) -> dict[str, Mesh]:
+    """Both hemispheres as one mesh, by stage."""
+    stages = {"initial surface": [s.initial for s in found.surfaces.values()]}
+    if found.system:
+        stages["final surface"] = [s.final for s in found.surfaces.values()]
+    return {name: _together(parts) for name, parts in stages.items()}
+
+
+def _limits(scan: Volume) -> tuple[float, float]:
+    dark, bright = np.percentile(scan.data, [1, 99])
+    return float(dark), float(dark + _HEADROOM * max(bright - dark, 1e-6))
+
+
+def _slabs(meshes: dict[str, Mesh], scan: Volume) -> Iterator[tuple[Volume, np.ndarray]]:
+    """The layer of every cut, and the point that it goes through."""
+    vertices = torch.cat([mesh.vertices for mesh in meshes.values()]).numpy()
+    box = vertices.min(axis=0), vertices.max(axis=0)
+    for plane, share in _CUTS:
+        axis = PLANES[plane][0]
+        through = (box[0] + box[1]) / 2
+        through[axis] = box[0][axis] + share * (box[1][axis] - box[0][axis])
+        yield _slab(scan, box, axis, through[axis]), through
 
 
 def _slab(scan: Volume, box: tuple[np.ndarray, np.ndarray], axis: int, position: float) -> Volume:
