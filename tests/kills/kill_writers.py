@@ -19,6 +19,7 @@ from meshot.measure import varifold
 from meshot.mesh import write_mesh
 from meshot.mesh.shapes import ellipsoid, icosphere
 from meshot.provenance import write_results
+from meshot.study import write_subjects
 from meshot.volume import Volume, write_volume
 
 NOTEBOOK = "# A title\n\n```python\nprint(sum(range(10)))\n```\n\n```python\nlist(range(3))\n```\n"
@@ -96,6 +97,13 @@ def reconstruct(folder: Path, inputs: Path) -> int:
     return meshot(["reconstruct", str(SCAN), "-o", str(folder), "--initial-only", *ONE])
 
 
+def quality_page(folder: Path, inputs: Path) -> int:
+    """A page about a study of one subject."""
+    folder.mkdir(exist_ok=True)
+    write_subjects(folder, [{"participant_id": "sub-01", "status": "failed", "error": "made by hand"}])
+    return meshot(["quality", str(folder)])
+
+
 def run_notebook(folder: Path, inputs: Path) -> None:
     """A notebook from its text."""
     import run_notebooks
@@ -133,6 +141,7 @@ EVERY = [
     Writer("train-segmentation", train_segmentation, r"state/|\.jsonl$", LOGS),
     Writer("train", train_system, r"state/|\.jsonl$", LOGS),
     Writer("reconstruct", reconstruct, timed=LOGS),
+    Writer("quality", quality_page),
     Writer("notebooks", run_notebook),
     Writer("book", render_book, timed=r"\.buildinfo|searchindex\.js"),
 ]

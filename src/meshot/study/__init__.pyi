@@ -1,3 +1,4 @@
+from .quality_page import QUALITY_PAGE as QUALITY_PAGE, write_quality_page as write_quality_page
 from .subjects_table import (
     DICTIONARY as DICTIONARY,
     TABLE as TABLE,

@@ -69,7 +69,7 @@ def slice_sheet(
         ax.set_axis_off()
         ax.imshow(image, extent=extent, origin="lower", cmap="gray", vmin=limits[0], vmax=limits[1])
         segments = plane_section(mesh, axis, cut.position)[:, :, list(shown)].detach().cpu().numpy()
-        ax.add_collection(LineCollection(segments, colors=colour, linewidths=0.35, capstyle="round"), autolim=False)
+        ax.add_collection(LineCollection(segments, colors=colour, linewidths=0.5, capstyle="round"), autolim=False)
         middle = (extent[0] + extent[1]) / 2, (extent[2] + extent[3]) / 2
         ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
     buffer = io.BytesIO()

@@ -1,1 +1,1 @@
-from .files import PAGE as PAGE, write_reconstruction as write_reconstruction
+from .files import OVERVIEW as OVERVIEW, PAGE as PAGE, write_reconstruction as write_reconstruction
