@@ -1,6 +1,7 @@
 """The page of the command line, written from its parser when the book is built."""
 
 import argparse
+import re
 from pathlib import Path
 
 from sphinx.application import Sphinx
@@ -13,8 +14,8 @@ HEAD = """# Command line
 This page lists every command and argument. It is generated from the parser of `meshot` when the book is built.
 `meshot COMMAND --help` prints the same text.
 
-The exit status of a command is 0. It is 2 if the input cannot be used; one line then says why. Warnings go to the
-standard error stream.
+The exit status of a command is 0 if it succeeds. It is 2 if the input cannot be used; one line then states the reason.
+Warnings go to the standard error stream.
 """
 
 
@@ -24,15 +25,21 @@ def command_page(parser: argparse.ArgumentParser) -> str:
     helps = {choice.dest: choice.help for choice in commands._choices_actions}
     parts = [HEAD]
     for name, command in commands.choices.items():
-        parts.append(f"## `{parser.prog} {name}`\n\n{_sentence(helps[name])} {command.description or ''}\n")
+        opening = _options_as_code(f"{_sentence(helps[name])} {command.description or ''}")
+        parts.append(f"## `{parser.prog} {name}`\n\n{opening}\n")
         parts.append(f"```text\n{_usage(command)}\n```\n")
         parts += [_argument(action, command) for action in command._actions if action.dest != "help"]
-        parts += [f"{command.epilog}\n"] if command.epilog else []
+        parts += [f"{_options_as_code(command.epilog)}\n"] if command.epilog else []
     return "\n".join(parts)
 
 
 def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:].rstrip('.')}."
+
+
+def _options_as_code(text: str) -> str:
+    """The text with options as code; otherwise Sphinx makes a dash of their two hyphens."""
+    return re.sub(r"(?<![\w`-])--[a-z][\w-]*", lambda option: f"`{option[0]}`", text)
 
 
 def _formatter(command: argparse.ArgumentParser) -> argparse.HelpFormatter:
@@ -49,7 +56,7 @@ def _argument(action: argparse.Action, command: argparse.ArgumentParser) -> str:
     formatter = _formatter(command)
     shown = formatter._format_action_invocation(action)
     said = formatter._expand_help(action) if action.help else ""
-    return f"`{shown}`\n: {_sentence(said) if said else 'See the usage above.'}\n"
+    return f"`{shown}`\n: {_options_as_code(_sentence(said)) if said else 'See the usage above.'}\n"
 
 
 def write_page(app: Sphinx) -> None:

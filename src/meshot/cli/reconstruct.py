@@ -12,22 +12,30 @@ def add_to(commands: Commands) -> None:
     """Let the command line know the command and its arguments."""
     command = commands.add_parser(
         "reconstruct",
-        help="the white surfaces of both hemispheres in a scan",
-        description="From one T1 to the white surfaces of both hemispheres in scanner RAS (FreeSurfer, GIfTI, PLY), "
-        f"with the transform to MNI152, all numbers and a page to look at. {NOTE}",
-        epilog="The scan: a T1 of an adult head without its skull, in any orientation and voxel size, NIfTI or MGH. "
-        "A scan with its skull needs a brain mask, such as SynthStrip or HD-BET make.",
+        help="find the white surfaces of both hemispheres in a scan",
+        description="Writes the surfaces in scanner RAS (FreeSurfer, GIfTI, PLY), the transform to MNI152, "
+        f"all numbers, and a report page. {NOTE}",
+        epilog="The scan should be a T1 of an adult head without its skull, as NIfTI or MGH, in any orientation and "
+        "voxel size. A scan with its skull needs a brain mask, made by SynthStrip or HD-BET for example.",
     )
-    command.add_argument("scan", type=Path, help="the T1")
-    command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="new or empty")
+    command.add_argument("scan", type=Path, help="the T1-weighted scan")
+    command.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FOLDER", help="the folder for the results, new or empty"
+    )
     command.add_argument("--overwrite", action="store_true", help="replace an earlier reconstruction in that folder")
-    command.add_argument("--system", metavar="NAME", help="how the surfaces are found (default: what is shipped)")
-    command.add_argument("--weights", type=Path, metavar="FOLDER", help="of the system, other than those shipped")
-    command.add_argument("--segmentation", type=Path, metavar="FILE", help="weights other than those shipped")
-    command.add_argument("--initial-only", action="store_true", help="no system: the initial surfaces are the result")
-    command.add_argument("--brain-mask", type=Path, metavar="FILE", help="leave out what lies where this volume is 0")
-    command.add_argument("--strict", action="store_true", help="refuse, with exit status 3, where others are warned")
-    command.add_argument("--threads", type=int, help="of the processor (default: torch's)")
+    command.add_argument(
+        "--system", metavar="NAME", help="the system that finds the surfaces (default: that of the package)"
+    )
+    command.add_argument(
+        "--weights", type=Path, metavar="FOLDER", help="weights of the system (default: those of the package)"
+    )
+    command.add_argument(
+        "--segmentation", type=Path, metavar="FILE", help="weights of the segmentation (default: those of the package)"
+    )
+    command.add_argument("--initial-only", action="store_true", help="stop after the initial surfaces, without a flow")
+    command.add_argument("--brain-mask", type=Path, metavar="FILE", help="a volume that is 0 outside the brain")
+    command.add_argument("--strict", action="store_true", help="stop with exit status 3 instead of a warning")
+    command.add_argument("--threads", type=int, help="number of processor threads (default: that of torch)")
     command.set_defaults(run=_run)
 
 

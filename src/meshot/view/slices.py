@@ -18,7 +18,9 @@ from meshot.view.values import Values
 from meshot.volume import Volume, mm_to_voxel, sample_volume, voxel_sizes, voxel_to_mm
 
 # Colours that are visible on a grey image, the most distinct first.
-LINE_COLOURS = (VERMILLION, SKY, YELLOW, GREEN, PURPLE, ORANGE)
+LINE_COLOURS = (VERMILLION, SKY, GREEN, YELLOW, PURPLE, ORANGE)
+# Two or three lines also differ in width, so that all are seen where they coincide.
+LINE_WIDTHS = {2: (2.2, 1.0), 3: (2.6, 1.6, 0.8)}
 # The axis across the slice, the axes of the picture, and the letters at its left, right, bottom and top.
 PLANES = {
     "axial": (2, (0, 1), ("L", "R", "P", "A")),
@@ -186,9 +188,10 @@ def _middle(volume: Volume, meshes: Mapping[str, Mesh]) -> np.ndarray:
 
 
 def _draw_contours(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: float, shown: tuple[int, int]) -> None:
-    for (name, mesh), colour in zip(meshes.items(), itertools.cycle(LINE_COLOURS)):
+    widths = itertools.cycle(LINE_WIDTHS.get(len(meshes), (1.2,)))
+    for (name, mesh), colour, width in zip(meshes.items(), itertools.cycle(LINE_COLOURS), widths):
         segments = plane_section(mesh, axis, position)[:, :, list(shown)].detach().cpu().numpy()
-        lines = LineCollection(segments, colors=colour, linewidths=1.2, label=name, capstyle="round")
+        lines = LineCollection(segments, colors=colour, linewidths=width, label=name, capstyle="round")
         ax.add_collection(lines, autolim=False)  # the limits are those of the volume
 
 
