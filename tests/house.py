@@ -40,6 +40,8 @@ HOMES = {
     "vtk": ("meshot/view/", "meshot_book/figures/"),
     "vtkmodules": ("meshot/view/", "meshot_book/figures/"),
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),
+    "bidsschematools": ("meshot/study/bids",),
+    "pathspec": ("meshot/study/bids",),
     "IPython": ("meshot_book/figures/",),
     "jinja2": ("meshot/view/page",),
     "yaml": ("meshot/plain_yaml", "meshot/synth/cohorts/recipe", "meshot_book/claims/"),

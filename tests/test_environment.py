@@ -94,7 +94,8 @@ def import_names(lines: list[str]) -> set[str]:
 
 def test_the_package_imports_what_it_declares_and_nothing_else(root):
     project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
-    wanted = import_names(project["dependencies"] + project["optional-dependencies"]["cortex"])
+    extras = project["optional-dependencies"]
+    wanted = import_names(project["dependencies"] + extras["cortex"] + extras["bids"])
     used = set()
     for file in (root / "src").rglob("*.py"):
         used |= {module.split(".")[0] for module, _ in imports(file.read_text(encoding="utf-8"))}
@@ -133,12 +134,13 @@ NEEDED = {
     "nilearn": "meshot.anatomy.mni152_t1",
     "yaml": "meshot.train.read_groups",
     "matplotlib": "meshot.view.style",
+    "pathspec": "meshot.study.visits_of_bids",
 }
 
 
 def lacking(root: Path) -> set[str]:
     extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    return import_names(extras["cortex"])
+    return import_names(extras["cortex"] + extras["bids"])
 
 
 def test_losses_need_no_extra(root):
@@ -155,7 +157,8 @@ def test_what_needs_an_extra_names_it(root):
     assert len(said) == len(NEEDED), done.stderr
     for library, line in zip(NEEDED, said, strict=True):
         assert line.startswith(library)
-        assert line.endswith("pip install 'meshot[cortex]'")
+        extra = "bids" if library == "pathspec" else "cortex"
+        assert line.endswith(f"pip install 'meshot[{extra}]'")
 
 
 @pytest.mark.parametrize(

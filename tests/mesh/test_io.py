@@ -160,3 +160,19 @@ def test_a_gifti_without_a_surface_is_refused(tmp_path):
     nibabel.save(nibabel.GiftiImage(darrays=[array]), tmp_path / "a.gii")
     with pytest.raises(ValueError, match="0 point sets"):
         read_mesh(tmp_path / "a.gii")
+
+
+def test_gifti_names_the_part_of_the_brain(tmp_path, mesh, unchecked):
+    write_mesh(tmp_path / "a.surf.gii", mesh, structure=("CortexLeft", "GrayWhite"))
+    points, triangles = nibabel.load(tmp_path / "a.surf.gii").darrays
+    assert dict(points.meta) == {
+        "AnatomicalStructurePrimary": "CortexLeft",
+        "AnatomicalStructureSecondary": "GrayWhite",
+        "GeometricType": "Anatomical",
+    }
+    assert dict(triangles.meta) == {"TopologicalType": "Closed"}
+    assert points.coordsys.dataspace == points.coordsys.xformspace == 1
+    for wrong in (("Left", "GrayWhite"), ("CortexLeft", "white"), ("CortexLeft",)):
+        with pytest.raises(ValueError, match="structure is"):
+            write_mesh(tmp_path / "b.surf.gii", mesh, structure=wrong)
+    assert not (tmp_path / "b.surf.gii").exists()

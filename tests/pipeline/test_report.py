@@ -25,7 +25,10 @@ from preflight import browser as browser_path
 SURFACES = [
     f"{side}.{name}{suffix}" for side in ("lh", "rh") for name in ("white", "initial") for suffix in written.FORMATS
 ]
-TEXTS = ["report.html", "report.json", "slices.webp", "timing.json", "to_standard.json"]
+OTHERS = [
+    "report.html", "report.json", "slices.webp", "timing.json", "to_standard.json", "to_standard.lta", "to_standard.txt",
+    "white_matter.nii.gz",
+]  # fmt: skip
 NAME = "<one & only>.nii.gz"
 
 
@@ -84,7 +87,7 @@ def quick(made, found, monkeypatch):
 
 
 def test_everything_is_there_and_nothing_else(made, place):
-    assert sorted(f.name for f in made.iterdir()) == sorted(SURFACES + TEXTS)
+    assert sorted(f.name for f in made.iterdir()) == sorted(SURFACES + OTHERS)
     assert not list(place.glob(".writing*"))
 
 
@@ -255,7 +258,7 @@ def test_a_folder_in_the_way_is_kept_unless_it_is_an_earlier_reconstruction(plac
     for name in ("report.json", "report.html", "left_over"):
         (again / name).write_text("old")
     assert main(words(place, "again", "--overwrite")) == 0
-    assert sorted(f.name for f in again.iterdir()) == sorted(SURFACES + TEXTS)
+    assert sorted(f.name for f in again.iterdir()) == sorted(SURFACES + OTHERS)
 
 
 def test_a_failure_on_the_way_leaves_nothing(place, quick, monkeypatch, capsys):

@@ -57,5 +57,25 @@ def test_an_image_without_a_place_is_refused(tmp_path):
 
 
 def test_other_suffixes_are_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"\.nii or \.nii\.gz"):
+    with pytest.raises(ValueError, match=r"\.nii, \.nii\.gz, \.mgh or \.mgz"):
         write_volume(tmp_path / "a.png", Volume(np.zeros((2, 2, 2)), np.eye(4)))
+
+
+SQUARE = np.diag([-1.2, 1.0, 0.9, 1.0])[[0, 2, 1, 3]] + np.pad([[30.0], [-4], [2], [0]], [(0, 0), (3, 0)])
+
+
+# nibabel leaves an uncompressed MGH file open after it has read it.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("name", ["a.mgh", "a.mgz"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.uint8, np.int16, bool])
+def test_mgh_there_and_back(tmp_path, name, dtype):
+    volume = Volume((np.random.default_rng(0).random((4, 5, 6)) * 2).astype(dtype), SQUARE)
+    write_volume(tmp_path / name, volume)
+    again = read_volume(tmp_path / name)
+    np.testing.assert_allclose(again.data, volume.data, rtol=1e-6)
+    np.testing.assert_allclose(again.affine, SQUARE, atol=1e-5)
+
+
+def test_mgh_refuses_shear(tmp_path):
+    with pytest.raises(ValueError, match="not orthogonal"):
+        write_volume(tmp_path / "a.mgz", Volume(np.zeros((4, 5, 6)), OBLIQUE))

@@ -21,6 +21,7 @@ from meshot.mesh.io_checks import (
     require_room_in_gifti,
     require_whole_text,
 )
+from meshot.mesh.io_gifti import gifti_image
 from meshot.mesh.mesh import Mesh
 from meshot.types import Array
 
@@ -89,7 +90,12 @@ def read_mesh(path: str | os.PathLike, c_ras: tuple[float, float, float] | None 
         raise ValueError(f"{path} cannot be read as a {kind} mesh: {error}") from error
 
 
-def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+def write_mesh(
+    path: str | os.PathLike,
+    mesh: Mesh,
+    c_ras: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    structure: tuple[str, str] | None = None,
+) -> None:
     """Write a mesh in the format given by the suffix. Vertices are in scanner RAS (mm).
 
     GIfTI files (``.gii``, ``.gii.gz``) are written in scanner RAS and labelled so. FreeSurfer surfaces (``lh.…``,
@@ -103,11 +109,13 @@ def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, f
     mesh : Mesh
     c_ras : three numbers
         For FreeSurfer surfaces only: the centre of the scan in scanner RAS, see :func:`meshot.volume.centre_ras`.
+    structure : two str, optional
+        For GIfTI only: the names of the part of the brain, ``("CortexLeft", "GrayWhite")`` for the left white surface.
 
     Raises
     ------
     ValueError
-        If the suffix is unknown, or ``c_ras`` is not three finite numbers.
+        If the suffix or the structure is unknown, or ``c_ras`` is not three finite numbers.
 
     Examples
     --------
@@ -130,7 +138,7 @@ def write_mesh(path: str | os.PathLike, mesh: Mesh, c_ras: tuple[float, float, f
     faces = mesh.faces.cpu().numpy()
     with whole_file(path) as temporary:
         if kind == "gifti":
-            nibabel.save(_gifti_image(vertices, faces), temporary)
+            nibabel.save(gifti_image(vertices, faces, structure), temporary)
         elif kind == "freesurfer":
             nibabel.freesurfer.write_geometry(
                 temporary, vertices - centre, faces, create_stamp="created by meshot", volume_info=_volume_info(centre)
@@ -193,15 +201,6 @@ def _read_gifti(path: Path) -> tuple[Array, Array]:
     if system is not None and system.dataspace == _UNKNOWN and system.xformspace == _SCANNER:
         vertices = vertices @ system.xform[:3, :3].T + system.xform[:3, 3]
     return vertices, triangles[0].data
-
-
-def _gifti_image(vertices: Array, faces: Array) -> nibabel.GiftiImage:
-    system = nibabel.gifti.GiftiCoordSystem(_SCANNER, _SCANNER, np.eye(4))
-    arrays = [
-        nibabel.gifti.GiftiDataArray(vertices.astype(np.float32), intent="NIFTI_INTENT_POINTSET", coordsys=system),
-        nibabel.gifti.GiftiDataArray(faces.astype(np.int32), intent="NIFTI_INTENT_TRIANGLE"),
-    ]
-    return nibabel.GiftiImage(darrays=arrays)
 
 
 def _read_freesurfer(path: Path, c_ras: tuple[float, float, float] | None) -> tuple[Array, Array]:

@@ -7,9 +7,12 @@ from .initial_surface import (
 )
 from .networks import (
     SEGMENTATION as SEGMENTATION,
+    TrainedNetworks as TrainedNetworks,
     load_networks as load_networks,
     segmentation_weights as segmentation_weights,
 )
-from .reconstruction import reconstruct as reconstruct
+from .reconstruction import Reconstruction as Reconstruction, reconstruct as reconstruct
+from .stages import Progress as Progress
 from .system_training import run_system_training as run_system_training
 from .training_files import LOG as LOG, RECORD as RECORD, STATE_FOLDER as STATE_FOLDER, WEIGHTS as WEIGHTS
+from .warning_table import average_warnings as average_warnings, warning_names as warning_names

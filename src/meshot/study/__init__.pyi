@@ -1,3 +1,7 @@
+from .bids import Choice as Choice, missing_participants as missing_participants, visits_of_bids as visits_of_bids
+from .bids_files import DESCRIPTION as DESCRIPTION
+from .many_visits import reconstruct_study as reconstruct_study, write_table as write_table
+from .one_visit import StudySettings as StudySettings
 from .quality_page import QUALITY_PAGE as QUALITY_PAGE, write_quality_page as write_quality_page
 from .subjects_table import (
     DICTIONARY as DICTIONARY,
@@ -5,3 +9,4 @@ from .subjects_table import (
     read_subjects as read_subjects,
     write_subjects as write_subjects,
 )
+from .visits import Visit as Visit, visits_of_files as visits_of_files, visits_of_folder as visits_of_folder

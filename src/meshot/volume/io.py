@@ -7,6 +7,7 @@ import nibabel
 import numpy as np
 
 from meshot.files import whole_file
+from meshot.types import Array
 from meshot.volume.io_checks import affine_mm, checked_image
 from meshot.volume.volume import Volume
 
@@ -34,21 +35,36 @@ def read_volume(path: str | os.PathLike) -> Volume:
 
 
 def write_volume(path: str | os.PathLike, volume: Volume) -> None:
-    """Write a NIfTI file (``.nii`` or ``.nii.gz``) in mm, with the affine as sform. Masks become 8-bit integers.
+    """Write a file in NIfTI (``.nii``, ``.nii.gz``) or MGH (``.mgh``, ``.mgz``), in mm. Masks become 8-bit integers.
+
+    In NIfTI, the affine is the sform, and the qform if it has no shear. MGH cannot hold shear.
 
     Raises
     ------
     ValueError
-        If the suffix is another one.
+        If the suffix is another one, or the affine of an MGH file has shear.
     """
     path = Path(path)
-    if not path.name.endswith((".nii", ".nii.gz")):
-        raise ValueError(f"{path.name} does not end in .nii or .nii.gz; choose one of them")
+    if not path.name.endswith((".nii", ".nii.gz", ".mgh", ".mgz")):
+        raise ValueError(f"{path.name} does not end in .nii, .nii.gz, .mgh or .mgz; choose one of them")
     data = volume.data.astype(np.uint8) if volume.data.dtype == bool else volume.data
     narrowed = {"f": np.float32, "i": np.int32, "u": np.uint32}[data.dtype.kind] if data.itemsize > 4 else data.dtype
-    image = nibabel.Nifti1Image(data.astype(narrowed), volume.affine)
-    image.header.set_xyzt_units("mm")
-    image.set_sform(volume.affine, code="scanner")
-    image.set_qform(volume.affine, code="scanner")
+    image = (_mgh if path.suffix in (".mgh", ".mgz") else _nifti)(data.astype(narrowed), volume.affine)
     with whole_file(path) as temporary:
         nibabel.save(image, temporary)
+
+
+def _nifti(data: Array, affine: Array) -> nibabel.Nifti1Image:
+    image = nibabel.Nifti1Image(data, affine)
+    image.header.set_xyzt_units("mm")
+    image.set_sform(affine, code="scanner")
+    image.set_qform(affine, code="scanner")
+    return image
+
+
+def _mgh(data: Array, affine: Array) -> nibabel.MGHImage:
+    directions = affine[:3, :3] / np.linalg.norm(affine[:3, :3], axis=0)
+    if np.abs(directions.T @ directions - np.eye(3)).max() > 1e-3:
+        raise ValueError("the axes of the grid are not orthogonal, and MGH cannot hold that; write .nii.gz instead")
+    fitting = data if data.dtype in (np.uint8, np.int16, np.int32, np.float32) else data.astype(np.float32)
+    return nibabel.MGHImage(fitting, affine)

@@ -2,7 +2,7 @@
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -76,14 +76,36 @@ def register_affine(moving: Volume, fixed: Volume, seed: int = 0, quick: bool = 
     ----------
     Mattes et al., *PET-CT image registration in the chest using free-form deformations*, IEEE TMI 2003.
     """
-    _require_contrast(moving, "moving")
-    _require_contrast(fixed, "fixed")
-    search = QUICK if quick else THOROUGH
-    images = [_averaged(_as_image(volume), search.averaged_mm) for volume in (fixed, moving)]
-    with _one_thread():
-        found = _rigid_then_affine(*images, seed, search)
+    found = _registered(moving, fixed, seed, QUICK if quick else THOROUGH, _rigid_then_affine)
     # ITK's transform takes points of the fixed image to the moving one.
     return np.linalg.inv(LPS @ _as_matrix(found) @ LPS)
+
+
+def register_rigid(moving: Volume, fixed: Volume, seed: int = 0) -> Float[Array, "4 4"]:
+    """The rotation and translation that take scanner RAS of ``moving`` to scanner RAS of ``fixed``, in mm.
+
+    For two scans of one person: the head is rigid. Otherwise as :func:`register_affine`.
+
+    Parameters
+    ----------
+    moving, fixed : Volume
+    seed : int
+
+    Raises
+    ------
+    ValueError
+        As :func:`register_affine`.
+    """
+    found = _registered(moving, fixed, seed, THOROUGH, _rigid)
+    return np.linalg.inv(LPS @ _as_matrix(found) @ LPS)
+
+
+def _registered(moving: Volume, fixed: Volume, seed: int, search: _Search, find: Callable) -> SimpleITK.Transform:
+    _require_contrast(moving, "moving")
+    _require_contrast(fixed, "fixed")
+    images = [_averaged(_as_image(volume), search.averaged_mm) for volume in (fixed, moving)]
+    with _one_thread():
+        return find(*images, seed, search)
 
 
 @contextlib.contextmanager
@@ -97,13 +119,17 @@ def _one_thread() -> Iterator[None]:
         SimpleITK.ProcessObject.SetGlobalDefaultNumberOfThreads(before)
 
 
-def _rigid_then_affine(
-    fixed: SimpleITK.Image, moving: SimpleITK.Image, seed: int, search: _Search
-) -> SimpleITK.AffineTransform:
+def _rigid(fixed: SimpleITK.Image, moving: SimpleITK.Image, seed: int, search: _Search) -> SimpleITK.Euler3DTransform:
     start = SimpleITK.CenteredTransformInitializer(
         fixed, moving, SimpleITK.Euler3DTransform(), SimpleITK.CenteredTransformInitializerFilter.MOMENTS
     )
-    rigid = SimpleITK.Euler3DTransform(_found(fixed, moving, start, seed, search).GetNthTransform(0))
+    return SimpleITK.Euler3DTransform(_found(fixed, moving, start, seed, search).GetNthTransform(0))
+
+
+def _rigid_then_affine(
+    fixed: SimpleITK.Image, moving: SimpleITK.Image, seed: int, search: _Search
+) -> SimpleITK.AffineTransform:
+    rigid = _rigid(fixed, moving, seed, search)
     affine = SimpleITK.AffineTransform(3)
     affine.SetCenter(rigid.GetCenter())
     affine.SetMatrix(rigid.GetMatrix())
@@ -163,7 +189,7 @@ def _as_image(volume: Volume) -> SimpleITK.Image:
     return image
 
 
-def _as_matrix(transform: SimpleITK.AffineTransform) -> Float[Array, "4 4"]:
+def _as_matrix(transform: SimpleITK.AffineTransform | SimpleITK.Euler3DTransform) -> Float[Array, "4 4"]:
     """x ↦ A (x − c) + c + t as one matrix."""
     matrix, centre = np.array(transform.GetMatrix()).reshape(3, 3), np.array(transform.GetCenter())
     result = np.eye(4)

@@ -2,29 +2,38 @@
 
 import json
 import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import torch
 from tqdm import tqdm
 
+from meshot.anatomy import mni152_t1
 from meshot.files import printable_name, whole_folder
 from meshot.mesh import write_mesh
 from meshot.metrics import vertex_distances
 from meshot.pipeline.networks import TrainedNetworks
 from meshot.pipeline.reconstruction import Reconstruction, reconstruct
+from meshot.pipeline.report.exchange import itk_transform, lta_transform, white_matter_labels
 from meshot.pipeline.report.numbers import numbers_of_scan, numbers_of_surface
 from meshot.pipeline.report.page import reconstruction_page
 from meshot.pipeline.report.pictures import overview, slice_pictures, surface_view
 from meshot.pipeline.stages import StageClock
+from meshot.pipeline.warning_table import warning_names
 from meshot.provenance import provenance
-from meshot.volume import Volume, centre_ras, masked_scan, read_volume
+from meshot.volume import Volume, centre_ras, masked_scan, read_volume, write_volume
 
 REPORT, TIMING, TRANSFORM, PAGE = "report.json", "timing.json", "to_standard.json", "report.html"
 #: A small picture of all slices, for a page about many subjects.
 OVERVIEW = "slices.webp"
 FORMATS = ("", ".surf.gii", ".ply")
 SHORT = {"left": "lh", "right": "rh"}
+WHITE_MATTER, ITK, LTA = "white_matter.nii.gz", "to_standard.txt", "to_standard.lta"
+#: The names by which Connectome Workbench knows the white surface of a side.
+STRUCTURES = {"left": ("CortexLeft", "GrayWhite"), "right": ("CortexRight", "GrayWhite")}
+#: Writes everything but texts and pictures into a folder, and returns the folder for texts and pictures.
+Arrange = Callable[[Path, Reconstruction, Volume], Path]
 
 
 def write_reconstruction(
@@ -40,8 +49,8 @@ def write_reconstruction(
     """Reconstruct the white surfaces of a scan and write everything, with a progress bar; whole or not at all.
 
     Into ``folder`` go, for each side, the surfaces ``white`` and ``initial`` in scanner RAS, as FreeSurfer, GIfTI and
-    PLY; ``to_standard.json``, ``report.json``, ``timing.json``, the picture ``slices.webp``, and ``report.html``, which
-    needs nothing beside it.
+    PLY; white matter on the grid of the scan (1 left, 2 right); the transform as JSON, for ITK and for FreeSurfer; and
+    ``report.json``, ``timing.json``, the picture ``slices.webp``, and ``report.html``, which needs nothing beside it.
 
     Parameters
     ----------
@@ -77,29 +86,59 @@ def write_reconstruction(
 
         def tell(stage: str, n_done: int, n_stages: int) -> None:
             bar.total = n_stages + 2
-            bar.set_description(stage or "surfaces and numbers", refresh=False)
+            bar.set_description(stage or "surfaces, numbers, pictures", refresh=False)
             bar.update(n_done - bar.n)
             bar.refresh()
 
         found = reconstruct(scan, networks.segmentation, networks.system, tell, template, strict)
-        clock = StageClock(2)
-        with clock.stage("surfaces and numbers"):
-            distances = {side: vertex_distances(s.final, s.initial) for side, s in found.surfaces.items()}
-            _write_surfaces(temporary, found, scan)
-            report = _report(found, scan, printable_name(path.name), networks, distances)
-            report["brain_mask"] = None if brain_mask is None else printable_name(Path(brain_mask).name)
-        bar.update()
-        bar.set_description("pictures")
-        with clock.stage("pictures"):
-            slices, view = slice_pictures(found, scan), surface_view(found, distances)
-            (temporary / OVERVIEW).write_bytes(overview(found, scan))
-        report["seconds"] = {
-            "processor": _rounded(found.cpu_seconds | clock.cpu_seconds),
-            "clock": _rounded(found.wall_seconds | clock.wall_seconds),
-            "threads": torch.get_num_threads(),
-        }
-        _write_texts(temporary, report, reconstruction_page(report, slices, view))
-        bar.update()
+        masked_by = None if brain_mask is None else printable_name(Path(brain_mask).name)
+        return write_found(temporary, found, scan, printable_name(path.name), networks, {"brain_mask": masked_by})
+
+
+def write_found(
+    folder: Path,
+    found: Reconstruction,
+    scan: Volume,
+    name: str,
+    networks: TrainedNetworks,
+    facts: Mapping | None = None,
+    arrange: Arrange | None = None,
+) -> dict:
+    """Write a reconstruction into a folder that exists: surfaces, transform, labels, numbers and the page.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+    found : Reconstruction
+    scan : Volume
+    name : str
+        What the page calls the scan.
+    networks : TrainedNetworks
+    facts : mapping, optional
+        More entries of ``report.json``.
+    arrange : callable, optional
+        Writes surfaces, transform and labels, and returns the folder of the page. By default everything goes into the
+        folder itself.
+
+    Returns
+    -------
+    dict
+        What ``report.json`` holds.
+    """
+    clock = StageClock(2)
+    with clock.stage("surfaces and numbers"):
+        distances = {side: vertex_distances(s.final, s.initial) for side, s in found.surfaces.items()}
+        place = (arrange or write_flat)(folder, found, scan)
+        report = _report(found, scan, name, networks, distances) | dict(facts or {})
+    with clock.stage("pictures"):
+        slices, view = slice_pictures(found, scan), surface_view(found, distances)
+        (place / OVERVIEW).write_bytes(overview(found, scan))
+    report["seconds"] = {
+        "processor": _rounded(found.cpu_seconds | clock.cpu_seconds),
+        "clock": _rounded(found.wall_seconds | clock.wall_seconds),
+        "threads": torch.get_num_threads(),
+    }
+    _write_texts(place, report, reconstruction_page(report, slices, view))
     return report
 
 
@@ -113,11 +152,24 @@ def _require_free(folder: Path, replace: bool) -> None:
         raise ValueError(f"{folder} holds no reconstruction, and is not replaced; choose another folder")
 
 
-def _write_surfaces(folder: Path, found: Reconstruction, scan: Volume) -> None:
+def write_flat(folder: Path, found: Reconstruction, scan: Volume) -> Path:
+    """Write surfaces, white matter and transforms into a folder, without texts and pictures; returns the folder.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+    found : Reconstruction
+    scan : Volume
+    """
     for side, surface in found.surfaces.items():
         for name, mesh in (("white", surface.final), ("initial", surface.initial)):
             for suffix in FORMATS:
-                write_mesh(folder / f"{SHORT[side]}.{name}{suffix}", mesh, centre_ras(scan))
+                write_mesh(folder / f"{SHORT[side]}.{name}{suffix}", mesh, centre_ras(scan), STRUCTURES[side])
+    write_volume(folder / WHITE_MATTER, white_matter_labels(found, scan))
+    to_standard = found.scan.to_standard
+    (folder / ITK).write_text(itk_transform(to_standard), encoding="utf-8")
+    (folder / LTA).write_text(lta_transform(to_standard, scan, "scan", mni152_t1()), encoding="utf-8")
+    return folder
 
 
 def _report(
@@ -126,6 +178,7 @@ def _report(
     return {
         "scan": numbers_of_scan(scan, name),
         "warnings": list(found.warnings),
+        "warning_names": warning_names(found.warnings),
         "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
         "system": found.system,
         "to_standard": found.scan.to_standard.tolist(),

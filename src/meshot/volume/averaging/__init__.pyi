@@ -1,0 +1,1 @@
+from .repeated_scans import averaged_scan as averaged_scan

@@ -1,0 +1,54 @@
+"""A small BIDS data set of heads of two balls, and one reconstruction of such a head, made once."""
+
+import pytest
+
+from bids_trials import SHAPE, TURNED
+from bright_head import bright_head, bright_template, write_bright_weights
+from meshot.pipeline import load_networks, reconstruct
+from meshot.pipeline.report import files as report_files, pictures
+from meshot.study import StudySettings, one_visit
+from meshot.study.layouts import bids_derivatives, freesurfer_subject
+from meshot.volume.io import write_volume
+
+
+@pytest.fixture(scope="session")
+def turned_scan(tmp_path_factory):
+    path = tmp_path_factory.mktemp("turned") / "scan.nii.gz"
+    write_volume(path, bright_head(TURNED, SHAPE))
+    return path
+
+
+@pytest.fixture(scope="session")
+def weights(tmp_path_factory):
+    return write_bright_weights(tmp_path_factory.mktemp("bright") / "weights")
+
+
+@pytest.fixture
+def settings(weights):
+    return StudySettings(system="ddot", weights=weights, segmentation=weights / "segmentation.safetensors")
+
+
+@pytest.fixture(scope="session")
+def networks(weights):
+    return load_networks("ddot", weights, weights / "segmentation.safetensors")
+
+
+@pytest.fixture(scope="session")
+def found(networks):
+    """A reconstruction of the turned head."""
+    head = bright_head(TURNED, SHAPE)
+    return reconstruct(head, networks.segmentation, networks.system, template=bright_template())
+
+
+@pytest.fixture(autouse=True)
+def small_template(monkeypatch):
+    for module in (one_visit, report_files, freesurfer_subject, bids_derivatives):
+        monkeypatch.setattr(module, "mni152_t1", bright_template)
+
+
+@pytest.fixture
+def quick(found, monkeypatch):
+    """For what happens around a reconstruction: the one that was made, and a single slice."""
+    monkeypatch.setattr(one_visit, "reconstruct", lambda *_: found)
+    monkeypatch.setattr(pictures, "_CUTS", (("axial", 0.5),))
+    monkeypatch.setattr(report_files, "surface_view", lambda *_: "<p>surfaces</p>")

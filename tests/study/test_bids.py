@@ -1,0 +1,185 @@
+"""BIDS in: which scans are found, what is ignored, and what is said about data sets that are not whole."""
+
+import json
+
+import pytest
+
+from meshot.study.bids import Choice, missing_participants, visits_of_bids
+from meshot.study.bids_files import sidecar_of
+
+
+@pytest.fixture
+def dataset(tmp_path):
+    (tmp_path / "dataset_description.json").write_text('{"Name": "x", "BIDSVersion": "1.10.0"}')
+    return tmp_path
+
+
+def add(dataset, *names, text=""):
+    for name in names:
+        parts = [part for part in name.split("_") if part.startswith(("sub-", "ses-"))]
+        path = dataset.joinpath(*parts, "anat", name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
+def only(dataset, **choice):
+    (visit,) = visits_of_bids(dataset, Choice(**choice))
+    return visit
+
+
+def test_scans_are_found_by_the_rules_of_bids(dataset):
+    add(
+        dataset, "sub-02_T1w.nii", "sub-01_ses-b_acq-x_T1w.nii.gz", "sub-01_ses-a_T1w.nii.gz",
+        "sub-01_ses-a_T2w.nii.gz", "sub-01_ses-a_T1w.json", "sub-01_ses-a_desc-brain_T1w.nii.gz",
+        "sub-01_ses-a_run-x_T1w.nii.gz",
+    )  # fmt: skip
+    add(dataset, "sub-02_part-phase_T1w.nii", "sub-01_ses-c_T2w.nii.gz")
+    (dataset / "sub-01" / "ses-a" / "anat" / "sub-01_ses-a_T1w.json").write_text("{}")
+    (dataset / "derivatives" / "sub-09" / "anat").mkdir(parents=True)
+    found = visits_of_bids(dataset)
+    assert [visit.prefix for visit in found] == ["sub-01_ses-a", "sub-01_ses-b_acq-x", "sub-02"]
+    assert [[path.name for path in visit.scans] for visit in found] == [
+        ["sub-01_ses-a_T1w.nii.gz"], ["sub-01_ses-b_acq-x_T1w.nii.gz"], ["sub-02_T1w.nii"],
+    ]  # fmt: skip
+    assert all(visit.trouble is None and visit.warnings == () for visit in found)
+
+
+def test_participants_and_sessions_are_chosen_by_label(dataset):
+    add(dataset, *(f"sub-0{i}_ses-{s}_T1w.nii" for i in (1, 2, 3) for s in "ab"))
+    found = visits_of_bids(dataset, Choice(("sub-03", "01"), ("b",)))
+    assert [visit.label for visit in found] == ["sub-01_ses-b", "sub-03_ses-b"]
+    with pytest.raises(ValueError, match="there is no sub-7 in the data set; it has 01, 02, 03"):
+        visits_of_bids(dataset, Choice(("7",)))
+    with pytest.raises(ValueError, match="there is no ses-c in the data set; it has a, b"):
+        visits_of_bids(dataset, Choice(sessions=("c",)))
+
+
+def test_bidsignore_follows_gitignore(dataset):
+    add(dataset, "sub-01_T1w.nii", "sub-01_acq-bad_T1w.nii", "sub-02_T1w.nii", "sub-03_T1w.nii")
+    (dataset / ".bidsignore").write_text("# a comment\n\nsub-02/\n**/*acq-bad*\nsub-0[3]\n!sub-03\n")
+    assert [visit.prefix for visit in visits_of_bids(dataset)] == ["sub-01", "sub-03"]
+
+
+def test_runs_are_averaged_or_one_is_chosen_and_this_is_said(dataset):
+    names = ["sub-01_acq-a_run-1_T1w.nii", "sub-01_acq-a_run-2_T1w.nii"]
+    add(dataset, *names)
+    both = only(dataset)
+    assert [path.name for path in both.scans] == names
+    assert both.prefix == "sub-01_acq-a"
+    assert both.notes == (f"2 runs are averaged: {', '.join(names)}",)
+    first = only(dataset, several="first")
+    assert (first.prefix, len(first.scans)) == ("sub-01_acq-a_run-1", 1)
+    assert "only the first is used" in first.notes[0]
+    second = only(dataset, run="02")
+    assert (second.prefix, second.notes) == ("sub-01_acq-a_run-2", ())
+    assert "no T1-weighted scan with run-3" in only(dataset, run="3").trouble
+
+
+def test_several_protocols_need_a_choice(dataset):
+    add(dataset, "sub-01_acq-a_T1w.nii", "sub-01_acq-b_T1w.nii")
+    assert "several protocols" in only(dataset).trouble
+    assert only(dataset, acquisition="b").prefix == "sub-01_acq-b"
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["sub-01_T1w.nii", "sub-01_T1w.nii.gz"],
+        ["sub-01_run-1_T1w.nii", "sub-01_run-01_T1w.nii"],
+    ],
+)
+def test_a_run_that_is_there_twice(dataset, names):
+    add(dataset, *names)
+    assert "are the same run twice" in only(dataset).trouble
+
+
+def test_half_a_data_set(dataset):
+    add(dataset, "sub-01_T2w.nii", "sub-02_T1.nii.gz")
+    (dataset / "sub-03").mkdir()
+    found = visits_of_bids(dataset)
+    assert [visit.label for visit in found] == ["sub-01", "sub-02", "sub-03"]
+    assert all("has no T1-weighted scan" in visit.trouble for visit in found)
+    assert "anat holds sub-02_T1.nii.gz" in found[1].trouble
+    (dataset / "participants.tsv").write_text("participant_id\tage\nsub-01\t3\nsub-04\t5\n")
+    assert missing_participants(dataset) == ["sub-04"]
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (None, "has no dataset_description.json"),
+        ("{", "is not JSON"),
+        ("[1]", "holds a list"),
+        ('{"Name": "x"}', "lacks BIDSVersion"),
+    ],
+)
+def test_a_description_that_will_not_do(dataset, text, why):
+    add(dataset, "sub-01_T1w.nii")
+    file = dataset / "dataset_description.json"
+    file.unlink() if text is None else file.write_text(text)
+    with pytest.raises(ValueError, match=why):
+        visits_of_bids(dataset)
+
+
+def test_no_participants_and_no_folder(dataset):
+    with pytest.raises(ValueError, match=r"no folder sub-"):
+        visits_of_bids(dataset)
+    with pytest.raises(ValueError, match="is no folder"):
+        visits_of_bids(dataset / "nowhere")
+
+
+def test_a_t2_called_t1_is_seen_in_its_sidecar(dataset):
+    add(dataset, "sub-01_T1w.nii", "sub-02_T1w.nii")
+    (dataset / "T1w.json").write_text('{"EchoTime": 0.35}')
+    (dataset / "sub-02" / "anat" / "sub-02_T1w.json").write_text('{"EchoTime": 0.003}')
+    first, second = visits_of_bids(dataset)
+    assert "an echo time of 350 ms" in first.warnings[0]
+    assert first.warnings[0].endswith("is it a T2?")
+    assert second.warnings == ()
+
+
+def test_a_sidecar_that_cannot_be_read_is_a_warning(dataset):
+    add(dataset, "sub-01_T1w.nii")
+    (dataset / "sub-01" / "anat" / "sub-01_T1w.json").write_bytes(b'{"EchoTime": \xff')
+    visit = only(dataset)
+    assert visit.trouble is None
+    assert visit.warnings[0].endswith("the sidecar is not used")
+
+
+def test_nearer_sidecars_count_more(dataset):
+    add(dataset, "sub-01_ses-a_acq-x_T1w.nii")
+    scan = dataset / "sub-01/ses-a/anat/sub-01_ses-a_acq-x_T1w.nii"
+    for name, facts in {
+        "T1w.json": {"a": 0, "b": 0, "c": 0},
+        "acq-x_T1w.json": {"b": 1},
+        "acq-y_T1w.json": {"b": 9},
+        "T2w.json": {"a": 9},
+        "sub-01/sub-01_T1w.json": {"c": 2},
+    }.items():
+        (dataset / name).write_text(json.dumps(facts))
+    assert sidecar_of(dataset, scan) == {"a": 0, "b": 1, "c": 2}
+
+
+@pytest.fixture
+def derivatives(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("masks")
+    (folder / "dataset_description.json").write_text('{"Name": "m", "BIDSVersion": "1.10.0"}')
+    return folder
+
+
+def test_brain_masks_come_from_derivatives(dataset, derivatives):
+    add(dataset, "sub-01_ses-a_run-1_T1w.nii", "sub-02_T1w.nii", "sub-03_T1w.nii")
+    add(derivatives, "sub-01_ses-a_desc-brain_mask.nii.gz", "sub-01_ses-a_run-1_desc-brain_mask.nii.gz")
+    add(derivatives, "sub-01_ses-a_run-2_desc-brain_mask.nii.gz", "sub-02_space-MNI152_desc-brain_mask.nii.gz")
+    add(derivatives, "sub-03_desc-brain_mask.nii.gz", "sub-03_space-T1w_desc-brain_mask.nii.gz")
+    first, second, third = visits_of_bids(dataset, Choice(derivatives=derivatives))
+    assert first.mask.name == "sub-01_ses-a_run-1_desc-brain_mask.nii.gz"
+    assert "no brain mask for sub-02; sub-02_desc-brain_mask.nii.gz in sub-02/anat is needed" in second.trouble
+    assert "fit sub-03 equally well" in third.trouble
+
+
+def test_derivatives_must_be_a_data_set(dataset, derivatives):
+    add(dataset, "sub-01_T1w.nii")
+    (derivatives / "dataset_description.json").unlink()
+    with pytest.raises(ValueError, match="has no dataset_description"):
+        visits_of_bids(dataset, Choice(derivatives=derivatives))
