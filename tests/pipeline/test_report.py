@@ -26,8 +26,8 @@ SURFACES = [
     f"{side}.{name}{suffix}" for side in ("lh", "rh") for name in ("white", "initial") for suffix in written.FORMATS
 ]
 OTHERS = [
-    "report.html", "report.json", "slices.webp", "timing.json", "to_standard.json", "to_standard.lta", "to_standard.txt",
-    "white_matter.nii.gz",
+    "report.html", "report.json", "slices.webp", "timing.json", "to_standard.json", "to_standard.lta",
+    "to_standard.txt", "white_matter.nii.gz",
 ]  # fmt: skip
 NAME = "<one & only>.nii.gz"
 

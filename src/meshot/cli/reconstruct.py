@@ -20,13 +20,13 @@ def add_to(commands: Commands) -> None:
         help="find the white surfaces of both hemispheres in a scan, or in all scans of a study",
         usage="meshot reconstruct SCAN... -o FOLDER [options]\n"
         "       meshot reconstruct BIDS FOLDER {participant,group} [options]",
-        description="Writes the surfaces in scanner RAS (FreeSurfer, GIfTI, PLY), the transform to MNI152, white matter "
-        f"as labels, all numbers, and a report page. {NOTE}",
+        description="Writes the surfaces in scanner RAS (FreeSurfer, GIfTI, PLY), the transform to MNI152, labels of "
+        f"white matter, all numbers, and a report page. {NOTE}",
         epilog="The scan should be a T1 of an adult head without its skull, as NIfTI or MGH, in any orientation and "
-        "voxel size. A scan with its skull needs a brain mask, made by SynthStrip or HD-BET for example. One file gives "
-        "one folder. Several files, a folder of scans, or a BIDS data set give a study: a folder for each participant "
-        "and session, and the table subjects.tsv. A second start does what is missing. The level group only writes the "
-        "table again. The exit status is 1 if a scan of a study failed.",
+        "voxel size. A scan with its skull needs a brain mask, made by SynthStrip or HD-BET for example. One file "
+        "gives one folder. Several files, a folder of scans, or a BIDS data set give a study: a folder for each "
+        "participant and session, and the table subjects.tsv. A second start does what is missing. The level group "
+        "only writes the table again. The exit status is 1 if a scan of a study failed.",
     )
     command.add_argument(
         "scan", type=Path, nargs="+", help="the T1-weighted scan, several, a folder of them, or a BIDS data set"
