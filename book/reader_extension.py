@@ -18,6 +18,7 @@ from reading import count_reading, read_chapters, reading_table
 FOLDED = {
     "imports": ("hide-input", "code: imports"),
     "drawing": ("hide-input", "code: drawing"),
+    "table": ("hide-input", "code: table"),
     "checks": ("hide-input", "code: checks"),
     "solution": ("hide-cell", "the solution"),
 }

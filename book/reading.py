@@ -11,7 +11,7 @@ from typing import NamedTuple
 import nbformat
 
 #: Cells with one of these tags are folded behind one line.
-FOLDED_TAGS = {"imports", "drawing", "checks", "solution", "hide-cell", "hide-input"}
+FOLDED_TAGS = {"imports", "drawing", "table", "checks", "solution", "hide-cell", "hide-input"}
 WORDS_A_MINUTE = 200
 SECONDS_A_FIGURE = 15
 SECONDS_A_LINE = 3

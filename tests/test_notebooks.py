@@ -17,7 +17,7 @@ from run_notebooks import source_notebook
 ROOT = Path(__file__).resolve().parent.parent
 STORED = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
 LONGEST_CELL = 15
-LONGEST_FOLDED = 25  # of what stands behind one line: imports, drawing, checks
+LONGEST_FOLDED = 25  # of what stands behind one line: imports, drawings, tables, checks
 IGNORED_BUDGET = 2  # cells a chapter: the environment card, and one picture that moves
 IGNORED = {"nbval-ignore-output", "nbval-skip", "nbval-raises-exception"}
 

@@ -7,7 +7,8 @@ function headed(table) {
   const heads = [...table.querySelectorAll("thead tr:last-child > *")];
   for (const row of table.querySelectorAll("tbody tr")) {
     [...row.children].forEach((cell, index) => {
-      if (index === 0 || !heads[index] || cell.querySelector(".cell-head")) return;
+      const named = index === 0 && !cell.classList.contains("number"); // words need no head, a number does
+      if (named || !heads[index] || cell.querySelector(".cell-head")) return;
       const head = document.createElement("span");
       head.className = "cell-head";
       head.setAttribute("aria-hidden", "true");
