@@ -1,10 +1,9 @@
-"""Time and memory of losses over the number of supports, with a name at the end of every line."""
+"""Time and memory of losses over the number of supports."""
 
 from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from meshot.view.style import BLACK, GREY, LOSS_COLOURS, WIDTH
@@ -45,19 +44,17 @@ def cost_figure(rows: Sequence[Mapping], quantity: str, label: str, factor: floa
     dimensions = sorted({row["d"] for row in shown})
     names = list(dict.fromkeys(row["peer"] for row in shown))
     looks = _looks(names)
-    size = (WIDTH * 1.2, 4.6 * len(dimensions))
+    size = (WIDTH, 4.2 * len(dimensions))
     figure, axes = plt.subplots(len(dimensions), 1, figsize=size, layout="constrained", sharex=True, squeeze=False)
     for ax, d in zip(axes[:, 0], dimensions):
-        lines = {}
         for name in names:
             own = sorted((row["m"], factor * row[quantity]) for row in shown if row["d"] == d and row["peer"] == name)
             if own:
-                lines[name] = np.array(own).T
-                ax.plot(*lines[name], **looks[name], markersize=5, linewidth=1.6)
+                ax.plot(*np.array(own).T, **looks[name], label=name, markersize=6, linewidth=1.8)
         space = "points" if d == 3 else "points with normals"
         ax.set(xscale="log", yscale="log", ylabel=label, title=f"{space}, $d = {d}$")
-        _name_ends(ax, lines, looks)
     axes[-1, 0].set_xlabel("supports (faces, if continuous) on each side")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 
@@ -75,37 +72,3 @@ def _looks(names: Sequence[str]) -> dict[str, dict]:
             "linestyle": _DASHES[k % len(_DASHES)],
         }
     return looks
-
-
-def _name_ends(ax: Axes, lines: Mapping[str, np.ndarray], looks: Mapping[str, dict], gap: float = 0.065) -> None:
-    """Names beside the panel, at the heights of the lines' ends, pushed apart where they would touch."""
-    ax.figure.canvas.draw_idle()
-    to_panel = ax.transData.transform, ax.transAxes.inverted().transform
-    ends = {name: to_panel[1](to_panel[0]((x[-1], y[-1]))) for name, (x, y) in lines.items()}
-    order = sorted(ends, key=lambda name: ends[name][1])
-    heights = [float(ends[name][1]) for name in order]
-    for k in range(1, len(heights)):
-        heights[k] = max(heights[k], heights[k - 1] + gap)
-    over = max(0.0, heights[-1] - 1.0)
-    heights = [height - over for height in heights]
-    for k in range(len(heights) - 2, -1, -1):
-        heights[k] = min(heights[k], heights[k + 1] - gap)
-    for name, height in zip(order, heights):
-        ax.annotate(
-            name,
-            xy=ends[name],
-            xycoords="axes fraction",
-            xytext=(1.04, height),
-            textcoords="axes fraction",
-            fontsize=12,
-            va="center",
-            color=looks[name]["color"],
-            arrowprops={
-                "arrowstyle": "-",
-                "relpos": (0, 0.5),
-                "color": looks[name]["color"],
-                "linewidth": 0.5,
-                "alpha": 0.6,
-            },
-            annotation_clip=False,
-        )
