@@ -104,6 +104,17 @@ def quality_page(folder: Path, inputs: Path) -> int:
     return meshot(["quality", str(folder)])
 
 
+def compare_folders(folder: Path, inputs: Path) -> int:
+    """Tables about two folders; a whole folder is refused, so that there is nothing left to do."""
+    if folder.exists():
+        return 0
+    for name in ("ours", "theirs"):
+        (folder.parent / name / "sub-01").mkdir(parents=True, exist_ok=True)
+        write_mesh(folder.parent / name / "sub-01" / "lh.white.ply", icosphere(1))
+    pair = [str(folder.parent / name) for name in ("ours", "theirs")]
+    return meshot(["table", *pair, "-o", str(folder), "--points", "100", "--emd-points", "50"])
+
+
 def run_notebook(folder: Path, inputs: Path) -> None:
     """A notebook from its text."""
     import run_notebooks
@@ -142,6 +153,7 @@ EVERY = [
     Writer("train", train_system, r"state/|\.jsonl$", LOGS),
     Writer("reconstruct", reconstruct, timed=LOGS),
     Writer("quality", quality_page),
+    Writer("table", compare_folders, timed=r"surfaces\.json"),
     Writer("notebooks", run_notebook),
     Writer("book", render_book, timed=r"\.buildinfo|searchindex\.js"),
 ]
