@@ -156,4 +156,4 @@ def write_pages(into: Path) -> None:
     about = {door: inspect.getdoc(importlib.import_module(door)).partition("\n")[0] for door in found}
     rows = "".join(f"| [`{door}`]({door}.rst) | {line} | {len(found[door])} |\n" for door, line in about.items())
     toctree = "\n".join(["```{toctree}", ":hidden:", "", *found, "```"])
-    (into / "doors.inc").write_text(f"| room | what it is for | names |\n|---|---|---|\n{rows}\n{toctree}\n", "utf-8")
+    (into / "doors.inc").write_text(f"| package | purpose | names |\n|---|---|---|\n{rows}\n{toctree}\n", "utf-8")

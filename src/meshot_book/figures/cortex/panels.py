@@ -68,12 +68,12 @@ def slice_panels(
     for k, (ax, (name, (image, extent))) in enumerate(zip(axes.flat, slices.items())):
         drawn = ax.imshow(image, extent=extent, origin="lower", cmap=colour_map, vmin=limits[0], vmax=limits[1])
         ax.set_facecolor("black")
-        ax.set_title(name, fontsize=10)
-        ax.tick_params(labelsize=8)
+        ax.set_title(name, fontsize=11)
+        ax.tick_params(labelsize=10)
         if k % columns == 0:
-            ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)", fontsize=9)
+            ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)", fontsize=11)
         if k >= len(slices) - columns:
-            ax.set_xlabel(f"{'xyz'[shown[0]]} (mm)", fontsize=9)
+            ax.set_xlabel(f"{'xyz'[shown[0]]} (mm)", fontsize=11)
         _draw_lines(ax, (meshes or {}).get(name, {}), axis, position_mm, shown)
     if meshes:
         _legend(figure, axes)
@@ -90,4 +90,6 @@ def _draw_lines(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: float
 
 def _legend(figure: Figure, axes: np.ndarray) -> None:
     named = {name: line for ax in axes.flat for line, name in zip(*ax.get_legend_handles_labels())}
-    figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=len(named), frameon=False, fontsize=9)
+    figure.legend(
+        named.values(), named.keys(), loc="outside upper center", ncols=len(named), frameon=False, fontsize=11
+    )
