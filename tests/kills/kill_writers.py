@@ -115,6 +115,12 @@ def compare_folders(folder: Path, inputs: Path) -> int:
     return meshot(["table", *pair, "-o", str(folder), "--points", "100", "--emd-points", "50"])
 
 
+def reconstruct_study(folder: Path, inputs: Path) -> int:
+    """A study of one participant from BIDS, as BIDS derivatives, and its table."""
+    words = ["reconstruct", str(SCAN.parents[2]), str(folder), "participant", "--layout", "bids", "--initial-only"]
+    return meshot([*words, *ONE])
+
+
 def run_notebook(folder: Path, inputs: Path) -> None:
     """A notebook from its text."""
     import run_notebooks
@@ -152,6 +158,7 @@ EVERY = [
     Writer("train-segmentation", train_segmentation, r"state/|\.jsonl$", LOGS),
     Writer("train", train_system, r"state/|\.jsonl$", LOGS),
     Writer("reconstruct", reconstruct, timed=LOGS),
+    Writer("study", reconstruct_study, r"subjects\.tsv$", LOGS + r"|subjects\.tsv$"),
     Writer("quality", quality_page),
     Writer("table", compare_folders, timed=r"surfaces\.json"),
     Writer("notebooks", run_notebook),

@@ -159,11 +159,13 @@ def test_without_permission_the_folder_is_named(tmp_path, dataset, settings, mon
         reconstruct_study(visits_of_bids(dataset), tmp_path / "study", settings)
 
 
-def test_a_report_that_is_none_is_named(tmp_path):
+def test_a_report_that_is_none_is_named_before_the_first_visit(tmp_path, settings):
     (tmp_path / "sub-01").mkdir()
     (tmp_path / "sub-01" / "report.json").write_text("{}")
-    with pytest.raises(ValueError, match="is no report of a visit"):
+    with pytest.raises(ValueError, match="is no record of a visit"):
         write_table(tmp_path)
+    with pytest.raises(ValueError, match="is no record of a visit"):
+        reconstruct_study([Visit("02", trouble="none")], tmp_path, settings, tell=lambda line: pytest.fail(line))
 
 
 def own(settings):

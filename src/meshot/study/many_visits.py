@@ -1,6 +1,7 @@
 """All visits of a study: in several processes, with failures recorded, and a table at the end."""
 
 import concurrent.futures
+import contextlib
 import json
 import multiprocessing
 import os
@@ -73,6 +74,7 @@ def reconstruct_study(
         raise ValueError(f"{study} is the data set itself; name another folder, such as {study / 'derivatives/meshot'}")
     _require_writable(study)
     layout_named(settings.layout).begin(study, dataset)
+    write_table(study)  # what cannot be read is found before the first scan
     failed, spent, started = [], 0.0, time.perf_counter()
     with tqdm(total=len(visits), unit="visit", disable=None) as bar:
         for visit, error in _outcomes(visits, study, settings, jobs, bar):
@@ -101,13 +103,12 @@ def write_table(study: Path) -> list[dict]:
         If a report or a record of a failure cannot be read.
     """
     rows = {}
-    for file in sorted((study / LOGS).glob("sub-*_error.json")):
-        row = json_of(file)
-        rows[row["participant_id"], row["session_id"]] = row | {"status": "failed"}
-    for pattern in (f"sub-*/{REPORT}", f"sub-*/report/{REPORT}", f"sub-*/ses-*/report/{REPORT}"):
+    done = (f"sub-*/{REPORT}", f"sub-*/report/{REPORT}", f"sub-*/ses-*/report/{REPORT}")
+    for pattern in (f"{LOGS}/sub-*_error.json", *done):
         for file in sorted(study.glob(pattern)):
-            row = _row(study, file)
-            rows[row["participant_id"], row["session_id"]] = row
+            with contextlib.suppress(FileNotFoundError):  # another run may just have replaced it
+                row = _row(study, file)
+                rows[row["participant_id"], row["session_id"]] = row
     found = list(rows.values())
     write_subjects(study, found)
     return found
@@ -116,6 +117,10 @@ def write_table(study: Path) -> list[dict]:
 def _row(study: Path, file: Path) -> dict:
     report = json_of(file)
     try:
+        if file.parent.name == LOGS:
+            return {name: report[name] for name in ("participant_id", "session_id", "error", "scans")} | {
+                "status": "failed"
+            }
         return {
             "participant_id": report["participant_id"],
             "session_id": report["session_id"],
@@ -125,7 +130,7 @@ def _row(study: Path, file: Path) -> dict:
             "warning_names": " ".join(report["warning_names"]),
         } | numbers_of_report(report)
     except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"{file} is no report of a visit (it lacks {error}); remove its folder") from error
+        raise ValueError(f"{file} is no record of a visit (it lacks {error}); remove it, or its folder") from error
 
 
 def _require_writable(study: Path) -> None:
