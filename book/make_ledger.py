@@ -1,10 +1,14 @@
-"""Write ``book/ledger.md`` from the committed results (``make ledger``); a test compares the two."""
+"""Write ``book/ledger.md`` and the checksums of the experiments' files from the committed results (``make ledger``).
+
+Tests compare both with the results.
+"""
 
 from pathlib import Path
 
 from meshot.files import whole_file
 from meshot_book.claims import ledger_page as page_of_claims
 from meshot_book.claims.rules import RULES
+from meshot_book.notebook import CHECKSUMS, checksum_lines
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "book" / "ledger.md"
@@ -16,6 +20,7 @@ def ledger_page() -> str:
 
 
 if __name__ == "__main__":
-    with whole_file(PAGE) as temporary:
-        temporary.write_text(ledger_page(), encoding="utf-8")
-    print(f"wrote {PAGE.relative_to(ROOT)}")
+    for path, text in ((PAGE, ledger_page()), (CHECKSUMS, checksum_lines(ROOT / "experiments"))):
+        with whole_file(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        print(f"wrote {path.relative_to(ROOT)}")

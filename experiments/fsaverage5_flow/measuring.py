@@ -15,7 +15,7 @@ def fit_record(leg: dict, fit: Fit, seconds: dict[str, float], mending: dict) ->
     """The record of one fit: losses, distances, intersections, backtracks, seconds."""
     history = fit.history
     means = [float(np.mean(history["loss"][i : i + LOSS_STRIDE])) for i in range(0, len(history["loss"]), LOSS_STRIDE)]
-    names = ("checked_iteration", "checked_loss", "checked_crossings", "retreat_iteration", "assd", "cpu_seconds")
+    names = ("checked_iteration", "checked_loss", "checked_crossings", "backtrack_iteration", "assd", "cpu_seconds")
     return {
         "loss_function": leg["loss"],
         "loss": means,

@@ -15,7 +15,7 @@ without the folds and with another connectivity. Each gives a sequence of flows 
 - ``seconds`` (wall-clock) and ``cpu_seconds`` of all fits of the sequence, including checks; ``n_vertices``,
   ``n_faces``;
 - ``fits``, one per leg (see ``measuring.fit_record``): ``loss`` (means over ten iterations), at every check
-  ``checked_iteration``, ``checked_loss``, ``checked_crossings``, ``assd``, ``cpu_seconds``; ``retreat_iteration``,
+  ``checked_iteration``, ``checked_loss``, ``checked_crossings``, ``assd``, ``cpu_seconds``; ``backtrack_iteration``,
   ``best_iteration``, ``n_steps``; ``mending`` {``crossings`` of the leg as ``fitted``, with the start ``cut`` where the
   sequence stretches it, with the flow ``damped`` where faces intersected; ``n_faces`` after division; ``seconds``};
   ``seconds`` and ``cpu_seconds_in_all``, including repair;

@@ -111,8 +111,8 @@ def read_results(path: str | Path) -> dict:
     path = Path(path)
     if not path.is_file():
         raise ValueError(
-            f"{path} does not exist. A chapter that was downloaded alone needs the repository around it: clone it and "
-            "open the chapter in its folder notebooks. Or run the experiment that makes it (see experiments/README.md)"
+            f"{path} does not exist. It is part of the repository; clone it again, or run the experiment that makes "
+            "the file (see experiments/README.md)"
         )
     try:
         record = json.loads(path.read_text(encoding="utf-8"))

@@ -39,16 +39,16 @@ def test_without_a_guard_faces_cross_and_with_it_they_do_not():
     # It went as far as it could: the tip hangs just over the face, whose corners have moved a little too.
     assert 0 < float(held.mesh.vertices[3, 1] - held.mesh.vertices[:3, 1].mean()) < 0.15
     assert len(held.history["checked_crossings"]) == len(held.history["checked_loss"])
-    retreats = held.history["retreat_iteration"]
+    backtracks = held.history["backtrack_iteration"]
     crossed = [i for i, n in zip(held.history["checked_iteration"], held.history["checked_crossings"]) if n]
-    assert retreats == crossed != []
-    assert len(retreats) <= 8
+    assert backtracks == crossed != []
+    assert len(backtracks) <= 8
 
 
-def test_after_a_retreat_steps_are_smaller():
+def test_after_a_backtrack_steps_are_smaller():
     held = fit_flow(field(), PAIR, through, QUICK, guard=Guard(slow_down=0.1))
     losses = dict(zip(held.history["iteration"], held.history["loss"]))
-    first = held.history["retreat_iteration"][0]
+    first = held.history["backtrack_iteration"][0]
     fall_before = losses[first - 2] - losses[first - 1]
     # Iteration `first` starts from the best state again, and its fall is seen in the one after it.
     fall_after = losses[first] - losses[first + 1]
@@ -56,9 +56,9 @@ def test_after_a_retreat_steps_are_smaller():
 
 
 def test_gives_up_and_keeps_the_best():
-    held = fit_flow(field(), PAIR, through, QUICK, guard=Guard(max_retreats=1))
-    assert len(held.history["retreat_iteration"]) == 1
-    assert len(held.history["iteration"]) == held.history["retreat_iteration"][0] < 60
+    held = fit_flow(field(), PAIR, through, QUICK, guard=Guard(max_backtracks=1))
+    assert len(held.history["backtrack_iteration"]) == 1
+    assert len(held.history["iteration"]) == held.history["backtrack_iteration"][0] < 60
     assert len(self_intersecting_faces(held.mesh)) == 0
 
 
@@ -80,13 +80,13 @@ def test_killed_and_resumed_backs_off_in_the_same_way(tmp_path, stop):
         if iteration == stop:
             raise Killed
 
-    guard, path = Guard(max_retreats=5), tmp_path / "fit.safetensors"
+    guard, path = Guard(max_backtracks=5), tmp_path / "fit.safetensors"
     whole = fit_flow(field(), PAIR, through, QUICK, guard=guard)
     assert same(whole, fit_flow(field(), PAIR, through, QUICK, guard=guard))
     with pytest.raises(Killed):
         fit_flow(field(), PAIR, through, QUICK, path, kill, guard)
-    assert min(whole.history["retreat_iteration"]) < 5
-    assert max(whole.history["retreat_iteration"]) > 11
+    assert min(whole.history["backtrack_iteration"]) < 5
+    assert max(whole.history["backtrack_iteration"]) > 11
     assert same(whole, fit_flow(field(), PAIR, through, QUICK, path, guard=guard))
     with pytest.raises(ValueError, match="made with another guard"):
         fit_flow(field(), PAIR, through, QUICK, path)
@@ -151,7 +151,7 @@ def test_bar_counts(capsys):
     [
         (lambda: Guard(max_crossings=-1), "max_crossings is -1"),
         (lambda: Guard(slow_down=1.0), "slow_down is 1.0"),
-        (lambda: Guard(max_retreats=0), "max_retreats is 0"),
+        (lambda: Guard(max_backtracks=0), "max_backtracks is 0"),
         (lambda: FitSettings(patience=0), "patience is 0"),
         (lambda: FitSettings(method="heun"), "method is 'heun'"),
         (lambda: FitSettings(gradient="none"), "gradient is 'none'"),

@@ -39,7 +39,7 @@ def with_pole_pushed_through(depth: float) -> torch.Tensor:
 
 
 def test_what_smoothing_cannot_mend_goes_back_in_places(monkeypatch):
-    monkeypatch.setattr(repair, "_MENDING_ROUNDS", 3)
+    monkeypatch.setattr(repair, "_SMOOTHING_ROUNDS", 3)
     carried = BALL.with_vertices(with_pole_pushed_through(25.0) + torch.tensor([1.0, 0, 0]))
     found = repair_crossings(BALL, carried)
     assert found.n_crossing > 0

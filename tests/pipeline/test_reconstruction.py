@@ -103,7 +103,7 @@ def test_without_a_flow_the_initial_surface_is_the_result(networks):
     assert heard[-1] == ("", 4, 4)
     for surface in found.surfaces.values():
         assert surface.final is surface.initial
-        assert surface.settled is None
+        assert surface.repaired is None
 
 
 def test_doors(networks):
@@ -140,7 +140,7 @@ def test_a_system_without_initial_surfaces_is_not_repaired(networks):
     found = reconstruct(bright_template(), networks[0], FixedBalls({}), template=bright_template())
     assert found.system == "balls"
     for surface in found.surfaces.values():
-        assert surface.settled is None
+        assert surface.repaired is None
         assert len(surface.final.faces) == 20 * 4**5 != len(surface.initial.faces)
         assert vertex_distances(surface.final, surface.initial).mean() < 0.6
 
@@ -246,9 +246,9 @@ def test_doubts_about_surfaces():
     assert "20 voxels (4.0 %) of the right" in given_up
     (crossed,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 64, 0, 0.31))
     assert "64 faces (5 %) of the left surface crossed after the flow" in crossed
-    assert "retreats" not in crossed
-    (retreated,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 2, 3.0))
-    assert "2 retreats" in retreated
+    assert "backtracks" not in crossed
+    (moved_back,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 2, 3.0))
+    assert "2 backtracks" in moved_back
     assert surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 3.0)) == []
     (far,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 7.5))
     assert "moved vertices by up to 7.5 mm" in far

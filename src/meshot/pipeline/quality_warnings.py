@@ -37,8 +37,8 @@ VOLUMES_CM3 = (120.0, 450.0)
 LARGEST_LOSS = 0.03
 #: Of the faces, after a flow: on held-out heads the shipped kind of flow leaves less than a fifth of a hundredth.
 LARGEST_CROSSING = 0.005
-#: How far mending may move a vertex, in mm; on these heads it stays at a few.
-LONGEST_MENDING_MM = 6.0
+#: The largest distance by which the repair may move a vertex without a warning, in mm. On these heads it is a few mm.
+LARGEST_REPAIR_MM = 6.0
 
 
 class DoubtfulScanError(ValueError):
@@ -162,7 +162,9 @@ def _on_grid(image: Volume, template: Volume) -> Float[Array, "x y z"]:
     )
 
 
-def surface_warnings(side: str, final: Mesh, segmented: SegmentedSurface, settled: RepairedSurface | None) -> list[str]:
+def surface_warnings(
+    side: str, final: Mesh, segmented: SegmentedSurface, repaired: RepairedSurface | None
+) -> list[str]:
     """Whether one hemisphere has a plausible volume, and how much of it had to be mended.
 
     Parameters
@@ -171,7 +173,7 @@ def surface_warnings(side: str, final: Mesh, segmented: SegmentedSurface, settle
     final : Mesh
         In mm of the scanner.
     segmented : SegmentedSurface
-    settled : RepairedSurface or None
+    repaired : RepairedSurface or None
     """
     found = []
     volume = float(signed_volume(final)) / 1000
@@ -185,23 +187,23 @@ def surface_warnings(side: str, final: Mesh, segmented: SegmentedSurface, settle
             f"{n_lost} voxels ({100 * loss:.1f} %) of the {side} white matter were given up to make it a ball without "
             f"handles; {100 * LARGEST_LOSS:.0f} % or less is usual"
         )
-    if settled is not None and _much_was_settled(settled):
-        share = 100 * settled.n_crossing / len(final.faces)
+    if repaired is not None and _much_was_repaired(repaired):
+        share = 100 * repaired.n_crossing / len(final.faces)
         found.append(
-            f"{settled.n_crossing} faces ({share:.2g} %) of the {side} surface crossed after the flow; mending moved "
-            f"vertices by up to {settled.largest_move:.2g} mm" + _retreats(settled)
+            f"{repaired.n_crossing} faces ({share:.2g} %) of the {side} surface crossed after the flow; the repair "
+            f"moved vertices by up to {repaired.largest_move:.2g} mm" + _backtracks(repaired)
         )
     return found
 
 
-def _much_was_settled(settled: RepairedSurface) -> bool:
+def _much_was_repaired(repaired: RepairedSurface) -> bool:
     """A few faces cross after nearly every flow; that alone is in the numbers, not among the warnings."""
-    many = settled.n_crossing > LARGEST_CROSSING * len(settled.mesh.faces)
-    return many or settled.n_backtracks > 0 or settled.largest_move > LONGEST_MENDING_MM
+    many = repaired.n_crossing > LARGEST_CROSSING * len(repaired.mesh.faces)
+    return many or repaired.n_backtracks > 0 or repaired.largest_move > LARGEST_REPAIR_MM
 
 
-def _retreats(settled: RepairedSurface) -> str:
-    return f", with {settled.n_backtracks} retreats towards the initial surface" if settled.n_backtracks else ""
+def _backtracks(repaired: RepairedSurface) -> str:
+    return f", with {repaired.n_backtracks} backtracks towards the initial surface" if repaired.n_backtracks else ""
 
 
 def voxels_given_up(segmented: SegmentedSurface) -> tuple[int, float]:

@@ -27,7 +27,7 @@ class HemisphereSurface:
         the system deforms the initial surface, both have the same faces, Euler number 2, and no crossing faces.
     segmented : SegmentedSurface
         The stages of the initial surface, in the standard space.
-    settled : RepairedSurface or None
+    repaired : RepairedSurface or None
         The surface after the repair of crossing faces, with a record of the repair, in the standard space. None if the
         system does not deform an initial surface.
     """
@@ -35,7 +35,7 @@ class HemisphereSurface:
     initial: Mesh
     final: Mesh
     segmented: SegmentedSurface
-    settled: RepairedSurface | None
+    repaired: RepairedSurface | None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ def reconstruct(
     surfaces = {key[0]: _surface(segmented[key[0]], final.get(key), settlement.get(key), standard) for key in _WHITE}
     name = None if system is None else system.name
     for side, surface in surfaces.items():
-        warnings += surface_warnings(side, surface.final, surface.segmented, surface.settled)
+        warnings += surface_warnings(side, surface.final, surface.segmented, surface.repaired)
     if strict:
         require_no_warnings(warnings)
     return Reconstruction(standard, surfaces, clock.cpu_seconds, clock.wall_seconds, tuple(warnings), name)

@@ -58,7 +58,7 @@ def centred_cost(function: object) -> None:
         ),
         Mistake(
             lambda x, y, u: _apart(x, y) / x.shape[1] + _unsorted(x, y, u),
-            "points are paired as they came: sort both sides along every direction",
+            "points are paired in their original order: sort both sides along every direction",
         ),
         Mistake(
             lambda x, y, u: _apart(x, y) / x.shape[1] + x.shape[0] * _shape(x, y, u),
@@ -117,7 +117,10 @@ def gap_cost(function: object) -> None:
             "this compares one sample with the measure itself; here both sides are sampled",
         ),
         Mistake(lambda a, gap, m, p: m * _gap_cost(a, gap, m, p), "each point has the mass 1/m"),
-        Mistake(lambda a, gap, m, p: gap * _surplus(a, m), "a mass that crosses pays the gap to the power p"),
+        Mistake(
+            lambda a, gap, m, p: gap * _surplus(a, m),
+            "each unit of mass that crosses the gap costs the gap to the power p",
+        ),
         Mistake(lambda a, gap, m, p: _gap_cost(a, gap, m, p) ** (1 / p), "W_p^p is asked for: no root"),
         Mistake(
             lambda a, gap, m, p: gap**p * math.sqrt(2 * a * (1 - a) / m),
@@ -127,7 +130,10 @@ def gap_cost(function: object) -> None:
             lambda a, gap, m, p: gap**p * math.sqrt(4 * a * (1 - a) / (math.pi * m)),
             "that is the limit for many points; for few, sum over both binomial distributions",
         ),
-        Mistake(lambda a, gap, m, p: 2 * _gap_cost(a, gap, m, p), "what one position lacks, the other has: count once"),
+        Mistake(
+            lambda a, gap, m, p: 2 * _gap_cost(a, gap, m, p),
+            "the surplus at one position equals the deficit at the other: count it once",
+        ),
         Mistake(lambda a, gap, m, p: 0.0, "signed surpluses cancel: take their absolute values before the sum"),
     ]
     rows = {

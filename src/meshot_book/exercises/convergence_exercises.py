@@ -26,11 +26,11 @@ def points_needed(function: object) -> None:
         Mistake(lambda *a: math.ceil(4 * _root(*a) ** 2), "four times too many: √(F(1 − F)) is at most ½"),
         Mistake(
             lambda p, joint, first, second, tolerance: _least(p, joint, joint, joint, tolerance),
-            "each side enters with its own diameter; only the steepness takes the joint one",
+            "each surface enters with its own diameter; only the derivative of |a|^p uses the joint diameter",
         ),
         Mistake(
             lambda p, joint, first, second, tolerance: _least(p, max(first, second), first, second, tolerance),
-            "the distance between the supports is missing: the steepness takes the joint diameter",
+            "the distance between the supports is missing: the derivative of |a|^p uses the joint diameter",
         ),
     ]
     rows = [(1, 100.0, 80.0, 76.0, 1.0), (2, 1078.0, 80.0, 76.0, 500.0), (2, 80.0, 80.0, 76.0, 100.0)]
@@ -58,14 +58,29 @@ def _least(p: float, joint: float, first: float, second: float, tolerance: float
 def wrong_curve(function: object) -> None:
     """Check ``function(x, errors, claimed)``: which curve does not have the exponent that its legend claims."""
     mistakes = [
-        Mistake(lambda x, e, c: int(e[:, 0].argmax()), "that is the highest curve; a factor lifts a line, no more"),
-        Mistake(lambda x, e, c: int(e[:, -1].argmax()), "that is the curve that ends highest; look at how it falls"),
-        Mistake(lambda x, e, c: int(_fits(x, e).argmin()), "that is the steepest curve, and it may be right in that"),
-        Mistake(lambda x, e, c: int(_fits(x, e).argmax()), "that is the flattest curve, and it may be right in that"),
-        Mistake(lambda x, e, c: int(c.argmax()), "that is the flattest claim; compare each claim with its points"),
+        Mistake(
+            lambda x, e, c: int(e[:, 0].argmax()),
+            "that is the highest curve; compare slopes, since a constant factor does not change them",
+        ),
+        Mistake(
+            lambda x, e, c: int(e[:, -1].argmax()),
+            "that is the curve with the largest last error; compare slopes instead",
+        ),
+        Mistake(
+            lambda x, e, c: int(_fits(x, e).argmin()),
+            "that is the steepest curve; compare its slope with the slope that is claimed for it",
+        ),
+        Mistake(
+            lambda x, e, c: int(_fits(x, e).argmax()),
+            "that is the flattest curve; compare its slope with the slope that is claimed for it",
+        ),
+        Mistake(
+            lambda x, e, c: int(c.argmax()),
+            "that is the curve with the flattest claimed slope; compare each claim with its points",
+        ),
         Mistake(
             lambda x, e, c: int(c.argmin()),
-            "that is always the steepest claim: are both sizes and errors in logarithms, and do the signs agree?",
+            "that is always the steepest claim: take logarithms of sizes and errors, and check the signs",
         ),
         Mistake(
             lambda x, e, c: int((_fits(x, e) - c).argmax()),
@@ -109,7 +124,7 @@ def mean_gap(function: object) -> None:
         ),
         Mistake(
             lambda f, m: math.sqrt(2 / math.pi * f * (1 - f) / m),
-            "that is what it tends to for many points; for few, sum over the binomial law itself",
+            "that is the limit for many points; for few, sum over the binomial distribution",
         ),
         Mistake(lambda f, m: m * _gap(f, m), "that is the gap of the number of points below y; F_m divides it by m"),
         Mistake(lambda f, m: 0.0, "signed gaps cancel: take their absolute values before the sum"),

@@ -17,19 +17,20 @@ def merged_cells(function: object) -> None:
     Masses are whole numbers with the same total on both sides, so that jumps at one place are exactly so.
     """
     mistakes = [
-        Mistake(
-            lambda a, b: len(a) + len(b), "each side ends a last time at the top, together: that is one end, not two"
-        ),
+        Mistake(lambda a, b: len(a) + len(b), "the last steps of both sides end at the same place: count it once"),
         Mistake(
             lambda a, b: len(a) + len(b) - 1,
             "right unless both sides end a step at the same place; such a place is one end, not two",
         ),
-        Mistake(lambda a, b: len(a) * len(b), "a merge passes every step once; it does not try all pairs"),
+        Mistake(lambda a, b: len(a) * len(b), "a merge visits every step once; it does not compare all pairs"),
         Mistake(
             lambda a, b: max(len(a), len(b)), "that would need every end of the shorter side to be one of the longer"
         ),
         Mistake(lambda a, b: len(_ends(a) & _ends(b)), "these are the places where both end; count where either does"),
-        Mistake(lambda a, b: len(_ends(a) ^ _ends(b)), "the places where both end are lost: they end a cell too"),
+        Mistake(
+            lambda a, b: len(_ends(a) ^ _ends(b)),
+            "places where steps of both sides end are missing: they end a cell too",
+        ),
         Mistake(
             lambda a, b: len(set(a) | set(b)), "the masses are lengths of steps; add them up to get where steps end"
         ),
@@ -38,7 +39,7 @@ def merged_cells(function: object) -> None:
     cases = [
         Case("three steps and two", ([1, 1, 1], [1, 2])),
         Case("four equal steps on both sides", ([2, 2, 2, 2], [2, 2, 2, 2])),
-        Case("ends that never meet before the top", ([3, 4], [2, 3, 2])),
+        Case("ends that coincide only at the total mass", ([3, 4], [2, 3, 2])),
         Case("one step and five", ([10], [1, 2, 3, 2, 2])),
         Case("one step each", ([7], [7])),
         Case("six steps and four", ([1, 5, 2, 2, 4, 6], [6, 3, 1, 10])),
@@ -58,7 +59,9 @@ def _n_cells(masses: Sequence[int], others: Sequence[int]) -> int:
 def growth_exponent(function: object) -> None:
     """Check ``function(sizes, seconds)``: the exponent of a power law, by least squares on logarithms."""
     mistakes = [
-        Mistake(lambda m, s: 1 / _exponent(m, s), "upside down: seconds over sizes, not sizes over seconds"),
+        Mistake(
+            lambda m, s: 1 / _exponent(m, s), "the quotient is inverted: the slope is of log seconds over log sizes"
+        ),
         Mistake(lambda m, s: float(np.polyfit(m, s, 1)[0]), "this is the slope of seconds over sizes; take logarithms"),
         Mistake(lambda m, s: float(np.polyfit(m, np.log(s), 1)[0]), "the sizes need a logarithm too"),
         Mistake(lambda m, s: float(np.polyfit(np.log(m), s, 1)[0]), "the seconds need a logarithm too"),
@@ -68,7 +71,7 @@ def growth_exponent(function: object) -> None:
         ),
         Mistake(
             lambda m, s: float((np.log(m) * np.log(s)).sum() / (np.log(m) ** 2).sum()),
-            "the line may cross the axis anywhere: there is a factor in front of the power (fit an intercept)",
+            "the power law has a constant factor: fit an intercept as well as a slope",
         ),
         Mistake(
             lambda m, s: float(np.exp(np.polyfit(np.log(m), np.log(s), 1)[1])),
@@ -98,8 +101,8 @@ def blocked_chamfer(function: object) -> None:
     ``distances(points, targets)`` returns squared distances, and refuses to make more than it is allowed.
     """
     mistakes = [
-        Mistake(lambda x, y, s, k: _mean_nearest(x, y), "one way only; add the mean from the targets to the points"),
-        Mistake(lambda x, y, s, k: _mean_nearest(y, x), "one way only; add the mean from the points to the targets"),
+        Mistake(lambda x, y, s, k: _mean_nearest(x, y), "one direction only: add that from the targets to the points"),
+        Mistake(lambda x, y, s, k: _mean_nearest(y, x), "one direction only: add that from the points to the targets"),
         Mistake(
             lambda x, y, s, k: len(x) * _mean_nearest(x, y) + len(y) * _mean_nearest(y, x),
             "these are sums; the loss takes the mean of either side",
@@ -114,11 +117,11 @@ def blocked_chamfer(function: object) -> None:
         ),
         Mistake(
             lambda x, y, s, k: _mean_of_blocks(x, y, k) + _mean_of_blocks(y, x, k),
-            "a mean of means over blocks: blocks of different length do not count the same; add up, divide once",
+            "a mean of the blocks' means: the blocks have different lengths; add up all distances and divide once",
         ),
         Mistake(
             lambda x, y, s, k: _root_nearest(x, y) + _root_nearest(y, x),
-            "the distances are squared already, and the loss wants them so: no root",
+            "the loss uses squared distances: take no root",
         ),
     ]
     generator = np.random.default_rng(2)

@@ -19,7 +19,7 @@ def count_weights(function: object) -> None:
         ),
         Mistake(
             lambda w, h, s, k: _counted(w, h, s, k, entering=w),
-            "position and image stand side by side: the perceptron begins with twice the width",
+            "features of position and image are concatenated: the input of the perceptron has twice the width",
         ),
         Mistake(
             lambda w, h, s, k: _counted(w, h, 1, k),
@@ -68,15 +68,15 @@ def feature_at(function: object) -> None:
     mistakes = [
         Mistake(
             lambda r, k, p: _cut(r, k.flip(0), p),
-            "the kernel is turned round; here entry o stands for the voxel at +o (what networks call a convolution)",
+            "the kernel is reversed; here entry o stands for the voxel at +o (what networks call a convolution)",
         ),
         Mistake(
             lambda r, k, p: _cut(r, k, float(np.floor(p + 0.5))),
-            "this takes the nearest voxel; interpolate linearly between the two around the place",
+            "this takes the nearest voxel; interpolate linearly between the two voxels around the position",
         ),
         Mistake(
             lambda r, k, p: _cut(r, k, float(np.floor(p))),
-            "this takes the voxel below; interpolate linearly between the two around the place",
+            "this takes the voxel below; interpolate linearly between the two voxels around the position",
         ),
         Mistake(
             lambda r, k, p: _cut(r, k, p, beyond="edge"),
@@ -84,7 +84,7 @@ def feature_at(function: object) -> None:
         ),
         Mistake(
             _kept_inside,
-            "a cube that only touches the row still sees something: convolve beyond its ends, by half a kernel or more",
+            "a kernel centred beyond the row can still overlap it: convolve beyond its ends, by half a kernel or more",
         ),
         Mistake(
             lambda r, k, p: _cut(r, k, p + len(k) // 2),
@@ -99,7 +99,7 @@ def feature_at(function: object) -> None:
         Case("another place", (row, five, 3.75)),
         Case("a place near the beginning", (row, five, 0.6)),
         Case("a place beyond the end", (row, five, 7.4)),
-        Case("a place that no cube reaches from", (row, three, 20.5)),
+        Case("a place whose kernel does not reach the row", (row, three, 20.5)),
     ]
     check_answer(function, _cut, cases, mistakes, "feature_at")
 
@@ -125,20 +125,22 @@ def alignment(function: object) -> None:
     mistakes = [
         Mistake(
             lambda p, n, m: _aligned(p, n, torch.ones_like(m)),
-            "every vertex counts alike; weigh it by its mass, above and below the line",
+            "every vertex has the same weight; use its mass, in the numerator and in the denominator",
         ),
         Mistake(
             lambda p, n, m: float((m * _cosines(p, n)).sum() / m.sum()),
-            "this is the mean of the cosines; one for all arrows together: sums first, then one quotient",
+            "this is the mean of the cosines; one cosine of all vectors is needed: add up first, then divide once",
         ),
         Mistake(
             lambda p, n, m: float((m * (p * n).sum(dim=1)).sum() / (p.norm() * n.norm())),
-            "the masses are above the line only; the two lengths below need them too",
+            "the masses are in the numerator only; the two norms in the denominator need them too",
         ),
-        Mistake(lambda p, n, m: abs(_aligned(p, n, m)), "away from the target is −1; keep the sign"),
+        Mistake(
+            lambda p, n, m: abs(_aligned(p, n, m)), "the cosine is −1 for movement away from the target: keep the sign"
+        ),
         Mistake(
             lambda p, n, m: _aligned(m[:, None] * p, n, m),
-            "one mass too many: the arrows are lengths already, weigh each product by the mass once",
+            "the mass enters twice: multiply each product by the mass once",
         ),
     ]
     random = np.random.default_rng(1)
@@ -181,12 +183,14 @@ def mean_displacements(function: object) -> None:
         ),
         Mistake(
             lambda x, a, b: _regional(x, a, b) * a / a.sum() / (b / b.sum()),
-            "divided by the target's share; it is the source's mass that moves",
+            "divided by the target's share; divide by the share of the source, whose mass moves",
         ),
-        Mistake(lambda x, a, b: -_regional(x, a, b), "the sign is turned round: towards greater places is positive"),
+        Mistake(
+            lambda x, a, b: -_regional(x, a, b), "the sign is reversed: movement towards larger coordinates is positive"
+        ),
         Mistake(
             lambda x, a, b: -_regional(x, b, a),
-            "this is the way of the target's mass to the source; source and target have changed places",
+            "source and target are exchanged",
         ),
     ]
     places = torch.tensor([0.0, 40.0, 60.0, 100.0], dtype=torch.float64)

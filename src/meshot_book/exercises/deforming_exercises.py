@@ -17,22 +17,22 @@ def edge_variation(function: object) -> None:
     mistakes = [
         Mistake(
             lambda v, f: _variation(_lengths(v, _sides(f))),
-            "an edge between two faces counts twice here, one at the rim once; every edge is to count once",
+            "edges between two faces are counted twice, edges at the boundary once; count every edge once",
         ),
         Mistake(
             lambda v, f: _variation(_lengths(v, _edges(f)), unbiased=True),
-            "divide by the number of edges, not by one less: they are all there are, not a sample",
+            "divide by the number of edges n, not by n − 1: the edges are all known, not a sample",
         ),
         Mistake(
             lambda v, f: _lengths(v, _edges(f)).std(unbiased=False),
-            "that is the standard deviation, a length; a mesh twice as large should score the same: divide by the mean",
+            "that is the standard deviation, a length; divide by the mean, so that the size of the mesh cancels",
         ),
         Mistake(
             lambda v, f: _variation(_lengths(v, _edges(f))) ** 2, "that is the square; take the root of the variance"
         ),
         Mistake(
             lambda v, f: _variation(_lengths(v, _edges(f)).square()),
-            "these are the squares of the lengths; take the root before you compare them",
+            "these are the squared lengths; take roots first",
         ),
     ]
     cases = [
@@ -77,15 +77,15 @@ def safe_steps(function: object) -> None:
     mistakes = [
         Mistake(
             lambda norms: math.floor(norms.mean()) + 1,
-            "an average lets the steepest place fold; which of the local constants must every step be safe for?",
+            "this uses the average of the constants; every step must be safe for the largest one",
         ),
         Mistake(
             lambda norms: math.floor(norms[0].max()) + 1,
-            "you looked at the first moment only; the field may be steeper later",
+            "this uses the first time only; the constant may be larger later",
         ),
         Mistake(
             lambda norms: max(1, math.ceil(norms.max())),
-            "h·Lip < 1 is strict: what if the largest constant is a whole number?",
+            "h·Lip < 1 is strict: if the largest constant is a whole number, one more step is needed",
         ),
         Mistake(lambda norms: math.floor(norms.max()), "that is one too few: h·Lip is still above one"),
         Mistake(lambda norms: norms.max() + 1, "a number of steps is whole"),
@@ -95,7 +95,7 @@ def safe_steps(function: object) -> None:
         ),
         Mistake(
             lambda norms: math.floor(norms.max() / len(norms)) + 1,
-            "that divides by the steps of the measurement; h is what you are looking for",
+            "this divides by the number of measured steps; the step size h is the unknown",
         ),
     ]
     drawn = torch.linspace(0.1, 1.0, 12, dtype=torch.float64).reshape(3, 4)
@@ -119,17 +119,17 @@ def equal_time(function: object) -> None:
         ),
         Mistake(
             lambda t, x, s, y: torch.stack([x[min(len(t), len(s)) - 1], y[min(len(t), len(s)) - 1]]),
-            "you counted checks; what is the same for both are the seconds",
+            "this compares at equal numbers of checks; compare at equal seconds",
         ),
         Mistake(
             lambda t, x, s, y: torch.stack([_held(t, x, min(t[-1], s[-1])), _held(s, y, min(t[-1], s[-1]))]),
-            "that holds the last check before that time; go along the straight line between the checks",
+            "this takes the value of the last check before that time; interpolate linearly between checks",
         ),
         Mistake(
             lambda t, x, s, y: _both(t, x, s, y, (t[-1] + s[-1]) / 2),
-            "one of them was never run that long; who stops first?",
+            "one of the runs ended earlier; compare at the time at which the shorter run ends",
         ),
-        Mistake(lambda t, x, s, y: _both(t, x, s, y, min(t[-1], s[-1])).flip(0), "the two values have changed places"),
+        Mistake(lambda t, x, s, y: _both(t, x, s, y, min(t[-1], s[-1])).flip(0), "the two values are exchanged"),
         Mistake(
             lambda t, x, s, y: torch.stack([x.min(), y.min()]),
             "the least value is not the value at that time",
@@ -148,11 +148,11 @@ def _histories() -> dict[str, Curves]:
     slow, quick = (curve(0, 10, 20, 30), curve(4, 2, 1, 0.6)), (curve(0, 3, 6, 9, 12), curve(4, 3, 2.5, 2, 1.8))
     bumpy = curve(0, 4, 8, 16), curve(3, 1, 2, 1.5)
     return {
-        "a slow and a quick one": (*slow, *quick),
-        "a quick and a slow one": (*quick, *slow),
-        "one that rises on the way": (*slow, *bumpy),
-        "two that stop together": (*quick, curve(0, 12), curve(5, 1)),
-        "one that stops at a check of the other": (curve(0, 10), curve(2, 1), *slow),
+        "a slow and a fast run": (*slow, *quick),
+        "a fast and a slow run": (*quick, *slow),
+        "a run whose error increases in between": (*slow, *bumpy),
+        "two runs that end together": (*quick, curve(0, 12), curve(5, 1)),
+        "a run that ends at a check of the other": (curve(0, 10), curve(2, 1), *slow),
     }
 
 

@@ -10,7 +10,10 @@ from meshot_book.exercises.verdict import Case, Mistake, check_answer
 def nearest_arrows(function: object) -> None:
     """Check ``function(points, target)``: for every point, the vector to the nearest target point."""
     mistakes = [
-        Mistake(lambda x, y: -_to_nearest(x, y), "the arrows point away from the target; which end comes first?"),
+        Mistake(
+            lambda x, y: -_to_nearest(x, y),
+            "the arrows point away from the target: subtract the point from the target, not the reverse",
+        ),
         Mistake(
             lambda x, y: _nearest(x, y), "these are the nearest target points themselves; an arrow starts at the point"
         ),
@@ -18,9 +21,13 @@ def nearest_arrows(function: object) -> None:
             lambda x, y: y[torch.cdist(x, y).argmin(dim=0)] - x,
             "the smallest is looked for among the points, not among the targets: check the axis of the minimum",
         ),
-        Mistake(lambda x, y: 2 * _to_nearest(x, y), "twice too long: the arrow is the vector itself, not the gradient"),
+        Mistake(
+            lambda x, y: 2 * _to_nearest(x, y), "twice too long: the arrow is the difference vector, not the gradient"
+        ),
         Mistake(_unit_pull, "the directions are right, the lengths are all one: leave out the division by the norm"),
-        Mistake(lambda x, y: y.mean(dim=0) - x, "every arrow goes to the middle of the target; take the nearest one"),
+        Mistake(
+            lambda x, y: y.mean(dim=0) - x, "every arrow ends at the mean of the target; take the nearest target point"
+        ),
     ]
     generator = np.random.default_rng(0)
     x, y = (torch.from_numpy(generator.normal(size=(n, 2))) for n in (7, 7))
@@ -52,14 +59,17 @@ def _unit_pull(points: Float[Tensor, "n d"], target: Float[Tensor, "m d"]) -> Fl
 def line_arrows(function: object) -> None:
     """Check ``function(points, target, direction)``: the arrow of transport along one direction at every point."""
     mistakes = [
-        Mistake(lambda x, y, u: -_along(x, y, u), "the arrows point away from the target; which end comes first?"),
+        Mistake(
+            lambda x, y, u: -_along(x, y, u),
+            "the arrows point away from the target: subtract the point from the target, not the reverse",
+        ),
         Mistake(
             lambda x, y, u: ((y @ u).sort().values - (x @ u).sort().values)[:, None] * u,
-            "the arrows are right but given to the wrong points: undo the sorting (what does argsort of argsort say?)",
+            "the arrows are right but in the order of the sorted points: undo the sorting",
         ),
         Mistake(
             lambda x, y, u: (y @ u - x @ u)[:, None] * u,
-            "points are paired as they come; transport on a line pairs the lowest with the lowest: sort both sides",
+            "points are paired in their original order; transport on a line pairs them by rank: sort both sides",
         ),
         Mistake(
             lambda x, y, u: ((y @ u)[(x @ u).argsort().argsort()] - x @ u)[:, None] * u,
@@ -67,11 +77,11 @@ def line_arrows(function: object) -> None:
         ),
         Mistake(
             lambda x, y, u: ((y @ u).sort().values[(x @ u).argsort()] - x @ u)[:, None] * u,
-            "argsort says who is first, not which rank each one has: one more argsort, or assign through the order",
+            "argsort gives the order, not the ranks: apply argsort again, or assign through the order",
         ),
         Mistake(
             lambda x, y, u: y[(y @ u).argsort()[(x @ u).argsort().argsort()]] - x,
-            "the partners are right, but one direction moves points along itself only: project the arrow on it",
+            "the partners are right, but a direction moves points along itself only: project the arrow on it",
         ),
     ]
     generator = np.random.default_rng(1)
@@ -80,7 +90,7 @@ def line_arrows(function: object) -> None:
     solid = [torch.from_numpy(generator.normal(size=(5, 3))) for _ in range(2)]
     cases = [
         Case("8 points and a slanting direction", (x, y, u)),
-        Case("the same points, the direction turned round", (x, y, -u)),
+        Case("the same points, the direction reversed", (x, y, -u)),
         Case("a horizontal direction", (x[:5], y[:5], torch.tensor([1.0, 0.0], dtype=torch.float64))),
         Case("one point", (x[:1], y[:1], u)),
         Case("a target that is the points, shuffled", (x, x.flip(0), u)),
@@ -99,17 +109,20 @@ def _along(
 def largest_rate(function: object) -> None:
     """Check ``function(n_selections, momentum)``: the learning rate at which summed Chamfer becomes unstable."""
     mistakes = [
-        Mistake(lambda k, b: 1 / (1 + k), "that is the bound without momentum; momentum lets larger steps pass"),
+        Mistake(lambda k, b: 1 / (1 + k), "that is the bound without momentum; with momentum larger steps are stable"),
         Mistake(
             lambda k, b: 2 * (1 + b),
-            "this does not depend on the number of selections; what is the curvature at such a point?",
+            "this does not depend on the number of selections; the curvature at such a point does",
         ),
         Mistake(
             lambda k, b: (1 + b) / k if k else 2 * (1 + b),
             "each selection is one square, and the point has a nearest target point too: one more square",
         ),
         Mistake(lambda k, b: 2 * (1 + b) / (1 + k), "the curvature of |x − y|² is 2, not 1"),
-        Mistake(lambda k, b: (1 - b) / (1 + k), "the sign of the momentum: 1 − momentum is about speed, not stability"),
+        Mistake(
+            lambda k, b: (1 - b) / (1 + k),
+            "the sign of the momentum is wrong: 1 − momentum sets the speed, not the stability",
+        ),
     ]
     pairs = [(0, 0.0), (0, 0.9), (1, 0.0), (1, 0.9), (4, 0.5), (30, 0.9), (678, 0.99)]
     cases = [Case(f"{n} selections and momentum {momentum}", (n, momentum)) for n, momentum in pairs]

@@ -28,20 +28,25 @@ def _still(time: float, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
 def euler_flow(function: object) -> None:
     """Check ``function(velocity, points, n_steps)``: the flow on [0, 1] by equal Euler steps."""
     mistakes = [
-        Mistake(lambda v, x, n: _euler(lambda t, y: v(0.0, y), x, n), "the time stands still; step k begins at k / n"),
+        Mistake(
+            lambda v, x, n: _euler(lambda t, y: v(0.0, y), x, n), "the time does not advance; step k begins at k / n"
+        ),
         Mistake(
             lambda v, x, n: _euler(lambda t, y: v(t + 1 / n, y), x, n),
-            "each step takes the velocity at its end; Euler takes it where and when the step begins",
+            "each step uses the velocity at its end; Euler's method uses that at its beginning",
         ),
         Mistake(
             lambda v, x, n: x + sum(v(k / n, x) for k in range(n)) / n,
-            "every step looks at the velocity where the points were at time 0; look where they are now",
+            "every step uses the velocity at the initial positions; use the current positions",
         ),
         Mistake(lambda v, x, n: _euler(lambda t, y: n * v(t, y), x, n), "the steps have length 1; they are 1 / n long"),
         Mistake(lambda v, x, n: _euler(v, x, n, n - 1), "one step is missing; count them"),
         Mistake(lambda v, x, n: _euler(v, x, n, n + 1), "one step too many; the last one begins at 1 − 1 / n"),
         Mistake(lambda v, x, n: x + v(0.0, x), "this is a single step of length 1, whatever n_steps says"),
-        Mistake(lambda v, x, n: _euler(lambda t, y: -v(t, y), x, n), "the points go against the velocity"),
+        Mistake(
+            lambda v, x, n: _euler(lambda t, y: -v(t, y), x, n),
+            "the points move against the velocity: the sign is wrong",
+        ),
     ]
     points = torch.from_numpy(np.random.default_rng(0).normal(size=(6, 2)))
     cases = [
@@ -78,9 +83,12 @@ def undo_step(function: object) -> None:
     mistakes = [
         Mistake(
             lambda v, y, h: y - h * v(y),
-            "this steps back with the velocity at the image; the step took the one at the point you look for: repeat",
+            "this uses the velocity at the image; the step used the velocity at the unknown point: iterate",
         ),
-        Mistake(lambda v, y, h: y - h * v(y - h * v(y)), "right so far, but twice is not enough; go on until it rests"),
+        Mistake(
+            lambda v, y, h: y - h * v(y - h * v(y)),
+            "the iteration is right, but two steps are not enough; repeat until it converges",
+        ),
         Mistake(lambda v, y, h: y + h * v(y), "that is one more step forward"),
         Mistake(lambda v, y, h: _undone(lambda x: -v(x), y, h), "the sign: x + h v(x) = y, so x = y − …"),
         Mistake(lambda v, y, h: y, "these are the images themselves"),
@@ -108,18 +116,16 @@ def pieces_needed(function: object) -> None:
     mistakes = [
         Mistake(
             lambda s, c, g: math.ceil(s * math.sqrt(c / 2 / g)),
-            "where is a chord farthest from its arc, in its middle or at its end?",
+            "the factor is wrong: a chord is farthest from its arc in the middle of the arc",
         ),
-        Mistake(lambda s, c, g: math.ceil(s * math.sqrt(c / g)), "the height of a chord over its arc has a factor 1/8"),
+        Mistake(lambda s, c, g: math.ceil(s * math.sqrt(c / g)), "the distance between chord and arc has a factor 1/8"),
         Mistake(
             lambda s, c, g: math.ceil(s**2 * c / 8 / g),
-            "that is the height of one chord over the gap; it falls with the square of the number of pieces",
+            "that is the distance of one chord over the gap; it falls with the square of the number of pieces",
         ),
-        Mistake(
-            lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)), "rounded down; a chord of that length is too high"
-        ),
+        Mistake(lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)), "rounded down; the pieces are then too long"),
         Mistake(lambda s, c, g: s * math.sqrt(c / 8 / g), "a number of pieces is whole: round it up"),
-        Mistake(lambda s, c, g: math.ceil(c * math.sqrt(s / 8 / g)), "length and bend have changed places"),
+        Mistake(lambda s, c, g: math.ceil(c * math.sqrt(s / 8 / g)), "length and curvature are exchanged"),
     ]
     triples = [
         (2.0, 11.0, 0.3),

@@ -15,9 +15,11 @@ def noise_from_air(function: object) -> None:
     By the second moment: the mean of the squared magnitude is 2 σ².
     """
     mistakes = [
-        Mistake(lambda v: v.std(correction=0), "the deviation of a magnitude is not that of a channel: it is .66 σ"),
-        Mistake(lambda v: v.std(), "the deviation of a magnitude is not that of a channel: it is .66 σ"),
-        Mistake(lambda v: (v**2).mean().sqrt(), "two channels add up in the square: half of it is σ²"),
+        Mistake(
+            lambda v: v.std(correction=0), "the standard deviation of a magnitude is .66 σ, not the σ of a channel"
+        ),
+        Mistake(lambda v: v.std(), "the standard deviation of a magnitude is .66 σ, not the σ of a channel"),
+        Mistake(lambda v: (v**2).mean().sqrt(), "the squared magnitude is the sum of two channels: its mean is 2 σ²"),
         Mistake(lambda v: (v**2).mean() / 2, "this is σ²; σ has the unit of the signal"),
         Mistake(lambda v: v.mean(), "the mean of a magnitude is not σ, and here the second moment is asked for"),
         Mistake(
@@ -58,7 +60,8 @@ def grid_affine(function: object) -> None:
             "the voxels are not cubes; each axis has its own size",
         ),
         Mistake(
-            lambda e, s, c: _affine(s / e, c - s / e * (s - 1) / 2), "turned over: size is extent divided by count"
+            lambda e, s, c: _affine(s / e, c - s / e * (s - 1) / 2),
+            "the quotient is inverted: size is extent divided by count",
         ),
     ]
 
@@ -83,11 +86,11 @@ def _affine(sizes: Float[Tensor, " 3"], first: Float[Tensor, " 3"]) -> Float[Ten
 def pixel_share(function: object) -> None:
     """Check ``function(normal, offset)``: which part of the pixel [−½, ½]² satisfies ⟨normal, x⟩ ≤ offset."""
     mistakes = [
-        Mistake(lambda n, d: float(d >= 0), "this asks the centre alone; partial volume is the share of the *area*"),
-        Mistake(lambda n, d: float(d > 0), "this asks the centre alone; partial volume is the share of the *area*"),
+        Mistake(lambda n, d: float(d >= 0), "this tests the centre only; partial volume is the share of the *area*"),
+        Mistake(lambda n, d: float(d > 0), "this tests the centre only; partial volume is the share of the *area*"),
         Mistake(
             lambda n, d: min(max(0.5 + d, 0.0), 1.0),
-            "right only for a side that runs along the pixel: on a slant the edge takes longer to pass",
+            "right only for a line parallel to a side of the pixel; for an oblique line the range is longer",
         ),
         Mistake(
             lambda n, d: min(max(0.5 + d / float(n.abs().sum()), 0.0), 1.0),

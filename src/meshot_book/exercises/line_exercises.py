@@ -12,7 +12,7 @@ def quantiles(function: object) -> None:
     mistakes = [
         Mistake(
             lambda x, a, z: x[_first(a.cumsum(dim=0), z, len(x))],
-            "the points are taken as they come; sort them first, and their masses along with them",
+            "the points are not sorted; sort them first, and reorder their masses in the same way",
         ),
         Mistake(
             lambda x, a, z: x.sort().values[_first(a.cumsum(dim=0), z, len(x))],
@@ -20,15 +20,15 @@ def quantiles(function: object) -> None:
         ),
         Mistake(
             lambda x, a, z: x.sort().values[(z * len(x)).ceil().long().sub(1).clamp(min=0)],
-            "this counts points; how much mass lies below each of them is in the weights",
+            "this counts points; add up the weights instead of counting",
         ),
         Mistake(
             lambda x, a, z: _quantiles(x, a, z, right=True),
-            "nearly: where a level is reached exactly, the point that reaches it is the quantile (≥, not >)",
+            "where a level is reached exactly, the point that reaches it is the quantile (≥, not >)",
         ),
         Mistake(
             lambda x, a, z: torch.quantile(x, z),
-            "a quantile function of points is a staircase: no values between them, and masses count",
+            "the quantile function is piecewise constant: do not interpolate, and use the masses",
         ),
     ]
     generator = np.random.default_rng(0)
@@ -52,7 +52,9 @@ def transport_cost(function: object) -> None:
     mistakes = [
         Mistake(lambda *c: _cost(*c) ** (1 / c[4]), "this is the distance; leave out the root, W_p^p is asked for"),
         Mistake(lambda *c: _cost(*c[:4], 2), "the exponent is 2 whatever p is"),
-        Mistake(_signed, "left and right cancel: take the absolute value before the power, on every cell"),
+        Mistake(
+            _signed, "positive and negative differences cancel: take the absolute value on every cell, then the power"
+        ),
         Mistake(
             lambda *c: _cost(c[0].sort().values, *c[1:]),
             "the source is sorted without its masses: sort the weights by the points' order",
@@ -61,9 +63,12 @@ def transport_cost(function: object) -> None:
             lambda *c: _cost(c[0].sort().values, c[1], c[2].sort().values, *c[3:]),
             "both sides are sorted without their masses: sort the weights by the points' order",
         ),
-        Mistake(lambda *c: _paired(*c), "ranks are paired, masses ignored: a heavy point has several partners"),
         Mistake(
-            lambda *c: _independent(*c), "everybody sends to everybody: that is a coupling, but not the sorted one"
+            lambda *c: _paired(*c),
+            "ranks are paired and masses ignored: a point with a large mass has several partners",
+        ),
+        Mistake(
+            lambda *c: _independent(*c), "every source point sends mass to every target point; use the sorted coupling"
         ),
     ]
     generator = np.random.default_rng(1)
@@ -84,7 +89,9 @@ def transport_cost(function: object) -> None:
 def weight_gradient(function: object) -> None:
     """Check ``function(source, source_weights, target, target_weights, p)``: ∂W_p^p/∂a, of mean zero under a."""
     mistakes = [
-        Mistake(lambda *c: -_potential(*c), "the sign is turned: where mass is more expensive, the gradient is larger"),
+        Mistake(
+            lambda *c: -_potential(*c), "the sign is reversed: where mass is more expensive, the gradient is larger"
+        ),
         Mistake(
             lambda *c: _potential(*c) - _potential(*c)[c[0].argmin()],
             "right up to a constant: subtract the mean under the weights a",
@@ -95,11 +102,11 @@ def weight_gradient(function: object) -> None:
         ),
         Mistake(
             lambda *c: _potential(*c)[c[0].argsort()],
-            "the values are right, but in the order of the sorted points: give them back to their points",
+            "the values are right, but in the order of the sorted points: return them in the original order",
         ),
         Mistake(
             _own_cost,
-            "this is what each point pays itself; more mass here also moves the partners of all that come after",
+            "this is the cost of each point alone; more mass here also changes the partners of all later points",
         ),
     ]
     generator = np.random.default_rng(2)

@@ -15,7 +15,7 @@ def face_weights(function: object) -> None:
     mistakes = [
         Mistake(
             lambda v, f: torch.full((len(f),), 1 / len(f), dtype=v.dtype),
-            "every face has the same mass: a large one should be hit more often than a small one",
+            "every face has the same mass: the mass must be proportional to the area",
         ),
         Mistake(lambda v, f: _areas(v, f), "these are the areas; a probability measure has total mass one"),
         Mistake(
@@ -48,17 +48,21 @@ def _areas(vertices: Float[Tensor, "V 3"], faces: Int64[Tensor, "F 3"]) -> Float
 def tent_density(function: object) -> None:
     """Check ``function(corners, x)``: the density of a uniform triangle, its corners projected, at every x."""
     mistakes = [
-        Mistake(lambda c, x: _tent(c, x) / 2, "the area under it is one half: how high must a tent of that base be?"),
+        Mistake(
+            lambda c, x: _tent(c, x) / 2, "the area under the density is one half instead of one: double the height"
+        ),
         Mistake(
             lambda c, x: _tent(torch.stack([c.min(), (c.min() + c.max()) / 2, c.max()]), x),
-            "the peak is in the middle of the base; it belongs over the middle corner",
+            "the peak is in the middle of the base; it must be at the middle corner",
         ),
         Mistake(lambda c, x: _tent(c, x, ordered=False), "the corners come in any order: sort them first"),
         Mistake(
             lambda c, x: ((x >= c.min()) & (x <= c.max())).double() / (c.max() - c.min()),
-            "this is the density of an edge, a box; the sections of a triangle grow and shrink",
+            "this is the constant density of an edge; that of a triangle rises and falls linearly",
         ),
-        Mistake(lambda c, x: _tent(c, x, cut=False), "outside the triangle the density is zero, not a falling line"),
+        Mistake(
+            lambda c, x: _tent(c, x, cut=False), "outside the triangle the density is zero; do not extend the lines"
+        ),
     ]
     generator = np.random.default_rng(0)
     corners = torch.tensor([0.3, 2.0, -1.0], dtype=torch.float64)
@@ -102,11 +106,11 @@ def mean_square(function: object) -> None:
         ),
         Mistake(
             lambda v, f, u: _mean(v, f, (v[f] @ u).square().mean(dim=1)),
-            "corners only: most of a triangle lies nearer to its middle than its corners do",
+            "corners only: this gives too much weight to points far from the middle",
         ),
         Mistake(
             lambda v, f, u: float(_squares(v, f, u).mean()),
-            "every face counts alike: weight each by its area",
+            "every face has the same weight: weight each by its area",
         ),
         Mistake(
             lambda v, f, u: float((_areas(v, f) * _squares(v, f, u)).sum()),

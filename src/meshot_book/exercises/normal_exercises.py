@@ -23,7 +23,7 @@ def scale_for_share(function: object) -> None:
         ),
         Mistake(
             lambda loss, share: _solved(lambda s: 1 - loss(0) / loss(s), 1 - share),
-            "this leaves that share to the positions; turn it round",
+            "this is the scale at which the positions have that share, not the normals",
         ),
         Mistake(
             lambda loss, share: _solved(lambda s: 1 - loss(0) / loss(s), share) ** 2,
@@ -31,11 +31,11 @@ def scale_for_share(function: object) -> None:
         ),
         Mistake(
             lambda loss, share: (loss(0) * share / ((1 - share) * (loss(1) - loss(0)))) ** 0.5,
-            "this supposes that normals add a multiple of s²; that ends where turning costs more than moving: search",
+            "this assumes that normals add a multiple of s², which holds for small s only: search numerically",
         ),
         Mistake(
             lambda loss, share: _bracketed(lambda s: 1 - loss(0) / loss(s), share, 100.0),
-            "scales may be of any size: this search ends at 100; begin with a wider bracket",
+            "scales may have any size, and this search ends at 100: widen the interval until it contains the solution",
         ),
     ]
     cases = [
@@ -82,7 +82,8 @@ def area_gradient(function: object) -> None:
     """Check ``function(a, b, c)``: the gradient of the area of a triangle in its corner a."""
     mistakes = [
         Mistake(
-            lambda a, b, c: -_gradient(a, b, c), "the area grows when a moves away from the opposite edge: the sign"
+            lambda a, b, c: -_gradient(a, b, c),
+            "the sign is wrong: the area grows when a moves away from the opposite edge",
         ),
         Mistake(lambda a, b, c: 2 * _gradient(a, b, c), "the area is half of base times height: a factor of two"),
         Mistake(
@@ -91,7 +92,7 @@ def area_gradient(function: object) -> None:
         ),
         Mistake(
             lambda a, b, c: (c - b).norm() * (a - (b + c) / 2) / (a - (b + c) / 2).norm() / 2,
-            "this points away from the middle of the opposite edge; the area grows fastest at right angles to the edge",
+            "this points away from the middle of the opposite edge; the gradient is perpendicular to the edge",
         ),
         Mistake(lambda a, b, c: _gradient(b, c, a), "this is the gradient in b"),
         Mistake(lambda a, b, c: _gradient(c, a, b), "this is the gradient in c"),
@@ -117,18 +118,18 @@ def _gradient(a: Float[Tensor, " 3"], b: Float[Tensor, " 3"], c: Float[Tensor, "
 def is_inside_out(function: object) -> None:
     """Check ``function(vertices, faces)``: do the normals of a closed surface point inwards?"""
     mistakes = [
-        Mistake(lambda v, f: not _inside_out(v, f), "the other way round: outward normals are the right ones"),
+        Mistake(lambda v, f: not _inside_out(v, f), "the answer is negated: outward normals are the correct ones"),
         Mistake(
             lambda v, f: bool((_radial(v, f)).mean() < 0),
-            "faces count alike here; weight each with its area, or a finely cut corner outvotes the rest",
+            "faces have equal weights here; weight each by its area, or finely divided regions count too much",
         ),
         Mistake(
             lambda v, f: bool(_radial(v, f)[0] < 0),
-            "one face decides here; on a folded surface some faces of a right surface look back at the middle",
+            "this uses one face only; on a folded surface some outward normals point towards the middle",
         ),
         Mistake(
             lambda v, f: bool((_radial(v, f, centred=False) * face_areas(Mesh(v, f))).min() < 0),
-            "some faces of a right surface look back at the origin; only the sum over all of them tells",
+            "some outward normals point towards the origin; only the sum over all faces decides",
         ),
     ]
     sphere, folded, block, other = (

@@ -27,7 +27,7 @@ def paired_gap(function: object) -> None:
             lambda x, y: _gap(x, y, lambda d, *_: d.std(correction=1) / len(d)),
             "divided by n; the standard error is the standard deviation over √n",
         ),
-        Mistake(lambda x, y: _gap(y, x), "the sign is turned round: first minus second"),
+        Mistake(lambda x, y: _gap(y, x), "the sign is reversed: it is first minus second"),
     ]
     random = np.random.default_rng(2)
     base, change = torch.from_numpy(random.normal(size=8)), torch.from_numpy(random.normal(0.1, 0.05, 8))
@@ -72,7 +72,7 @@ def kept_check(function: object) -> None:
         ),
         Mistake(
             lambda a, c: len(c) - 1 - int(np.argmin(c[::-1])) if min(c) < a else -1,
-            "of equal checks the first is kept: the later one needed more steps for nothing",
+            "of equal checks the first is kept, because it needs fewer steps",
         ),
     ]
     cases = [
@@ -92,7 +92,7 @@ def _kept(initial: float, checks: list[float]) -> int:
 def observed_order(function: object) -> None:
     """Check ``function(n_steps, errors)``: the order q for which errors fall as steps^(−q), by least squares."""
     mistakes = [
-        Mistake(lambda n, e: -_order(n, e), "the sign is turned round: errors that fall have a positive order"),
+        Mistake(lambda n, e: -_order(n, e), "the sign is reversed: errors that decrease have a positive order"),
         Mistake(
             lambda n, e: float(torch.log(e[0] / e[-1]) / torch.log(n[-1] / n[0])),
             "this uses the first and the last run only; fit a line through all of them by least squares",

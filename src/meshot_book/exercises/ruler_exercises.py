@@ -12,18 +12,19 @@ from meshot_book.exercises.verdict import Case, Mistake, check_answer
 def without_floor(function: object) -> None:
     """Check ``function(value, floor)``: what is left of a sampled W₂ when its floor is taken out."""
     mistakes = [
-        Mistake(lambda v, f: v - f, "lengths do not subtract here; it is their squares that add up"),
-        Mistake(lambda v, f: max(v - f, 0.0), "lengths do not subtract here; it is their squares that add up"),
+        Mistake(lambda v, f: v - f, "do not subtract the lengths: their squares add up"),
+        Mistake(lambda v, f: max(v - f, 0.0), "do not subtract the lengths: their squares add up"),
         Mistake(
-            lambda v, f: v**2 - f**2, "this is a squared length, in mm²; and what if the value is below the floor?"
+            lambda v, f: v**2 - f**2,
+            "this is a squared length, in mm², and negative below the floor: return the root, and 0 below the floor",
         ),
         Mistake(lambda v, f: max(v**2 - f**2, 0.0), "this is a squared length, in mm²: take the root"),
         Mistake(lambda v, f: v / f, "a ratio says how far above the floor, not how many millimetres"),
         Mistake(
             lambda v, f: math.sqrt(abs(v**2 - f**2)),
-            "below the floor nothing is left: a value under its floor is chance, not a distance",
+            "a value below the floor is due to chance: return 0 there",
         ),
-        Mistake(lambda v, f: math.sqrt(v**2 + f**2), "the sign is turned round: this puts the floor in once more"),
+        Mistake(lambda v, f: math.sqrt(v**2 + f**2), "the sign is wrong: this adds the floor instead of removing it"),
     ]
     cases = [
         Case("3, 4, 5", (5.0, 4.0)),
@@ -41,7 +42,7 @@ def two_sided(function: object) -> None:
     mistakes = [
         Mistake(
             lambda a, b: _pair(both([a, b]).mean(), _quantile(a, b)),
-            "the side with more points must not count more: average each side first",
+            "the side with more points counts more here: average each side first",
         ),
         Mistake(lambda a, b: _pair(a.mean() + b.mean(), _quantile(a, b)), "the two sides are averaged, not added"),
         Mistake(
@@ -50,7 +51,7 @@ def two_sided(function: object) -> None:
         ),
         Mistake(
             lambda a, b: _pair(_mean(a, b), both([a, b]).quantile(0.9)),
-            "quantile of the pool: an error that only one side sees is diluted; take each side's, then the larger",
+            "this is the quantile of all distances together: take the quantile of each side, then the larger one",
         ),
         Mistake(
             lambda a, b: _pair(_mean(a, b), (a.quantile(0.9) + b.quantile(0.9)) / 2),
@@ -60,7 +61,10 @@ def two_sided(function: object) -> None:
             lambda a, b: _pair(_mean(a, b), min(a.quantile(0.9), b.quantile(0.9))), "the larger one, not the smaller"
         ),
         Mistake(lambda a, b: _pair(_mean(a, b), max(a.max(), b.max())), "this is the Hausdorff distance at 100 %"),
-        Mistake(lambda a, b: _pair(a.mean(), a.quantile(0.9)), "only one side: a missing part is seen from the other"),
+        Mistake(
+            lambda a, b: _pair(a.mean(), a.quantile(0.9)),
+            "only one side is used: a missing part appears only in the distances from the other side",
+        ),
     ]
     draw = np.random.default_rng(0).exponential(size=500)
     numbers = torch.from_numpy(draw)
@@ -88,14 +92,14 @@ def _pair(first: object, second: object) -> Float[Tensor, " 2"]:
 def pairs_left(function: object) -> None:
     """Check ``function(percent, n_faces, n_scans)``: how many crossing pairs a mean share below a bound can hide."""
     mistakes = [
-        Mistake(lambda p, f, n: int(p * f * n / 2), "per cent: divide by a hundred"),
-        Mistake(lambda p, f, n: int(p / 100 * f * n), "these are faces; two of them make a pair"),
+        Mistake(lambda p, f, n: int(p * f * n / 2), "the share is in per cent: divide by 100"),
+        Mistake(lambda p, f, n: int(p / 100 * f * n), "this counts faces; an intersecting pair has two faces"),
         Mistake(
             lambda p, f, n: int(p / 100 * f / 2), "the mean is over all scans: one of them may have all the crossings"
         ),
-        Mistake(lambda p, f, n: p / 100 * f * n / 2, "pairs come whole"),
-        Mistake(lambda p, f, n: math.ceil(p / 100 * f * n / 2), "rounded up, the bound is broken"),
-        Mistake(lambda p, f, n: int(p / 100 * f / 2 / n), "more scans make room for more pairs, not for fewer"),
+        Mistake(lambda p, f, n: p / 100 * f * n / 2, "the number of pairs must be whole"),
+        Mistake(lambda p, f, n: math.ceil(p / 100 * f * n / 2), "rounded up, the share exceeds the bound: round down"),
+        Mistake(lambda p, f, n: int(p / 100 * f / 2 / n), "more scans allow more pairs, not fewer"),
     ]
     cases = [
         Case("the paper's bound, one surface of 260 000 faces", (1e-4, 260_000, 1)),
@@ -112,10 +116,10 @@ def breaks_bound(function: object) -> None:
     ``written`` is "roots" (W₂ and SW₂), "squares" (W₂² and SW₂²) or "half" (½ W₂² and SW₂²).
     """
     mistakes = [
-        Mistake(lambda e, s, w: s > e, "the bound has a third in it: SW₂² ≤ W₂²/3"),
+        Mistake(lambda e, s, w: s > e, "the factor 1/3 of the bound is missing: SW₂² ≤ W₂²/3"),
         Mistake(lambda e, s, w: s > e / math.sqrt(3), "squares and halves have other bounds; look at `written`"),
         Mistake(lambda e, s, w: s > e / 3, "roots have another bound: √(1/3)"),
-        Mistake(lambda e, s, w: ~_breaks(e, s, w), "turned round: true where the row breaks the bound"),
+        Mistake(lambda e, s, w: ~_breaks(e, s, w), "the answer is negated: true where the row violates the bound"),
         Mistake(
             lambda e, s, w: s > e * {"roots": 3**-0.5, "squares": 1 / 3, "half": 1 / 6}[w],
             "half of W₂² is given: W₂² is twice the number, so the bound is wider, not narrower",
@@ -125,7 +129,8 @@ def breaks_bound(function: object) -> None:
             "half of W₂² is given: W₂² is twice the number",
         ),
         Mistake(
-            lambda e, s, w: s * {"roots": 3**-0.5, "squares": 1 / 3, "half": 2 / 3}[w] > e, "the columns changed places"
+            lambda e, s, w: s * {"roots": 3**-0.5, "squares": 1 / 3, "half": 2 / 3}[w] > e,
+            "the two columns are exchanged",
         ),
     ]
     emd = torch.tensor([1.368, 1.051, 0.912, 0.803, 0.728, 0.425, 1.0, 0.6], dtype=torch.float64)

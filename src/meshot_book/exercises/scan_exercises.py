@@ -14,9 +14,9 @@ from meshot_book.exercises.verdict import Case, Mistake, check_answer
 def handles(function: object) -> None:
     """Check ``function(faces)``: how many handles a closed, connected surface has, from its faces alone."""
     mistakes = [
-        Mistake(_euler, "this is the Euler number χ itself; a handle takes two from it: χ = 2 − 2 g"),
+        Mistake(_euler, "this is the Euler number χ itself; each handle lowers it by two: χ = 2 − 2 g"),
         Mistake(lambda f: 2 - _euler(f), "this is 2 − χ; each handle accounts for two of it"),
-        Mistake(lambda f: (_euler(f) - 2) // 2, "the sign is turned round: more handles, smaller χ"),
+        Mistake(lambda f: (_euler(f) - 2) // 2, "the sign is wrong: more handles give a smaller χ"),
         Mistake(
             lambda f: (2 - (len(f.unique()) - 3 * len(f) + len(f))) // 2,
             "every edge is counted once for each of its two faces; count each pair of vertices once",
@@ -27,7 +27,7 @@ def handles(function: object) -> None:
         ),
         Mistake(
             lambda f: (2 - (int(f.max()) + 1 - len(_edges(f)) + len(f))) // 2,
-            "the numbering may have gaps; count the vertices that the faces name",
+            "the numbers may have gaps; count only the vertices that occur in faces",
         ),
     ]
     sphere, ring = icosphere(1).faces, _ring(5, 4)
@@ -62,7 +62,7 @@ def _ring(n: int, m: int) -> Int64[Tensor, "F 3"]:
 
 
 def _two_holes() -> Int64[Tensor, "F 3"]:
-    """Two tori, a face cut out of each, sewn together along the three edges (turned round on one side)."""
+    """Two tori, a face cut out of each, sewn together along the three edges (reversed on one side)."""
     first = _ring(4, 5)
     second = _ring(5, 5) + 20
     (a, b, c), (x, y, z) = first[0].tolist(), second[0].tolist()
@@ -75,18 +75,16 @@ def _two_holes() -> Int64[Tensor, "F 3"]:
 def surface_ras(function: object) -> None:
     """Check ``function(points_mm, affine, shape)``: scanner RAS to the surface RAS of a conformed FreeSurfer volume."""
     mistakes = [
-        Mistake(lambda p, a, s: p + _centre(a, s), "c_ras is added; that leads from surface to scanner, not there"),
+        Mistake(lambda p, a, s: p + _centre(a, s), "c_ras is added; that maps surface RAS to scanner RAS, the inverse"),
         Mistake(
             lambda p, a, s: p - _centre(a, [n - 1 for n in s]),
-            "nearly: FreeSurfer takes the centre at half the *number* of voxels, not at the middle of the last index",
+            "FreeSurfer's centre is at half the *number* of voxels, not at half the last index",
         ),
         Mistake(
             lambda p, a, s: p - a[:3, :3] @ _half(s),
-            "the centre is moved by the affine's last column as well; use the whole affine",
+            "the last column of the affine is missing; map the centre with the whole affine",
         ),
-        Mistake(
-            lambda p, a, s: p - a[:3, 3], "this takes the first voxel to the origin; it is the centre that goes there"
-        ),
+        Mistake(lambda p, a, s: p - a[:3, 3], "this moves the first voxel to the origin; the centre must move there"),
         Mistake(
             lambda p, a, s: (p - a[:3, 3]) @ torch.linalg.inv(a[:3, :3]).T - _half(s),
             "these are voxels counted from the centre; surface RAS stays in mm, along the scanner's axes",
@@ -127,10 +125,12 @@ def is_simple(function: object) -> None:
             lambda n: _count(n, 8)[0] == 1,
             "one part of the object around is not enough: a pixel in the middle of a ring fills a hole",
         ),
-        Mistake(lambda n: _count(n, 4)[0] == 1, "object pixels hang together over corners too: 8 neighbours, not 4"),
+        Mistake(
+            lambda n: _count(n, 4)[0] == 1, "object pixels are also connected through corners: 8 neighbours, not 4"
+        ),
         Mistake(
             lambda n: _count(n, 8)[0] == 1 and _count(n, 8)[1] == 1,
-            "the background hangs together by edges only: 4 neighbours; else a diagonal line would leak",
+            "the background is connected through edges only: 4 neighbours, not 8",
         ),
         Mistake(
             lambda n: _count(n, 8)[0] == 1 and _loose_background(n) == 1,

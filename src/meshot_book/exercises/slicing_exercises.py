@@ -16,7 +16,7 @@ def sliced_cost(function: object) -> None:
     mistakes = [
         Mistake(
             lambda x, y, u: (u @ x.T - u @ y.T).square().mean(),
-            "points are paired as they come; on every line, sort both sides first",
+            "points are paired in their original order; sort both sides on every line",
         ),
         Mistake(
             lambda x, y, u: ((u @ x.T).sort(dim=0).values - (u @ y.T).sort(dim=0).values).square().mean(),
@@ -24,7 +24,7 @@ def sliced_cost(function: object) -> None:
         ),
         Mistake(
             lambda x, y, u: (u @ x.sort(dim=0).values.T - u @ y.sort(dim=0).values.T).square().mean(),
-            "the coordinates are sorted before projecting, which tears points apart: project first",
+            "the coordinates are sorted before projecting, which mixes the points: project first",
         ),
         Mistake(lambda x, y, u: len(x) * _sliced(x, y, u), "a sum over the points; every point carries mass 1/n"),
         Mistake(lambda x, y, u: len(u) * _sliced(x, y, u), "a sum over the lines; the loss is their mean"),
@@ -62,7 +62,7 @@ def lines_needed(function: object) -> None:
     mistakes = [
         Mistake(
             lambda c, e: math.ceil(float(c.std() / c.mean() / math.sqrt(len(c)) / e) ** 2),
-            "that divides by the lines of the trial as well: the spread of one line counts, not that of their mean",
+            "this divides by the number of trial lines as well: use the deviation of one line, not of the mean",
         ),
         Mistake(
             lambda c, e: math.ceil(float(c.std() / c.mean() / e)),
@@ -78,15 +78,13 @@ def lines_needed(function: object) -> None:
         ),
         Mistake(
             lambda c, e: math.ceil(float(c.sqrt().std() / c.sqrt().mean() / e) ** 2),
-            "the costs are given as they are averaged; take no roots of them",
+            "the mean is over the costs themselves; take no roots",
         ),
         Mistake(
             lambda c, e: math.floor((float(c.std() / c.mean()) / e) ** 2),
             "rounded down, which is one line short: round up",
         ),
-        Mistake(
-            lambda c, e: (float(c.std() / c.mean()) / e) ** 2, "nearly: a number of lines is whole, so round it up"
-        ),
+        Mistake(lambda c, e: (float(c.std() / c.mean()) / e) ** 2, "the number of lines must be whole: round up"),
     ]
     generator = np.random.default_rng(1)
     costs = torch.from_numpy(generator.chisquare(1, size=12))
@@ -107,15 +105,15 @@ def _lines(costs: Float[Tensor, " L"], relative_error: float) -> int:
 def ghost_pair(function: object) -> None:
     """Check ``function(directions)``: two different sets of points with the same projection on every line."""
     mistakes = [
-        Mistake(lambda u: _pattern(1, 1, 0), "both sets are the same, so that no line could tell them apart"),
+        Mistake(lambda u: _pattern(1, 1, 0), "both sets are equal; two different sets are needed"),
         Mistake(lambda u: _pattern(1, 0, 1), "there must be equally many points in both sets"),
         Mistake(
             lambda u: _pattern(0, 1, 1),
-            "they differ on one of the lines; a shift that this line cannot see is perpendicular to it",
+            "their projections differ on one of the lines; shift perpendicular to that line",
         ),
         Mistake(
             lambda u: _pattern(0 if len(u) > 1 else 1, 1, 1),
-            "right for one line, not for more: shift both sets along the next perpendicular, then swap the copies",
+            "right for one line only: for the next line shift both sets perpendicular to it, then exchange the copies",
         ),
     ]
     generator = np.random.default_rng(2)

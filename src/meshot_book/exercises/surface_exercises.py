@@ -17,7 +17,7 @@ def soft_overlap(function: object) -> None:
         ),
         Mistake(
             lambda a, b: _overlap((a > 0.5).double(), (b > 0.5).double()),
-            "the maps are cut at ½ first; partial volume is what this overlap is for",
+            "the maps are thresholded at ½ first; use the fractions themselves",
         ),
         Mistake(lambda a, b: _overlap(a, b) / 2, "the 2 is missing: equal maps must give 1"),
         Mistake(lambda a, b: 1 - _overlap(a, b), "this is one minus the overlap: equal maps must give 1"),
@@ -53,13 +53,13 @@ def mask_euler(function: object) -> None:
     mistakes = [
         Mistake(
             lambda m: sum(sign * int(m.sum()) * n for sign, n in ((1, 8), (-1, 12), (1, 6), (-1, 1))),
-            "every voxel counts its own corners; neighbours share theirs, and what is shared counts once",
+            "every voxel counts its own corners; shared corners must be counted once",
         ),
         Mistake(
             lambda m: _euler(m) + int(m.sum()), "the cubes are missing: a solid is V − E + F − C, a surface V − E + F"
         ),
         Mistake(lambda m: 2 * _euler(m), "this is χ of the surface around it, twice as much as that of the solid"),
-        Mistake(lambda m: -_euler(m), "the sign is turned round: a single voxel has 8 − 12 + 6 − 1 = 1"),
+        Mistake(lambda m: -_euler(m), "the sign is wrong: a single voxel has 8 − 12 + 6 − 1 = 1"),
         Mistake(
             lambda m: _euler(np.pad(m, 1)[1:-1, 1:-1, 1:-1][:-1, :-1, :-1]),
             "voxels at the far border are left out: a grid of n voxels has n + 1 layers of corners",
@@ -103,14 +103,17 @@ def _euler(mask: object) -> int:
 def row_distance(function: object) -> None:
     """Check ``function(fractions, size)``: signed distance in mm along one row of voxels, to where it crosses ½."""
     mistakes = [
-        Mistake(lambda f, s: -_row(f, s), "the sign is turned round: negative inside, where the fraction is above ½"),
+        Mistake(lambda f, s: -_row(f, s), "the sign is wrong: negative inside, where the fraction is above ½"),
         Mistake(lambda f, s: _row(f, s).abs(), "distances inside must be negative"),
         Mistake(lambda f, s: _row(f, s) / s, "these are voxels; a distance is in mm"),
         Mistake(
             lambda f, s: _row((f > 0.5).double(), s),
-            "right for a mask; but fractions say where between two voxels the border lies: interpolate linearly",
+            "right for a mask; fractions locate the border between two voxels: interpolate linearly",
         ),
-        Mistake(_to_other_side, "the distance to the nearest voxel on the other side; the border lies before it"),
+        Mistake(
+            _to_other_side,
+            "this is the distance to the nearest voxel on the other side; the border lies between the two voxels",
+        ),
     ]
     cases = [
         Case("one border", (torch.tensor([1.0, 1, 0.9, 0.3, 0, 0], dtype=torch.float64), 1.5)),

@@ -94,7 +94,8 @@ def _complaint(function: object, truth: Callable, cases: Sequence[Case], mistake
         if all(_close(answer, mistake.function, case) for case, answer in tried):
             return mistake.hint
     return (
-        trouble or f"wrong on {len(wrong)} of {len(cases)} cases, the first is {wrong[0].name}; work that one by hand"
+        trouble
+        or f"wrong on {len(wrong)} of {len(cases)} cases, the first is {wrong[0].name}; compute that case by hand"
     )
 
 
@@ -136,10 +137,10 @@ def _same(before: object, after: object) -> bool:
 
 def _wrong_form(answer: object, right: object) -> str | None:
     if answer is None:
-        return "it returns None; is there a return at its end?"
+        return "it returns None; end it with a return statement"
     try:
         if torch.as_tensor(answer).is_complex():
-            return "it returns complex numbers, but real ones are needed; is there a root of a negative number?"
+            return "it returns complex numbers, but real ones are needed; look for the root of a negative number"
         tensor = _as_tensor(answer)
     except (TypeError, ValueError, RuntimeError, OverflowError):
         return f"it returns a {type(answer).__name__}, which cannot be read as numbers"
@@ -147,7 +148,7 @@ def _wrong_form(answer: object, right: object) -> str | None:
     if tensor.shape != wanted.shape:
         return f"it returns shape {tuple(tensor.shape)}, but {tuple(wanted.shape)} is needed"
     if not bool(torch.isfinite(tensor).all()):
-        return "it returns numbers that are infinite or not a number; is there a division by zero?"
+        return "it returns numbers that are infinite or not a number; look for a division by zero"
     return None
 
 
@@ -161,9 +162,9 @@ def as_points(values: object) -> Tensor:
     """
     points = torch.as_tensor(values).detach()
     if points.is_complex():
-        raise ValueError("complex numbers came, real coordinates are needed; is there a root of a negative number?")
+        raise ValueError("complex numbers came, real coordinates are needed; look for the root of a negative number")
     if not bool(torch.isfinite(points).all()):
-        raise ValueError("coordinates came that are infinite or not a number; is there a division by zero?")
+        raise ValueError("coordinates came that are infinite or not a number; look for a division by zero")
     return points.double()
 
 

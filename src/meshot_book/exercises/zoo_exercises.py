@@ -15,7 +15,10 @@ from meshot_book.exercises.verdict import Case, Mistake, as_points, check_answer
 def blur_in_coordinates(function: object) -> None:
     """Check ``function(blur_mm, half_extent_mm, p)``: blur and ε = blur^p once ±half_extent_mm has become ±1."""
     mistakes = [
-        Mistake(lambda b, r, p: (b * r, (b * r) ** p), "the other way round: coordinates are mm over the half extent"),
+        Mistake(
+            lambda b, r, p: (b * r, (b * r) ** p),
+            "multiplied instead of divided: coordinates are mm over the half extent",
+        ),
         Mistake(lambda b, r, p: (b / (2 * r), (b / (2 * r)) ** p), "[-1, 1] is two units wide: one unit is the *half*"),
         Mistake(lambda b, r, p: (b / r, b**p), "the blur is right; ε must be in coordinates too, not in mm"),
         Mistake(lambda b, r, p: (b / r, b**p / r), "ε carries p powers of the length, so it is divided p times"),
@@ -31,13 +34,15 @@ def smallest_flip(function: object) -> None:
     """Check ``function(floor_mm, normal_scale_mm)``: the share of a surface whose flipped normals reach the floor."""
     mistakes = [
         Mistake(
-            lambda f, s: f**2 / (4 * s**2), "a share cannot exceed 1: what if even the whole surface is too little?"
+            lambda f, s: f**2 / (4 * s**2), "a share cannot exceed 1: return 1 if even the whole surface is too little"
         ),
         Mistake(lambda f, s: min(1.0, f / (2 * s)), "the cost is a *squared* distance times the share; f is a root"),
-        Mistake(lambda f, s: min(1.0, f**2 / s**2), "a unit normal turned round moves by twice its length"),
-        Mistake(lambda f, s: min(1.0, f**2 / (2 * s**2)), "nearly: the square of 2 s is 4 s²"),
-        Mistake(lambda f, s: min(1.0, 4 * s**2 / f**2), "upside down: a larger scale sees *smaller* flips"),
-        Mistake(lambda f, s: f, "the floor itself is a length; a share has no unit"),
+        Mistake(lambda f, s: min(1.0, f**2 / s**2), "a reversed unit normal moves by twice its length"),
+        Mistake(lambda f, s: min(1.0, f**2 / (2 * s**2)), "the square of 2 s is 4 s², not 2 s²"),
+        Mistake(
+            lambda f, s: min(1.0, 4 * s**2 / f**2), "the quotient is inverted: a larger scale detects *smaller* flips"
+        ),
+        Mistake(lambda f, s: f, "this is the floor, a length in mm; a share has no unit"),
     ]
     given = [(1.0, 10.0), (6.0, 10.0), (2.0, 1.0), (0.5, 3.0), (10.0, 87.0), (2.0, 0.5)]
     cases = [Case(f"a floor of {f} mm and a normal scale of {s} mm", (f, s)) for f, s in given]
@@ -49,21 +54,22 @@ def debiased(function: object) -> None:
     mistakes = [
         Mistake(lambda c, x, y, p: c(x, y) - (c(x, x) + c(y, y)) / 2, "debiased; now undo the division by p"),
         Mistake(lambda c, x, y, p: p * c(x, y), "the factor is right; it is not zero for x = y: subtract the bias"),
-        Mistake(lambda c, x, y, p: c(x, y), "this is the regularised cost itself: what does it say for x = y?"),
+        Mistake(
+            lambda c, x, y, p: c(x, y),
+            "this is the regularised cost itself, which is not zero for x = y: subtract the bias",
+        ),
         Mistake(
             lambda c, x, y, p: p * (c(x, y) - c(x, x) - c(y, y)), "for x = y this is negative: take *half* of each"
         ),
         Mistake(
             lambda c, x, y, p: p * (c(x, y) - c(x, x)),
-            "symmetric in nothing: exchange x and y and the answer changes; both sides carry a bias",
+            "the answer changes when x and y are exchanged: subtract half of both biases",
         ),
         Mistake(
             lambda c, x, y, p: (c(x, y) - (c(x, x) + c(y, y)) / 2) / p,
-            "the other way round: the cost was divided by p",
+            "divided instead of multiplied: the cost was divided by p",
         ),
-        Mistake(
-            lambda c, x, y, p: p * c(x, y) - (c(x, x) + c(y, y)) / 2, "the factor p belongs to all three terms alike"
-        ),
+        Mistake(lambda c, x, y, p: p * c(x, y) - (c(x, x) + c(y, y)) / 2, "the factor p belongs to all three terms"),
     ]
     generator = np.random.default_rng(0)
     x, y = (torch.from_numpy(generator.normal(size=(n, 2))) for n in (5, 7))
@@ -97,14 +103,17 @@ def trap(function: object) -> None:
     exact transport separates them from the target.
     """
     mistakes = [
-        Mistake(lambda y: torch.tensor([1.0, 0.0]), "at rest, but exact transport agrees: these are the targets again"),
+        Mistake(
+            lambda y: torch.tensor([1.0, 0.0]),
+            "no point moves, but exact transport is zero as well: these are the target points themselves",
+        ),
         Mistake(
             lambda y: torch.tensor([0.0, 1.0]),
-            "a point is not at rest under Chamfer; which target points select it? Add the arrows",
+            "a point still moves under Chamfer: add the arrows of the target points that select it",
         ),
         Mistake(
             lambda y: torch.tensor([0.0, 0.0]),
-            "a point is not at rest, and yet exact transport agrees: is that possible?",
+            "a point still moves although exact transport is zero: the two conditions contradict each other",
         ),
     ]
     generator = np.random.default_rng(0)

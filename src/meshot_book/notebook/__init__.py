@@ -1,4 +1,4 @@
-"""Functions that all chapters use: numbers with four digits, tables, the card of the environment."""
+"""Functions that all chapters use: numbers, tables, files of experiments, the card of the environment."""
 
 import lazy_loader
 

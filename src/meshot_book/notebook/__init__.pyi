@@ -1,3 +1,8 @@
 from .environment import KERNEL_ENVIRONMENT as KERNEL_ENVIRONMENT, environment_card as environment_card
+from .experiment_files import (
+    CHECKSUMS as CHECKSUMS,
+    checksum_lines as checksum_lines,
+    experiment_folder as experiment_folder,
+)
 from .numbers import digits as digits
 from .tables import Table as Table, markdown_table as markdown_table, table as table

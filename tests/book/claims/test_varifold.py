@@ -25,9 +25,9 @@ def record():
 def test_reproduced_where_every_duel_is_won(record):
     verdict = varifold_verdict(record)
     assert verdict.status == ledger.REPRODUCED
-    assert "wins 2 of 2 duels, loses 0, and 0 are open" in verdict.ours
+    assert "smaller error in 2 of 2 comparisons, the larger in 0, and 0 are undecided" in verdict.ours
     assert "a factor of 20 (cube, 48 supports)" in verdict.ours
-    assert "lost:" not in verdict.ours
+    assert "larger error:" not in verdict.ours
     assert verdict.numbers.count("\n") == 2 + 2 + 2
 
 
@@ -35,7 +35,7 @@ def test_a_duel_lost_or_open_is_a_condition(record):
     record["results"]["duels"].append(duel("uneven_cube", 0.1, 0.5))
     verdict = varifold_verdict(record)
     assert verdict.status == ledger.IN_PART
-    assert verdict.ours.endswith("lost: uneven cube")
+    assert verdict.ours.endswith("larger error: uneven cube")
     record["results"]["duels"][-1] |= {"low": 0.9, "high": 1.2}
     assert varifold_verdict(record).status == ledger.IN_PART
 

@@ -95,7 +95,7 @@ MISTAKES = {
         "no root": lambda a, g, m, p: by_skellam(a, g, m, p) ** (1 / p),
         "mean absolute value is smaller": lambda a, g, m, p: g**p * (2 * a * (1 - a) / m) ** 0.5,
         "for many points": lambda a, g, m, p: g**p * (4 * a * (1 - a) / m / math.pi) ** 0.5,
-        "count once": lambda a, g, m, p: 2 * by_skellam(a, g, m, p),
+        "count it once": lambda a, g, m, p: 2 * by_skellam(a, g, m, p),
         "cancel": lambda a, g, m, p: 0.0,
     },
 }

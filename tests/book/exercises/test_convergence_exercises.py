@@ -68,13 +68,13 @@ POINTS = {
     "distance between the supports": lambda p, d, r, s, t: math.ceil(steep(p, max(r, s), r, s, t) ** 2),
 }
 CURVE = {
-    "no more": lambda x, e, c: int(e[:, 0].argmax()),
-    "ends highest": lambda x, e, c: int(e[:, -1].argmax()),
+    "since a constant factor does not change them": lambda x, e, c: int(e[:, 0].argmax()),
+    "that is the curve with the largest last error": lambda x, e, c: int(e[:, -1].argmax()),
     "steepest": lambda x, e, c: int(slopes(np.log(x), np.log(e)).argmin()),
     "flattest curve": lambda x, e, c: int(slopes(np.log(x), np.log(e)).argmax()),
     "flattest claim": lambda x, e, c: int(c.argmax()),
-    "do the signs agree": lambda x, e, c: int(np.abs(slopes(np.log(x), np.log(e)) + c.numpy()).argmax()),
-    "sizes and errors in logarithms": lambda x, e, c: int(np.abs(slopes(x, np.log(e)) - c.numpy()).argmax()),
+    "and check the signs": lambda x, e, c: int(np.abs(slopes(np.log(x), np.log(e)) + c.numpy()).argmax()),
+    "take logarithms of sizes and errors": lambda x, e, c: int(np.abs(slopes(x, np.log(e)) - c.numpy()).argmax()),
     "that is always the steepest claim": lambda x, e, c: int(np.abs(slopes(x, e) - c.numpy()).argmax()),
     "faster than it claims": lambda x, e, c: int((slopes(np.log(x), np.log(e)) - c.numpy()).argmax()),
 }

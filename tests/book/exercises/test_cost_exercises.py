@@ -73,7 +73,7 @@ def both_ways(one_way):
 
 
 WRONG = {
-    "one end, not two": (check.merged_cells, lambda a, b: len(a) + len(b)),
+    "count it once": (check.merged_cells, lambda a, b: len(a) + len(b)),
     "unless both sides end": (check.merged_cells, lambda a, b: len(a) + len(b) - 1),
     "all pairs": (check.merged_cells, lambda a, b: len(a) * len(b)),
     "shorter side": (check.merged_cells, lambda a, b: max(len(a), len(b))),
@@ -81,10 +81,13 @@ WRONG = {
         check.merged_cells,
         lambda a, b: len(set(itertools.accumulate(a)) & set(itertools.accumulate(b))),
     ),
-    "are lost": (check.merged_cells, lambda a, b: len(set(itertools.accumulate(a)) ^ set(itertools.accumulate(b)))),
+    "they end a cell too": (
+        check.merged_cells,
+        lambda a, b: len(set(itertools.accumulate(a)) ^ set(itertools.accumulate(b))),
+    ),
     "lengths of steps": (check.merged_cells, lambda a, b: len({*a, *b})),
     "one too many": (check.merged_cells, lambda a, b: cells_by_walking(a, b) + 1),
-    "upside down": (check.growth_exponent, lambda m, s: 1 / exponent_by_scipy(m, s)),
+    "the quotient is inverted": (check.growth_exponent, lambda m, s: 1 / exponent_by_scipy(m, s)),
     "take logarithms": (check.growth_exponent, lambda m, s: scipy.stats.linregress(m, s).slope),
     "sizes need": (check.growth_exponent, lambda m, s: scipy.stats.linregress(m, np.log(s)).slope),
     "seconds need": (check.growth_exponent, lambda m, s: scipy.stats.linregress(np.log(m), s).slope),
@@ -103,7 +106,7 @@ WRONG = {
         lambda x, y, s, k: torch.cat([in_blocks(x, y, s, k), in_blocks(y, x, s, k)]).mean(),
     ),
     "not full": (check.blocked_chamfer, both_ways(lambda x, y, s, k: in_blocks(x, y, s, k, True).sum() / len(x))),
-    "mean of means": (
+    "a mean of the blocks' means": (
         check.blocked_chamfer,
         both_ways(
             lambda x, y, s, k: torch.stack([s(b, y).min(dim=1).values.mean() for b in x.split(k // len(y))]).mean()

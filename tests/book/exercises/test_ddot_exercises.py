@@ -79,17 +79,17 @@ def test_the_displacements_are_those_of_transport():
         (check.count_weights, lambda w, h, s, k: _counted(w, h, s, k) - s * w * k**3 + s * w * k**2, "three sides"),
         (check.count_weights, lambda w, h, s, k: _counted(w, h, s, k) - 3 * (h[-1] + 1), "last layer"),
         (check.count_weights, lambda w, h, s, k: _counted(w, h, s, k) - w * (w + 1), "behind the convolution"),
-        (check.feature_at, lambda r, k, p: by_the_package(r, k.flip(0), p), "turned round"),
+        (check.feature_at, lambda r, k, p: by_the_package(r, k.flip(0), p), "the kernel is reversed"),
         (check.feature_at, lambda r, k, p: by_the_package(r, k, int(p + 0.5)), "nearest voxel"),
         (check.feature_at, lambda r, k, p: by_the_package(r, k, int(p)), "voxel below"),
         (check.feature_at, lambda r, k, p: by_the_package(r, k, p + len(k) // 2), "kernel is centred"),
-        (check.alignment, lambda p, n, m: _aligned(p, n, m * 0 + 1), "counts alike"),
+        (check.alignment, lambda p, n, m: _aligned(p, n, m * 0 + 1), "every vertex has the same weight"),
         (check.alignment, lambda p, n, m: abs(_aligned(p, n, m)), "keep the sign"),
-        (check.alignment, lambda p, n, m: _aligned(p * m[:, None], n, m), "one mass too many"),
+        (check.alignment, lambda p, n, m: _aligned(p * m[:, None], n, m), "the mass enters twice"),
         (check.mean_displacements, lambda x, a, b: -by_walking(x, a, b), "sign"),
         (check.mean_displacements, lambda x, a, b: by_walking(x, a, b) * a / a.sum(), "mass times distance"),
         (check.mean_displacements, lambda x, a, b: by_walking(x, a, b) * a / a.sum() / (b / b.sum()), "target's share"),
-        (check.mean_displacements, lambda x, a, b: -by_walking(x, b, a), "changed places"),
+        (check.mean_displacements, lambda x, a, b: -by_walking(x, b, a), "source and target are exchanged"),
     ],
 )
 def test_usual_mistakes_get_their_hint(hinted, checker, function, hint):
@@ -119,7 +119,7 @@ def test_borders_get_their_hint(hinted, function, hint):
     ("function", "hint"),
     [
         (lambda p, n, m: (m * torch.cosine_similarity(p, n, dim=1)).sum() / m.sum(), "mean of the cosines"),
-        (lambda p, n, m: (m * (p * n).sum(1)).sum() / (p.norm() * n.norm()), "above the line only"),
+        (lambda p, n, m: (m * (p * n).sum(1)).sum() / (p.norm() * n.norm()), "the masses are in the numerator only"),
     ],
 )
 def test_other_cosines_get_their_hint(hinted, function, hint):

@@ -58,11 +58,13 @@ def edge_lengths(v, f):
 
 
 EDGES = {
-    "counts twice here": lambda v, f: side_lengths(v, f).std(unbiased=False) / side_lengths(v, f).mean(),
-    "not by one less": lambda v, f: edge_lengths(v, f).std() / edge_lengths(v, f).mean(),
+    "edges between two faces are counted twice": lambda v, f: (
+        side_lengths(v, f).std(unbiased=False) / side_lengths(v, f).mean()
+    ),
+    "divide by the number of edges n": lambda v, f: edge_lengths(v, f).std() / edge_lengths(v, f).mean(),
     "divide by the mean": lambda v, f: edge_lengths(v, f).std(unbiased=False),
     "root of the variance": lambda v, f: edge_lengths(v, f).var(unbiased=False) / edge_lengths(v, f).mean() ** 2,
-    "squares of the lengths": lambda v, f: by_squares(edge_lengths(v, f)),
+    "these are the squared lengths": lambda v, f: by_squares(edge_lengths(v, f)),
 }
 
 
@@ -71,13 +73,13 @@ def by_squares(lengths):
 
 
 STEPS = {
-    "an average": lambda norms: int(norms.mean()) + 1,
-    "first moment only": lambda norms: int(norms[0].max()) + 1,
+    "this uses the average of the constants": lambda norms: int(norms.mean()) + 1,
+    "this uses the first time only": lambda norms: int(norms[0].max()) + 1,
     "strict": lambda norms: max(1, math.ceil(float(norms.max()))),
     "one too few": lambda norms: int(norms.max()),
     "whole": lambda norms: float(norms.max()) + 1,
     "per unit of time already": lambda norms: int(norms.max() * norms.shape[0]) + 1,
-    "steps of the measurement": lambda norms: int(norms.max() / norms.shape[0]) + 1,
+    "this divides by the number of measured steps": lambda norms: int(norms.max() / norms.shape[0]) + 1,
 }
 
 
@@ -87,13 +89,16 @@ def at(moment, t, x, s, y):
 
 TIME = {
     "equal steps": lambda t, x, s, y: [x[-1], y[-1]],
-    "counted checks": lambda t, x, s, y: [x[min(len(x), len(y)) - 1], y[min(len(x), len(y)) - 1]],
-    "straight line": lambda t, x, s, y: [
+    "this compares at equal numbers of checks": lambda t, x, s, y: [
+        x[min(len(x), len(y)) - 1],
+        y[min(len(x), len(y)) - 1],
+    ],
+    "interpolate linearly": lambda t, x, s, y: [
         x[t <= min(t[-1], s[-1])][-1],
         y[s <= min(t[-1], s[-1])][-1],
     ],
-    "who stops first": lambda t, x, s, y: at((t[-1] + s[-1]) / 2, t, x, s, y),
-    "changed places": lambda t, x, s, y: by_numpy(t, x, s, y)[::-1],
+    "compare at the time at which the shorter run ends": lambda t, x, s, y: at((t[-1] + s[-1]) / 2, t, x, s, y),
+    "the two values are exchanged": lambda t, x, s, y: by_numpy(t, x, s, y)[::-1],
     "least value": lambda t, x, s, y: [x.min(), y.min()],
 }
 

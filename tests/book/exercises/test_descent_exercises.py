@@ -57,14 +57,14 @@ NEAREST = {
     "axis of the minimum": lambda x, y: y[torch.cdist(x, y).argmin(dim=0)] - x,
     "twice too long": lambda x, y: 2 * (nearest(x, y) - x),
     "division by the norm": lambda x, y: torch.nn.functional.normalize(nearest(x, y) - x),
-    "middle of the target": lambda x, y: y.mean(dim=0) - x,
+    "every arrow ends at the mean of the target": lambda x, y: y.mean(dim=0) - x,
 }
 LINE = {
     "away from the target": lambda x, y, u: -loss_line_arrows(x, y, u),
     "undo the sorting": lambda x, y, u: torch.outer((y @ u).sort()[0] - (x @ u).sort()[0], u),
-    "as they come": lambda x, y, u: torch.outer(y @ u - x @ u, u),
+    "points are paired in their original order": lambda x, y, u: torch.outer(y @ u - x @ u, u),
     "targets are not sorted": lambda x, y, u: torch.outer((y @ u)[(x @ u).argsort().argsort()] - x @ u, u),
-    "one more argsort": lambda x, y, u: torch.outer((y @ u).sort()[0][(x @ u).argsort()] - x @ u, u),
+    "or assign through the order": lambda x, y, u: torch.outer((y @ u).sort()[0][(x @ u).argsort()] - x @ u, u),
     "project the arrow": lambda x, y, u: y[(y @ u).argsort()][(x @ u).argsort().argsort()] - x,
 }
 RATE = {

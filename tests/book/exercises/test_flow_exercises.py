@@ -60,9 +60,9 @@ def test_independent_solutions_pass(capsys, checker, function):
 
 
 FLOW = {
-    "time stands still": lambda v, x, n: forward(lambda t, y: v(0, y), x, n),
+    "the time does not advance": lambda v, x, n: forward(lambda t, y: v(0, y), x, n),
     "at its end": lambda v, x, n: forward(v, x, n, shift=1 / n),
-    "where they are now": lambda v, x, n: x + sum(v(k / n, x) / n for k in range(n)),
+    "use the current positions": lambda v, x, n: x + sum(v(k / n, x) / n for k in range(n)),
     "they are 1 / n long": lambda v, x, n: forward(v, x, n, length=1.0),
     "one step is missing": lambda v, x, n: forward(v, x, n, taken=n - 1),
     "one step too many": lambda v, x, n: forward(v, x, n, taken=n + 1),
@@ -71,18 +71,18 @@ FLOW = {
 }
 UNDO = {
     "at the image": lambda v, y, h: y - h * v(y),
-    "twice is not enough": lambda v, y, h: iterated(v, y, h, 2),
+    "the iteration is right": lambda v, y, h: iterated(v, y, h, 2),
     "one more step forward": lambda v, y, h: y + h * v(y),
     "the sign": lambda v, y, h: iterated(v, y, h, 900, 1),
     "images themselves": lambda v, y, h: y,
 }
 PIECES = {
-    "in its middle or at its end": lambda s, c, g: math.ceil(s * math.sqrt(c / (2 * g))),
+    "a chord is farthest from its arc in the middle of the arc": lambda s, c, g: math.ceil(s * math.sqrt(c / (2 * g))),
     "factor 1/8": lambda s, c, g: math.ceil(s * math.sqrt(c / g)),
     "square of the number": lambda s, c, g: math.ceil(s**2 * c / (8 * g)),
     "rounded down": lambda s, c, g: int(s * math.sqrt(c / (8 * g))),
     "round it up": lambda s, c, g: s * math.sqrt(c / (8 * g)),
-    "changed places": lambda s, c, g: math.ceil(c * math.sqrt(s / (8 * g))),
+    "length and curvature are exchanged": lambda s, c, g: math.ceil(c * math.sqrt(s / (8 * g))),
 }
 
 

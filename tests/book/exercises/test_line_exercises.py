@@ -59,11 +59,11 @@ def own_cost(x, a, y, b, p):
 
 
 QUANTILES = {
-    "as they come": stairs,
+    "the points are not sorted": stairs,
     "keep its own mass": lambda x, a, z: stairs(x.sort().values, a, z),
     "counts points": lambda x, a, z: x.sort().values[torch.ceil(z * len(x)).long() - 1],
     "≥, not >": lambda x, a, z: stairs(*by_order(x, a), z, right=True),
-    "staircase": lambda x, a, z: torch.quantile(x, z),
+    "the quantile function is piecewise constant": lambda x, a, z: torch.quantile(x, z),
 }
 COST = {
     "leave out the root": lambda *c: pot_cost(*c) ** (1 / c[4]),
@@ -74,14 +74,16 @@ COST = {
     "ranks are paired": lambda x, a, y, b, p: sum(
         abs(i - j) ** p / min(len(x), len(y)) for i, j in zip(sorted(x.tolist()), sorted(y.tolist()))
     ),
-    "everybody sends": lambda x, a, y, b, p: (torch.outer(a, b) * (x[:, None] - y).abs() ** p).sum(),
+    "every source point sends mass to every target point": lambda x, a, y, b, p: (
+        torch.outer(a, b) * (x[:, None] - y).abs() ** p
+    ).sum(),
 }
 GRADIENT = {
-    "sign is turned": lambda *c: -pot_potential(*c),
+    "the sign is reversed": lambda *c: -pot_potential(*c),
     "subtract the mean under": lambda *c: pot_potential(*c) - pot_potential(*c)[c[0].argmin()],
     "not the plain one": lambda *c: pot_potential(*c) - pot_potential(*c).mean(),
     "order of the sorted points": lambda *c: pot_potential(*c)[c[0].argsort()],
-    "pays itself": own_cost,
+    "this is the cost of each point alone": own_cost,
 }
 
 

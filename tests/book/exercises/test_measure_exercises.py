@@ -49,7 +49,7 @@ def sorted_tent(c, x):
 
 MISTAKES = {
     "face_weights": {
-        "hit more often": lambda v, f: torch.ones(len(f)).double() / len(f),
+        "the mass must be proportional to the area": lambda v, f: torch.ones(len(f)).double() / len(f),
         "total mass one": heron,
         "halve": lambda v, f: 2 * heron(v, f),
         "the root is missing": lambda v, f: heron(v, f) ** 2 / (heron(v, f) ** 2).sum(),
@@ -57,10 +57,12 @@ MISTAKES = {
     },
     "tent_density": {
         "one half": lambda c, x: sorted_tent(c, x) / 2,
-        "over the middle corner": lambda c, x: torch.from_numpy(
+        "it must be at the middle corner": lambda c, x: torch.from_numpy(
             stats.triang.pdf(x.numpy(), 0.5, float(c.min()), float(c.max() - c.min()))
         ),
-        "a box": lambda c, x: torch.from_numpy(stats.uniform.pdf(x.numpy(), float(c.min()), float(c.max() - c.min()))),
+        "density of an edge": lambda c, x: torch.from_numpy(
+            stats.uniform.pdf(x.numpy(), float(c.min()), float(c.max() - c.min()))
+        ),
     },
     "mean_square": {
         "barycentres only": lambda v, f, u: float(

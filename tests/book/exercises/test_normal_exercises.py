@@ -47,16 +47,18 @@ def outward(v, f, centre):
 MISTAKES = {
     "scale_for_share": {
         "share is of the whole": lambda loss, share: by_brent(loss, share / (1 + share)),
-        "turn it round": lambda loss, share: by_brent(loss, 1 - share),
+        "not the normals": lambda loss, share: by_brent(loss, 1 - share),
         "the square": lambda loss, share: by_brent(loss, share) ** 2,
         "this search ends at 100": lambda loss, share: min(by_brent(loss, share), 100.0),
-        "this supposes": lambda loss, share: (loss(0) * share / (1 - share) / (loss(1) - loss(0))) ** 0.5,
+        "this assumes that normals add a multiple of s²": lambda loss, share: (
+            (loss(0) * share / (1 - share) / (loss(1) - loss(0))) ** 0.5
+        ),
     },
     "is_inside_out": {
-        "other way round": lambda v, f: not by_determinants(v, f),
-        "faces count alike": lambda v, f: bool(outward(v, f, v.mean(dim=0)).mean() < 0),
-        "one face decides": lambda v, f: bool(outward(v, f, v.mean(dim=0))[0] < 0),
-        "look back at the origin": lambda v, f: bool(outward(v, f, 0).min() < 0),
+        "the answer is negated": lambda v, f: not by_determinants(v, f),
+        "faces have equal weights here": lambda v, f: bool(outward(v, f, v.mean(dim=0)).mean() < 0),
+        "this uses one face only": lambda v, f: bool(outward(v, f, v.mean(dim=0))[0] < 0),
+        "some outward normals point towards the origin": lambda v, f: bool(outward(v, f, 0).min() < 0),
     },
     "area_gradient": {
         "the sign": lambda a, b, c: -by_autograd(a, b, c),

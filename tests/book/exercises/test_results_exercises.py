@@ -46,7 +46,7 @@ def unpaired(x, y):
         (check.paired_gap, lambda x, y: [(x - y).mean(), (x - y).std()], "smaller by √n"),
         (check.paired_gap, lambda x, y: [(x - y).mean(), (x - y).std(correction=0) / len(x) ** 0.5], "n − 1"),
         (check.paired_gap, lambda x, y: [(x - y).mean(), (x - y).std() / len(x)], "divided by n"),
-        (check.paired_gap, lambda x, y: by_a_test(y, x), "turned round"),
+        (check.paired_gap, lambda x, y: by_a_test(y, x), "the sign is reversed"),
         (check.kept_check, lambda a, c: min(range(len(c)), key=c.__getitem__), "candidate too"),
         (check.kept_check, lambda a, c: len(c) - 1 if c[-1] < a else -1, "keeps the last check"),
         (check.kept_check, lambda a, c: next((i for i in range(len(c)) if c[i] < a), -1), "keeps the first check"),

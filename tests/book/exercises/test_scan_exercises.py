@@ -80,7 +80,7 @@ def test_the_genus_of_the_cases():
     [
         (check.handles, lambda f: 2 - 2 * by_our_topology(f), "χ itself"),
         (check.handles, lambda f: 2 * by_our_topology(f), "accounts for two"),
-        (check.handles, lambda f: -by_our_topology(f), "sign is turned"),
+        (check.handles, lambda f: -by_our_topology(f), "the sign is wrong"),
         (check.handles, lambda f: 1 + (2 * len(f) - len(f.unique())) // 2, "each of its two faces"),
         (check.surface_ras, lambda p, a, s: 2 * p - by_our_centre(p, a, s), "added"),
         (check.surface_ras, lambda p, a, s: p, "unchanged"),

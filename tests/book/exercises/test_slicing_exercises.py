@@ -51,7 +51,7 @@ def one_shift(directions):
 
 
 SLICED = {
-    "paired as they come": lambda x, y, u: (u @ (x - y).T).square().mean(),
+    "points are paired in their original order": lambda x, y, u: (u @ (x - y).T).square().mean(),
     "axis of the sort": lambda x, y, u: ((x @ u.T).sort()[0] - (y @ u.T).sort()[0]).square().mean(),
     "project first": lambda x, y, u: (u @ (x.sort(0)[0] - y.sort(0)[0]).T).square().mean(),
     "every point carries mass": lambda x, y, u: gaps(x, y, u).square().sum(dim=1).mean(),
@@ -61,18 +61,20 @@ SLICED = {
     "average the squares": lambda x, y, u: gaps(x, y, u).square().mean(dim=1).sqrt().mean(),
 }
 LINES = {
-    "lines of the trial": lambda c, e: math.ceil(c.var() / c.mean() ** 2 / len(c) / e**2),
+    "this divides by the number of trial lines as well": lambda c, e: math.ceil(
+        c.var() / c.mean() ** 2 / len(c) / e**2
+    ),
     "is not squared": lambda c, e: math.ceil(c.std() / c.mean() / e),
     "share of the mean": lambda c, e: math.ceil(c.var() / e**2),
     "number less one": lambda c, e: math.ceil(np.var(c.numpy()) / float(c.mean()) ** 2 / e**2),
     "take no roots": lambda c, e: math.ceil(c.sqrt().var() / c.sqrt().mean() ** 2 / e**2),
     "one line short": lambda c, e: int(c.var() / c.mean() ** 2 / e**2),
-    "round it up": lambda c, e: float(c.var() / c.mean() ** 2 / e**2),
+    "the number of lines must be whole": lambda c, e: float(c.var() / c.mean() ** 2 / e**2),
 }
 GHOSTS = {
-    "both sets are the same": lambda u: (torch.eye(2), torch.eye(2).flip(0)),
+    "both sets are equal": lambda u: (torch.eye(2), torch.eye(2).flip(0)),
     "equally many": lambda u: (torch.eye(2), torch.zeros(1, 2)),
-    "perpendicular to it": lambda u: (torch.zeros(1, 2), u[:1]),
+    "perpendicular to that line": lambda u: (torch.zeros(1, 2), u[:1]),
     "right for one line": one_shift,
     "return first, second": lambda u: torch.zeros(3, 2),
     "points are needed": lambda u: (torch.zeros(2), torch.zeros(2)),

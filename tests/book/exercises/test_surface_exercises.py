@@ -50,7 +50,7 @@ def test_independent_solutions_pass(capsys, checker, answer):
     ("wrong", "hint"),
     [
         (lambda a, b: 2 * (a * b).sum() / (a.sum() + b.sum()) if (a + b).any() else 1.0, "square below"),
-        (lambda a, b: overlap((a > 0.5).double(), (b > 0.5).double()), "cut at ½"),
+        (lambda a, b: overlap((a > 0.5).double(), (b > 0.5).double()), "the maps are thresholded at ½ first"),
         (lambda a, b: overlap(a, b) / 2, "the 2 is missing"),
         (lambda a, b: 1 - overlap(a, b), "one minus"),
         (lambda a, b: (a * b).sum() / (a * a + b * b - a * b).sum() if (a + b).any() else 1.0, "Jaccard"),
@@ -65,10 +65,10 @@ def test_hints_on_overlap(hinted, wrong, hint):
 @pytest.mark.parametrize(
     ("wrong", "hint"),
     [
-        (lambda m: int(m.sum()), "what is shared counts once"),
+        (lambda m: int(m.sum()), "shared corners must be counted once"),
         (lambda m: euler(m) + int(m.sum()), "cubes are missing"),
         (lambda m: 2 * euler(m), "twice as much"),
-        (lambda m: -euler(m), "sign is turned round"),
+        (lambda m: -euler(m), "the sign is wrong"),
         (lambda m: euler(m[:-1, :-1, :-1]), "far border"),
         (lambda m: 1, "wrong on"),
     ],

@@ -197,7 +197,7 @@ def test_a_zero_whose_sign_is_turned_counts_as_changed(capsys, monkeypatch):
     [
         ("without_floor", lambda value, floor: (value**2 - floor**2) ** 0.5, "complex numbers"),
         ("tent_density", lambda corners, x: tent_with_division(corners, x), "division by zero"),
-        ("scale_for_share", lambda loss, share: halved(loss, share, 0.0, 100.0), "scales may be of any size"),
+        ("scale_for_share", lambda loss, share: halved(loss, share, 0.0, 100.0), "scales may have any size"),
     ],
 )
 def test_three_near_misses_are_refused_with_their_reason(capsys, name, wrong, hint):

@@ -53,7 +53,7 @@ def test_the_entropic_cost_of_the_exercise_is_that_of_other_libraries(p):
 
 WRONG = {
     "blur_in_coordinates": {
-        "other way round": lambda b, r, p: (b * r, (b * r) ** p),
+        "multiplied instead of divided": lambda b, r, p: (b * r, (b * r) ** p),
         "the *half*": lambda b, r, p: (b / r / 2, (b / r / 2) ** p),
         "not in mm": lambda b, r, p: (b / r, b**p),
         "divided p times": lambda b, r, p: (b / r, b**p / r),
@@ -65,7 +65,7 @@ WRONG = {
         "*squared* distance": lambda f, s: min(1.0, f / s / 2),
         "twice its length": lambda f, s: min(1.0, (f / s) ** 2),
         "square of 2 s": lambda f, s: min(1.0, (f / s) ** 2 / 2),
-        "upside down": lambda f, s: min(1.0, (2 * s / f) ** 2),
+        "the quotient is inverted": lambda f, s: min(1.0, (2 * s / f) ** 2),
         "has no unit": lambda f, s: f,
     },
     "debiased": {
@@ -73,13 +73,13 @@ WRONG = {
         "subtract the bias": lambda c, x, y, p: p * c(x, y),
         "cost itself": lambda c, x, y, p: c(x, y),
         "*half*": lambda c, x, y, p: p * (c(x, y) - c(x, x) - c(y, y)),
-        "symmetric in nothing": lambda c, x, y, p: p * c(x, y) - p * c(x, x),
+        "the answer changes when x and y are exchanged": lambda c, x, y, p: p * c(x, y) - p * c(x, x),
         "was divided by p": lambda c, x, y, p: (c(x, y) - c(x, x) / 2 - c(y, y) / 2) / p,
-        "three terms alike": lambda c, x, y, p: p * c(x, y) - c(x, x) / 2 - c(y, y) / 2,
+        "the factor p belongs to all three terms": lambda c, x, y, p: p * c(x, y) - c(x, x) / 2 - c(y, y) / 2,
     },
     "trap": {
-        "targets again": lambda y: y.flip(0),
-        "not at rest under Chamfer": lambda y: y + 0.3,
+        "these are the target points themselves": lambda y: y.flip(0),
+        "a point still moves under Chamfer": lambda y: y + 0.3,
         "as many points as targets": lambda y: y[:2],
         "it returns None": lambda y: None,
     },

@@ -9,7 +9,7 @@ from meshot.mesh import Mesh
 from meshot.mesh.editing import neighbour_means, smooth_crossings
 from meshot.mesh.topology import self_intersecting_faces
 
-_MENDING_ROUNDS = 25
+_SMOOTHING_ROUNDS = 25
 _LARGEST_SHARE = 0.01  # of the faces: with more, smoothing is not tried
 _PART_KEPT = 0.5  # factor on the displacement in each backtrack
 _BLUR_STEPS = 4
@@ -84,7 +84,7 @@ def _mended(mesh: Mesh) -> Mesh | None:
     if len(self_intersecting_faces(mesh)) > _LARGEST_SHARE * len(mesh.faces):
         return None
     try:
-        return smooth_crossings(mesh, _MENDING_ROUNDS)
+        return smooth_crossings(mesh, _SMOOTHING_ROUNDS)
     except ValueError:
         return None
 

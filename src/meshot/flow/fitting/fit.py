@@ -26,7 +26,8 @@ Watch = Callable[[Mesh], dict[str, float]]
 
 #: The entries that every history of a fit has.
 HISTORY = (
-    "iteration", "loss", "n_directions", "checked_iteration", "checked_loss", "checked_crossings", "retreat_iteration",
+    "iteration", "loss", "n_directions",
+    "checked_iteration", "checked_loss", "checked_crossings", "backtrack_iteration",
 )  # fmt: skip
 
 
@@ -36,7 +37,7 @@ class Fit:
 
     ``history`` holds ``iteration``, ``loss`` and ``n_directions`` for every iteration. For every check it holds
     ``checked_iteration``, ``checked_loss`` (always with the same directions), the values of ``watch``, and with a guard
-    ``checked_crossings`` (number of self-intersecting faces). ``retreat_iteration`` lists the backtracks.
+    ``checked_crossings`` (number of self-intersecting faces). ``backtrack_iteration`` lists the backtracks.
     ``best_iteration`` is the iteration of the check with the best valid state. ``n_steps`` is the number of integration
     steps.
     """
@@ -149,7 +150,7 @@ def _task(
             parameter.grad = None  # Adam skips parameters without a gradient
 
     def is_given_up() -> bool:
-        return guard is not None and sum(line.get("retreated", False) for line in state.lines) >= guard.max_retreats
+        return guard is not None and sum(line.get("backtracked", False) for line in state.lines) >= guard.max_backtracks
 
     return Task(loss_of, lambda _: _checked(state, mesh, loss, settings, guard, watch), hold_fine_stages, is_given_up)
 
@@ -168,8 +169,8 @@ def _checked(
     found = {"validation_loss": value, "checked_loss": value, "watched": watched}
     if guard is not None:
         n_crossings = len(self_intersecting_faces(moved))
-        found |= {"checked_crossings": n_crossings, "retreated": n_crossings > guard.max_crossings}
-        if found["retreated"]:
+        found |= {"checked_crossings": n_crossings, "backtracked": n_crossings > guard.max_crossings}
+        if found["backtracked"]:
             backtrack(state, mesh, settings, guard)
             found["validation_loss"] = None
     return found
@@ -185,7 +186,7 @@ def _history(lines: list[dict], settings: FitSettings) -> dict[str, list[float]]
         else:
             new = {"checked_iteration": line["step"], "checked_loss": line["checked_loss"]} | line["watched"]
             new |= {name: line[name] for name in ("checked_crossings",) if name in line}
-            new |= {"retreat_iteration": line["step"]} if line.get("retreated") else {}
+            new |= {"backtrack_iteration": line["step"]} if line.get("backtracked") else {}
         for name, value in new.items():
             history.setdefault(name, []).append(value)
     return history

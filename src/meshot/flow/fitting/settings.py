@@ -94,7 +94,7 @@ class Guard:
     At every check the self-intersecting faces are counted exactly. If there are more than ``max_crossings``, the fit
     restores the best valid state, multiplies its learning rate by ``slow_down``, and resets its momentum. If the step
     size is too large (h·Lip >= 1, or a step reverses orientation, along the paths of the vertices), the number of steps
-    is also increased, as the local Jacobians require. After ``max_retreats`` backtracks the fit stops and keeps the
+    is also increased, as the local Jacobians require. After ``max_backtracks`` backtracks the fit stops and keeps the
     best state.
 
     Parameters
@@ -103,7 +103,7 @@ class Guard:
         Number of self-intersecting faces that are allowed in the moved mesh.
     slow_down : float
         Factor on the learning rate, in (0, 1).
-    max_retreats : int
+    max_backtracks : int
         Maximum number of backtracks.
     max_steps : int
         Maximum number of integration steps.
@@ -116,11 +116,11 @@ class Guard:
 
     max_crossings: int = 0
     slow_down: float = 0.5
-    max_retreats: int = 8
+    max_backtracks: int = 8
     max_steps: int = 64
 
     def __post_init__(self):
-        for name in ("max_retreats", "max_steps"):
+        for name in ("max_backtracks", "max_steps"):
             object.__setattr__(self, name, require_positive_integer(getattr(self, name), name))
         if self.max_crossings < 0:
             raise ValueError(f"max_crossings is {self.max_crossings!r}; a count >= 0 is needed")

@@ -40,7 +40,7 @@ def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]
         Distance of every vertex of the final surface from the initial one, in mm.
     """
     n_lost, share = voxels_given_up(surface.segmented)
-    settled = surface.settled
+    repaired = surface.repaired
     return {
         "initial": _counts(surface.initial) | _measures(surface.initial),
         "final": _counts(surface.final) | _measures(surface.final),
@@ -51,12 +51,12 @@ def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]
         },
         "n_voxels_given_up": n_lost,
         "share_of_voxels_given_up": share,
-        "mending": None
-        if settled is None
+        "repair": None
+        if repaired is None
         else {
-            "n_faces_crossing_before": settled.n_crossing,
-            "n_retreats": settled.n_backtracks,
-            "largest_move_mm": settled.largest_move,
+            "n_faces_crossing_before": repaired.n_crossing,
+            "n_backtracks": repaired.n_backtracks,
+            "largest_move_mm": repaired.largest_move,
         },
     }
 

@@ -58,11 +58,11 @@ def _move_rows(report: dict) -> Rows:
             (f"distance from the initial surface, {word} (mm)", *(s["distance_from_initial_mm"][key] for s in sides))
             for key, word in words.items()
         ]
-    mending = [s["mending"] for s in sides]
-    if all(mending):
+    repairs = [s["repair"] for s in sides]
+    if all(repairs):
         rows += [
-            ("faces that crossed after the flow, before mending", *(m["n_faces_crossing_before"] for m in mending)),
-            ("largest move by mending (mm)", *(m["largest_move_mm"] for m in mending)),
+            ("faces that crossed after the flow, before the repair", *(m["n_faces_crossing_before"] for m in repairs)),
+            ("largest move by the repair (mm)", *(m["largest_move_mm"] for m in repairs)),
         ]
     rows += [
         ("voxels given up for the topology of a ball", *(s["n_voxels_given_up"] for s in sides)),

@@ -23,21 +23,21 @@ def axioms_verdict(record: dict) -> ledger.Verdict:
     return ledger.Verdict(
         status=status,
         says=(
-            f"Over {found['SW₂']['n_triples']} triples SW and W keep the triangle inequality while Sinkhorn and "
-            "Chamfer break it; with finitely many directions, however, SW is zero between different measures in "
+            f"Over {found['SW₂']['n_triples']} triples SW and W satisfy the triangle inequality, and Sinkhorn and "
+            "Chamfer violate it; with finitely many directions, however, SW is zero between different measures in "
             f"{len(ghosts)} of {len(results['ghosts'])} constructions."
         ),
         headline=(
             f"{len(ghosts)} of {len(results['ghosts'])}",
-            "pairs that finitely many directions cannot tell apart",
+            "pairs with SW zero over finitely many directions",
         ),
         ours=_sentence(found, broken, ghosts, results["ghosts"], kept, weak, chamfer_blind),
         tolerance=(
-            "reproduced if, on p-th roots, no drawn or climbed triangle of SW and W has a side longer than the two "
-            f"others by more than a share of {record['config']['tolerance']:g}, Sinkhorn and Chamfer have one longer "
-            "by 1 % or more, SW tends to zero along those bounded sequences that converge weakly and no others, and "
-            "Chamfer does so along another; under a further assumption (all directions) if different measures were "
-            "found at SW zero over the directions taken"
+            "reproduced if, on p-th roots, no triple, random or found by search, has under SW and W "
+            f"a side longer than the two others by more than a share of {record['config']['tolerance']:g}, Sinkhorn "
+            "and Chamfer have one longer by 1 % or more, SW tends to zero along those bounded sequences that converge "
+            "weakly and no others, and Chamfer does so along another; under a further assumption (all directions) if "
+            "different measures were found at SW zero over the directions taken"
         ),
         numbers=_tables(results),
     )
@@ -56,7 +56,7 @@ def _sentence(
     n_triples = found["SW₂"]["n_triples"]
     parts = [
         f"longest side over the sum of the others, at most: {'no more than 1' if kept else 'above 1 somewhere'} for SW "
-        f"and W ({n_triples} drawn triples, then a climb from the worst); {worst}"
+        f"and W ({n_triples} random triples, and a local search from the worst); {worst}"
     ]
     agreeing = [name for name, agrees in weak.items() if agrees]
     parts.append(f"zero along weakly convergent bounded sequences only: {', '.join(agreeing) or 'neither SW₁ nor SW₂'}")

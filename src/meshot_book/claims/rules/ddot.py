@@ -44,7 +44,7 @@ def systems_verdict(record: dict) -> Verdict:
         if columns
         else "no fair pair is trained yet",
         tolerance=(
-            "in part (that CortexODE is the only rival: same network, initial surfaces, data and steps) if "
+            "in part (that CortexODE is the only other system: same network, initial surfaces, data and steps) if "
             "CortexODE is better in at most one of twenty cells, as in the paper, and DDOT in at least one distance of "
             "every column. Better: the 95 % interval of the difference over subjects (bootstrap) excludes zero, and "
             "where there are several seeds that over seeds (Student) does so on the same side. Not reproduced otherwise"
@@ -69,7 +69,10 @@ def ablation_verdict(record: dict) -> Verdict:
     favours = {arm: _favoured(grid[arm]) for arm in plan["exchanged"] if arm in grid}
     missing = [titles[arm] for arm in plan["exchanged"] if arm not in grid]
     beaten = [arm for arm, found in favours.items() if ours in found and arm not in found]
-    headline = (f"{len(beaten)} of {len(plan['exchanged'])}", "exchanges that make DDOT worse and in nothing better")
+    headline = (
+        f"{len(beaten)} of {len(plan['exchanged'])}",
+        "exchanges that make DDOT worse in some distance and better in none",
+    )
     if not favours:
         return Verdict(
             NOT_TESTED, "The networks are not trained yet.", headline, f"not trained yet: {_listed(missing)}", rule
@@ -102,12 +105,12 @@ def _from_start(results: dict, ours: str, place: dict) -> int:
 
 
 _ABLATION_RULE = (
-    "in part (one seed, one hemisphere, Sinkhorn on 500 faces, and of what the paper leaves out of its table "
-    "nothing counts) if "
+    "in part (one seed, one hemisphere, Sinkhorn on 500 faces, and losses that the paper does not tabulate "
+    "not counted) if "
     "against each of the three exchanges that the paper tabulates DDOT is better in at least one of EMD, SWD and ASSD "
     "and worse in none, and DDOT ends nearer to the truth in ASSD than the initial surface. Better, nearer: the 95 % "
     "interval of the difference over subjects (bootstrap) excludes zero. Not reproduced at this budget otherwise; not "
-    "yet tested while those that are trained leave it open"
+    "yet tested while the networks trained so far do not decide it"
 )
 
 

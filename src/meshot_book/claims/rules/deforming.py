@@ -34,10 +34,11 @@ def evenness_verdict(record: dict) -> Verdict:
         headline=(f"{close['sliced']} of {close['all']}", "comparisons at equal closeness with more even triangles"),
         ours=_evenness_sentence(rows, tallies),
         tolerance=(
-            "a comparison (surface × start × encoding × supports) goes to a loss if the 95 % intervals over seeds of "
-            "the differences in the variation of edge lengths and of face areas both lie on its side of zero. "
-            "Reproduced if all go to sliced Wasserstein, after equal steps, after equal seconds and at equal "
-            "closeness; in part if more go to it than to Chamfer under all three; depending on a choice if under some"
+            "a comparison (surface × start × encoding × supports) is decided for a loss if the 95 % intervals over "
+            "seeds of the differences in the variation of edge lengths and of face areas both have the sign that "
+            "favours it. Reproduced if all are decided for sliced Wasserstein, after equal steps, after equal seconds "
+            "and at equal closeness; in part if under all three more are decided for it than for Chamfer; depending "
+            "on a choice if under some"
         ),
         numbers=markdown_table([_evenness_row(row) for row in record["results"]["differences"]]),
     )
@@ -106,8 +107,8 @@ def supports_verdict(record: dict) -> Verdict:
     return Verdict(
         status=status,
         says=(
-            "Memory grows with the mesh as long as the supports do; with a fixed number of supports, drawn before the "
-            f"flow, it {'stays as it is' if mended else 'still grows'}{', and the error is larger' if dearer else ''}."
+            "Memory grows with the mesh if every face is a support; with a fixed number of supports, drawn before the "
+            f"flow, it {'stays constant' if mended else 'still grows'}{', and the error is larger' if dearer else ''}."
         ),
         headline=(
             f"{_growth(record, 'sliced', 'all'):.2g} against {_growth(record, 'sliced', 'carried'):.2g} times",

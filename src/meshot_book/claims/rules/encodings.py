@@ -101,7 +101,7 @@ def normal_scale_verdict(record: dict) -> Verdict:
         status = REPRODUCED
     in_mm, in_box = conventions[::2], conventions[1::2]
     both = (
-        f"both are seen in every pair for normals of {scales[0]:.2g} to {scales[-1]:.2g} mm"
+        f"both contribute in every pair for normals of {scales[0]:.2g} to {scales[-1]:.2g} mm"
         if scales
         else "no scale fits all"
     )
@@ -112,9 +112,12 @@ def normal_scale_verdict(record: dict) -> Verdict:
             f"vertices in millimetres, {_range(in_box, 'gradient_share')} with coordinates in [−1, 1]."
         ),
         headline=(
-            (f"{scales[0]:.2g} to {scales[-1]:.2g} mm", "length of a unit normal at which positions and normals count")
+            (
+                f"{scales[0]:.2g} to {scales[-1]:.2g} mm",
+                "length of a unit normal at which both positions and normals contribute",
+            )
             if scales
-            else ("none", "length of a unit normal at which positions and normals count in every pair")
+            else ("none", "length of a unit normal at which both positions and normals contribute in every pair")
         ),
         ours=(
             f"vertices in mm: normals make {_range(in_mm, 'share')} of SW₂² and {_range(in_mm, 'gradient_share')} of "
@@ -181,7 +184,10 @@ def sample_gradient_verdict(record: dict) -> Verdict:
             f"{len(rows)} cases, but a descent by samples {'ends close to' if works else 'ends far from'} the descent "
             "by the exact gradient."
         ),
-        headline=(f"{min(shares):.0%} to {max(shares):.0%}", "of the exact slope reach the mesh through fixed samples"),
+        headline=(
+            f"{min(shares):.0%} to {max(shares):.0%}",
+            "share of the exact slope in the gradient through fixed samples",
+        ),
         ours=(
             f"biased in {len(biased)} of {len(rows)} cases: on an L {_interval(curve['fixed_draws'])} instead of "
             f"{digits(curve['exact'])}, over all cases {min(shares):.0%} to {max(shares):.0%} of the exact slope; with "
@@ -189,8 +195,8 @@ def sample_gradient_verdict(record: dict) -> Verdict:
             f"ends at SW₂ = {digits(sampled)}, with the exact gradient at {digits(best)}"
         ),
         tolerance=(
-            "reproduced if in every case the 95 % interval of the mean slope over draws holds the exact slope, and a "
-            f"descent by samples to an unreachable target ends within {CLOSE:.0%} of the one by the exact gradient; "
+            "reproduced if in every case the 95 % interval of the mean slope over draws contains the exact slope, and "
+            f"a descent by samples to an unreachable target ends within {CLOSE:.0%} of the one by the exact gradient; "
             "depending on the choice if only the descent does"
         ),
         numbers=f"{_slope_table(rows)}\n\n{_ends_table(results['descent'])}",

@@ -26,8 +26,7 @@ def ground_cost_verdict(record: dict) -> Verdict:
         tolerance=(
             "reproduced if between sampled surfaces ‖x − y‖_p^p and ‖x − y‖₂^p give the same W_p^p (to "
             f"{AGREES:.0%}) for every exponent tried; under a further assumption if for some. A loss counts as "
-            f"Euclidean if it charges two points the same (to {AGREES:.0%}) for a step along an axis and along a "
-            "diagonal"
+            f"Euclidean if it is the same (to {AGREES:.0%}) for two points one step apart along an axis or a diagonal"
         ),
         numbers="\n\n".join(markdown_table(rows) for rows in (_surfaces(results), _losses(results))),
     )
@@ -56,12 +55,12 @@ def _sentence(results: dict, same: list[float]) -> str:
     differ = "; ".join(
         f"for p = {row['p']} the paper's gives {digits(row['ratio_mean'], 3)} times the Euclidean W_p^p, has gradients "
         f"{digits(row['mean_angle_degrees_mean'], 2)}° apart, and changes by up to "
-        f"{row['turning_coordinates_mean']:.1%} when both surfaces turn"
+        f"{row['turning_coordinates_mean']:.1%} when both surfaces are rotated"
         for row in others
     )
     euclidean = [row for row in results["asked"] if abs(row["diagonal_over_axis"] - 1) < AGREES]
     ours = (
-        f"{len(euclidean)} of {len(results['asked'])} losses and metrics of ours, asked with two points, are Euclidean"
+        f"{len(euclidean)} of {len(results['asked'])} losses and metrics of ours, tested with two points, are Euclidean"
     )
     return "; ".join(part for part in (where, differ, ours) if part)
 

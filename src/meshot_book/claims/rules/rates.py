@@ -82,7 +82,7 @@ def _transport_sentence(
     )
     parts = [
         f"SW_p: slopes {_range(sliced)} in 2, 3 and 6 dimensions ({agreed} of {len(sliced)} agree with −½)",
-        f"not counted, since supports are disconnected or symmetric: {others or 'none'}",
+        f"not counted, because supports are disconnected or symmetric: {others or 'none'}",
         f"W_p follows $m^{{-1/d}}$ in {len(cases['follows'])} of {len(transport)} cases, pair × p "
         f"({_names(cases['follows'])}), is undecided in {len(cases['undecided'])} ({_names(cases['undecided'])}), "
         f"faster in {len(cases['faster'])} ({_names(cases['faster'])}), and slower in {len(cases['slower'])} "

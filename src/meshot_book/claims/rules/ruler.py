@@ -37,7 +37,7 @@ def table_verdict(record: dict) -> Verdict:
             f"{_broken(swapped)}. {pattern}"
         ),
         tolerance=(
-            "reproduced if under one of the readings (exponent, root, half) all rows obey the inequality, granting "
+            "reproduced if under one of the readings (exponent, root, half) all rows obey the inequality, up to "
             f"rounding and a factor of {digits(table['allowance'], 3)} in SW₂² for the paper's number of random "
             "directions; in part if they do so once the two OASIS columns are exchanged"
         ),
@@ -180,8 +180,8 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
         ours=(
             "crossing faces of our trained flows, before any repair (experiments/ddot): DDOT "
             f"{_percents(flows, 'ours')} %, CortexODE {_percents(flows, 'rival')} %. In print: with {n_faces} faces "
-            f"one crossing pair is {digits(share['smallest_nonzero_percent'], 2)} %, so that < {bound:.0e} % says zero "
-            f"on each surface, or a mean over {counts['n_scans']} scans of at most "
+            f"one crossing pair is {digits(share['smallest_nonzero_percent'], 2)} %, so that < {bound:.0e} % means "
+            f"zero on each surface, or a mean over {counts['n_scans']} scans of at most "
             f"{share['pairs_below_bound_over_scans']} pairs in all; the factor over CortexODE is at least "
             f"{', '.join(digits(f, 3) for f in factors)}: {wanted} or more in {sum(enough)} of {len(factors)} columns"
         ),

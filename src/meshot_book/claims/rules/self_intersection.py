@@ -32,9 +32,9 @@ def self_intersection_verdict(record: dict, deforming: dict | None = None, ddot:
     return Verdict(
         status=status,
         says=(
-            f"Points cannot cross, triangles can: faces crossed in {len(crossed)} of {len(safe)} meshes carried by "
-            f"flows that are safe for points, and in {_count(fits)} fits by flows, against {_count(free)} fits with "
-            "free vertices."
+            "Points cannot cross, but triangles can: faces crossed in "
+            f"{len(crossed)} of {len(safe)} meshes carried by flows that are safe for points, and in {_count(fits)} "
+            f"fits by flows, against {_count(free)} fits with free vertices."
         ),
         headline=(f"{len(crossed)} of {len(safe)}", "meshes with crossing faces after a flow with h·Lip < 1"),
         ours=_sentence(safe, crossed, free, flows, others, networks),

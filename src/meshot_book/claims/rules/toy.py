@@ -46,8 +46,8 @@ def _toy_sentence(summary: list[dict], differences: list[dict], further: list[di
     others = sorted({row["polygon"].replace("_", " ") for row in further if row not in barer})
     condition = f"; the exceptions in coverage are on: {', '.join(others)}" if others else ""
     return (
-        f"W₂ to the target and coverage: {ends}, on the {first[0]['polygon'].replace('_', ' ')}; Chamfer ends further "
-        f"away in {len(further)} of {len(differences)} settings, and leaves more of the target bare in "
+        f"W₂ to the target and coverage: {ends}, on the {first[0]['polygon'].replace('_', ' ')}; Chamfer ends farther "
+        f"away in {len(further)} of {len(differences)} settings, and leaves more of the target uncovered in "
         f"{len(barer)}{condition}"
     )
 

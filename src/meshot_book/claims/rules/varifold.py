@@ -7,9 +7,9 @@ from meshot_book.notebook import digits, markdown_table
 def varifold_verdict(record: dict) -> Verdict:
     """Claim 7 from ``experiments/encoding_rates``: does the varifold approximate a mesh better than samples do?
 
-    A duel is a mesh (family and level), a space, an exponent and a quantity (error of SW_p^p to another mesh; SW_p to
-    the mesh itself), with equal numbers of support points. The varifold wins if the 95 % interval of the ratio of mean
-    errors, samples over varifold, is above one, and loses if the interval is below one.
+    A comparison (a "duel" in the results) is a mesh (family and level), a space, an exponent and a quantity (error of
+    SW_p^p to another mesh; SW_p to the mesh itself), with equal numbers of support points. The varifold is better if
+    the 95 % interval of the ratio of mean errors, samples over varifold, is above one, and worse if it is below one.
     """
     results = record["results"]
     won = [row for row in results["duels"] if row["low"] > 1]
@@ -27,7 +27,7 @@ def varifold_verdict(record: dict) -> Verdict:
         ours=_sentence(results, won, lost),
         tolerance=(
             "reproduced if at equal numbers of supports the 95 % interval of (mean error of samples) / (mean error of "
-            "the varifold) lies above 1 in every duel (mesh × space × p × quantity); in part if in some"
+            "the varifold) lies above 1 in every comparison (mesh × space × p × quantity); in part if in some"
         ),
         numbers="\n\n".join([_rate_table(results["rates"]), _duel_table(results["duels"])]),
     )
@@ -40,13 +40,14 @@ def _sentence(results: dict, won: list[dict], lost: list[dict]) -> str:
     sampled = _range([row for row in even if row["quantity"] == "own" and row["encoding"] == "samples"])
     largest = max(results["duels"], key=lambda row: row["low"])
     text = (
-        f"the varifold wins {len(won)} of {n_duels} duels, loses {len(lost)}, and {n_duels - len(won) - len(lost)} are "
-        f"open; SW_p to its own mesh falls with the edge length h like {own}, that of samples like {sampled}; the "
+        f"the varifold has the smaller error in {len(won)} of {n_duels} comparisons, the larger in {len(lost)}, and "
+        f"{n_duels - len(won) - len(lost)} are undecided; SW_p to its own mesh falls with the edge length h like "
+        f"{own}, that of samples like {sampled}; the "
         f"largest advantage is a factor of {digits(largest['ratio'], 2)} "
         f"({_name(largest)}, {largest['n_faces']} supports)"
     )
     if lost:
-        text += f"; lost: {', '.join(dict.fromkeys(_name(row) for row in lost))}"
+        text += f"; larger error: {', '.join(dict.fromkeys(_name(row) for row in lost))}"
     return text
 
 

@@ -23,9 +23,9 @@ def weights_verdict(record: dict) -> Verdict:
     return Verdict(
         status=status,
         says=(
-            f"Merging quantile functions is right to {worst:.0e}; whether gradients pass through the areas, which the "
-            f"paper does not state, changes the end of {len(better) + len(worse)} of {len(results['differences'])} "
-            "descents."
+            f"Merged costs agree with two other libraries to {worst:.0e}; whether gradients pass through the areas, "
+            f"which the paper does not state, changes the end of {len(better) + len(worse)} of "
+            f"{len(results['differences'])} descents."
         ),
         headline=(
             f"{len(better) + len(worse)} of {len(results['differences'])}",
@@ -58,8 +58,9 @@ def _sentence(results: dict, worst: float, better: list[dict], worse: list[dict]
     return (
         f"Merged costs agree with POT and SciPy to {worst:.0e} in {cases} cases. With gradients through the areas, "
         f"descents end ({'; '.join(counts)}) than with gradients stopped there. On average {shares[0]:.1%} of the full "
-        f"gradient lies along the surface, {shares[1]:.0%} of the stopped one. Normalised areas forget their total: "
-        f"{blind['surface']}, {blind['area_ratio']:.2g} times the area, is at distance {blind['sw_surface']:.0e}"
+        f"gradient lies along the surface, {shares[1]:.0%} of the stopped one. Normalised areas do not record the "
+        f"total area: {blind['surface']}, {blind['area_ratio']:.2g} times the area, is at distance "
+        f"{blind['sw_surface']:.0e}"
     )
 
 
