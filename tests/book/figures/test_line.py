@@ -36,8 +36,8 @@ def test_pairs_are_drawn_and_crossings_dashed(plan):
     assert ends == [[1, 0], [1, 5], [3, 5], [3, 9]]
     assert {line.get_linestyle() for line in best.lines} == {"-"}
     assert {line.get_linestyle() for line in other.lines} == {"--"}
-    grains = [c for c in best.collections if isinstance(c, PathCollection)]
-    np.testing.assert_allclose(grains[0].get_sizes(), 1500 * SOURCE[1].numpy())
+    points = [c for c in best.collections if isinstance(c, PathCollection)]
+    np.testing.assert_allclose(points[0].get_sizes(), 1500 * SOURCE[1].numpy())
 
 
 def test_steps_are_sorted_and_end_at_one():

@@ -1,4 +1,4 @@
-"""Sorting as transport in a browser without a network: its arithmetic against POT, its grains against the hand."""
+"""Sorting as transport in a browser without a network: its arithmetic against POT, its points against the hand."""
 
 import json
 import re
@@ -14,7 +14,7 @@ from meshot_book.figures.lines.sorting import sorting_player
 
 SOURCE, TARGET = [1.0, 2.2, 2.9, 5.5], [3.0, 4.4, 0.8, 7.2, 9.3]
 ARITHMETIC = joined("meshot_book/figures/assets/pairing.js", "meshot_book/figures/assets/random.js")
-ALT = "two rows of <grains>"
+ALT = "two rows of <points>"
 
 
 def measure(values):
@@ -79,7 +79,7 @@ def test_arithmetic_agrees_with_pot_on_drawn_cases(context):
     for (_, a, *_), ours, right in zip(cases, found, wanted):
         assert ours["best"] == pytest.approx(right, rel=1e-9, abs=1e-9)
         assert ours["crossed"] == 0
-        # Uncrossing ends, never costs, keeps every grain's mass, and arrives at the sorted cost.
+        # Uncrossing ends, never costs, keeps every point's mass, and arrives at the sorted cost.
         assert ours["counts"][-1] == 0
         assert (np.diff(ours["costs"]) <= 1e-9).all()
         assert ours["costs"][-1] == pytest.approx(right, rel=1e-9, abs=1e-9)
@@ -91,19 +91,19 @@ def test_a_dragged_grain_takes_its_pairing_along(file, context):
     with watched_page(context, file) as (page, troubles):
         assert page.locator(".sorting img").is_hidden()
         assert shown(page)["cost"] == pytest.approx(least(SOURCE, TARGET, 2), rel=1e-9)
-        grain = page.locator(".grain").first
-        box, row = grain.locator(".body").bounding_box(), page.locator(".sorting svg").bounding_box()
+        point = page.locator(".point").first
+        box, row = point.locator(".body").bounding_box(), page.locator(".sorting svg").bounding_box()
         middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         unit = row["width"] / 640 * 57.2
         page.mouse.move(*middle)
         page.mouse.down()
         page.mouse.move(middle[0] + 3 * unit, middle[1] + 40, steps=4)
         page.mouse.up()
-        assert float(grain.get_attribute("aria-valuenow")) == pytest.approx(4.0, abs=0.03)
-        moved = [float(grain.get_attribute("aria-valuenow")), *SOURCE[1:]]
+        assert float(point.get_attribute("aria-valuenow")) == pytest.approx(4.0, abs=0.03)
+        moved = [float(point.get_attribute("aria-valuenow")), *SOURCE[1:]]
         assert shown(page)["cost"] == pytest.approx(least(moved, TARGET, 2), rel=1e-9)
         page.mouse.move(*middle)
-        assert float(grain.get_attribute("aria-valuenow")) == moved[0]
+        assert float(point.get_attribute("aria-valuenow")) == moved[0]
         page.locator(".reset").click()
         assert shown(page)["cost"] == pytest.approx(least(SOURCE, TARGET, 2), rel=1e-9)
         assert troubles == []
@@ -116,7 +116,7 @@ def test_a_finger_drags_and_the_page_does_not_scroll_away(tmp_path, player, cont
         page.set_viewport_size({"width": 400, "height": 800})
         touch = page.context.new_cdp_session(page)
         touch.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
-        box = page.locator(".grain .body").nth(3).bounding_box()
+        box = page.locator(".point .body").nth(3).bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         for kind, places in (("Start", (x, y)), ("Move", (x + 30, y + 20)), ("Move", (x + 60, y))):
             point = {"x": places[0], "y": places[1]}
@@ -124,7 +124,7 @@ def test_a_finger_drags_and_the_page_does_not_scroll_away(tmp_path, player, cont
             page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
         touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
         unit = page.locator(".sorting svg").bounding_box()["width"] / 640 * 57.2
-        reached = float(page.locator(".grain").nth(3).get_attribute("aria-valuenow"))
+        reached = float(page.locator(".point").nth(3).get_attribute("aria-valuenow"))
         assert reached == pytest.approx(5.5 + 60 / unit, abs=0.03)
         assert page.evaluate("() => window.scrollY") == 0
         assert page.evaluate("() => document.documentElement.scrollWidth") <= 400
@@ -133,15 +133,15 @@ def test_a_finger_drags_and_the_page_does_not_scroll_away(tmp_path, player, cont
 
 def test_keys_move_and_weigh_and_the_status_says_so(file, context):
     with watched_page(context, file) as (page, troubles):
-        grain = page.get_by_role("slider", name="source grain 2")
-        grain.focus()
+        point = page.get_by_role("slider", name="source point 2")
+        point.focus()
         for key in ("ArrowRight", "Shift+ArrowRight", "ArrowLeft", "ArrowLeft"):
             page.keyboard.press(key)
-        assert float(grain.get_attribute("aria-valuenow")) == pytest.approx(3.1)
+        assert float(point.get_attribute("aria-valuenow")) == pytest.approx(3.1)
         page.keyboard.press("End")
-        assert float(grain.get_attribute("aria-valuenow")) == 10
+        assert float(point.get_attribute("aria-valuenow")) == 10
         page.keyboard.press("ArrowRight")
-        assert float(grain.get_attribute("aria-valuenow")) == 10
+        assert float(point.get_attribute("aria-valuenow")) == 10
         page.keyboard.press("ArrowUp")
         assert page.locator(".masses").is_checked()
         a, b = np.array([1, 3.75, 1, 2]), np.array([2.0, 1, 1, 1, 4])
@@ -149,7 +149,7 @@ def test_keys_move_and_weigh_and_the_status_says_so(file, context):
         right = least(moved, TARGET, 2, a / a.sum(), b / b.sum())
         assert shown(page)["cost"] == pytest.approx(right, rel=1e-9)
         assert f"{right:.4g}" in page.get_by_role("status").text_content()
-        assert "mass 0.484" in grain.get_attribute("aria-valuetext")
+        assert "mass 0.484" in point.get_attribute("aria-valuetext")
         page.locator(".lighter").click()
         page.locator(".masses").uncheck()
         assert shown(page)["cost"] == pytest.approx(least(moved, TARGET, 2), rel=1e-9)
@@ -186,10 +186,10 @@ def test_without_scripts_the_still_stays(player):
 def test_two_runs_give_the_same_page_that_reaches_nowhere(player):
     again = sorting_player(measure(SOURCE), measure(TARGET), ALT, measure([1.0, 3, 1, 2]), measure([2.0, 1, 1, 1, 4]))
     assert again.html == player.html
-    assert repr(player) == "SortingPlayer(9 grains; run the cell to move them)"
+    assert repr(player) == "SortingPlayer(9 points; run the cell to move them)"
     outside = player.html.replace("http://www.w3.org/2000/svg", "")
     assert not re.search(r"\{[{%]|https?:|src=\"(?!data:)|prefers-reduced|animat", outside)
-    assert "&lt;grains&gt;" in player.html
+    assert "&lt;points&gt;" in player.html
     assert ALT not in player.html
     data = json.loads(re.search(r"const data = (\{.*?\});\n", player.html)[1])
     assert data["source"] == SOURCE

@@ -1,10 +1,10 @@
-// Pairings of grains on a line: lists of [source index, target index, mass].
+// Pairings of points on a line: lists of [source index, target index, mass].
 
 function orderOf(values) {
   return values.map((_, i) => i).sort((i, j) => values[i] - values[j] || i - j);
 }
 
-// Whoever comes first on one side sends to whoever comes first on the other, until one has nothing left.
+// The first point of one side sends mass to the first point of the other, until one of them has no mass left.
 export function couple(first, a, second, b) {
   const plan = [];
   let [i, j, left, right] = [0, 0, a[first[0]], b[second[0]]];

@@ -9,7 +9,7 @@ const WIDTH = 640;
 const ROWS = { source: 88, target: 242 };
 const COLOURS = { source: "#0072B2", target: "#8C8C8C" };
 
-// Two rows of grains that a reader drags and weighs; the pairing is drawn anew at once.
+// Two rows of points that a reader drags and weighs; the pairing is drawn anew at once.
 export function main(root, data) {
   const svg = root.querySelector("svg");
   const [low, high] = data.range;
@@ -27,7 +27,7 @@ export function main(root, data) {
     const choose = (i) => {
       state.chosen = [side, i];
     };
-    side.grains = side.positions.map((_, i) => addGrain(svg, name, i, [low, high], side, { ...hands, choose }));
+    side.points = side.positions.map((_, i) => addPoint(svg, name, i, [low, high], side, { ...hands, choose }));
     sides[name] = side;
   }
 
@@ -54,8 +54,8 @@ export function main(root, data) {
     const best = sorted(x, a, y, b);
     const plan = state.pairing === "sorted" ? best : state.plan;
     drawPlan(lines, plan, x, y, at);
-    drawGrains(sides.source, a, at, ROWS.source);
-    drawGrains(sides.target, b, at, ROWS.target);
+    drawPoints(sides.source, a, at, ROWS.source);
+    drawPoints(sides.target, b, at, ROWS.target);
     say(plan, best, x, y);
   }
   function say(plan, best, x, y) {
@@ -136,14 +136,14 @@ function drawRulers(svg, at, low, high) {
   addText(svg, "position on the line (units)", { x: WIDTH / 2, y: ROWS.target + 66, ...middle });
 }
 
-function addGrain(svg, name, i, [low, high], side, { move, weigh, choose }) {
+function addPoint(svg, name, i, [low, high], side, { move, weigh, choose }) {
   const node = addShape(svg, "g", {
-    class: "grain",
+    class: "point",
     role: "slider",
     tabindex: 0,
     "aria-valuemin": low,
     "aria-valuemax": high,
-    "aria-label": `${name} grain ${i + 1}`,
+    "aria-label": `${name} point ${i + 1}`,
   });
   addShape(node, "circle", { class: "ring", r: 24 });
   addShape(node, "circle", { class: "body", fill: COLOURS[name], stroke: "#fff" });
@@ -190,8 +190,8 @@ function drawPlan(lines, plan, x, y, at) {
   }
 }
 
-function drawGrains(side, masses, at, row) {
-  side.grains.forEach((node, i) => {
+function drawPoints(side, masses, at, row) {
+  side.points.forEach((node, i) => {
     const place = side.positions[i];
     node.setAttribute("transform", `translate(${at(place)} ${row})`);
     node.setAttribute("aria-valuenow", place);

@@ -1,4 +1,4 @@
-"""Pictures of measures on a line: grains and who sends to whom, distribution and quantile functions."""
+"""Pictures of measures on a line: points, couplings, distribution and quantile functions."""
 
 from collections.abc import Sequence
 
@@ -26,13 +26,13 @@ def draw_pairing(
     target: tuple[Float[Tensor, " m"], Float[Tensor, " m"]],
     pairs: Pairs,
 ) -> None:
-    """Grains of the source above, of the target below, and a line for every pair; those that cross are dashed.
+    """Points of the source above, of the target below, and a line for every pair; those that cross are dashed.
 
     Parameters
     ----------
     ax : matplotlib axes
     source, target : pair of tensors
-        Positions and masses; areas of the grains and widths of the lines grow with the mass.
+        Positions and masses; areas of the points and widths of the lines grow with the mass.
     pairs : sequence of (int, int, float)
         Source, target and mass; see :func:`meshot_book.figures.lines.pairs_of` for those of a plan.
     """

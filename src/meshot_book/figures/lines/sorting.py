@@ -1,4 +1,4 @@
-"""Sorting as transport: a page on which a reader drags grains and sees them paired, whole in itself, offline."""
+"""Sorting as transport: a page on which a reader drags points and sees them paired, whole in itself, offline."""
 
 from collections.abc import Sequence
 
@@ -19,15 +19,15 @@ def sorting_player(
     target_masses: Float[Tensor, " m"] | None = None,
     exponents: Sequence[float] = (1, 1.5, 2, 3),
 ) -> Page:
-    """Two rows of grains to be dragged, the pairing redrawn at once with its cost, sorted or at random.
+    """Two rows of points to be dragged, the pairing redrawn at once with its cost, sorted or at random.
 
     A still picture comes first and stays where scripts may not run. Nothing moves unless the reader moves it. Every
-    grain can be dragged by mouse or finger, or moved by the arrow keys; up and down change its mass.
+    point can be dragged by mouse or finger, or moved by the arrow keys; up and down change its mass.
 
     Parameters
     ----------
     source, target : tensor
-        Positions where the grains start, between 0 and 10.
+        Positions where the points start, between 0 and 10.
     description : str
         What is to be seen, for those who do not see it.
     source_masses, target_masses : tensor, optional
@@ -52,11 +52,11 @@ def sorting_player(
     data = {"range": [0, 10], "exponent": 2 if 2 in exponents else exponents[0]}
     data |= {name: values.tolist() for name, values in places.items()}
     data |= {f"{name}_masses": values.tolist() for name, values in masses.items()}
-    n_grains = len(places["source"]) + len(places["target"])
+    n_points = len(places["source"]) + len(places["target"])
     return live_page(
         "meshot_book/figures/assets/sorting",
         data,
-        f"SortingPlayer({n_grains} grains; run the cell to move them)",
+        f"SortingPlayer({n_points} points; run the cell to move them)",
         alt=description,
         still=_picture(places["source"], places["target"]),
         exponents=[(f"{p:g}", p == data["exponent"]) for p in exponents],
