@@ -127,6 +127,8 @@ def test_the_study_of_derivatives_is_described(tmp_path):
     described = json.loads((tmp_path / "dataset_description.json").read_text())
     assert described["DatasetType"] == "derivative"
     assert described["DatasetLinks"] == {"raw": ".."}
+    # The validator does not apply a pattern that ends in a slash to folders further down.
+    assert {"report", "*_xfm.*", "*.surf.gii"} < set((tmp_path / ".bidsignore").read_text().split())
     (tmp_path / ".bidsignore").write_text("mine")
     layout.begin(tmp_path, None)
     assert (tmp_path / ".bidsignore").read_text() == "mine"

@@ -16,7 +16,7 @@ from meshot.volume import Volume, write_volume
 REPORT_FOLDER = Path("report")
 VERSION = "1.10.0"
 #: What the specification does not describe: pages, tables and logs of the study, transforms, and surfaces.
-IGNORED = ("*.html", "subjects.*", "verdicts*.tsv", "logs/", "report/", "*_xfm.*", "*.surf.gii", "*_white.json")
+IGNORED = ("*.html", "subjects.*", "verdicts*.tsv", "logs/", "report", "*_xfm.*", "*.surf.gii", "*_white.json")
 _LABELS = "index\tname\tabbreviation\n1\tLeft cerebral white matter\tlWM\n2\tRight cerebral white matter\trWM\n"
 
 
