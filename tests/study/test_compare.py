@@ -14,6 +14,7 @@ from meshot.mesh.geometry import face_areas
 from meshot.mesh.shapes import icosphere
 from meshot.study import find_surfaces
 from meshot.study.compare_files import Place, paired_surfaces
+from meshot.study.compare_output import _cell
 from preflight import browser as browser_path
 
 FEW = ["--points", "2000", "--emd-points", "100"]
@@ -208,3 +209,8 @@ def test_pairs_keep_the_order_of_the_first_folder(tmp_path):
     one, two = Place("sub-01", "", "left"), Place("sub-02", "", "left")
     pairs, lost = paired_surfaces({one: tmp_path, two: tmp_path}, {two: tmp_path, one: tmp_path})
     assert (list(pairs), lost) == ([one, two], [])
+
+
+def test_numbers_on_the_page_have_no_exponents():
+    numbers = (2.7e-15, -2e-9, -0.00016, 0.0123456, -12.345, 20930.4)
+    assert [_cell(value) for value in numbers] == ["0", "0", "−0.0002", "0.0123", "−12.3", "20\u202f930"]

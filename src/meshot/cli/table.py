@@ -41,7 +41,7 @@ def _run(chosen: argparse.Namespace) -> None:
     rows = write_comparison(
         chosen.reconstructed, chosen.reference, chosen.output, chosen.surface, common=chosen.common,
         n_points=chosen.points, n_emd_points=chosen.emd_points, seed=chosen.seed,
-        progress=lambda pairs: tqdm(pairs, unit="pair"),
+        progress=lambda pairs: tqdm(pairs, unit="pair", disable=None),
     )  # fmt: skip
     last = rows[-1]["side"]
     for row in rows:

@@ -170,5 +170,9 @@ def _interval(row: Mapping, name: str) -> str:
 
 
 def _cell(value: float) -> str:
-    text = f"{value:,.0f}".replace(",", "\u202f") if abs(value) >= 1000 else f"{value:.3g}"
-    return text.replace("-", "−")
+    """Three significant digits, at most four decimals, no exponent."""
+    if abs(value) >= 1000:
+        text = f"{value:,.0f}".replace(",", "\u202f")
+    else:
+        text = f"{value:.3g}" if abs(value) >= 0.001 else f"{value:.4f}"
+    return "0" if float(text.replace("\u202f", "")) == 0 else text.replace("-", "−")
