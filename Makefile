@@ -159,6 +159,7 @@ benchmark: $(READY)
 	$(RUN) benchmarks/losses.py
 	$(RUN) benchmarks/ruler.py
 	$(RUN) benchmarks/reconstruction.py
+	$(RUN) benchmarks/study_cost.py
 	@$(RUN) benchmarks/speed_page.py
 
 cohorts: $(READY)

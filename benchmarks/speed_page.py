@@ -44,6 +44,37 @@ def reconstruction_block(record: dict) -> str:
     return parts_block(what, record)
 
 
+def study_block(record: dict) -> str:
+    """The measured cost of a scan, and what studies of several sizes cost at that rate."""
+    config, scan = record["config"], record["results"]["scan"]
+    what = "`meshot reconstruct` on the MNI152 average" + (", without the flow" if config["initial_only"] else "")
+    lines = [
+        f"{what}, one thread, from the start of the command to its end. Medians of {config['repeats']}, written by "
+        f"`{record['command']}` on {record['date']} ({record['machine']}). A scan takes {_round(scan['CPU s'])} "
+        f"processor seconds and {_round(scan['memory MB'])} MB of memory, and leaves {_round(scan['files MB'])} MB of "
+        "files. The table has multiples of this.",
+        "",
+        f"| scans | core hours | on {LAPTOP_CORES} cores | on {CLUSTER_CORES} cores | files |",
+        "|---|---|---|---|---|",
+    ]
+    for n_scans in STUDY_SIZES:
+        hours, files = n_scans * scan["CPU s"] / 3600, n_scans * scan["files MB"]
+        times = " | ".join(_time(hours / cores) for cores in (LAPTOP_CORES, CLUSTER_CORES))
+        lines.append(f"| {n_scans:,} | {_round(hours)} | {times} | {_round(files / 1000)} GB |".replace(",", "\u202f"))
+    return "\n".join(lines)
+
+
+def _round(value: float) -> str:
+    """Two significant digits without an exponent."""
+    return f"{float(f'{value:.2g}'):,.10g}".replace(",", "\u202f")
+
+
+def _time(hours: float) -> str:
+    if hours >= 48:
+        return f"{_round(hours / 24)} days"
+    return f"{_round(hours)} hours" if hours >= 2 else f"{_round(60 * hours)} minutes"
+
+
 def parts_block(what: str, record: dict) -> str:
     """The times of all parts, and the target."""
     asked = "; ".join(
@@ -62,10 +93,14 @@ def parts_block(what: str, record: dict) -> str:
     return "\n".join(lines)
 
 
+#: Numbers of scans and of cores in the table of what a study costs.
+STUDY_SIZES, LAPTOP_CORES, CLUSTER_CORES = (1000, 100_000), 8, 512
+
 BLOCKS = {
     "benchmark": (COST / "results.json", losses_block),
     "ruler": (COST / "ruler.json", ruler_block),
     "reconstruction": (COST / "reconstruction.json", reconstruction_block),
+    "study": (COST / "study.json", study_block),
 }
 
 
