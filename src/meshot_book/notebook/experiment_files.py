@@ -16,9 +16,10 @@ REPOSITORY = "MESHOT_REPOSITORY"
 CHECKSUMS = Path(__file__).with_name("experiments.sha256")
 #: The files that chapters read, relative to the folder ``experiments``.
 READ_BY_CHAPTERS = (
-    "*/*.json",
+    "*/results.json",
     "*/*.safetensors",
     "*/*.safetensors.gz",
+    "ddot/descent_directions.json",
     "ddot/weights/*_0.log.jsonl",
     "ddot/weights/oasis_like_left_*_0.safetensors",
     "deforming/meshes.py",
