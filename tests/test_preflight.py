@@ -58,6 +58,13 @@ def test_a_vtk_that_cannot_draw_is_named(monkeypatch):
     assert "libegl1" in preflight.missing_display().packages
 
 
+def test_a_browser_that_cannot_be_steered_is_named(monkeypatch):
+    monkeypatch.setattr(preflight, "loads", lambda name: name != "libatomic.so.1")
+    assert preflight.missing_driver().packages == ("libatomic1",)
+    monkeypatch.setattr(preflight.sys, "platform", "darwin")
+    assert preflight.missing_driver() is None
+
+
 #: The libraries that are there, whether Mesa has a driver, and whether surfaces can be drawn before VTK is installed.
 LIBRARIES = [
     ([], True, False),
@@ -83,7 +90,7 @@ def test_a_library_that_is_nowhere_does_not_load():
 
 
 #: Everything that the two commands ask of the system.
-ALL = ("python3-venv", "libegl1 libegl-mesa0 libgl1-mesa-dri", "chromium")
+ALL = ("python3-venv", "libegl1 libegl-mesa0 libgl1-mesa-dri", "chromium", "libatomic1")
 
 
 @pytest.fixture
@@ -93,6 +100,7 @@ def bare(no_browser, monkeypatch):
     monkeypatch.setitem(sys.modules, "ensurepip", None)
     monkeypatch.setattr(preflight, "system_name", lambda: "debian")
     monkeypatch.setattr(preflight, "has_opengl", lambda: bool(ran))
+    monkeypatch.setattr(preflight, "loads", lambda name: bool(ran))
     monkeypatch.setattr(preflight.importlib.util, "find_spec", lambda name: None)
     monkeypatch.setattr(preflight.os, "geteuid", lambda: 1000)
     monkeypatch.delenv("YES", raising=False)

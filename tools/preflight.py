@@ -91,6 +91,13 @@ def missing_browser():
     return Lack(why, "chromium")
 
 
+def missing_driver():
+    """Why the browser cannot be steered, or None. The program that steers it comes with playwright."""
+    if sys.platform != "linux" or loads("libatomic.so.1"):
+        return None
+    return Lack("the tests steer the browser by a program that needs libatomic", "libatomic1")
+
+
 def system_name():
     """The name of the Linux distribution, such as debian, or an empty string."""
     try:
@@ -101,12 +108,12 @@ def system_name():
     return names[0] if names else ""
 
 
-CHECKS = {"python": missing_python, "display": missing_display, "browser": missing_browser}
+CHECKS = {"python": (missing_python,), "display": (missing_display,), "browser": (missing_browser, missing_driver)}
 
 
 def lacks_of(names):
     """The missing requirements among those named."""
-    return [lack for lack in (CHECKS[name]() for name in names) if lack]
+    return [lack for name in names for lack in (check() for check in CHECKS[name]) if lack]
 
 
 def install_commands(packages):
