@@ -122,4 +122,4 @@ def test_one_command_makes_what_the_chapters_read(root, monkeypatch):
     for name in rebuild.EXPERIMENTS:
         assert (root / "experiments" / name / "run.py").is_file()
         assert f'"{name}"' in chapters[0]  # which lists their times
-        assert any(f'folder / "{name}"' in text or f'experiments / "{name}"' in text for text in chapters)
+        assert any(f'experiment_folder("{name}")' in text for text in chapters)
