@@ -1,8 +1,8 @@
 """Rebuild every number and figure of chapters 11, 13 and 14: run four experiments, the ledger and the chapters.
 
-Run as ``python experiments/rebuild_theorem.py``, on one thread. The recorded seconds of every part are printed first.
-They sum to two and a half hours, measured on a busy machine; ``convergence`` alone takes thirteen minutes on an idle
-core. A stopped run can be resumed.
+Run as ``python experiments/rebuild_theorem.py``, on one thread. The recorded time of every part and their sum
+are printed first. They were measured on a busy machine: ``convergence`` alone takes thirteen minutes on an idle core.
+A stopped run can be resumed.
 """
 
 import subprocess
