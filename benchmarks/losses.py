@@ -31,48 +31,56 @@ from meshot_book.notebook import table
 
 FOLDER = Path(__file__).resolve().parent.parent / "experiments" / "cost"
 PARTIAL = FOLDER / "partial.jsonl"
+#: These settings decide which cases run. With a higher ceiling, only the cases that were left out are run.
+CEILINGS = ("longest", "largest_memory")
 QUICK = {"sizes": [1000, 3000, 10_000], "memory_sizes": [10_000], "n_rounds": 1, "longest": 3.0}
 
 
 def run(config: dict, partial: Path | None) -> dict:
     """Run all missing cases. Finished cases are stored in ``partial``."""
-    lines = partial.read_text(encoding="utf-8").splitlines() if partial and partial.exists() else []
-    done = {line["key"]: line["found"] for line in map(json.loads, lines)}
-
-    of_config = hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()[:8]
-
-    def once(key: str, work: Callable[[], dict]) -> dict:
-        key = f"{of_config} {key}"
-        if key not in done:
-            started = time.perf_counter()
-            done[key] = work() | {"seconds": time.perf_counter() - started}
-            if partial:
-                with partial.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps({"key": key, "found": done[key]}) + "\n")
-        return done[key]
-
+    once = _Kept(config, partial)
     missing = peers.prepare()
-    results = {
-        "cases": [],
-        "memory": [],
-        "not weighed": [],
-        "stopped": [{"peer": p, "why": why} for p, why in missing.items()],
-    }
+    stopped = [{"peer": p, "why": why} for p, why in missing.items()]
+    results = {"cases": [], "memory": [], "not weighed": [], "stopped": stopped}
     pairs = [(d, m) for d in config["dimensions"] for m in config["sizes"]]
     with tqdm(pairs, unit="size") as progress:
         for d, m in progress:
-            names = _able(m, d, results, missing, config)
-            found = once(f"time {d} {m}", lambda m=m, d=d, names=names: _compared(m, d, names, config))
-            results["cases"] += found["cases"]
-            results["stopped"] += found["failed"]
-            if m in config["memory_sizes"]:
-                alive = [row["peer"] for row in found["cases"] if row["peer"] != peers.FLOOR]
-                for name in tqdm(alive, desc=f"d = {d}, m = {m}: memory", leave=False):
-                    key = f"memory {d} {m} {name}"
-                    row = once(key, lambda n=name, m=m, d=d: {"row": timing.measured_memory(n, m, d, config)})["row"]
-                    results["memory" if "bytes" in row else "not weighed"].append(row)
-    results["seconds"] = sum(found["seconds"] for key, found in done.items() if key.startswith(of_config))
+            case = f"d = {d}, m = {m}"
+            names, timed = _able(m, d, results, missing, config), []
+            for name in tqdm(names, desc=case, leave=False):
+                row = once(f"time {d} {m} {name}", lambda n=name, m=m, d=d: timing.measured_time(n, m, d, config))
+                results["stopped" if "why" in row else "cases"].append(row)
+                timed += [] if "why" in row or name == peers.FLOOR else [name]
+            for name in tqdm(timed if m in config["memory_sizes"] else [], desc=f"{case}: memory", leave=False):
+                row = once(f"memory {d} {m} {name}", lambda n=name, m=m, d=d: timing.measured_memory(n, m, d, config))
+                results["memory" if "bytes" in row else "not weighed"].append(row)
+    results["seconds"] = once.seconds()
     return results
+
+
+class _Kept:
+    """Rows that are measured once and stored in a file, under a key with the settings that change a measurement."""
+
+    def __init__(self, config: dict, partial: Path | None) -> None:
+        lines = partial.read_text(encoding="utf-8").splitlines() if partial and partial.exists() else []
+        self.done = {line["key"]: line for line in map(json.loads, lines)}
+        self.partial = partial
+        measured = {name: value for name, value in config.items() if name not in CEILINGS}
+        self.of_config = hashlib.sha256(json.dumps(measured, sort_keys=True).encode()).hexdigest()[:8]
+
+    def __call__(self, key: str, work: Callable[[], dict]) -> dict:
+        key = f"{self.of_config} {key}"
+        if key not in self.done:
+            started = time.perf_counter()
+            self.done[key] = {"key": key, "row": work(), "seconds": time.perf_counter() - started}
+            if self.partial:
+                with self.partial.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(self.done[key]) + "\n")
+        return self.done[key]["row"]
+
+    def seconds(self) -> float:
+        """Of all rows measured with these settings."""
+        return sum(line["seconds"] for key, line in self.done.items() if key.startswith(self.of_config))
 
 
 def _able(m: int, d: int, results: dict, missing: dict, config: dict) -> list[str]:
@@ -89,11 +97,6 @@ def _able(m: int, d: int, results: dict, missing: dict, config: dict) -> list[st
         else:
             names.append(name)
     return names
-
-
-def _compared(m: int, d: int, names: list[str], config: dict) -> dict:
-    cases, failed = timing.compare(m, d, names, config)
-    return {"cases": cases, "failed": failed}
 
 
 def printed(results: dict) -> str:

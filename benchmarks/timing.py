@@ -11,7 +11,6 @@ import time
 from pathlib import Path
 
 import peers
-from tqdm import tqdm
 
 SCRIPT = Path(__file__).with_name("losses.py")
 
@@ -50,23 +49,19 @@ def reason_to_stop(name: str, m: int, past: list[dict], config: dict) -> str:
     return f"time: {seconds:.3g} s foretold" if seconds > config["longest"] else ""
 
 
-def compare(m: int, d: int, names: list[str], config: dict) -> tuple[list[dict], list[dict]]:
-    """Median seconds of every method, each in its own loop after a warm-up; and the methods that failed.
+def measured_time(name: str, m: int, d: int, config: dict) -> dict:
+    """Median seconds of a method in a loop of its own after a warm-up, or the reason why it failed.
 
     If the methods took turns, each would find caches, memory and threads in the state left by another. This slows the
     fast methods most and does not happen when one loss is called repeatedly.
     """
-    found, failed = [], []
-    for name in tqdm(names, desc=f"d = {d}, m = {m}", leave=False):
-        size = support_count(name, m, config)
-        try:
-            times = warm_times(name, size, d, config)
-        except Exception as error:  # the failure of a method is recorded; the benchmark continues
-            failed.append({"peer": name, "d": d, "m": m, "why": f"{type(error).__name__}: {str(error)[:200]}"})
-            continue
-        row = {"peer": name, "d": d, "m": size, "rounds": len(times)}
-        found.append(row | {"seconds": statistics.median(times), "low": min(times), "high": max(times)})
-    return found, failed
+    size = support_count(name, m, config)
+    try:
+        times = warm_times(name, size, d, config)
+    except Exception as error:  # the failure of a method is recorded; the benchmark continues
+        return {"peer": name, "d": d, "m": m, "why": f"{type(error).__name__}: {str(error)[:200]}"}
+    row = {"peer": name, "d": d, "m": size, "rounds": len(times)}
+    return row | {"seconds": statistics.median(times), "low": min(times), "high": max(times)}
 
 
 def warm_times(name: str, size: int, d: int, config: dict) -> list[float]:

@@ -30,9 +30,9 @@ def test_our_own_peers_run(part, config):
         name for name in peers.PEERS if "GeomLoss lazy" not in name and "multiscale" not in name and "OTT" not in name
     ]
     small = config | {"n_directions": 3, "n_rounds": 2, "faces": {60: 1280}}
-    cases, failed = timing.compare(60, 6, ours, small)
-    assert failed == []
+    cases = [timing.measured_time(name, 60, 6, small) for name in ours]
     assert [row["peer"] for row in cases] == ours
+    assert not any("why" in row for row in cases)
     assert all(row["low"] <= row["seconds"] <= row["high"] for row in cases)
 
 
@@ -43,9 +43,8 @@ def test_a_peer_that_fails_is_noted(part, config, monkeypatch):
         raise RuntimeError("no such kernel")
 
     monkeypatch.setitem(peers.PEERS, peers.DENSE, peers.Peer(broken))
-    cases, failed = timing.compare(50, 3, [peers.DENSE], config)
-    assert cases == []
-    assert failed[0]["why"] == "RuntimeError: no such kernel"
+    row = timing.measured_time(peers.DENSE, 50, 3, config)
+    assert row == {"peer": peers.DENSE, "d": 3, "m": 50, "why": "RuntimeError: no such kernel"}
 
 
 def test_every_peer_has_a_warm_loop_of_its_own(part, config, monkeypatch):
@@ -55,9 +54,30 @@ def test_every_peer_has_a_warm_loop_of_its_own(part, config, monkeypatch):
     monkeypatch.setattr(timing, "compile_for", lambda *_: None)
     for name in (peers.OURS, peers.POT):
         monkeypatch.setitem(peers.PEERS, name, peers.Peer(lambda *_, name=name: lambda: said.append(name)))
-    cases, _ = timing.compare(50, 3, [peers.OURS, peers.POT], config | {"n_rounds": 3})
+    cases = [timing.measured_time(name, 50, 3, config | {"n_rounds": 3}) for name in (peers.OURS, peers.POT)]
     assert said == [peers.OURS] * 4 + [peers.POT] * 4
     assert [row["rounds"] for row in cases] == [3, 3]
+
+
+def test_a_higher_ceiling_runs_only_what_was_left_out(part, config, monkeypatch, tmp_path):
+    peers, timing, losses = part("peers"), part("timing"), part("losses")
+    said = []
+
+    def measured(name, m, d, _):
+        said.append((name, m))
+        return {"peer": name, "d": d, "m": m, "rounds": 1, "seconds": 1e-3 * m, "low": 0.0, "high": 1.0}
+
+    monkeypatch.setattr(peers, "prepare", dict)
+    monkeypatch.setattr(timing, "measured_time", measured)
+    monkeypatch.setattr(peers, "PEERS", {peers.POT: peers.PEERS[peers.POT]})
+    small = config | {"sizes": [1000, 10_000, 100_000], "memory_sizes": [], "dimensions": [3]}
+    results = losses.run(small, tmp_path / "partial.jsonl")
+    assert said == [(peers.POT, 1000), (peers.POT, 10_000)]
+    assert results["stopped"][0]["why"] == "time: 100 s foretold"
+    losses.run(small | {"longest": 200.0}, tmp_path / "partial.jsonl")
+    assert said[2:] == [(peers.POT, 100_000)]
+    losses.run(small | {"longest": 200.0, "n_rounds": 2}, tmp_path / "partial.jsonl")
+    assert len(said) == 6
 
 
 def test_who_would_take_too_long_or_too_much_is_left_out(part, config):
