@@ -2,7 +2,7 @@
 
 Run on an otherwise idle machine, after ``make benchmark`` has installed the libraries that only benchmarks need::
 
-    python benchmarks/losses.py            # about 15 minutes; a stopped run is resumed
+    python benchmarks/losses.py            # about 20 minutes; a stopped run is resumed
     python benchmarks/losses.py --quick    # small sizes, one round, nothing written
 
 Prints a table and writes ``experiments/cost/results.json``. The inputs are weighted measures on folded surfaces: points

@@ -108,11 +108,11 @@ def compare_folders(folder: Path, inputs: Path) -> int:
     """Tables about two folders; a whole folder is refused, so that there is nothing left to do."""
     if folder.exists():
         return 0
-    for name in ("ours", "theirs"):
-        (folder.parent / name / "sub-01").mkdir(parents=True, exist_ok=True)
-        write_mesh(folder.parent / name / "sub-01" / "lh.white.ply", icosphere(1))
-    pair = [str(folder.parent / name) for name in ("ours", "theirs")]
-    return meshot(["table", *pair, "-o", str(folder), "--points", "100", "--emd-points", "50"])
+    pair = [inputs.parent / name for name in ("ours", "theirs")]  # the tables name the folders: the same in every run
+    for place in pair:
+        (place / "sub-01").mkdir(parents=True, exist_ok=True)
+        write_mesh(place / "sub-01" / "lh.white.ply", icosphere(1))
+    return meshot(["table", *map(str, pair), "-o", str(folder), "--points", "100", "--emd-points", "50"])
 
 
 def reconstruct_study(folder: Path, inputs: Path) -> int:
