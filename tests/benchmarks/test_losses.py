@@ -84,7 +84,7 @@ def test_who_would_take_too_long_or_too_much_is_left_out(part, config):
     peers, timing = part("peers"), part("timing")
     past = [{"peer": peers.BRUTE, "m": m, "seconds": 1e-7 * m**2} for m in (1000, 10_000)]
     assert timing.reason_to_stop(peers.BRUTE, 11_000, past, config) == ""
-    assert timing.reason_to_stop(peers.BRUTE, 20_000, past, config).startswith("time: 40 s")
+    assert timing.reason_to_stop(peers.BRUTE, 30_000, past, config).startswith("time: 90 s")
     assert timing.reason_to_stop(peers.DENSE, 3000, [], config) == ""
     assert timing.reason_to_stop(peers.DENSE, 100_000, [], config).startswith("memory")
 
