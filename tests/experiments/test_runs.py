@@ -189,6 +189,16 @@ def self_intersection(run, work):
     quiet(run, "differences")
 
 
+def study(run, work):
+    replace(run, placed=work.of({}), made_cohorts=lambda config, *a: {"control": scans_of("control")})
+    replace(run, labels_of=lambda config: {("control", "sub-001"): "01"})
+    for scan in (made := run.made_cohorts(None)["control"]):
+        scan.name = f"sub-001_ses-{scan.session}"
+    replace(run, made_cohorts=lambda config, *a: {"control": made})
+    quiet(run, "described_people", "reconstructed", found=[])
+    return ["--folder", str(run.HERE / "build")]
+
+
 def template_baseline(run, work):
     replace(run, score=work.of({}), participants=lambda *a: [PERSON])
     quiet(run, "summarise")
@@ -211,7 +221,7 @@ CHEAP = {
     for function in (
         axioms, beyond_random, blur, circle_to_polygon, cohorts, convergence, ddot, deforming, directions,
         encoding_rates, fixed_supports, floors, fsaverage5_flow, ground_cost, mni152, normal_scale, segmentation,
-        self_intersection, template_baseline, transport_rates, weights_and_areas,
+        self_intersection, study, template_baseline, transport_rates, weights_and_areas,
     )
 } | {"exact_value": parts, "sample_gradient": parts}  # fmt: skip
 

@@ -1,6 +1,7 @@
-"""Statistics of repeated measurements: intervals for means, for differences of two arms, and for fitted slopes.
+"""Statistics of repeated measurements: intervals for means, differences of two arms, fitted slopes, and reliability.
 
-All intervals are 95 % confidence intervals: Student's for means of a few seeds, the percentile bootstrap otherwise.
+All intervals are 95 % confidence intervals: Student's for means of a few seeds, those of F and χ² for
+reliability, the percentile bootstrap otherwise.
 """
 
 import lazy_loader

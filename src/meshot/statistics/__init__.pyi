@@ -13,3 +13,9 @@ from .power_laws import (
     averages as averages,
     fitted_slope as fitted_slope,
 )
+from .reliability import (
+    intraclass_correlation as intraclass_correlation,
+    people_needed as people_needed,
+    power_of_groups as power_of_groups,
+    within_deviation as within_deviation,
+)
