@@ -2,6 +2,7 @@
 
 import argparse
 import re
+import textwrap
 from pathlib import Path
 
 from sphinx.application import Sphinx
@@ -29,12 +30,17 @@ def command_page(parser: argparse.ArgumentParser) -> str:
         parts.append(f"## `{parser.prog} {name}`\n\n{opening}\n")
         parts.append(f"```text\n{_usage(command)}\n```\n")
         parts += [_argument(action, command) for action in command._actions if action.dest != "help"]
-        parts += [f"{_options_as_code(command.epilog)}\n"] if command.epilog else []
+        parts += [_paragraph(text) for text in (command.epilog or "").split("\n\n") if text]
     return "\n".join(parts)
 
 
 def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:].rstrip('.')}."
+
+
+def _paragraph(text: str) -> str:
+    """A paragraph of the end of a help text; lines of examples are indented."""
+    return f"```sh\n{textwrap.dedent(text)}\n```\n" if text.startswith("  ") else f"{_options_as_code(text)}\n"
 
 
 def _options_as_code(text: str) -> str:

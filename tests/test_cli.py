@@ -1,3 +1,4 @@
+import argparse
 import csv
 import hashlib
 import json
@@ -10,7 +11,7 @@ import pytest
 
 import meshot
 from meshot import evaluate, read_mesh, write_mesh
-from meshot.cli import main
+from meshot.cli import main, make_parser
 from meshot.mesh.shapes.solids import icosphere
 
 FEW = ["--points", "2000", "--emd-points", "200"]
@@ -114,6 +115,32 @@ def test_help_says_what_it_is_not_for(capsys):
         main(["evaluate", "--help"])
     assert ended.value.code == 0
     assert "Not for clinical use" in capsys.readouterr().out
+
+
+def parsers():
+    """The parser of each command, by its name."""
+    (commands,) = (action for action in make_parser()._actions if isinstance(action, argparse._SubParsersAction))
+    return commands.choices
+
+
+@pytest.mark.parametrize("name", parsers())
+def test_help_is_sentences_and_ends_with_commands_that_parse(name):
+    command = parsers()[name]
+    said = [action.help for action in command._actions if action.dest != "help"] + [command.description]
+    assert [text for text in said if not (text and text[0].isupper() and text.endswith("."))] == []
+    examples = [line.split() for line in command.format_help().splitlines() if line.startswith("  meshot ")]
+    assert examples
+    for program, *words in examples:
+        assert program == "meshot"
+        assert words[0] == name
+        make_parser().parse_args(words)
+
+
+@pytest.mark.parametrize("name", parsers())
+def test_help_names_every_default(name):
+    silent = (None, False, [])
+    for action in parsers()[name]._actions:
+        assert "default" in action.help or action.default in silent or action.dest == "help", action.dest
 
 
 def test_the_command_is_installed_by_its_name():

@@ -58,11 +58,14 @@ def test_the_page_of_the_command_line_says_what_the_parser_says():
 
 def test_a_new_command_is_on_the_page():
     parser = argparse.ArgumentParser(prog="tool")
-    command = parser.add_subparsers(metavar="COMMAND").add_parser("go", help="go there", description="Fast.")
+    command = parser.add_subparsers(metavar="COMMAND").add_parser(
+        "go", help="go there", description="Fast.", epilog="See --far.\n\n  tool go"
+    )
     command.add_argument("--number", type=int, default=3, help="how often (default: %(default)s)")
     page = command_page(parser)
     assert "## `tool go`\n\nGo there. Fast." in page
     assert "`--number NUMBER`\n: How often (default: 3)." in page
+    assert page.endswith("See `--far`.\n\n```sh\ntool go\n```\n")
 
 
 def test_what_a_cell_shows_is_found_or_missed_by_name(tmp_path):

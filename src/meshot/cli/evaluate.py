@@ -8,39 +8,66 @@ import sys
 from pathlib import Path
 
 import meshot
-from meshot.cli.note import NOTE, Commands
+from meshot.cli.note import NOTE, Commands, add_command
 
 PAIR = ("predicted", "target")
 
 
 def add_to(commands: Commands) -> None:
     """Add the command ``evaluate`` and its arguments to the parser."""
-    command = commands.add_parser(
+    command = add_command(
+        commands,
         "evaluate",
-        help="compare a surface with a target surface",
-        description="EMD, SWD, ASSD, Hausdorff at 90 %, normals, self-intersection, topology, size and triangles, each "
-        f"with its unit and with its value for the target against itself (the floor). {NOTE}",
-        epilog="Meshes: PLY, OBJ, OFF, STL, GIfTI, FreeSurfer. Both in the same space, in mm.",
+        "Compare a surface with a target surface.",
+        "The command prints distances between the surfaces (EMD, SWD, ASSD, Hausdorff at 90 %), the agreement of their "
+        "normals, self-intersections, topology, size and shape of the triangles. Every number has its unit, and its "
+        f"value for the target against itself, which is called the floor. {NOTE}",
+        """
+        meshot evaluate predicted.ply lh.white.surf.gii
+        meshot evaluate predicted.ply lh.white.surf.gii --definitions --json results.json
+        meshot evaluate --pairs pairs.tsv --tsv results.tsv
+        """,
+        "Meshes are PLY, OBJ, OFF, STL, GIfTI or FreeSurfer files. Both have to be in the same space, in mm.",
     )
-    command.add_argument("predicted", type=Path, nargs="?", help="the surface to evaluate")
-    command.add_argument("target", type=Path, nargs="?", help="the true surface")
+    command.add_argument("predicted", type=Path, nargs="?", help="The surface to evaluate.")
+    command.add_argument("target", type=Path, nargs="?", help="The surface that is taken as the truth.")
     command.add_argument(
         "--pairs", type=Path, metavar="TSV",
-        help="a table of many pairs with the columns predicted and target; paths are relative to its folder",
+        help="Evaluate all pairs of this table, whose columns are predicted and target, separated by tabs. Paths are "
+        "relative to the folder of the table.",
+    )  # fmt: skip
+    _add_sampling(command)
+    _add_outputs(command)
+    command.set_defaults(run=_run)
+
+
+def _add_sampling(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--points", type=int, default=100_000, metavar="N",
+        help="Sample this many points on each surface (default: %(default)s).",
     )  # fmt: skip
     command.add_argument(
-        "--points", type=int, default=100_000, help="number of points on each surface (default: %(default)s)"
+        "--emd-points", type=int, default=5_000, metavar="N",
+        help="Use this many of the points for the EMD, at most --points (default: %(default)s).",
+    )  # fmt: skip
+    command.add_argument(
+        "--emd-blur", type=float, metavar="MM",
+        help="Compute the EMD by Sinkhorn's algorithm with this blur, in mm (default: exactly, by a linear program).",
+    )  # fmt: skip
+    command.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="Sample the points with this seed (default: %(default)s)."
+    )
+
+
+def _add_outputs(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--json", metavar="FILE", help="Write all results with inputs and settings to this file; - is standard output."
     )
     command.add_argument(
-        "--emd-points", type=int, default=5_000,
-        help="number of these points for the EMD, at most --points (default: %(default)s)",
+        "--tsv", metavar="FILE",
+        help="Write a row for each pair to this file; - is standard output, and the default with --pairs.",
     )  # fmt: skip
-    command.add_argument("--emd-blur", type=float, metavar="MM", help="EMD by Sinkhorn's algorithm with this blur")
-    command.add_argument("--seed", type=int, default=0, help="seed of the points (default: %(default)s)")
-    command.add_argument("--json", metavar="FILE", help="write all results with inputs and settings; - is stdout")
-    command.add_argument("--tsv", metavar="FILE", help="write a row for each pair (default with --pairs: -, stdout)")
-    command.add_argument("--definitions", action="store_true", help="print the definition of each metric")
-    command.set_defaults(run=_run)
+    command.add_argument("--definitions", action="store_true", help="Print the definition of each metric as well.")
 
 
 def _run(chosen: argparse.Namespace) -> None:

@@ -4,24 +4,42 @@ import argparse
 import os
 from pathlib import Path
 
-from meshot.cli.note import NOTE, Commands
+from meshot.cli.note import NOTE, Commands, add_command
 
 
 def add_to(commands: Commands) -> None:
     """Add the command ``make-cohort`` and its arguments to the parser."""
-    command = commands.add_parser(
+    command = add_command(
+        commands,
         "make-cohort",
-        help="make synthetic scans with known surfaces",
-        description=f"Make a synthetic cohort from a recipe. If stopped, run the same command to resume. {NOTE}",
-        epilog="Recipes in the package: oasis_like, adni_like, test_retest, tiny.",
+        "Make synthetic scans with known surfaces.",
+        "The command makes a synthetic cohort from a recipe: scans, their true surfaces, and a manifest with the "
+        f"checksum of every file. If it was stopped, the same command resumes. {NOTE}",
+        """
+        meshot make-cohort tiny build/cohorts/tiny
+        meshot make-cohort oasis_like build/cohorts/oasis_like --jobs 2
+        meshot make-cohort oasis_like build/cohorts/oasis_like --check
+        """,
+        "Recipes in the package are oasis_like, adni_like, test_retest and tiny.",
     )
-    command.add_argument("recipe", help="the name of a recipe in the package, or a YAML file")
-    command.add_argument("folder", type=Path, help="the folder of the cohort, new or unfinished")
-    command.add_argument("--jobs", type=int, default=1, help="number of processes (default: %(default)s)")
-    command.add_argument("--subjects", type=int, help="template subjects, in place of the recipe's number")
-    command.add_argument("--days", type=int, help="number of days on which each subject is scanned")
-    command.add_argument("--keep", type=Path, metavar="FILE", help="add the digests to this file of manifests")
-    command.add_argument("--check", action="store_true", help="only compare the cohort with its manifest")
+    command.add_argument("recipe", help="The name of a recipe in the package, or a YAML file.")
+    command.add_argument("folder", type=Path, help="The folder of the cohort, new or unfinished.")
+    command.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="Run this many processes (default: %(default)s)."
+    )
+    command.add_argument(
+        "--subjects", type=int, metavar="N",
+        help="Make this many subjects from the template (default: as many as the recipe states).",
+    )  # fmt: skip
+    command.add_argument(
+        "--days", type=int, metavar="N",
+        help="Scan each subject on this many days (default: as many as the recipe states).",
+    )  # fmt: skip
+    command.add_argument("--keep", type=Path, metavar="FILE", help="Add the checksums to this file of manifests.")
+    command.add_argument(
+        "--check", action="store_true",
+        help="Make nothing, but compare the cohort with its manifest. The exit status is 1 if a file differs.",
+    )  # fmt: skip
     command.set_defaults(run=_run)
 
 

@@ -3,21 +3,25 @@
 import argparse
 from pathlib import Path
 
-from meshot.cli.note import NOTE, Commands
+from meshot.cli.note import NOTE, Commands, add_command
 from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
     """Add the command ``quality`` and its arguments to the parser."""
-    command = commands.add_parser(
+    command = add_command(
+        commands,
         "quality",
-        help="one page to look at all subjects of a study",
-        description="Writes quality.html into the folder of a study: the slices of all subjects, their numbers, marks "
-        f"on outliers, and verdicts by key that can be downloaded as a table. {NOTE}",
-        epilog="The study: a folder with subjects.tsv, as meshot reconstruct writes it.",
+        "Write one page that shows all subjects of a study.",
+        "The command writes quality.html into the folder of a study. The page shows slices of all subjects and their "
+        f"numbers, and marks outliers. Verdicts are given by key and can be downloaded as a table. {NOTE}",
+        "meshot quality build/study",
+        "A study is a folder with the table subjects.tsv, as meshot reconstruct writes it.",
     )
-    command.add_argument("study", type=Path, help="the folder of the study")
-    command.add_argument("--embed", action="store_true", help="put the pictures into the page, which can then be moved")
+    command.add_argument("study", type=Path, help="The folder of the study.")
+    command.add_argument(
+        "--embed", action="store_true", help="Put the pictures into the page, so that it can be moved or sent alone."
+    )
     command.set_defaults(run=_run)
 
 

@@ -5,7 +5,7 @@ import os
 import warnings
 from pathlib import Path
 
-from meshot.cli.note import NOTE, Commands
+from meshot.cli.note import NOTE, Commands, add_command
 from meshot.files import printable_name
 
 LEVELS = ("participant", "group")
@@ -15,56 +15,91 @@ _OF_BIDS = ("participant_label", "session_label", "acquisition", "run_number", "
 
 def add_to(commands: Commands) -> None:
     """Let the command line know the command and its arguments."""
-    command = commands.add_parser(
+    command = add_command(
+        commands,
         "reconstruct",
-        help="find the white surfaces of both hemispheres in a scan, or in all scans of a study",
-        usage="meshot reconstruct SCAN... -o FOLDER [options]\n"
-        "       meshot reconstruct BIDS FOLDER {participant,group} [options]",
-        description="Writes the surfaces in scanner RAS (FreeSurfer, GIfTI, PLY), the transform to MNI152, labels of "
-        f"white matter, all numbers, and a report page. {NOTE}",
-        epilog="The scan should be a T1 of an adult head without its skull, as NIfTI or MGH, in any orientation and "
+        "Find the white surfaces of both hemispheres in a scan, or in all scans of a study.",
+        "The command writes the surfaces in scanner coordinates (RAS, mm) as FreeSurfer, GIfTI and PLY files, the "
+        f"transform to MNI152, labels of white matter, all numbers, and a report page. {NOTE}",
+        """
+        meshot reconstruct T1.nii.gz -o OUT
+        meshot reconstruct T1.nii.gz -o OUT --brain-mask mask.nii.gz
+        meshot reconstruct RAW OUT participant --derivatives MASKS --layout bids --jobs 4
+        meshot reconstruct RAW OUT group
+        """,
+        "The scan should be a T1 of an adult head without its skull, as NIfTI or MGH, in any orientation and "
         "voxel size. A scan with its skull needs a brain mask, made by SynthStrip or HD-BET for example. One file "
         "gives one folder. Several files, a folder of scans, or a BIDS data set give a study: a folder for each "
         "participant and session, and the table subjects.tsv. A second start does what is missing. The level group "
         "only writes the table again. The exit status is 1 if a scan of a study failed.",
+        usage="meshot reconstruct SCAN... -o FOLDER [options]\n"
+        "       meshot reconstruct BIDS FOLDER {participant,group} [options]",
     )
     command.add_argument(
-        "scan", type=Path, nargs="+", help="the T1-weighted scan, several, a folder of them, or a BIDS data set"
+        "scan", type=Path, nargs="+", help="A T1-weighted scan, several scans, a folder of scans, or a BIDS data set."
     )
+    _add_output(command)
+    _add_networks(command)
+    _add_care(command)
+    _add_bids(command.add_argument_group("of a BIDS data set"))
+    command.set_defaults(run=_run)
+
+
+def _add_output(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "-o",
         "--output",
         type=Path,
         metavar="FOLDER",
-        help="the folder for the results, new, empty or of the same study",
+        help="Write the results to this folder, which is new, empty or of the same study.",
     )
     command.add_argument(
         "--layout",
         choices=("flat", "freesurfer", "bids"),
         default="flat",
-        help="flat folders, FreeSurfer's SUBJECTS_DIR, or BIDS derivatives (default: %(default)s)",
+        help="Arrange results in flat folders, as FreeSurfer's SUBJECTS_DIR or as BIDS derivatives "
+        "(default: %(default)s).",
     )
-    command.add_argument("--jobs", type=int, default=1, help="number of processes for a study (default: %(default)s)")
-    command.add_argument("--overwrite", action="store_true", help="replace an earlier reconstruction in that folder")
-    _add_networks(command)
-    command.add_argument("--brain-mask", type=Path, metavar="FILE", help="a volume that is 0 outside the brain")
-    command.add_argument("--strict", action="store_true", help="stop with exit status 3 instead of a warning")
-    command.add_argument("--threads", type=int, help="number of threads of each process (default: that of torch)")
-    _add_bids(command.add_argument_group("of a BIDS data set"))
-    command.set_defaults(run=_run)
+    command.add_argument(
+        "--jobs",
+        type=int,
+        default=1,
+        metavar="N",
+        help="Reconstruct this many scans of a study side by side (default: %(default)s).",
+    )
+    command.add_argument("--overwrite", action="store_true", help="Replace an earlier reconstruction in the folder.")
+
+
+def _add_care(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--brain-mask", type=Path, metavar="FILE", help="Use this volume, which is 0 outside the brain."
+    )
+    command.add_argument("--strict", action="store_true", help="Stop with exit status 3 instead of a warning.")
+    command.add_argument(
+        "--threads",
+        type=int,
+        metavar="N",
+        help="Use this many threads in each process (default: as many as torch chooses; 1 with several jobs).",
+    )
 
 
 def _add_networks(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--system", metavar="NAME", help="the system that finds the surfaces (default: that of the package)"
+        "--system", metavar="NAME", help="Find the surfaces with this system (default: that of the package)."
     )
     command.add_argument(
-        "--weights", type=Path, metavar="FOLDER", help="weights of the system (default: those of the package)"
+        "--weights",
+        type=Path,
+        metavar="FOLDER",
+        help="Use the weights of the system in this folder (default: those of the package).",
     )
     command.add_argument(
-        "--segmentation", type=Path, metavar="FILE", help="weights of the segmentation (default: those of the package)"
+        "--segmentation",
+        type=Path,
+        metavar="FILE",
+        help="Use the segmentation network of this file (default: that of the package).",
     )
-    command.add_argument("--initial-only", action="store_true", help="stop after the initial surfaces, without a flow")
+    command.add_argument("--initial-only", action="store_true", help="Stop after the initial surfaces, without a flow.")
 
 
 def _add_bids(group: argparse._ArgumentGroup) -> None:
@@ -74,7 +109,7 @@ def _add_bids(group: argparse._ArgumentGroup) -> None:
         nargs="+",
         default=[],
         metavar="LABEL",
-        help="the participants to reconstruct (default: all)",
+        help="Reconstruct these participants (default: all).",
     )
     group.add_argument(
         "--session-label",
@@ -82,18 +117,18 @@ def _add_bids(group: argparse._ArgumentGroup) -> None:
         nargs="+",
         default=[],
         metavar="LABEL",
-        help="the sessions to reconstruct (default: all)",
+        help="Reconstruct these sessions (default: all).",
     )
-    group.add_argument("--acquisition", metavar="LABEL", help="use only scans with this value of acq")
-    group.add_argument("--run", metavar="NUMBER", dest="run_number", help="use only scans with this value of run")
+    group.add_argument("--acquisition", metavar="LABEL", help="Use only scans with this value of acq.")
+    group.add_argument("--run", metavar="NUMBER", dest="run_number", help="Use only scans with this value of run.")
     group.add_argument(
         "--runs",
         choices=("average", "first"),
         default="average",
-        help="register and average several runs, or use the first (default: %(default)s)",
+        help="Register and average several runs, or use the first (default: %(default)s).",
     )
     group.add_argument(
-        "--derivatives", type=Path, metavar="FOLDER", help="a BIDS data set of derivatives with brain masks"
+        "--derivatives", type=Path, metavar="FOLDER", help="Take brain masks from this BIDS data set of derivatives."
     )
 
 

@@ -3,33 +3,46 @@
 import argparse
 from pathlib import Path
 
-from meshot.cli.note import NOTE, Commands
+from meshot.cli.note import NOTE, Commands, add_command
 from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
     """Add the command ``table`` and its arguments to the parser."""
-    command = commands.add_parser(
+    command = add_command(
+        commands,
         "table",
-        help="compare a folder of surfaces with a reference folder",
-        description="All metrics of meshot evaluate for every subject and side, with floors, and their means over "
-        f"participants with 95 % intervals, as tables and a page. {NOTE}",
-        epilog="A folder: FreeSurfer's SUBJECTS_DIR, BIDS derivatives, or a folder of results of meshot reconstruct.",
+        "Compare a folder of surfaces with a reference folder.",
+        "The command computes all metrics of meshot evaluate, with their floors, for every subject and side. It writes "
+        f"them and their means over participants, with 95 % intervals, as tables and as a page. {NOTE}",
+        "meshot table build/study freesurfer_subjects -o build/comparison",
+        "Each folder is FreeSurfer's SUBJECTS_DIR, a data set of BIDS derivatives, or a folder of results of meshot "
+        "reconstruct.",
     )
-    command.add_argument("reconstructed", type=Path, help="the folder of the surfaces to evaluate")
-    command.add_argument("reference", type=Path, help="the folder of the surfaces to compare with")
-    command.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="new or empty")
-    command.add_argument("--surface", default="white", help="such as white or pial (default: %(default)s)")
+    command.add_argument("reconstructed", type=Path, help="The folder of the surfaces to evaluate.")
+    command.add_argument("reference", type=Path, help="The folder of the surfaces that are taken as the truth.")
     command.add_argument(
-        "--common", action="store_true", help="leave out what is in one of the folders only, with a warning"
+        "-o", "--output", type=Path, required=True, metavar="FOLDER",
+        help="Write the results to this folder, which is new or empty.",
+    )  # fmt: skip
+    command.add_argument(
+        "--surface", default="white", metavar="NAME",
+        help="Compare the surfaces of this name, such as white or pial (default: %(default)s).",
+    )  # fmt: skip
+    command.add_argument(
+        "--common", action="store_true", help="Leave out what only one of the folders contains, with a warning."
     )
     command.add_argument(
-        "--points", type=int, default=100_000, help="number of points on each surface (default: %(default)s)"
-    )
+        "--points", type=int, default=100_000, metavar="N",
+        help="Sample this many points on each surface (default: %(default)s).",
+    )  # fmt: skip
     command.add_argument(
-        "--emd-points", type=int, default=5_000, help="number of these points for the EMD (default: %(default)s)"
+        "--emd-points", type=int, default=5_000, metavar="N",
+        help="Use this many of the points for the EMD (default: %(default)s).",
+    )  # fmt: skip
+    command.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="Sample the points with this seed (default: %(default)s)."
     )
-    command.add_argument("--seed", type=int, default=0, help="seed of the points (default: %(default)s)")
     command.set_defaults(run=_run)
 
 

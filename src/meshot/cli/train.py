@@ -3,30 +3,35 @@
 import argparse
 from pathlib import Path
 
-from meshot.cli.note import NOTE, Commands
+from meshot.cli.note import NOTE, Commands, add_command
 from meshot.cli.training import add_training_arguments, best_line, device_of, run_training
 from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
     """Add the command ``train`` and its arguments to the parser."""
-    command = commands.add_parser(
+    command = add_command(
+        commands,
         "train",
-        help="train a system, such as flows that deform initial surfaces",
-        description="Train a system on cohorts. If stopped, run the same command to resume; with --threads 1 "
-        f"--device cpu the final weights are then the same. {NOTE}",
-        epilog="CONFIG is a YAML file, or the name of a configuration of the system, such as tiny, small or "
-        "paper. Use the result with: meshot reconstruct --system SYSTEM --weights OUT.",
+        "Train a system, such as flows that deform initial surfaces.",
+        "The command trains a system on cohorts. If it was stopped, the same command resumes. With --threads 1 "
+        f"--device cpu, the final weights are the same as without the stop. {NOTE}",
+        """
+        meshot train ddot small --data build/cohorts/oasis_like -o build/ddot_small
+        meshot train ddot small --data build/cohorts/oasis_like -o build/right --set training.side=right
+        """,
+        "Configurations of a system have names such as tiny, small and paper. Use the result with meshot reconstruct "
+        "--system SYSTEM --weights FOLDER.",
     )
-    command.add_argument("system", help="name of the system; for an unknown name, all names are listed")
+    command.add_argument("system", help="The name of the system. An unknown name is answered by a list of all names.")
     add_training_arguments(command, "training.side=right training.seed=1")
     command.add_argument(
         "--segmentation", type=Path, metavar="FILE",
-        help="weights of the network for the initial surfaces (default: those of the package)",
+        help="Find the initial surfaces with the segmentation network of this file (default: that of the package).",
     )  # fmt: skip
     command.add_argument(
         "--initial", type=Path, default=Path("build/initial"), metavar="FOLDER",
-        help="folder in which initial surfaces are stored for later trainings (default: %(default)s)",
+        help="Store initial surfaces in this folder for later trainings (default: %(default)s).",
     )  # fmt: skip
     command.set_defaults(run=_run)
 

@@ -2,19 +2,21 @@
 
 import argparse
 
-from meshot.cli.note import NOTE, Commands
+from meshot.cli.note import NOTE, Commands, add_command
 from meshot.cli.training import add_training_arguments, best_line, device_of, run_training
 from meshot.files import printable_name
 
 
 def add_to(commands: Commands) -> None:
     """Add the command ``train-segmentation`` and its arguments to the parser."""
-    command = commands.add_parser(
+    command = add_command(
+        commands,
         "train-segmentation",
-        help="train the network that finds white matter",
-        description="Train the segmentation of left and right white matter on cohorts. If stopped, run the same "
-        f"command to resume; with --threads 1 --device cpu the final weights are then the same. {NOTE}",
-        epilog="Configurations in the package: tiny, small, paper.",
+        "Train the network that finds white matter.",
+        "The command trains the segmentation of left and right white matter on cohorts. If it was stopped, the same "
+        "command resumes. With --threads 1 --device cpu, the final weights are the same as without the stop. " + NOTE,
+        "meshot train-segmentation small --data build/cohorts/oasis_like -o build/segmentation",
+        "Configurations in the package are tiny, small and paper.",
     )
     add_training_arguments(command, "training.precision=bfloat16")
     command.set_defaults(run=_run)

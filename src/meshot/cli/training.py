@@ -20,19 +20,27 @@ def add_training_arguments(command: argparse.ArgumentParser, change: str) -> Non
     change : str
         An example of a changed setting, for the help text.
     """
-    command.add_argument("config", type=Path, help="architecture and training settings: a name, or a YAML file")
-    command.add_argument("--data", type=Path, nargs="+", required=True, metavar="COHORT", help="folders of cohorts")
+    command.add_argument("config", type=Path, help="The settings of network and training: a name, or a YAML file.")
     command.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FOLDER", help="folder for weights, log, picture"
+        "--data", type=Path, nargs="+", required=True, metavar="COHORT", help="Train on the cohorts in these folders."
     )
     command.add_argument(
-        "--set", nargs="+", default=[], metavar="GROUP.NAME=VALUE", dest="changes",
-        help=f"replace settings of the file, such as {change}",
+        "-o", "--output", type=Path, required=True, metavar="FOLDER",
+        help="Write weights, log and a picture of the training to this folder.",
     )  # fmt: skip
     command.add_argument(
-        "--threads", type=int, help="number of CPU threads; with 1 results are reproducible (default: torch's)"
+        "--set", nargs="+", default=[], metavar="GROUP.NAME=VALUE", dest="changes",
+        help=f"Replace settings of the file, for example {change}.",
+    )  # fmt: skip
+    command.add_argument(
+        "--threads", type=int, metavar="N",
+        help="Use this many CPU threads; with 1, results are reproducible (default: as many as torch chooses).",
+    )  # fmt: skip
+    command.add_argument(
+        "--device",
+        metavar="NAME",
+        help="Train on this device, such as cpu or cuda (default: the GPU, if there is one).",
     )
-    command.add_argument("--device", help="cpu, cuda, ... (default: the GPU if there is one, else cpu)")
 
 
 def device_of(chosen: argparse.Namespace) -> "torch.device | None":

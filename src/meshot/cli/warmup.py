@@ -4,16 +4,19 @@ import argparse
 import contextlib
 import io
 
-from meshot.cli.note import Commands
+from meshot.cli.note import Commands, add_command
 
 
 def add_to(commands: Commands) -> None:
     """Add the command ``warmup`` to the parser."""
-    command = commands.add_parser(
+    command = add_command(
+        commands,
         "warmup",
-        help="compile all kernels now instead of on first use",
-        description="Compile all kernels and store them beside the package, or in the user's cache if the package is "
-        "not writable, or in NUMBA_CACHE_DIR. Without the extra cortex, only those of losses and flows.",
+        "Compile all kernels now, and not at their first use.",
+        "The command compiles all kernels and stores them: in NUMBA_CACHE_DIR if this variable is set, else beside the "
+        "package, or in the user's cache if the package is not writable. Without the extra cortex, it compiles the "
+        "kernels of losses and flows only.",
+        "meshot warmup",
     )
     command.set_defaults(run=_run)
 
