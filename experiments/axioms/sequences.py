@@ -9,11 +9,11 @@ from meshot import DiscreteMeasure, sinkhorn_divergence
 
 #: For each name: whether the sequence converges weakly to its target, and whether it is bounded.
 KINDS = {
-    "a point walks in": (True, True),
-    "a feather loses its weight": (True, True),
-    "a comb gets finer": (True, True),
-    "a feather of the wrong weight": (False, True),
-    "a light feather flies away": (True, False),
+    "a point approaches the target": (True, True),
+    "a far point loses its mass": (True, True),
+    "an even row gets finer": (True, True),
+    "a far point keeps the wrong mass": (False, True),
+    "a point loses mass and moves away": (True, False),
 }
 
 
@@ -21,14 +21,14 @@ def pair(name: str, k: int) -> tuple[DiscreteMeasure, DiscreteMeasure]:
     """The k-th measure of a sequence, and its target."""
     origin = _on_axis([0.0])
     light = [1 - 1 / k, 1 / k]
-    if name == "a point walks in":
+    if name == "a point approaches the target":
         return _on_axis([1 / k]), origin
-    if name == "a feather loses its weight":
+    if name == "a far point loses its mass":
         return _on_axis([0.0, 1.0], light), origin
-    if name == "a comb gets finer":
+    if name == "an even row gets finer":
         fine = 1024
         return _on_axis([(i + 0.5) / k for i in range(k)]), _on_axis([(i + 0.5) / fine for i in range(fine)])
-    if name == "a feather of the wrong weight":
+    if name == "a far point keeps the wrong mass":
         return _on_axis([0.0, 1.0], light), _on_axis([0.0, 1.0])
     return _on_axis([0.0, math.sqrt(k)], light), origin
 

@@ -48,17 +48,17 @@ def initial_row(found: Seen, settings: dict) -> dict:
 
 
 def flow_row(found: Seen, network: DeformationNetwork, training: dict, settings: dict) -> dict:
-    """Metrics of the surface after a flow, as it is (``flow``) and after repair of intersections (``settled``)."""
+    """Metrics of the surface after a flow, as it is (``flow``) and after repair of intersections (``repaired``)."""
     started = time.process_time()
     carried = deformed(found.initial, found.scan.volume, network, training["n_flow_steps"], training["method"])
     flowed = time.process_time()
     result = repair_crossings(found.initial, carried)
-    seconds = {"cpu_seconds_flow": flowed - started, "cpu_seconds_settling": time.process_time() - flowed}
+    seconds = {"cpu_seconds_flow": flowed - started, "cpu_seconds_repair": time.process_time() - flowed}
     last = numbers(evaluated(result.mesh, found, settings))
     return {
         "flow": numbers(evaluated(carried, found, settings)) if result.n_crossing else last,
-        "settled": last | found.truth.errors(in_scanner(result.mesh, found.scan)),
-        "n_retreats": result.n_backtracks,
+        "repaired": last | found.truth.errors(in_scanner(result.mesh, found.scan)),
+        "n_backtracks": result.n_backtracks,
         "largest_move_mm": result.largest_move,
     } | seconds
 

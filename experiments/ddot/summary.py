@@ -12,7 +12,7 @@ MAIN = "template"  # the kind of the training subjects; procedural subjects are 
 DISTANCES = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm")
 COMPARED = (*DISTANCES, "normals", "flow_crossing_percent")
 FIRST_SEED = 0
-SECONDS = ("cpu_seconds_flow", "cpu_seconds_settling")
+SECONDS = ("cpu_seconds_flow", "cpu_seconds_repair")
 
 
 def summarised(rows: list[dict], settings: dict, comparison: dict) -> dict:
@@ -39,7 +39,7 @@ def numbers(row: dict) -> dict[str, float]:
     """The compared numbers: metrics of the repaired surface, and the share of intersecting faces before repair."""
     if row["arm"] == INITIAL:
         return row["measured"] | {"flow_crossing_percent": row["measured"]["crossing_percent"]}
-    return row["settled"] | {"flow_crossing_percent": row["flow"]["crossing_percent"]}
+    return row["repaired"] | {"flow_crossing_percent": row["flow"]["crossing_percent"]}
 
 
 def _group(rows: list[dict]) -> dict:
@@ -55,7 +55,7 @@ def _group(rows: list[dict]) -> dict:
         floors = {key: float(np.mean([row["floors"][key] for row in rows])) for key in first["floors"]}
         return found | {"floors": floors, "share_of_area": share}
     found["n_subjects_crossing_before"] = sum(row["flow"]["crossing_faces"] > 0 for row in rows)
-    found["assd_before_settling_mm"] = _spread([row["flow"]["assd_mm"] for row in rows])
+    found["assd_before_repair_mm"] = _spread([row["flow"]["assd_mm"] for row in rows])
     found["largest_move_mm"] = max(row["largest_move_mm"] for row in rows)
     return found | {key: float(np.mean([row[key] for row in rows])) for key in SECONDS}
 

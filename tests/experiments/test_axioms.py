@@ -65,13 +65,13 @@ def test_ghosts_again(part, results):
 def test_sequences_end_where_they_should(part, config):
     sequences = part("sequences")
     w2 = {"kind": "transport", "p": 2, "root": True}
-    walked = sequences.followed("a point walks in", "W₂", w2, config)
+    walked = sequences.followed("a point approaches the target", "W₂", w2, config)
     assert walked["values"] == pytest.approx([1 / k for k in config["sequence"]], rel=1e-5)
     assert walked["tends_to_zero"]
-    wrong = sequences.followed("a feather of the wrong weight", "W₂", w2, config)
+    wrong = sequences.followed("a far point keeps the wrong mass", "W₂", w2, config)
     assert wrong["values"] == pytest.approx([math.sqrt(0.5 - 1 / k) for k in config["sequence"]], rel=1e-5)
     assert not wrong["tends_to_zero"]
-    comb, target = sequences.pair("a comb gets finer", 4)
-    assert isinstance(comb, DiscreteMeasure)
-    assert torch.equal(comb.points[:, 0], torch.tensor([0.125, 0.375, 0.625, 0.875]).double())
+    row, target = sequences.pair("an even row gets finer", 4)
+    assert isinstance(row, DiscreteMeasure)
+    assert torch.equal(row.points[:, 0], torch.tensor([0.125, 0.375, 0.625, 0.875]).double())
     assert len(target.points) == 1024

@@ -314,14 +314,14 @@ def check_rows(results):
     start, end = rows["sub-004", "initial"], rows["sub-004", "ddot"]
     assert 0.2 < start["measured"]["assd_mm"] < 1.5
     assert start["floors"]["assd_mm"] < 1e-9 < start["floors"]["swd_mm"] < start["floors"]["emd_mm"]
-    assert end["settled"]["euler_number"] == 2
-    assert end["settled"]["crossing_faces"] == 0
+    assert end["repaired"]["euler_number"] == 2
+    assert end["repaired"]["crossing_faces"] == 0
     assert end["cpu_seconds_flow"] > 0
     kinds = [(line["arm"], line["kind"], line["n_subjects"]) for line in results["summary"]]
     assert kinds == [(arm, kind, n) for kind, n in (("template", 2), ("procedural", 1)) for arm in ARMS]
     line = results["summary"][1]
     assert line["assd_mm"]["mean"] == pytest.approx(
-        np.mean([rows[s, "ddot"]["settled"]["assd_mm"] for s in ("sub-004", "sub-005")]), rel=1e-5
+        np.mean([rows[s, "ddot"]["repaired"]["assd_mm"] for s in ("sub-004", "sub-005")]), rel=1e-5
     )
     assert [(d["first"], d["second"], d["side"]) for d in results["differences"]] == [
         ("ddot", "cortexode", "left"), ("ddot", "initial", "left"), ("cortexode", "initial", "left"),
@@ -367,8 +367,8 @@ def hemisphere(arm, seed, side, subject, assd, crossing=0.0):
         share = {"by_depth": [1.0, 0.0], "by_curvature": [1.0]}
         return row | {"measured": numbers, "floors": {"emd_mm": 5.0}, "share": share}
     after = numbers | {"crossing_faces": 0, "crossing_percent": 0.0}
-    seconds = {"cpu_seconds_flow": 1.0, "cpu_seconds_settling": 2.0}
-    return row | {"flow": numbers, "settled": after, "n_retreats": 0, "largest_move_mm": 0.1} | seconds
+    seconds = {"cpu_seconds_flow": 1.0, "cpu_seconds_repair": 2.0}
+    return row | {"flow": numbers, "repaired": after, "n_backtracks": 0, "largest_move_mm": 0.1} | seconds
 
 
 SETTINGS_OF_SUMMARY = {
