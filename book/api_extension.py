@@ -13,7 +13,7 @@ from sphinx.environment import BuildEnvironment
 from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.typing import stringify_annotation
 
-from api_pages import assignments, doors, write_pages
+from api_pages import assignments, doors, set_formulas, write_pages
 
 
 class DoorsDomain(PythonDomain):
@@ -55,6 +55,11 @@ def defining_module(app: Sphinx, module: str, attribute: str) -> str | None:
     return next((entry.module for entry in doors().get(module, []) if entry.name == attribute), None)
 
 
+def typeset(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    """Set the formulas of a docstring."""
+    lines[:] = set_formulas(lines)
+
+
 @functools.cache
 def _source(module: str) -> tuple[str, dict]:
     analyzer = ModuleAnalyzer.for_module(module)
@@ -80,6 +85,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_domain(DoorsDomain, override=True)
     app.connect("builder-inited", lambda app: write_pages(Path(app.srcdir) / "api"))
     app.connect("autodoc-process-signature", name_types)
+    app.connect("autodoc-process-docstring", typeset, priority=400)  # before napoleon
     app.connect("missing-reference", plain_type)
     app.connect("viewcode-follow-imported", defining_module)
     app.connect("viewcode-find-source", source)

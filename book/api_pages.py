@@ -20,6 +20,15 @@ from sphinx.util.docstrings import prepare_docstring
 import meshot
 
 SRC = Path(meshot.__file__).parents[1]
+#: How docstrings write a power -> the formula that a page shows.
+FORMULAS = {
+    r"\b(SW|W)_p\^p": r"\\\1_p^p",
+    r"‖x − y‖₂\^p": r"\\lVert x - y \\rVert_2^p",
+    r"‖x − y‖_p\^p": r"\\lVert x - y \\rVert_p^p",
+    r"\bR\^([d\d])\b": r"\\R^\1",
+    r"\((units of the \w+)\)\^p": r"(\\text{\1})^p",
+    r"\bc·x\^s": r"c\\,x^s",
+}
 
 
 class Entry(NamedTuple):
@@ -101,11 +110,30 @@ def assignments(module: str) -> dict[str, Assignment]:
     return found
 
 
+def set_formulas(lines: list[str]) -> list[str]:
+    """The lines of a docstring with its powers as formulas: a terminal shows W_p^p, and a page typeset mathematics.
+
+    Examples and literals stay as they are.
+    """
+    found, in_example = [], False
+    for line in lines:
+        in_example = line.lstrip().startswith(">>>") or (in_example and bool(line.strip()))
+        parts = [line] if in_example else re.split(r"(``.*?``)", line)
+        found.append("".join(part if i % 2 or in_example else _typeset(part) for i, part in enumerate(parts)))
+    return found
+
+
+def _typeset(text: str) -> str:
+    for pattern, formula in FORMULAS.items():
+        text = re.sub(pattern, rf":math:`{formula}`", text)
+    return text
+
+
 def _lines_about(entry: Entry) -> list[str]:
     """The docstring of a function or class; the comment (``#:``) above anything else."""
     if inspect.isclass(entry.value) or inspect.isroutine(entry.value):
-        return prepare_docstring(inspect.getdoc(entry.value) or "")
-    return ModuleAnalyzer.for_module(entry.module).find_attr_docs().get(("", entry.name), [""])
+        return set_formulas(prepare_docstring(inspect.getdoc(entry.value) or ""))
+    return set_formulas(ModuleAnalyzer.for_module(entry.module).find_attr_docs().get(("", entry.name), [""]))
 
 
 def _summary(entry: Entry) -> str:

@@ -5,8 +5,10 @@ import re
 from pathlib import Path
 
 import pytest
+from bs4 import BeautifulSoup
 
 import build
+from api_pages import set_formulas
 from browser import raw_tex, troubles_of, watched_page
 from house import shown_names
 
@@ -111,6 +113,39 @@ def test_each_lack_is_seen(tmp_path, entry, seen):
         (tmp_path / folder).parent.mkdir()
         (tmp_path / folder).write_text(text)
     assert seen in lacks(tmp_path, "a", "f")
+
+
+def powers(page: Path) -> list[str]:
+    """Powers that a reader of a page sees as plain letters, such as W_p^p, with what stands around them."""
+    article = BeautifulSoup(page.read_text("utf-8"), "html.parser").select_one("article")
+    for tag in article.select("pre, .math, dt.sig"):
+        tag.decompose()
+    return re.findall(r".{0,20}\^.{0,20}", article.get_text())
+
+
+def test_powers_are_formulas_on_the_pages_of_the_api(html):
+    assert {page.stem: found for page in html.glob("api/*.html") if (found := powers(page))} == {}
+
+
+def test_a_plain_power_is_seen(tmp_path):
+    page = tmp_path / "a.html"
+    page.write_text("<article><pre>x^2</pre><p>the cost W_p^p of</p></article>")
+    assert powers(page) == ["the cost W_p^p of"]
+
+
+def test_a_docstring_in_a_terminal_and_on_a_page():
+    lines = [
+        "SW_p^p in R^6, in (units of the points)^p; ``R^6`` is code.",
+        ">>> f(x)",
+        "a point in R^6",
+        "",
+        "‖x − y‖₂^p",
+    ]
+    assert set_formulas(lines) == [
+        r":math:`\SW_p^p` in :math:`\R^6`, in :math:`(\text{units of the points})^p`; ``R^6`` is code.",
+        *lines[1:4],
+        r":math:`\lVert x - y \rVert_2^p`",
+    ]
 
 
 def test_no_page_of_a_door_is_too_long_to_scan(html, context):

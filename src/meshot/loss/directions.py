@@ -51,8 +51,8 @@ def orthogonal_directions(
     """Directions in independent blocks of d orthogonal vectors. Each one is uniform on the sphere.
 
     A block of d orthonormal rows is uniform on the orthogonal group. Over whole blocks, the mean of θθᵀ is exactly I/d.
-    The cost of a translation by t is then exactly ``|t|²/d`` for p = 2, and SW₂ ≤ W₂/√d. If ``n`` is not a multiple of
-    ``d``, the last block is incomplete.
+    The cost of a translation by t is then exactly :math:`|t|^2/d` for p = 2, and SW₂ ≤ W₂/√d. If ``n`` is no multiple
+    of ``d``, the last block is incomplete.
 
     Parameters
     ----------

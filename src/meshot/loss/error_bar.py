@@ -67,7 +67,7 @@ class SlicedEstimate:
         return max(self.value - half, 0.0), self.value + half
 
     def directions_needed(self, relative_error: float) -> int:
-        """The number of directions for a relative standard error of ``relative_error``, which decreases as L^(−1/2).
+        """The number of directions for a relative standard error of ``relative_error``, which decreases as 1/√L.
 
         For quasi-random sets, whose error decreases faster, the result is an upper estimate.
 
@@ -119,7 +119,6 @@ def sliced_wasserstein_estimate(
     -----
     Values only, without gradients. The standard error concerns the directions. It does not include the error of sampled
     points on a surface, which continuous measures do not have.
-    top, and is absent for continuous measures.
 
     Examples
     --------
@@ -160,11 +159,11 @@ def _replicates(sampling: str, count: int, block: int, d: int, generator: np.ran
 
 
 def translation_spread(d: int, p: float = 2) -> float:
-    """The relative standard deviation, over random directions, of the cost of a translation.
+    r"""The relative standard deviation, over random directions, of the cost of a translation.
 
-    Along θ a translation by t costs ``|⟨t, θ⟩|^p``. The ratio of the standard deviation of this cost to its mean
-    depends only on d and p. For p = 2 it is ``√(2 (d − 1)/(d + 2))``, below √2 in any dimension. Divided by √L it is
-    the relative standard error of L random directions.
+    Along θ a translation by t costs :math:`|\langle t, \theta \rangle|^p`. The ratio of the standard deviation of this
+    cost to its mean depends only on d and p. For p = 2 it is :math:`\sqrt{2 (d - 1)/(d + 2)}`, below √2 in any
+    dimension. Divided by √L it is the relative standard error of L random directions.
 
     Parameters
     ----------

@@ -13,11 +13,16 @@ from meshot.types import Float, Tensor
 def wasserstein(
     source: MeasureLike, target: MeasureLike, p: float = 2, max_iterations: int = 10_000_000
 ) -> Float[Tensor, ""]:
-    """The Wasserstein distance W_p^p with ground cost ‖x − y‖₂^p, exactly, by linear programming.
+    r"""The Wasserstein distance W_p^p with ground cost ‖x − y‖₂^p, exactly, by linear programming.
 
-    Differentiable. For the points the optimal plan is treated as constant (envelope theorem). The gradient in the
-    weights is given by the dual potentials, up to a constant. The paper writes ‖x − y‖_p^p; for p = 2 both costs are
-    equal.
+    .. math::
+
+        \min_{P \ge 0} \; \sum_{ij} P_{ij} \, \lVert x_i - y_j \rVert_2^p
+        \quad \text{such that} \quad P 1 = a, \; P^\top 1 = b
+
+    Here P is a plan between the masses a and b. The value is differentiable. For the points the optimal plan is treated
+    as constant (envelope theorem). The gradient in the weights is given by the dual potentials, up to a constant. The
+    paper writes ‖x − y‖_p^p; for p = 2 both costs are equal.
 
     Parameters
     ----------

@@ -12,7 +12,11 @@ _BLOCK = 1 << 23  # distances per block of brute force: large enough that the me
 
 
 def chamfer(source: MeasureLike, target: MeasureLike, neighbours: str = "tree") -> Float[Tensor, ""]:
-    """The Chamfer pseudo-distance: the mean squared distance to the nearest neighbour, summed over both directions.
+    r"""The Chamfer pseudo-distance: the mean squared distance to the nearest neighbour, summed over both directions.
+
+    .. math::
+
+        \sum_i a_i \min_j \lVert x_i - y_j \rVert^2 + \sum_j b_j \min_i \lVert x_i - y_j \rVert^2
 
     With equal weights this is Equation 1 of the paper. Otherwise the means are weighted. The nearest neighbours are
     treated as constant in the gradient, which is exact where they are unique.

@@ -84,9 +84,13 @@ def quantile_cost(
     target_weights: Float[Tensor, " m"],
     p: float = 2,
 ) -> Float[Tensor, " L"]:
-    """W_p^p between weighted points on a line, for every row.
+    r"""W_p^p between weighted points on a line, for every row.
 
-    It is the integral over z in [0, 1] of ``|F⁻¹(z) − G⁻¹(z)|^p``, where F and G are the distribution functions.
+    .. math::
+
+        \W_p^p = \int_0^1 |F^{-1}(z) - G^{-1}(z)|^p \, dz
+
+    F and G are the distribution functions of the two sets of points.
     """
     cells = quantile_cells(source, source_weights, target, target_weights)
     return (power(cells.gap, p) * cells.mass).sum(dim=1)

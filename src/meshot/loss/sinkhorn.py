@@ -25,11 +25,16 @@ def sinkhorn_divergence(
     reach: float | None = None,
     backend: str = "tensorized",
 ) -> Float[Tensor, ""]:
-    """The debiased Sinkhorn divergence with ground cost ‖x − y‖₂^p. It approximates W_p^p for a small blur.
+    r"""The debiased Sinkhorn divergence with ground cost ‖x − y‖₂^p. It approximates W_p^p for a small blur.
 
-    It is OT_ε(μ, ν) − ½ OT_ε(μ, μ) − ½ OT_ε(ν, ν) with ε = ``blur``^p. GeomLoss divides the cost by p. This is undone
-    here, so that the value is comparable with :func:`meshot.wasserstein`. ``blur``, ``scaling``, ``reach`` and
-    ``backend`` have the same meaning as in GeomLoss.
+    .. math::
+
+        \mathrm{OT}_\varepsilon(\mu, \nu) - \tfrac12 \mathrm{OT}_\varepsilon(\mu, \mu)
+        - \tfrac12 \mathrm{OT}_\varepsilon(\nu, \nu)
+
+    Each term is the cost of entropic transport, and ε is the p-th power of ``blur``. GeomLoss divides the cost by p.
+    This is undone here, so that the value is comparable with :func:`meshot.wasserstein`. ``blur``, ``scaling``,
+    ``reach`` and ``backend`` have the same meaning as in GeomLoss.
 
     Parameters
     ----------

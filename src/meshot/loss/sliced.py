@@ -18,11 +18,16 @@ def sliced_wasserstein(
     directions: Directions = 100,
     p: float = 2,
 ) -> Float[Tensor, ""]:
-    """The Monte Carlo sliced Wasserstein loss SW_p^p: the mean over directions of the 1D transport cost W_p^p.
+    r"""The Monte Carlo sliced Wasserstein loss SW_p^p: the mean over directions of the 1D transport cost W_p^p.
 
-    Both measures are projected on the same directions. Along each direction, optimal transport is monotone, and the
-    cost is ``∫₀¹ |F⁻¹(z) − G⁻¹(z)|^p dz`` between the two quantile functions. Differentiable with respect to points and
-    weights. The gradient in the weights is a Kantorovich potential, defined up to a constant.
+    .. math::
+
+        \frac{1}{L} \sum_{l=1}^{L} \W_p^p(\theta_l^* \mu, \theta_l^* \nu), \qquad
+        \W_p^p(\theta^* \mu, \theta^* \nu) = \int_0^1 |F_\theta^{-1}(z) - G_\theta^{-1}(z)|^p \, dz
+
+    Both measures are projected on the same directions. Along each direction optimal transport is monotone, so its cost
+    is an integral over the quantile functions of the two projections. The loss is differentiable with respect to points
+    and weights. The gradient in the weights is a Kantorovich potential, defined up to a constant.
 
     Parameters
     ----------

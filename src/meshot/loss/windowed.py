@@ -58,6 +58,7 @@ def windowed_sliced_wasserstein(
     ValueError
         If an argument is not a measure of points, the shapes do not fit, the radius is not a positive number, or no
         window contains mass of both measures.
+
     Examples
     --------
     >>> import numpy as np, torch, meshot

@@ -32,7 +32,7 @@ def monotone_plan(
     target: Float[Tensor, " m"],
     target_weights: Float[Tensor, " m"],
 ) -> MonotonePlan:
-    """The optimal plan between two discrete measures on a line. It is optimal for all costs ``|x − y|^p`` with p ≥ 1.
+    """The optimal plan between two discrete measures on a line, for all costs :math:`|x - y|^p` with p ≥ 1.
 
     Mass is transported from the smallest remaining source point to the smallest remaining target point, until one of
     the two is exhausted. At most n + m − 1 cells have mass, and only these are returned. The masses are differentiable
