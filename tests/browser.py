@@ -1,7 +1,9 @@
 """A headless browser without a network, and what it finds wrong with a page."""
 
 import contextlib
+import functools
 import gzip
+import re
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
@@ -110,10 +112,17 @@ def page_file(folder: Path, shown: object) -> Path:
 
 
 @contextlib.contextmanager
-def watched_page(context: BrowserContext, file: Path) -> Iterator[tuple[Page, list[str]]]:
-    """An open page, loaded and typeset, and the list of troubles that grows while it is used."""
+def watched_page(
+    context: BrowserContext, file: Path, loaded: set[Path] | None = None
+) -> Iterator[tuple[Page, list[str]]]:
+    """An open page, loaded and typeset, and the list of troubles that grows while it is used.
+
+    Files that the page loads are added to ``loaded``.
+    """
     troubles: list[str] = []
     page = context.new_page()
+    if loaded is not None:
+        page.on("requestfinished", lambda request: loaded.add(Path(unquote(urlsplit(request.url).path))))
     page.on("request", lambda r: None if r.url.startswith(LOCAL) else troubles.append(f"request leaves: {r.url}"))
     page.on("requestfailed", lambda r: troubles.append(f"request failed: {r.url}"))
     page.on("console", lambda m: troubles.append(f"console: {m.text}") if m.type == "error" else None)
@@ -124,12 +133,17 @@ def watched_page(context: BrowserContext, file: Path) -> Iterator[tuple[Page, li
     page.close()
 
 
+def set_width(page: Page, width: int) -> None:
+    """Make the window as wide as that, and wait until the scripts of the page have fitted what it holds."""
+    page.set_viewport_size({"width": width, "height": 900})
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
 def sideways(page: Page) -> list[str]:
     """What scrolls sideways or is clipped, at each width at which the book is read."""
     found = []
     for width in WIDTHS:
-        page.set_viewport_size({"width": width, "height": 900})
-        page.wait_for_timeout(50)  # tables.js fits what it finds
+        set_width(page, width)
         found += [f"at {width} px: {trouble}" for trouble in page.evaluate(SIDEWAYS)]
     return found
 
@@ -149,10 +163,13 @@ def barriers(page: Page) -> list[str]:
 
 def weight(files: set[Path]) -> int:
     """Bytes that a server sends for files: text packed, as every server does, and the rest as it is."""
-    sizes = (
-        len(gzip.compress(file.read_bytes(), 6)) if file.suffix in PACKED else file.stat().st_size for file in files
-    )
-    return sum(sizes)
+    return sum(_sent(file, file.stat().st_size, file.stat().st_mtime_ns) for file in files)
+
+
+@functools.cache
+def _sent(file: Path, size: int, changed: int) -> int:
+    """Bytes of one file; many pages load the same scripts."""
+    return len(gzip.compress(file.read_bytes(), 6)) if file.suffix in PACKED else size
 
 
 def raw_tex(page: Page) -> list[str]:
@@ -184,10 +201,16 @@ def broken_links(page: Page, file: Path) -> list[str]:
         elif (
             parts.fragment
             and other.suffix == ".html"
-            and f'id="{unquote(parts.fragment)}"' not in other.read_text("utf-8")
+            and unquote(parts.fragment) not in _ids(other, other.stat().st_mtime_ns)
         ):
             troubles.append(f"link to no place: {reference}")
     return troubles
+
+
+@functools.cache
+def _ids(file: Path, changed: int) -> frozenset[str]:
+    """The ids of a page; many links lead to the same page."""
+    return frozenset(re.findall(r'id="([^"]*)"', file.read_text("utf-8")))
 
 
 def troubles_of(context: BrowserContext, file: Path) -> list[str]:

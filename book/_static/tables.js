@@ -1,46 +1,25 @@
-// A table that does not fit becomes smaller; where that is not enough, each row becomes a block with its heads repeated.
-// Formulas that do not fit become smaller.
+// Tables and formulas that do not fit: a table becomes smaller or is laid out otherwise, a formula becomes smaller.
 
 const SMALLEST = 0.55;
 
-function headed(table) {
-  const heads = [...table.querySelectorAll("thead tr:last-child > *")];
-  for (const row of table.querySelectorAll("tbody tr")) {
-    [...row.children].forEach((cell, index) => {
-      const named = index === 0 && !cell.classList.contains("number"); // words need no head, a number does
-      if (named || !heads[index] || cell.querySelector(".cell-head")) return;
-      const head = document.createElement("span");
-      head.className = "cell-head";
-      head.setAttribute("aria-hidden", "true");
-      head.append(...[...heads[index].childNodes].map((node) => node.cloneNode(true)));
-      cell.prepend(head);
-    });
-  }
+// All are measured before any is changed: a page is laid out a few times only.
+function fitTables(tables) {
+  const { layOut, overflows, restore } = window.tableLayouts;
+  tables.forEach(restore);
+  const wide = tables.filter(isSeen).filter(overflows);
+  wide.forEach((table) => table.classList.add("small"));
+  wide.filter(overflows).forEach(layOut);
 }
 
-function overflows(table) {
-  const holder = table.parentElement;
-  return table.scrollWidth > Math.min(table.clientWidth, holder.clientWidth) + 1;
-}
-
-function fitTable(table) {
-  table.classList.remove("small", "stacked");
-  if (!overflows(table)) return;
-  table.classList.add("small");
-  if (!overflows(table) || !table.tHead) return;
-  headed(table);
-  table.classList.remove("small");
-  table.classList.add("stacked");
-}
-
-function fitFormula(formula) {
-  formula.style.fontSize = "";
-  const room = formula.parentElement.clientWidth;
-  const inner = formula.querySelector("mjx-math");
-  const width = inner ? Math.max(formula.scrollWidth, inner.scrollWidth) : 0;
-  if (width > room + 1) {
-    const size = parseFloat(getComputedStyle(formula).fontSize);
-    formula.style.fontSize = `${Math.max(SMALLEST, (room / width) * 0.98) * size}px`;
+function fitFormulas(formulas) {
+  formulas.forEach((formula) => (formula.style.fontSize = ""));
+  const sizes = formulas.filter(isSeen).map((formula) => {
+    const inner = formula.querySelector("mjx-math");
+    const width = inner ? Math.max(formula.scrollWidth, inner.scrollWidth) : 0;
+    return [formula, formula.parentElement.clientWidth, width, parseFloat(getComputedStyle(formula).fontSize)];
+  });
+  for (const [formula, room, width, size] of sizes) {
+    if (width > room + 1) formula.style.fontSize = `${Math.max(SMALLEST, (room / width) * 0.98) * size}px`;
   }
 }
 
@@ -50,8 +29,8 @@ function isSeen(node) {
 }
 
 function fitAll(root) {
-  [...root.querySelectorAll("table:not(.indextable)")].filter(isSeen).forEach(fitTable);
-  [...root.querySelectorAll("mjx-container[display]")].filter(isSeen).forEach(fitFormula);
+  fitTables([...root.querySelectorAll("table:not(.indextable, .part)")]);
+  fitFormulas([...root.querySelectorAll("mjx-container[display]")]);
 }
 
 window.addEventListener("load", () => {

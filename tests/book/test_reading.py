@@ -5,7 +5,6 @@ Each page is opened once. What is found on the way is what the tests look at.
 
 from pathlib import Path
 from typing import NamedTuple
-from urllib.parse import unquote, urlsplit
 
 import pytest
 
@@ -29,11 +28,8 @@ class Visit(NamedTuple):
 
 def visit(context, file: Path) -> Visit:
     """Open a page and look at everything."""
-    with watched_page(context, file) as (page, troubles):
-        loaded = {file}
-        page.on("requestfinished", lambda request: loaded.add(Path(unquote(urlsplit(request.url).path))))
-        page.reload()
-        page.evaluate("() => window.MathJax && MathJax.startup ? MathJax.startup.promise.then(() => null) : null")
+    loaded = {file}
+    with watched_page(context, file, loaded) as (page, troubles):
         found = troubles + raw_tex(page) + broken_links(page, file)
         files = {path for path in loaded if path.is_file()}
         looked_at = file.parent.name != "api" or file.name in API_LOOKED_AT
