@@ -108,7 +108,7 @@ def map_figure(maps: Mapping[str, Float[Tensor, "rows columns"]], extent: float,
 def trajectory_figure(
     panels: Mapping[str, tuple[Float[Tensor, " k"], Float[Tensor, "k n"]]],
     y_label: str = "$x$ (units)",
-    columns: int = 3,
+    columns: int = 1,
 ) -> Figure:
     """Positions on a line over time: a curve for every point, one panel per title.
 
@@ -122,16 +122,15 @@ def trajectory_figure(
         Panels in a row.
     """
     n_rows = -(-len(panels) // columns)
-    options = {"figsize": (WIDTH, 2.7 * n_rows), "layout": "constrained", "sharey": True, "squeeze": False}
-    figure, axes = plt.subplots(n_rows, columns, **options)
+    options = {"layout": "constrained", "sharex": True, "sharey": True, "squeeze": False}
+    figure, axes = plt.subplots(n_rows, columns, figsize=(WIDTH, 2.2 * n_rows), **options)
     for ax, (title, (times, positions)) in zip(axes.flat, panels.items()):
         marker = {"marker": "o", "markersize": 3} if len(times) < 12 else {}
         shades = plt.get_cmap("viridis")(np.linspace(0, 0.9, positions.shape[1]))
         for path, shade in zip(positions.detach().T.numpy(), shades):
             ax.plot(times.numpy(), path, color=shade, linewidth=1.3, **marker)
-        ax.set(title=title, xlabel="time $t$")
-    for ax in axes[:, 0]:
-        ax.set_ylabel(y_label)
+        ax.set(title=title, xlabel="time $t$", ylabel=y_label)
+        ax.label_outer()
     return figure
 
 

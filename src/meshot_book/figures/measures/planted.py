@@ -62,7 +62,7 @@ def sections_figure(panels: Mapping[str, tuple[Window, Mesh]], target: Mesh, col
         ax.plot(*lines.reshape(-1, 2).T, ".", color=VERMILLION, markersize=3)
         ax.set(xlim=(-window.half, window.half), ylim=(-window.half, window.half), aspect="equal")
         ax.set(xticks=[], yticks=[])
-        ax.set_title(name, fontsize=11)
+        ax.set_title(name)
         ax.spines[:].set_visible(True)
         _draw_length(ax, window.half)
     return figure
@@ -71,7 +71,8 @@ def sections_figure(panels: Mapping[str, tuple[Window, Mesh]], target: Mesh, col
 def _draw_length(ax: Axes, half: float) -> None:
     length = round_length(half)
     ax.plot([0.92 * half - length, 0.92 * half], [-0.88 * half] * 2, color="0.2", linewidth=2)
-    ax.text(0.94 * half, -0.84 * half, f"{length:g} mm", ha="right", va="bottom", fontsize=10)
+    ground = {"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.85}
+    ax.text(0.94 * half, -0.84 * half, f"{length:g} mm", ha="right", va="bottom", bbox=ground)
 
 
 def round_length(half: float) -> float:

@@ -93,7 +93,7 @@ def force_panels(
     for ax, (title, field) in zip(axes.flat, fields.items()):
         colour = next((c for name, c in LOSS_COLOURS.items() if title.startswith(name)), BLACK)
         _draw_field(ax, field, colour, longest, every, factors[title])
-        ax.set_title(title, fontsize=11)
+        ax.set_title(title)
     _draw_bar(axes[-1, 0], limits, bar)
     return figure
 
@@ -126,4 +126,4 @@ def _draw_field(ax: Axes, field: ForceField, colour: str, longest: float, every:
 def _draw_bar(ax: Axes, limits: Limits, bar: float) -> None:
     left, low = limits[0] + 0.02 * (limits[1] - limits[0]), limits[2] + 0.03 * (limits[3] - limits[2])
     ax.plot([left, left + bar], [low, low], color=BLACK, linewidth=2.5, solid_capstyle="butt")
-    ax.annotate(f"{bar:g} mm", (left, low), xytext=(0, 4), textcoords="offset points", fontsize=10)
+    ax.annotate(f"{bar:g} mm", (left, low), xytext=(0, 4), textcoords="offset points")
