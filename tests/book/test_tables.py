@@ -42,7 +42,7 @@ def test_a_wide_table_is_shown_in_parts_that_repeat_its_first_column(tmp_path, c
         assert 2 <= len(parts) <= 4
         assert all([line[0] for line in part] == ["loss", *(row[0] for row in rows)] for part in parts)
         joined = [[cell for part in parts for cell in part[k][1:]] for k in range(6)]
-        assert joined == [WIDE[1:], *([f"{value:g}" for value in row[1:]] for row in rows)]
+        assert joined == [WIDE[1:], *([str(value) for value in row[1:]] for row in rows)]
         assert sideways(page) == []
         set_width(page, 1280)
         assert [len(part[0]) for part in page.evaluate(SEEN)] == [9]
@@ -82,7 +82,7 @@ def test_rows_in_mixed_order_are_not_grouped(tmp_path, context):
 @pytest.mark.parametrize(
     ("heads", "row"),
     [
-        (["method", "what it does", "unbrokenunbrokenunbroken"], ["a", "a sentence of many words " * 4, "x" * 24]),
+        (["method", "what it does", "name"], ["a", "a sentence of many words " * 4, "x" * 50]),
         (["method", "x" * 80], ["a", "y" * 80]),
     ],
 )
