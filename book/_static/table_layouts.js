@@ -2,9 +2,10 @@
 // a block for each row. The first three are copies beside the table, which is hidden as long as they stand there.
 
 const MOST_TURNED = 3; // rows that may become columns
-const MOST_KEYS = 3; // first columns that may name a row together
+const MOST_KEYS = 4; // first columns that may name a row together
 const MOST_PARTS = 4;
 const LONGEST = 40; // characters in a cell of a table that is taken apart; sentences need a block for each row
+const SHORT = 14; // characters in a cell that stays on one line
 const WIDEST_NAME = 0.38; // of the place, for the first column
 
 // Heads and rows of cells, or null where cells span several rows or columns.
@@ -63,8 +64,9 @@ function place(table, made) {
   return holder;
 }
 
+// A table is never narrower than its words. What MathJax adds for screen readers may stick out of it unseen.
 function overflows(table) {
-  return table.scrollWidth > Math.min(table.clientWidth, table.parentElement.clientWidth) + 1;
+  return table.offsetWidth > table.parentElement.clientWidth + 1;
 }
 
 // Undo what stands beside a table.
@@ -90,16 +92,23 @@ function turn(table, { heads, rows }) {
   return false;
 }
 
-// Groups of rows with the same first columns, and the number of these columns: they become a heading.
+// Groups of rows with the same first columns, which become a heading, and the columns that name a row in its group.
 function groupRows({ heads, rows }) {
   const isNamed = (count) => new Set(rows.map((row) => keyOf(row, count))).size === rows.length;
   const counts = [...Array(Math.min(MOST_KEYS, heads.length - 1)).keys()].map((i) => i + 1);
-  const shared = (counts.find(isNamed) ?? 1) - 1;
+  const keys = counts.find(isNamed) ?? 1;
+  const plans = counts.filter((count) => count < keys).map((shared) => runsOf(rows, shared));
+  const helpful = plans.filter(({ groups, runs }) => runs === groups.length && 2 * runs <= rows.length).at(-1);
+  const { shared, groups } = helpful ?? { shared: 0, groups: [rows] };
+  return { shared, groups, names: [...heads.keys()].slice(shared, keys) };
+}
+
+// Groups of rows with the same first cells, and in how many runs they stand.
+function runsOf(rows, shared) {
   const groups = new Map();
   for (const row of rows) groups.set(keyOf(row, shared), [...(groups.get(keyOf(row, shared)) ?? []), row]);
   const runs = rows.filter((row, i) => i === 0 || keyOf(row, shared) !== keyOf(rows[i - 1], shared)).length;
-  const helps = shared > 0 && runs === groups.size && 2 * runs <= rows.length;
-  return helps ? { shared, groups: [...groups.values()] } : { shared: 0, groups: [rows] };
+  return { shared, runs, groups: [...groups.values()] };
 }
 
 // The heading of a group: words as they are, numbers with the head of their column.
@@ -117,13 +126,11 @@ function headingOf(heads, row, shared, span) {
   return heading;
 }
 
-// The part of a table with some of its columns.
-function partOf(table, { heads, shared, groups }, columns) {
-  const shown = [shared, ...columns];
+// The part of a table with some of its columns, after those that name its rows.
+function partOf(table, { heads, shared, groups, names }, columns) {
+  const shown = [...names, ...columns];
   const bodies = groups.map((rows) => {
-    const made = rows.map((row) =>
-      rowOf(shown.map((i) => copyOf(row[i], i === shared ? "th" : "td", i === shared && "row"))),
-    );
+    const made = rows.map((row) => rowOf(shown.map((i) => partCell(row[i], i === shared))));
     return shared ? [headingOf(heads, rows[0], shared, shown.length), ...made] : made;
   });
   return newTable(
@@ -134,6 +141,12 @@ function partOf(table, { heads, shared, groups }, columns) {
   );
 }
 
+function partCell(cell, isName) {
+  const copy = isName ? copyOf(cell, "th", "row") : copyOf(cell, "td");
+  copy.classList.toggle("short", !isName && copy.textContent.trim().length <= SHORT);
+  return copy;
+}
+
 // The width that the first column likes, up to a share of the place, and those that the other columns need.
 function measure(whole, room) {
   const cells = [...whole.tHead.rows[0].cells];
@@ -141,7 +154,7 @@ function measure(whole, room) {
   whole.classList.add("unbroken");
   const liked = cells[0].getBoundingClientRect().width;
   whole.classList.remove("unbroken");
-  return [Math.max(needed[0], Math.min(liked, WIDEST_NAME * room)), needed.slice(1)];
+  return [Math.max(needed[0], Math.min(liked, WIDEST_NAME * room)), ...needed.slice(1)];
 }
 
 // Indices of columns for every part, at most `most` in each.
@@ -159,30 +172,32 @@ function distribute(widths, room, most) {
   return parts;
 }
 
-// Groups of rows, and as few parts as fit, each with the first column.
+// Groups of rows, and as few parts as fit, each with the columns that name its rows.
 function divide(table, grid) {
   if (grid.rows.some((row) => row.slice(1).some((cell) => cell.textContent.trim().length > LONGEST))) return false;
   const plan = { heads: grid.heads, ...groupRows(grid) };
-  const columns = [...grid.heads.keys()].slice(plan.shared + 1);
+  const columns = [...grid.heads.keys()].slice(plan.shared + plan.names.length);
   const whole = partOf(table, plan, columns);
   const holder = place(table, [whole]);
-  const room = holder.clientWidth;
-  const [name, widths] = measure(whole, room);
-  const fewest = distribute(widths, room - name, columns.length).length;
-  const most = Math.ceil(columns.length / fewest);
-  const even = distribute(widths, room - name, most);
-  if (fewest > 1)
-    holder.replaceChildren(
-      ...even.map((part) =>
-        partOf(
-          table,
-          plan,
-          part.map((i) => columns[i]),
-        ),
+  whole.classList.toggle("small", overflows(whole));
+  if (!overflows(whole)) return true;
+  whole.classList.remove("small");
+  const widths = measure(whole, holder.clientWidth);
+  const room = holder.clientWidth - widths.slice(0, plan.names.length).reduce((sum, width) => sum + width, 0);
+  const others = widths.slice(plan.names.length);
+  const fewest = distribute(others, room, columns.length).length;
+  const parts = distribute(others, room, Math.ceil(columns.length / fewest));
+  holder.replaceChildren(
+    ...parts.map((part) =>
+      partOf(
+        table,
+        plan,
+        part.map((i) => columns[i]),
       ),
-    );
-  holder.querySelectorAll("thead th:first-child").forEach((head) => (head.style.minWidth = `${name}px`));
-  if (even.length <= MOST_PARTS && ![...holder.children].some(overflows)) return true;
+    ),
+  );
+  holder.querySelectorAll("thead th:first-child").forEach((head) => (head.style.minWidth = `${widths[0]}px`));
+  if (parts.length <= MOST_PARTS && ![...holder.children].some(overflows)) return true;
   restore(table);
   return false;
 }
