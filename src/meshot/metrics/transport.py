@@ -14,7 +14,7 @@ from meshot.types import Array, Float
 
 
 def earth_movers_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"]) -> float:
-    """EMD: W₂ = (min over pairings of the mean squared distance)^½, exactly, in the units of the points.
+    """EMD: W₂, the root of the smallest mean squared distance over all pairings, exactly, in the units of the points.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def sinkhorn_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], 
 
 
 def sliced_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], n_directions: int = 200) -> float:
-    """SWD: SW₂ = (the mean over directions of the squared W₂ of the projections)^½, in the units of the points.
+    """SWD: SW₂, the root of the mean over directions of the squared W₂ of the projections, in the units of the points.
 
     The directions form a spiral on the half sphere, the same in every call.
 

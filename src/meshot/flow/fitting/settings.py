@@ -76,7 +76,7 @@ class FitSettings:
         return Plan(self.n_iterations, self.check_every, self.save_every, self.patience, self.learning_rate, "cosine")
 
     def n_directions_at(self, iteration: int) -> int:
-        """The number of directions at an iteration: first · 2^k up to the last, k growing at equal distances."""
+        """The number of directions at an iteration: first · 2ᵏ up to the last, k growing at equal distances."""
         first, last = self.n_directions
         n_stretches = math.ceil(math.log2(last / first)) + 1
         return min(last, first * 2 ** (iteration * n_stretches // self.n_iterations))
