@@ -140,7 +140,7 @@ class Push(AnalyticField):
     strength : float
         Velocity on the axis, in units of the points per unit of time.
     width : float
-        In units of the points. The Lipschitz constant is |strength| / (width · √e).
+        In units of the points. The Lipschitz constant is ``|strength| / (width · √e)``.
 
     Raises
     ------
@@ -168,7 +168,7 @@ class Push(AnalyticField):
         return points + (end - start) * self(points.new_tensor(start), points)
 
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """The exact constant, |strength| / (width · √e)."""
+        """The exact constant, ``|strength| / (width · √e)``."""
         return torch.tensor(abs(self.strength) * math.exp(-0.5) / self.width, dtype=torch.float64)
 
 
