@@ -7,6 +7,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 
+from meshot.study import StudySettings
 from meshot.study.visits import Visit
 
 #: A sagittal scan of 4 mm voxels, turned: its axes point to the back, to the top, and to the right.
@@ -31,6 +32,11 @@ def new_dataset(folder: Path) -> Path:
     folder.mkdir()
     (folder / "dataset_description.json").write_text('{"Name": "two balls", "BIDSVersion": "1.10.0"}')
     return folder
+
+
+def network_words(settings: StudySettings) -> list[str]:
+    """The options of the command line that name the networks of these settings."""
+    return ["--system", "ddot", "--weights", str(settings.weights), "--segmentation", str(settings.segmentation)]
 
 
 class DeadlyVisit(Visit):

@@ -1,7 +1,7 @@
 """Build the wheel, install it in an empty environment, and run there what README shows.
 
-``make test-wheel``, some eight minutes and 2 GB: the losses alone first, then the extra ``cortex``. Versions are those
-of ``requirements.lock``; kernels are compiled anew.
+``make test-wheel``, some ten minutes and 2 GB: the losses alone first, then the extra ``cortex``, then ``bids``.
+Versions are those of ``requirements.lock``; kernels are compiled anew.
 """
 
 import os
@@ -46,6 +46,20 @@ CORTEX = (
     "meshot reconstruct {scan} -o first --initial-only",
     "meshot reconstruct {scan} -o own --system ddot --weights flow",
 )
+#: Two scans that are no BIDS data set do not need the extra.
+FILES = ("meshot reconstruct {scan} {copy} -o files --initial-only --quiet", "meshot quality files")
+BIDS = (
+    "meshot reconstruct {bids} study participant --initial-only --layout bids --verbose",
+    "meshot reconstruct {bids} study group",
+    "meshot quality study",
+    "meshot table study study -o compared --points 2000 --emd-points 200",
+)
+READ = """
+from meshot.study import find_surfaces, read_subjects
+(row,) = read_subjects("study")
+assert (row["participant_id"], row["status"], row["left_white_euler"]) == ("sub-001", "done", 2), row
+assert len(find_surfaces("study")) == 2
+"""
 
 
 def build(folder: Path) -> Path:
@@ -108,6 +122,16 @@ def main() -> None:
         run(python, "-c", COHORT)
         (scan,) = (ROOT / "data_synth" / "sample").glob("sub-*/**/*_T1w.nii.gz")
         run_commands(CORTEX, scan=str(scan))
+        names = {"scan": str(scan), "bids": str(scan.parents[2]), "copy": str(shutil.copy(scan, work / "other.nii.gz"))}
+        run_commands(FILES, **names)
+        refused = subprocess.run(
+            BIDS[0].format(**names).split(), cwd=work, env=environment, capture_output=True, text=True, check=False
+        )
+        assert refused.returncode == 2, refused
+        assert "pip install 'meshot[bids]'" in refused.stderr, refused.stderr
+        pip(python, "install", "-c", ROOT / "requirements.lock", f"{wheel}[cortex,bids]")
+        run_commands(BIDS, **names)
+        run(python, "-c", READ)
     print("the wheel does what README shows")
 
 

@@ -1,4 +1,4 @@
-"""Optional libraries: those of the extras ``cortex`` and ``book``."""
+"""Optional libraries: those of the extras ``cortex``, ``bids`` and ``book``."""
 
 import contextlib
 import importlib.util

@@ -158,7 +158,7 @@ EVERY = [
     Writer("train-segmentation", train_segmentation, r"state/|\.jsonl$", LOGS),
     Writer("train", train_system, r"state/|\.jsonl$", LOGS),
     Writer("reconstruct", reconstruct, timed=LOGS),
-    Writer("study", reconstruct_study, r"subjects\.tsv$", LOGS + r"|subjects\.tsv$"),
+    Writer("study", reconstruct_study, r"subjects\.tsv$|meshot\.log$", LOGS + r"|subjects\.tsv$|meshot\.log$"),
     Writer("quality", quality_page),
     Writer("table", compare_folders, timed=r"surfaces\.json"),
     Writer("notebooks", run_notebook),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bids_trials import SHAPE, TURNED
+from bids_trials import SHAPE, TURNED, add_scan, new_dataset
 from bright_head import bright_head, bright_template, write_bright_weights
 from meshot.pipeline import load_networks, reconstruct
 from meshot.pipeline.report import files as report_files, pictures
@@ -16,6 +16,17 @@ def turned_scan(tmp_path_factory):
     path = tmp_path_factory.mktemp("turned") / "scan.nii.gz"
     write_volume(path, bright_head(TURNED, SHAPE))
     return path
+
+
+@pytest.fixture
+def dataset(tmp_path, turned_scan):
+    """Two participants, one with two sessions, and one whose file was cut off."""
+    folder = new_dataset(tmp_path / "raw")
+    for name in ("sub-01_ses-a_T1w.nii.gz", "sub-01_ses-b_T1w.nii", "sub-02_T1w.nii.gz"):
+        add_scan(folder, name, turned_scan)
+    broken = add_scan(folder, "sub-03_T1w.nii.gz", turned_scan)
+    broken.write_bytes(broken.read_bytes()[:2000])
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -7,23 +7,13 @@ import nibabel
 import numpy as np
 import pytest
 
-from bids_trials import DeadlyVisit, add_scan, new_dataset
+from bids_trials import DeadlyVisit, add_scan, network_words
 from meshot.cli import main
 from meshot.study import many_visits, one_visit
 from meshot.study.bids import visits_of_bids
 from meshot.study.many_visits import reconstruct_study, write_table
 from meshot.study.subjects_table import read_subjects
 from meshot.study.visits import Visit
-
-
-@pytest.fixture
-def dataset(tmp_path, turned_scan):
-    folder = new_dataset(tmp_path / "raw")
-    for name in ("sub-01_ses-a_T1w.nii.gz", "sub-01_ses-b_T1w.nii", "sub-02_T1w.nii.gz"):
-        add_scan(folder, name, turned_scan)
-    broken = add_scan(folder, "sub-03_T1w.nii.gz", turned_scan)
-    broken.write_bytes(broken.read_bytes()[:2000])
-    return folder
 
 
 def statuses(study):
@@ -66,7 +56,7 @@ def test_a_failure_stays_alone_and_a_second_start_does_what_is_missing(
     assert reconstruct_study(visits_of_bids(dataset), study, chosen, dataset=dataset, tell=lines.append) == []
     assert set(statuses(study).values()) == {"done"}
     assert {path: time for path, time in states(study).items() if path in before} == before
-    assert not list((study / "logs").iterdir())
+    assert [path.name for path in (study / "logs").iterdir()] == ["meshot.log"]
 
 
 def test_the_report_says_what_was_used(tmp_path, dataset, settings, quick, turned_scan):
@@ -168,13 +158,17 @@ def test_a_report_that_is_none_is_named_before_the_first_visit(tmp_path, setting
         reconstruct_study([Visit("02", trouble="none")], tmp_path, settings, tell=lambda line: pytest.fail(line))
 
 
-def own(settings):
-    return ["--system", "ddot", "--weights", str(settings.weights), "--segmentation", str(settings.segmentation)]
-
-
 def test_the_command_line_of_bids_apps(tmp_path, dataset, settings, quick, capsys):
     (dataset / "participants.tsv").write_text("participant_id\nsub-01\nsub-77\n")
-    words = ["reconstruct", str(dataset), str(tmp_path / "out"), "participant", *own(settings), "--layout", "bids"]
+    words = [
+        "reconstruct",
+        str(dataset),
+        str(tmp_path / "out"),
+        "participant",
+        *network_words(settings),
+        "--layout",
+        "bids",
+    ]
     assert main([*words, "--participant-label", "01", "--session-label", "b"]) == 0
     said = capsys.readouterr()
     assert "1 done, 0 failed" in said.out
@@ -193,9 +187,12 @@ def test_files_and_folders_of_scans_make_a_study(tmp_path, settings, quick, turn
     folder.mkdir()
     for name in ("one.nii.gz", "two.nii.gz"):
         shutil.copy(turned_scan, folder / name)
-    assert main(["reconstruct", str(folder), "-o", str(tmp_path / "a"), *own(settings)]) == 0
+    assert main(["reconstruct", str(folder), "-o", str(tmp_path / "a"), *network_words(settings)]) == 0
     files = [str(folder / "one.nii.gz"), str(folder / "two.nii.gz")]
-    assert main(["reconstruct", *files, "-o", str(tmp_path / "b"), *own(settings), "--layout", "freesurfer"]) == 0
+    assert (
+        main(["reconstruct", *files, "-o", str(tmp_path / "b"), *network_words(settings), "--layout", "freesurfer"])
+        == 0
+    )
     for study in ("a", "b"):
         assert list(statuses(tmp_path / study)) == [("sub-one", None), ("sub-two", None)]
     log = (tmp_path / "b" / "sub-one" / "scripts" / "meshot.log").read_text()
@@ -216,7 +213,7 @@ def test_files_and_folders_of_scans_make_a_study(tmp_path, settings, quick, turn
 )
 def test_bad_words_end_in_one_line(tmp_path, monkeypatch, capsys, settings, words, why):
     monkeypatch.chdir(tmp_path)
-    assert main(["reconstruct", *words, *own(settings)]) == 2
+    assert main(["reconstruct", *words, *network_words(settings)]) == 2
     said = capsys.readouterr()
     assert why in said.err
     assert said.out == ""

@@ -4,9 +4,14 @@ import argparse
 import os
 import warnings
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from meshot.cli.note import NOTE, Commands, add_command
+from meshot.cli.reconstruct_arguments import add_reconstruction_arguments
 from meshot.files import printable_name
+
+if TYPE_CHECKING:  # for annotations only: importing torch would delay --help
+    from meshot.pipeline import TrainedNetworks
 
 LEVELS = ("participant", "group")
 #: Options that only a BIDS data set has.
@@ -31,105 +36,14 @@ def add_to(commands: Commands) -> None:
         "voxel size. A scan with its skull needs a brain mask, made by SynthStrip or HD-BET for example. One file "
         "gives one folder. Several files, a folder of scans, or a BIDS data set give a study: a folder for each "
         "participant and session, and the table subjects.tsv. A second start does what is missing. The level group "
-        "only writes the table again. The exit status is 1 if a scan of a study failed.",
+        "only writes the table again. The file logs/meshot.log in the folder has a line for each visit of a study. The "
+        "exit status is 0 if everything is done, 1 if a scan of a study failed and the others are done, 2 if the input "
+        "will not do, and 3 if --strict stopped a single scan.",
         usage="meshot reconstruct SCAN... -o FOLDER [options]\n"
         "       meshot reconstruct BIDS FOLDER {participant,group} [options]",
     )
-    command.add_argument(
-        "scan", type=Path, nargs="+", help="A T1-weighted scan, several scans, a folder of scans, or a BIDS data set."
-    )
-    _add_output(command)
-    _add_networks(command)
-    _add_care(command)
-    _add_bids(command.add_argument_group("of a BIDS data set"))
+    add_reconstruction_arguments(command)
     command.set_defaults(run=_run)
-
-
-def _add_output(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FOLDER",
-        help="Write the results to this folder, which is new, empty or of the same study.",
-    )
-    command.add_argument(
-        "--layout",
-        choices=("flat", "freesurfer", "bids"),
-        default="flat",
-        help="Arrange results in flat folders, as FreeSurfer's SUBJECTS_DIR or as BIDS derivatives "
-        "(default: %(default)s).",
-    )
-    command.add_argument(
-        "--jobs",
-        type=int,
-        default=1,
-        metavar="N",
-        help="Reconstruct this many scans of a study side by side (default: %(default)s).",
-    )
-    command.add_argument("--overwrite", action="store_true", help="Replace an earlier reconstruction in the folder.")
-
-
-def _add_care(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--brain-mask", type=Path, metavar="FILE", help="Use this volume, which is 0 outside the brain."
-    )
-    command.add_argument("--strict", action="store_true", help="Stop with exit status 3 instead of a warning.")
-    command.add_argument(
-        "--threads",
-        type=int,
-        metavar="N",
-        help="Use this many threads in each process (default: as many as torch chooses; 1 with several jobs).",
-    )
-
-
-def _add_networks(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--system", metavar="NAME", help="Find the surfaces with this system (default: that of the package)."
-    )
-    command.add_argument(
-        "--weights",
-        type=Path,
-        metavar="FOLDER",
-        help="Use the weights of the system in this folder (default: those of the package).",
-    )
-    command.add_argument(
-        "--segmentation",
-        type=Path,
-        metavar="FILE",
-        help="Use the segmentation network of this file (default: that of the package).",
-    )
-    command.add_argument("--initial-only", action="store_true", help="Stop after the initial surfaces, without a flow.")
-
-
-def _add_bids(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--participant-label",
-        "--participant_label",
-        nargs="+",
-        default=[],
-        metavar="LABEL",
-        help="Reconstruct these participants (default: all).",
-    )
-    group.add_argument(
-        "--session-label",
-        "--session_label",
-        nargs="+",
-        default=[],
-        metavar="LABEL",
-        help="Reconstruct these sessions (default: all).",
-    )
-    group.add_argument("--acquisition", metavar="LABEL", help="Use only scans with this value of acq.")
-    group.add_argument("--run", metavar="NUMBER", dest="run_number", help="Use only scans with this value of run.")
-    group.add_argument(
-        "--runs",
-        choices=("average", "first"),
-        default="average",
-        help="Register and average several runs, or use the first (default: %(default)s).",
-    )
-    group.add_argument(
-        "--derivatives", type=Path, metavar="FOLDER", help="Take brain masks from this BIDS data set of derivatives."
-    )
 
 
 def _run(chosen: argparse.Namespace) -> int:
@@ -165,24 +79,27 @@ def _run_one(chosen: argparse.Namespace, scan: Path, output: Path) -> int:
     import torch
 
     from meshot.errors import require_positive_integer
-    from meshot.pipeline import load_networks
-    from meshot.pipeline.report import PAGE, write_reconstruction
+    from meshot.pipeline.report import PAGE, seconds_by_stage, write_reconstruction
 
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
-    networks = load_networks(chosen.system, chosen.weights, chosen.segmentation, chosen.initial_only)
     report = write_reconstruction(
-        scan, output, networks, chosen.overwrite, brain_mask=chosen.brain_mask, strict=chosen.strict
-    )
+        scan, output, _networks(chosen), chosen.overwrite, brain_mask=chosen.brain_mask, strict=chosen.strict,
+        quiet=chosen.quiet,
+    )  # fmt: skip
+    for warning in report["warnings"]:
+        warnings.warn(warning, stacklevel=1)
+    if chosen.quiet:
+        return 0
+    if chosen.verbose:
+        print(seconds_by_stage(report["seconds"]["clock"]))
     for side, surface in report["surfaces"].items():
         final = surface["final"]
         print(
             f"{side}: χ = {final['euler_number']}, {final['n_self_intersecting_faces']} self-intersecting of "
             f"{final['n_faces']} faces, {final['volume_cm3']:.0f} cm³"
         )
-    for warning in report["warnings"]:
-        warnings.warn(warning, stacklevel=1)
     print(f"{sum(report['seconds']['clock'].values()):.0f} s; look at {printable_name(output / PAGE)}. {NOTE}")
     return 0
 
@@ -192,41 +109,57 @@ def _run_study(chosen: argparse.Namespace, inputs: list[Path], output: Path, lev
         for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
             os.environ.setdefault(variable, "1")
     from meshot.errors import require_positive_integer
-    from meshot.pipeline import load_networks
-    from meshot.study import TABLE, StudySettings, missing_participants, reconstruct_study, write_table
+    from meshot.study import TABLE, StudySettings, reconstruct_study, write_table
 
     if level == "group":
         rows = write_table(output)
-        print(f"{len(rows)} visits; the table is {printable_name(output / TABLE)}. {NOTE}")
+        _say(chosen, f"{len(rows)} visits; the table is {printable_name(output / TABLE)}. {NOTE}")
         return 0
     _refuse(chosen, "a study; masks come from --derivatives", ("brain_mask",))
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
-    names = ("layout", "system", "weights", "segmentation", "initial_only", "strict", "overwrite", "threads")
+    names = ("layout", "system", "weights", "segmentation", "initial_only", "strict", "overwrite", "threads", "device")
     settings = StudySettings(**{name: getattr(chosen, name) for name in names})
-    load_networks(
-        chosen.system, chosen.weights, chosen.segmentation, chosen.initial_only
-    )  # fails before the first scan
+    _networks(chosen)  # fails before the first scan
     dataset, visits = _visits(chosen, inputs, level)
-    for name in [] if dataset is None else missing_participants(dataset):
-        warnings.warn(f"{name} is in participants.tsv, but has no folder", stacklevel=1)
-    failed = reconstruct_study(visits, output, settings, chosen.jobs, dataset)
+    tell = {"tell": None} if chosen.quiet else {}
+    failed = reconstruct_study(visits, output, settings, chosen.jobs, dataset, detail=chosen.verbose, **tell)
+    for visit in failed if chosen.quiet else []:
+        warnings.warn(f"{visit.label} failed; the reason is in {printable_name(output / TABLE)}", stacklevel=1)
     done = len(visits) - len(failed)
-    print(f"{done} done, {len(failed)} failed; the table is {printable_name(output / TABLE)}. {NOTE}")
+    _say(chosen, f"{done} done, {len(failed)} failed; the table is {printable_name(output / TABLE)}. {NOTE}")
     return int(bool(failed))
+
+
+def _say(chosen: argparse.Namespace, text: str) -> None:
+    if not chosen.quiet:
+        print(text)
+
+
+def _networks(chosen: argparse.Namespace) -> "TrainedNetworks":
+    from meshot.cli.training import device_of
+    from meshot.pipeline import load_networks
+
+    device_of(chosen)  # fails if there is none
+    return load_networks(chosen.system, chosen.weights, chosen.segmentation, chosen.initial_only, chosen.device)
 
 
 def _visits(chosen: argparse.Namespace, inputs: list[Path], level: str | None) -> tuple[Path | None, list]:
     """The data set, if there is one, and its visits."""
-    from meshot.study import DESCRIPTION, Choice, visits_of_bids, visits_of_files, visits_of_folder
+    from meshot.study import DESCRIPTION, visits_of_files, visits_of_folder
 
     bids = level is not None or (len(inputs) == 1 and (inputs[0] / DESCRIPTION).is_file())
-    if bids:
+    if bids:  # only here is the extra bids needed
+        from meshot.study import Choice, missing_participants, visits_of_bids
+
         choice = Choice(
             tuple(chosen.participant_label), tuple(chosen.session_label), chosen.acquisition, chosen.run_number,
             chosen.runs, chosen.derivatives,
         )  # fmt: skip
-        return inputs[0], visits_of_bids(inputs[0], choice)
+        visits = visits_of_bids(inputs[0], choice)
+        for name in missing_participants(inputs[0]):
+            warnings.warn(f"{name} is in participants.tsv, but has no folder", stacklevel=1)
+        return inputs[0], visits
     _refuse(chosen, "scans that are no BIDS data set", _OF_BIDS)
     if len(inputs) == 1 and inputs[0].is_dir():
         return None, visits_of_folder(inputs[0])

@@ -51,6 +51,7 @@ def load_networks(
     weights: str | os.PathLike | None = None,
     segmentation: str | os.PathLike | None = None,
     initial_only: bool = False,
+    device: str | None = None,
 ) -> TrainedNetworks:
     """Load the networks of a reconstruction.
 
@@ -64,6 +65,9 @@ def load_networks(
         The weights of the segmentation network. By default those of the package.
     initial_only : bool
         Whether to load no system.
+    device : str, optional
+        Where the networks compute, such as "cuda". By default the processor. The other stages of a reconstruction use
+        the processor.
 
     Raises
     ------
@@ -73,7 +77,7 @@ def load_networks(
     """
     network, record = read_weights(segmentation_weights(segmentation), SegmentationNetwork)
     if initial_only:
-        return TrainedNetworks(network, None, {SEGMENTATION: record})
+        return TrainedNetworks(network.to(device), None, {SEGMENTATION: record})
     found = load_system(system, weights)
     records = {f"{name}.safetensors": part.record for name, part in found.parts.items()}
     for name, each in records.items():
@@ -82,4 +86,6 @@ def load_networks(
                 f"{name} was learned from initial surfaces of another network than {SEGMENTATION}: name the one that "
                 "it was trained with (--segmentation), or train it anew (meshot train --segmentation)"
             )
-    return TrainedNetworks(network, found, {SEGMENTATION: record} | records)
+    for part in found.parts.values():
+        part.network.to(device)
+    return TrainedNetworks(network.to(device), found, {SEGMENTATION: record} | records)

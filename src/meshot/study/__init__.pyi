@@ -1,5 +1,4 @@
 from .bids import Choice as Choice, missing_participants as missing_participants, visits_of_bids as visits_of_bids
-from .bids_files import DESCRIPTION as DESCRIPTION
 from .compare_files import find_surfaces as find_surfaces
 from .compare_output import COMPARISON_PAGE as COMPARISON_PAGE, write_comparison as write_comparison
 from .many_visits import reconstruct_study as reconstruct_study, write_table as write_table
@@ -11,4 +10,9 @@ from .subjects_table import (
     read_subjects as read_subjects,
     write_subjects as write_subjects,
 )
-from .visits import Visit as Visit, visits_of_files as visits_of_files, visits_of_folder as visits_of_folder
+from .visits import (
+    DESCRIPTION as DESCRIPTION,
+    Visit as Visit,
+    visits_of_files as visits_of_files,
+    visits_of_folder as visits_of_folder,
+)

@@ -1,15 +1,15 @@
 """The small files of a BIDS data set: its description, ``.bidsignore``, and the sidecars of scans."""
 
-import json
 from pathlib import Path
 
 from meshot.extras import needing
-from meshot.study.visits import entities_of
+from meshot.study.json_file import json_of
+from meshot.study.visits import DESCRIPTION, entities_of
 
 with needing("bids"):
     import pathspec
 
-DESCRIPTION, IGNORE = "dataset_description.json", ".bidsignore"
+IGNORE = ".bidsignore"
 
 
 class Ignored:
@@ -60,27 +60,6 @@ def description_of(dataset: Path) -> dict:
     return found
 
 
-def json_of(file: Path) -> dict:
-    """The JSON object in a file.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-
-    Raises
-    ------
-    ValueError
-        If it is not UTF-8, not JSON, or no object.
-    """
-    try:
-        found = json.loads(file.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{file} is not JSON in UTF-8 ({error}); mend it") from error
-    if not isinstance(found, dict):
-        raise ValueError(f"{file} holds a {type(found).__name__}; a JSON object, {{...}}, is needed: mend it")
-    return found
-
-
 def sidecar_of(dataset: Path, scan: Path) -> dict:
     """The facts about a scan in its sidecars; those nearer to the scan count more (the inheritance principle).
 
@@ -91,7 +70,7 @@ def sidecar_of(dataset: Path, scan: Path) -> dict:
     Raises
     ------
     ValueError
-        As :func:`meshot.study.bids_files.json_of`.
+        As :func:`meshot.study.json_file.json_of`.
     """
     entities, facts = entities_of(scan.name).items(), {}
     suffix = scan.name.split(".")[0].split("_")[-1]

@@ -14,17 +14,18 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+import meshot
 from meshot.errors import require_positive_integer
 from meshot.files import printable_name, whole_file
-from meshot.pipeline.report import PAGE, REPORT
-from meshot.study.bids_files import json_of
+from meshot.pipeline.report import PAGE, REPORT, seconds_by_stage
+from meshot.study.json_file import json_of
 from meshot.study.layouts import layout_named
 from meshot.study.one_visit import StudySettings, reconstruct_visit
+from meshot.study.study_log import LOGS, add_to_log
 from meshot.study.subjects_table import numbers_of_report, write_subjects
 from meshot.study.visits import Visit
 from meshot.workers import begin_worker
 
-LOGS = "logs"
 #: The table may take this share of the time of a run.
 _TABLE_SHARE = 0.05
 _Outcome = tuple[Visit, str | None]
@@ -36,12 +37,14 @@ def reconstruct_study(
     settings: StudySettings | None = None,
     jobs: int = 1,
     dataset: Path | None = None,
-    tell: Callable[[str], None] = tqdm.write,
+    tell: Callable[[str], None] | None = tqdm.write,
+    detail: bool = False,
 ) -> list[Visit]:
     """Reconstruct visits, each whole or not at all, and write the table of the study.
 
     What an earlier run finished is kept. A visit that fails does not stop the others: the reason stands in the table
-    and in ``logs``, and the next run tries it again.
+    and in ``logs``, and the next run tries it again. ``logs/meshot.log`` gets a line for each visit, with the seconds
+    of its stages.
 
     Parameters
     ----------
@@ -53,8 +56,10 @@ def reconstruct_study(
         Number of processes. In one process, all threads of the processor are used.
     dataset : pathlib.Path, optional
         The BIDS data set that the scans come from.
-    tell : callable
-        Called with a line of text for each visit.
+    tell : callable, optional
+        Called with a line of text for each visit. If None, there is no progress bar either.
+    detail : bool
+        Whether the line has the seconds of each stage.
 
     Returns
     -------
@@ -75,18 +80,23 @@ def reconstruct_study(
     _require_writable(study)
     layout_named(settings.layout).begin(study, dataset)
     write_table(study)  # what cannot be read is found before the first scan
+    add_to_log(study, f"meshot {meshot.__version__}: {len(visits)} visits, layout {settings.layout}, {jobs} processes")
     failed, spent, started = [], 0.0, time.perf_counter()
-    with tqdm(total=len(visits), unit="visit", disable=None) as bar:
+    with tqdm(total=len(visits), unit="visit", disable=True if tell is None else None) as bar:
         for visit, error in _outcomes(visits, study, settings, jobs, bar):
             _record(study, visit, error)
             failed += [] if error is None else [visit]
-            tell(f"{visit.label}: " + ("done" if error is None else f"failed: {error}"))
+            line, stages = _lines(study, visit, error, settings)
+            add_to_log(study, line + stages)
+            if tell is not None:
+                tell(line + stages * detail)
             bar.update()
             if spent <= _TABLE_SHARE * (time.perf_counter() - started):
                 before = time.perf_counter()
                 write_table(study)
                 spent += time.perf_counter() - before
     write_table(study)
+    add_to_log(study, f"{len(visits) - len(failed)} done, {len(failed)} failed")
     return failed
 
 
@@ -142,6 +152,15 @@ def _require_writable(study: Path) -> None:
         raise ValueError(
             f"{study} cannot be written to ({error.strerror}); choose another folder, or give yourself the permission"
         ) from error
+
+
+def _lines(study: Path, visit: Visit, error: str | None, settings: StudySettings) -> tuple[str, str]:
+    """What became of a visit, and the seconds of its stages."""
+    if error is not None:
+        return f"{visit.label}: failed: {error}", ""
+    layout = layout_named(settings.layout)
+    report = json_of(study / layout.folder(visit) / layout.report_folder / REPORT)
+    return f"{visit.label}: done", f" ({seconds_by_stage(report['seconds']['clock'])})"
 
 
 def _record(study: Path, visit: Visit, error: str | None) -> None:

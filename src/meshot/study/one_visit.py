@@ -12,7 +12,7 @@ from meshot.files import printable_name, whole_folder
 from meshot.pipeline import Progress, TrainedNetworks, average_warnings, load_networks, reconstruct, warning_names
 from meshot.pipeline.report import REPORT, write_found
 from meshot.provenance import file_digest
-from meshot.study.bids_files import json_of
+from meshot.study.json_file import json_of
 from meshot.study.layouts import Layout, layout_named
 from meshot.study.visits import Visit
 from meshot.volume import Volume, masked_scan, read_volume
@@ -35,6 +35,8 @@ class StudySettings:
         Whether earlier results of other scans or settings are replaced.
     threads : int, optional
         Of the processor, in each process.
+    device : str, optional
+        Where the networks compute, see :func:`meshot.pipeline.load_networks`.
     """
 
     layout: str = "flat"
@@ -45,11 +47,14 @@ class StudySettings:
     strict: bool = False
     overwrite: bool = False
     threads: int | None = None
+    device: str | None = None
 
 
 @functools.lru_cache(maxsize=1)
 def _networks(settings: StudySettings) -> TrainedNetworks:
-    return load_networks(settings.system, settings.weights, settings.segmentation, settings.initial_only)
+    return load_networks(
+        settings.system, settings.weights, settings.segmentation, settings.initial_only, settings.device
+    )
 
 
 def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progress: Progress | None = None) -> dict:

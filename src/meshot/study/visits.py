@@ -5,6 +5,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+#: The file by which a BIDS data set is known.
+DESCRIPTION = "dataset_description.json"
 ENDINGS = (".nii", ".nii.gz", ".mgz", ".mgh")
 _ENTITY = re.compile(r"([a-z]+)-([0-9a-zA-Z+]+)")
 

@@ -14,3 +14,4 @@ from .files import (
     write_found as write_found,
     write_reconstruction as write_reconstruction,
 )
+from .numbers import seconds_by_stage as seconds_by_stage

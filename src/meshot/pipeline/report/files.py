@@ -45,6 +45,7 @@ def write_reconstruction(
     *,
     brain_mask: str | os.PathLike | None = None,
     strict: bool = False,
+    quiet: bool = False,
 ) -> dict:
     """Reconstruct the white surfaces of a scan and write everything, with a progress bar; whole or not at all.
 
@@ -66,6 +67,8 @@ def write_reconstruction(
         Of a volume on the grid of the scan; what lies where it is zero is left out.
     strict : bool
         As in :func:`meshot.pipeline.reconstruct`.
+    quiet : bool
+        Whether there is no progress bar.
 
     Returns
     -------
@@ -82,7 +85,7 @@ def write_reconstruction(
     scan = read_volume(path)
     if brain_mask is not None:
         scan = masked_scan(scan, read_volume(brain_mask))
-    with whole_folder(folder, replace) as temporary, tqdm(unit="stage", leave=False, delay=0.1) as bar:
+    with whole_folder(folder, replace) as temporary, tqdm(unit="stage", leave=False, delay=0.1, disable=quiet) as bar:
 
         def tell(stage: str, n_done: int, n_stages: int) -> None:
             bar.total = n_stages + 2
