@@ -7,4 +7,9 @@ from .imaging import (
 from .position import Position as Position
 from .refinement import loop_subdivided as loop_subdivided
 from .scanning import Anatomy as Anatomy, simulated_scan as simulated_scan, standardised as standardised
-from .subject import Shape as Shape, mean_surfaces as mean_surfaces, synthetic_subject as synthetic_subject
+from .subject import (
+    CorticalSurfaces as CorticalSurfaces,
+    Shape as Shape,
+    mean_surfaces as mean_surfaces,
+    synthetic_subject as synthetic_subject,
+)
