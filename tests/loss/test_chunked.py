@@ -16,7 +16,7 @@ LINES = quasi_directions(64, 3)
 @pytest.fixture
 def elsewhere(monkeypatch):
     """Take the path of other devices on the processor."""
-    monkeypatch.setattr("meshot.loss.sliced._for_kernel", lambda points: False)
+    monkeypatch.setattr("meshot.loss.sliced.takes_kernel", lambda points: False)
 
 
 def leaves(weighted, n, m):

@@ -28,7 +28,7 @@ def _run(chosen: argparse.Namespace) -> None:
     from meshot.extras import is_installed
 
     of_scans = (_deformation_network, _initial_surface) if is_installed("skimage") else ()
-    bar = tqdm((_sliced, _exact, _grid_flow, *of_scans))
+    bar = tqdm((_sliced, _windowed, _partial_and_unbalanced, _exact, _grid_flow, *of_scans))
     for call in bar:
         bar.set_description(call.__name__.strip("_").replace("_", " "))
         with contextlib.redirect_stderr(io.StringIO()):  # the progress bar already names what is compiled
@@ -48,6 +48,24 @@ def _sliced() -> None:
     meshot.sliced_wasserstein(
         meshot.varifold(moving), meshot.varifold(sphere), meshot.quasi_directions(2, 3)
     ).backward()
+
+
+def _windowed() -> None:
+    import meshot
+    from meshot.mesh.shapes import icosphere
+
+    sphere = icosphere(0)
+    meshot.windowed_sliced_wasserstein(sphere, sphere, sphere.vertices[:1], 1.0, 2)
+
+
+def _partial_and_unbalanced() -> None:
+    import meshot
+    from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced
+    from meshot.mesh.shapes import icosphere
+
+    sphere = meshot.varifold(icosphere(0))
+    for loss in (sliced_partial, sliced_unbalanced):
+        loss(sphere, sphere, 1.0, meshot.quasi_directions(2, 3))
 
 
 def _exact() -> None:

@@ -26,8 +26,8 @@ def walk_lines(directions, p, x, y, costs, tops):
     projected positions along one direction. The gradient in the weights is the entry of ``tops`` minus a row of
     ``drops``. If a side has no such rows, its gradients are not computed.
     """
-    _project(x[0], directions, x[2])
-    _project(y[0], directions, y[2])
+    project(x[0], directions, x[2])
+    project(y[0], directions, y[2])
     nowhere = np.empty(0)
     for line in range(len(directions)):
         wanted_x, wanted_y = len(x[6]) > 0, len(y[6]) > 0
@@ -44,7 +44,7 @@ def walk_lines(directions, p, x, y, costs, tops):
 
 @njit(fastmath={"contract"}, **INNER)
 @no_type_check
-def _project(columns, directions, values):
+def project(columns, directions, values):
     """⟨direction, point⟩ for all pairs, in blocks, so that coordinates are read once for all directions."""
     d, n = columns.shape
     for start in range(0, n, _BLOCK):

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
+from torch.autograd.function import once_differentiable
 
 from meshot.loss._kernel_sliced import spread, walk_lines
 from meshot.loss._kernel_sort import SMALL, sort_scratch
@@ -16,8 +17,44 @@ _GROUP = 1 << 19  # number of floats in the gradient rows that a thread fills be
 _ALONE = 1 << 16  # number of projected points below which a second thread does not pay off
 
 
+class _FusedSlices(torch.autograd.Function):
+    """The mean cost along the directions. Its gradient is computed with the value and stored for the backward pass."""
+
+    @staticmethod
+    def forward(ctx, source, source_weights, target, target_weights, directions, p, walk):
+        tensors = (source, source_weights, target, target_weights)
+        costs, gradients = fused_slices(tensors, directions, p, ctx.needs_input_grad[:4], walk=walk)
+        ctx.gradients = [None if g is None else torch.from_numpy(g).to(source) for g in gradients]
+        return source.new_tensor(costs.mean())
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, grad_output):
+        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None, None
+
+
+def mean_of_slices(
+    measures: Sequence[Tensor], directions: Float[Tensor, "L d"], p: float, walk: Callable = walk_lines
+) -> Float[Tensor, ""]:
+    """The mean of the costs along the directions, differentiable in points and weights once.
+
+    The arguments are those of :func:`meshot.loss.fused.fused_slices`.
+    """
+    return _FusedSlices.apply(*measures, directions, p, walk)
+
+
+def takes_kernel(points: Tensor) -> bool:
+    """Whether the kernels can compute a loss of these points: in float32 or float64 on the CPU."""
+    return points.device.type == "cpu" and points.dtype in (torch.float32, torch.float64)
+
+
 def fused_slices(
-    measures: Sequence[Tensor], directions: Float[Tensor, "L d"], p: float, wanted: Sequence[bool]
+    measures: Sequence[Tensor],
+    directions: Float[Tensor, "L d"],
+    p: float,
+    wanted: Sequence[bool],
+    n_threads: int | None = None,
+    walk: Callable = walk_lines,
 ) -> tuple[Float[Array, " L"], list[Array | None]]:
     """The transport cost along every direction, and the gradients of the mean cost.
 
@@ -28,9 +65,13 @@ def fused_slices(
     directions : tensor
         Unit rows.
     p : float
-        The exponent, at least 1.
+        The exponent, at least 1; or what ``walk`` takes in its place.
     wanted : four bools
         Which gradients to compute. The others are returned as None.
+    n_threads : int, optional
+        By default up to ``torch.get_num_threads()``, fewer for small measures.
+    walk : callable
+        The kernel that computes the cost and the gradients along some directions.
 
     Notes
     -----
@@ -41,12 +82,12 @@ def fused_slices(
     lines = _array(directions)
     sides = [_side(*measures[k : k + 2], *wanted[k : k + 2]) for k in (0, 2)]
     size = max(side.n for side in sides)
-    n_threads = max(1, min(torch.get_num_threads(), len(lines), len(lines) * size // _ALONE))
+    n_threads = n_threads or max(1, min(torch.get_num_threads(), len(lines), len(lines) * size // _ALONE))
     per_thread = -(-len(lines) // n_threads)
     n_rounds = -(-per_thread // max(1, _GROUP // size))
     group = -(-per_thread // n_rounds)
     costs, tops = np.empty(len(lines)), np.zeros((len(lines), 2))
-    _run(sides, lines, float(p), costs, tops, n_threads, group)
+    _run(walk, sides, lines, p, costs, tops, n_threads, group)
     gradients = []
     for side, top in zip(sides, tops.sum(axis=0)):
         gradients += _finished(side, top, len(lines))
@@ -87,7 +128,7 @@ def _side(points: Tensor, weights: Tensor, wants_points: bool, wants_weights: bo
 
 
 def _array(values: Tensor) -> Array:
-    return np.ascontiguousarray(values.detach().double().numpy())
+    return np.ascontiguousarray(values.detach().double().cpu().numpy())
 
 
 def _along_a_curve(rows: Float[Array, "n d"]) -> Array:
@@ -105,6 +146,7 @@ def _along_a_curve(rows: Float[Array, "n d"]) -> Array:
 
 
 def _run(
+    kernel: Callable,
     sides: list[_Side],
     lines: Float[Array, "L d"],
     p: float,
@@ -124,7 +166,7 @@ def _run(
             def walk(k: int, block: slice = block, n_lines: int = n_lines) -> None:
                 own = slice(n_lines * k // n_threads, n_lines * (k + 1) // n_threads)
                 laid = [_laid(*parts, own) for parts in zip(sides, rooms[k], rows)]
-                walk_lines(lines[block][own], p, *laid, costs[block][own], tops[block][own])
+                kernel(lines[block][own], p, *laid, costs[block][own], tops[block][own])
 
             def add(k: int, block: slice = block) -> None:
                 for side, (gradients, drops) in zip(sides, rows):

@@ -1,12 +1,11 @@
 """The sliced Wasserstein loss: 1D transport costs averaged over directions."""
 
 import torch
-from torch.autograd.function import once_differentiable
 
 from meshot.loss.chunked import chunked_costs, chunked_sliced_wasserstein
 from meshot.loss.directions import Directions
 from meshot.loss.exact import exact_slice_costs, exact_sliced_wasserstein
-from meshot.loss.fused import fused_slices
+from meshot.loss.fused import fused_slices, mean_of_slices, takes_kernel
 from meshot.loss.plain import checked_lines, plain_costs
 from meshot.measure import MeasureLike, as_measures
 from meshot.types import Float, Tensor
@@ -80,9 +79,10 @@ def sliced_wasserstein(
     directions = checked_lines(source, directions, p)
     if directions.requires_grad:
         return plain_costs(source, target, directions, p).mean()
-    if not _for_kernel(source.places):
+    if not takes_kernel(source.places):
         return chunked_sliced_wasserstein(source, target, directions, p)
-    return _FusedSliced.apply(source.places, source.weights, target.places, target.weights, directions, float(p))
+    tensors = (source.places, source.weights, target.places, target.weights)
+    return mean_of_slices(tensors, directions, float(p))
 
 
 def slice_costs(
@@ -125,26 +125,6 @@ def slice_costs(
     directions = checked_lines(source, directions, p)
     tensors = (source.places, source.weights, target.places, target.weights, directions)
     wanted = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
-    if _for_kernel(source.places) and not wanted:
-        return torch.from_numpy(fused_slices(tensors[:4], directions, p, (False,) * 4)[0]).to(source.places)
+    if takes_kernel(source.places) and not wanted:
+        return torch.from_numpy(fused_slices(tensors[:4], directions, float(p), (False,) * 4)[0]).to(source.places)
     return (plain_costs if wanted else chunked_costs)(source, target, directions, p)
-
-
-def _for_kernel(points: Tensor) -> bool:
-    return points.device.type == "cpu" and points.dtype in (torch.float32, torch.float64)
-
-
-class _FusedSliced(torch.autograd.Function):
-    """The kernel, which computes value and gradient in one pass. The gradient is stored for the backward pass."""
-
-    @staticmethod
-    def forward(ctx, source, source_weights, target, target_weights, directions, p):
-        tensors = (source, source_weights, target, target_weights)
-        costs, gradients = fused_slices(tensors, directions, p, ctx.needs_input_grad[:4])
-        ctx.gradients = [None if g is None else torch.from_numpy(g).to(source.dtype) for g in gradients]
-        return source.new_tensor(costs.mean())
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, grad_output):
-        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None

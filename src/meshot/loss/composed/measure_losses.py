@@ -14,6 +14,7 @@ from meshot.loss.kernel_norm import ANGULAR, varifold_kernel
 from meshot.loss.nearest import chamfer
 from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import sliced_wasserstein
+from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced
 from meshot.loss.windowed import windowed_sliced_wasserstein
 from meshot.measure import Measure
 from meshot.types import Float, Tensor
@@ -182,6 +183,49 @@ class VarifoldKernelLoss(MeasureLoss):
         return varifold_kernel(source, target, self.width, self.angular)
 
 
+@dataclasses.dataclass(frozen=True)
+class SlicedPartialLoss(MeasureLoss):
+    """Partial transport along directions: see :func:`meshot.loss.unbalanced.sliced_partial`. Not in the paper.
+
+    Parameters
+    ----------
+    reach : float
+        The length beyond which nothing is transported along a direction, in mm.
+    n_directions : int
+        Number of directions, drawn in every call.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside its range.
+    """
+
+    reach: float = 12.0
+    n_directions: int = 100
+
+    def __post_init__(self):
+        _require_positive(self.reach, "reach")
+        require_positive_integer(self.n_directions, "n_directions")
+
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss along newly drawn directions."""
+        directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
+        return sliced_partial(source, target, self.reach, directions)
+
+
+@dataclasses.dataclass(frozen=True)
+class SlicedUnbalancedLoss(SlicedPartialLoss):
+    """Unbalanced transport along directions: see :func:`meshot.loss.unbalanced.sliced_unbalanced`. Not in the paper.
+
+    The settings are those of partial transport; ``reach`` is twice the weight of the penalty.
+    """
+
+    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The loss along newly drawn directions."""
+        directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
+        return sliced_unbalanced(source, target, self.reach, directions)
+
+
 def _require_exponent(p: int) -> None:
     if p not in (1, 2):
         raise ValueError(f"p is {p!r}; 1 or 2 is needed")
@@ -195,5 +239,6 @@ def _require_positive(value: float, name: str) -> None:
 #: The losses by name.
 LOSSES: dict[str, type[MeasureLoss]] = {
     "sliced": SlicedLoss, "windowed": WindowedLoss, "chamfer": ChamferLoss, "sinkhorn": SinkhornLoss,
-    "varifold_kernel": VarifoldKernelLoss,
+    "varifold_kernel": VarifoldKernelLoss, "sliced_partial": SlicedPartialLoss,
+    "sliced_unbalanced": SlicedUnbalancedLoss,
 }  # fmt: skip

@@ -1,0 +1,201 @@
+"""Partial transport on a line with the cost |x − y|, exact for any masses, compiled by numba.
+
+Let M be the difference of both distribution functions, a step function with levels Mᵥ on intervals of length ℓᵥ. Let
+the cost of mass that is removed or added be λ = reach/2 per unit. The partial cost is then the minimum of
+``Σ ℓᵥ |Mᵥ − wᵥ| + λ Σ |wᵥ₊₁ − wᵥ|`` over step functions w that vanish outside: the flow across an interval is Mᵥ − wᵥ,
+and a jump of w is mass that is removed or added there. This is denoising by total variation. It is solved by messages
+from left to right, whose derivatives are step functions with values in [−λ, λ]; two heaps hold their steps.
+"""
+
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+from meshot._kernels import INNER, kernel
+from meshot.loss._kernel_sliced import project
+from meshot.loss._kernel_sort import sort
+
+
+@kernel("the partial loss", 8)
+@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
+def partial_lines(directions, reach, x, y, costs, tops):
+    """Write the partial cost along every direction, and the gradients, as ``walk_lines`` does for transport.
+
+    The gradient in the weights of the source is a potential f with values in [−λ, λ]; in those of the target it is −f.
+    """
+    project(x[0], directions, x[2])
+    project(y[0], directions, y[2])
+    n, m = len(x[1]), len(y[1])
+    gaps, levels, low, high = np.empty(n + m), np.empty(n + m), np.empty(n + m), np.empty(n + m)
+    flows, jumps = np.empty(n + m), np.empty(n + m)
+    from_x, heaps = np.empty(n + m, np.bool_), np.empty((2, n + m), np.int32)
+    for line in range(len(directions)):
+        sorted_masses(y[2][line], y[1], y[3], y[5], y[4], y[8])
+        sorted_masses(x[2][line], x[1], x[3], x[5], x[4], x[8])
+        _merge(x[3], x[4], n, y[3], y[4], m, gaps, levels, from_x)
+        _find_bounds(gaps, levels, reach, low, high, flows, heaps)
+        costs[line] = _find_flows(gaps, levels, reach, low, high, flows, jumps)
+        if len(x[6]) > 0 or len(y[6]) > 0:
+            potentials = levels
+            _find_potentials(gaps, flows, jumps, reach / 2, low, high, potentials)
+            if len(x[6]) > 0:
+                _write(True, from_x, x[5], flows, potentials, x[6][line], x[7][line])
+            if len(y[6]) > 0:
+                _write(False, from_x, y[5], flows, potentials, y[6][line], y[7][line])
+
+
+@njit(**INNER)
+@no_type_check
+def sorted_masses(values, weights, steps, order, masses, scratch):
+    """Positions and masses in ascending order. ``values`` may share memory with ``masses``, which is filled later."""
+    n = len(weights)
+    sort(values[:n], steps[:n], order[:n], scratch)
+    for i in range(n):
+        masses[i] = weights[order[i]]
+
+
+@njit(**INNER)
+@no_type_check
+def _merge(x, x_masses, n, y, y_masses, m, gaps, levels, from_x):
+    """The points of both sides in ascending order: gaps to the next, and the mass of x minus that of y so far."""
+    i, j, level, last = 0, 0, 0.0, 0.0
+    for k in range(n + m):
+        from_x[k] = j == m or (i < n and x[i] <= y[j])
+        if from_x[k]:
+            here, mass, i = x[i], x_masses[i], i + 1
+        else:
+            here, mass, j = y[j], -y_masses[j], j + 1
+        if k > 0:
+            gaps[k - 1] = here - last
+        level += mass
+        levels[k], last = level, here
+    gaps[n + m - 1] = 0.0
+    levels[n + m - 1] = 0.0  # outside, where w vanishes
+
+
+@njit(**INNER)
+@no_type_check
+def _find_bounds(gaps, levels, reach, low, high, rest, heaps):
+    """The interval in which every w lies at best, whatever follows to the right.
+
+    ``rest`` holds the height of the step of the derivative at each level. A gap adds a step of twice its length. Its
+    length is then cut off at either end, so that the heights sum to ``reach`` again.
+    """
+    outside = len(levels) - 1
+    rest[:] = 0.0
+    rest[outside] = reach
+    heaps[0, 0] = heaps[1, 0] = outside
+    n_low, n_high, alive = 1, 1, 1
+    for v in range(outside):
+        if gaps[v] > 0:
+            rest[v] = 2 * gaps[v]
+            n_low = _push(heaps[0], n_low, levels, 1.0, v)
+            n_high = _push(heaps[1], n_high, levels, -1.0, v)
+            alive += 1
+            n_low, alive = _cut(heaps[0], n_low, levels, 1.0, rest, gaps[v], alive)
+            n_high, alive = _cut(heaps[1], n_high, levels, -1.0, rest, gaps[v], alive)
+            n_low, alive = _cut(heaps[0], n_low, levels, 1.0, rest, 0.0, alive)
+            if alive == 1:  # without roundoff
+                rest[heaps[0, 0]] = reach
+        low[v], high[v] = levels[heaps[0, 0]], levels[heaps[1, 0]]
+
+
+@njit(**INNER)
+@no_type_check
+def _cut(heap, size, levels, sign, rest, amount, alive):
+    """Reduce the first steps of a heap by ``amount`` in total, and drop those of height zero; one always remains."""
+    while True:
+        first = heap[0]
+        if rest[first] > amount or (alive == 1 and rest[first] > 0):
+            if alive > 1:
+                rest[first] -= amount
+            return size, alive
+        if rest[first] > 0:
+            amount -= rest[first]
+            rest[first] = 0.0
+            alive -= 1
+        size = _pop(heap, size, levels, sign)
+
+
+@njit(**INNER)
+@no_type_check
+def _push(heap, size, levels, sign, item):
+    """Add an item to a heap that is ordered by level, ascending if the sign is 1, descending if it is −1."""
+    child, key = size, sign * levels[item]
+    while child > 0:
+        parent = (child - 1) >> 1
+        if sign * levels[heap[parent]] <= key:
+            break
+        heap[child] = heap[parent]
+        child = parent
+    heap[child] = item
+    return size + 1
+
+
+@njit(**INNER)
+@no_type_check
+def _pop(heap, size, levels, sign):
+    """Remove the first item of a heap."""
+    size -= 1
+    item, parent = heap[size], 0
+    key = sign * levels[item]
+    while 2 * parent + 1 < size:
+        child = 2 * parent + 1
+        if child + 1 < size and sign * levels[heap[child + 1]] < sign * levels[heap[child]]:
+            child += 1
+        if sign * levels[heap[child]] >= key:
+            break
+        heap[parent] = heap[child]
+        parent = child
+    heap[parent] = item
+    return size
+
+
+@njit(**INNER)
+@no_type_check
+def _find_flows(gaps, levels, reach, low, high, flows, jumps):
+    """The flow across every gap and the mass that is removed (> 0) or added at every point, from right to left."""
+    w, total = 0.0, 0.0
+    flows[-1] = 0.0
+    for v in range(len(gaps) - 2, -1, -1):
+        left = min(max(w, low[v]), high[v])
+        flows[v], jumps[v + 1] = levels[v] - left, w - left
+        total += gaps[v] * abs(flows[v]) + reach / 2 * abs(jumps[v + 1])
+        w = left
+    jumps[0] = w
+    return total + reach / 2 * abs(w)
+
+
+@njit(**INNER)
+@no_type_check
+def _find_potentials(gaps, flows, jumps, most, low, high, potentials):
+    """A dual solution: it falls by the length of a gap along a flow, and is ±λ where mass is removed or added.
+
+    From left to right, the interval of the values that are still possible; from right to left, a choice.
+    """
+    a, b = -most, most
+    for v in range(len(gaps)):
+        if v > 0:
+            falls = gaps[v - 1] * np.sign(flows[v - 1])
+            spare = 0.0 if flows[v - 1] != 0 else gaps[v - 1]
+            a, b = min(max(a - falls - spare, -most), most), max(min(b - falls + spare, most), -most)
+        if jumps[v] != 0:
+            a = b = most * np.sign(jumps[v])
+        low[v], high[v] = min(a, b), max(a, b)
+    value = (a + b) / 2
+    for v in range(len(gaps) - 1, -1, -1):
+        value = min(max(value + gaps[v] * np.sign(flows[v]), low[v]), high[v])
+        potentials[v] = value
+
+
+@njit(**INNER)
+@no_type_check
+def _write(of_x, from_x, order, flows, potentials, gradients, drops):
+    """The derivatives in the positions, and minus those in the weights, for the points of one side."""
+    k, sign = 0, 1.0 if of_x else -1.0
+    for v in range(len(flows)):
+        if from_x[v] == of_x:
+            before = abs(flows[v - 1]) if v > 0 else 0.0
+            gradients[order[k]], drops[order[k]] = before - abs(flows[v]), -sign * potentials[v]
+            k += 1
