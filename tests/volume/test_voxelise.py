@@ -21,7 +21,7 @@ def radii(grid: Volume) -> np.ndarray:
 
 @pytest.mark.parametrize("affine", [np.eye(4), OBLIQUE, FLIPPED], ids=["plain", "oblique", "flipped"])
 def test_voxels_inside_a_sphere(affine):
-    grid = Volume(np.zeros((30, 31, 32)), affine)
+    grid = Volume(np.zeros((30, 31, 33)), affine)
     inside, radius = enclosed_voxels(icosphere(5, 9.0, CENTRE), grid), radii(grid)
     clear = np.abs(radius - 9) > 0.02
     assert inside.any()
