@@ -209,6 +209,7 @@ function stack(table) {
     [...row.children].forEach((cell, index) => {
       const named = index === 0 && !cell.classList.contains("number"); // words need no head, a number does
       if (named || !heads[index] || cell.querySelector(".cell-head")) return;
+      cell.classList.toggle("empty", !cell.textContent.trim() && !cell.querySelector("img"));
       const head = document.createElement("span");
       head.className = "cell-head";
       head.setAttribute("aria-hidden", "true");
