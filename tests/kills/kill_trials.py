@@ -45,12 +45,15 @@ class Writer:
         can be read.
     timed : str
         Names of files that tell seconds in words, so that their bytes are not compared.
+    full : int
+        The exit status where there is no room left.
     """
 
     name: str
     write: Callable[[Path, Path], object]
     growing: str = r"training\.safetensors|\.jsonl$"
     timed: str = r"$^"
+    full: int = REFUSED
 
 
 def _run(writer: Writer, folder: Path, inputs: Path, mark: str, log: Path) -> None:
@@ -236,12 +239,13 @@ def two_at_once(writer: Writer, place: Path, inputs: Path, whole: Path) -> list[
 
 
 def refusal(
-    writer: Writer, place: Path, inputs: Path, log: Path, before: Callable[[], object], expected: str
-) -> list[str]:
+    writer: Writer, place: Path, inputs: Path, log: Path, before: Callable[[], object], expected: str,
+    wanted: int = REFUSED,
+) -> list[str]:  # fmt: skip
     """What is wrong with a run that cannot write, and should say why."""
     run = started(writer, place / "out", inputs, before, log)
     status = run.status()
-    if status != REFUSED or not re.search(expected, run.said()):
+    if status != wanted or not re.search(expected, run.said()):
         return [f"status {status}, and it said: {run.said() or 'nothing'}"]
     return []
 
@@ -310,7 +314,7 @@ def full(writer: Writer, place: Path, inputs: Path, whole: Path) -> list[str]:
         else:
             folder, before, expected = disk / "a", lambda: None, "is full; make room"
         folder.mkdir()
-        troubles = refusal(writer, folder, inputs, place / "full.log", before, expected)
+        troubles = refusal(writer, folder, inputs, place / "full.log", before, expected, writer.full)
         if (folder / "out").exists():
             troubles += half_written(writer, folder / "out", whole)
         troubles += [f"{path.name} was left" for path in folder.rglob(".writing-*")]

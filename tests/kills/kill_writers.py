@@ -161,7 +161,8 @@ EVERY = [
     Writer("train-segmentation", train_segmentation, r"state/|\.jsonl$", LOGS),
     Writer("train", train_system, r"state/|\.jsonl$", LOGS),
     Writer("reconstruct", reconstruct, timed=LOGS),
-    Writer("study", reconstruct_study, r"subjects\.tsv$|meshot\.log$", LOGS + IN_STUDIES),
+    # A full disk is the failure of a visit: it is recorded, the next visit is tried, and the status is 1.
+    Writer("study", reconstruct_study, r"subjects\.tsv$|meshot\.log$|_error\.json$", LOGS + IN_STUDIES, full=1),
     Writer("quality", quality_page),
     Writer("table", compare_folders, timed=r"surfaces\.json"),
     Writer("notebooks", run_notebook),

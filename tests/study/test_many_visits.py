@@ -83,6 +83,27 @@ def test_other_scans_are_not_taken_for_those_that_were_done(tmp_path, dataset, s
     assert one_visit.reconstruct_visit(visit, tmp_path / "study", settings)["scans"] == report["scans"]
 
 
+@pytest.mark.parametrize("same", [True, False])
+def test_of_two_runs_of_one_visit_the_first_to_end_is_taken(tmp_path, dataset, settings, quick, monkeypatch, same):
+    visit, write = visits_of_bids(dataset)[0], one_visit.write_found
+
+    def overtaken(*arguments):
+        monkeypatch.setattr(one_visit, "write_found", write)
+        other = one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
+        if not same:
+            (tmp_path / "study" / visit.label / "report.json").write_text(json.dumps(other | {"scans": {"a": "b"}}))
+        return write(*arguments)
+
+    monkeypatch.setattr(one_visit, "write_found", overtaken)
+    if same:
+        report = one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
+        assert report == json.loads((tmp_path / "study" / visit.label / "report.json").read_text())
+    else:
+        with pytest.raises(ValueError, match="made before with another scans"):
+            one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
+    assert not list((tmp_path / "study").rglob(".writing*"))
+
+
 def test_a_folder_with_other_things_is_kept(tmp_path, dataset, settings, quick):
     precious = tmp_path / "study" / "sub-02" / "thesis.txt"
     precious.parent.mkdir(parents=True)

@@ -102,9 +102,15 @@ def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progre
         (place / layout.report_folder).mkdir(exist_ok=True)
         return place / layout.report_folder
 
-    with whole_folder(folder, replace=folder.is_dir()) as temporary:
-        report = write_found(temporary, found, scan, visit.label, networks, facts, arrange)
-        layout.finish(temporary, visit, report)
+    try:
+        with whole_folder(folder, replace=folder.is_dir()) as temporary:
+            report = write_found(temporary, found, scan, visit.label, networks, facts, arrange)
+            layout.finish(temporary, visit, report)
+    except ValueError:  # another run of the same study may have ended first, with the same result
+        earlier = _earlier_report(folder, layout, facts, settings)
+        if earlier is None:
+            raise
+        return earlier
     return report
 
 
