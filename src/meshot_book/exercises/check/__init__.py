@@ -15,12 +15,14 @@ from meshot_book.exercises.results_exercises import kept_check, observed_order, 
 from meshot_book.exercises.ruler_exercises import breaks_bound, pairs_left, two_sided, without_floor
 from meshot_book.exercises.scan_exercises import handles, is_simple, surface_ras
 from meshot_book.exercises.slicing_exercises import ghost_pair, lines_needed, sliced_cost
+from meshot_book.exercises.study_exercises import best_visits, group_size, pair_reliability
 from meshot_book.exercises.surface_exercises import mask_euler, row_distance, soft_overlap
 from meshot_book.exercises.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
     "alignment",
     "area_gradient",
+    "best_visits",
     "blocked_chamfer",
     "blur_in_coordinates",
     "breaks_bound",
@@ -36,6 +38,7 @@ __all__ = [
     "gap_cost",
     "ghost_pair",
     "grid_affine",
+    "group_size",
     "growth_exponent",
     "handles",
     "is_inside_out",
@@ -52,6 +55,7 @@ __all__ = [
     "nearest_arrows",
     "noise_from_air",
     "observed_order",
+    "pair_reliability",
     "paired_gap",
     "pairs_left",
     "pieces_needed",
