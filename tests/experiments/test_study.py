@@ -35,10 +35,13 @@ def test_the_committed_rows_are_those_of_the_configuration(record, config, part)
 
 
 def test_atrophy_makes_the_same_person_smaller(record):
+    """Of those whose random deformation is the same without atrophy: chapter 37 leaves the others out."""
+    compared = 0
     for person in record["results"]["people"]:
-        assert person.get("strength_before", person["strength"]) == person["strength"]
-        for side in ("left", "right"):
-            if person["group"] == "patient":
-                assert 0.85 < person[f"{side}_volume_mm3"] / person[f"{side}_before_volume_mm3"] < 0.98
-            else:
-                assert f"{side}_before_volume_mm3" not in person
+        if person["group"] != "patient":
+            assert not any("before" in name for name in person)
+        elif person["strength_before"] == person["strength"]:
+            compared += 1
+            ratios = [person[f"{side}_volume_mm3"] / person[f"{side}_before_volume_mm3"] for side in ("left", "right")]
+            assert all(0.85 < ratio < 0.98 for ratio in ratios)
+    assert compared >= 3

@@ -24,12 +24,10 @@ def pair_reliability(function: object) -> None:
             "the mean square between people contains the error too: subtract the mean square within people above",
         ),
         Mistake(
+            # Half the square between people, or twice the one within people: the ratio is the same.
             lambda a, b: _ratio(_squares(a, b)[0], 2 * _squares(a, b)[1]),
-            "the mean square within people is half the mean of the squared differences",
-        ),
-        Mistake(
-            lambda a, b: _ratio(_squares(a, b)[0] / 2, _squares(a, b)[1]),
-            "the mean square between people is twice the variance of the people's means",
+            "the mean square between people is twice the variance of the people's means, and the one within people is "
+            "half the mean of the squared differences",
         ),
         Mistake(
             lambda a, b: _ratio(_squares(a, b)[0] * (len(a) - 1) / len(a), _squares(a, b)[1]),
@@ -135,6 +133,7 @@ def best_visits(function: object) -> None:
         Case("an unreliable measurement", (0.2, 300.0, 100.0)),
         Case("a cheap visit", (0.5, 1000.0, 9.0)),
         Case("a minimum between one and two", (0.5, 210.0, 100.0)),
+        Case("a visit that costs more than finding a person", (0.1, 100.0, 300.0)),
         Case("a minimum just above one", (0.5, 130.0, 100.0)),
     ]
     check_answer(function, _best, cases, mistakes, "best_visits")
