@@ -14,7 +14,7 @@ from meshot.types import Float, Tensor
 def sliced_partial(
     source: MeasureLike, target: MeasureLike, reach: float, directions: Directions = 100
 ) -> Float[Tensor, ""]:
-    """The mean over directions of the partial transport cost in one dimension, with the ground cost |x − y|.
+    """The mean over directions of the partial transport cost in one dimension; the ground cost is the distance.
 
     Along every direction, mass is either transported, at a cost of its distance, or removed in the source and added in
     the target, at a cost of ``reach`` for both together. No mass is transported farther than ``reach``. The cost is
@@ -45,8 +45,8 @@ def sliced_partial(
     -----
     Exact for any masses, in O(N log N) time per direction, N = n + m. It is a metric for fixed directions, up to
     measures that these do not distinguish: the cost on a line is the largest ``∫ f d(μ − ν)`` over functions f with
-    Lipschitz constant 1 and values in [−reach/2, reach/2]. Only the ground cost |x − y| is offered, because the
-    algorithm requires it. Computed in float64 on the CPU, for all inputs.
+    Lipschitz constant 1 and values in [−reach/2, reach/2]. The distance is the only ground cost, because
+    the algorithm requires it. Computed in float64 on the CPU, for all inputs.
 
     References
     ----------
@@ -68,7 +68,7 @@ def sliced_partial(
 def sliced_unbalanced(
     source: MeasureLike, target: MeasureLike, reach: float, directions: Directions = 100
 ) -> Float[Tensor, ""]:
-    r"""The mean over directions of the unbalanced transport cost in one dimension, with the ground cost |x − y|.
+    r"""The mean over directions of the unbalanced transport cost in one dimension; the ground cost is the distance.
 
     Along every direction, the masses of both sides may change before the transport. With projected measures μ and ν,
     the cost is
