@@ -17,7 +17,7 @@ from meshot import (
 )
 from meshot.loss.composed.encodings import ENCODINGS, SampleEncoding, SurfaceEncoding, VarifoldEncoding
 from meshot.loss.composed.measure_losses import LOSSES, ChamferLoss, SinkhornLoss, SlicedLoss, WindowedLoss
-from meshot.loss.composed.surfaces import SurfaceLoss, loss_setting_names, surface_loss
+from meshot.loss.composed.surfaces import SummedLoss, SurfaceLoss, loss_setting_names, surface_loss
 from meshot.loss.directions import random_directions
 from meshot.measure.discrete import varifold_sample
 from meshot.mesh.shapes.solids import icosphere
@@ -99,11 +99,27 @@ def test_the_gradient_reaches_the_vertices_in_their_own_precision(encoding):
         ({"normal_scale": -1.0}, "normal_scale is -1.0"),
         ({"loss": "windowed", "window": 0.0}, "window is 0.0; a finite number > 0"),
         ({"loss": "windowed", "n_windows": 0}, "n_windows is 0"),
+        ({"terms": []}, "terms is empty"),
+        ({"terms": "chamfer"}, "terms is 'chamfer'; a list of settings"),
+        ({"terms": [{"terms": []}]}, "a list of settings of losses is needed"),
+        ({"terms": [{"loss": "chamfer"}], "factor": 2.0}, "factor stands beside terms"),
+        ({"terms": [{"loss": "chamfer", "p": 1}]}, "p is set, which chamfer"),
     ],
 )
 def test_settings_that_will_not_do(settings, words):
     with pytest.raises(ValueError, match=words):
         surface_loss(settings)
+
+
+def test_a_sum_has_terms_with_encodings_of_their_own():
+    terms = [{"loss": "windowed", "normal_scale": 3.0, "n_windows": 4}, {"loss": "chamfer", "encoding": "samples"}]
+    terms[1]["factor"] = 0.1
+    together, draw = surface_loss({"terms": terms}), random()
+    one_by_one = [surface_loss(term)(SOURCE, TARGET, draw) for term in terms]
+    assert float(together(SOURCE, TARGET, random())) == pytest.approx(float(sum(one_by_one)), rel=1e-12)
+    assert isinstance(together, SummedLoss)
+    assert surface_loss(together.settings()) == together
+    assert together.settings().keys() <= loss_setting_names()
 
 
 def test_settings_come_back_as_they_went_in():

@@ -36,6 +36,19 @@ def test_a_new_network_moves_every_vertex_alike_by_the_last_bias_only():
     torch.testing.assert_close(velocity, network.to_velocity.bias.detach().expand_as(velocity))
 
 
+def test_the_unit_of_velocity_multiplies_the_last_layer_but_not_the_first_velocity(network):
+    arguments = network.config() | {"velocity_unit": 104.0, "generator": 3}
+    scaled, at = DeformationNetwork(**arguments), (torch.tensor(0.0), points())
+    torch.testing.assert_close(104 * scaled.to_velocity.bias, network.to_velocity.bias)
+    with torch.no_grad():
+        scaled.to_velocity.weight.copy_(network.to_velocity.weight / 104)
+    one, other = (n.velocity_in(volume(0)) for n in (network, scaled))
+    torch.testing.assert_close(other(*at), one(*at))
+    torch.testing.assert_close(other.lipschitz_bound(), one.lipschitz_bound())
+    slopes = [torch.autograd.grad(f(*at).sum(), f.network.to_velocity.weight)[0] for f in (one, other)]
+    torch.testing.assert_close(slopes[1], 104 * slopes[0])
+
+
 def test_every_path_carries_points_to_the_same_place_with_the_same_gradients(network):
     found = []
     for path in ("cut", "convolved", "visited"):
@@ -91,7 +104,12 @@ def test_the_same_seed_gives_the_same_network_and_torchs_generator_is_left_alone
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
-    [({"width": 0}, "width is 0"), ({"hidden": (4, -1)}, "hidden is -1"), ({"extent": 0.0}, "extent is 0.0")],
+    [
+        ({"width": 0}, "width is 0"),
+        ({"hidden": (4, -1)}, "hidden is -1"),
+        ({"extent": 0.0}, "extent is 0.0"),
+        ({"velocity_unit": -1.0}, "velocity_unit is -1.0"),
+    ],
 )
 def test_doors(arguments, words):
     with pytest.raises(ValueError, match=words):

@@ -25,7 +25,7 @@ from meshot.systems import get_system, read_settings
 from meshot.systems.deformation.carrying import deformed, standardised
 from meshot.systems.deformation.data import hemisphere_example
 from meshot.systems.deformation.settings import DeformationConfig, deformation_config
-from meshot.systems.deformation.training import train_deformation
+from meshot.systems.deformation.training import carried, train_deformation, velocity_field
 from meshot.volume.sampling import sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
 
@@ -83,6 +83,19 @@ def test_one_step_is_algorithm_1_by_hand(examples):
     assert found.log[0]["loss"] == pytest.approx(float(loss.detach()), rel=1e-5)
     for name, value in network.state_dict().items():
         torch.testing.assert_close(found.network.state_dict()[name], value, rtol=1e-4, atol=1e-5)
+
+
+def test_a_field_that_is_kept_follows_the_network(examples):
+    network, item = TINY.new_network(), examples[0][0]
+    kept = velocity_field(item, network, torch.device("cpu"))
+    before = carried(item.coarse, kept, TINY.training).vertices
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.add_(0.1)
+    after = carried(item.coarse, kept, TINY.training).vertices
+    fresh = carried(item.coarse, velocity_field(item, network, torch.device("cpu")), TINY.training).vertices
+    assert torch.equal(after, fresh)
+    assert not torch.equal(after, before)
 
 
 @pytest.mark.parametrize("loss", [{}, {"loss": "chamfer", "encoding": "samples", "factor": 1000.0}])

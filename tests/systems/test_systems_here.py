@@ -45,6 +45,17 @@ def test_a_setting_that_the_loss_does_not_use_is_refused_by_file_and_name():
     assert "normal_scale" not in get_system("ddot").complete({"loss": {"encoding": "samples"}})["loss"]
 
 
+def test_the_loss_of_a_system_may_be_a_sum(monkeypatch):
+    terms = [{"loss": "chamfer", "encoding": "samples"}, {"loss": "windowed", "encoding": "varifold"}]
+    kind = get_system("cortexode")
+    given = kind.complete({"loss": {"terms": terms}})["loss"]
+    assert [term["loss"] for term in given["terms"]] == ["chamfer", "windowed"]
+    assert given["terms"][0]["factor"] == 1.0  # not the thousand of CortexODE
+    monkeypatch.setattr(kind, "loss", {"terms": terms})
+    assert kind.complete({})["loss"] == given
+    assert kind.complete({"loss": {"loss": "chamfer"}})["loss"]["loss"] == "chamfer"
+
+
 def test_a_network_too_large_to_be_kept_is_refused_at_once():
     assert LARGEST_BYTES == 10_000_000
     with pytest.raises(ValueError, match="MB; at most 10 MB are kept"):

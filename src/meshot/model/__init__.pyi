@@ -1,4 +1,4 @@
-from .deformation import N_STEPS as N_STEPS, DeformationNetwork as DeformationNetwork
+from .deformation import N_STEPS as N_STEPS, DeformationNetwork as DeformationNetwork, ImageVelocity as ImageVelocity
 from .overlap import segmentation_loss as segmentation_loss, soft_dice as soft_dice
 from .segmentation import SegmentationNetwork as SegmentationNetwork
 from .weights import (

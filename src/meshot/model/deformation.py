@@ -39,14 +39,17 @@ class DeformationNetwork(nn.Module):
         Number of scales (1, 2, 4, ... times the voxel size), and number of voxels along the side of a cube, odd.
     extent : float
         In mm. Positions are divided by it before they enter the network.
+    velocity_unit : float
+        In mm per unit of time. The output of the last layer is multiplied by it. CortexODE moves points in units of
+        half the image: this corresponds to 104 mm. The larger the unit, the faster the last layer learns.
     generator : generator or int
         Source of the initial weights. Those of the last layer are zero, so that the initial velocity is a small
-        constant, its bias.
+        constant: its bias, which does not depend on the unit.
 
     Raises
     ------
     ValueError
-        If a count is not a positive integer or is too large, or ``extent`` is not a positive length.
+        If a count is not a positive integer or is too large, or ``extent`` or ``velocity_unit`` is not positive.
 
     Notes
     -----
@@ -65,6 +68,7 @@ class DeformationNetwork(nn.Module):
         n_scales: int = 3,
         size: int = 5,
         extent: float = 100.0,
+        velocity_unit: float = 1.0,
         generator: Generator = 0,
     ):
         super().__init__()
@@ -74,10 +78,11 @@ class DeformationNetwork(nn.Module):
         require_positive_integer(len(hidden), "the number of hidden layers", 16)
         for name, count in (("n_scales", n_scales), ("size", size)):
             require_positive_integer(count, name, 15)
-        if not 0 < extent < math.inf:
-            raise ValueError(f"extent is {extent!r}; a positive length is needed, in mm")
+        for name, length in (("extent", extent), ("velocity_unit", velocity_unit)):
+            if not 0 < length < math.inf:
+                raise ValueError(f"{name} is {length!r}; a positive length is needed, in mm")
         generator = numpy_generator(generator)
-        self.extent = float(extent)
+        self.extent, self.velocity_unit = float(extent), float(velocity_unit)
         self.of_position = _linear(3, width, generator)
         self.cubes = CubeConvolution(width, n_scales, size, generator)
         self.of_image = _linear(width, width, generator)
@@ -85,6 +90,7 @@ class DeformationNetwork(nn.Module):
         self.perceptron = nn.ModuleList(_linear(*counts, generator) for counts in itertools.pairwise(sizes))
         self.to_velocity = _linear(sizes[-1], 3, generator)
         nn.init.zeros_(self.to_velocity.weight)
+        self.to_velocity.bias.data /= self.velocity_unit
 
     def forward(
         self, points: Float[Tensor, "n 3"], image_features: Float[Tensor, "n features"]
@@ -93,7 +99,7 @@ class DeformationNetwork(nn.Module):
         values = torch.cat([self.of_position(points / self.extent), self.of_image(image_features)], dim=1)
         for layer in self.perceptron:
             values = layer(nn.functional.leaky_relu(values, SLOPE))
-        return self.to_velocity(nn.functional.leaky_relu(values, SLOPE))
+        return self.velocity_unit * self.to_velocity(nn.functional.leaky_relu(values, SLOPE))
 
     def velocity_in(self, image: Volume, path: Path = "convolved") -> "ImageVelocity":
         """The velocity field for an image. The network can be trained through it; the image is not a parameter."""
@@ -107,6 +113,7 @@ class DeformationNetwork(nn.Module):
             "n_scales": self.cubes.weight.shape[1],
             "size": self.cubes.weight.shape[2],
             "extent": self.extent,
+            "velocity_unit": self.velocity_unit,
         }
 
     @property
@@ -172,7 +179,7 @@ class ImageVelocity(LearnedVelocity):
         of_image = sum(level.lipschitz_bound() for level in network.cubes.maps(self.images))
         entering = torch.stack([_norm(network.of_position) / network.extent, _norm(network.of_image) * of_image]).norm()
         layers = [*network.perceptron, network.to_velocity]
-        return entering * torch.stack([_norm(layer) for layer in layers]).prod()
+        return network.velocity_unit * entering * torch.stack([_norm(layer) for layer in layers]).prod()
 
 
 def _norm(layer: nn.Linear) -> Float[Tensor, ""]:

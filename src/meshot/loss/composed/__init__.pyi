@@ -13,4 +13,9 @@ from .measure_losses import (
     SlicedLoss as SlicedLoss,
     WindowedLoss as WindowedLoss,
 )
-from .surfaces import SurfaceLoss as SurfaceLoss, loss_setting_names as loss_setting_names, surface_loss as surface_loss
+from .surfaces import (
+    SummedLoss as SummedLoss,
+    SurfaceLoss as SurfaceLoss,
+    loss_setting_names as loss_setting_names,
+    surface_loss as surface_loss,
+)

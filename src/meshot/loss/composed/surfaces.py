@@ -1,10 +1,11 @@
-"""Losses between two surfaces: a loss of measures applied to an encoding."""
+"""Losses between two surfaces: a loss of measures applied to an encoding, and sums of such losses."""
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import torch
 
 from meshot.loss.composed.encodings import ENCODINGS, Encoding, VarifoldEncoding
 from meshot.loss.composed.measure_losses import LOSSES, MeasureLoss, SlicedLoss
@@ -63,14 +64,44 @@ class SurfaceLoss:
         return names | dataclasses.asdict(self.encoding) | dataclasses.asdict(self.loss) | {"factor": self.factor}
 
 
-def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss:
-    """Make a loss between surfaces from a flat mapping of settings, such as a section of a YAML file.
+@dataclasses.dataclass(frozen=True)
+class SummedLoss:
+    """The sum of several losses between surfaces, each with its own encoding and factor.
+
+    Parameters
+    ----------
+    terms : tuple of SurfaceLoss
+        At least one.
+
+    Raises
+    ------
+    ValueError
+        If there is no term.
+    """
+
+    terms: tuple[SurfaceLoss, ...]
+
+    def __post_init__(self):
+        if not self.terms:
+            raise ValueError("terms is empty; at least one loss is needed")
+
+    def __call__(self, source: Mesh, target: Mesh, generator: np.random.Generator) -> Float[Tensor, ""]:
+        """The sum. The terms draw their random numbers one after the other."""
+        return torch.stack([term(source, target, generator) for term in self.terms]).sum()
+
+    def settings(self) -> dict:
+        """The settings of all terms, in the format that :func:`surface_loss` reads."""
+        return {"terms": [term.settings() for term in self.terms]}
+
+
+def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss | SummedLoss:
+    """Make a loss between surfaces from a mapping of settings, such as a section of a YAML file.
 
     Parameters
     ----------
     settings : mapping
         ``loss`` and ``encoding`` are names (default: sliced and varifold). The others are fields of these two, and
-        ``factor``. None means that a setting is not given.
+        ``factor``. None means that a setting is not given. Or only ``terms``, a list of such mappings: their sum.
 
     Raises
     ------
@@ -78,11 +109,13 @@ def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss:
         If a name is unknown, a setting is not used by either part, or a value is invalid.
     """
     given = {name: value for name, value in settings.items() if value is not None}
+    if "terms" in given:
+        return _summed(given)
     loss, encoding = str(given.pop("loss", "sliced")), str(given.pop("encoding", "varifold"))
     kinds = {"encoding": _kind_of(ENCODINGS, encoding, "encoding"), "loss": _kind_of(LOSSES, loss, "loss")}
     factor, parts = given.pop("factor", 1.0), {}
     for part, kind in kinds.items():
-        own = {field.name for field in dataclasses.fields(kind)} & given.keys()
+        own = _field_names(kind) & given.keys()
         parts[part] = kind(**{name: given.pop(name) for name in sorted(own)})
     if given:
         used = [field.name for kind in kinds.values() for field in dataclasses.fields(kind)]
@@ -93,11 +126,24 @@ def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss:
     return SurfaceLoss(**parts, factor=factor)
 
 
+def _summed(given: dict) -> SummedLoss:
+    terms = given.pop("terms")
+    if given:
+        raise ValueError(f"{', '.join(given)} stands beside terms; write it into the term that it belongs to")
+    if not isinstance(terms, Sequence) or not all(isinstance(term, Mapping) and "terms" not in term for term in terms):
+        raise ValueError(f"terms is {terms!r}; a list of settings of losses is needed, such as [{{loss: chamfer}}]")
+    return SummedLoss(tuple(surface_loss(term) for term in terms))
+
+
 def loss_setting_names(loss: str | None = None, encoding: str | None = None) -> set[str]:
     """The settings that a loss and an encoding use. For a missing or unknown name, the settings of all of its kind."""
     kinds = [LOSSES[loss]] if loss in LOSSES else LOSSES.values()
     kinds = [*kinds, *([ENCODINGS[encoding]] if encoding in ENCODINGS else ENCODINGS.values())]
-    return {"loss", "encoding", "factor"} | {field.name for kind in kinds for field in dataclasses.fields(kind)}
+    return {"loss", "encoding", "factor", "terms"}.union(*(_field_names(kind) for kind in kinds))
+
+
+def _field_names(kind: type) -> set[str]:
+    return {field.name for field in dataclasses.fields(kind)}
 
 
 def _kind_of(table: Mapping[str, type], name: str, what: str) -> type:

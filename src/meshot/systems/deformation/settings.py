@@ -5,11 +5,11 @@ import dataclasses
 from meshot.anatomy import HEMISPHERES, Hemisphere
 from meshot.errors import require_positive_integer
 from meshot.flow import METHODS
-from meshot.loss.composed import SurfaceLoss, loss_setting_names, surface_loss
+from meshot.loss.composed import SummedLoss, SurfaceLoss, loss_setting_names, surface_loss
 from meshot.model import N_STEPS, DeformationNetwork
 from meshot.train import Groups, Plan, checked_groups, require_plan_settings, setting_names
 
-NETWORK = {"width", "hidden", "n_scales", "size", "extent"}
+NETWORK = {"width", "hidden", "n_scales", "size", "extent", "velocity_unit"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,7 +85,7 @@ class DeformationConfig:
     """Architecture, loss and training settings of a network: ``network``, ``loss`` and ``training`` in a file."""
 
     network: dict
-    loss: SurfaceLoss
+    loss: SurfaceLoss | SummedLoss
     training: DeformationSettings
 
     def as_dict(self) -> Groups:

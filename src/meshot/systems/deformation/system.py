@@ -43,13 +43,19 @@ class DeformationSystem(SurfaceSystem):
         ValueError
             If a setting is unknown, a value is invalid, or the network is too large to be stored.
         """
-        given = settings.get("loss", {})
-        names = {name: given.get(name) or cls.loss[name] for name in ("loss", "encoding")}
-        # Drop defaults of the system that the chosen loss and encoding do not use.
-        own = {name: value for name, value in cls.loss.items() if name in loss_setting_names(**names)}
-        config = deformation_config(settings | {"loss": own | names | given}, f"the configuration of {cls.name}")
+        loss = cls._loss_settings(settings.get("loss", {}))
+        config = deformation_config(settings | {"loss": loss}, f"the configuration of {cls.name}")
         require_small(config.new_network())
         return config
+
+    @classmethod
+    def _loss_settings(cls, given: dict) -> dict:
+        """The given settings of the loss, with those defaults of the system that the loss and the encoding use."""
+        chosen = {"terms", "loss", "encoding"} & given.keys()
+        if "terms" in chosen or "terms" in cls.loss:
+            return given if chosen else cls.loss | given
+        names = {name: given.get(name) or cls.loss[name] for name in ("loss", "encoding")}
+        return {k: v for k, v in cls.loss.items() if k in loss_setting_names(**names)} | names | given
 
     @classmethod
     def complete(cls, settings: Groups) -> Groups:

@@ -1,5 +1,6 @@
 """Algorithm 1 of the paper: training of a network whose flow moves initial surfaces to true ones."""
 
+import functools
 import os
 from collections.abc import Sequence
 
@@ -9,7 +10,7 @@ import torch
 from meshot.flow import integrate
 from meshot.mesh import Mesh
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
-from meshot.model import DeformationNetwork
+from meshot.model import DeformationNetwork, ImageVelocity
 from meshot.systems.deformation.carrying import deformed, standardised
 from meshot.systems.deformation.data import DeformationExample, digest
 from meshot.systems.deformation.settings import DeformationConfig, DeformationSettings
@@ -65,10 +66,15 @@ def train_deformation(
     }
     targets = [Surface(item.target) for item in validation]
 
+    @functools.cache
+    def field_of(index: int) -> ImageVelocity:
+        return velocity_field(training[index], network, device)
+
     def loss_of(step: int) -> tuple[Tensor, str]:
-        item = _example(step, training, settings)
+        index = _example(step, len(training), settings)
+        item = training[index]
         generator = np.random.default_rng([settings.seed, _LOSS, step])
-        predicted = carried(item.coarse.to(device), item, network, settings)
+        predicted = carried(item.coarse.to(device), field_of(index), settings)
         try:
             return config.loss(predicted, item.target.to(device), generator), item.name
         except ValueError as error:  # for example a mesh without area
@@ -83,17 +89,21 @@ def train_deformation(
     )  # fmt: skip
 
 
-def carried(mesh: Mesh, item: DeformationExample, network: DeformationNetwork, settings: DeformationSettings) -> Mesh:
-    """The predicted mesh: the initial mesh after the flow. Differentiable with respect to the network's parameters."""
-    path = "visited" if mesh.vertices.device.type == "cpu" else "convolved"
-    field = network.velocity_in(standardised(item.scan, item.initial), path)
+def velocity_field(item: DeformationExample, network: DeformationNetwork, device: torch.device) -> ImageVelocity:
+    """The velocity field of a network in the scan of an example. It follows the network when its weights change."""
+    path = "visited" if device.type == "cpu" else "convolved"
+    return network.velocity_in(standardised(item.scan, item.initial), path)
+
+
+def carried(mesh: Mesh, field: ImageVelocity, settings: DeformationSettings) -> Mesh:
+    """The predicted mesh: a mesh after the flow. Differentiable with respect to the network's parameters."""
     return mesh.with_vertices(integrate(field, mesh.vertices, settings.n_flow_steps, settings.method))
 
 
-def _example(step: int, training: Sequence[DeformationExample], settings: DeformationSettings) -> DeformationExample:
-    """The subject of a step. Every epoch visits all subjects in a new random order."""
-    epoch, place = divmod(step, len(training))
-    return training[np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(len(training))[place]]
+def _example(step: int, n_examples: int, settings: DeformationSettings) -> int:
+    """The index of the subject of a step. Every epoch visits all subjects in a new random order."""
+    epoch, place = divmod(step, n_examples)
+    return int(np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(n_examples)[place])
 
 
 def _validation(
