@@ -112,6 +112,8 @@ def step_maps(
     velocity : callable of (time, points)
     points : tensor
         Determines the dtype and the device of the times.
+    n_steps, method : int, str
+        As in :func:`meshot.integrate`.
 
     Raises
     ------

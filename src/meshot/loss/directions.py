@@ -27,6 +27,8 @@ def random_directions(
         Number of directions, and dimension.
     generator : numpy.random.Generator, torch.Generator or int
         Random number generator; an integer is a seed.
+    dtype, device : torch.dtype, torch.device
+        Of the result.
 
     Raises
     ------
@@ -60,6 +62,8 @@ def orthogonal_directions(
         Number of directions, and dimension.
     generator : numpy.random.Generator, torch.Generator or int
         Random number generator; an integer is a seed.
+    dtype, device : torch.dtype, torch.device
+        Of the result.
 
     Raises
     ------
@@ -103,6 +107,8 @@ def quasi_directions(
         Number of directions, and dimension.
     seed : int
         Seed of the rotation (and of the scrambling or shift, if any).
+    dtype, device : torch.dtype, torch.device
+        Of the result.
     method : str, optional
         ``"equal angles"`` (R² only), ``"spiral"`` and ``"half spiral"`` (R³ only, Fibonacci), ``"lattice"``
         (Kronecker), ``"sobol"`` (scrambled, through the Gaussian quantile function), ``"sobol frames"`` (the same in

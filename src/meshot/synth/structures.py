@@ -40,8 +40,7 @@ class Structure:
     tissue : str
         "deep grey", "fluid" or "hindbrain".
     centre_mm : array
-        "deep grey", "fluid" or "hindbrain".
-    centre_mm : array
+        In head coordinates.
     axes_mm : array
         The half axes, as columns.
     inside_white : bool

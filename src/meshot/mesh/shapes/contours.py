@@ -76,6 +76,8 @@ def near_regular_polygon(n_corners: int, jitter: float, generator: Generator, ra
         In [0, 1): each corner's distance from the origin is uniform in ``radius`` · [1 − jitter, 1 + jitter].
     generator : numpy.random.Generator, torch.Generator or int
         Random number generator; an integer is a seed.
+    radius : float
+        Of the regular polygon.
 
     Raises
     ------

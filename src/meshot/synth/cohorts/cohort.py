@@ -51,8 +51,6 @@ class Participant:
     Parameters
     ----------
     participant_id : str
-        Such as ``sub-001``.
-    split : str
         For example ``sub-001``.
     split : str
         One of ``SPLITS``.

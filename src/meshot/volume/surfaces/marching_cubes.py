@@ -22,6 +22,7 @@ def isosurface(volume: Volume, level: float = 0.5) -> Mesh:
     ----------
     volume : Volume
         A mask or a field that is larger inside.
+    level : float
         In the units of the volume.
 
     Returns
