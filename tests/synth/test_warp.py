@@ -9,7 +9,7 @@ import torch
 from meshot.flow.crossings.jacobian import sampled_lipschitz
 from meshot.mesh.shapes.solids import icosphere
 from meshot.synth.separation import crossing_faces
-from meshot.synth.warp import random_velocity, randomly_warped, smooth_variation
+from meshot.synth.warp import random_velocity, random_warp, smooth_variation
 
 
 def test_velocities_have_the_size_asked_for():
@@ -24,23 +24,34 @@ def test_velocities_have_the_size_asked_for():
 def test_a_warp_is_repeatable_smooth_and_keeps_a_ball_from_crossing():
     ball = icosphere(4, radius=40.0)
     warp = (3.0, 2.0, 1.0)
-    one, two = randomly_warped([ball, ball], warp, 3)
+    one, two = random_warp([ball, ball], 0.0, warp, 3).of_meshes([ball, ball])
     assert torch.equal(one.vertices, two.vertices)
-    assert torch.equal(one.vertices, randomly_warped([ball], warp, 3)[0].vertices)
-    assert not torch.equal(one.vertices, randomly_warped([ball], warp, 4)[0].vertices)
+    assert torch.equal(one.vertices, random_warp([ball], 0.0, warp, 3).of_meshes([ball])[0].vertices)
+    assert not torch.equal(one.vertices, random_warp([ball], 0.0, warp, 4).of_meshes([ball])[0].vertices)
     assert not len(crossing_faces([one]))
     assert 1 < float((one.vertices - ball.vertices).norm(dim=1).mean()) < 12
     field = random_velocity(ball.vertices, warp_mm=warp, generator=3)
     assert float(sampled_lipschitz(field, ball.vertices)) < float(field.lipschitz_bound())
 
 
+def test_a_warp_can_be_undone():
+    ball = icosphere(3, radius=40.0)
+    for warp_mm in ((), (3.0, 2.0, 1.0)):
+        warp = random_warp([ball], 0.1, warp_mm, 5)
+        there = warp.forward(ball.vertices)
+        assert float((there - ball.vertices).norm(dim=1).mean()) > 1
+        assert float((warp.backward(there) - ball.vertices).norm(dim=1).max()) < 1e-3
+
+
 def test_impossible_warps_are_refused():
     ball = icosphere(2, radius=30.0)
-    for warp in ((), (-1.0,), (math.nan,)):
+    for warp in ((-1.0,), (math.nan,)):
         with pytest.raises(ValueError, match="one number >= 0 for each scale"):
-            randomly_warped([ball], warp, 0)
+            random_warp([ball], 0.0, warp, 0)
+    with pytest.raises(ValueError, match="one number >= 0 for each scale"):
+        random_velocity(ball.vertices, warp_mm=(), generator=0)
     with pytest.raises(ValueError, match="Lipschitz bound"):
-        randomly_warped([ball], (3.0, 2.0, 30.0), 0)
+        random_warp([ball], 0.0, (3.0, 2.0, 30.0), 0)
     with pytest.raises(ValueError, match="length is 0"):
         smooth_variation(ball.vertices, 0.0, 0)
     with pytest.raises(ValueError, match="n_fields 4"):

@@ -3,6 +3,7 @@ from .templates import (
     Hemisphere as Hemisphere,
     fsaverage5_surface as fsaverage5_surface,
     mni152_brain_mask as mni152_brain_mask,
+    mni152_grey_matter as mni152_grey_matter,
     mni152_t1 as mni152_t1,
     mni152_white_matter as mni152_white_matter,
 )

@@ -4,7 +4,8 @@ Every step is a function from arrays to an array, so that parameters can be stud
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import scipy.interpolate
@@ -12,12 +13,14 @@ import scipy.ndimage
 
 from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
-from meshot.synth.structures import Structure, add_structures
-from meshot.types import Array, Float
+from meshot.synth.structures import Ellipsoids
+from meshot.types import Array, Float, Tensor
 from meshot.volume import Volume, voxel_sizes
 from meshot.volume.surfaces import enclosed_fractions
 
 TISSUES = ("white", "grey", "deep grey", "hindbrain", "fluid", "skull", "scalp")
+#: Tissues of the cerebellum and the brainstem if these are not uniform, and the tissues whose signal they have.
+SAME_SIGNAL = {"hindbrain white": "white", "hindbrain grey": "grey"}
 FWHM = 2 * np.sqrt(2 * np.log(2))
 
 
@@ -55,13 +58,26 @@ class Appearance:
             raise ValueError(f"{self} is not possible: signals and strengths are >= 0, lengths of variation > 0")
 
 
+@runtime_checkable
+class Interior(Protocol):
+    """Everything in a head but its cortex."""
+
+    def ends(self) -> Float[Tensor, "n 3"]:
+        """Points whose bounding box contains it, in scanner RAS."""
+
+    def added_to(
+        self, fractions: Mapping[str, Float[Array, "X Y Z"]], inside_pial: Float[Array, "X Y Z"], grid: Volume
+    ) -> dict[str, Float[Array, "X Y Z"]]:
+        """Tissue fractions in which it replaces white matter, or lies outside the pial surfaces."""
+
+
 def tissue_fractions(
     white: Sequence[Mesh],
     pial: Sequence[Mesh],
     grid: Volume,
     head_mm: Sequence[float] = (),
     n_lines: int = 3,
-    structures: Sequence[Structure] = (),
+    inner: Interior | None = None,
 ) -> dict[str, Float[Array, "X Y Z"]]:
     """The fractions of every voxel that belong to each of ``TISSUES``; the rest is air.
 
@@ -76,7 +92,7 @@ def tissue_fractions(
         narrower than 4 mm.
     n_lines : int
         Number of lines across each voxel, see :func:`meshot.volume.surfaces.enclosed_fractions`.
-    structures : sequence of Structure
+    inner : Interior, optional
         Further structures, which replace white matter or lie below the brain.
 
     Raises
@@ -91,7 +107,7 @@ def tissue_fractions(
     inside_white = np.clip(inside_white, 0, 1)
     inside_pial = np.clip(np.maximum(inside_pial, inside_white), 0, 1)
     cortex = {"white": inside_white, "grey": inside_pial - inside_white}
-    fractions = add_structures(cortex, inside_pial, grid, structures)
+    fractions = (inner or Ellipsoids(())).added_to(cortex, inside_pial, grid)
     covered = sum(fractions.values())
     fluid, skull, scalp = (layer * (1 - covered) for layer in _shells(covered, voxel_sizes(grid), head_mm))
     return fractions | {"fluid": fractions["fluid"] + fluid, "skull": skull, "scalp": scalp}
@@ -131,9 +147,10 @@ def t1_image(
     rng, sizes = numpy_generator(generator), voxel_sizes(grid)
     shape = grid.data.shape
     signal = np.zeros(shape)
-    for tissue in (t for t in TISSUES if fractions[t].any()):
+    means = appearance.signal | {tissue: appearance.signal[like] for tissue, like in SAME_SIGNAL.items()}
+    for tissue in (t for t in (*TISSUES, *SAME_SIGNAL) if t in fractions and fractions[t].any()):
         varied = 1 + appearance.texture * smooth_noise(shape, appearance.texture_mm / sizes, rng)
-        signal += appearance.signal[tissue] * fractions[tissue] * varied
+        signal += means[tissue] * fractions[tissue] * varied
     signal *= np.exp(appearance.bias * smooth_noise(shape, appearance.bias_mm / sizes, rng))
     signal = scipy.ndimage.gaussian_filter(signal, appearance.blur_mm / FWHM / sizes)
     return grid.with_data(rician_noise(signal, appearance.noise, rng).astype(np.float32))

@@ -15,16 +15,18 @@ from meshot.mesh import Mesh, write_mesh
 from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.topology import self_intersecting_faces
 from meshot.synth.cohorts import cohort
-from meshot.synth.imaging import Appearance, t1_image, tissue_fractions
+from meshot.synth.heads import CarriedHead, Leaves
+from meshot.synth.imaging import SAME_SIGNAL, Appearance, Interior, t1_image, tissue_fractions
 from meshot.synth.position import Position, head_position, scanner_grid
-from meshot.synth.structures import Structure, moved_structure, structures_of
+from meshot.synth.structures import Ellipsoids, moved_structure, structures_of
 from meshot.synth.subject import CorticalSurfaces
-from meshot.types import Array, Float, Tensor
+from meshot.types import Array, Float
 from meshot.volume import StandardScan, Volume, standard_scan, transform_points, volume_pyramid, write_volume
 from meshot.volume.surfaces import enclosed_fractions
 
 #: Written coordinates (mm) and values are multiples of these. This removes last bits, which differ between CPUs.
 VERTEX_STEP, STANDARD_STEP = 2.0**-14, 2.0**-12
+_LEAVES = 1  # appended to the seed of a scan: the seed of the leaves of its cerebellum
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,12 +43,25 @@ class Anatomy:
         Thickness of fluid, skull and scalp, in mm; empty for none.
     n_lines : int
         Number of lines across each voxel for partial volumes.
+    leaf_mm : float, optional
+        If given, everything outside the cortex is taken from the MNI152 average and deformed with the cortex, and the
+        leaves of the cerebellum have this width. ``below`` is then not used. None for ellipsoids.
+
+    Raises
+    ------
+    ValueError
+        If ``leaf_mm`` is given together with a size ``below`` other than 1.
     """
 
     ventricles: float = 1.0
     below: float = 1.0
     head_mm: tuple[float, ...] = ()
     n_lines: int = 3
+    leaf_mm: float | None = None
+
+    def __post_init__(self):
+        if self.leaf_mm is not None and self.below != 1.0:
+            raise ValueError(f"below is {self.below}; with leaf_mm the average has its own size: leave out below")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -95,10 +110,11 @@ def simulated_scan(
         for kind, meshes in (("white", subject.white), ("pial", subject.pial))
         for side, mesh in meshes.items()
     }
-    structures = [moved_structure(s, motion) for s in structures_of(subject.white, anatomy.ventricles, anatomy.below)]
-    grid = scanner_grid(_room(position, anatomy), _outermost(surfaces, structures), rng)
+    inner = _interior(subject, anatomy, motion, seed)
+    corners = [mesh.vertices for (kind, _), mesh in surfaces.items() if kind == "pial"]
+    grid = scanner_grid(_room(position, anatomy), torch.cat([*corners, inner.ends()]), rng)
     white, pial = ([surfaces[kind, side] for side in ("left", "right")] for kind in ("white", "pial"))
-    fractions = tissue_fractions(white, pial, grid, anatomy.head_mm, anatomy.n_lines, structures)
+    fractions = tissue_fractions(white, pial, grid, anatomy.head_mm, anatomy.n_lines, inner)
     image = t1_image(fractions, grid, appearance, rng)
     whole = image.with_data(np.clip(np.rint(image.data), 0, 32767).astype(np.int16))
     return Scan(whole, _tissue_labels(fractions, pial, grid), surfaces, motion)
@@ -113,17 +129,21 @@ def _room(position: Position, anatomy: Anatomy) -> Position:
     return dataclasses.replace(position, margin_mm=position.margin_mm + sum(anatomy.head_mm))
 
 
-def _outermost(surfaces: Mapping[tuple[str, str], Mesh], structures: list[Structure]) -> Float[Tensor, "n 3"]:
-    """Points whose bounding box contains everything that must be in the image."""
-    ends = [s.centre_mm + sign * s.axes_mm.T[k] for s in structures for sign in (-1, 1) for k in range(3)]
-    vertices = [mesh.vertices for (kind, _), mesh in surfaces.items() if kind == "pial"]
-    return torch.cat([*vertices, *([torch.from_numpy(np.array(ends))] if ends else [])])
+def _interior(subject: CorticalSurfaces, anatomy: Anatomy, motion: Float[Array, "4 4"], seed: list[int]) -> Interior:
+    if anatomy.leaf_mm is None:
+        found = structures_of(subject.white, anatomy.ventricles, anatomy.below)
+        return Ellipsoids([moved_structure(structure, motion) for structure in found])
+    if subject.warp is None:
+        raise ValueError("the subject has no warp to carry the average with; make it with synthetic_subject")
+    return CarriedHead(subject.warp, motion, anatomy.ventricles, Leaves(anatomy.leaf_mm), [*seed, _LEAVES])
 
 
 def _tissue_labels(fractions: Mapping[str, Float[Array, "X Y Z"]], pial: list[Mesh], grid: Volume) -> Volume:
     """The tissue with the largest fraction of each voxel, or air."""
     left, right = (enclosed_fractions(mesh, grid, 1) for mesh in pial)
     side = right > left
+    hindbrain = sum((fractions[t] for t in SAME_SIGNAL if t in fractions), fractions["hindbrain"])
+    fractions = {t: part for t, part in fractions.items() if t not in SAME_SIGNAL} | {"hindbrain": hindbrain}
     most, labels = 1 - sum(fractions.values()), np.zeros(grid.data.shape, dtype=np.uint8)
     for tissue, part in fractions.items():
         sided = tissue in ("white", "grey")

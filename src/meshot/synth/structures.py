@@ -12,7 +12,7 @@ import scipy.ndimage
 import torch
 
 from meshot.mesh import Mesh
-from meshot.types import Array, Float
+from meshot.types import Array, Float, Tensor
 from meshot.volume import Volume, mm_to_voxel, voxel_sizes
 
 #: Smallest distance between a structure inside the white surface and this surface, in mm.
@@ -87,6 +87,30 @@ def structures_of(white: Mapping[str, Mesh], ventricles: float = 1.0, below: flo
     return [s for s in found if np.linalg.det(s.axes_mm) > 0]
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Ellipsoids:
+    """Simple structures as the inside of a head, see :class:`meshot.synth.imaging.Interior`.
+
+    Parameters
+    ----------
+    structures : sequence of Structure
+        In the order in which they are added.
+    """
+
+    structures: Sequence[Structure]
+
+    def ends(self) -> Float[Tensor, "n 3"]:
+        """The ends of all half axes, in mm."""
+        ends = [s.centre_mm + sign * s.axes_mm.T[k] for s in self.structures for sign in (-1, 1) for k in range(3)]
+        return torch.from_numpy(np.array(ends).reshape(-1, 3))
+
+    def added_to(
+        self, fractions: Mapping[str, Float[Array, "X Y Z"]], inside_pial: Float[Array, "X Y Z"], grid: Volume
+    ) -> dict[str, Float[Array, "X Y Z"]]:
+        """Tissue fractions with the structures: see :func:`meshot.synth.structures.add_structures`."""
+        return add_structures(fractions, inside_pial, grid, self.structures)
+
+
 def moved_structure(structure: Structure, affine: Float[Array, "4 4"]) -> Structure:
     """A structure after an affine transform of the whole head."""
     centre = affine[:3, :3] @ structure.centre_mm + affine[:3, 3]
@@ -129,7 +153,7 @@ def add_structures(
     """
     empty = {tissue: np.zeros(grid.data.shape) for tissue in ("deep grey", "hindbrain", "fluid")}
     fractions = {tissue: values.copy() for tissue, values in fractions.items()} | empty
-    depth = _depth(fractions["white"], voxel_sizes(grid)) if any(s.inside_white for s in structures) else None
+    depth = white_depth(fractions["white"], voxel_sizes(grid)) if any(s.inside_white for s in structures) else None
     for structure in structures:
         box, part = structure_fraction(structure, grid)
         if structure.inside_white:
@@ -141,7 +165,7 @@ def add_structures(
     return fractions
 
 
-def _depth(white: Float[Array, "X Y Z"], sizes: Float[Array, " 3"]) -> Float[Array, "X Y Z"]:
+def white_depth(white: Float[Array, "X Y Z"], sizes: Float[Array, " 3"]) -> Float[Array, "X Y Z"]:
     """The depth of each voxel inside white matter, in mm, accurate to about a voxel."""
     inside = white > 0.5
     depth = np.zeros(white.shape)

@@ -14,7 +14,7 @@ from meshot.rng import Generator, numpy_generator
 from meshot.synth.folding import SUBDIVISIONS, template_cortex, template_thickness
 from meshot.synth.procedural import procedural_cortex
 from meshot.synth.separation import kept_apart
-from meshot.synth.warp import VARIATION_MM, random_sizes, randomly_warped, smooth_variation
+from meshot.synth.warp import VARIATION_MM, HeadWarp, random_warp, smooth_variation
 from meshot.types import Bool, Float, Tensor
 
 Kind = Literal["template", "procedural"]
@@ -40,6 +40,8 @@ class CorticalSurfaces:
         are about .1 mm apart.
     strength : float
         The factor by which the deformations of this subject were scaled to prevent intersections: 1 for nearly all.
+    warp : HeadWarp, optional
+        The deformation of the whole head from the space of the template, if it is known.
 
     Raises
     ------
@@ -51,6 +53,7 @@ class CorticalSurfaces:
     pial: dict[Hemisphere, Mesh]
     wall: dict[Hemisphere, Bool[Tensor, " V"]]
     strength: float = 1.0
+    warp: HeadWarp | None = None
 
     def __post_init__(self):
         for name in ("white", "pial", "wall"):
@@ -161,15 +164,12 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
         rng = np.random.default_rng(child)
         cortices = _cortices(shape, strength, rng)
         meshes = [mesh for white, pial, _ in cortices for mesh in (white, pial)]
-        sizes = random_sizes(strength * shape.size_sd, rng)
-        meshes = [mesh.with_vertices(mesh.vertices * sizes) for mesh in meshes]
-        if shape.warp_mm:
-            meshes = randomly_warped(meshes, tuple(strength * size for size in shape.warp_mm), rng)
-        apart = kept_apart(meshes)
+        warp = random_warp(meshes, strength * shape.size_sd, tuple(strength * size for size in shape.warp_mm), rng)
+        apart = kept_apart(warp.of_meshes(meshes))
         if apart is not None:
             walls = dict(zip(HEMISPHERES, (wall for _, _, wall in cortices), strict=True))
             white, pial = (dict(zip(HEMISPHERES, apart[first::2], strict=True)) for first in (0, 1))
-            return CorticalSurfaces(white, pial, walls, strength)
+            return CorticalSurfaces(white, pial, walls, strength, warp)
     raise ValueError(f"the surfaces of {shape} cross even without variation; lower folding, thickness or atrophy")
 
 

@@ -1,11 +1,12 @@
 """Smooth random fields and random diffeomorphisms, which give the variation between subjects."""
 
+import dataclasses
 import math
 
 import numpy as np
 import torch
 
-from meshot.flow import flow_meshes
+from meshot.flow import integrate
 from meshot.flow.fields import GridVelocity, grid_around, spline_values
 from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
@@ -47,26 +48,83 @@ def random_velocity(*points: Float[Tensor, "_ 3"], warp_mm: tuple[float, ...], g
     return field
 
 
-def randomly_warped(meshes: list[Mesh], warp_mm: tuple[float, ...], generator: Generator) -> list[Mesh]:
-    """Move meshes by the flow of one :func:`meshot.synth.warp.random_velocity`.
+@dataclasses.dataclass(frozen=True, eq=False)
+class HeadWarp:
+    """The deformation of a whole head: other sizes along the axes, then the flow of a velocity.
 
-    The steps (Runge–Kutta of order four) are short enough that each is injective: h·L ≤ ½ for the bound L of the
-    Lipschitz constant, and a step reduces no distance by more than the factor 2 − e^(h·L) > 0. Triangles between moving
-    vertices may intersect where surfaces nearly touch.
+    Parameters
+    ----------
+    sizes : tensor
+        Factors along x, y and z.
+    field : GridVelocity, optional
+        None for no flow.
+    n_steps : int
+        Number of Runge–Kutta steps of the flow.
+    """
+
+    sizes: Float[Tensor, " 3"]
+    field: GridVelocity | None
+    n_steps: int = 1
+
+    def forward(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Positions in the deformed head of points of the template head, in mm."""
+        points = points * self.sizes
+        return points if self.field is None else integrate(self.field, points, self.n_steps, "rk4").detach()
+
+    def of_meshes(self, meshes: list[Mesh]) -> list[Mesh]:
+        """The meshes after the deformation. All their vertices are integrated together."""
+        moved = self.forward(torch.cat([mesh.vertices for mesh in meshes]))
+        parts = moved.split([len(mesh.vertices) for mesh in meshes])
+        return [mesh.with_vertices(part) for mesh, part in zip(meshes, parts, strict=True)]
+
+    def backward(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Positions in the template head of points of the deformed head, in mm."""
+        if self.field is not None:
+            points = integrate(self.field, points, self.n_steps, "rk4", inverse=True).detach()
+        return points / self.sizes
+
+
+def random_warp(meshes: list[Mesh], size_sd: float, warp_mm: tuple[float, ...], generator: Generator) -> HeadWarp:
+    """A random deformation of a head that contains the meshes.
+
+    The steps of the flow (Runge–Kutta of order four) are short enough that each is injective: h·L ≤ ½ for the bound L
+    of the Lipschitz constant, and a step reduces no distance by more than the factor 2 − e^(h·L) > 0. Triangles between
+    moving vertices may intersect where surfaces nearly touch.
+
+    Parameters
+    ----------
+    meshes : list of Mesh
+        In the space of the template.
+    size_sd : float
+        Standard deviation of the logarithm of the sizes: see :func:`meshot.synth.warp.random_sizes`.
+    warp_mm : tuple
+        See :func:`meshot.synth.warp.random_velocity`. Empty for no flow.
+    generator : generator or int
 
     Raises
     ------
     ValueError
         If the Lipschitz bound of the velocity is above 12.
     """
-    field = random_velocity(*[mesh.vertices for mesh in meshes], warp_mm=warp_mm, generator=generator)
+    rng = numpy_generator(generator)
+    sizes = random_sizes(size_sd, rng)
+    if not warp_mm:
+        return HeadWarp(sizes, None)
+    return HeadWarp(sizes, *_injective_flow([mesh.vertices * sizes for mesh in meshes], warp_mm, rng))
+
+
+def _injective_flow(
+    points: list[Float[Tensor, "_ 3"]], warp_mm: tuple[float, ...], generator: Generator
+) -> tuple[GridVelocity, int]:
+    """A random velocity around the points, and the number of steps with which its flow is injective."""
+    field = random_velocity(*points, warp_mm=warp_mm, generator=generator)
     steepness = float(field.lipschitz_bound())
     if steepness > STEEPEST:
         raise ValueError(
             f"warp_mm = {warp_mm} gives a velocity with Lipschitz bound {steepness:.3g}; at most {STEEPEST:g} is "
             "allowed: make the warp weaker, first at its finest scale"
         )
-    return flow_meshes(field, meshes, max(1, math.ceil(2 * steepness)), "rk4")
+    return field, max(1, math.ceil(2 * steepness))
 
 
 def smooth_variation(

@@ -175,7 +175,8 @@ def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     """Make and write one scan with all its files. Returns the CPU seconds of each stage."""
     seed, clock = place.participant.seed, [time.process_time()]
     shape, appearance = drawn_shape(recipe, place.participant.kind), drawn_appearance(recipe, seed)
-    anatomy = Anatomy(**drawn_structures(recipe, seed), head_mm=recipe.head_mm, n_lines=recipe.n_lines)
+    fixed = {"head_mm": recipe.head_mm, "n_lines": recipe.n_lines, "leaf_mm": recipe.leaf_mm}
+    anatomy = Anatomy(**drawn_structures(recipe, seed), **fixed)
     surfaces = _surfaces(shape, seed)
     clock.append(time.process_time())
     scan_seed = [seed, 3, int(place.session or 0), run]
@@ -187,7 +188,7 @@ def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     facts = {
         "participant": dataclasses.asdict(place.participant),
         "scan_seed": scan_seed,
-        "knobs": {name: rounded(dataclasses.asdict(value)) for name, value in knobs.items()},
+        "knobs": {name: rounded(_given(value)) for name, value in knobs.items()},
         "head_to_scanner": rounded(scan.head_to_scanner.tolist()),
         "deformation_strength": rounded(surfaces.strength),
         "surfaces": surface_facts(scan, surfaces),
@@ -195,6 +196,11 @@ def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     write_scan(place, scan, standard, facts)
     clock.append(time.process_time())
     return dict(zip(("geometry", "image", "registration", "writing"), (b - a for a, b in itertools.pairwise(clock))))
+
+
+def _given(knobs: object) -> dict:
+    """The parameters that are not None, so that those that are introduced later do not change the files of before."""
+    return {name: value for name, value in dataclasses.asdict(knobs).items() if value is not None}
 
 
 def _write(path: Path, text: str) -> None:

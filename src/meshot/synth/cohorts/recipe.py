@@ -54,6 +54,8 @@ class Recipe:
         Number of lines across each voxel for partial volumes.
     registration_mm : int
         Voxel size of the MNI152 average to which scans are registered: 1; or 2, 4, 8 for tests.
+    leaf_mm : float, optional
+        Take the head outside the cortex from the MNI152 average: see :class:`meshot.synth.Anatomy`.
 
     Raises
     ------
@@ -76,6 +78,7 @@ class Recipe:
     head_mm: tuple[float, ...] = ()
     n_lines: int = 3
     registration_mm: int = 1
+    leaf_mm: float | None = None
 
     def __post_init__(self):
         for name in ("days", "scans_per_day", "n_lines"):

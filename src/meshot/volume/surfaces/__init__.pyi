@@ -6,3 +6,4 @@ from .voxelise import (
     voxel_distance as voxel_distance,
     winding_numbers as winding_numbers,
 )
+from .watershed import watershed_regions as watershed_regions
