@@ -314,7 +314,7 @@ def test_bad_scans_end_in_one_line_and_leave_nothing(place, tmp_path, capsys, da
 @pytest.mark.parametrize(
     ("more", "why"),
     [
-        (["--system", "freehand"], "there is no system 'freehand'; known are cortexode, ddot, windows"),
+        (["--system", "freehand"], "there is no system 'freehand'; known are classical, cortexode, cor"),
         (["--threads", "0"], "threads is 0"),
         (["--weights", "/nowhere"], "/nowhere/left_white.safetensors is missing; ddot needs left_white, right_white"),
     ],

@@ -39,6 +39,6 @@ def test_a_template_is_trained_without_initial_surfaces(words, tmp_path, capsys)
 
 def test_the_unknown_is_one_line(words, capsys):
     assert main(["train", "freehand", *words]) == 2
-    assert "there is no system 'freehand'; known are chain, cortexode, ddot, implicit" in capsys.readouterr().err
+    assert "there is no system 'freehand'; known are chain, classical, cortexode, cortic" in capsys.readouterr().err
     assert main(["train", "template", "small", *words[1:]]) == 2
     assert "template has no setting 'small'; it has none, or name a YAML file" in capsys.readouterr().err

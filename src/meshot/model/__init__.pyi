@@ -1,6 +1,13 @@
 from .deformation import N_STEPS as N_STEPS, DeformationNetwork as DeformationNetwork, ImageVelocity as ImageVelocity
+from .features import FeatureNetwork as FeatureNetwork, sample_features as sample_features
+from .graph import GraphConvolution as GraphConvolution, ResidualGraphBlock as ResidualGraphBlock
 from .overlap import segmentation_loss as segmentation_loss, soft_dice as soft_dice
-from .segmentation import SegmentationNetwork as SegmentationNetwork
+from .segmentation import (
+    CLASSES as CLASSES,
+    SegmentationNetwork as SegmentationNetwork,
+    initialise as initialise,
+    unfolded as unfolded,
+)
 from .weights import (
     network_digest as network_digest,
     read_weights as read_weights,

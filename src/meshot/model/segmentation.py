@@ -55,7 +55,7 @@ class SegmentationNetwork(nn.Module):
         self.down = nn.ModuleList(_block(n_in, n_out) for n_in, n_out in zip([first, *widths], widths))
         self.up = nn.ModuleList(_block(n + 2 * n, n) for n in widths[:-1])
         self.head = nn.Conv3d(width, len(CLASSES) * first, _KERNEL, padding=1)
-        _initialise(self, generator)
+        initialise(self, generator)
         self.to(memory_format=torch.channels_last_3d)
 
     @property
@@ -121,11 +121,17 @@ def _block(n_in: int, n_out: int) -> nn.Sequential:
 
 
 @torch.no_grad()
-def _initialise(network: nn.Module, generator: Generator) -> None:
+def initialise(network: nn.Module, generator: Generator) -> None:
+    """Draw the weights of all convolutions and linear layers: normal with variance 2 / (number of inputs), no biases.
+
+    References
+    ----------
+    He et al., *Delving deep into rectifiers*, ICCV 2015.
+    """
     generator = numpy_generator(generator)
     for layer in network.modules():
-        if isinstance(layer, nn.Conv3d):
-            scale = np.sqrt(2 / (layer.in_channels * _KERNEL**3))
+        if isinstance(layer, (nn.Conv3d, nn.Linear)):
+            scale = np.sqrt(2 / layer.weight[0].numel())
             layer.weight.copy_(torch.from_numpy(scale * generator.standard_normal(tuple(layer.weight.shape))))
             if layer.bias is not None:
                 layer.bias.zero_()

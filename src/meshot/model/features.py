@@ -1,0 +1,138 @@
+"""Image features at several resolutions: a 3D U-Net that returns all its maps, and their values at points in mm."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+
+from meshot.errors import require_positive_integer
+from meshot.model.segmentation import folded, initialise
+from meshot.rng import Generator
+from meshot.types import Float, Tensor
+from meshot.volume import Volume, mm_to_voxel
+
+SLOPE = 0.2  # slope of the leaky ReLU for negative values
+
+
+class FeatureNetwork(nn.Module):
+    """A 3D U-Net, or its encoder alone, whose maps at all resolutions are the result.
+
+    Every level has two 3 × 3 × 3 convolutions, each followed by instance normalisation and leaky ReLU. Downsampling is
+    by the maximum over 2 × 2 × 2 voxels, upsampling by nearest neighbours, with skip connections by concatenation.
+
+    Parameters
+    ----------
+    width : int
+        Number of channels on the first level. It doubles from level to level.
+    depth : int
+        Number of levels.
+    fold : int
+        The first level works on blocks of ``fold³`` voxels, whose values are stacked as channels.
+    n_more : int
+        Number of input channels, beside the image, on the grid of the first level.
+    residual : bool
+        Whether the input of every level is added to its output, after a 1 × 1 × 1 convolution.
+    decoder : bool
+        Whether the levels upwards exist. Without them, the network is the encoder alone.
+    generator : generator or int
+        Source of the initial weights.
+
+    Raises
+    ------
+    ValueError
+        If a count is not a positive integer, or the last level would have more than 512 channels.
+
+    References
+    ----------
+    Çiçek et al., *3D U-Net*, MICCAI 2016; Zhang et al., *Road extraction by deep residual U-Net*, 2018.
+    """
+
+    def __init__(
+        self, width: int = 8, depth: int = 3, fold: int = 2, n_more: int = 0, residual: bool = False,
+        decoder: bool = True, generator: Generator = 0,
+    ):  # fmt: skip
+        super().__init__()
+        for name, count, most in (("width", width, 512), ("depth", depth, 10), ("fold", fold, 8)):
+            require_positive_integer(count, name, most)
+        require_positive_integer(width * 2 ** (depth - 1), "the width of the last level", 512)
+        self.fold, self.depth = fold, depth
+        widths = [width * 2**level for level in range(depth)]
+        first = fold**3 + n_more
+        self.down = nn.ModuleList(_Level(n_in, n, residual) for n_in, n in zip([first, *widths], widths))
+        up = [_Level(n + 2 * n, n, residual) for n in widths[:-1]] if decoder else []
+        self.up = nn.ModuleList(up)
+        self.widths = (*widths, *(reversed(widths[:-1]) if decoder else ()))
+        initialise(self, generator)
+
+    @property
+    def multiple(self) -> int:
+        """The number of voxels along every axis of an image must be a multiple of this."""
+        return self.fold * 2 ** (self.depth - 1)
+
+    def forward(self, image: Float[Tensor, "1 1 x y z"], more: Tensor | None = None) -> list[Tensor]:
+        """The maps of the encoder from fine to coarse, then those of the decoder from coarse to fine.
+
+        Their numbers of channels are :attr:`widths`. The first and the last have the grid of the first level.
+
+        Raises
+        ------
+        ValueError
+            If an axis of the image is not a multiple of :attr:`multiple`, or is too short.
+        """
+        shape = tuple(image.shape[2:])
+        if any(n % self.multiple or n <= self.multiple for n in shape):
+            raise ValueError(
+                f"image has {shape} voxels; each axis must be a multiple of {self.multiple} (fold {self.fold}, depth "
+                f"{self.depth}), and longer: pad or crop it, or take a network of less depth"
+            )
+        values = folded(image, self.fold)
+        values = values if more is None else torch.cat([values, more], dim=1)
+        found: list[Tensor] = []
+        for level in self.down:
+            values = level(nn.functional.max_pool3d(values, 2) if found else values)
+            found.append(values)
+        for level, beside in zip(reversed(self.up), reversed(found[:-1])):
+            values = level(torch.cat([beside, nn.functional.interpolate(values, scale_factor=2)], dim=1))
+            found.append(values)
+        return found
+
+
+class _Level(nn.Module):
+    def __init__(self, n_in: int, n_out: int, residual: bool):
+        super().__init__()
+        # No bias: the normalisation would remove it.
+        self.first = nn.Conv3d(n_in, n_out, 3, padding=1, bias=False)
+        self.second = nn.Conv3d(n_out, n_out, 3, padding=1, bias=False)
+        self.norms = nn.ModuleList(nn.InstanceNorm3d(n_out, affine=True) for _ in range(2))
+        self.beside = nn.Conv3d(n_in, n_out, 1) if residual else None
+
+    def forward(self, values: Tensor) -> Tensor:
+        inner = nn.functional.leaky_relu(self.norms[0](self.first(values)), SLOPE)
+        outer = self.norms[1](self.second(inner))
+        return nn.functional.leaky_relu(outer if self.beside is None else outer + self.beside(values), SLOPE)
+
+
+def sample_features(
+    maps: Sequence[Float[Tensor, "1 _ _ _ _"]], image: Volume, points: Float[Tensor, "n 3"]
+) -> Float[Tensor, "n c"]:
+    """The values of feature maps at points, by trilinear interpolation, side by side.
+
+    Differentiable in the maps and in the points. Outside the image the value is that at its border.
+
+    Parameters
+    ----------
+    maps : sequence of tensor
+        Each covers the whole image, with voxels of any size.
+    image : Volume
+        The image from which the maps were computed. Only its grid is used.
+    points : tensor
+        In mm.
+    """
+    shape = points.new_tensor(image.data.shape)
+    # From -1 to 1 between the outer sides of the first and the last voxel, whatever the size of the voxels of a map.
+    places = (2 * (mm_to_voxel(image, points) + 0.5) / shape - 1).flip(1)[None, None, None]
+    found = [
+        nn.functional.grid_sample(each, places.to(each), padding_mode="border", align_corners=False)[0, :, 0, 0].T
+        for each in maps
+    ]
+    return torch.cat(found, dim=1)

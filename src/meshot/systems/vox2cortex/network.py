@@ -1,0 +1,151 @@
+"""The network of Vox2Cortex: a residual U-Net, and graph networks that move the vertices of templates in stages."""
+
+import dataclasses
+import itertools
+from collections.abc import Mapping
+
+import torch
+from torch import nn
+
+from meshot.anatomy import HEMISPHERES, Hemisphere
+from meshot.errors import require_positive_integer
+from meshot.mesh import Mesh
+from meshot.mesh.geometry import mesh_edges
+from meshot.model import (
+    CLASSES,
+    FeatureNetwork,
+    GraphConvolution,
+    ResidualGraphBlock,
+    initialise,
+    sample_features,
+    unfolded,
+)
+from meshot.rng import Generator, numpy_generator
+from meshot.systems.learning import Template, TemplateSettings
+from meshot.types import Float, Tensor
+from meshot.volume import Volume
+
+N_STAGES = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class NetworkSettings:
+    """Architecture: see :class:`meshot.systems.vox2cortex.network.MeshNetwork`."""
+
+    width: int = 8
+    depth: int = 4
+    fold: int = 2
+    n_features: int = 32
+    n_blocks: int = 2
+
+
+class MeshNetwork(nn.Module):
+    """From a scan to a segmentation and, in four stages, to the white surfaces of both sides.
+
+    Every stage reads features of the U-Net at the vertices, on two levels of the encoder and two of the decoder, passes
+    them with its own features, the positions and the side through residual graph blocks, and moves every vertex by a
+    graph convolution. Early stages read coarse levels, late stages fine ones.
+
+    Parameters
+    ----------
+    width, depth, fold : int
+        Of the U-Net: see :class:`meshot.model.FeatureNetwork`.
+    n_features : int
+        Features of a vertex.
+    n_blocks : int
+        Residual graph blocks in a stage.
+    template : dict
+        The settings of the templates, see :class:`meshot.systems.learning.TemplateSettings`.
+    boxes : mapping, optional
+        The box of the template of each side, in mm.
+    generator : generator or int
+        Source of the initial weights. Those that move vertices are zero.
+
+    Raises
+    ------
+    ValueError
+        If a count is outside its range.
+    """
+
+    def __init__(
+        self, width: int = 8, depth: int = 4, fold: int = 2, n_features: int = 32, n_blocks: int = 2,
+        template: dict | None = None, boxes: Mapping[str, Tensor] | None = None, generator: Generator = 0,
+    ):  # fmt: skip
+        super().__init__()
+        for name, count, most in (("n_features", n_features, 1024), ("n_blocks", n_blocks, 20)):
+            require_positive_integer(count, name, most)
+        require_positive_integer(depth - 1, "depth - 1", 9)
+        shape, boxes = TemplateSettings(**template or {}), boxes or {}
+        self.arguments = {"width": width, "depth": depth, "fold": fold, "n_features": n_features, "n_blocks": n_blocks}
+        self.templates = nn.ModuleDict({side: Template(side, shape, boxes.get(side)) for side in HEMISPHERES})
+        self.unet = FeatureNetwork(width, depth, fold, residual=True, generator=generator)
+        self.to_classes = nn.Conv3d(width, len(CLASSES) * fold**3, 3, padding=1)
+        self.begin = ResidualGraphBlock(4, n_features)
+        self.stages = nn.ModuleList(
+            _Stage(sum(self.unet.widths[level] for level in self.levels(k)), n_features, n_blocks)
+            for k in range(N_STAGES)
+        )
+        generator = numpy_generator(generator)
+        for part in (self.to_classes, self.begin, self.stages):
+            initialise(part, generator)
+        with torch.no_grad():
+            for stage in self.stages:
+                for layer in (stage.move.own, stage.move.others):
+                    layer.weight.zero_()
+
+    def levels(self, stage: int) -> tuple[int, ...]:
+        """The maps of the U-Net that a stage reads: of the encoder from coarse to fine, and of the decoder."""
+        depth = self.arguments["depth"]
+        n_maps, coarse = len(self.unet.widths), depth - 1
+        first = max(coarse - 1 - round(stage * (coarse - 1) / (N_STAGES - 1)), 0)
+        return tuple(sorted({first, first + 1, n_maps - 2 - first, n_maps - 1 - first}))
+
+    def config(self) -> dict:
+        """The arguments that create a network of the same architecture."""
+        return self.arguments | {"template": dataclasses.asdict(self.templates["left"].settings)}
+
+    def segmentation(self, maps: list[Tensor]) -> Float[Tensor, "1 3 x y z"]:
+        """Logits of background, left and right white matter on the grid of the image."""
+        return unfolded(self.to_classes(maps[-1]), self.arguments["fold"])
+
+    def move(self, maps: list[Tensor], image: Volume, mesh: Mesh, side: Hemisphere) -> list[Mesh]:
+        """A template after each of the four stages.
+
+        Parameters
+        ----------
+        maps : list of tensor
+            The maps of the U-Net.
+        image : Volume
+            The scan, whose affine places the maps.
+        mesh : Mesh
+            The template of the side, in mm; any number of faces.
+        side : str
+        """
+        edges, found = mesh_edges(mesh), []
+        box = self.templates[side].box
+        number = mesh.vertices.new_full((len(mesh.vertices), 1), float(HEMISPHERES.index(side)))
+
+        def own(vertices: Tensor) -> Tensor:
+            return torch.cat([2 * (vertices - box[0]) / (box[1] - box[0]) - 1, number], dim=1)
+
+        extent = (box[1] - box[0]).max() / 2
+        vertices, features = mesh.vertices, self.begin(own(mesh.vertices), edges)
+        for k, stage in enumerate(self.stages):
+            sampled = sample_features([maps[level] for level in self.levels(k)], image, vertices)
+            features = stage(torch.cat([features, sampled, own(vertices)], dim=1), edges)
+            vertices = vertices + extent * stage.move(features, edges)
+            found.append(mesh.with_vertices(vertices))
+        return found
+
+
+class _Stage(nn.Module):
+    def __init__(self, n_sampled: int, n_features: int, n_blocks: int):
+        super().__init__()
+        widths = [n_features + n_sampled + 4] + [n_features] * n_blocks
+        self.blocks = nn.ModuleList(ResidualGraphBlock(*pair) for pair in itertools.pairwise(widths))
+        self.move = GraphConvolution(n_features, 3)
+
+    def forward(self, features: Tensor, edges: Tensor) -> Tensor:
+        for block in self.blocks:
+            features = block(features, edges)
+        return features

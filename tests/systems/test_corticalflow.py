@@ -1,0 +1,80 @@
+"""CorticalFlow: blocks see the flows before them, earlier ones stay as they are, and the template comes nearer."""
+
+import pytest
+import torch
+
+from meshot.flow.integration import integrate
+from meshot.metrics.distances import vertex_distances
+from meshot.systems import ExampleSets, Scan, get_system, read_settings
+from meshot.systems.corticalflow.blocks import FlowBlock, carried_through
+from meshot.systems.corticalflow.training import train_block
+from meshot.systems.learning.scans import scaled_image
+from phantoms import phantom_subjects
+
+SMALL = {"width": 2, "depth": 2, "template": {"shape": "sphere"}, "box": torch.tensor([[-18.0, -8, -8], [-2, 8, 8]])}
+
+
+@pytest.fixture(scope="module")
+def examples():
+    torch.set_num_threads(1)
+    return ExampleSets(phantom_subjects(2, ()), phantom_subjects(1, (), 50))
+
+
+def test_a_block_sees_the_image_and_the_flows_before_it(examples):
+    scan = examples.validation[0].scan
+    first, second = FlowBlock("left", 0, **SMALL), FlowBlock("left", 1, **SMALL)
+    values, mesh = scaled_image(scan.image), first.template.mesh()
+    moved, grids = carried_through([first, second], mesh, scan.image, values, 2, "rk4")
+    one = first(values)
+    two = second(values, one)
+    torch.testing.assert_close(grids, torch.cat([one, two], dim=1))
+    assert not torch.allclose(second(values, one + 1), two)
+    by_hand = integrate(first.velocity(one, scan.image), mesh.vertices, 2, "rk4")
+    by_hand = integrate(second.velocity(two, scan.image), by_hand, 2, "rk4")
+    torch.testing.assert_close(moved.vertices, by_hand)
+
+
+def test_a_velocity_is_the_grid_in_its_unit(examples):
+    scan = examples.validation[0].scan
+    block = FlowBlock("left", 0, **SMALL, velocity_unit=4.0)
+    grid = torch.ones(1, 3, 16, 12, 12) * torch.tensor([1.0, 2, 3])[None, :, None, None, None]
+    found = block.velocity(grid, scan.image)(torch.zeros(()), torch.rand(5, 3))
+    torch.testing.assert_close(found, torch.tensor([4.0, 8, 12]).expand(5, 3))
+
+
+def test_a_second_block_leaves_the_first_as_it_is_and_comes_nearer_than_the_template(examples):
+    kind = get_system("corticalflow")
+    settings = read_settings(kind, "tiny", ["training.side=left", "training.edge_weight=0.01"])
+    first = train_block([], "left", examples, settings).network
+    before = {name: value.clone() for name, value in first.state_dict().items()}
+    second = train_block([first], "left", examples, settings).network
+    assert all(torch.equal(value, before[name]) for name, value in first.state_dict().items())
+    item = examples.validation[0]
+    start, truth = first.template.mesh(), item.targets["left", "white"]
+    with torch.no_grad():
+        moved, _ = carried_through([first, second], start, item.scan.image, scaled_image(item.scan.image), 3, "rk4")
+    assert vertex_distances(moved, truth).mean() < 0.8 * vertex_distances(start, truth).mean()
+
+
+def test_one_side_alone_is_not_enough_to_reconstruct(examples):
+    kind = get_system("corticalflow")
+    assert len(kind.networks) == 6
+    with pytest.raises(ValueError, match=r"corticalflow has no trained left_white_1, .*: train what is missing"):
+        kind({}).reconstruct(Scan(examples.validation[0].scan.image))
+
+
+@pytest.mark.parametrize(
+    ("group", "settings", "words"),
+    [
+        ("training", {"side": "middle"}, "side is 'middle'; one of left, right, both"),
+        ("training", {"method": "heun"}, "method is 'heun'"),
+        ("training", {"edge_weight": -1.0}, r"edge_weight is -1\.0"),
+        ("training", {"n_samples": 0}, "n_samples is 0"),
+        ("network", {"velocity_unit": 0.0}, r"velocity_unit is 0\.0"),
+        ("network", {"width": 64, "depth": 4}, "MB; at most 10 MB are kept"),
+        ("template", {"shape": "cube"}, "shape is 'cube'"),
+    ],
+)
+def test_a_configuration_that_will_not_do(group, settings, words, unchecked):
+    with pytest.raises(ValueError, match="the configuration of corticalflow is invalid: .*" + words):
+        get_system("corticalflow").complete({group: settings})

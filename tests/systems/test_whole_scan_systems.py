@@ -1,0 +1,96 @@
+"""The systems that start from whole scans: trained, killed, resumed, saved, loaded, and what they refuse."""
+
+import pytest
+import torch
+
+from killing import same, without_seconds
+from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.metrics.distances import vertex_distances
+from meshot.systems import Example, ExampleSets, Scan, get_system, read_settings
+from phantoms import phantom_subjects
+
+NAMES = ["corticalflow", "deepcsr", "vox2cortex", "classical"]
+#: The largest mean distance (mm) of the vertices that is accepted of a tiny training.
+FARTHEST = {"corticalflow": 1.0, "deepcsr": 1.0, "vox2cortex": 1.2, "classical": 0.7}
+
+#: The largest validation loss that is accepted: the mean distance in mm of the surfaces, or of deepcsr's distances.
+BOUND = {"corticalflow": 1.0, "deepcsr": 1.5, "vox2cortex": 1.2, "classical": 0.1}
+
+
+class Kill(Exception):
+    """A process that ends in the middle."""
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def kind(request):
+    torch.set_num_threads(1)
+    return get_system(request.param)
+
+
+@pytest.fixture(scope="module")
+def examples():
+    return ExampleSets(phantom_subjects(2, ()), phantom_subjects(1, (), 50))
+
+
+@pytest.fixture(scope="module")
+def whole(kind, examples):
+    return kind.train(examples, read_settings(kind, "tiny"))
+
+
+def test_training_lowers_what_is_validated(kind, whole):
+    for name, part in whole.parts.items():
+        found = [line["validation_loss"] for line in part.log if "validation_loss" in line]
+        assert len(found) > 1
+        assert min(found) < BOUND[kind.name], name
+        assert part.record["results"]["n_weights"] > 0
+
+
+def test_it_resumes_saves_loads_and_reconstructs(kind, examples, whole, tmp_path):
+    told = []
+
+    def die(step: int, n_steps: int, line: dict) -> None:
+        told.append(step)
+        if len(told) == 7:
+            raise Kill
+
+    settings = read_settings(kind, "tiny", ["training.save_every=3"])
+    with pytest.raises(Kill):
+        kind.train(examples, settings, tmp_path / "state", die)
+    resumed = kind.train(examples, settings, tmp_path / "state")
+    for name, part in whole.parts.items():
+        assert same(resumed.parts[name].network, part.network)
+        assert without_seconds(resumed.parts[name].log) == without_seconds(part.log)
+    resumed.save(tmp_path / "weights")
+    loaded = kind.load(tmp_path / "weights")
+    scan = examples.validation[0].scan
+    found, wanted = loaded.reconstruct(scan), whole.reconstruct(scan)
+    assert tuple(found) == kind.surfaces
+    for key, mesh in found.items():
+        torch.testing.assert_close(mesh.vertices, wanted[key].vertices, atol=1e-4, rtol=0)
+        assert topology(mesh) == SPHERE
+        assert vertex_distances(mesh, examples.validation[0].targets[key]).mean() < FARTHEST[kind.name]
+
+
+def test_what_does_not_fit_is_refused(kind, examples, whole, tmp_path):
+    scan = examples.validation[0].scan
+    with pytest.raises(ValueError, match=f"has an initial surface left white; {kind.name} takes none: leave it out"):
+        whole.reconstruct(Scan(scan.image, {("left", "white"): icosphere(1)}))
+    one = examples.training[0]
+    poor = Example("poor", one.scan, {("left", "white"): one.targets["left", "white"]})
+    with pytest.raises(ValueError, match=f"poor has no true surface right white; {kind.name} learns from it"):
+        kind.train(ExampleSets([one], [poor]), {})
+    name = next(iter(whole.parts))
+    some = kind({})
+    with pytest.raises(ValueError, match=f"{kind.name} has no trained {name}"):
+        some.reconstruct(scan)
+    whole.save(tmp_path)
+    (tmp_path / f"{name}.safetensors").write_bytes(b"")
+    with pytest.raises(ValueError, match="does not hold the weights of a"):
+        kind.load(tmp_path)
+    twin = type("Twin", (kind,), {"name": "twin"})
+    whole.save(tmp_path)
+    with pytest.raises(ValueError, match=f"holds weights of the system {kind.name}; twin was asked for"):
+        twin.load(tmp_path)
+    with pytest.raises(ValueError, match=r"training\.speed, which nothing reads"):
+        kind.complete({"training": {"speed": 1}})
