@@ -20,6 +20,7 @@ if not os.environ.get("MESHOT_UNCHECKED"):
 LONG_FILES = (
     "book/test_pages.py",
     "systems/test_deformation_training.py",
+    "systems/test_whole_scan_systems.py",
     "pipeline/test_reconstruction.py",
     "experiments/test_runs.py",
     "pipeline/test_report.py",

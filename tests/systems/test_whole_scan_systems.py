@@ -12,10 +12,10 @@ from phantoms import phantom_subjects
 
 NAMES = ["corticalflow", "deepcsr", "vox2cortex", "classical"]
 #: The largest mean distance (mm) of the vertices that is accepted of a tiny training.
-FARTHEST = {"corticalflow": 1.0, "deepcsr": 1.0, "vox2cortex": 1.2, "classical": 0.7}
+FARTHEST = {"corticalflow": 1.0, "deepcsr": 0.6, "vox2cortex": 1.2, "classical": 0.3}
 
 #: The largest validation loss that is accepted: the mean distance in mm of the surfaces, or of deepcsr's distances.
-BOUND = {"corticalflow": 1.0, "deepcsr": 1.5, "vox2cortex": 1.2, "classical": 0.1}
+BOUND = {"corticalflow": 1.0, "deepcsr": 0.6, "vox2cortex": 1.0, "classical": 0.01}
 
 
 class Kill(Exception):

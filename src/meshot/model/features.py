@@ -72,7 +72,7 @@ class FeatureNetwork(nn.Module):
     def forward(self, image: Float[Tensor, "1 1 x y z"], more: Tensor | None = None) -> list[Tensor]:
         """The maps of the encoder from fine to coarse, then those of the decoder from coarse to fine.
 
-        Their numbers of channels are :attr:`widths`. The first and the last have the grid of the first level.
+        Their numbers of channels are ``widths``. The first and the last have the grid of the first level.
 
         Raises
         ------

@@ -56,7 +56,7 @@ class ResidualGraphBlock(nn.Module):
         self.beside = nn.Linear(n_in, n_out) if n_in != n_out else nn.Identity()
 
     def forward(self, features: Float[Tensor, "v c"], edges: Int64[Tensor, "e 2"]) -> Float[Tensor, "v d"]:
-        """The new features, see :meth:`GraphConvolution.forward`."""
+        """The new features. The arguments are those of a graph convolution."""
         values = features
         for layer, norm in zip(self.layers, self.norms):
             last = layer is self.layers[-1]

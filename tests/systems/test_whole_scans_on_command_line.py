@@ -1,0 +1,65 @@
+"""Systems on whole scans on the command line: trained by name, and used by name on weights of one's own."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from bright_head import balls, bright_template, brightness_network
+from meshot.cli import main
+from meshot.mesh.io import read_mesh
+from meshot.metrics.distances import vertex_distances
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import write_weights
+from meshot.pipeline import reconstruction
+from meshot.systems import Part, get_system
+from meshot.systems.learning.template import mean_box
+from meshot.systems.vox2cortex.network import MeshNetwork
+from meshot.volume.io import write_volume
+from phantoms import write_phantom_cohort
+
+NAMES = ["classical", "corticalflow", "deepcsr", "vox2cortex"]
+
+
+def test_a_system_is_trained_by_its_name(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_phantom_cohort(tmp_path / "few", ["train", "validation"])
+    write_weights(tmp_path / "segmentation.safetensors", SegmentationNetwork(2, 1), {})
+    words = ["tiny", "--data", "few", "-o", "out", "--segmentation", "segmentation.safetensors", "--threads", "1"]
+    assert main(["train", "classical", *words, "--device", "cpu", "--set", "training.n_epochs=4"]) == 0
+    assert capsys.readouterr().out.startswith("atlas: best after 4 steps: validation_loss ")
+    assert not (tmp_path / "build").exists()
+    record = get_system("classical").load(tmp_path / "out").parts["atlas"].record
+    assert record["command"].startswith("meshot train classical tiny --data few -o out")
+    assert record["surface"]["reduction"] == 2
+
+
+def test_a_system_finds_surfaces_by_its_name(tmp_path, monkeypatch):
+    """Templates that no network moves yet lie in the boxes of the two balls, and these are what is found."""
+    monkeypatch.setattr(reconstruction, "mni152_t1", bright_template)
+    truths = balls(np.eye(4))
+    boxes = {side: mean_box([mesh]) for side, mesh in truths.items()}
+    network = MeshNetwork(2, 2, 2, 4, 1, {"shape": "sphere"}, boxes)
+    get_system("vox2cortex")({"meshes": Part(network)}).save(tmp_path / "weights")
+    write_weights(tmp_path / "segmentation.safetensors", brightness_network(), {})
+    write_volume(tmp_path / "head.nii.gz", bright_template())
+    words = ["--weights", str(tmp_path / "weights"), "--segmentation", str(tmp_path / "segmentation.safetensors")]
+    torch.set_num_threads(1)
+    scan, out = str(tmp_path / "head.nii.gz"), tmp_path / "out"
+    assert main(["reconstruct", scan, "-o", str(out), "--system", "vox2cortex", *words]) == 0
+    (place,) = {path.parent for path in out.rglob("lh.white.surf.gii")}
+    for side, mesh in truths.items():
+        found = read_mesh(place / f"{side[0]}h.white.surf.gii")
+        assert len(found.faces) == 20 * 4**5
+        assert vertex_distances(found, mesh).mean() < 1.0
+    assert json.loads((out / "report.json").read_text())["system"] == "vox2cortex"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_without_weights_the_command_says_how_to_train(name, tmp_path, capsys):
+    write_volume(tmp_path / "head.nii.gz", bright_template())
+    assert main(["reconstruct", str(tmp_path / "head.nii.gz"), "-o", str(tmp_path / "out"), "--system", name]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"no weights of {name} come with the package: train it (meshot train {name} CONFIG --data COHORT" in said
+    assert not (tmp_path / "out").exists()
