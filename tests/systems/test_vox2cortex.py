@@ -82,9 +82,8 @@ def test_both_sides_come_nearer_than_the_templates():
     torch.set_num_threads(1)
     sets = ExampleSets(phantom_subjects(4, ()), phantom_subjects(2, (), 50))
     kind = get_system("vox2cortex")
-    part = kind.train(sets, read_settings(kind, "tiny", ["training.n_epochs=9", "training.validate_every=3"])).parts[
-        "meshes"
-    ]
+    settings = read_settings(kind, "tiny", ["training.n_epochs=15", "training.validate_every=3"])
+    part = kind.train(sets, settings).parts["meshes"]
     templates = {side: simplified(part.network.templates[side].mesh(), 500) for side in BOXES}
     pairs = ((templates[side], Surface(item.targets[side, "white"])) for item in sets.validation for side in BOXES)
     start = mean_distances(pairs, 2000)["validation_loss"]

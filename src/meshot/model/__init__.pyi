@@ -5,6 +5,7 @@ from .overlap import segmentation_loss as segmentation_loss, soft_dice as soft_d
 from .segmentation import (
     CLASSES as CLASSES,
     SegmentationNetwork as SegmentationNetwork,
+    folded as folded,
     initialise as initialise,
     unfolded as unfolded,
 )
