@@ -25,7 +25,7 @@ Field = Float[Array, "X Y Z"]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class CarriedHead:
-    """The inside of MNI152 in a subject's head, see :class:`meshot.synth.imaging.Interior`.
+    """The inside of MNI152 in a subject's head, see ``meshot.synth.imaging.Interior``.
 
     Parameters
     ----------
