@@ -105,7 +105,7 @@ def folded(values: Float[Tensor, "b c x y z"], fold: int) -> Float[Tensor, "b d 
 
 
 def unfolded(values: Float[Tensor, "b d i j k"], fold: int) -> Float[Tensor, "b c x y z"]:
-    """The inverse of :func:`meshot.model.segmentation.folded`."""
+    """The inverse of :func:`meshot.model.folded`."""
     b, d, i, j, k = values.shape
     blocks = values.reshape(b, d // fold**3, fold, fold, fold, i, j, k).permute(0, 1, 5, 2, 6, 3, 7, 4)
     return blocks.reshape(b, d // fold**3, i * fold, j * fold, k * fold)
