@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from meshot.mesh.shapes.solids import icosphere
-from meshot.synth.imaging import TISSUES, Appearance, rician_noise, smooth_noise, t1_image, tissue_fractions
+from meshot.synth.imaging import (
+    TISSUES,
+    Appearance,
+    rician_noise,
+    smooth_noise,
+    t1_image,
+    tissue_fractions,
+    with_motion,
+)
 from meshot.volume.volume import Volume
 
 SIGNAL = {
@@ -115,3 +123,35 @@ def test_doors():
         dataclasses.replace(PLAIN, noise=-1.0)
     with pytest.raises(ValueError, match="three thicknesses"):
         tissue_fractions([icosphere(1)], [icosphere(1, 2.0)], GRID, (1.0, 2.0))
+
+
+def test_gamma_bends_the_signal_below_the_largest_mean():
+    point = {tissue: np.zeros(GRID.data.shape) for tissue in TISSUES}
+    point["white"][:], point["grey"][:] = 0.25, 0.75
+    plain = {"signal": dict.fromkeys(TISSUES, 0.0) | {"white": 400.0, "grey": 200.0}, "texture": 0.0, "bias": 0.0}
+    plain |= {"blur_mm": 0.0, "noise": 0.0}
+    for gamma in (None, 0.5, 2.0):
+        image = t1_image(point, GRID, Appearance(**plain, gamma=gamma), 0).data
+        assert image == pytest.approx(400 * (250 / 400) ** (gamma or 1.0), rel=1e-5)
+    with pytest.raises(ValueError, match="lengths and gamma > 0"):
+        Appearance(**plain, gamma=0.0)
+
+
+def test_motion_keeps_the_mean_and_does_nothing_without_displacement():
+    signal = np.random.default_rng(0).uniform(1, 2, (24, 20, 18))
+    np.testing.assert_allclose(with_motion(signal, np.zeros(3), 1), signal, rtol=1e-12)
+    moved = with_motion(signal, np.full(3, 0.5), 1)
+    assert moved.mean() == pytest.approx(signal.mean(), rel=0.02)
+    assert 0.01 < np.abs(moved - signal).mean() < 0.4
+    np.testing.assert_array_equal(moved, with_motion(signal, np.full(3, 0.5), 1))
+
+
+def test_sulci_are_filled_up_to_a_width():
+    meshes = [icosphere(3, radius=14.0, centre=(x, 0.0, 0.0)) for x in (-19.0, 19.0)]  # 10 mm apart
+    affine = np.diag([1.0, 1.0, 1.0, 1.0])
+    affine[:3, 3] = -36, -18, -18
+    grid = Volume(np.zeros((73, 37, 37)), affine)
+    middle = {
+        sulci: tissue_fractions(meshes, meshes, grid, sulci_mm=sulci)["fluid"][36, 18, 18] for sulci in (4.0, 14.0)
+    }
+    assert middle == {4.0: 0.0, 14.0: 1.0}

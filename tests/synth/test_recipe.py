@@ -25,7 +25,7 @@ def recipe(**entries):
     return Recipe(**LEAST | entries)
 
 
-@pytest.mark.parametrize("name", ["adni_like", "oasis_like", "test_retest", "tiny"])
+@pytest.mark.parametrize("name", ["adni_like", "oasis_like", "people_like", "test_retest", "tiny"])
 def test_the_recipes_of_the_book_are_sound_and_survive_writing(tmp_path, name):
     found = read_recipe(name)
     assert found.name == name

@@ -161,3 +161,17 @@ def test_surfaces_that_do_not_belong_together_are_refused(unchecked):
         CorticalSurfaces(both, {"left": ball, "right": icosphere(2)}, wall)
     with pytest.raises(ValueError, match="left wall names 3 vertices"):
         CorticalSurfaces(both, both, wall | {"left": torch.zeros(3, dtype=torch.bool)})
+
+
+def test_a_mirrored_subject_is_the_mirror_image_before_its_warp(unchecked):
+    still = {"subdivisions": 5, "size_sd": 0.0, "warp_mm": (), "folding_sd": 0.0, "thickness_sd": 0.0}
+    plain, mirrored = (synthetic_subject(Shape(**still, mirrored=flag), 3) for flag in (False, True))
+    flip = torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64)
+    for side, other in (("left", "right"), ("right", "left")):
+        for kind in ("white", "pial"):
+            one, two = getattr(plain, kind)[side], getattr(mirrored, kind)[other]
+            assert float((one.vertices * flip - two.vertices).norm(dim=1).median()) < 1e-3
+            assert float(signed_volume(two)) > 0
+        assert torch.equal(plain.wall[side], mirrored.wall[other])
+    with pytest.raises(ValueError, match="mirrored is 2"):
+        Shape(mirrored=2)

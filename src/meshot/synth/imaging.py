@@ -21,6 +21,7 @@ from meshot.volume.surfaces import enclosed_fractions
 TISSUES = ("white", "grey", "deep grey", "hindbrain", "fluid", "skull", "scalp")
 #: Tissues of the cerebellum and the brainstem if these are not uniform, and the tissues whose signal they have.
 SAME_SIGNAL = {"hindbrain white": "white", "hindbrain grey": "grey"}
+SULCI_MM = 4.0
 FWHM = 2 * np.sqrt(2 * np.log(2))
 
 
@@ -40,6 +41,10 @@ class Appearance:
         Full width at half maximum of the point spread function, in mm.
     noise : float
         Standard deviation of the noise in each of the two channels of the receiver, in units of the signal.
+    gamma : float, optional
+        Exponent of the signal relative to its largest mean, before blurring: other weightings than those of the means.
+    motion_mm : float, optional
+        Standard deviation of the displacement of the head, along each axis, at two moments of the scan.
     """
 
     signal: dict[str, float]
@@ -49,13 +54,16 @@ class Appearance:
     bias_mm: float = 60.0
     blur_mm: float = 1.2
     noise: float = 3.0
+    gamma: float | None = None
+    motion_mm: float | None = None
 
     def __post_init__(self):
         if set(self.signal) != set(TISSUES):
             raise ValueError(f"signal names {sorted(self.signal)}; each of {sorted(TISSUES)} is needed once")
-        sizes = [*self.signal.values(), self.texture, self.bias, self.blur_mm, self.noise]
-        if not all(np.isfinite(x) and x >= 0 for x in sizes) or min(self.texture_mm, self.bias_mm) <= 0:
-            raise ValueError(f"{self} is not possible: signals and strengths are >= 0, lengths of variation > 0")
+        sizes = [*self.signal.values(), self.texture, self.bias, self.blur_mm, self.noise, self.motion_mm or 0.0]
+        lengths = (self.texture_mm, self.bias_mm, 1.0 if self.gamma is None else self.gamma)
+        if not all(np.isfinite(x) and x >= 0 for x in sizes) or not min(lengths) > 0:
+            raise ValueError(f"{self} is not possible: signals and strengths are >= 0, lengths and gamma > 0")
 
 
 @runtime_checkable
@@ -78,6 +86,7 @@ def tissue_fractions(
     head_mm: Sequence[float] = (),
     n_lines: int = 3,
     inner: Interior | None = None,
+    sulci_mm: float = SULCI_MM,
 ) -> dict[str, Float[Array, "X Y Z"]]:
     """The fractions of every voxel that belong to each of ``TISSUES``; the rest is air.
 
@@ -88,12 +97,13 @@ def tissue_fractions(
     grid : Volume
         Defines the grid. Its data are not used.
     head_mm : sequence of float
-        Thickness of fluid, skull and scalp around the pial surfaces. Empty for a brain in air, with fluid only in sulci
-        narrower than 4 mm.
+        Thickness of fluid, skull and scalp around the pial surfaces. Empty for a brain in air.
     n_lines : int
         Number of lines across each voxel, see :func:`meshot.volume.surfaces.enclosed_fractions`.
     inner : Interior, optional
         Further structures, which replace white matter or lie below the brain.
+    sulci_mm : float
+        The largest width of a sulcus that is filled with fluid if the brain is in air.
 
     Raises
     ------
@@ -109,18 +119,20 @@ def tissue_fractions(
     cortex = {"white": inside_white, "grey": inside_pial - inside_white}
     fractions = (inner or Ellipsoids(())).added_to(cortex, inside_pial, grid)
     covered = sum(fractions.values())
-    fluid, skull, scalp = (layer * (1 - covered) for layer in _shells(covered, voxel_sizes(grid), head_mm))
+    fluid, skull, scalp = (
+        layer * (1 - covered) for layer in _shells(covered, voxel_sizes(grid), head_mm, sulci_mm / 2)
+    )
     return fractions | {"fluid": fractions["fluid"] + fluid, "skull": skull, "scalp": scalp}
 
 
-def _shells(inside: Array, sizes: Array, head_mm: Sequence[float]) -> list[Array]:
+def _shells(inside: Array, sizes: Array, head_mm: Sequence[float], reach: float) -> list[Array]:
     """Fractions of fluid, skull and scalp, each with an edge one voxel wide."""
     sampling = sizes.tolist()
     # The surface is half a voxel from the centre of the nearest voxel inside.
     distance = scipy.ndimage.distance_transform_edt(inside < 0.5, sampling=sampling) - sizes.mean() / 2
     if not len(head_mm):
-        closed = scipy.ndimage.distance_transform_edt(distance <= 2.0, sampling=sampling)
-        return [_below(2.0 - closed, 0.0, sizes), np.zeros_like(distance), np.zeros_like(distance)]
+        closed = scipy.ndimage.distance_transform_edt(distance <= reach, sampling=sampling)
+        return [_below(reach - closed, 0.0, sizes), np.zeros_like(distance), np.zeros_like(distance)]
     ends = [_below(distance, end, sizes) for end in np.cumsum(head_mm)]
     return [ends[0], ends[1] - ends[0], ends[2] - ends[1]]
 
@@ -151,8 +163,13 @@ def t1_image(
     for tissue in (t for t in (*TISSUES, *SAME_SIGNAL) if t in fractions and fractions[t].any()):
         varied = 1 + appearance.texture * smooth_noise(shape, appearance.texture_mm / sizes, rng)
         signal += means[tissue] * fractions[tissue] * varied
+    if appearance.gamma is not None:
+        top = max(means.values())
+        signal = top * (np.maximum(signal, 0) / top) ** appearance.gamma
     signal *= np.exp(appearance.bias * smooth_noise(shape, appearance.bias_mm / sizes, rng))
     signal = scipy.ndimage.gaussian_filter(signal, appearance.blur_mm / FWHM / sizes)
+    if appearance.motion_mm:
+        signal = with_motion(signal, appearance.motion_mm / sizes, rng)
     return grid.with_data(rician_noise(signal, appearance.noise, rng).astype(np.float32))
 
 
@@ -169,6 +186,34 @@ def smooth_noise(shape: Sequence[int], length: Float[Array, " 3"], generator: Ge
         places = 1.5 + np.arange(count) / width
         knots = scipy.interpolate.CubicSpline(np.arange(knots.shape[axis]), knots, axis=axis)(places)
     return (knots - knots.mean()) / knots.std()
+
+
+def with_motion(
+    signal: Float[Array, "X Y Z"], spread: Float[Array, " 3"], generator: Generator
+) -> Float[Array, "X Y Z"]:
+    """The magnitude of an image of a head that moves at two moments of the scan.
+
+    The planes of its Fourier transform along the second axis are measured one after the other. A displacement
+    multiplies the later ones by a phase. The head is in its place when the middle plane is measured.
+
+    Parameters
+    ----------
+    signal : array
+    spread : array
+        Standard deviation of each displacement, in voxels.
+    generator : generator or int
+    """
+    rng = numpy_generator(generator)
+    frequencies = [np.fft.fftfreq(n) for n in signal.shape]
+    order = np.argsort(frequencies[1])
+    transform, middle = np.fft.fftn(signal), len(order) // 2
+    for begin, end in ((0, rng.integers(1, middle)), (rng.integers(middle + 1, len(order)), len(order))):
+        shift = spread * rng.standard_normal(3)
+        phases = [np.exp(-2j * np.pi * f * d) for f, d in zip(frequencies, shift, strict=True)]
+        planes = order[begin:end]
+        factor = phases[0][:, None, None] * phases[1][None, planes, None] * phases[2][None, None, :]
+        transform[:, planes] *= factor
+    return np.abs(np.fft.ifftn(transform))
 
 
 def rician_noise(signal: Float[Array, "*shape"], sigma: float, generator: Generator) -> Float[Array, "*shape"]:

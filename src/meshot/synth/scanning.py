@@ -14,9 +14,10 @@ from meshot.files import whole_file
 from meshot.mesh import Mesh, write_mesh
 from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.topology import self_intersecting_faces
+from meshot.synth.blemishes import Blemishes, blemished
 from meshot.synth.cohorts import cohort
 from meshot.synth.heads import CarriedHead, Leaves
-from meshot.synth.imaging import SAME_SIGNAL, Appearance, Interior, t1_image, tissue_fractions
+from meshot.synth.imaging import SAME_SIGNAL, SULCI_MM, Appearance, Interior, t1_image, tissue_fractions
 from meshot.synth.position import Position, head_position, scanner_grid
 from meshot.synth.structures import Ellipsoids, moved_structure, structures_of
 from meshot.synth.subject import CorticalSurfaces
@@ -26,7 +27,7 @@ from meshot.volume.surfaces import enclosed_fractions
 
 #: Written coordinates (mm) and values are multiples of these. This removes last bits, which differ between CPUs.
 VERTEX_STEP, STANDARD_STEP = 2.0**-14, 2.0**-12
-_LEAVES = 1  # appended to the seed of a scan: the seed of the leaves of its cerebellum
+_LEAVES, _BLEMISHES = 1, 2  # appended to the seed of a scan
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +47,10 @@ class Anatomy:
     leaf_mm : float, optional
         If given, everything outside the cortex is taken from the MNI152 average and deformed with the cortex, and the
         leaves of the cerebellum have this width. ``below`` is then not used. None for ellipsoids.
+    sulci_mm : float, optional
+        The largest width of a sulcus with fluid, for a brain in air: see :func:`meshot.synth.tissue_fractions`.
+    blemishes : Blemishes, optional
+        Lesions, vessels, and errors of skull stripping.
 
     Raises
     ------
@@ -58,6 +63,8 @@ class Anatomy:
     head_mm: tuple[float, ...] = ()
     n_lines: int = 3
     leaf_mm: float | None = None
+    sulci_mm: float | None = None
+    blemishes: Blemishes | None = None
 
     def __post_init__(self):
         if self.leaf_mm is not None and self.below != 1.0:
@@ -114,7 +121,10 @@ def simulated_scan(
     corners = [mesh.vertices for (kind, _), mesh in surfaces.items() if kind == "pial"]
     grid = scanner_grid(_room(position, anatomy), torch.cat([*corners, inner.ends()]), rng)
     white, pial = ([surfaces[kind, side] for side in ("left", "right")] for kind in ("white", "pial"))
-    fractions = tissue_fractions(white, pial, grid, anatomy.head_mm, anatomy.n_lines, inner)
+    sulci = SULCI_MM if anatomy.sulci_mm is None else anatomy.sulci_mm
+    fractions = tissue_fractions(white, pial, grid, anatomy.head_mm, anatomy.n_lines, inner, sulci)
+    if anatomy.blemishes is not None:
+        fractions = blemished(fractions, grid, anatomy.blemishes, np.random.default_rng([*seed, _BLEMISHES]))
     image = t1_image(fractions, grid, appearance, rng)
     whole = image.with_data(np.clip(np.rint(image.data), 0, 32767).astype(np.int16))
     return Scan(whole, _tissue_labels(fractions, pial, grid), surfaces, motion)

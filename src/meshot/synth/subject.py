@@ -102,6 +102,8 @@ class Shape:
         over the surface.
     atrophy, atrophy_sd : float
         Distance by which white and pial surface are moved inwards, in mm. Sulci become wider by twice as much.
+    mirrored : bool, optional
+        Whether each side is the mirror image of the other side of the template.
 
     Raises
     ------
@@ -121,6 +123,7 @@ class Shape:
     thickness_variation: float = 0.06
     atrophy: float = 0.0
     atrophy_sd: float = 0.0
+    mirrored: bool | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "warp_mm", tuple(float(size) for size in self.warp_mm))
@@ -128,7 +131,10 @@ class Shape:
             raise ValueError(f"kind is {self.kind!r}; template or procedural is needed")
         if not isinstance(self.subdivisions, int) or not SUBDIVISIONS <= self.subdivisions <= 7:
             raise ValueError(f"subdivisions is {self.subdivisions!r}; an integer from {SUBDIVISIONS} to 7 is needed")
-        numbers = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)[2:] if f.name != "warp_mm"}
+        if self.mirrored not in (None, False, True):
+            raise ValueError(f"mirrored is {self.mirrored!r}; true or false is needed")
+        others = ("kind", "subdivisions", "warp_mm", "mirrored")
+        numbers = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in others}
         for name, value in [*numbers.items(), *(("warp_mm", size) for size in self.warp_mm)]:
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} is {value!r}; a finite number >= 0 is needed")
@@ -163,6 +169,7 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
     for strength in STRENGTHS:
         rng = np.random.default_rng(child)
         cortices = _cortices(shape, strength, rng)
+        cortices = [_mirrored(cortex) for cortex in reversed(cortices)] if shape.mirrored else cortices
         meshes = [mesh for white, pial, _ in cortices for mesh in (white, pial)]
         warp = random_warp(meshes, strength * shape.size_sd, tuple(strength * size for size in shape.warp_mm), rng)
         apart = kept_apart(warp.of_meshes(meshes))
@@ -207,6 +214,13 @@ def _cortices(shape: Shape, strength: float, rng: np.random.Generator) -> list[C
     )
     make = _template if shape.kind == "template" else _procedural
     return [make(side, shape, strength, (folding, thickness, max(atrophy, 0.0)), rng) for side in HEMISPHERES]
+
+
+def _mirrored(cortex: Cortex) -> Cortex:
+    """The cortex of the other side: x is reversed, and so is the order of the corners of every face."""
+    white, pial, wall = cortex
+    flip = torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64)
+    return *(Mesh(mesh.vertices * flip, mesh.faces.flip(1)) for mesh in (white, pial)), wall
 
 
 def _template(

@@ -19,6 +19,7 @@ from meshot.scratch import scratch_folder
 from meshot.synth.cohorts import cohort
 from meshot.synth.cohorts.cohort import Participant, Subject
 from meshot.synth.cohorts.manifest import content_hash, write_manifest
+from meshot.synth.cohorts.people import drawn_person, people
 from meshot.synth.cohorts.recipe import (
     Recipe,
     drawn_appearance,
@@ -29,6 +30,7 @@ from meshot.synth.cohorts.recipe import (
     read_recipe,
     recipe_text,
 )
+from meshot.synth.position import Position
 from meshot.synth.scanning import Anatomy, rounded, simulated_scan, standardised, surface_facts, write_scan
 from meshot.synth.subject import CorticalSurfaces, Shape, synthetic_subject
 from meshot.workers import begin_worker
@@ -174,17 +176,15 @@ def _surfaces(shape: Shape, seed: int) -> CorticalSurfaces:
 def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     """Make and write one scan with all its files. Returns the CPU seconds of each stage."""
     seed, clock = place.participant.seed, [time.process_time()]
-    shape, appearance = drawn_shape(recipe, place.participant.kind), drawn_appearance(recipe, seed)
-    fixed = {"head_mm": recipe.head_mm, "n_lines": recipe.n_lines, "leaf_mm": recipe.leaf_mm}
-    anatomy = Anatomy(**drawn_structures(recipe, seed), **fixed)
+    appearance, (shape, anatomy, position) = drawn_appearance(recipe, seed), _drawn(recipe, place.participant)
     surfaces = _surfaces(shape, seed)
     clock.append(time.process_time())
     scan_seed = [seed, 3, int(place.session or 0), run]
-    scan = simulated_scan(surfaces, anatomy, appearance, drawn_position(recipe), scan_seed)
+    scan = simulated_scan(surfaces, anatomy, appearance, position, scan_seed)
     clock.append(time.process_time())
     standard = standardised(scan, recipe.registration_mm)
     clock.append(time.process_time())
-    knobs = {"shape": shape, "appearance": appearance, "anatomy": anatomy, "position": drawn_position(recipe)}
+    knobs = {"shape": shape, "appearance": appearance, "anatomy": anatomy, "position": position}
     facts = {
         "participant": dataclasses.asdict(place.participant),
         "scan_seed": scan_seed,
@@ -196,6 +196,15 @@ def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     write_scan(place, scan, standard, facts)
     clock.append(time.process_time())
     return dict(zip(("geometry", "image", "registration", "writing"), (b - a for a, b in itertools.pairwise(clock))))
+
+
+def _drawn(recipe: Recipe, participant: Participant) -> tuple[Shape, Anatomy, Position]:
+    """Cortex, rest of the head, and position of a participant."""
+    shape, position = drawn_shape(recipe, participant.kind), drawn_position(recipe)
+    if recipe.people:
+        return drawn_person(people(recipe.people), shape, position, participant.seed)
+    fixed = {"head_mm": recipe.head_mm, "n_lines": recipe.n_lines, "leaf_mm": recipe.leaf_mm}
+    return shape, Anatomy(**drawn_structures(recipe, participant.seed), **fixed), position
 
 
 def _given(knobs: object) -> dict:

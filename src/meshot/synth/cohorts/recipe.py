@@ -13,6 +13,7 @@ from meshot.extras import needing
 from meshot.files import named_file
 from meshot.plain_yaml import read_yaml
 from meshot.synth.cohorts.cohort import KINDS, SPLITS, Participant
+from meshot.synth.cohorts.people import people
 from meshot.synth.imaging import TISSUES, Appearance
 from meshot.synth.position import Position
 from meshot.synth.subject import Shape
@@ -56,6 +57,9 @@ class Recipe:
         Voxel size of the MNI152 average to which scans are registered: 1; or 2, 4, 8 for tests.
     leaf_mm : float, optional
         Take the head outside the cortex from the MNI152 average: see :class:`meshot.synth.Anatomy`.
+    people : mapping
+        Parameters of :class:`meshot.synth.cohorts.people.People`. If any is given, age, voxels, skull and blemishes
+        vary between people, and replace what the other entries say of them.
 
     Raises
     ------
@@ -79,6 +83,7 @@ class Recipe:
     n_lines: int = 3
     registration_mm: int = 1
     leaf_mm: float | None = None
+    people: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self):
         for name in ("days", "scans_per_day", "n_lines"):
@@ -91,6 +96,7 @@ class Recipe:
         if len(self.head_mm) not in (0, 3) or not all(_is_number(x) and x > 0 for x in self.head_mm):
             raise ValueError(f"head_mm is {list(self.head_mm)}; three thicknesses > 0 or none are needed")
         _require_known(self.structures, list(_EXTRAS), "structures")
+        people(self.people)
         for end in (0, 1):  # if both ends of a range are valid, so are the values between them
             drawn_shape(self, "template"), drawn_shape(self, "procedural")
             _appearance(self.appearance, lambda value: _range(value)[end])  # noqa: B023
