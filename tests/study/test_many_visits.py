@@ -43,7 +43,9 @@ def test_a_failure_stays_alone_and_a_second_start_does_what_is_missing(
     assert [visit.label for visit in failed] == ["sub-03"]
     assert statuses(study) == EXPECTED
     rows = {row["participant_id"]: row for row in read_subjects(study)}
-    assert "cut short or damaged" in rows["sub-03"]["error"]
+    reason = rows["sub-03"]["error"]
+    assert "(cut short or damaged: " in reason
+    assert reason.count("sub-03_T1w.nii.gz") == reason.count("get the file again") == 1
     assert next(line for line in lines if "failed" in line).startswith("sub-03: failed: ")
     assert not list(study.rglob("sub-03*/*"))
     assert not list(study.rglob(".writing*"))
@@ -55,6 +57,10 @@ def test_a_failure_stays_alone_and_a_second_start_does_what_is_missing(
     shutil.copy(turned_scan, dataset / "sub-03" / "anat" / "sub-03_T1w.nii.gz")
     assert reconstruct_study(visits_of_bids(dataset), study, chosen, dataset=dataset, tell=lines.append) == []
     assert set(statuses(study).values()) == {"done"}
+    earlier = [f"{label}: done by an earlier run" for label in ("sub-01_ses-a", "sub-01_ses-b", "sub-02")]
+    assert sorted(lines[-4:]) == [*earlier, "sub-03: done"]
+    log = (study / "logs" / "meshot.log").read_text()
+    assert log.count("registration") == 4
     assert {path: time for path, time in states(study).items() if path in before} == before
     assert [path.name for path in (study / "logs").iterdir()] == ["meshot.log"]
 
@@ -136,6 +142,17 @@ def test_nothing_is_left_of_a_visit_that_fails_at_the_end(tmp_path, dataset, set
     assert reconstruct_study(visits, tmp_path / "study", settings, tell=lambda line: None) == visits
     assert not (tmp_path / "study" / "sub-02").exists()
     assert "MemoryError: no room" in read_subjects(tmp_path / "study")[0]["error"]
+
+
+def test_a_doubt_about_the_scan_stands_beside_the_reason_of_a_failure(tmp_path, dataset, settings):
+    """A T2 that is called T1w fails somewhere; the echo time in its sidecar says why."""
+    (dataset / "sub-03" / "anat" / "sub-03_T1w.json").write_text('{"EchoTime": 0.35}')
+    visits = [visit for visit in visits_of_bids(dataset) if visit.participant == "03"]
+    assert reconstruct_study(visits, tmp_path / "study", settings, tell=lambda line: None) == visits
+    error = read_subjects(tmp_path / "study")[0]["error"]
+    assert error.startswith(str(dataset))
+    assert "; get the file again. Warning: sub-03_T1w.nii.gz was taken with an echo time of 350 ms; a T1 has" in error
+    assert error.endswith("is it a T2?")
 
 
 def test_a_process_that_is_killed_takes_only_its_own_visit(tmp_path, settings):

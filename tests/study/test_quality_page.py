@@ -27,6 +27,7 @@ def subject(i: int, **more) -> dict:
     }
     for side in ("left", "right"):
         row |= {f"{side}_white_euler": 2, f"{side}_white_area_mm2": 85_000.0 + 100 * i}
+        row |= {f"{side}_white_self_intersecting_faces": 0, f"{side}_white_distance_from_initial_mm": 0.3}
     return row | {"warnings": 0} | more
 
 
@@ -201,6 +202,12 @@ def test_the_page_is_open_to_all_and_fits(opened):
     assert barriers(opened) == []
 
 
+def test_no_heading_is_broken_inside_a_word(opened):
+    opened.add_style_tag(content="th { overflow-wrap: normal !important }")
+    wide = "heads => heads.filter((head) => head.scrollWidth > head.clientWidth).map((head) => head.innerText)"
+    assert opened.eval_on_selector_all("thead th", wide) == []
+
+
 def test_an_embedded_page_needs_no_pictures_beside_it(study, tmp_path):
     before = (study / "quality.html").read_text(encoding="utf-8")
     page = write_quality_page(study, embed=True).read_text(encoding="utf-8")
@@ -212,7 +219,11 @@ def test_an_embedded_page_needs_no_pictures_beside_it(study, tmp_path):
 
 def test_few_subjects_have_no_scores(tmp_path):
     write_subjects(tmp_path, [subject(i, left_white_euler=-10 * (i == 2)) for i in range(1, 5)])
-    assert "5 rows are needed, and there are 4" in write_quality_page(tmp_path).read_text(encoding="utf-8")
+    said = "5 rows with surfaces are needed, and there are 4."
+    assert said in write_quality_page(tmp_path).read_text(encoding="utf-8")
+    failed = {"participant_id": "sub-05", "status": "failed", "error": "no scan"}
+    write_subjects(tmp_path, [*read_subjects(tmp_path), failed])
+    assert said in write_quality_page(tmp_path).read_text(encoding="utf-8")
     assert not any(column.is_odd(row) for column in quality_columns(read_subjects(tmp_path)) for row in range(4))
 
 

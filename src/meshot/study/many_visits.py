@@ -81,12 +81,13 @@ def reconstruct_study(
     layout_named(settings.layout).begin(study, dataset)
     write_table(study)  # what cannot be read is found before the first scan
     add_to_log(study, f"meshot {meshot.__version__}: {len(visits)} visits, layout {settings.layout}, {jobs} processes")
+    earlier = {visit.label: _written(study, visit, settings) for visit in visits}
     failed, spent, started = [], 0.0, time.perf_counter()
     with tqdm(total=len(visits), unit="visit", disable=True if tell is None else None) as bar:
         for visit, error in _outcomes(visits, study, settings, jobs, bar):
             _record(study, visit, error)
             failed += [] if error is None else [visit]
-            line, stages = _lines(study, visit, error, settings)
+            line, stages = _lines(study, visit, error, settings, earlier[visit.label])
             add_to_log(study, line + stages)
             if tell is not None:
                 tell(line + stages * detail)
@@ -154,12 +155,26 @@ def _require_writable(study: Path) -> None:
         ) from error
 
 
-def _lines(study: Path, visit: Visit, error: str | None, settings: StudySettings) -> tuple[str, str]:
-    """What became of a visit, and the seconds of its stages."""
+def _report_file(study: Path, visit: Visit, settings: StudySettings) -> Path:
+    layout = layout_named(settings.layout)
+    return study / layout.folder(visit) / layout.report_folder / REPORT
+
+
+def _written(study: Path, visit: Visit, settings: StudySettings) -> int | None:
+    """When the report of a visit was written; None if there is none."""
+    file = _report_file(study, visit, settings)
+    return file.stat().st_mtime_ns if file.is_file() else None
+
+
+def _lines(
+    study: Path, visit: Visit, error: str | None, settings: StudySettings, earlier: int | None
+) -> tuple[str, str]:
+    """What became of a visit, and the seconds of its stages, if they were run now."""
     if error is not None:
         return f"{visit.label}: failed: {error}", ""
-    layout = layout_named(settings.layout)
-    report = json_of(study / layout.folder(visit) / layout.report_folder / REPORT)
+    if _written(study, visit, settings) == earlier:
+        return f"{visit.label}: done by an earlier run", ""
+    report = json_of(_report_file(study, visit, settings))
     return f"{visit.label}: done", f" ({seconds_by_stage(report['seconds']['clock'])})"
 
 
@@ -230,5 +245,6 @@ def _trial(visit: Visit, study: Path, settings: StudySettings, progress: Callabl
         reconstruct_visit(visit, study, settings, progress)
     except Exception as error:  # one visit must not stop the others
         known = isinstance(error, ValueError | OSError | ImportError)
-        return str(error) if known else f"{type(error).__name__}: {error} (process {os.getpid()})"
+        reason = str(error) if known else f"{type(error).__name__}: {error} (process {os.getpid()})"
+        return ". Warning: ".join([reason, *visit.warnings])  # a doubt about the scan may explain the failure
     return None

@@ -52,7 +52,7 @@ def write_quality_page(study: str | os.PathLike, embed: bool = False) -> Path:
         "meshot/study/assets/quality.html",
         study=printable_name(study.resolve().name),
         summary=_summary(subjects),
-        marking=_marking(len(subjects)),
+        marking=_marking(sum(not _failed(subject) for subject in subjects)),
         limit=OUTLIER_SCORE,
         columns=columns,
         rows=[_row(study, subject, columns, i, embed) for i, subject in enumerate(subjects)],
@@ -74,9 +74,9 @@ def _summary(subjects: list[dict]) -> str:
     return f"{len(subjects)} rows: {failed} failed, {warned} with warnings."
 
 
-def _marking(n_subjects: int) -> str:
-    if n_subjects < FEWEST_SUBJECTS:
-        return f"It is not computed here: {FEWEST_SUBJECTS} rows are needed, and there are {n_subjects}."
+def _marking(n_measured: int) -> str:
+    if n_measured < FEWEST_SUBJECTS:
+        return f"It is not computed here: {FEWEST_SUBJECTS} rows with surfaces are needed, and there are {n_measured}."
     return f"Values beyond ±{OUTLIER_SCORE} are marked, compared with this study only."
 
 

@@ -28,9 +28,8 @@ def read_volume(path: str | os.PathLike) -> Volume:
         image = checked_image(path)
         data, affine = np.asarray(image.dataobj, dtype=np.float32), affine_mm(image)
     except Exception as error:  # the parsers raise many types
-        raise ValueError(
-            f"{path} is not a whole image that can be read ({error or type(error).__name__}); get the file again"
-        ) from error
+        reason = str(error).removeprefix(f"{path} is ").removesuffix("; get the file again") or type(error).__name__
+        raise ValueError(f"{path} is not a whole image that can be read ({reason}); get the file again") from error
     return Volume(data.reshape(data.shape[:3]), affine)
 
 
