@@ -1,6 +1,8 @@
 """BIDS in: which scans are found, what is ignored, and what is said about data sets that are not whole."""
 
 import json
+import os
+from pathlib import Path
 
 import pytest
 
@@ -126,6 +128,24 @@ def test_no_participants_and_no_folder(dataset):
         visits_of_bids(dataset)
     with pytest.raises(ValueError, match="is no folder"):
         visits_of_bids(dataset / "nowhere")
+
+
+@pytest.mark.parametrize("closed", ["sub-01", "sub-01/anat", "sub-01/ses-b"])
+def test_a_folder_without_permission_is_the_trouble_of_its_participant_only(dataset, monkeypatch, closed):
+    add(dataset, "sub-01_T1w.nii.gz", "sub-01_ses-b_T1w.nii.gz", "sub-02_T1w.nii.gz")
+    scandir = os.scandir
+
+    def guarded(path):
+        if Path(path).is_relative_to(dataset / closed):
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", guarded)
+    first, second = visits_of_bids(dataset)
+    assert (first.label, second.label) == ("sub-01", "sub-02")
+    assert first.trouble.startswith(str(dataset / closed))
+    assert first.trouble.endswith("cannot be read (Permission denied); give yourself the permission")
+    assert second.trouble is None
 
 
 def test_a_t2_called_t1_is_seen_in_its_sidecar(dataset):

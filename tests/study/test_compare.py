@@ -127,6 +127,8 @@ def test_the_page_shows_both_tables_and_escapes_names(made):
         for width in (1280, 400):
             page.set_viewport_size({"width": width, "height": 900})
             assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+        cut = "tables => tables.filter((table) => table.offsetWidth > table.parentElement.clientWidth).length"
+        assert page.eval_on_selector_all(".means", cut) == 0  # the means are read on a telephone without scrolling
         assert barriers(page) == []
         assert troubles == []
 

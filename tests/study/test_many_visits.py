@@ -1,6 +1,7 @@
 """Studies: whole visits or none, second starts, failures that stay alone, and the table."""
 
 import json
+import os
 import shutil
 
 import nibabel
@@ -153,6 +154,13 @@ def test_a_doubt_about_the_scan_stands_beside_the_reason_of_a_failure(tmp_path, 
     assert error.startswith(str(dataset))
     assert "; get the file again. Warning: sub-03_T1w.nii.gz was taken with an echo time of 350 ms; a T1 has" in error
     assert error.endswith("is it a T2?")
+
+
+def test_a_scan_without_permission_is_named(tmp_path, dataset, settings, monkeypatch):
+    visit, access = visits_of_bids(dataset)[0], os.access
+    monkeypatch.setattr(os, "access", lambda path, *more: path != visit.scans[0] and access(path, *more))
+    with pytest.raises(ValueError, match=r"ses-a_T1w.nii.gz cannot be read \(Permission denied\); give yourself"):
+        one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
 
 
 def test_a_process_that_is_killed_takes_only_its_own_visit(tmp_path, settings):

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import json
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -74,7 +75,7 @@ def visits_of_bids(dataset: Path, choice: Choice | None = None) -> list[Visit]:
     if not folders:
         raise ValueError(f"{dataset} has no folder sub-...; name the top folder of a BIDS data set")
     wanted = _wanted(choice.participants, list(folders), "sub")
-    found = [v for label in wanted for v in _visits_of_participant(dataset, folders[label], choice, ignored)]
+    found = [visit for label in wanted for visit in _readable_visits(dataset, folders[label], choice, ignored)]
     if choice.sessions:
         sessions = sorted({visit.session for visit in found if visit.session})
         known = _wanted(choice.sessions, sessions, "ses")
@@ -106,11 +107,29 @@ def _wanted(asked: Sequence[str], known: list[str], kind: str) -> list[str]:
     return sorted(set(labels)) if labels else sorted(known)
 
 
+def _readable_visits(dataset: Path, folder: Path, choice: Choice, ignored: Ignored) -> list[Visit]:
+    """The visits of a participant; one with trouble if a folder may not be read."""
+    try:
+        return _visits_of_participant(dataset, folder, choice, ignored)
+    except PermissionError as error:
+        why = f"{error.filename} cannot be read ({error.strerror}); give yourself the permission"
+        return [Visit(folder.name[4:], trouble=why)]
+
+
+def _require_readable(folder: Path) -> None:
+    """Raise PermissionError if a folder may not be listed, which glob would take for an empty one."""
+    if folder.is_dir():
+        with os.scandir(folder):
+            pass
+
+
 def _visits_of_participant(dataset: Path, folder: Path, choice: Choice, ignored: Ignored) -> list[Visit]:
+    _require_readable(folder)
     sessions = [path for path in sorted(folder.glob("ses-*")) if path.is_dir() and not ignored(path)]
     places = [(None, folder), *((path.name[4:], path) for path in sessions)]
     found = []
     for session, place in places:
+        _require_readable(place / "anat")
         names = _named_t1(dataset, place, ignored)
         if names:
             found.append(_visit(dataset, Visit(folder.name[4:], session), names, choice))

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import json
+import os
 from pathlib import Path
 
 import torch
@@ -132,6 +133,8 @@ def _facts(visit: Visit, networks: TrainedNetworks) -> dict:
 def _present(path: Path) -> Path:
     if path.is_symlink() and not path.exists():
         raise ValueError(f"{path} is a link to a file that is not here; get it first, for example with datalad get")
+    if path.is_file() and not os.access(path, os.R_OK):
+        raise ValueError(f"{path} cannot be read (Permission denied); give yourself the permission")
     return path
 
 
