@@ -28,7 +28,11 @@ def test_the_log_has_a_line_for_each_visit_of_each_run(tmp_path, dataset, settin
     assert said[0].endswith("4 visits, layout flat, 1 processes")
     assert said[5] == "3 done, 1 failed"
     assert said[1:5] + said[7:11] == [" ".join(line.split()) for line in lines]
-    assert re.match(r"sub-01_ses-a: done \(registration [\d.]+ s, .*pictures [\d.]+ s, total [\d.]+ s\)$", lines[0])
+    assert lines[4] == "sub-01_ses-a: done by an earlier run"
+    assert re.match(
+        r"sub-01_ses-a: done, with warnings: group_average.* \(registration [\d.]+ s, .*total [\d.]+ s\)$",
+        lines[0],
+    )
 
 
 @pytest.mark.parametrize("single", [True, False])

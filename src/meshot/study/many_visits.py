@@ -17,11 +17,11 @@ from tqdm import tqdm
 import meshot
 from meshot.errors import require_positive_integer
 from meshot.files import printable_name, whole_file
-from meshot.pipeline.report import PAGE, REPORT, seconds_by_stage
+from meshot.pipeline.report import PAGE, REPORT
 from meshot.study.json_file import json_of
 from meshot.study.layouts import layout_named
 from meshot.study.one_visit import StudySettings, reconstruct_visit
-from meshot.study.study_log import LOGS, add_to_log
+from meshot.study.study_log import LOGS, add_to_log, visit_lines, when_written
 from meshot.study.subjects_table import numbers_of_report, write_subjects
 from meshot.study.visits import Visit
 from meshot.workers import begin_worker
@@ -81,13 +81,13 @@ def reconstruct_study(
     layout_named(settings.layout).begin(study, dataset)
     write_table(study)  # what cannot be read is found before the first scan
     add_to_log(study, f"meshot {meshot.__version__}: {len(visits)} visits, layout {settings.layout}, {jobs} processes")
-    earlier = {visit.label: _written(study, visit, settings) for visit in visits}
+    earlier = {visit.label: when_written(study, visit, settings.layout) for visit in visits}
     failed, spent, started = [], 0.0, time.perf_counter()
     with tqdm(total=len(visits), unit="visit", disable=True if tell is None else None) as bar:
         for visit, error in _outcomes(visits, study, settings, jobs, bar):
             _record(study, visit, error)
             failed += [] if error is None else [visit]
-            line, stages = _lines(study, visit, error, settings, earlier[visit.label])
+            line, stages = visit_lines(study, visit, settings.layout, error, earlier[visit.label])
             add_to_log(study, line + stages)
             if tell is not None:
                 tell(line + stages * detail)
@@ -153,29 +153,6 @@ def _require_writable(study: Path) -> None:
         raise ValueError(
             f"{study} cannot be written to ({error.strerror}); choose another folder, or give yourself the permission"
         ) from error
-
-
-def _report_file(study: Path, visit: Visit, settings: StudySettings) -> Path:
-    layout = layout_named(settings.layout)
-    return study / layout.folder(visit) / layout.report_folder / REPORT
-
-
-def _written(study: Path, visit: Visit, settings: StudySettings) -> int | None:
-    """When the report of a visit was written; None if there is none."""
-    file = _report_file(study, visit, settings)
-    return file.stat().st_mtime_ns if file.is_file() else None
-
-
-def _lines(
-    study: Path, visit: Visit, error: str | None, settings: StudySettings, earlier: int | None
-) -> tuple[str, str]:
-    """What became of a visit, and the seconds of its stages, if they were run now."""
-    if error is not None:
-        return f"{visit.label}: failed: {error}", ""
-    if _written(study, visit, settings) == earlier:
-        return f"{visit.label}: done by an earlier run", ""
-    report = json_of(_report_file(study, visit, settings))
-    return f"{visit.label}: done", f" ({seconds_by_stage(report['seconds']['clock'])})"
 
 
 def _record(study: Path, visit: Visit, error: str | None) -> None:
@@ -246,5 +223,6 @@ def _trial(visit: Visit, study: Path, settings: StudySettings, progress: Callabl
     except Exception as error:  # one visit must not stop the others
         known = isinstance(error, ValueError | OSError | ImportError)
         reason = str(error) if known else f"{type(error).__name__}: {error} (process {os.getpid()})"
-        return ". Warning: ".join([reason, *visit.warnings])  # a doubt about the scan may explain the failure
+        # A doubt about the scan may explain the failure.
+        return " ".join([reason, *(f"(Warning: {warning})" for warning in visit.warnings)])
     return None

@@ -115,6 +115,9 @@ def test_bids_derivatives_are_gifti_in_scanner_ras(written):
     require_balls(surfaces, shifted=True)
     labels = nibabel.load(anat / f"{start}_desc-whitematter_dseg.nii.gz")
     assert set(np.unique(np.asarray(labels.dataobj))) == {0, 1, 2}
+    said = json.loads((anat / f"{start}_desc-whitematter_dseg.json").read_text())
+    assert said["SpatialReference"] == said["Sources"][0]
+    assert {"Description", "Manual"} < set(said)
     head = bright_head(labels.affine, labels.shape).data
     overlap = [(np.asarray(labels.dataobj) == value) & (head > 0.5 * bright) for value, bright in ((1, 0.4), (2, 1.0))]
     assert all(part.sum() > 0.9 * (np.asarray(labels.dataobj) == value).sum() for value, part in zip((1, 2), overlap))

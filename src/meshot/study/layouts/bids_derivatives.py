@@ -37,11 +37,15 @@ def arrange(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> 
             _write_json(anat / f"{name}.json", facts | {"SpatialReference": "scanner RAS of the T1w image, in mm"})
     start = anat / f"{visit.prefix}_desc-whitematter_dseg"
     write_volume(start.with_name(f"{start.name}.nii.gz"), white_matter_labels(found, scan))
-    _write_json(start.with_name(f"{start.name}.json"), facts | {"Manual": False})
+    said = {"Description": "White matter, 1 on the left and 2 on the right", "Manual": False}
+    grid = {"SpatialReference": facts["Sources"][0]}
+    _write_json(start.with_name(f"{start.name}.json"), facts | said | grid)
     start.with_name(f"{start.name}.tsv").write_text(_LABELS, encoding="utf-8")
     if len(visit.scans) > 1:
         write_volume(anat / f"{visit.prefix}_desc-average_T1w.nii.gz", scan)
-        _write_json(anat / f"{visit.prefix}_desc-average_T1w.json", facts | {"SkullStripped": visit.mask is not None})
+        said = {"Description": "Average of registered runs, on the grid of the first"}
+        said["SkullStripped"] = visit.mask is not None
+        _write_json(anat / f"{visit.prefix}_desc-average_T1w.json", facts | said)
     to_standard = found.scan.to_standard
     transform = anat / f"{visit.prefix}_from-T1w_to-{TEMPLATE}_mode-image_xfm"
     transform.with_name(f"{transform.name}.txt").write_text(itk_transform(to_standard), encoding="utf-8")
