@@ -9,6 +9,7 @@ from meshot_book.exercises.descent_exercises import largest_rate, line_arrows, n
 from meshot_book.exercises.flow_exercises import euler_flow, pieces_needed, undo_step
 from meshot_book.exercises.imaging_exercises import grid_affine, noise_from_air, pixel_share
 from meshot_book.exercises.line_exercises import quantiles, transport_cost, weight_gradient
+from meshot_book.exercises.local_exercises import pair_costs, partial_cost, window_weights
 from meshot_book.exercises.measure_exercises import face_weights, mean_square, tent_density
 from meshot_book.exercises.normal_exercises import area_gradient, is_inside_out, scale_for_share
 from meshot_book.exercises.results_exercises import kept_check, observed_order, paired_gap
@@ -55,9 +56,11 @@ __all__ = [
     "nearest_arrows",
     "noise_from_air",
     "observed_order",
+    "pair_costs",
     "pair_reliability",
     "paired_gap",
     "pairs_left",
+    "partial_cost",
     "pieces_needed",
     "pixel_share",
     "points_needed",
@@ -75,6 +78,7 @@ __all__ = [
     "two_sided",
     "undo_step",
     "weight_gradient",
+    "window_weights",
     "without_floor",
     "wrong_curve",
 ]
