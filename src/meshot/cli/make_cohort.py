@@ -20,7 +20,7 @@ def add_to(commands: Commands) -> None:
         meshot make-cohort oasis_like build/cohorts/oasis_like --jobs 2
         meshot make-cohort oasis_like build/cohorts/oasis_like --check
         """,
-        "Recipes in the package are oasis_like, adni_like, test_retest and tiny.",
+        "Recipes in the package are oasis_like, adni_like, test_retest, people_like and tiny.",
     )
     command.add_argument("recipe", help="The name of a recipe in the package, or a YAML file.")
     command.add_argument("folder", type=Path, help="The folder of the cohort, new or unfinished.")

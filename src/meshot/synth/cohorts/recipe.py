@@ -113,7 +113,8 @@ def read_recipe(path: str | os.PathLike, **changes: object) -> Recipe:
     Parameters
     ----------
     path : path
-        The file, or the name of a recipe in the package: oasis_like, adni_like, test_retest, tiny.
+        The file, or the name of a recipe in the package: oasis_like, adni_like, test_retest,
+        people_like, tiny.
     changes
         Entries that replace those of the file.
 
