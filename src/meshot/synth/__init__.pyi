@@ -1,3 +1,4 @@
+from .blemishes import Blemishes as Blemishes
 from .imaging import (
     TISSUES as TISSUES,
     Appearance as Appearance,

@@ -7,6 +7,7 @@ from .cohort import (
 )
 from .generation import make_cohort as make_cohort, open_cohort as open_cohort, visits as visits
 from .manifest import changed_files as changed_files, keep_digests as keep_digests
+from .people import People as People
 from .recipe import (
     Recipe as Recipe,
     drawn_appearance as drawn_appearance,

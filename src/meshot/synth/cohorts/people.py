@@ -36,7 +36,7 @@ class People:
     layers_mm : tuple of float
         Thickness of fluid, skull and scalp.
     dura, cut, lesions : float
-        The largest shares of these blemishes: see :class:`meshot.synth.blemishes.Blemishes`. Scans with a skull have
+        The largest shares of these blemishes: see :class:`meshot.synth.Blemishes`. Scans with a skull have
         neither dura nor cuts.
     vessels : int
         The largest number of vessels.

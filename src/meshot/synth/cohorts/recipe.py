@@ -58,7 +58,7 @@ class Recipe:
     leaf_mm : float, optional
         Take the head outside the cortex from the MNI152 average: see :class:`meshot.synth.Anatomy`.
     people : mapping
-        Parameters of :class:`meshot.synth.cohorts.people.People`. If any is given, age, voxels, skull and blemishes
+        Parameters of :class:`meshot.synth.cohorts.People`. If any is given, age, voxels, skull and blemishes
         vary between people, and replace what the other entries say of them.
 
     Raises
