@@ -98,6 +98,13 @@ AXE = """async (everything) => {
     .filter((violation) => ['serious', 'critical'].includes(violation.impact))
     .map((v) => `${v.id} (${v.nodes.length}): ${v.nodes[0].target} ${v.nodes[0].any[0]?.message ?? v.help}`);
 }"""
+#: What fades, from one theme to the other or because it was unfolded, has arrived before it is measured. An animation
+#: without an end cannot be finished.
+SET_THEME = """(theme) => {
+  document.documentElement.dataset.theme = theme;
+  const ends = (each) => each.effect.getComputedTiming().endTime < Infinity;
+  document.getAnimations().filter(ends).forEach((each) => each.finish());
+}"""
 #: Controls that a mouse can use and a keyboard cannot reach.
 UNREACHED = """() => {
   const controls = 'a[href], button, input, select, textarea, summary, canvas[tabindex], [role=button], [onclick]';
@@ -172,7 +179,7 @@ def barriers(page: Page) -> list[str]:
     found = [f"keyboard: {control}" for control in page.evaluate(UNREACHED)]
     page.evaluate(SAMPLE)
     for theme in ("light", "dark"):
-        page.evaluate("(theme) => (document.documentElement.dataset.theme = theme)", theme)
+        page.evaluate(SET_THEME, theme)
         found += [f"{theme}: {violation}" for violation in page.evaluate(AXE, theme == "light")]
     return found
 
