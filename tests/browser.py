@@ -113,6 +113,8 @@ UNREACHED = """() => {
     .filter((node) => node.tabIndex < 0 || (node.focus({ preventScroll: true }), document.activeElement !== node))
     .map((node) => node.outerHTML.slice(0, 120));
 }"""
+#: What still loads when a page is left, or loaded again. A file that is not there fails with another message.
+ABORTED = "net::ERR_ABORTED"
 #: Sent by a server in packed form.
 PACKED = (".html", ".css", ".js", ".json", ".svg")
 
@@ -147,7 +149,7 @@ def watched_page(
     if loaded is not None:
         page.on("requestfinished", lambda request: loaded.add(Path(unquote(urlsplit(request.url).path))))
     page.on("request", lambda r: None if r.url.startswith(LOCAL) else troubles.append(f"request leaves: {r.url}"))
-    page.on("requestfailed", lambda r: troubles.append(f"request failed: {r.url}"))
+    page.on("requestfailed", lambda r: None if r.failure == ABORTED else troubles.append(f"request failed: {r.url}"))
     page.on("console", lambda m: troubles.append(f"console: {m.text}") if m.type == "error" else None)
     page.on("pageerror", lambda error: troubles.append(f"script error: {error}"))
     page.goto(file.as_uri(), wait_until="load")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from bs4 import BeautifulSoup
+from PIL import Image
 
 import build
 from api_pages import set_formulas
@@ -177,6 +178,24 @@ def test_a_good_page_has_no_trouble(tmp_path, context):
     file = tmp_path / "page.html"
     file.write_text('<!doctype html><html><body><article id="a"><a href="#a">up</a> costs 5 $</article></body></html>')
     assert troubles_of(context, file) == []
+
+
+def test_what_a_page_that_is_left_still_loads_is_no_trouble(tmp_path, context):
+    for i in range(20):
+        Image.effect_noise((1000, 1000), 80).save(tmp_path / f"{i}.webp")
+    heavy, empty = tmp_path / "heavy.html", tmp_path / "empty.html"
+    heavy.write_text("".join(f'<img src="{i}.webp">' for i in range(20)))
+    empty.write_text("<p>empty</p>")
+    with watched_page(context, empty) as (page, troubles):
+        left = []
+        page.on("requestfailed", lambda request: left.append(request.failure))
+        for _ in range(50):
+            page.goto(heavy.as_uri(), wait_until="commit")
+            page.goto(empty.as_uri())
+            if left:
+                break
+        assert left
+        assert troubles == []
 
 
 def test_set_formulas_are_not_raw_tex(html, context):
