@@ -13,17 +13,13 @@ import yaml
 from scipy import stats
 
 from meshot.loss.composed import surface_loss
-from meshot.mesh.editing.smoothing import laplacian_smoothing
 from meshot.mesh.geometry.areas import vertex_areas
-from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes.solids import icosphere
 from meshot.mesh.topology.intersection import self_intersecting_faces
 from meshot.metrics.distances import Surface, vertex_distances
 from meshot.model.deformation import DeformationNetwork
-from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline.examples import InitialSurfaces
+from meshot.model.weights import read_weights
 from meshot.provenance import read_results
 from meshot.synth.cohorts.cohort import scans
 from meshot.systems import get_system, read_settings
@@ -31,7 +27,6 @@ from meshot.systems.deformation.data import DeformationExample
 from meshot.systems.deformation.example_file import read_example
 from meshot.train import engine as training
 from meshot.volume.volume import Volume
-from phantoms import write_phantom_cohort
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ddot"
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -42,30 +37,10 @@ SETTINGS = {
 }
 
 
-@pytest.fixture(scope="module")
-def prepared_place(tmp_path_factory):
-    """A phantom cohort with its initial surfaces: the true ones without folds, half a millimetre too small."""
-    place = tmp_path_factory.mktemp("ddot")
-    cohort = write_phantom_cohort(place / "alpha", ["train", "train", "validation", "test", "test", "test"])
-    table = (cohort / "participants.tsv").read_text().splitlines()
-    table[-1] = table[-1].replace("template", "procedural")
-    (cohort / "participants.tsv").write_text("\n".join(table) + "\n")
-    network = SegmentationNetwork(2, 1, generator=0)
-    write_weights(place / "segmentation.safetensors", network, {})
-    surfaces = InitialSurfaces(place / "initial", network.float())
-    for subject in scans(cohort):
-        for side in ("left", "right"):
-            smooth = laplacian_smoothing(subject.surface("white", side, "standard"), 10)
-            centre = smooth.vertices.mean(dim=0)
-            initial = smooth.with_vertices(centre + 0.94 * (smooth.vertices - centre))
-            write_mesh(surfaces.path(subject, side, subject.standard()), initial)
-    return place
-
-
 @pytest.fixture
-def place(prepared_place, tmp_path, config):
+def place(phantom_place, tmp_path, config):
     """A folder of one's own with everything but trainings, and a configuration of a few."""
-    shutil.copytree(prepared_place, tmp_path, dirs_exist_ok=True)
+    shutil.copytree(phantom_place, tmp_path, dirs_exist_ok=True)
     (tmp_path / "settings.yaml").write_text(yaml.safe_dump(SETTINGS))
     own = config | {
         "settings": str(tmp_path / "settings.yaml"),

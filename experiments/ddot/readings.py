@@ -1,0 +1,126 @@
+"""Train DDOT and CortexODE with each reading of what the paper leaves open, each with its own learning rate.
+
+Run as ``python experiments/ddot/readings.py`` when the cohort exists; ``readings.yaml`` is the protocol. ``--jobs 2``
+trains two networks at a time. First every reading is trained for a short time with three rates, then for the whole time
+with the rate that was best in validation. A stopped run resumes.
+"""
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import torch
+import yaml
+from tqdm import tqdm
+from trainings import HERE, Wanted, arguments, read_config, segmentation_network
+
+import train
+from meshot.files import whole_file
+from meshot.mesh import write_mesh
+from meshot.pipeline import InitialSurfaces
+from meshot.pipeline.segmentation import segment, segmented_surface
+from meshot.provenance import read_results, write_results
+from meshot.synth.cohorts import Subject, scans
+
+SPLITS = ("train", "validation", "test")
+STARTS = ("initial", "binary")
+
+
+def arm_of(reading: dict, rate: float, n_epochs: int) -> dict:
+    """One reading with one learning rate, as an arm of the experiment."""
+    own = [f"training.learning_rate={rate}", f"training.n_epochs={n_epochs}", "training.validate_every=5"]
+    return {"title": "", "system": reading["system"], "changes": [*reading.get("changes", []), *own]}
+
+
+def rate_arms(protocol: dict, start: str) -> dict[str, dict]:
+    """The short trainings from one kind of initial surface: each reading with each of its rates."""
+    return {
+        f"{name}_{rate:g}": arm_of(reading, rate, protocol["rate_epochs"])
+        for name, reading in readings_from(protocol, start).items()
+        for rate in protocol["rates"][reading["rates"]]
+    }
+
+
+def readings_from(protocol: dict, start: str) -> dict[str, dict]:
+    """The readings that start from one kind of initial surface."""
+    return {name: each for name, each in protocol["readings"].items() if each.get("start", "initial") == start}
+
+
+def configuration(protocol: dict, start: str, arms: dict[str, dict], state: Path, weights: Path) -> dict:
+    """A configuration of the experiment with these arms only."""
+    column = {"cohorts": [protocol["cohort"]], "sides": [protocol["side"]], "seeds": [protocol["seed"]]}
+    same = {key: protocol[key] for key in ("settings", "cohorts", "segmentation")}
+    own = {"initial": protocol[start], "state": str(state), "weights": str(weights), "arms": arms}
+    return same | own | {"groups": {"readings": column | {"arms": list(arms)}}}
+
+
+def score(record: dict) -> float:
+    """The mean ASSD on validation subjects, over all validations after half of the steps, in mm."""
+    found = record["results"]
+    late = [each["validation_loss"] for each in found["validations"] if 2 * each["step"] > found["n_steps"]]
+    return float(np.mean(late))
+
+
+def scores(protocol: dict, name: str, config: dict) -> dict[float, float]:
+    """The score of each rate of a reading. A rate whose training did not end well has none."""
+    column = protocol["cohort"], protocol["side"]
+    rates = protocol["rates"][protocol["readings"][name]["rates"]]
+    trainings = {rate: Wanted(*column, f"{name}_{rate:g}", protocol["seed"]) for rate in rates}
+    ended = {rate: each.kept(config, ".json") for rate, each in trainings.items() if each.is_made(config)}
+    return {rate: score(read_results(record)) for rate, record in ended.items()}
+
+
+def binary_surfaces(subjects: Iterable[Subject], surfaces: InitialSurfaces) -> None:
+    """Make the missing initial surfaces from the binary mask of white matter instead of its probability."""
+    torch.set_num_threads(1)
+    for subject in subjects:
+        scan = subject.standard()
+        paths = {side: surfaces.path(subject, side, scan) for side in ("left", "right")}
+        if all(path.is_file() for path in paths.values()):
+            continue
+        for side, probability in segment(scan.volume, surfaces.network).items():
+            mask = probability.with_data((probability.data > 0.5).astype(np.float64))
+            write_mesh(paths[side], segmented_surface(mask).mesh)
+
+
+def trained(config: dict, file: Path, jobs: int) -> None:
+    """Train the missing networks of a configuration, which is written to ``file``."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(file) as temporary:
+        temporary.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
+    train.main(["--config", str(file), "--jobs", str(jobs)])
+
+
+def main(words: list[str] | None = None) -> int:
+    """Train all readings; write the rates with their scores."""
+    parser = arguments(__doc__, HERE / "readings.json")
+    parser.set_defaults(config=HERE / "readings.yaml")
+    parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
+    asked = parser.parse_args(words)
+    protocol = read_config(asked.config)
+    state, results = Path(protocol["state"]), {}
+    for start in STARTS:
+        config = configuration(protocol, start, rate_arms(protocol, start), state, state / "kept")
+        if start == "binary":
+            subjects = [each for split in SPLITS for each in scans(config["cohorts"][protocol["cohort"]], split)]
+            found = InitialSurfaces(protocol["binary"], segmentation_network(config))
+            binary_surfaces(tqdm(subjects, desc="binary surfaces"), found)
+        trained(config, state / f"rates_{start}.yaml", asked.jobs)
+        own = {name: scores(protocol, name, config) for name in readings_from(protocol, start)}
+        results |= {
+            name: {"rate": min(found, key=found.get), "assd_mm": {f"{rate:g}": value for rate, value in found.items()}}
+            for name, found in own.items()
+        }
+        arms = {
+            name: arm_of(protocol["readings"][name], results[name]["rate"], protocol["epochs"])
+            for name in readings_from(protocol, start)
+        }
+        whole = configuration(protocol, start, arms, state, Path(protocol["weights"]))
+        trained(whole, state / f"whole_{start}.yaml", asked.jobs)
+    write_results(asked.output, results, protocol, "python experiments/ddot/readings.py", "validation subjects", 0.0)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,128 @@
+"""The readings of what the paper leaves open, on phantoms: rates, choice, whole trainings, stopped and gone on with."""
+
+import functools
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from meshot.mesh.topology.counts import euler_number
+from meshot.pipeline.segmentation.surface import segmented_surface
+from meshot.provenance import read_results, write_results
+from meshot.synth.cohorts.cohort import scans
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ddot"
+pytestmark = pytest.mark.usefixtures("one_thread")
+SETTINGS = {
+    "network": {"width": 4, "hidden": [8], "n_scales": 1, "size": 3},
+    "training": {"n_faces": 400, "n_points": 500, "save_every": 1},
+}
+
+
+@pytest.fixture(scope="module")
+def protocol():
+    return yaml.safe_load((FOLDER / "readings.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def place(phantom_place, tmp_path, protocol):
+    """A folder of one's own, and a protocol of three readings."""
+    shutil.copytree(phantom_place, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "settings.yaml").write_text(yaml.safe_dump(SETTINGS))
+    readings = {name: protocol["readings"][name] for name in ("ddot_20mm", "cortexode", "ddot_104mm")}
+    own = protocol | {
+        "settings": str(tmp_path / "settings.yaml"),
+        "cohorts": {"alpha": str(tmp_path / "alpha")},
+        "segmentation": str(tmp_path / "segmentation.safetensors"),
+        "cohort": "alpha",
+        "rate_epochs": 5,
+        "epochs": 10,
+        "readings": readings,
+        **{key: str(tmp_path / key) for key in ("initial", "binary", "state", "weights")},
+    }
+    (tmp_path / "readings.yaml").write_text(yaml.safe_dump(own))
+    return tmp_path
+
+
+def test_a_score_is_the_mean_of_the_second_half(part):
+    found = [{"step": step, "validation_loss": float(step)} for step in (1, 2, 3, 4)]
+    assert part("readings").score({"results": {"n_steps": 4, "validations": found}}) == 3.5
+
+
+def test_every_reading_has_three_rates_and_its_own_settings(part, protocol, root, monkeypatch):
+    monkeypatch.chdir(root)
+    readings, trainings = part("readings"), part("trainings")
+    seen = {}
+    for start in readings.STARTS:
+        arms = readings.rate_arms(protocol, start)
+        assert len(arms) == 3 * len(readings.readings_from(protocol, start))
+        config = readings.configuration(protocol, start, arms, Path("a"), Path("b"))
+        seen |= {each.arm: (each.settings(config), config["initial"]) for each in trainings.wanted(config)}
+    assert len({json.dumps(each, sort_keys=True) for each in seen.values()}) == len(seen) == 33
+    assert seen["ddot_104mm_0.0001"][0]["network"]["velocity_unit"] == 104
+    assert seen["ddot_binary_0.002"][1] == protocol["binary"]
+
+
+def test_the_best_rate_of_each_reading_is_trained_to_the_end(part, place, monkeypatch):
+    readings = part("readings")
+    monkeypatch.setattr(readings, "STARTS", ("initial",))
+    words = ["--config", str(place / "readings.yaml"), "-o", str(place / "readings.json")]
+    assert readings.main(words) == 0
+    found = read_results(place / "readings.json")["results"]
+    assert set(found) == {"ddot_20mm", "cortexode", "ddot_104mm"}
+    for name, each in found.items():
+        assert each["rate"] == float(min(each["assd_mm"], key=each["assd_mm"].get))
+        record = read_results(place / "weights" / f"alpha_left_{name}_0.json")
+        assert record["results"]["n_steps"] == 20
+        assert record["config"]["training"]["learning_rate"] == each["rate"]
+    before = {file: file.stat().st_mtime_ns for file in (place / "weights").iterdir()}
+    assert readings.main(words) == 0
+    assert {file: file.stat().st_mtime_ns for file in (place / "weights").iterdir()} == before
+
+
+def test_a_rate_without_an_end_is_not_chosen(part, place, protocol):
+    readings = part("readings")
+    own = yaml.safe_load((place / "readings.yaml").read_text()) | {"rates": {"mm": [0.002, 1.0], "unit": []}}
+    config = readings.configuration(own, "initial", {}, place / "state", place / "kept")
+    (place / "kept").mkdir()
+    found = {"n_steps": 2, "validations": [{"step": 2, "validation_loss": 0.3}]}
+    write_results(place / "kept" / "alpha_left_ddot_20mm_0.002_0.json", found, {}, "none", "none", 0.0)
+    assert readings.scores(own, "ddot_20mm", config) == {0.002: 0.3}
+
+
+def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):
+    readings = part("readings")
+    network = part("trainings").segmentation_network({"segmentation": str(place / "segmentation.safetensors")})
+    surfaces = readings.InitialSurfaces(place / "binary", network)
+    (subject,) = scans(place / "alpha", "validation")
+
+    def ball(scan, network, slope=1.0):
+        grid = np.stack(np.meshgrid(*(np.arange(n) for n in scan.data.shape), indexing="ij"), axis=-1)
+        radius = np.linalg.norm(grid - np.array(scan.data.shape) / 2, axis=-1)
+        return dict.fromkeys(("left", "right"), scan.with_data(1 / (1 + np.exp(slope * (radius - 7.3)))))
+
+    monkeypatch.setattr(readings, "segment", ball)
+    readings.binary_surfaces([subject], surfaces)
+    first = surfaces.of(subject, "left")
+    assert euler_number(first) == 2
+    # The slope of the probability tells where between two voxels the border lies. A mask does not hold it.
+    monkeypatch.setattr(readings, "segment", functools.partial(ball, slope=0.2))
+    for path in place.glob("binary/**/*.gii"):
+        path.unlink()
+    readings.binary_surfaces([subject], surfaces)
+    assert torch.equal(surfaces.of(subject, "left").vertices, first.vertices)
+    both = [
+        segmented_surface(ball(subject.standard().volume, None, slope)["left"]).mesh.vertices for slope in (1.0, 0.2)
+    ]
+    assert both[0].shape != both[1].shape or (both[0] - both[1]).abs().max() > 1e-3
+
+
+def test_binary_surfaces_that_exist_are_kept(part, place, monkeypatch):
+    readings = part("readings")
+    network = part("trainings").segmentation_network({"segmentation": str(place / "segmentation.safetensors")})
+    monkeypatch.setattr(readings, "segment", lambda *_: 1 / 0)
+    readings.binary_surfaces(scans(place / "alpha", "validation"), readings.InitialSurfaces(place / "initial", network))
