@@ -131,9 +131,11 @@ def test_a_state_of_another_training_is_refused(tmp_path, examples):
 
 
 def test_examples_must_be_there_and_alike(examples):
-    for training, validation in (([], examples[1]), (examples[0], []), (examples[0], phantom_examples(1, reduction=2))):
-        with pytest.raises(ValueError, match="at least one of each is needed, all on one grid"):
+    for training, validation in (([], examples[1]), (examples[0], [])):
+        with pytest.raises(ValueError, match="at least one of each is needed"):
             train_segmentation(TINY, training, validation)
+    with pytest.raises(ValueError, match=r"on grids \[\(16, 12, 12\), \(32, 24, 24\)\]; all must be on one grid"):
+        train_segmentation(TINY, examples[0], phantom_examples(1, reduction=2))
 
 
 def test_a_log_that_was_cut_short_is_read_up_to_there(tmp_path):

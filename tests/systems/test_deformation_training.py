@@ -171,6 +171,13 @@ def test_no_examples_and_another_training_are_refused(tmp_path, examples):
         train_deformation(changed(n_epochs=1, seed=9), *examples, folder=tmp_path)
 
 
+def test_a_constant_scan_is_refused_before_the_first_step(examples):
+    item = examples[0][0]
+    flat = dataclasses.replace(item, scan=item.scan.with_data(0 * item.scan.data))
+    with pytest.raises(ValueError, match="the image is 0 at every vertex of the surface"):
+        train_deformation(TINY, [item, flat], examples[1], progress=lambda *_: pytest.fail("a step was made"))
+
+
 def test_a_flow_that_leaves_finite_numbers_is_refused(examples):
     network = DeformationNetwork(4, (4,), 1, 3)
     torch.nn.init.constant_(network.to_velocity.bias, float("nan"))
@@ -320,7 +327,7 @@ def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypa
 
     monkeypatch.setattr(InitialSurfaces, "examples", examples)
     with monkeypatch.context() as patch:
-        patch.setattr("meshot.systems.deformation.training._validation", stop)
+        patch.setattr("meshot.systems.deformation.training.mean_distances", stop)
         monkeypatch.setattr(results, "commit_of", lambda _: "first")
         with pytest.raises(Kill):
             run_system_training(*words)

@@ -14,7 +14,7 @@ from torch import nn
 from meshot.mesh import Mesh
 from meshot.model import read_weights, write_weights
 from meshot.systems.examples import ExampleSets, Scan, SurfaceKey
-from meshot.train import Groups, Progress
+from meshot.train import Groups, Progress, require_examples
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class SurfaceSystem(abc.ABC):
         Raises
         ------
         ValueError
-            If a setting is unknown, or a value is invalid.
+            If a setting is unknown, a value is invalid, or a network is too large to be stored.
         """
 
     @classmethod
@@ -199,11 +199,7 @@ class SurfaceSystem(abc.ABC):
 
     @classmethod
     def _require_examples(cls, examples: ExampleSets) -> None:
-        if not examples.training or not examples.validation:
-            raise ValueError(
-                f"{len(examples.training)} examples for training and {len(examples.validation)} for validation came; "
-                "at least one of each is needed"
-            )
+        require_examples(examples.training, examples.validation)
         for example in (*examples.training, *examples.validation):
             cls._require_initial(example.scan, example.name)
             missing = [key for key in cls.surfaces if key not in example.targets]

@@ -13,6 +13,11 @@ from .engine import (
     train as train,
     train_network as train_network,
 )
+from .examples import (
+    data_record as data_record,
+    examples_of_step as examples_of_step,
+    require_examples as require_examples,
+)
 from .log import TrainingLog as TrainingLog, read_log as read_log
-from .plan import Plan as Plan, require_plan_settings as require_plan_settings
+from .plan import Plan as Plan, plan_of_epochs as plan_of_epochs, require_plan_settings as require_plan_settings
 from .state import TrainingState as TrainingState

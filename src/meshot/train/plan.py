@@ -43,6 +43,23 @@ class Plan:
         return self.learning_rate * 0.5 * (1 + math.cos(math.pi * step / self.n_steps))
 
 
+def plan_of_epochs(settings: object, n_examples: int) -> Plan:
+    """The plan of settings that count in epochs, for a number of training examples.
+
+    Parameters
+    ----------
+    settings : object
+        With the attributes that :func:`meshot.train.require_plan_settings` checks. One step uses ``batch_size``
+        examples, or one example if there is no such attribute.
+    n_examples : int
+    """
+    per_epoch = -(-n_examples // getattr(settings, "batch_size", 1))
+    return Plan(
+        settings.n_epochs * per_epoch, settings.validate_every * per_epoch, settings.save_every, settings.patience,
+        settings.learning_rate, settings.schedule, settings.averaging,
+    )  # fmt: skip
+
+
 def require_plan_settings(settings: object) -> None:
     """Check the settings that all trainings have: epochs, learning rate, patience, averaging, seed.
 

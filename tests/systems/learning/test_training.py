@@ -9,9 +9,11 @@ import torch
 from meshot.mesh.shapes.solids import icosphere
 from meshot.metrics.distances import Surface
 from meshot.systems import ExampleSets
+from meshot.systems.corticalflow.settings import ChainSettings, FlowSettings
+from meshot.systems.deformation.settings import DeformationSettings
 from meshot.systems.learning.scans import example_data, scaled_image
 from meshot.systems.learning.settings import LearningSettings, completed_groups
-from meshot.systems.learning.training import mean_distances, train_part
+from meshot.systems.learning.training import mean_distances, train_on_subjects, train_part
 from meshot.volume.volume import Volume
 from phantoms import phantom_subjects
 
@@ -53,17 +55,69 @@ def test_distances_are_means_over_pairs():
     found = mean_distances([(inner, outer), (inner, Surface(inner))], 500)
     assert found["validation_loss"] == pytest.approx(0.5, abs=0.02)
     broken = inner.with_vertices(inner.vertices * float("nan"))
-    with pytest.raises(FloatingPointError, match=r"a validation failed: .*lower the learning rate"):
+    with pytest.raises(ValueError, match="NaN or infinite"):
         mean_distances([(broken, outer)], 500)
+
+
+def no_area(*_):
+    raise ValueError("the mesh has no area")
 
 
 def test_a_step_without_a_loss_names_its_subject():
     sets = ExampleSets(phantom_subjects(1, ()), [])
-
-    def none(index, draws):
-        raise ValueError("the mesh has no area")
-
     with pytest.raises(
         FloatingPointError, match=r"the prediction of step 0 \(phantom-0\) has no loss: the mesh has no"
     ):
-        train_part(torch.nn.Linear(1, 1), LearningSettings(), sets, none, dict, {})
+        train_part(torch.nn.Linear(1, 1), LearningSettings(), sets, no_area, dict, {})
+
+
+def test_a_validation_without_a_distance_names_its_step():
+    network, settings = torch.nn.Linear(1, 1), LearningSettings(n_epochs=2, validate_every=1)
+    with pytest.raises(
+        FloatingPointError,
+        match=r"the validation after step 3 failed: the mesh has no area; lower the learning rate\. The last saved",
+    ):
+        train_on_subjects(network, settings, "abc", lambda *_: network.weight.square().sum(), no_area, {})
+
+
+def test_a_step_uses_the_subject_and_the_random_numbers_of_its_index():
+    network, settings, seen = torch.nn.Linear(1, 1), LearningSettings(n_epochs=2, seed=5), []
+
+    def loss_of(index, draws):
+        seen.append((index, draws.integers(1000)))
+        return network.weight.square().sum()
+
+    train_on_subjects(network, settings, "abc", loss_of, lambda: {"validation_loss": 1.0}, {})
+    orders = [np.random.default_rng([5, 0, epoch]).permutation(3) for epoch in range(2)]
+    assert [index for index, _ in seen] == np.concatenate(orders).tolist()
+    assert [number for _, number in seen] == [np.random.default_rng([5, 1, step]).integers(1000) for step in range(6)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "order"),
+    [
+        (
+            ChainSettings,
+            "n_epochs learning_rate schedule validate_every patience n_points save_every averaging seed side n_faces "
+            "n_samples edge_weight n_flow_steps method",
+        ),
+        (
+            DeformationSettings,
+            "side n_epochs learning_rate schedule n_faces n_flow_steps method validate_every patience n_points "
+            "save_every averaging seed",
+        ),
+    ],
+)
+def test_a_record_lists_the_settings_in_the_same_order_as_ever(kind, order):
+    found = completed_groups("it", {"training": {"side": "left"}}, {"training": kind})["training"]
+    assert list(found) == order.split()
+    assert found == dataclasses.asdict(kind(side="left"))
+    assert (kind(side="left").sides, kind().sides) == (("left",), ("left", "right"))
+
+
+def test_a_network_that_is_too_large_is_refused_with_the_name_of_the_system():
+    kinds = {"network": FlowSettings}
+    small, large = (lambda groups, n=n: torch.nn.Linear(groups["network"]["width"], n) for n in (1, 10**6))
+    assert completed_groups("it", {}, kinds, small) == {"network": dataclasses.asdict(FlowSettings())}
+    with pytest.raises(ValueError, match=r"the configuration of it is invalid: the weights take 36\.0 MB"):
+        completed_groups("it", {}, kinds, large)

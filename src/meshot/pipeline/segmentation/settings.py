@@ -10,7 +10,15 @@ from meshot.errors import require_positive_integer
 from meshot.files import named_file
 from meshot.model import SegmentationNetwork
 from meshot.pipeline.segmentation.augmentation import Augmentation
-from meshot.train import Plan, changed_groups, checked_groups, read_groups, require_plan_settings, setting_names
+from meshot.train import (
+    Plan,
+    changed_groups,
+    checked_groups,
+    plan_of_epochs,
+    read_groups,
+    require_plan_settings,
+    setting_names,
+)
 
 #: The folder of the package's configurations.
 SETTINGS = Path(__file__).parent
@@ -93,11 +101,7 @@ class SegmentationSettings:
 
     def plan(self, n_examples: int) -> Plan:
         """The settings in steps instead of epochs, for a number of training scans."""
-        per_epoch = -(-n_examples // self.batch_size)
-        return Plan(
-            self.n_epochs * per_epoch, self.validate_every * per_epoch, self.save_every, self.patience,
-            self.learning_rate, self.schedule, self.averaging,
-        )  # fmt: skip
+        return plan_of_epochs(self, n_examples)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -11,11 +11,20 @@ from meshot.model import SegmentationNetwork, segmentation_loss
 from meshot.pipeline.segmentation.augmentation import augmented
 from meshot.pipeline.segmentation.data import Example, digest
 from meshot.pipeline.segmentation.settings import SegmentationConfig, SegmentationSettings
-from meshot.train import Progress, Task, Training, chosen_device, train_network
+from meshot.train import (
+    Progress,
+    Task,
+    Training,
+    chosen_device,
+    data_record,
+    examples_of_step,
+    require_examples,
+    train_network,
+)
 from meshot.types import Float, Tensor
 from meshot.volume import dice
 
-_ORDER, _AUGMENTATION = 0, 1  # random number streams
+_AUGMENTATION = 1  # random number stream; the order of the examples has stream 0
 
 
 def train_segmentation(
@@ -47,13 +56,10 @@ def train_segmentation(
     FloatingPointError
         If the loss or a gradient is not finite. The message names the step and the scans.
     """
-    _require_examples(training, validation)
+    require_examples(training, validation)
+    _require_one_grid(training, validation)
     settings, device = config.training, device or chosen_device()
     network = config.new_network().to(device)
-    data = {
-        name: {"n_scans": len(part), "sha256": digest(part)}
-        for name, part in (("training", training), ("validation", validation))
-    }
 
     def loss_of(step: int) -> tuple[Tensor, str]:
         names, image, fractions = _batch(step, training, settings)
@@ -62,27 +68,21 @@ def train_segmentation(
     return train_network(
         network, settings.plan(len(training)),
         Task(loss_of, lambda _: _validation(network, validation, settings, device)),
-        config.as_dict() | {"data": data}, folder, progress,
+        config.as_dict() | {"data": data_record(training, validation, digest)}, folder, progress,
     )  # fmt: skip
 
 
-def _require_examples(training: Sequence[Example], validation: Sequence[Example]) -> None:
+def _require_one_grid(training: Sequence[Example], validation: Sequence[Example]) -> None:
     shapes = {item.image.shape for item in (*training, *validation)}
-    if not training or not validation or len(shapes) != 1:
-        raise ValueError(
-            f"{len(training)} examples for training and {len(validation)} for validation came, on grids "
-            f"{sorted(shapes)}; at least one of each is needed, all on one grid"
-        )
+    if len(shapes) != 1:
+        raise ValueError(f"the examples are on grids {sorted(shapes)}; all must be on one grid: bring them to it")
 
 
 def _batch(
     step: int, training: Sequence[Example], settings: SegmentationSettings
 ) -> tuple[list[str], Float[Tensor, "b 1 x y z"], Float[Tensor, "b 2 x y z"]]:
-    """Names, images and fractions of one step. Every epoch visits all examples in a new random order."""
-    per_epoch = -(-len(training) // settings.batch_size)
-    epoch, place = divmod(step, per_epoch)
-    order = np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(len(training))
-    chosen = [training[i] for i in order[place * settings.batch_size : (place + 1) * settings.batch_size]]
+    """Names, images and fractions of one step."""
+    chosen = [training[i] for i in examples_of_step(step, len(training), settings.seed, settings.batch_size)]
     generator = np.random.default_rng([settings.seed, _AUGMENTATION, step])
     changes = settings.augmentation()
     pairs = [augmented(*item.tensors(settings.soft_labels), generator, changes) for item in chosen]

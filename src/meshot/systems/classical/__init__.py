@@ -40,13 +40,7 @@ class System(SurfaceSystem):
 
     @classmethod
     def complete(cls, settings: Groups) -> Groups:
-        """All settings with their defaults: the groups ``surface`` and ``training``.
-
-        Raises
-        ------
-        ValueError
-            If a setting is unknown, or a value is invalid.
-        """
+        """All settings with their defaults: the groups ``surface`` and ``training``."""
         return completed_groups(cls.name, settings, _GROUPS)
 
     @classmethod

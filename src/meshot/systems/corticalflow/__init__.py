@@ -17,7 +17,6 @@ import torch
 
 from meshot.anatomy import HEMISPHERES
 from meshot.mesh import Mesh
-from meshot.model import require_small
 from meshot.systems.corticalflow.blocks import FlowBlock, carried_through
 from meshot.systems.corticalflow.settings import ChainSettings, FlowSettings
 from meshot.systems.corticalflow.training import train_block
@@ -40,19 +39,11 @@ class System(SurfaceSystem):
 
     @classmethod
     def complete(cls, settings: Groups) -> Groups:
-        """All settings with their defaults: the groups ``network``, ``template`` and ``training``.
-
-        Raises
-        ------
-        ValueError
-            If a setting is unknown, a value is invalid, or a block is too large to be stored.
-        """
-        groups = completed_groups(cls.name, settings, _GROUPS)
-        try:
-            require_small(FlowBlock("left", N_BLOCKS - 1, **groups["network"], template=groups["template"]))
-        except ValueError as error:
-            raise ValueError(f"the configuration of {cls.name} is invalid: {error}") from error
-        return groups
+        """All settings with their defaults: the groups ``network``, ``template`` and ``training``."""
+        return completed_groups(
+            cls.name, settings, _GROUPS,
+            lambda groups: FlowBlock("left", N_BLOCKS - 1, **groups["network"], template=groups["template"]),
+        )  # fmt: skip
 
     @classmethod
     def train_parts(

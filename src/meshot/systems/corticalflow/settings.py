@@ -3,10 +3,8 @@
 import dataclasses
 import math
 
-from meshot.anatomy import HEMISPHERES, Hemisphere
 from meshot.errors import require_positive_integer
-from meshot.flow import METHODS
-from meshot.systems.learning import LearningSettings
+from meshot.systems.learning import FlowTrainingSettings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,21 +28,15 @@ class FlowSettings:
 
 
 @dataclasses.dataclass(frozen=True)
-class ChainSettings(LearningSettings):
-    """Settings of the training of every block: those of all trainings, and the following.
+class ChainSettings(FlowTrainingSettings):
+    """Settings of the training of every block: those of all trainings of flows, and the following.
 
     Parameters
     ----------
-    side : str
-        "left", "right" or "both".
-    n_faces : int
-        Number of faces of the template in training.
     n_samples : int
         Number of points on each surface for the Chamfer loss.
     edge_weight : float
         Weight of the mean squared edge length (mm²), relative to the squared Chamfer loss (mm²).
-    n_flow_steps, method : int, str
-        Integration of the flow: see :func:`meshot.integrate`.
 
     Raises
     ------
@@ -52,24 +44,16 @@ class ChainSettings(LearningSettings):
         If a number is outside its range or a name is unknown.
     """
 
-    side: str = "both"
-    n_faces: int = 20_480
+    recorded_first = (
+        "n_epochs", "learning_rate", "schedule", "validate_every", "patience", "n_points", "save_every", "averaging",
+        "seed", "side", "n_faces", "n_samples", "edge_weight",
+    )  # fmt: skip
+
     n_samples: int = 10_000
     edge_weight: float = 0.1
-    n_flow_steps: int = 30
-    method: str = "rk4"
 
     def __post_init__(self):
         super().__post_init__()
-        for name in ("n_faces", "n_samples", "n_flow_steps"):
-            require_positive_integer(getattr(self, name), name)
-        for name, known in (("side", (*HEMISPHERES, "both")), ("method", METHODS)):
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; one of {', '.join(known)} is needed")
+        require_positive_integer(self.n_samples, "n_samples")
         if not 0 <= self.edge_weight < math.inf:
             raise ValueError(f"edge_weight is {self.edge_weight!r}; a number >= 0 is needed")
-
-    @property
-    def sides(self) -> tuple[Hemisphere, ...]:
-        """The hemispheres that are trained."""
-        return HEMISPHERES if self.side == "both" else (self.side,)

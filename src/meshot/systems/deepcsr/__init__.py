@@ -16,7 +16,6 @@ import torch
 
 from meshot.anatomy import HEMISPHERES
 from meshot.mesh import Mesh
-from meshot.model import require_small
 from meshot.systems.deepcsr.network import DistanceNetwork, NetworkSettings
 from meshot.systems.deepcsr.surface import SurfaceSettings, closed_surface, distance_grids
 from meshot.systems.deepcsr.training import DistanceSettings, train_distances
@@ -37,19 +36,10 @@ class System(SurfaceSystem):
 
     @classmethod
     def complete(cls, settings: Groups) -> Groups:
-        """All settings with their defaults: the groups ``network``, ``surface`` and ``training``.
-
-        Raises
-        ------
-        ValueError
-            If a setting is unknown, a value is invalid, or the network is too large to be stored.
-        """
-        groups = completed_groups(cls.name, settings, _GROUPS)
-        try:
-            require_small(DistanceNetwork(len(cls.surfaces), **groups["network"]))
-        except ValueError as error:
-            raise ValueError(f"the configuration of {cls.name} is invalid: {error}") from error
-        return groups
+        """All settings with their defaults: the groups ``network``, ``surface`` and ``training``."""
+        return completed_groups(
+            cls.name, settings, _GROUPS, lambda groups: DistanceNetwork(len(cls.surfaces), **groups["network"])
+        )
 
     @classmethod
     def train_parts(

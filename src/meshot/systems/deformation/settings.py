@@ -2,42 +2,23 @@
 
 import dataclasses
 
-from meshot.anatomy import HEMISPHERES, Hemisphere
-from meshot.errors import require_positive_integer
-from meshot.flow import METHODS
 from meshot.loss.composed import SummedLoss, SurfaceLoss, loss_setting_names, surface_loss
 from meshot.model import N_STEPS, DeformationNetwork
-from meshot.train import Groups, Plan, checked_groups, require_plan_settings, setting_names
+from meshot.systems.learning import FlowTrainingSettings
+from meshot.train import Groups, checked_groups, setting_names
 
 NETWORK = {"width", "hidden", "n_scales", "size", "extent", "velocity_unit"}
 
 
 @dataclasses.dataclass(frozen=True)
-class DeformationSettings:
-    """Settings of the training of a deformation network. One step uses one subject.
+class DeformationSettings(FlowTrainingSettings):
+    """Settings of the training of a deformation network: those of all trainings of flows, with other defaults.
 
     Parameters
     ----------
-    side : str
-        "left", "right" or "both". Each hemisphere has its own network.
-    n_epochs : int
-        Number of passes over all training subjects.
-    learning_rate, schedule
-        Of Adam: see :class:`meshot.train.Plan`.
-    n_faces : int
-        Number of faces of the initial surface in training. The trained flow applies to surfaces of any size.
-    n_flow_steps, method : int, str
-        Integration of the flow: see :func:`meshot.integrate`.
-    validate_every, patience : int
-        In epochs. The training stops after ``patience`` consecutive validations without a lower distance (None: never).
-    n_points : int
-        Number of points on each surface for the distance in validation.
-    save_every : int
-        In steps.
-    averaging : float
-        Averaging of the weights: see :class:`meshot.train.Plan`.
-    seed : int
-        Seed of all random numbers. Step i uses (seed, i), so that a resumed training draws the same numbers.
+    n_epochs, learning_rate, schedule, n_faces, n_flow_steps, method, validate_every, n_points
+        See :class:`meshot.systems.learning.LearningSettings` and
+        :class:`meshot.systems.learning.FlowTrainingSettings`.
 
     Raises
     ------
@@ -45,7 +26,8 @@ class DeformationSettings:
         If a number is outside its range or a name is unknown.
     """
 
-    side: str = "both"
+    recorded_first = ("side", "n_epochs", "learning_rate", "schedule", "n_faces", "n_flow_steps", "method")
+
     n_epochs: int = 300
     learning_rate: float = 1e-4
     schedule: str = "constant"
@@ -53,31 +35,7 @@ class DeformationSettings:
     n_flow_steps: int = N_STEPS
     method: str = "euler"
     validate_every: int = 1
-    patience: int | None = None
     n_points: int = 20_000
-    save_every: int = 100
-    averaging: float = 0.0
-    seed: int = 0
-
-    def __post_init__(self):
-        require_plan_settings(self)
-        for name in ("n_faces", "n_flow_steps", "n_points"):
-            require_positive_integer(getattr(self, name), name)
-        for name, known in (("side", (*HEMISPHERES, "both")), ("method", METHODS)):
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; one of {', '.join(known)} is needed")
-
-    @property
-    def sides(self) -> tuple[Hemisphere, ...]:
-        """The hemispheres that are trained."""
-        return HEMISPHERES if self.side == "both" else (self.side,)
-
-    def plan(self, n_subjects: int) -> Plan:
-        """The settings in steps instead of epochs, for a number of training subjects."""
-        return Plan(
-            self.n_epochs * n_subjects, self.validate_every * n_subjects, self.save_every, self.patience,
-            self.learning_rate, self.schedule, self.averaging,
-        )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -93,7 +51,7 @@ class DeformationConfig:
         return {
             "network": dict(self.network),
             "loss": self.loss.settings(),
-            "training": dataclasses.asdict(self.training),
+            "training": self.training.as_dict(),
         }
 
     def new_network(self) -> DeformationNetwork:

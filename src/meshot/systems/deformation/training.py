@@ -1,6 +1,5 @@
 """Algorithm 1 of the paper: training of a network whose flow moves initial surfaces to true ones."""
 
-import functools
 import os
 from collections.abc import Sequence
 
@@ -9,15 +8,14 @@ import torch
 
 from meshot.flow import integrate
 from meshot.mesh import Mesh
-from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
+from meshot.metrics import Surface
 from meshot.model import DeformationNetwork, ImageVelocity
 from meshot.systems.deformation.carrying import deformed, standardised
 from meshot.systems.deformation.data import DeformationExample, digest
 from meshot.systems.deformation.settings import DeformationConfig, DeformationSettings
-from meshot.train import Progress, Task, Training, chosen_device, train_network
+from meshot.systems.learning import mean_distances, train_on_subjects
+from meshot.train import Progress, Training, chosen_device, data_record, require_examples
 from meshot.types import Tensor
-
-_ORDER, _LOSS = 0, 1  # random number streams
 
 
 def train_deformation(
@@ -45,48 +43,34 @@ def train_deformation(
     Raises
     ------
     ValueError
-        If there are no examples, or the folder contains a different training.
+        If there are no examples, the scan of a training example is constant over its surface, or the folder contains
+        a different training.
     FloatingPointError
-        If the loss or a gradient is not finite. The message names the step and the subject.
+        As :func:`meshot.systems.learning.train_on_subjects`.
 
     References
     ----------
     Le et al., ICLR 2024, Algorithm 1.
     """
-    if not training or not validation:
-        raise ValueError(
-            f"{len(training)} examples for training and {len(validation)} for validation came; at least one of each is "
-            "needed"
-        )
+    require_examples(training, validation)
     settings, device = config.training, device or chosen_device()
     network = config.new_network().to(device)
-    data = {
-        name: {"n_scans": len(part), "sha256": digest(part)}
-        for name, part in (("training", training), ("validation", validation))
-    }
+    fields = [velocity_field(item, network, device) for item in training]
     targets = [Surface(item.target) for item in validation]
 
-    @functools.cache
-    def field_of(index: int) -> ImageVelocity:
-        return velocity_field(training[index], network, device)
-
-    def loss_of(step: int) -> tuple[Tensor, str]:
-        index = _example(step, len(training), settings)
+    def loss_of(index: int, draws: np.random.Generator) -> Tensor:
         item = training[index]
-        generator = np.random.default_rng([settings.seed, _LOSS, step])
-        predicted = carried(item.coarse.to(device), field_of(index), settings)
-        try:
-            return config.loss(predicted, item.target.to(device), generator), item.name
-        except ValueError as error:  # for example a mesh without area
-            raise FloatingPointError(
-                f"the prediction of step {step} ({item.name}) has no loss: {error}; lower the learning rate"
-            ) from error
+        predicted = carried(item.coarse.to(device), fields[index], settings)
+        return config.loss(predicted, item.target.to(device), draws)
 
-    return train_network(
-        network, settings.plan(len(training)),
-        Task(loss_of, lambda step: _validation(step, network, validation, targets, settings)),
-        config.as_dict() | {"data": data}, folder, progress,
-    )  # fmt: skip
+    def validate() -> dict:
+        flow = (settings.n_flow_steps, settings.method)
+        found = (deformed(item.initial, item.scan, network, *flow) for item in validation)
+        return mean_distances(zip(found, targets, strict=True), settings.n_points)
+
+    names = [item.name for item in training]
+    made_with = config.as_dict() | {"data": data_record(training, validation, digest)}
+    return train_on_subjects(network, settings, names, loss_of, validate, made_with, folder, progress)
 
 
 def velocity_field(item: DeformationExample, network: DeformationNetwork, device: torch.device) -> ImageVelocity:
@@ -98,35 +82,3 @@ def velocity_field(item: DeformationExample, network: DeformationNetwork, device
 def carried(mesh: Mesh, field: ImageVelocity, settings: DeformationSettings) -> Mesh:
     """The predicted mesh: a mesh after the flow. Differentiable with respect to the network's parameters."""
     return mesh.with_vertices(integrate(field, mesh.vertices, settings.n_flow_steps, settings.method))
-
-
-def _example(step: int, n_examples: int, settings: DeformationSettings) -> int:
-    """The index of the subject of a step. Every epoch visits all subjects in a new random order."""
-    epoch, place = divmod(step, n_examples)
-    return int(np.random.default_rng([settings.seed, _ORDER, epoch]).permutation(n_examples)[place])
-
-
-def _validation(
-    step: int,
-    network: DeformationNetwork,
-    validation: Sequence[DeformationExample],
-    targets: Sequence[Surface],
-    settings: DeformationSettings,
-) -> dict:
-    """Mean distances over the subjects, in mm of the standard space. The validation loss is the ASSD."""
-    try:
-        rows = [_distances(item, target, network, settings) for item, target in zip(validation, targets, strict=True)]
-    except ValueError as error:  # for example positions that are not finite
-        raise FloatingPointError(
-            f"the validation after step {step} failed: {error}; lower the learning rate. The last saved state is whole"
-        ) from error
-    distance, farthest, normals = np.mean(rows, axis=0).tolist()
-    return {"validation_loss": distance, "hausdorff90_mm": farthest, "normals": normals}
-
-
-def _distances(
-    item: DeformationExample, target: Surface, network: DeformationNetwork, settings: DeformationSettings
-) -> list[float]:
-    found = Surface(deformed(item.initial, item.scan, network, settings.n_flow_steps, settings.method))
-    there, back = offsets_between(found, target, settings.n_points)
-    return [average_surface_distance(there, back), hausdorff_distance(there, back), normal_agreement(there, back)]

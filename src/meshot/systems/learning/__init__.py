@@ -1,4 +1,4 @@
-"""Common code of systems that learn from whole scans: settings, templates, trainings and validation. Not a system."""
+"""Common code of systems that learn: settings, templates, trainings and validation. Not a system."""
 
 import lazy_loader
 

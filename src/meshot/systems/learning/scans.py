@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from meshot.systems.examples import Example, ExampleSets, SurfaceKey
+from meshot.train import data_record
 from meshot.types import Float, Tensor
 from meshot.volume import Volume
 
@@ -30,8 +31,7 @@ def scaled_image(image: Volume) -> Float[Tensor, "1 1 x y z"]:
 
 def example_data(sets: ExampleSets, keys: Sequence[SurfaceKey]) -> dict:
     """The number of examples for training and validation, and the SHA-256 of their scans and true surfaces."""
-    parts = (("training", sets.training), ("validation", sets.validation))
-    return {name: {"n_scans": len(part), "sha256": _digest(part, keys)} for name, part in parts}
+    return data_record(sets.training, sets.validation, lambda part: _digest(part, keys))
 
 
 def _digest(examples: Sequence[Example], keys: Sequence[SurfaceKey]) -> str:

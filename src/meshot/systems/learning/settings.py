@@ -1,10 +1,16 @@
-"""Settings that all trainings on whole scans share, and their completion from a file."""
+"""Settings that the trainings of systems share, and their completion from a file."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import ClassVar
 
+from torch import nn
+
+from meshot.anatomy import HEMISPHERES, Hemisphere
 from meshot.errors import require_positive_integer
-from meshot.train import Groups, Plan, checked_groups, require_plan_settings, setting_names
+from meshot.flow import METHODS
+from meshot.model import require_small
+from meshot.train import Groups, Plan, checked_groups, plan_of_epochs, require_plan_settings, setting_names
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +38,9 @@ class LearningSettings:
         If a number is outside its range or a name is unknown.
     """
 
+    #: The settings that a record lists first. The others follow in the order of their declaration.
+    recorded_first: ClassVar[tuple[str, ...]] = ()
+
     n_epochs: int = 100
     learning_rate: float = 1e-3
     schedule: str = "cosine"
@@ -48,13 +57,59 @@ class LearningSettings:
 
     def plan(self, n_subjects: int) -> Plan:
         """The settings in steps instead of epochs, for a number of training subjects."""
-        return Plan(
-            self.n_epochs * n_subjects, self.validate_every * n_subjects, self.save_every, self.patience,
-            self.learning_rate, self.schedule, self.averaging,
-        )  # fmt: skip
+        return plan_of_epochs(self, n_subjects)
+
+    def as_dict(self) -> dict:
+        """The settings by name, in the order of the records."""
+        found = dataclasses.asdict(self)
+        return {name: found[name] for name in self.recorded_first} | found
 
 
-def completed_groups(name: str, settings: Groups, kinds: Mapping[str, type]) -> Groups:
+@dataclasses.dataclass(frozen=True)
+class FlowTrainingSettings(LearningSettings):
+    """Settings of the training of flows: those of all trainings, and the following.
+
+    Parameters
+    ----------
+    side : str
+        "left", "right" or "both". Each hemisphere has its own networks.
+    n_faces : int
+        Number of faces of the initial surface, or template, in training. A trained flow applies to surfaces of any
+        size.
+    n_flow_steps, method : int, str
+        Integration of the flow: see :func:`meshot.integrate`.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside its range or a name is unknown.
+    """
+
+    side: str = "both"
+    n_faces: int = 20_480
+    n_flow_steps: int = 30
+    method: str = "rk4"
+
+    def __post_init__(self):
+        super().__post_init__()
+        for name in ("n_faces", "n_flow_steps"):
+            require_positive_integer(getattr(self, name), name)
+        for name, known in (("side", (*HEMISPHERES, "both")), ("method", METHODS)):
+            if getattr(self, name) not in known:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; one of {', '.join(known)} is needed")
+
+    @property
+    def sides(self) -> tuple[Hemisphere, ...]:
+        """The hemispheres that are trained."""
+        return HEMISPHERES if self.side == "both" else (self.side,)
+
+
+def completed_groups(
+    name: str,
+    settings: Groups,
+    kinds: Mapping[str, type],
+    new_network: Callable[[Groups], nn.Module] | None = None,
+) -> Groups:
     """All settings of a system: the given ones, and defaults for the others.
 
     Parameters
@@ -65,15 +120,24 @@ def completed_groups(name: str, settings: Groups, kinds: Mapping[str, type]) -> 
         By group, as in a YAML file.
     kinds : mapping
         The dataclass of each group. It checks the values.
+    new_network : callable of the completed settings, optional
+        Creates a network of the system, such as the largest one.
 
     Raises
     ------
     ValueError
-        If a setting is unknown, or a value is invalid.
+        If a setting is unknown, a value is invalid, or the network is too large to be stored.
     """
     known = {group: setting_names(kind) for group, kind in kinds.items()}
     given = checked_groups(settings, known, f"the configuration of {name}")
     try:
-        return {group: dataclasses.asdict(kind(**given[group])) for group, kind in kinds.items()}
+        found = {group: _as_dict(kind(**given[group])) for group, kind in kinds.items()}
+        if new_network is not None:
+            require_small(new_network(found))
     except (ValueError, TypeError) as error:
         raise ValueError(f"the configuration of {name} is invalid: {error}") from error
+    return found
+
+
+def _as_dict(settings: object) -> dict:
+    return settings.as_dict() if isinstance(settings, LearningSettings) else dataclasses.asdict(settings)

@@ -1,6 +1,7 @@
-"""Training of one network of a system on whole scans, and the distances of its validation."""
+"""Training of one network of a system, one subject a step, and the distances of its validation."""
 
-from collections.abc import Callable, Iterable
+import os
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,66 @@ from meshot.metrics import Surface, average_surface_distance, hausdorff_distance
 from meshot.systems.examples import ExampleSets
 from meshot.systems.learning.settings import LearningSettings
 from meshot.systems.protocol import Part
-from meshot.train import Groups, Progress, Task, train_network
+from meshot.train import Groups, Progress, Task, Training, examples_of_step, train_network
 from meshot.types import Tensor
 
-_ORDER, _LOSS = 0, 1  # random number streams
+_LOSS = 1  # random number stream; the order of the examples has stream 0
+
+
+def train_on_subjects(
+    network: nn.Module,
+    settings: LearningSettings,
+    names: Sequence[str],
+    loss_of: Callable[[int, np.random.Generator], Tensor],
+    validate: Callable[[], dict],
+    made_with: Groups,
+    folder: str | os.PathLike | None = None,
+    progress: Progress | None = None,
+) -> Training:
+    """Train a network, or resume a stopped training. One step uses one subject.
+
+    Parameters
+    ----------
+    network : module
+        Modified in place; at the end on the CPU, in its best state.
+    settings : LearningSettings
+    names : sequence of str
+        Of the training subjects.
+    loss_of : callable of (index of a training subject, random numbers)
+    validate : callable
+        Returns a line of the log with ``validation_loss``, such as :func:`meshot.systems.learning.mean_distances`.
+    made_with, folder, progress
+        See :func:`meshot.train.train_network`.
+
+    Raises
+    ------
+    ValueError
+        If the folder contains a different training.
+    FloatingPointError
+        If the loss or a gradient is not finite, or ``loss_of`` or ``validate`` raises a ValueError. The message names
+        the step, and the subject of a loss.
+    """
+
+    def loss_at(step: int) -> tuple[Tensor, str]:
+        (index,) = examples_of_step(step, len(names), settings.seed)
+        try:
+            return loss_of(index, np.random.default_rng([settings.seed, _LOSS, step])), names[index]
+        except ValueError as error:  # for example a mesh without area
+            raise FloatingPointError(
+                f"the prediction of step {step} ({names[index]}) has no loss: {error}; lower the learning rate"
+            ) from error
+
+    def validate_after(step: int) -> dict:
+        try:
+            return validate()
+        except ValueError as error:  # for example positions that are not finite
+            raise FloatingPointError(
+                f"the validation after step {step} failed: {error}; lower the learning rate. The last saved state is "
+                "whole"
+            ) from error
+
+    task = Task(loss_at, validate_after)
+    return train_network(network, settings.plan(len(names)), task, made_with, folder, progress)
 
 
 def train_part(
@@ -27,7 +84,7 @@ def train_part(
     folder: Path | None = None,
     progress: Progress | None = None,
 ) -> Part:
-    """Train a network, or resume a stopped training. One step uses one subject.
+    """Train a network on whole scans: see :func:`meshot.systems.learning.train_on_subjects`.
 
     Parameters
     ----------
@@ -35,44 +92,21 @@ def train_part(
         Modified in place; at the end on the CPU, in its best state.
     settings : LearningSettings
     examples : ExampleSets
-    loss_of : callable of (index of a training example, random numbers)
-    validate : callable
-        Returns a line of the log with ``validation_loss``, such as :func:`meshot.systems.learning.mean_distances`.
+    loss_of, validate : callable
     made_with : dict
         The settings by group, and the description of the data under ``data``. The record of the part holds it.
-    folder : path, optional
-        For the state and the log.
-    progress : callable of (steps done, number of steps, line of the log), optional
+    folder, progress
+        See :func:`meshot.train.train_network`.
 
     Raises
     ------
-    ValueError
-        If the folder contains a different training.
-    FloatingPointError
-        If the loss or a gradient is not finite. The message names the step and the subject.
+    ValueError, FloatingPointError
+        As :func:`meshot.systems.learning.train_on_subjects`.
     """
-
-    def loss_at(step: int) -> tuple[Tensor, str]:
-        index = _example(step, len(examples.training), settings.seed)
-        name = examples.training[index].name
-        try:
-            return loss_of(index, np.random.default_rng([settings.seed, _LOSS, step])), name
-        except ValueError as error:  # for example a mesh without area
-            raise FloatingPointError(
-                f"the prediction of step {step} ({name}) has no loss: {error}; lower the learning rate"
-            ) from error
-
-    found = train_network(
-        network, settings.plan(len(examples.training)), Task(loss_at, lambda _: validate()), made_with, folder, progress
-    )
+    names = [item.name for item in examples.training]
+    found = train_on_subjects(network, settings, names, loss_of, validate, made_with, folder, progress)
     record = {name: value for name, value in made_with.items() if name != "data"}
     return Part(found.network, record | {"results": found.results()}, found.log)
-
-
-def _example(step: int, n_examples: int, seed: int) -> int:
-    """The index of the subject of a step. Every epoch visits all subjects in a new random order."""
-    epoch, place = divmod(step, n_examples)
-    return int(np.random.default_rng([seed, _ORDER, epoch]).permutation(n_examples)[place])
 
 
 def mean_distances(pairs: Iterable[tuple[Mesh, Surface]], n_points: int) -> dict:
@@ -80,19 +114,14 @@ def mean_distances(pairs: Iterable[tuple[Mesh, Surface]], n_points: int) -> dict
 
     Raises
     ------
-    FloatingPointError
+    ValueError
         If a found surface has no distance, for example because a position is not finite.
     """
     rows = []
-    try:
-        for mesh, target in pairs:
-            there, back = offsets_between(Surface(mesh), target, n_points)
-            rows.append(
-                [average_surface_distance(there, back), hausdorff_distance(there, back), normal_agreement(there, back)]
-            )
-    except ValueError as error:
-        raise FloatingPointError(
-            f"a validation failed: {error}; lower the learning rate. The last saved state is whole"
-        ) from error
+    for mesh, target in pairs:
+        there, back = offsets_between(Surface(mesh), target, n_points)
+        rows.append(
+            [average_surface_distance(there, back), hausdorff_distance(there, back), normal_agreement(there, back)]
+        )
     distance, farthest, normals = np.mean(rows, axis=0).tolist()
     return {"validation_loss": distance, "hausdorff90_mm": farthest, "normals": normals}

@@ -16,7 +16,6 @@ from pathlib import Path
 import torch
 
 from meshot.mesh import Mesh
-from meshot.model import require_small
 from meshot.systems.examples import ExampleSets, Scan, SurfaceKey
 from meshot.systems.learning import TemplateSettings, completed_groups, scaled_image
 from meshot.systems.protocol import Part, SurfaceSystem
@@ -37,19 +36,10 @@ class System(SurfaceSystem):
 
     @classmethod
     def complete(cls, settings: Groups) -> Groups:
-        """All settings with their defaults: the groups ``network``, ``template``, ``loss`` and ``training``.
-
-        Raises
-        ------
-        ValueError
-            If a setting is unknown, a value is invalid, or the network is too large to be stored.
-        """
-        groups = completed_groups(cls.name, settings, _GROUPS)
-        try:
-            require_small(MeshNetwork(**groups["network"], template=groups["template"]))
-        except ValueError as error:
-            raise ValueError(f"the configuration of {cls.name} is invalid: {error}") from error
-        return groups
+        """All settings with their defaults: the groups ``network``, ``template``, ``loss`` and ``training``."""
+        return completed_groups(
+            cls.name, settings, _GROUPS, lambda groups: MeshNetwork(**groups["network"], template=groups["template"])
+        )
 
     @classmethod
     def train_parts(
