@@ -17,6 +17,7 @@ extensions = [
     "links_extension",
     "myst_nb",
     "numbers_extension",
+    "punctuation_extension",
     "quiz_extension",
     "reader_extension",
     "shown_extension",

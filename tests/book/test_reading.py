@@ -9,7 +9,8 @@ from typing import NamedTuple
 import pytest
 
 import build
-from browser import barriers, broken_links, raw_tex, sideways, watched_page, weight
+from browser import WIDTHS, barriers, broken_links, raw_tex, set_width, sideways, watched_page, weight
+from stranded import stranded
 
 #: Pages of the API come from one template: two of them stand for all when axe-core looks.
 API_LOOKED_AT = ("meshot.html", "meshot.loss.html")
@@ -22,6 +23,7 @@ class Visit(NamedTuple):
 
     troubles: list[str]
     sideways: list[str]
+    stranded: list[str]
     barriers: list[str]
     weight: int
 
@@ -33,7 +35,10 @@ def visit(context, file: Path) -> Visit:
         found = troubles + raw_tex(page) + broken_links(page, file)
         files = {path for path in loaded if path.is_file()}
         looked_at = file.parent.name != "api" or file.name in API_LOOKED_AT
-        return Visit(found, sideways(page), barriers(page) if looked_at else [], weight(files))
+        wide = sideways(page)
+        set_width(page, min(WIDTHS))
+        apart = stranded(page)
+        return Visit(found, wide, apart, barriers(page) if looked_at else [], weight(files))
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +62,10 @@ def test_nothing_scrolls_sideways_or_is_clipped(visits):
     assert {name: seen.sideways for name, seen in visits.items() if seen.sideways} == {}
 
 
+def test_punctuation_stays_with_the_formula_that_it_touches(visits):
+    assert {name: seen.stranded for name, seen in visits.items() if seen.stranded} == {}
+
+
 def test_no_page_shuts_a_reader_out(visits):
     assert {name: seen.barriers for name, seen in visits.items() if seen.barriers} == {}
 
@@ -74,6 +83,12 @@ def test_no_page_is_heavy(visits, capsys):
         ('<pre style="overflow: auto">' + "x" * 300 + "</pre>", "sideways", "at 800 px: pre"),
         ('<div style="overflow: hidden"><p style="width: 500px">x</p></div>', "sideways", "at 400 px: div"),
         ('<table><tr><td style="min-width: 900px">x</td></tr></table>', "sideways", "at 800 px: table"),
+        (
+            '<p style="width: 97px; font: 20px monospace">words <span class="math" style="display: inline-block; '
+            'width: 18px">x</span>, and</p>',
+            "stranded",
+            "x and ,",
+        ),
         ('<img src="data:image/gif;base64,R0lGODlhAQABAAAAACw=">', "barriers", "light: image-alt"),
         ('<p style="color: #777; background: #888">words</p>', "barriers", "light: color-contrast"),
         ('<button tabindex="-1">go</button>', "barriers", "keyboard: <button"),
