@@ -85,8 +85,8 @@ def test_axes_say_mm_and_sides_and_the_legend_names_the_surfaces():
     axial, coronal, sagittal = (ax for ax in figure.axes if ax.images)
     assert (axial.get_xlabel(), axial.get_ylabel()) == ("x (mm)", "y (mm)")
     assert (sagittal.get_xlabel(), sagittal.get_ylabel()) == ("y (mm)", "z (mm)")
-    assert coronal.get_title() == "coronal, y = 7.0 mm"
-    assert sagittal.get_title() == "sagittal, x = −12.0 mm"
+    assert coronal.get_title() == "coronal\ny = 7.0 mm"
+    assert sagittal.get_title() == "sagittal\nx = −12.0 mm"
     for ax in (axial, coronal):
         letters = {text.get_text(): text.get_position()[0] for text in ax.texts}
         assert letters["L"] < 0.5 < letters["R"]

@@ -196,12 +196,10 @@ def _draw_contours(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: fl
 
 
 def _label(ax: Axes, plane: str, axis: int, position: float, shown: tuple[int, int], letters: Sequence[str]) -> None:
-    ax.set_title(f"{plane}, {'xyz'[axis]} = {position:.1f} mm".replace("-", "−"), fontsize=11)
+    ax.set_title(f"{plane}\n{'xyz'[axis]} = {position:.1f} mm".replace("-", "−"), fontsize="medium")
     ax.set_xlabel(f"{'xyz'[shown[0]]} (mm)")
     ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)")
     places = [(0.02, 0.5), (0.98, 0.5), (0.5, 0.02), (0.5, 0.98)]
     sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
     for letter, place, (across, along) in zip(letters, places, sides):
-        ax.text(
-            *place, letter, transform=ax.transAxes, ha=across, va=along, color="white", fontweight="bold", fontsize=11
-        )
+        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, color="white", fontweight="bold")

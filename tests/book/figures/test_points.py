@@ -48,6 +48,15 @@ def test_style_sets_readable_type():
     with plt.rc_context():
         use_style()
         assert plt.rcParams["font.size"] >= 12
+        use_style(14)
+        assert plt.rcParams["font.size"] == plt.rcParams["axes.titlesize"] == 14
+        assert plt.rcParams["legend.fontsize"] == 13
+
+
+@pytest.mark.parametrize("size", [0, -3.0, float("nan"), float("inf")])
+def test_a_size_that_nobody_can_read_is_refused(size):
+    with pytest.raises(ValueError, match="a size in points above 1"):
+        use_style(size)
 
 
 def test_contour_is_drawn_edge_by_edge():

@@ -1,6 +1,7 @@
 """The style of all pictures: colours that colour-blind readers can distinguish, and text readable on small screens."""
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -24,20 +25,33 @@ LOSS_DASHES = {"Chamfer": "-", "sliced Wasserstein": "--", "exact Wasserstein": 
 WIDTH = 6.4
 
 
-def use_style() -> None:
-    """Set matplotlib's defaults for the pictures of the book."""
+def use_style(text_points: float = 12.0) -> None:
+    """Set matplotlib's defaults for the pictures of the book.
+
+    Parameters
+    ----------
+    text_points : float
+        Size of titles, labels and ticks. Legends are one point smaller.
+
+    Raises
+    ------
+    ValueError
+        If the size is not a number above one.
+    """
+    if not 1 < text_points < np.inf:
+        raise ValueError(f"text_points is {text_points!r}; a size in points above 1 is needed, such as 12")
     plt.rcParams.update(
         {
             "figure.dpi": 110,
             "figure.facecolor": "white",
             "savefig.facecolor": "white",
-            "font.size": 12,
-            "axes.titlesize": 12,
+            "font.size": text_points,
+            "axes.titlesize": text_points,
             "axes.spines.top": False,
             "axes.spines.right": False,
             "axes.prop_cycle": plt.cycler(color=[ORANGE, SKY, PURPLE, GREEN, BLACK]),
             "legend.frameon": False,
-            "legend.fontsize": 11,
+            "legend.fontsize": text_points - 1,
             "image.cmap": "viridis",
             "lines.linewidth": 2,
         }

@@ -74,7 +74,7 @@ def arms_figure(
     figure, axes = plt.subplots(1, len(panels), **options)
     for ax, (label, lines) in zip(axes[0], panels.items()):
         for name, (x, y) in lines.items():
-            ax.plot(x, y, label=name, markersize=4, linewidth=1.6, **arm_line(name))
+            ax.plot(x, y, label=_short(name), markersize=4, linewidth=1.6, **arm_line(name))
         for name, height in (marks or {}).items():
             ax.axhline(height, color=GREY, linewidth=1.2, linestyle=(0, (1, 2)), label=name)
         ax.set(xlabel=label, yscale=y_scale)
@@ -118,10 +118,15 @@ def trade_off_figure(
     for ax, (label, runs) in zip(axes[:, 0], panels.items()):
         for name, (x, y) in runs.items():
             style = arm_line(name)
-            ax.scatter(x, y, color=style["color"], marker=style["marker"], s=34, label=name, alpha=0.8)
+            ax.scatter(x, y, color=style["color"], marker=style["marker"], s=34, label=_short(name), alpha=0.8)
         if marks and label in marks:
             ax.axhline(marks[label], color=GREY, linewidth=1.2, linestyle=(0, (1, 2)), label="the target itself")
         ax.set_ylabel(label)
     axes[-1, 0].set_xlabel(x_label)
     legend_above(figure, axes[0, 0])
     return figure
+
+
+def _short(name: str) -> str:
+    """The name of an arm as a legend shows it, where five names stand in two columns."""
+    return name.replace("sliced Wasserstein", "sliced")
