@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from meshot.cli.device import device_errors, device_of
 from meshot.cli.note import NOTE, Commands, add_command
 from meshot.cli.reconstruct_arguments import add_reconstruction_arguments
 from meshot.files import printable_name
@@ -84,10 +85,11 @@ def _run_one(chosen: argparse.Namespace, scan: Path, output: Path) -> int:
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
-    report = write_reconstruction(
-        scan, output, _networks(chosen), chosen.overwrite, brain_mask=chosen.brain_mask, strict=chosen.strict,
-        quiet=chosen.quiet,
-    )  # fmt: skip
+    with device_errors():
+        report = write_reconstruction(
+            scan, output, _networks(chosen), chosen.overwrite, brain_mask=chosen.brain_mask, strict=chosen.strict,
+            quiet=chosen.quiet,
+        )  # fmt: skip
     for warning in report["warnings"]:
         warnings.warn(warning, stacklevel=1)
     if chosen.quiet:
@@ -120,7 +122,8 @@ def _run_study(chosen: argparse.Namespace, inputs: list[Path], output: Path, lev
         require_positive_integer(chosen.threads, "threads")
     names = ("layout", "system", "weights", "segmentation", "initial_only", "strict", "overwrite", "threads", "device")
     settings = StudySettings(**{name: getattr(chosen, name) for name in names})
-    _networks(chosen)  # fails before the first scan
+    with device_errors():
+        _networks(chosen)  # fails before the first scan
     dataset, visits = _visits(chosen, inputs, level)
     tell = {"tell": None} if chosen.quiet else {}
     failed = reconstruct_study(visits, output, settings, chosen.jobs, dataset, detail=chosen.verbose, **tell)
@@ -137,10 +140,9 @@ def _say(chosen: argparse.Namespace, text: str) -> None:
 
 
 def _networks(chosen: argparse.Namespace) -> "TrainedNetworks":
-    from meshot.cli.training import device_of
     from meshot.pipeline import load_networks
 
-    device_of(chosen)  # fails if there is none
+    device_of(chosen)  # fails if it cannot compute
     return load_networks(chosen.system, chosen.weights, chosen.segmentation, chosen.initial_only, chosen.device)
 
 

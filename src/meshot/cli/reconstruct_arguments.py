@@ -81,7 +81,9 @@ def _add_networks(command: argparse.ArgumentParser) -> None:
         help="Use the segmentation network of this file (default: that of the package).",
     )
     command.add_argument("--initial-only", action="store_true", help="Stop after the initial surfaces, without a flow.")
-    command.add_argument("--device", help="Compute the networks on cpu, cuda, ... (default: cpu).")
+    command.add_argument(
+        "--device", help="Compute the networks on this device: cpu, cuda or cuda:1, for example (default: cpu)."
+    )
 
 
 def _add_bids(group: argparse._ArgumentGroup) -> None:

@@ -2,8 +2,9 @@
 
 import argparse
 
+from meshot.cli.device import device_of
 from meshot.cli.note import NOTE, Commands, add_command
-from meshot.cli.training import add_training_arguments, best_line, device_of, run_training
+from meshot.cli.training import add_training_arguments, best_line, run_training
 from meshot.files import printable_name
 
 

@@ -3,10 +3,9 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
-if TYPE_CHECKING:  # for annotations only: importing torch would delay --help
-    import torch
+from meshot.cli.device import device_errors
 
 Trained = TypeVar("Trained")
 
@@ -39,27 +38,8 @@ def add_training_arguments(command: argparse.ArgumentParser, change: str) -> Non
     command.add_argument(
         "--device",
         metavar="NAME",
-        help="Train on this device, such as cpu or cuda (default: the GPU, if there is one).",
+        help="Train on this device: cpu, cuda or cuda:1, for example (default: the GPU, if there is one).",
     )
-
-
-def device_of(chosen: argparse.Namespace) -> "torch.device | None":
-    """The device given by ``--device``, or None if the option was not given.
-
-    Raises
-    ------
-    ValueError
-        If torch does not know the device, or it is not available here.
-    """
-    import torch
-
-    if chosen.device is None:
-        return None
-    try:
-        torch.empty(0, device=chosen.device)
-    except (RuntimeError, AssertionError) as error:
-        raise ValueError(f"--device {chosen.device}: {error}; cpu is always available") from error
-    return torch.device(chosen.device)
 
 
 def run_training(chosen: argparse.Namespace, train: Callable[[], Trained]) -> Trained:
@@ -68,7 +48,7 @@ def run_training(chosen: argparse.Namespace, train: Callable[[], Trained]) -> Tr
     Raises
     ------
     ValueError
-        If the number of threads is not a positive integer, or a loss or gradient was not finite.
+        If the number of threads is not a positive integer, a loss or gradient was not finite, or the device failed.
     """
     import torch
 
@@ -78,7 +58,8 @@ def run_training(chosen: argparse.Namespace, train: Callable[[], Trained]) -> Tr
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
     try:
-        return train()
+        with device_errors():
+            return train()
     except FloatingPointError as error:
         raise ValueError(str(error)) from error
 

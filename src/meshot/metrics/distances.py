@@ -4,6 +4,7 @@ import dataclasses
 
 import igl
 import numpy as np
+import torch
 
 from meshot.errors import require_finite, require_positive_integer
 from meshot.mesh import Mesh, sample_locations
@@ -39,9 +40,9 @@ class Surface:
 
     def __init__(self, mesh: Mesh):
         require_finite(mesh.vertices, "vertices")
-        self.mesh = mesh.with_vertices(mesh.vertices.detach().double().cpu())
+        self.mesh = mesh.with_vertices(mesh.vertices.detach()).to("cpu", torch.float64)
         self.vertices = np.ascontiguousarray(self.mesh.vertices.numpy())
-        self.faces = np.ascontiguousarray(mesh.faces.cpu().numpy())
+        self.faces = np.ascontiguousarray(self.mesh.faces.numpy())
         self.normals = face_normals(self.mesh).numpy()
         self.tree = igl.AABB()
         self.tree.init(self.vertices, self.faces)
