@@ -1,5 +1,7 @@
 """Every check at the door, seen to fire with a message that names the value."""
 
+import re
+
 import numpy as np
 import pytest
 import torch
@@ -109,6 +111,23 @@ def test_other_spaces_are_refused():
 def test_counts_must_be_positive_integers(value):
     with pytest.raises(ValueError, match="integer >= 1"):
         errors.require_positive_integer(value, "n_points")
+
+
+@pytest.mark.parametrize("value", [0, 0.0, -1.0, float("inf"), float("nan"), "3", None, [1.0]])
+def test_lengths_must_be_finite_and_positive(value):
+    errors.require_positive(np.float32(1e-30), "width")
+    with pytest.raises(ValueError, match=r"width is .*; a finite number > 0 is needed, in mm$"):
+        errors.require_positive(value, "width", "mm")
+    with pytest.raises(ValueError, match=r"; a finite number > 0 is needed$"):
+        errors.require_positive(value, "width")
+
+
+@pytest.mark.parametrize("known", [("tree", "brute"), {"tree": 1, "brute": 2}])
+def test_a_choice_is_one_of_the_names(known):
+    errors.require_choice("tree", "method", known)
+    for value in ("bush", "", None, ["tree"]):
+        with pytest.raises(ValueError, match=rf"method is {re.escape(repr(value))}; one of tree, brute is needed"):
+            errors.require_choice(value, "method", known)
 
 
 @pytest.mark.parametrize("kind", [int, np.int64, np.int32, np.uint8])

@@ -82,7 +82,7 @@ def test_repeatable_and_printable():
         ([0, 2], [[1.0, 1.0], [2.0, 1.0]], "mean", "positive"),
         ([1, 2], [[1.0, 1.0], [0.0, 0.0]], "mean", "has no logarithm"),
         ([1, 2], [[1.0, 1.0], [np.nan, 0.0]], "mean", "not finite"),
-        ([1, 2], [[1.0, 1.0], [1.0, 1.0]], "median", "'mean', 'rms'"),
+        ([1, 2], [[1.0, 1.0], [1.0, 1.0]], "median", "one of mean, rms"),
     ],
 )
 def test_guards(x, errors, statistic, message):

@@ -1,5 +1,8 @@
 """Checks of arguments. Each raises a ``ValueError`` that says what was received, what is needed and how to fix it."""
 
+import math
+from collections.abc import Iterable
+
 import numpy as np
 import torch
 
@@ -116,3 +119,32 @@ def require_positive_integer(value: object, name: str, most: int | None = None) 
     if most is not None and value > most:
         raise ValueError(f"{name} is {value!r}; at most {most} is possible")
     return int(value)
+
+
+def require_positive(value: object, name: str, unit: str = "") -> None:
+    """Check that a value is a finite number > 0. The message names the unit, if it is given.
+
+    Raises
+    ------
+    ValueError
+        If it is not.
+    """
+    try:
+        positive = bool(0 < value < math.inf)
+    except TypeError:
+        positive = False
+    if not positive:
+        raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed{unit and f', in {unit}'}")
+
+
+def require_choice(value: object, name: str, known: Iterable[str]) -> None:
+    """Check that a value is one of the known names.
+
+    Raises
+    ------
+    ValueError
+        If it is not. The message lists them.
+    """
+    known = list(known)
+    if value not in known:
+        raise ValueError(f"{name} is {value!r}; one of {', '.join(known)} is needed")

@@ -75,13 +75,16 @@ def test_normals_point_outward(contour):
     ("make", "message"),
     [
         (lambda: regular_polygon(2), "at least 3"),
-        (lambda: regular_polygon(3, 0.0), "positive length"),
+        (lambda: regular_polygon(3, 0.0), "radius is .*; a finite number > 0 is needed, in"),
         (lambda: star(1), "at least 2"),
         (lambda: star(5, 1.0, 1.0), "inner_radius"),
         (lambda: star(5, 1.0, -0.1), "inner_radius"),
         (lambda: near_regular_polygon(2, 0.1, 0), "at least 3"),
         (lambda: near_regular_polygon(5, 1.0, 0), "jitter"),
-        (lambda: near_regular_polygon(5, 0.1, 0, radius=math.inf), "positive length"),
+        (
+            lambda: near_regular_polygon(5, 0.1, 0, radius=math.inf),
+            "radius is .*; a finite number > 0 is needed, in",
+        ),
         (lambda: letter_e(stroke=0.7), "room between the bars"),
         (lambda: letter_e(width=0.2), "room between the bars"),
     ],

@@ -57,6 +57,12 @@ def read(path):
     return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines(), dialect="excel-tab"))
 
 
+def test_points_bound_the_points_of_the_emd(folders, tmp_path):
+    assert main(["table", *map(str, folders), "-o", str(tmp_path / "out"), "--points", "50"]) == 0
+    settings = json.loads((tmp_path / "out" / "surfaces.json").read_text(encoding="utf-8"))["meshot"]
+    assert (settings["points"], settings["emd_points"]) == (50, 50)
+
+
 def test_each_layout_is_found(folders, tmp_path):
     ours, theirs = (find_surfaces(folder) for folder in folders)
     assert list(ours) == list(theirs) == [Place(subject, "", side) for subject in RADII for side in SHORT]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import meshot
 from meshot.cli.note import NOTE, Commands, add_command
+from meshot.cli.sampling import add_sampling, chosen_emd_points
 
 PAIR = ("predicted", "target")
 
@@ -36,27 +37,13 @@ def add_to(commands: Commands) -> None:
         help="Evaluate all pairs of this table, whose columns are predicted and target, separated by tabs. Paths are "
         "relative to the folder of the table.",
     )  # fmt: skip
-    _add_sampling(command)
-    _add_outputs(command)
-    command.set_defaults(run=_run)
-
-
-def _add_sampling(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--points", type=int, default=100_000, metavar="N",
-        help="Sample this many points on each surface (default: %(default)s).",
-    )  # fmt: skip
-    command.add_argument(
-        "--emd-points", type=int, default=5_000, metavar="N",
-        help="Use this many of the points for the EMD, at most --points (default: %(default)s).",
-    )  # fmt: skip
+    add_sampling(command)
     command.add_argument(
         "--emd-blur", type=float, metavar="MM",
         help="Compute the EMD by Sinkhorn's algorithm with this blur, in mm (default: exactly, by a linear program).",
     )  # fmt: skip
-    command.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="Sample the points with this seed (default: %(default)s)."
-    )
+    _add_outputs(command)
+    command.set_defaults(run=_run)
 
 
 def _add_outputs(command: argparse.ArgumentParser) -> None:
@@ -104,7 +91,7 @@ def _record(chosen: argparse.Namespace, predicted: Path, target: Path) -> dict:
     """The results for one pair, with inputs, settings and version. Prints the table if stdout is not otherwise used."""
     from meshot.provenance import file_digest
 
-    n_emd_points = min(chosen.emd_points, chosen.points)
+    n_emd_points = chosen_emd_points(chosen)
     inputs = {
         name: {"path": str(path), "sha256": file_digest(path)}
         for name, path in zip(PAIR, (predicted, target), strict=True)

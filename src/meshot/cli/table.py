@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from meshot.cli.note import NOTE, Commands, add_command
+from meshot.cli.sampling import add_sampling, chosen_emd_points
 from meshot.files import printable_name
 
 
@@ -32,17 +33,7 @@ def add_to(commands: Commands) -> None:
     command.add_argument(
         "--common", action="store_true", help="Leave out what only one of the folders contains, with a warning."
     )
-    command.add_argument(
-        "--points", type=int, default=100_000, metavar="N",
-        help="Sample this many points on each surface (default: %(default)s).",
-    )  # fmt: skip
-    command.add_argument(
-        "--emd-points", type=int, default=5_000, metavar="N",
-        help="Use this many of the points for the EMD (default: %(default)s).",
-    )  # fmt: skip
-    command.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="Sample the points with this seed (default: %(default)s)."
-    )
+    add_sampling(command)
     command.set_defaults(run=_run)
 
 
@@ -53,7 +44,7 @@ def _run(chosen: argparse.Namespace) -> None:
 
     rows = write_comparison(
         chosen.reconstructed, chosen.reference, chosen.output, chosen.surface, common=chosen.common,
-        n_points=chosen.points, n_emd_points=chosen.emd_points, seed=chosen.seed,
+        n_points=chosen.points, n_emd_points=chosen_emd_points(chosen), seed=chosen.seed,
         progress=lambda pairs: tqdm(pairs, unit="pair", disable=None),
     )  # fmt: skip
     last = rows[-1]["side"]

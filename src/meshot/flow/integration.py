@@ -7,7 +7,7 @@ import torch
 from torch import nn
 from torchdiffeq import odeint, odeint_adjoint
 
-from meshot.errors import as_floating, require_positive_integer, require_shape
+from meshot.errors import as_floating, require_choice, require_positive_integer, require_shape
 from meshot.flow.fields.field import Prepared, Velocity, VelocityField
 from meshot.mesh import Mesh
 from meshot.types import Float, Tensor
@@ -73,8 +73,7 @@ def integrate(
     points = _require_points(points)
     grid = _time_grid(points, n_steps, inverse)
     options = _solver_options(grid, method, tolerance)
-    if gradient not in GRADIENTS:
-        raise ValueError(f"gradient is {gradient!r}; one of {', '.join(GRADIENTS)} is needed")
+    require_choice(gradient, "gradient", GRADIENTS)
     prepared = _prepared(field)
     if gradient == "direct":
         return odeint(prepared, points, grid[[0, -1]], **options)[-1]
@@ -164,8 +163,7 @@ def _time_grid(points: Tensor, n_steps: int, inverse: bool) -> Float[Tensor, " k
 
 def _solver_options(grid: Tensor, method: str, tolerance: float | None) -> dict:
     """Options that make the solver step on the grid, in both directions of time."""
-    if method not in METHODS:
-        raise ValueError(f"method is {method!r}; one of {', '.join(METHODS)} is needed")
+    require_choice(method, "method", METHODS)
     if tolerance is not None and (method != "dopri5" or not 0 < tolerance < math.inf):
         raise ValueError(f"tolerance is {tolerance!r} with {method}; a number > 0 and the method dopri5 are needed")
     if method != "dopri5":

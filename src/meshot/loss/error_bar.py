@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from scipy import stats
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive_integer
 from meshot.loss.directions import orthogonal_directions, quasi_directions, random_directions
 from meshot.loss.sliced import slice_costs
 from meshot.measure import MeasureLike, as_measures
@@ -129,8 +129,7 @@ def sliced_wasserstein_estimate(
     >>> low < 1 < high  # a translation by t costs |t|²/d
     True
     """
-    if sampling not in SAMPLINGS:
-        raise ValueError(f"sampling is {sampling!r}; one of {', '.join(map(repr, SAMPLINGS))} is needed")
+    require_choice(sampling, "sampling", SAMPLINGS)
     require_positive_integer(n_directions, "n_directions")
     require_positive_integer(n_replicates, "n_replicates")
     source, target = as_measures(source, target)

@@ -1,10 +1,10 @@
 """The kernel norm of the difference of two varifolds, the classic loss of surface matching."""
 
-import math
 from collections.abc import Callable
 
 from torch.utils.checkpoint import checkpoint
 
+from meshot.errors import require_choice, require_positive
 from meshot.measure import Measure, as_point_measures
 from meshot.types import Float, Tensor
 
@@ -71,10 +71,8 @@ def varifold_kernel(
     1.2642
     """
     source, target = as_point_measures(source, target)
-    if not 0 < width < math.inf:
-        raise ValueError(f"width is {width!r}; a finite number > 0 is needed, in units of the positions")
-    if angular not in ANGULAR:
-        raise ValueError(f"angular is {angular!r}; one of {', '.join(ANGULAR)} is needed")
+    require_positive(width, "width", "units of the positions")
+    require_choice(angular, "angular", ANGULAR)
     middle = target.places.detach()[:, :3].mean(dim=0)  # squared distances are more accurate near the origin
     first, second = (_oriented_points(m, middle / width, width) for m in (source, target))
     kernel = ANGULAR[angular]

@@ -3,6 +3,7 @@
 import torch
 from scipy.spatial import cKDTree
 
+from meshot.errors import require_choice
 from meshot.measure import MeasureLike, as_point_measures
 from meshot.types import Float, Int64, Tensor
 
@@ -74,8 +75,7 @@ def nearest_neighbours(
     ValueError
         If ``method`` is neither "tree" nor "brute", or squared distances exceed the range of the dtype.
     """
-    if method not in NEIGHBOURS:
-        raise ValueError(f"neighbours is {method!r}; one of {', '.join(NEIGHBOURS)} is needed")
+    require_choice(method, "neighbours", NEIGHBOURS)
     points, candidates = points.detach(), candidates.detach()
     size = max(float(points.abs().max()), float(candidates.abs().max()))
     if not 4 * points.shape[1] * size * size <= torch.finfo(points.dtype).max:

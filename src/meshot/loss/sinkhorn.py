@@ -1,11 +1,11 @@
 """Entropy-regularised transport, debiased, computed by GeomLoss."""
 
 import importlib.util
-import math
 
 import geomloss
 import torch
 
+from meshot.errors import require_choice, require_positive
 from meshot.measure import MeasureLike, as_point_measures
 from meshot.types import Float, Tensor
 
@@ -89,8 +89,7 @@ def sinkhorn_divergence(
     if p not in (1, 2):
         raise ValueError(f"p is {p!r}; 1 or 2 is needed, the costs that GeomLoss has")
     for name, length in (("blur", blur), *((("reach", reach),) if reach is not None else ())):
-        if not 0 < length < math.inf:
-            raise ValueError(f"{name} is {length!r}; a finite number > 0 is needed, in units of the points")
+        require_positive(length, name, "units of the points")
     if not 0 < scaling < 1:
         raise ValueError(f"scaling is {scaling!r}; a number in (0, 1) is needed")
     _require_backend(backend)
@@ -105,7 +104,6 @@ def sinkhorn_divergence(
 
 
 def _require_backend(backend: str) -> None:
-    if backend not in BACKENDS:
-        raise ValueError(f"backend is {backend!r}; one of {', '.join(BACKENDS)} is needed")
+    require_choice(backend, "backend", BACKENDS)
     if backend != "tensorized" and importlib.util.find_spec("pykeops") is None:
         raise ValueError(f"backend {backend!r} needs KeOps, which is not installed: pip install pykeops")

@@ -3,12 +3,10 @@
 This loss is our addition. The paper compares the whole measures.
 """
 
-import math
-
 import numpy as np
 import torch
 
-from meshot.errors import as_floating, require_positive_integer, require_shape
+from meshot.errors import as_floating, require_positive, require_positive_integer, require_shape
 from meshot.loss.directions import Directions, quasi_directions
 from meshot.loss.fused import takes_kernel
 from meshot.loss.fused_windows import REACH, mean_of_windows
@@ -96,8 +94,7 @@ def windowed_sliced_wasserstein(
             f"centres has {n_dimensions} coordinates, the points {source.places.shape[1]}: at most as many are needed"
         )
     directions = _sets(directions, n_windows, source.places)
-    if not 0 < radius < math.inf:
-        raise ValueError(f"radius is {radius!r}; a finite number > 0 is needed, in the units of the points")
+    require_positive(radius, "radius", "the units of the points")
     lines = checked_lines(source, directions.flatten(0, 1), p).reshape(directions.shape)
     if takes_kernel(source.places) and not lines.requires_grad:
         tensors = (source.places, source.weights, target.places, target.weights)

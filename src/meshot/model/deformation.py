@@ -1,7 +1,6 @@
 """The deformation network: the velocity of a vertex from its position and from the image around it."""
 
 import itertools
-import math
 from collections.abc import Sequence
 from typing import Literal, get_args
 
@@ -9,7 +8,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive, require_positive_integer
 from meshot.flow.fields import LearnedVelocity, Prepared
 from meshot.model.cubes import CubeConvolution
 from meshot.model.visited import VisitedFeatures
@@ -79,8 +78,7 @@ class DeformationNetwork(nn.Module):
         for name, count in (("n_scales", n_scales), ("size", size)):
             require_positive_integer(count, name, 15)
         for name, length in (("extent", extent), ("velocity_unit", velocity_unit)):
-            if not 0 < length < math.inf:
-                raise ValueError(f"{name} is {length!r}; a positive length is needed, in mm")
+            require_positive(length, name, "mm")
         generator = numpy_generator(generator)
         self.extent, self.velocity_unit = float(extent), float(velocity_unit)
         self.of_position = _linear(3, width, generator)
@@ -144,8 +142,7 @@ class ImageVelocity(LearnedVelocity):
 
     def __init__(self, network: DeformationNetwork, image: Volume, path: Path = "convolved"):
         super().__init__()
-        if path not in get_args(Path):
-            raise ValueError(f"path is {path!r}; one of {', '.join(get_args(Path))} is needed")
+        require_choice(path, "path", get_args(Path))
         self.network, self.path = network, path
         self.images = network.cubes.images(image)
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import nn
 
-from meshot.errors import require_positive_integer
-from meshot.model.segmentation import folded, initialise
+from meshot.model.segmentation import folded, initialise, require_levels
 from meshot.rng import Generator
 from meshot.types import Float, Tensor
 from meshot.volume import Volume, mm_to_voxel
@@ -52,9 +51,7 @@ class FeatureNetwork(nn.Module):
         decoder: bool = True, generator: Generator = 0,
     ):  # fmt: skip
         super().__init__()
-        for name, count, most in (("width", width, 512), ("depth", depth, 10), ("fold", fold, 8)):
-            require_positive_integer(count, name, most)
-        require_positive_integer(width * 2 ** (depth - 1), "the width of the last level", 512)
+        require_levels(width, depth, fold)
         self.fold, self.depth = fold, depth
         widths = [width * 2**level for level in range(depth)]
         first = fold**3 + n_more

@@ -45,10 +45,7 @@ class SegmentationNetwork(nn.Module):
 
     def __init__(self, width: int = 16, depth: int = 4, fold: int = 1, generator: Generator = 0):
         super().__init__()
-        # Limits far above what can be stored (see require_small), to prevent excessive memory use.
-        for name, count, most in (("width", width, 512), ("depth", depth, 10), ("fold", fold, 8)):
-            require_positive_integer(count, name, most)
-        require_positive_integer(width * 2 ** (depth - 1), "the width of the last level", 512)
+        require_levels(width, depth, fold)
         self.width, self.depth, self.fold = width, depth, fold
         widths = [width * 2**level for level in range(depth)]
         first = fold**3
@@ -94,6 +91,19 @@ class SegmentationNetwork(nn.Module):
                 f"image has {shape[2:]} voxels; each axis must be a multiple of {self.multiple} (fold {self.fold}, "
                 f"depth {self.depth}), and one longer than that: pad or crop it, or take a network of less depth"
             )
+
+
+def require_levels(width: int, depth: int, fold: int) -> None:
+    """Check the size of a U-Net. The limits are far above what can be stored, and prevent excessive memory use.
+
+    Raises
+    ------
+    ValueError
+        If a count is not a positive integer, or the last level would have more than 512 channels.
+    """
+    for name, count, most in (("width", width, 512), ("depth", depth, 10), ("fold", fold, 8)):
+        require_positive_integer(count, name, most)
+    require_positive_integer(width * 2 ** (depth - 1), "the width of the last level", 512)
 
 
 def folded(values: Float[Tensor, "b c x y z"], fold: int) -> Float[Tensor, "b d i j k"]:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from meshot.errors import require_choice
 from meshot.rng import Generator, numpy_generator
 from meshot.statistics.intervals import LEVEL, percentile_interval
 
@@ -91,8 +92,7 @@ def _students(logs: np.ndarray, heights: np.ndarray, slope: float) -> Slope:
 
 
 def _require_fit(x: Values, rows: list[np.ndarray], statistic: str) -> None:
-    if statistic not in STATISTICS:
-        raise ValueError(f"statistic is {statistic!r}; one of {', '.join(map(repr, STATISTICS))} is needed")
+    require_choice(statistic, "statistic", STATISTICS)
     if len(x) != len(rows):
         raise ValueError(f"there are {len(x)} sizes and {len(rows)} rows of errors; one row for every size is needed")
     if any(len(row) == 0 for row in rows):

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive, require_positive_integer
 
 SCHEDULES = ("constant", "cosine")
 
@@ -72,11 +72,9 @@ def require_plan_settings(settings: object) -> None:
         require_positive_integer(getattr(settings, name, 1), name)
     if settings.patience is not None:
         require_positive_integer(settings.patience, "patience")
-    if not 0 < settings.learning_rate < math.inf:
-        raise ValueError(f"learning_rate is {settings.learning_rate!r}; a finite number > 0 is needed")
+    require_positive(settings.learning_rate, "learning_rate")
     if not 0 <= settings.averaging < 1:
         raise ValueError(f"averaging is {settings.averaging!r}; a share in [0, 1) is needed, 0 for none")
     if isinstance(settings.seed, bool) or not isinstance(settings.seed, int) or settings.seed < 0:
         raise ValueError(f"seed is {settings.seed!r}; an integer >= 0 is needed")
-    if settings.schedule not in SCHEDULES:
-        raise ValueError(f"schedule is {settings.schedule!r}; one of {', '.join(SCHEDULES)} is needed")
+    require_choice(settings.schedule, "schedule", SCHEDULES)

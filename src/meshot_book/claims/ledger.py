@@ -6,6 +6,7 @@ from pathlib import Path
 
 import yaml
 
+from meshot.errors import require_choice
 from meshot.provenance import read_results
 
 REPRODUCED = "reproduced"
@@ -53,8 +54,7 @@ class Verdict:
     numbers: str = ""
 
     def __post_init__(self):
-        if self.status not in STATUSES:
-            raise ValueError(f"status is {self.status!r}; one of {', '.join(STATUSES)} is needed")
+        require_choice(self.status, "status", STATUSES)
 
 
 #: A function from the record of a claim's experiment, and of the experiments under ``also``, to a verdict.

@@ -6,7 +6,7 @@ import math
 
 import torch
 
-from meshot.errors import as_floating
+from meshot.errors import as_floating, require_positive
 from meshot.flow.fields.field import VelocityField
 from meshot.types import Float, Tensor
 
@@ -108,7 +108,7 @@ class Vortex(AnalyticField):
     radius: float = 1.0
 
     def __post_init__(self):
-        _require_positive(self.radius, "radius")
+        require_positive(self.radius, "radius")
 
     def _angles(self, points: Tensor) -> Float[Tensor, "n 1"]:
         return self.strength * torch.exp(-points[:, :2].square().sum(dim=1, keepdim=True) / (2 * self.radius**2))
@@ -152,7 +152,7 @@ class Push(AnalyticField):
     width: float = 1.0
 
     def __post_init__(self):
-        _require_positive(self.width, "width")
+        require_positive(self.width, "width")
 
     def __call__(self, time: Float[Tensor, ""], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
         """The velocity of every point."""
@@ -170,8 +170,3 @@ class Push(AnalyticField):
     def lipschitz_bound(self) -> Float[Tensor, ""]:
         """The exact constant, ``|strength| / (width · √e)``."""
         return torch.tensor(abs(self.strength) * math.exp(-0.5) / self.width, dtype=torch.float64)
-
-
-def _require_positive(value: float, name: str) -> None:
-    if not 0 < value < math.inf:
-        raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed")

@@ -5,7 +5,7 @@ import itertools
 import torch
 from torch import nn
 
-from meshot.errors import as_floating, require_positive_integer, require_shape
+from meshot.errors import as_floating, require_choice, require_positive_integer, require_shape
 from meshot.flow.fields.field import LearnedVelocity, Prepared
 from meshot.flow.fields.spline import INTERPOLATIONS, refined, spline_values
 from meshot.types import Float, Tensor
@@ -51,8 +51,7 @@ class GridVelocity(LearnedVelocity):
         lower, upper = _require_box(lower, upper)
         _require_halving(spacings)
         require_positive_integer(n_pieces, "n_pieces")
-        if interpolation not in INTERPOLATIONS:
-            raise ValueError(f"interpolation is {interpolation!r}; one of {', '.join(INTERPOLATIONS)} is needed")
+        require_choice(interpolation, "interpolation", INTERPOLATIONS)
         self.interpolation = interpolation
         self.spacings, self.n_pieces = tuple(float(s) for s in spacings), n_pieces
         self.register_buffer("lower", lower)

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive, require_positive_integer
 from meshot.flow.integration import GRADIENTS, METHODS
 from meshot.train import Plan
 
@@ -61,13 +61,11 @@ class FitSettings:
             object.__setattr__(self, name, require_positive_integer(getattr(self, name), name))
         lines = tuple(require_positive_integer(count, "n_directions") for count in self.n_directions)
         object.__setattr__(self, "n_directions", lines)
-        if not 0 < self.learning_rate < math.inf:
-            raise ValueError(f"learning_rate is {self.learning_rate!r}; a finite number > 0 is needed, in mm")
+        require_positive(self.learning_rate, "learning_rate", "mm")
         if len(self.n_directions) != 2 or self.n_directions[0] > self.n_directions[1]:
             raise ValueError(f"n_directions is {self.n_directions}; two counts that do not decrease are needed")
-        for name, value, known in (("method", self.method, METHODS), ("gradient", self.gradient, GRADIENTS)):
-            if value not in known:
-                raise ValueError(f"{name} is {value!r}; one of {', '.join(known)} is needed")
+        require_choice(self.method, "method", METHODS)
+        require_choice(self.gradient, "gradient", GRADIENTS)
         if not 0 <= self.coarse_share <= 1:
             raise ValueError(f"coarse_share is {self.coarse_share!r}; a share in [0, 1] is needed")
 

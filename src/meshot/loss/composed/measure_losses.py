@@ -2,13 +2,12 @@
 
 import abc
 import dataclasses
-import math
 from typing import ClassVar
 
 import numpy as np
 import torch
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive, require_positive_integer
 from meshot.loss.directions import random_directions
 from meshot.loss.kernel_norm import ANGULAR, varifold_kernel
 from meshot.loss.nearest import chamfer
@@ -94,7 +93,7 @@ class WindowedLoss(MeasureLoss):
     p: int = 2
 
     def __post_init__(self):
-        _require_positive(self.window, "window")
+        require_positive(self.window, "window")
         require_positive_integer(self.n_windows, "n_windows")
         require_positive_integer(self.n_directions, "n_directions")
         _require_exponent(self.p)
@@ -144,7 +143,7 @@ class SinkhornLoss(MeasureLoss):
 
     def __post_init__(self):
         _require_exponent(self.p)
-        _require_positive(self.blur, "blur")
+        require_positive(self.blur, "blur")
         if not 0 < self.scaling < 1:
             raise ValueError(f"scaling is {self.scaling!r}; a number in (0, 1) is needed")
 
@@ -174,9 +173,8 @@ class VarifoldKernelLoss(MeasureLoss):
     angular: str = "oriented"
 
     def __post_init__(self):
-        _require_positive(self.width, "width")
-        if self.angular not in ANGULAR:
-            raise ValueError(f"angular is {self.angular!r}; one of {', '.join(ANGULAR)} is needed")
+        require_positive(self.width, "width")
+        require_choice(self.angular, "angular", ANGULAR)
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss. Nothing is random."""
@@ -204,7 +202,7 @@ class SlicedPartialLoss(MeasureLoss):
     n_directions: int = 100
 
     def __post_init__(self):
-        _require_positive(self.reach, "reach")
+        require_positive(self.reach, "reach")
         require_positive_integer(self.n_directions, "n_directions")
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
@@ -229,11 +227,6 @@ class SlicedUnbalancedLoss(SlicedPartialLoss):
 def _require_exponent(p: int) -> None:
     if p not in (1, 2):
         raise ValueError(f"p is {p!r}; 1 or 2 is needed")
-
-
-def _require_positive(value: float, name: str) -> None:
-    if not 0 < value < math.inf:
-        raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed")
 
 
 #: The losses by name.

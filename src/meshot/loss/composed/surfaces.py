@@ -1,12 +1,12 @@
 """Losses between two surfaces: a loss of measures applied to an encoding, and sums of such losses."""
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
 
+from meshot.errors import require_choice, require_positive
 from meshot.loss.composed.encodings import ENCODINGS, Encoding, VarifoldEncoding
 from meshot.loss.composed.measure_losses import LOSSES, MeasureLoss, SlicedLoss
 from meshot.mesh import Mesh
@@ -49,8 +49,7 @@ class SurfaceLoss:
         if self.encoding.continuous and not self.loss.takes_continuous:
             able = ", ".join(name for name, kind in LOSSES.items() if kind.takes_continuous)
             raise ValueError(f"{self.loss} does not accept {self.encoding}, which has no support points; {able} does")
-        if not 0 < self.factor < math.inf:
-            raise ValueError(f"factor is {self.factor!r}; a finite number > 0 is needed")
+        require_positive(self.factor, "factor")
 
     def __call__(self, source: Mesh, target: Mesh, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss between two meshes, times ``factor``. Random numbers are drawn from ``generator``."""
@@ -147,8 +146,7 @@ def _field_names(kind: type) -> set[str]:
 
 
 def _kind_of(table: Mapping[str, type], name: str, what: str) -> type:
-    if name not in table:
-        raise ValueError(f"{what} is {name!r}; one of {', '.join(table)} is needed")
+    require_choice(name, what, table)
     return table[name]
 
 

@@ -1,8 +1,8 @@
 """Partial and unbalanced transport along every direction by itself."""
 
-import math
 from collections.abc import Callable
 
+from meshot.errors import require_positive
 from meshot.loss.directions import Directions, require_directions
 from meshot.loss.fused import mean_of_slices
 from meshot.loss.unbalanced._kernel_partial import partial_lines
@@ -145,5 +145,4 @@ def require_reach(reach: float) -> None:
     ValueError
         If it is not a finite number > 0.
     """
-    if not 0 < reach < math.inf:
-        raise ValueError(f"reach is {reach!r}; a finite number > 0 is needed, in the units of the points")
+    require_positive(reach, "reach", "the units of the points")

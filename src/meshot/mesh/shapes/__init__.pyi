@@ -10,7 +10,6 @@ from .solids import (
     ellipsoid as ellipsoid,
     folded_sphere as folded_sphere,
     icosphere as icosphere,
-    require_positive as require_positive,
     split_in_four as split_in_four,
     tetrahedron as tetrahedron,
 )

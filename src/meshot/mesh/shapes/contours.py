@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_positive, require_positive_integer
 from meshot.mesh.mesh import Contour, closed_contour
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
@@ -27,7 +27,8 @@ def regular_polygon(n_corners: int, radius: float = 1.0) -> Contour:
         If there are fewer than three corners, or the radius is not positive.
     """
     _require_corners(n_corners, "n_corners", 3)
-    return closed_contour(_polar(np.full(n_corners, _positive(radius, "radius")), _even_angles(n_corners)))
+    require_positive(radius, "radius", "units of the vertices")
+    return closed_contour(_polar(np.full(n_corners, radius), _even_angles(n_corners)))
 
 
 def circle(radius: float = 1.0, n_corners: int = 720) -> Contour:
@@ -87,7 +88,8 @@ def near_regular_polygon(n_corners: int, jitter: float, generator: Generator, ra
     _require_corners(n_corners, "n_corners", 3)
     if not 0 <= jitter < 1:
         raise ValueError(f"jitter is {jitter!r}; a number in [0, 1) is needed, as a share of the radius")
-    radii = _positive(radius, "radius") * (1 + jitter * numpy_generator(generator).uniform(-1, 1, n_corners))
+    require_positive(radius, "radius", "units of the vertices")
+    radii = radius * (1 + jitter * numpy_generator(generator).uniform(-1, 1, n_corners))
     return closed_contour(_polar(radii, _even_angles(n_corners)))
 
 
@@ -136,9 +138,3 @@ def _require_corners(count: int, name: str, least: int) -> None:
     require_positive_integer(count, name)
     if count < least:
         raise ValueError(f"{name} is {count}; at least {least} are needed to enclose an area")
-
-
-def _positive(length: float, name: str) -> float:
-    if not 0 < length < math.inf:
-        raise ValueError(f"{name} is {length!r}; a positive length is needed")
-    return length

@@ -5,7 +5,7 @@ import math
 
 import torch
 
-from meshot.errors import require_finite, require_shape
+from meshot.errors import require_finite, require_positive, require_shape
 from meshot.mesh.geometry.areas import signed_volume
 from meshot.mesh.mesh import Mesh
 from meshot.types import Float, Int64, Tensor
@@ -38,7 +38,7 @@ def icosphere(
         raise ValueError(
             f"subdivisions is {subdivisions!r}; an integer from 0 to 9 is needed (9 gives 5 million faces)"
         )
-    require_positive(radius, "radius")
+    require_positive(radius, "radius", "units of the vertices")
     points, faces = _icosahedron()
     for _ in range(subdivisions):
         points, faces = split_in_four(points, faces)
@@ -64,7 +64,7 @@ def ellipsoid(subdivisions: int, radii: tuple[float, float, float], dtype: torch
         If a radius is not positive.
     """
     for axis, radius in zip("xyz", radii, strict=True):
-        require_positive(radius, f"the radius along {axis}")
+        require_positive(radius, f"the radius along {axis}", "units of the vertices")
     sphere = icosphere(subdivisions)
     return sphere.with_vertices(sphere.vertices * torch.tensor(radii, dtype=torch.float64)).to(dtype)
 
@@ -93,7 +93,7 @@ def folded_sphere(
     ValueError
         If ``depth`` is not in [0, radius), or ``radius`` is not positive.
     """
-    require_positive(radius, "radius")
+    require_positive(radius, "radius", "units of the vertices")
     if not 0 <= depth < radius:
         raise ValueError(
             f"depth is {depth!r}; it must be in [0, radius) = [0, {radius:g}) for the surface to be a graph"
@@ -112,7 +112,7 @@ def cube(side: float = 1.0, dtype: torch.dtype = torch.float64) -> Mesh:
     ValueError
         If ``side`` is not positive.
     """
-    require_positive(side, "side")
+    require_positive(side, "side", "units of the vertices")
     corners = torch.tensor(list(itertools.product((-0.5, 0.5), repeat=3)), dtype=dtype)  # index = 4x + 2y + z
     squares = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     faces = [[a, b, c] for a, b, c, _ in squares] + [[a, c, d] for a, _, c, d in squares]
@@ -157,18 +157,6 @@ def split_in_four(
     a, b, c = faces.T
     parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     return torch.cat([points, midpoints]), torch.cat([torch.stack(part, dim=1) for part in parts])
-
-
-def require_positive(value: float, name: str) -> None:
-    """Check that a number is finite and positive.
-
-    Raises
-    ------
-    ValueError
-        If it is not.
-    """
-    if not (math.isfinite(value) and value > 0):
-        raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed, in units of the vertices")
 
 
 def _icosahedron() -> tuple[Tensor, Tensor]:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive_integer
 from meshot.files import named_file
 from meshot.model import SegmentationNetwork
 from meshot.pipeline.segmentation.augmentation import Augmentation
@@ -92,8 +92,7 @@ class SegmentationSettings:
         self.augmentation()
         if not isinstance(self.soft_labels, bool):
             raise ValueError(f"soft_labels is {self.soft_labels!r}; true or false is needed")
-        if self.precision not in PRECISIONS:
-            raise ValueError(f"precision is {self.precision!r}; one of {', '.join(PRECISIONS)} is needed")
+        require_choice(self.precision, "precision", PRECISIONS)
 
     def augmentation(self) -> Augmentation:
         """The augmentation settings as an object."""

@@ -7,11 +7,10 @@ The functions do not modify their input. Lengths are in units of the vertices, m
 
 import torch
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_positive, require_positive_integer
 from meshot.mesh import Mesh
 from meshot.mesh.editing import laplacian_smoothing
 from meshot.mesh.geometry import face_barycentres, vertex_normals
-from meshot.mesh.shapes import require_positive
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Bool, Float, Tensor
 
@@ -44,7 +43,7 @@ def noisy(mesh: Mesh, deviation: float, generator: Generator) -> Mesh:
     ValueError
         If the deviation is not positive.
     """
-    require_positive(deviation, "deviation")
+    require_positive(deviation, "deviation", "units of the vertices")
     amounts = deviation * numpy_generator(generator).standard_normal(len(mesh.vertices))
     return mesh.with_vertices(mesh.vertices + mesh.vertices.new_tensor(amounts)[:, None] * vertex_normals(mesh))
 
@@ -57,7 +56,7 @@ def with_hole(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float) -> Mesh:
     ValueError
         If the radius is not positive, no face lies in the ball, or all do.
     """
-    require_positive(radius, "radius")
+    require_positive(radius, "radius", "units of the vertices")
     gone = _near(face_barycentres(mesh), centre, radius)
     if not bool(gone.any()) or bool(gone.all()):
         raise ValueError(
@@ -99,7 +98,7 @@ def with_blurred_folds(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float, n
     ValueError
         If the radius is not positive, or ``n_steps`` is not a positive integer.
     """
-    require_positive(radius, "radius")
+    require_positive(radius, "radius", "units of the vertices")
     require_positive_integer(n_steps, "n_steps")
     away = (mesh.vertices - centre).norm(dim=1) / radius
     amount = (1 - away.square()).clamp(min=0).sqrt()[:, None]

@@ -1,12 +1,11 @@
 """From the whiteness of a scan to a closed surface: threshold, genus 0, marching cubes, a move to the steepest edge."""
 
 import dataclasses
-import math
 
 import numpy as np
 import torch
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_positive, require_positive_integer
 from meshot.mesh import Mesh
 from meshot.mesh.editing import taubin_smoothing
 from meshot.mesh.geometry import vertex_normals
@@ -55,8 +54,7 @@ class SurfaceSettings:
         for name in ("bias_rounds", "smoothing", "rounds"):
             require_positive_integer(getattr(self, name) + 1, f"{name} + 1", 1000)
         for name in ("margin", "bias_width", "reach"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; a positive length is needed, in mm")
+            require_positive(getattr(self, name), name, "mm")
         if not 0 <= self.rate <= 1:
             raise ValueError(f"rate is {self.rate!r}; a share in [0, 1] is needed")
 

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_positive, require_positive_integer
 from meshot.systems.learning import FlowTrainingSettings
 
 
@@ -23,8 +23,7 @@ class FlowSettings:
     velocity_unit: float = 10.0
 
     def __post_init__(self):
-        if not 0 < self.velocity_unit < math.inf:
-            raise ValueError(f"velocity_unit is {self.velocity_unit!r}; a positive length is needed, in mm")
+        require_positive(self.velocity_unit, "velocity_unit", "mm")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,12 +1,11 @@
 """The network of DeepCSR: from a scan and points in mm to the signed distances of the points from surfaces."""
 
 import dataclasses
-import math
 
 import torch
 from torch import nn
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_positive, require_positive_integer
 from meshot.model import FeatureNetwork, initialise, sample_features
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
@@ -53,8 +52,7 @@ class DistanceNetwork(nn.Module):
         super().__init__()
         for name, count, most in (("n_surfaces", n_surfaces, 8), ("hidden", hidden, 2048), ("n_blocks", n_blocks, 50)):
             require_positive_integer(count, name, most)
-        if not 0 < unit < math.inf:
-            raise ValueError(f"unit is {unit!r}; a positive length is needed, in mm")
+        require_positive(unit, "unit", "mm")
         generator = numpy_generator(generator)
         self.arguments = {"n_surfaces": n_surfaces, "width": width, "depth": depth, "fold": fold, "hidden": hidden}
         self.arguments |= {"n_blocks": n_blocks, "unit": float(unit)}

@@ -1,14 +1,13 @@
 """Training of DeepCSR on the signed distances of random points."""
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_positive, require_positive_integer
 from meshot.mesh import Mesh
 from meshot.metrics import Surface, SurfaceSample
 from meshot.systems.deepcsr.network import DistanceNetwork
@@ -55,8 +54,7 @@ class DistanceSettings(LearningSettings):
         for name in ("n_pool", "n_samples"):
             require_positive_integer(getattr(self, name), name)
         for name in ("spread", "largest"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; a positive length is needed, in mm")
+            require_positive(getattr(self, name), name, "mm")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

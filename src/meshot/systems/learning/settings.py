@@ -7,7 +7,7 @@ from typing import ClassVar
 from torch import nn
 
 from meshot.anatomy import HEMISPHERES, Hemisphere
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive_integer
 from meshot.flow import METHODS
 from meshot.model import require_small
 from meshot.train import Groups, Plan, checked_groups, plan_of_epochs, require_plan_settings, setting_names
@@ -94,9 +94,8 @@ class FlowTrainingSettings(LearningSettings):
         super().__post_init__()
         for name in ("n_faces", "n_flow_steps"):
             require_positive_integer(getattr(self, name), name)
-        for name, known in (("side", (*HEMISPHERES, "both")), ("method", METHODS)):
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; one of {', '.join(known)} is needed")
+        require_choice(self.side, "side", (*HEMISPHERES, "both"))
+        require_choice(self.method, "method", METHODS)
 
     @property
     def sides(self) -> tuple[Hemisphere, ...]:

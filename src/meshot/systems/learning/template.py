@@ -9,6 +9,7 @@ import torch
 from torch import nn
 
 from meshot.anatomy import Hemisphere, fsaverage5_surface
+from meshot.errors import require_choice
 from meshot.mesh import Mesh
 from meshot.mesh.editing import laplacian_smoothing
 from meshot.mesh.shapes import icosphere, split_in_four
@@ -43,8 +44,7 @@ class TemplateSettings:
     splits: int = 0
 
     def __post_init__(self):
-        if self.shape not in SHAPES:
-            raise ValueError(f"shape is {self.shape!r}; one of {', '.join(SHAPES)} is needed")
+        require_choice(self.shape, "shape", SHAPES)
         for name, most in (("smoothing", MOST_SMOOTHING), ("splits", MOST_SPLITS)):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:

@@ -8,7 +8,7 @@ import torch
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive_integer
 from meshot.flow.fields import VelocityField
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import plane_section
@@ -43,8 +43,7 @@ def velocities_on_slice(
         If the plane has another name, or ``n_arrows`` is not a positive integer.
     """
     require_positive_integer(n_arrows, "n_arrows")
-    if plane not in PLANES:
-        raise ValueError(f"plane is {plane!r}; one of {', '.join(PLANES)} is needed")
+    require_choice(plane, "plane", PLANES)
     axis, shown, _ = PLANES[plane]
     left, right, bottom, top = slice_image(volume, axis, position_mm)[1]
     spacing = max(right - left, top - bottom) / n_arrows
