@@ -61,19 +61,18 @@ def slice_panels(
     extents = [extent for _, extent in slices.values()]
     ratio = max(top - bottom for *_, bottom, top in extents) / max(right - left for left, right, *_ in extents)
     width = WIDTH / columns
-    size = (WIDTH, n_rows * ((width - 0.35) * ratio + 0.65) + 0.3)
+    size = (WIDTH, n_rows * ((width - 0.75) * ratio + 0.65) + 0.6)
     figure, axes = plt.subplots(n_rows, columns, figsize=size, layout="constrained", squeeze=False)
     for ax in axes.flat[len(slices) :]:
         ax.set_axis_off()
     for k, (ax, (name, (image, extent))) in enumerate(zip(axes.flat, slices.items())):
         drawn = ax.imshow(image, extent=extent, origin="lower", cmap=colour_map, vmin=limits[0], vmax=limits[1])
         ax.set_facecolor("black")
-        ax.set_title(name, fontsize=11)
-        ax.tick_params(labelsize=10)
+        ax.set_title(name)
         if k % columns == 0:
-            ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)", fontsize=11)
+            ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)")
         if k >= len(slices) - columns:
-            ax.set_xlabel(f"{'xyz'[shown[0]]} (mm)", fontsize=11)
+            ax.set_xlabel(f"{'xyz'[shown[0]]} (mm)")
         _draw_lines(ax, (meshes or {}).get(name, {}), axis, position_mm, shown)
     if meshes:
         _legend(figure, axes)
@@ -90,6 +89,4 @@ def _draw_lines(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: float
 
 def _legend(figure: Figure, axes: np.ndarray) -> None:
     named = {name: line for ax in axes.flat for line, name in zip(*ax.get_legend_handles_labels())}
-    figure.legend(
-        named.values(), named.keys(), loc="outside upper center", ncols=len(named), frameon=False, fontsize=11
-    )
+    figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=len(named), frameon=False)
