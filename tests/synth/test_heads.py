@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import torch
 
+from meshot.anatomy.templates import MNI305_TO_MNI152
 from meshot.mesh.shapes.solids import icosphere
 from meshot.synth.heads.carried import CarriedHead
 from meshot.synth.heads.leaves import Leaves
-from meshot.synth.heads.template import MNI305_TO_MNI152, hindbrain_region, template_tissue
+from meshot.synth.heads.template import hindbrain_region, template_tissue
 from meshot.synth.imaging import TISSUES, Appearance
 from meshot.synth.position import Position
 from meshot.synth.scanning import Anatomy, simulated_scan

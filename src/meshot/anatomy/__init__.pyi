@@ -1,5 +1,6 @@
 from .templates import (
     HEMISPHERES as HEMISPHERES,
+    MNI305_TO_MNI152 as MNI305_TO_MNI152,
     Hemisphere as Hemisphere,
     fsaverage5_surface as fsaverage5_surface,
     mni152_brain_mask as mni152_brain_mask,

@@ -12,7 +12,7 @@ import torch
 
 from meshot.extras import needing
 from meshot.mesh import Mesh
-from meshot.volume import Volume
+from meshot.volume import Volume, transform_points
 
 with needing("cortex"):
     import nilearn.datasets
@@ -20,6 +20,15 @@ with needing("cortex"):
 
 Hemisphere = Literal["left", "right"]
 HEMISPHERES: tuple[Hemisphere, ...] = ("left", "right")
+#: From MNI305, the space of fsaverage, to MNI152: the matrix of FreeSurfer's wiki (CoordinateSystems).
+MNI305_TO_MNI152 = np.array(
+    [
+        [0.9975, -0.0073, 0.0176, -0.0429],
+        [0.0146, 1.0009, -0.0024, 1.5496],
+        [-0.0130, -0.0093, 0.9971, 1.1840],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+)
 
 
 def mni152_t1() -> Volume:
@@ -43,22 +52,29 @@ def mni152_grey_matter() -> Volume:
     return _volume(nilearn.datasets.load_mni152_gm_template(resolution=1))
 
 
-def fsaverage5_surface(kind: Literal["white", "pial"], hemisphere: Hemisphere) -> Mesh:
-    """One of FreeSurfer's average surfaces, in mm (MNI305 space).
+def fsaverage5_surface(
+    kind: Literal["white", "pial"], hemisphere: Hemisphere, space: Literal["MNI305", "MNI152"] = "MNI305"
+) -> Mesh:
+    """One of FreeSurfer's average surfaces, in mm.
 
-    The mesh has 10 242 vertices in float64, is closed, and is oriented outwards.
+    The mesh has 10 242 vertices in float64, is closed, and is oriented outwards. Its own space is MNI305. In MNI152 its
+    vertices are moved by the affine matrix of FreeSurfer's documentation.
 
     Raises
     ------
     ValueError
-        If ``kind`` or ``hemisphere`` is unknown.
+        If ``kind``, ``hemisphere`` or ``space`` is unknown.
     """
+    if space not in ("MNI305", "MNI152"):
+        raise ValueError(f"space is {space!r}; MNI305 or MNI152 is needed")
     if kind not in ("white", "pial") or hemisphere not in HEMISPHERES:
         raise ValueError(f"no surface {kind!r} {hemisphere!r}; kind is white or pial, hemisphere left or right")
     path = Path(nilearn.datasets.__file__).parent / "data" / "fsaverage5" / f"{kind}_{hemisphere}.gii.gz"
     surface = nilearn.surface.load_surf_mesh(str(path))
     vertices, faces = np.array(surface.coordinates, dtype=np.float64), np.array(surface.faces, dtype=np.int64)
-    return Mesh(torch.from_numpy(vertices), torch.from_numpy(faces))
+    points = torch.from_numpy(vertices)
+    points = points if space == "MNI305" else transform_points(MNI305_TO_MNI152, points)
+    return Mesh(points, torch.from_numpy(faces))
 
 
 def _volume(image: object) -> Volume:

@@ -88,7 +88,7 @@ def _run_one(chosen: argparse.Namespace, scan: Path, output: Path) -> int:
     with device_errors():
         report = write_reconstruction(
             scan, output, _networks(chosen), chosen.overwrite, brain_mask=chosen.brain_mask, strict=chosen.strict,
-            quiet=chosen.quiet,
+            quiet=chosen.quiet, correspondence=chosen.template,
         )  # fmt: skip
     for warning in report["warnings"]:
         warnings.warn(warning, stacklevel=1)
@@ -102,6 +102,8 @@ def _run_one(chosen: argparse.Namespace, scan: Path, output: Path) -> int:
             f"{side}: χ = {final['euler_number']}, {final['n_self_intersecting_faces']} self-intersecting of "
             f"{final['n_faces']} faces, {final['volume_cm3']:.0f} cm³"
         )
+        if surface["fsaverage5"]:
+            print(f"{side}: fsaverage5 carried to it lies {surface['fsaverage5']['distance_mm']:.2f} mm away (ASSD)")
     print(f"{sum(report['seconds']['clock'].values()):.0f} s; look at {printable_name(output / PAGE)}. {NOTE}")
     return 0
 
@@ -121,7 +123,7 @@ def _run_study(chosen: argparse.Namespace, inputs: list[Path], output: Path, lev
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
     names = ("layout", "system", "weights", "segmentation", "initial_only", "strict", "overwrite", "threads", "device")
-    settings = StudySettings(**{name: getattr(chosen, name) for name in names})
+    settings = StudySettings(**{name: getattr(chosen, name) for name in names}, correspondence=chosen.template)
     with device_errors():
         _networks(chosen)  # fails before the first scan
     dataset, visits = _visits(chosen, inputs, level)

@@ -16,6 +16,7 @@ def add_reconstruction_arguments(command: argparse.ArgumentParser) -> None:
     )
     _add_output(command)
     _add_networks(command)
+    _add_correspondence(command)
     _add_care(command)
     _add_words(command.add_mutually_exclusive_group())
     _add_bids(command.add_argument_group("of a BIDS data set"))
@@ -83,6 +84,15 @@ def _add_networks(command: argparse.ArgumentParser) -> None:
     command.add_argument("--initial-only", action="store_true", help="Stop after the initial surfaces, without a flow.")
     command.add_argument(
         "--device", help="Compute the networks on this device: cpu, cuda or cuda:1, for example (default: cpu)."
+    )
+
+
+def _add_correspondence(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--template",
+        action="store_true",
+        help="Also carry fsaverage5's white surface to each side, so that vertices correspond between people; one to "
+        "two minutes more.",
     )
 
 

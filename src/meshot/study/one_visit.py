@@ -38,6 +38,8 @@ class StudySettings:
         Of the processor, in each process.
     device : str, optional
         Where the networks compute, see :func:`meshot.pipeline.load_networks`.
+    correspondence : bool
+        As :func:`meshot.pipeline.reconstruct` takes it.
     """
 
     layout: str = "flat"
@@ -49,6 +51,7 @@ class StudySettings:
     overwrite: bool = False
     threads: int | None = None
     device: str | None = None
+    correspondence: bool = False
 
 
 @functools.lru_cache(maxsize=1)
@@ -86,13 +89,15 @@ def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progre
         torch.set_num_threads(settings.threads)
     networks, layout = _networks(settings), layout_named(settings.layout)
     folder = study / layout.folder(visit)
-    facts = _facts(visit, networks)
+    facts = _facts(visit, networks) | {"correspondence": settings.correspondence}
     earlier = _earlier_report(folder, layout, facts, settings)
     if earlier is not None:
         return earlier
     scan, warnings = _scan_of(visit)
     template = mni152_t1()
-    found = reconstruct(scan, networks.segmentation, networks.system, progress, template, settings.strict)
+    found = reconstruct(
+        scan, networks.segmentation, networks.system, progress, template, settings.strict, settings.correspondence
+    )
     warnings += average_warnings(found.scan, template)
     if settings.strict:
         _require_none(warnings)
@@ -148,6 +153,8 @@ def _earlier_report(folder: Path, layout: Layout, facts: dict, settings: StudySe
     report = json_of(file)
     wanted = json.loads(json.dumps(facts))
     other = [key for key in ("scans", "mask", "system", "weights") if report.get(key) != wanted[key]]
+    if wanted["correspondence"] and not report.get("correspondence"):
+        other.append("choice of --template")
     if not other:
         if settings.strict:
             _require_none(report["warnings"])

@@ -46,12 +46,14 @@ def write_reconstruction(
     brain_mask: str | os.PathLike | None = None,
     strict: bool = False,
     quiet: bool = False,
+    correspondence: bool = False,
 ) -> dict:
     """Reconstruct the white surfaces of a scan and write everything, with a progress bar; whole or not at all.
 
-    Into ``folder`` go, for each side, the surfaces ``white`` and ``initial`` in scanner RAS, as FreeSurfer, GIfTI and
-    PLY; white matter on the grid of the scan (1 left, 2 right); the transform as JSON, for ITK and for FreeSurfer; and
-    ``report.json``, ``timing.json``, the picture ``slices.webp``, and ``report.html``, which needs nothing beside it.
+    Into ``folder`` go, for each side, the surfaces ``white`` and ``initial`` (and ``fsaverage5``, if asked for) in
+    scanner RAS, as FreeSurfer, GIfTI and PLY; white matter on the grid of the scan (1 left, 2 right); the transform as
+    JSON, for ITK and for FreeSurfer; and ``report.json``, ``timing.json``, the picture ``slices.webp``, and
+    ``report.html``, which needs nothing beside it.
 
     Parameters
     ----------
@@ -69,6 +71,8 @@ def write_reconstruction(
         As in :func:`meshot.pipeline.reconstruct`.
     quiet : bool
         Whether there is no progress bar.
+    correspondence : bool
+        As in :func:`meshot.pipeline.reconstruct`.
 
     Returns
     -------
@@ -93,7 +97,7 @@ def write_reconstruction(
             bar.update(n_done - bar.n)
             bar.refresh()
 
-        found = reconstruct(scan, networks.segmentation, networks.system, tell, template, strict)
+        found = reconstruct(scan, networks.segmentation, networks.system, tell, template, strict, correspondence)
         masked_by = None if brain_mask is None else printable_name(Path(brain_mask).name)
         return write_found(temporary, found, scan, printable_name(path.name), networks, {"brain_mask": masked_by})
 
@@ -165,7 +169,7 @@ def write_flat(folder: Path, found: Reconstruction, scan: Volume) -> Path:
     scan : Volume
     """
     for side, surface in found.surfaces.items():
-        for name, mesh in (("white", surface.final), ("initial", surface.initial)):
+        for name, mesh in surface.meshes().items():
             for suffix in FORMATS:
                 write_mesh(folder / f"{SHORT[side]}.{name}{suffix}", mesh, centre_ras(scan), STRUCTURES[side])
     write_volume(folder / WHITE_MATTER, white_matter_labels(found, scan))

@@ -7,6 +7,7 @@ import numpy as np
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.topology import self_intersecting_faces, topology
+from meshot.pipeline.correspondence import CarriedTemplate
 from meshot.pipeline.quality_warnings import voxels_given_up
 from meshot.pipeline.reconstruction import HemisphereSurface
 from meshot.types import Array, Float
@@ -51,6 +52,7 @@ def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]
             "percentile_95": float(np.percentile(distances, 95)),
             "largest": float(distances.max()),
         },
+        "fsaverage5": None if surface.carried is None else _of_template(surface.carried),
         "n_voxels_given_up": n_lost,
         "share_of_voxels_given_up": share,
         "repair": None
@@ -60,6 +62,15 @@ def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]
             "n_backtracks": repaired.n_backtracks,
             "largest_move_mm": repaired.largest_move,
         },
+    }
+
+
+def _of_template(carried: CarriedTemplate) -> dict:
+    return {
+        "n_vertices": len(carried.mesh.vertices),
+        "distance_mm": carried.distance_mm,
+        "n_faces_crossing_before": carried.n_crossing_before,
+        "n_self_intersecting_faces": carried.n_crossing,
     }
 
 

@@ -64,6 +64,13 @@ def _move_rows(report: dict) -> Rows:
             ("faces that crossed after the flow, before the repair", *(m["n_faces_crossing_before"] for m in repairs)),
             ("largest move by the repair (mm)", *(m["largest_move_mm"] for m in repairs)),
         ]
+    carried = [s["fsaverage5"] for s in sides]
+    if all(carried):
+        rows += [
+            ("distance of fsaverage5 carried here, mean (mm)", *(c["distance_mm"] for c in carried)),
+            ("its faces that crossed before they were smoothed", *(c["n_faces_crossing_before"] for c in carried)),
+            ("its self-intersecting faces", *(c["n_self_intersecting_faces"] for c in carried)),
+        ]
     rows += [
         ("voxels given up for the topology of a ball", *(s["n_voxels_given_up"] for s in sides)),
         ("these, of the white matter (%)", *(100 * s["share_of_voxels_given_up"] for s in sides)),

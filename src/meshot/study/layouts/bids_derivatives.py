@@ -32,7 +32,8 @@ def arrange(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> 
     facts = {"Sources": [_source(visit, path) for path in visit.scans]}
     for side in HEMISPHERES:
         surface, start = found.surfaces[side], f"{visit.prefix}_hemi-{side[0].upper()}"
-        for name, mesh in ((f"{start}_white", surface.final), (f"{start}_desc-initial_white", surface.initial)):
+        for kind, mesh in surface.meshes().items():
+            name = f"{start}_white" if kind == "white" else f"{start}_desc-{kind}_white"
             write_mesh(anat / f"{name}.surf.gii", mesh, structure=STRUCTURES[side])
             _write_json(anat / f"{name}.json", facts | {"SpatialReference": "scanner RAS of the T1w image, in mm"})
     start = anat / f"{visit.prefix}_desc-whitematter_dseg"

@@ -20,6 +20,8 @@ REPORT_FOLDER = Path("report")
 N_VOXELS = 256
 #: The values of ``mri/filled.mgz`` for the left and the right hemisphere.
 FILLED = (255, 127)
+#: The initial surface is called as FreeSurfer calls the surface before it moves.
+_NAMES = {"white": "white", "initial": "orig", "fsaverage5": "white.fsaverage5"}
 _AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
@@ -29,10 +31,10 @@ def folder_of(visit: Visit) -> Path:
 
 
 def arrange(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> None:
-    """Write ``surf`` and ``mri``. The initial surface has FreeSurfer's name for the surface before it moves, orig."""
+    """Write ``surf`` and ``mri``."""
     for side, surface in found.surfaces.items():
-        for name, mesh in (("white", surface.final), ("orig", surface.initial)):
-            write_mesh(folder / "surf" / f"{SHORT[side]}.{name}", mesh, centre_ras(scan))
+        for kind, mesh in surface.meshes().items():
+            write_mesh(folder / "surf" / f"{SHORT[side]}.{_NAMES[kind]}", mesh, centre_ras(scan))
     conformed = conformed_scan(scan)
     write_volume(folder / "mri" / "rawavg.mgz", scan)
     write_volume(folder / "mri" / "orig.mgz", conformed)

@@ -7,8 +7,9 @@ import numpy as np
 import scipy.ndimage
 import torch
 
+from meshot.anatomy import MNI305_TO_MNI152
 from meshot.synth.heads.leaves import Leaves, leaf_fractions
-from meshot.synth.heads.template import MNI305_TO_MNI152, TemplateTissue, template_tissue
+from meshot.synth.heads.template import TemplateTissue, template_tissue
 from meshot.synth.structures import DEPTH_MM, white_depth
 from meshot.synth.warp import HeadWarp
 from meshot.types import Array, Float, Tensor

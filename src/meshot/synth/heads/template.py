@@ -15,18 +15,9 @@ from meshot.anatomy import (
     mni152_white_matter,
 )
 from meshot.types import Array, Bool, Float
-from meshot.volume import Volume, transform_points
+from meshot.volume import Volume
 from meshot.volume.surfaces import enclosed_fractions, watershed_regions
 
-#: From MNI305, the space of fsaverage, to MNI152: the matrix of FreeSurfer's wiki (CoordinateSystems).
-MNI305_TO_MNI152 = np.array(
-    [
-        [0.9975, -0.0073, 0.0176, -0.0429],
-        [0.0146, 1.0009, -0.0024, 1.5496],
-        [-0.0130, -0.0093, 0.9971, 1.1840],
-        [0.0, 0.0, 0.0, 1.0],
-    ]
-)
 _CORE_MM = 7  # how far the first guess of the hindbrain is eroded, so that no cerebral cortex is left in it
 _DEPTH_MM = 2.0  # structures inside the white surfaces are searched for from this depth on
 #: The box of MNI152 in mm that contains ventricles and deep grey matter. Grey matter inside the white surfaces
@@ -122,8 +113,7 @@ def hindbrain_region(
 
 
 def _enclosed(kind: str, grid: Volume) -> Float[Array, "X Y Z"]:
-    meshes = [fsaverage5_surface(kind, side) for side in HEMISPHERES]
-    meshes = [mesh.with_vertices(transform_points(MNI305_TO_MNI152, mesh.vertices)) for mesh in meshes]
+    meshes = [fsaverage5_surface(kind, side, "MNI152") for side in HEMISPHERES]
     return sum(enclosed_fractions(mesh, grid, 1) for mesh in meshes)
 
 

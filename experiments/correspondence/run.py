@@ -1,0 +1,101 @@
+"""Measure how near the vertices of the carried template come to their true places in held-out subjects.
+
+Run as ``python experiments/correspondence/run.py`` after the cohort has been made (``data_synth/README.md``). Every
+result is stored, so that a stopped run can be resumed.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+import yaml
+
+from meshot.anatomy import fsaverage5_surface
+from meshot.jobs import run_jobs
+from meshot.mesh import Mesh
+from meshot.pipeline.correspondence import carry_template
+from meshot.provenance import rounded, write_results
+from meshot.synth.cohorts import participants, read_subject
+from meshot.types import Array, Float
+
+HERE = Path(__file__).resolve().parent
+COHORTS = HERE.parents[1] / "build" / "cohorts"
+
+
+def main() -> None:
+    """Compute the missing results, then write the summary."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cohorts", type=Path, default=COHORTS, help="the folder that holds the cohort")
+    folder = parser.parse_args().cohorts
+    torch.set_num_threads(1)
+    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
+    tasks = [
+        {"participant": person.participant_id, "side": side}
+        for person in participants(folder / config["cohort"], "test")
+        for side in config["sides"]
+        if person.kind == config["kind"]
+    ]
+    partial = HERE / "partial.jsonl"
+    rows = run_jobs(
+        tasks, lambda task: score(task, folder, config), partial, folder=HERE, config=config | {"made_in": str(folder)},
+        clock=time.process_time,
+    )  # fmt: skip
+    scores = [row["task"] | row["found"] | {"cpu_seconds": round(row["seconds"], 1)} for row in rows]
+    results = rounded({"scores": scores, "means": means(scores)})
+    seconds = sum(row["seconds"] for row in rows)
+    write_results(HERE / "results.json", results, config, "python experiments/correspondence/run.py",
+                  f"synthetic cohort {config['cohort']}", seconds)  # fmt: skip
+    partial.unlink(missing_ok=True)
+
+
+def score(task: dict, folder: Path, config: dict) -> dict:
+    """Distances of the vertices from their true places, in mm, and those of the surfaces, for one hemisphere."""
+    surface = read_subject(folder / config["cohort"], task["participant"]).surface("white", task["side"], "standard")
+    template = fsaverage5_surface("white", task["side"], "MNI152")
+    # The first vertices of a refined surface are those of the surface that was refined.
+    truth = surface.vertices[: len(template.vertices)].double().numpy()
+    carried = carry_template(surface, task["side"])
+    found = {"carried": carried.mesh, "registered": template, "best affine": best_affine(template, truth)}
+    distances = {name: np.linalg.norm(mesh.vertices.numpy() - truth, axis=1) for name, mesh in found.items()}
+    return {
+        "vertices_mm": {name: spread(values, config["percentile"]) for name, values in distances.items()},
+        "surface_mm": carried.distance_mm,
+        "crossing_before": carried.n_crossing_before,
+        "crossing": carried.n_crossing,
+    }
+
+
+def best_affine(template: Mesh, truth: Float[Array, "V 3"]) -> Mesh:
+    """The template after the affine map that brings its vertices nearest to their true places."""
+    extended = np.column_stack([template.vertices.numpy(), np.ones(len(truth))])
+    solution = np.linalg.lstsq(extended, truth, rcond=None)[0]
+    return template.with_vertices(torch.from_numpy(extended @ solution))
+
+
+def spread(distances: Float[Array, " V"], percentile: float) -> dict[str, float]:
+    """The mean, the median and a percentile."""
+    return {
+        "mean": float(distances.mean()),
+        "median": float(np.median(distances)),
+        f"percentile_{percentile:g}": float(np.percentile(distances, percentile)),
+    }
+
+
+def means(scores: list[dict]) -> dict:
+    """The mean of each number over the hemispheres."""
+    return {
+        "hemispheres": len(scores),
+        "surface_mm": float(np.mean([each["surface_mm"] for each in scores])),
+        "crossing_before": float(np.mean([each["crossing_before"] for each in scores])),
+        "crossing": float(np.mean([each["crossing"] for each in scores])),
+        "vertices_mm": {
+            name: {key: float(np.mean([each["vertices_mm"][name][key] for each in scores])) for key in found}
+            for name, found in scores[0]["vertices_mm"].items()
+        },
+    }
+
+
+if __name__ == "__main__":
+    main()
