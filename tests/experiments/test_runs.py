@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+import yaml
 
 from meshot.provenance import read_results
 from scripts import scripts_in
@@ -121,6 +122,13 @@ def ddot(run, work):
         object.__setattr__(each, "is_made", lambda config: True)
 
 
+def correspondence(run, work):
+    replace(run, score=work.of({}), participants=lambda *a: [PERSON])
+    quiet(run, "means")
+    replace(run, yaml=SimpleNamespace(safe_load=lambda text: yaml.safe_load(text) | {"sides": ["left", "right"]}))
+    return ["--cohorts", str(run.HERE)]
+
+
 def deforming(run, work):
     replace(run, work=work.of({}))
     quiet(run, "collect", found={"fits": []})
@@ -214,7 +222,7 @@ def weights_and_areas(run, work):
 CHEAP = {
     function.__name__: function
     for function in (
-        axioms, beyond_random, blur, circle_to_polygon, cohorts, convergence, ddot, deforming, directions,
+        axioms, beyond_random, blur, circle_to_polygon, cohorts, convergence, correspondence, ddot, deforming, directions,
         encoding_rates, fixed_supports, floors, fsaverage5_flow, ground_cost, mni152, normal_scale, segmentation,
         self_intersection, study, template_baseline, transport_rates, weights_and_areas,
     )

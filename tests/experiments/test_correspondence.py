@@ -1,0 +1,46 @@
+"""The carried template on held-out subjects: what is committed agrees with itself and with what the book says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from meshot.mesh.shapes.solids import icosphere
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "correspondence"
+
+
+def test_committed_results_belong_to_their_configuration(record, part):
+    assert record["config"] == yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+    again = part("run").means(record["results"]["scores"])
+    assert again["vertices_mm"]["carried"] == pytest.approx(record["results"]["means"]["vertices_mm"]["carried"])
+    assert again["surface_mm"] == pytest.approx(record["results"]["means"]["surface_mm"])
+
+
+def test_the_carried_vertices_are_nearer_than_any_affine_map_brings_them(record):
+    for each in record["results"]["scores"]:
+        means = {name: found["mean"] for name, found in each["vertices_mm"].items()}
+        assert means["carried"] < means["best affine"] < means["registered"]
+        assert each["crossing"] == 0
+
+
+def test_the_page_has_the_measured_numbers(record, root):
+    means, page = record["results"]["means"], " ".join((root / "book" / "howto.md").read_text(encoding="utf-8").split())
+    vertices = means["vertices_mm"]
+    assert f"{vertices['carried']['mean']:.1f} mm from its true place on average" in page
+    assert f"registration alone leaves {vertices['registered']['mean']:.1f} mm" in page
+    assert f"surfaces lie {means['surface_mm']:.2f} mm apart" in page
+
+
+def test_an_affine_image_of_the_template_has_no_error_after_the_best_affine_map(part):
+    ball = icosphere(2, 30.0)
+    matrix = torch.tensor([[1.1, 0.1, 0.0], [0.0, 0.9, 0.2], [0.1, 0.0, 1.0]], dtype=torch.float64)
+    truth = (ball.vertices @ matrix.T + torch.tensor([3.0, -2.0, 5.0])).numpy()
+    assert part("run").best_affine(ball, truth).vertices.numpy() == pytest.approx(truth, abs=1e-10)
+
+
+def test_a_spread_is_that_of_numpy(part):
+    values = np.arange(101.0)
+    assert part("run").spread(values, 95) == {"mean": 50.0, "median": 50.0, "percentile_95": 95.0}
