@@ -222,9 +222,10 @@ def weights_and_areas(run, work):
 CHEAP = {
     function.__name__: function
     for function in (
-        axioms, beyond_random, blur, circle_to_polygon, cohorts, convergence, correspondence, ddot, deforming, directions,
-        encoding_rates, fixed_supports, floors, fsaverage5_flow, ground_cost, mni152, normal_scale, segmentation,
-        self_intersection, study, template_baseline, transport_rates, weights_and_areas,
+        axioms, beyond_random, blur, circle_to_polygon, cohorts, convergence, correspondence, ddot, deforming,
+        directions, encoding_rates, fixed_supports, floors, fsaverage5_flow, ground_cost, mni152,
+        normal_scale, segmentation, self_intersection, study, template_baseline, transport_rates,
+        weights_and_areas,
     )
 } | {"exact_value": parts, "sample_gradient": parts}  # fmt: skip
 
