@@ -180,7 +180,9 @@ def pretended_cuda() -> Iterator[collections.Counter]:
         for name, answer in answers.items():
             stack.enter_context(patch.object(torch.cuda, name, lambda *_, answer=answer: answer))
         module = types.SimpleNamespace(_lazy_init=lambda: None, current_device=lambda: 0)
-        stack.enter_context(patch.dict(sys.modules, {f"torch.{_BELOW.type}": module}))
+        # Not patch.dict, which would also forget the modules that are imported within the block.
+        stack.callback(sys.modules.pop, f"torch.{_BELOW.type}", None)
+        sys.modules[f"torch.{_BELOW.type}"] = module
         torch._C._set_only_lift_cpu_tensors(True)
         stack.callback(torch._C._set_only_lift_cpu_tensors, lifted)
         stack.enter_context(_Operations())
