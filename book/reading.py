@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import nbformat
 
+from meshot_book.notebook import stated_seconds
+
 #: Cells with one of these tags are folded behind one line.
 FOLDED_TAGS = {"imports", "drawing", "table", "checks", "solution", "hide-cell", "hide-input"}
 WORDS_A_MINUTE = 200
@@ -58,7 +60,7 @@ def count_reading(notebook: nbformat.NotebookNode) -> Reading:
             words += 0 if exercises else count_words(cell.source)
             continue
         texts = [output.get("text", "") or output.get("data", {}).get("text/plain", "") for output in cell.outputs]
-        seconds += sum(int(found) for text in texts for found in re.findall(r"ran in (\d+) s", text))
+        seconds += sum(map(stated_seconds, texts))
         hidden = bool(FOLDED_TAGS & set(cell.metadata.get("tags", [])))
         shown, folded = shown + (not hidden), folded + hidden
         if not exercises:

@@ -2,13 +2,15 @@
 
 ``store [NAME ...]``   run and store the outputs beside the sources, in ``notebooks/``: what nbval compares
 ``text [NAME ...]``    run nothing: take over text, tags and captions, and keep the outputs of code that is unchanged
-``fresh [NAME ...]``   run into ``build/notebooks``, and leave every tracked file as it is
+``fresh [NAME ...]``   run into ``build/notebooks``, several at a time, and leave every tracked file as it is
 """
 
 import argparse
 import os
+import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import zip_longest
 from pathlib import Path
 
@@ -19,11 +21,13 @@ from nbclient.exceptions import CellExecutionError
 from tqdm import tqdm
 
 from meshot.files import whole_file
-from meshot_book.notebook import KERNEL_ENVIRONMENT
+from meshot_book.notebook import KERNEL_ENVIRONMENT, stated_seconds
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = ROOT / "notebooks"
 CELL_TIMEOUT = 600
+#: Notebooks that run at a time, of up to one and a half gigabytes each.
+MOST_AT_ONCE = 4
 
 
 def source_notebook(source: Path) -> nbformat.NotebookNode:
@@ -97,6 +101,42 @@ def write_run(source: Path, into: Path) -> None:
     print(f"{source.stem}: {time.perf_counter() - started:.0f} s", flush=True)
 
 
+def write_fresh_runs(sources: list[Path]) -> None:
+    """Run several text sources side by side, each in a process of its own, the longest first.
+
+    Raises
+    ------
+    ValueError
+        With the output of the first that fails. Those that did not begin are left out.
+    """
+    ordered = sorted(sources, key=lambda source: -_seconds_before(source))
+    workers = min(os.cpu_count() or 1, MOST_AT_ONCE)
+    with (
+        tqdm(total=len(ordered), desc="notebooks", unit="notebook", file=sys.stdout) as bar,
+        ThreadPoolExecutor(workers) as pool,
+    ):
+        waiting = {pool.submit(_run_alone, source): source for source in ordered}
+        for done in as_completed(waiting):
+            ended = done.result()
+            if ended.returncode:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise ValueError(ended.stdout)
+            bar.set_postfix_str(ended.stdout.strip().splitlines()[-1])
+            bar.update()
+
+
+def _seconds_before(source: Path) -> int:
+    stored = source.with_suffix(".ipynb")
+    return stated_seconds(stored.read_text(encoding="utf-8")) if stored.is_file() else 0
+
+
+def _run_alone(source: Path) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, __file__, "fresh", source.stem],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False,
+    )  # fmt: skip
+
+
 def write_retold(source: Path) -> None:
     """Write the notebook of a text source whose code is unchanged."""
     notebook = retold_notebook(source)
@@ -117,6 +157,13 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"no such notebook: {', '.join(missing)}; there are {known}")
         return 1
     os.environ.update(KERNEL_ENVIRONMENT)
+    if options.mode == "fresh" and len(sources) > 1:
+        try:
+            write_fresh_runs(sources)
+        except ValueError as error:
+            print(f"\n{error}")
+            return 1
+        return 0
     for source in sources:
         try:
             if options.mode == "text":

@@ -4,13 +4,12 @@ Part of ``make test``. ``python tests/check_notebooks.py [NAME ...]`` checks the
 """
 
 import os
-import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
-from meshot_book.notebook.environment import KERNEL_ENVIRONMENT
+from meshot_book.notebook.environment import KERNEL_ENVIRONMENT, stated_seconds
 
 NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
 #: Run a second time with torch's plain code path instead of the vectorised one: points, meshes, a real image.
@@ -32,8 +31,7 @@ def compare(name: str, extra: dict[str, str]) -> tuple[int, str]:
 
 def seconds_of(name: str) -> int:
     """How long a chapter took when its outputs were stored, as it says at its foot."""
-    said = re.findall(r"ran in (\d+) s", (NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8"))
-    return max(map(int, said), default=0)
+    return stated_seconds((NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8"))
 
 
 def main(names: list[str]) -> int:

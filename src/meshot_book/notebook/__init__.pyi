@@ -1,4 +1,8 @@
-from .environment import KERNEL_ENVIRONMENT as KERNEL_ENVIRONMENT, environment_card as environment_card
+from .environment import (
+    KERNEL_ENVIRONMENT as KERNEL_ENVIRONMENT,
+    environment_card as environment_card,
+    stated_seconds as stated_seconds,
+)
 from .experiment_files import (
     CHECKSUMS as CHECKSUMS,
     checksum_lines as checksum_lines,

@@ -1,6 +1,7 @@
 """The card at the end of a chapter: the environment in which it was run."""
 
 import platform
+import re
 import time
 
 import torch
@@ -28,3 +29,8 @@ def environment_card(started: float, seed: int) -> str:
         f"python {platform.python_version()}, {versions}\n"
         f"CPU {cpu}; seed {seed}; ran in {time.perf_counter() - started:.0f} s"
     )
+
+
+def stated_seconds(text: str) -> int:
+    """The sum of the seconds that environment cards in a text state; 0 if there is none."""
+    return sum(int(found) for found in re.findall(r"ran in (\d+) s", text))
