@@ -6,6 +6,7 @@ A browser may break a line beside a formula, since it is a box and not a letter.
 import re
 
 from docutils import nodes
+from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 
@@ -13,7 +14,8 @@ BEFORE = re.compile(r"[(\[“‘]+$")
 AFTER = re.compile(r"(?:[-‑’]\w{1,3}\b|[.,;:!?)\]”’%])+")
 #: Of a word of code that may not break, in characters; a line has some forty of them on a telephone.
 LONGEST_CODE = 24
-INLINE = (nodes.emphasis, nodes.strong, nodes.reference, nodes.inline)
+#: What may stand around them alone. A link to a name of the API is pending until all pages are read.
+INLINE = (nodes.emphasis, nodes.strong, nodes.reference, nodes.inline, pending_xref)
 
 
 class HeldPunctuation(SphinxTransform):

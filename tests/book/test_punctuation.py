@@ -2,6 +2,7 @@
 
 import pytest
 from docutils import nodes
+from sphinx.addnodes import pending_xref
 
 from punctuation_extension import hold
 
@@ -48,3 +49,10 @@ def test_formulas_that_share_a_text_are_each_held():
     for formula in list(paragraph.findall(nodes.math)):
         hold(formula)
     assert shape(paragraph) == ["<x,>", " then ", "<(y).>"]
+
+
+def test_a_link_to_a_name_of_the_api_is_held():
+    link = pending_xref("", nodes.literal("f()", "f()"))
+    paragraph = nodes.paragraph("", "", nodes.Text("as "), link, nodes.Text(". Then"))
+    hold(link[0])
+    assert shape(paragraph) == ["as ", "<f().>", " Then"]
