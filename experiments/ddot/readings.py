@@ -5,6 +5,7 @@ trains two networks at a time. First every reading is trained for a short time w
 with the rate that was best in validation. A stopped run resumes.
 """
 
+import contextlib
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 import torch
 import yaml
 from tqdm import tqdm
-from trainings import HERE, Wanted, arguments, read_config, segmentation_network
+from trainings import HERE, Wanted, arguments, read_config, segmentation_network, wanted
 
 import train
 from meshot.files import whole_file
@@ -62,8 +63,35 @@ def score(record: dict) -> float:
     return float(np.mean(late))
 
 
+def require_diverged(config: dict) -> None:
+    """Check that each missing training stopped because a loss was not finite, by a second try from its last state.
+
+    Raises
+    ------
+    train.Busy
+        If another process is training one of them.
+    """
+    for each in wanted(config):
+        if not each.is_made(config):
+            with contextlib.suppress(FloatingPointError):
+                train.made(each, config)
+
+
+def choice(found: dict[float, float], name: str) -> dict:
+    """The rate with the lowest score, and all scores.
+
+    Raises
+    ------
+    ValueError
+        If no rate has a score.
+    """
+    if not found:
+        raise ValueError(f"{name}: no rate kept a finite loss; give the reading smaller rates in the protocol")
+    return {"rate": min(found, key=found.get), "assd_mm": {f"{rate:g}": value for rate, value in found.items()}}
+
+
 def scores(protocol: dict, name: str, config: dict) -> dict[float, float]:
-    """The score of each rate of a reading. A rate whose training did not end well has none."""
+    """The score of each rate of a reading. A rate whose loss was not finite has none."""
     column = protocol["cohort"], protocol["side"]
     rates = protocol["rates"][protocol["readings"][name]["rates"]]
     trainings = {rate: Wanted(*column, f"{name}_{rate:g}", protocol["seed"]) for rate in rates}
@@ -84,12 +112,15 @@ def binary_surfaces(subjects: Iterable[Subject], surfaces: InitialSurfaces) -> N
             write_mesh(paths[side], segmented_surface(mask).mesh)
 
 
-def trained(config: dict, file: Path, jobs: int) -> None:
-    """Train the missing networks of a configuration, which is written to ``file``."""
+def trained(config: dict, file: Path, jobs: int) -> float:
+    """Train the missing networks of a configuration, which is written to ``file``. Returns the seconds of all."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(file) as temporary:
         temporary.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
-    train.main(["--config", str(file), "--jobs", str(jobs)])
+    if train.main(["--config", str(file), "--jobs", str(jobs)]):
+        require_diverged(config)
+    records = (each.kept(config, ".json") for each in wanted(config) if each.is_made(config))
+    return sum(read_results(record)["results"]["cpu_seconds"] for record in records)
 
 
 def main(words: list[str] | None = None) -> int:
@@ -99,26 +130,23 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
     asked = parser.parse_args(words)
     protocol = read_config(asked.config)
-    state, results = Path(protocol["state"]), {}
+    state, results, seconds = Path(protocol["state"]), {}, 0.0
     for start in STARTS:
         config = configuration(protocol, start, rate_arms(protocol, start), state, state / "kept")
         if start == "binary":
             subjects = [each for split in SPLITS for each in scans(config["cohorts"][protocol["cohort"]], split)]
             found = InitialSurfaces(protocol["binary"], segmentation_network(config))
             binary_surfaces(tqdm(subjects, desc="binary surfaces"), found)
-        trained(config, state / f"rates_{start}.yaml", asked.jobs)
-        own = {name: scores(protocol, name, config) for name in readings_from(protocol, start)}
-        results |= {
-            name: {"rate": min(found, key=found.get), "assd_mm": {f"{rate:g}": value for rate, value in found.items()}}
-            for name, found in own.items()
-        }
+        seconds += trained(config, state / f"rates_{start}.yaml", asked.jobs)
+        own = {name: choice(scores(protocol, name, config), name) for name in readings_from(protocol, start)}
+        results |= own
         arms = {
-            name: arm_of(protocol["readings"][name], results[name]["rate"], protocol["epochs"])
-            for name in readings_from(protocol, start)
+            name: arm_of(protocol["readings"][name], chosen["rate"], protocol["epochs"]) for name, chosen in own.items()
         }
         whole = configuration(protocol, start, arms, state, Path(protocol["weights"]))
-        trained(whole, state / f"whole_{start}.yaml", asked.jobs)
-    write_results(asked.output, results, protocol, "python experiments/ddot/readings.py", "validation subjects", 0.0)
+        seconds += trained(whole, state / f"whole_{start}.yaml", asked.jobs)
+    stands_on = f"training and validation subjects of the synthetic cohort {protocol['cohort']}"
+    write_results(asked.output, results, protocol, "python experiments/ddot/readings.py", stands_on, seconds)
     return 0
 
 

@@ -72,8 +72,12 @@ def test_the_best_rate_of_each_reading_is_trained_to_the_end(part, place, monkey
     monkeypatch.setattr(readings, "STARTS", ("initial",))
     words = ["--config", str(place / "readings.yaml"), "-o", str(place / "readings.json")]
     assert readings.main(words) == 0
-    found = read_results(place / "readings.json")["results"]
+    record = read_results(place / "readings.json")
+    found = record["results"]
     assert set(found) == {"ddot_20mm", "cortexode", "ddot_104mm"}
+    own_seconds = [read_results(file)["results"]["cpu_seconds"] for file in place.glob("*/**/*_0.json")]
+    assert len(own_seconds) == 12
+    assert record["seconds"] == pytest.approx(sum(own_seconds), abs=0.06)
     for name, each in found.items():
         assert each["rate"] == float(min(each["assd_mm"], key=each["assd_mm"].get))
         record = read_results(place / "weights" / f"alpha_left_{name}_0.json")
@@ -92,6 +96,30 @@ def test_a_rate_without_an_end_is_not_chosen(part, place, protocol):
     found = {"n_steps": 2, "validations": [{"step": 2, "validation_loss": 0.3}]}
     write_results(place / "kept" / "alpha_left_ddot_20mm_0.002_0.json", found, {}, "none", "none", 0.0)
     assert readings.scores(own, "ddot_20mm", config) == {0.002: 0.3}
+
+
+@pytest.fixture
+def diverging(part, place):
+    """A configuration with one training whose loss overflows."""
+    readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text())
+    reading = {"system": "cortexode", "changes": ["loss.factor=1.0e+39"]}
+    arms = {"cortexode_0.002": readings.arm_of(reading, 0.002, 5)}
+    return readings.configuration(own, "initial", arms, place / "state", place / "kept")
+
+
+def test_a_reading_without_a_rate_is_refused(part, place, diverging):
+    readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text())
+    assert readings.trained(diverging, place / "rates.yaml", 1) == 0
+    found = readings.scores(own | {"rates": {"mm": [0.002]}}, "cortexode", diverging)
+    with pytest.raises(ValueError, match="cortexode: no rate kept a finite loss; give the reading smaller rates"):
+        readings.choice(found, "cortexode")
+
+
+def test_a_training_that_another_process_has_is_not_taken_for_diverged(part, place, diverging):
+    readings, train, trainings = part("readings"), part("train"), part("trainings")
+    (each,) = trainings.wanted(diverging)
+    with train.alone(each.state(diverging)), pytest.raises(train.Busy, match="is being trained by another process"):
+        readings.trained(diverging, place / "rates.yaml", 1)
 
 
 def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):

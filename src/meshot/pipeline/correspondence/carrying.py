@@ -13,7 +13,7 @@ from meshot.measure import empirical, varifold
 from meshot.mesh import Mesh
 from meshot.mesh.editing import simplified, smooth_crossings
 from meshot.mesh.topology import self_intersecting_faces
-from meshot.metrics import Surface, average_surface_distance
+from meshot.metrics import Surface, average_surface_distance, offsets_between
 from meshot.types import Tensor
 
 #: The first flow moves area over large distances, the second refines; lengths in mm.
@@ -65,7 +65,8 @@ def carry_template(surface: Mesh, side: Hemisphere, n_iterations: tuple[int, int
     Raises
     ------
     ValueError
-        If the side is unknown, or the surface is so far from MNI152 that no vertex lies within its box.
+        If the side is unknown, a number of iterations is not a positive integer, or the mean of the vertices lies
+        outside the bounding box of the template.
     """
     template = fsaverage5_surface("white", side, "MNI152")
     _require_overlap(surface, template)
@@ -84,7 +85,8 @@ def carry_template(surface: Mesh, side: Hemisphere, n_iterations: tuple[int, int
     n_before = len(self_intersecting_faces(moved))
     mesh = _without_crossings(moved) if n_before else moved
     n_after = len(self_intersecting_faces(mesh)) if n_before else 0
-    return CarriedTemplate(mesh, _distance(mesh, goal), n_before, n_after)
+    offsets = offsets_between(Surface(mesh), Surface(goal), _N_MEASURED)
+    return CarriedTemplate(mesh, average_surface_distance(*offsets), n_before, n_after)
 
 
 def _transport_loss(goal: Mesh) -> FitLoss:
@@ -107,12 +109,6 @@ def _without_crossings(mesh: Mesh) -> Mesh:
         return smooth_crossings(mesh)
     except ValueError:
         return mesh
-
-
-def _distance(mesh: Mesh, goal: Mesh) -> float:
-    surfaces = Surface(mesh), Surface(goal)
-    points = [surface.sample(_N_MEASURED, np.random.default_rng(k)) for k, surface in enumerate(surfaces)]
-    return average_surface_distance(surfaces[1].offsets(points[0]), surfaces[0].offsets(points[1]))
 
 
 def _require_overlap(surface: Mesh, template: Mesh) -> None:
