@@ -30,7 +30,7 @@ STARTS = ("initial", "binary")
 
 def arm_of(reading: dict, rate: float, n_epochs: int) -> dict:
     """One reading with one learning rate, as an arm of the experiment."""
-    own = [f"training.learning_rate={rate}", f"training.n_epochs={n_epochs}", "training.validate_every=5"]
+    own = [f"training.learning_rate={rate}", f"training.n_epochs={n_epochs}", "training.validate_every=2"]
     return {"title": "", "system": reading["system"], "changes": [*reading.get("changes", []), *own]}
 
 
