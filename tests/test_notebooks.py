@@ -56,6 +56,13 @@ def pictures_without_words(notebook: nbformat.NotebookNode) -> list[str]:
     return bare
 
 
+def unmentioned_figures(notebook: nbformat.NotebookNode) -> list[str]:
+    """Figures and tables with a caption to which no text of the chapter refers."""
+    text = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+    figures = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in code_cells(notebook)]
+    return [figure["name"] for figure in figures if "name" in figure and f"(#{figure['name']})" not in text]
+
+
 def exercises(notebook: nbformat.NotebookNode) -> list[tuple[str, str]]:
     """For each exercise the verdict on its stub and the verdict on its solution."""
     pairs, waiting = [], None
@@ -124,6 +131,11 @@ def test_pictures_have_words(path):
 
 
 @chapters
+def test_every_figure_and_table_is_mentioned(path):
+    assert unmentioned_figures(read(path)) == []
+
+
+@chapters
 def test_ignored_cells_stay_within_their_budget(path):
     ignored = [cell for cell in code_cells(read(path)) if tags(cell) & IGNORED]
     assert 1 <= len(ignored) <= IGNORED_BUDGET, [cell.source[:60] for cell in ignored]
@@ -149,6 +161,13 @@ def test_a_picture_without_words_is_seen():
     picture = nbformat.v4.new_output("display_data", data={"image/png": "iVBO"})
     cell = nbformat.v4.new_code_cell("plot()", outputs=[picture])
     assert pictures_without_words(nbformat.v4.new_notebook(cells=[cell])) == ["plot()"]
+
+
+@pytest.mark.parametrize(("text", "bare"), [("See [Figure](#fig-one).", []), ("See it.", ["fig-one"])])
+def test_a_figure_that_is_not_mentioned_is_seen(text, bare):
+    cell = nbformat.v4.new_code_cell("plot()", metadata={"mystnb": {"figure": {"name": "fig-one"}}})
+    words = nbformat.v4.new_markdown_cell(text)
+    assert unmentioned_figures(nbformat.v4.new_notebook(cells=[words, cell])) == bare
 
 
 def run_nbval(path: Path) -> subprocess.CompletedProcess:
