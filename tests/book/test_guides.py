@@ -11,6 +11,7 @@ import meshot
 from commands_extension import command_page
 from meshot.cli import make_parser
 from meshot.mesh.shapes import icosphere
+from meshot.provenance import read_results
 from shown_extension import shown_html
 
 PAGES = ("README.md", "book/getting_started.md", "book/howto.md")
@@ -79,3 +80,13 @@ def test_what_a_cell_shows_is_found_or_missed_by_name(tmp_path):
 
 def test_readme_is_short(root):
     assert len((root / "README.md").read_text(encoding="utf-8").split()) < 550
+
+
+def test_the_accuracy_of_carried_vertices_is_that_of_the_experiment(root):
+    means = read_results(root / "experiments" / "correspondence" / "results.json")["results"]["means"]
+    text = " ".join((root / "book" / "howto.md").read_text(encoding="utf-8").split())
+    carried, registered, best = (means["vertices_mm"][k]["mean"] for k in ("carried", "registered", "best affine"))
+    assert f"On {means['hemispheres']} held-out synthetic hemispheres, a carried vertex lies {carried:.1f} mm" in text
+    assert f"The registration alone leaves {registered:.1f} mm" in text
+    assert f"fits the true positions best leaves {best:.1f} mm" in text
+    assert f"The two surfaces lie {means['surface_mm']:.2f} mm apart" in text
