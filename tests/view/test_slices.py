@@ -84,12 +84,15 @@ def test_axes_say_mm_and_sides_and_the_legend_names_the_surfaces():
     )
     axial, coronal, sagittal = (ax for ax in figure.axes if ax.images)
     assert (axial.get_xlabel(), axial.get_ylabel()) == ("x (mm)", "y (mm)")
-    assert (sagittal.get_xlabel(), sagittal.get_ylabel()) == ("y (mm)", "z (mm)")
+    assert (sagittal.get_xlabel(), sagittal.get_ylabel()) == ("y (mm)", "")  # z as in the panel beside it
+    assert (coronal.get_xlabel(), coronal.get_ylabel()) == ("", "z (mm)")  # x as in the panel below
+    assert (coronal.get_xlim(), coronal.get_ylim()) == (axial.get_xlim(), sagittal.get_ylim())
     assert coronal.get_title() == "coronal\ny = 7.0 mm"
     assert sagittal.get_title() == "sagittal\nx = −12.0 mm"
     for ax in (axial, coronal):
         letters = {text.get_text(): text.get_position()[0] for text in ax.texts}
         assert letters["L"] < 0.5 < letters["R"]
+        assert all(text.get_color() == "white" and text.get_path_effects() for text in ax.texts)  # seen on white too
         assert not ax.xaxis_inverted()
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["initial", "fitted"]
 

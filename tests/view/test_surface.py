@@ -171,6 +171,14 @@ def test_values_without_a_mesh_are_refused(meshes, values, message):
         surface_figure(meshes, values)
 
 
+@pytest.mark.parametrize(("default", "drawn"), [(10.0, 12.0), (14.0, 14.0)])
+def test_text_has_the_size_of_the_style_and_never_less_than_twelve_points(default, drawn):
+    with plt.rc_context({"font.size": default}):
+        figure = surface_figure({"a": icosphere(2, 10.0)}, views=("lateral",), hemisphere="left")
+    (ax,) = figure.axes
+    assert {text.get_fontsize() for text in (*ax.texts, ax.title)} == {drawn}
+
+
 def test_one_value_everywhere_still_makes_a_picture():
     triangle = Mesh(torch.tensor([[0.0, 0, 0], [0, 1, 0], [0, 0, 1]]), torch.tensor([[0, 1, 2]]))
     figure = surface_figure(triangle, np.full(3, 2.0), views=("right",), resolution=50)

@@ -1,6 +1,7 @@
 """The picture of a training's log."""
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 from meshot.view.training import training_figure, write_training_figure
@@ -20,6 +21,21 @@ def test_lines_are_those_of_the_log():
     assert by_name["left"].get_ydata().tolist() == [0.9]
     assert by_name["right"].get_ydata().tolist() == [0.8]
     assert loss.get_yscale() == "log"
+    plt.close(figure)
+
+
+@pytest.mark.parametrize(("lowest", "said"), [(0.3, {"0.2", "0.5", "1", "2"}), (0.0005, {"0.001", "0.01", "0.1", "1"})])
+def test_ticks_of_the_loss_are_plain_numbers_and_steps_are_whole(lowest, said):
+    losses = np.geomspace(2.0, lowest, 16)
+    log = [{"step": k, "loss": loss} for k, loss in enumerate(losses, 1)]
+    figure = training_figure([*log, CHECK | {"step": 16}])
+    figure.draw_without_rendering()
+    loss, overlap = figure.axes
+    low, high = loss.get_ylim()
+    shown = {text.get_text() for text in loss.get_yticklabels() if low <= text.get_position()[1] <= high}
+    assert shown == said
+    assert all(float(text.get_text()).is_integer() for text in overlap.get_xticklabels())
+    assert loss.get_position().y0 > overlap.get_position().y1  # one below the other
     plt.close(figure)
 
 

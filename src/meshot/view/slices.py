@@ -9,6 +9,7 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import plane_section
@@ -20,7 +21,7 @@ from meshot.volume import Volume, mm_to_voxel, sample_volume, voxel_sizes, voxel
 # Colours that are visible on a grey image, the most distinct first.
 LINE_COLOURS = (VERMILLION, SKY, GREEN, YELLOW, PURPLE, ORANGE)
 # Two or three lines also differ in width, so that all are seen where they coincide.
-LINE_WIDTHS = {2: (2.2, 1.0), 3: (2.6, 1.6, 0.8)}
+LINE_WIDTHS = {2: (2.8, 1.4), 3: (3.6, 2.4, 1.2)}
 # The axis across the slice, the axes of the picture, and the letters at its left, right, bottom and top.
 PLANES = {
     "axial": (2, (0, 1), ("L", "R", "P", "A")),
@@ -134,6 +135,10 @@ def slice_figure(
         _draw_contours(ax, meshes, axis, float(through[axis]), shown)
         ax.set(xlim=window[:2], ylim=window[2:])
         _label(ax, plane, axis, float(through[axis]), shown, letters)
+    if len(axes) == len(CELLS):  # axes that two panels share are labelled once
+        for plane, name, labels in (("coronal", "xlabel", "labelbottom"), ("sagittal", "ylabel", "labelleft")):
+            axes[planes.index(plane)].set(**{name: ""})
+            axes[planes.index(plane)].tick_params(**{labels: False})
     if meshes:
         _legend(figure, axes)
     return figure
@@ -156,8 +161,12 @@ def _panels(planes: Sequence[str], windows: Sequence[tuple], width_inches: float
     for (row, column), (left, right, bottom, top) in zip(cells, windows):
         widths[column] = max(widths[column], right - left)
         heights[row] = max(heights[row], top - bottom)
-    # The labels of an axis need about .8 inch in each direction.
-    height = (width_inches - 0.8 * columns) * heights.sum() / widths.sum() + 0.8 * rows + 0.4 * (rows == 1)
+    if rows == 1:  # The labels of an axis need about .8 inch in each direction.
+        free, labels = width_inches - 0.8 * columns, 1.2
+    else:  # Titles of two lines and labels need the height of some lines of text.
+        line = 1.25 * plt.rcParams["font.size"] / 72
+        free, labels = width_inches - 5.0 * line, 4.3 * line * rows
+    height = free * heights.sum() / widths.sum() + labels
     figure = plt.figure(figsize=(width_inches, height), layout="constrained")
     grid = figure.add_gridspec(rows, columns, width_ratios=widths, height_ratios=heights)
     return figure, [figure.add_subplot(grid[cell], facecolor="black") for cell in cells]
@@ -201,5 +210,6 @@ def _label(ax: Axes, plane: str, axis: int, position: float, shown: tuple[int, i
     ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)")
     places = [(0.02, 0.5), (0.98, 0.5), (0.5, 0.02), (0.5, 0.98)]
     sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
+    outlined = {"color": "white", "fontweight": "bold", "path_effects": [withStroke(linewidth=3, foreground="black")]}
     for letter, place, (across, along) in zip(letters, places, sides):
-        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, color="white", fontweight="bold")
+        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, **outlined)

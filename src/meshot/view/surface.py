@@ -21,6 +21,8 @@ from meshot.view.values import COLOUR_MAP, Values, bar_label, colour_limits, nam
 
 PLAIN = (0.80, 0.79, 0.76)
 AMBIENT, DIFFUSE = 0.3, 0.7
+# In points. Text is never smaller, and larger where matplotlib's default is.
+LEAST_TEXT = 12.0
 
 
 def surface_image(
@@ -179,7 +181,7 @@ def surface_figure(
         for view, ax in zip(sights[name], line):
             image = surface_image(mesh, view, values.get(name), limits, colour_map, size, centre, half_height)
             _draw_panel(ax, image, half_height, view.letters() if sides.get(name) else ())
-            ax.set_title(f"{name}, {view.name}" if name else view.name, fontsize=13)
+            ax.set_title(f"{name}, {view.name}" if name else view.name, fontsize=_text_points())
     _draw_scale(axes[-1, 0], half_height, length_unit)
     if values:
         colours = ScalarMappable(Normalize(*limits), colour_map)
@@ -201,6 +203,10 @@ def _panels(n_rows: int, n_columns: int, inches: tuple[float, float], resolution
     )
 
 
+def _text_points() -> float:
+    return max(LEAST_TEXT, plt.rcParams["font.size"])
+
+
 def _draw_panel(ax: Axes, image: np.ndarray, half_height: float, letters: Sequence[str]) -> None:
     half_width = half_height * image.shape[1] / image.shape[0]
     ax.imshow(image, extent=(-half_width, half_width, -half_height, half_height))
@@ -208,7 +214,7 @@ def _draw_panel(ax: Axes, image: np.ndarray, half_height: float, letters: Sequen
     places = [(0.01, 0.5), (0.99, 0.5), (0.5, 0.01), (0.5, 0.99)]
     sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
     for letter, place, (across, along) in zip(letters, places, sides):
-        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, fontsize=12, color="0.3")
+        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, fontsize=_text_points(), color="0.3")
 
 
 def _draw_scale(ax: Axes, half_height: float, unit: str) -> None:
@@ -218,4 +224,6 @@ def _draw_scale(ax: Axes, half_height: float, unit: str) -> None:
     right, bottom = ax.get_xlim()[1], -0.97 * half_height
     ax.plot([0.97 * right - length, 0.97 * right], [bottom, bottom], color="0.2", linewidth=2, solid_capstyle="butt")
     text = f"{length:g} {unit}".strip()
-    ax.text(0.97 * right - length / 2, bottom + 0.03 * half_height, text, ha="center", va="bottom", fontsize=12)
+    ax.text(
+        0.97 * right - length / 2, bottom + 0.03 * half_height, text, ha="center", va="bottom", fontsize=_text_points()
+    )

@@ -7,14 +7,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from meshot.files import whole_file
 from meshot.view.style.colours import BLUE, ORANGE, SKY, VERMILLION, WIDTH
 
 
 def training_figure(log: Sequence[dict]) -> Figure:
-    """The loss of every step with its running mean, and the validation: Dice, distances in mm, or the loss.
+    """The loss of every step with its running mean, and below it the validation: Dice, distances in mm, or the loss.
 
     Parameters
     ----------
@@ -31,37 +31,45 @@ def training_figure(log: Sequence[dict]) -> Figure:
     if not steps:
         raise ValueError("the log holds no step: nothing was trained yet")
     measured = set().union(*checks)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(1.3 * WIDTH, 3.0), layout="constrained")
+    figure, (upper, lower) = plt.subplots(2, 1, figsize=(WIDTH, 6.4), layout="constrained", sharex=True)
     at, losses = np.array([line["step"] for line in steps]), np.array([line["loss"] for line in steps])
     width = max(1, len(at) // 30)
-    left.semilogy(at, losses, color=SKY, linewidth=0.6 if width > 1 else 2, label="one step")
+    upper.semilogy(at, losses, color=SKY, linewidth=0.6 if width > 1 else 2, label="one step")
     if width > 1:
         mean = np.convolve(losses, np.ones(width) / width, "valid")
-        left.semilogy(at[width - 1 :], mean, color=BLUE, label=f"mean of {width} steps")
+        upper.semilogy(at[width - 1 :], mean, color=BLUE, label=f"mean of {width} steps")
     checked = [line["step"] for line in checks]
-    left.set(xlabel="step", ylabel="loss")
+    upper.set(ylabel="loss")
     if "hausdorff90_mm" in measured:
-        _distances(right, checked, checks)
+        _distances(lower, checked, checks)
     elif "dice_left" in measured:
-        left.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
-        left.set(ylabel="cross-entropy + 1 − Dice")
-        _overlap(right, checked, checks)
+        upper.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
+        upper.set(ylabel="cross-entropy + 1 − Dice")
+        _overlap(lower, checked, checks)
     else:
-        right.plot(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
-        right.set(xlabel="step", ylabel="loss of the validation")
-    # After the last call of semilogy, which resets the formatters.
-    for formatted in (left.yaxis.set_major_formatter, left.yaxis.set_minor_formatter):
-        formatted(LogFormatter())
-    left.legend()
+        lower.plot(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
+        lower.set(ylabel="loss of the validation")
+    _plain_ticks(upper)
+    lower.set_xlabel("step")
+    lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+    upper.legend()
     if checks:
-        right.legend()
+        lower.legend()
     return figure
+
+
+def _plain_ticks(axes: Axes) -> None:
+    """Ticks of a logarithmic axis as plain numbers, also between the powers of ten where there are few of them."""
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_locator(NullLocator())
 
 
 def _overlap(axes: Axes, steps: list[int], checks: list[dict]) -> None:
     for side, colour, dashes in (("left", VERMILLION, "-"), ("right", BLUE, "--")):
         axes.plot(steps, [line[f"dice_{side}"] for line in checks], dashes, marker=".", color=colour, label=side)
-    axes.set(xlabel="step", ylabel="Dice on validation", ylim=(None, 1.0))
+    axes.set(ylabel="Dice on validation", ylim=(None, 1.0))
 
 
 def _distances(axes: Axes, steps: list[int], checks: list[dict]) -> None:
@@ -69,7 +77,7 @@ def _distances(axes: Axes, steps: list[int], checks: list[dict]) -> None:
         ("hausdorff90_mm", "Hausdorff at 90 %", ORANGE, "--"), ("validation_loss", "ASSD", BLUE, "-"),
     ):  # fmt: skip
         axes.plot(steps, [line[key] for line in checks], dashes, marker=".", color=colour, label=name)
-    axes.set(xlabel="step", ylabel="on validation (mm)", ylim=(0, None))
+    axes.set(ylabel="on validation (mm)", ylim=(0, None))
 
 
 def write_training_figure(path: str | os.PathLike, log: Sequence[dict]) -> None:

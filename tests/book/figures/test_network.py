@@ -41,6 +41,7 @@ def test_everything_is_written(network):
     (ax,) = network_figure(network).axes
     said = [text.get_text() for text in ax.texts]
     for branch in network_boxes(network).values():
-        for what, shape, _ in branch:
-            assert f"{what} → {shape}" in said
+        for what, shape, learned in branch:
+            assert {what, f"→ {shape}"} <= set(said)
+            assert not learned or f"learns {learned:,}".replace(",", " ") in said
     assert f"learned in all: {network.n_parameters:,}".replace(",", " ") in said

@@ -76,9 +76,9 @@ def test_doors():
 
 def test_steps_are_drawn_as_given():
     figure = step_errors_figure([1, 5, 10], {"mean": [1.0, 0.2, 0.1]}, [0.5, 0.4, 0.4], {"initial": 0.9})
-    left, right = figure.axes
-    np.testing.assert_array_equal(left.lines[0].get_ydata(), [1.0, 0.2, 0.1])
-    assert left.get_yscale() == "log"
-    np.testing.assert_array_equal(right.lines[0].get_ydata(), [0.5, 0.4, 0.4])
-    assert right.lines[1].get_label() == "initial"
-    assert [text.get_text() for text in right.get_xticklabels()] == ["1", "5", "10"]
+    upper, lower = figure.axes
+    np.testing.assert_array_equal(upper.lines[0].get_ydata(), [1.0, 0.2, 0.1])
+    assert upper.get_yscale() == "log"
+    np.testing.assert_array_equal(lower.lines[0].get_ydata(), [0.5, 0.4, 0.4])
+    assert lower.lines[1].get_label() == "initial"
+    assert [text.get_text() for text in lower.get_xticklabels()] == ["1", "5", "10"]

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from meshot.model import DeformationNetwork
-from meshot.view.style import BLUE, GREEN, GREY, ORANGE, WIDTH
+from meshot.view.style import BLUE, GREEN, ORANGE, WIDTH
 
 _Box = tuple[str, str, int]  # what it is, the shape of what comes out, how many numbers it learns
 
@@ -44,34 +44,34 @@ def network_figure(network: DeformationNetwork) -> Figure:
     Parameters
     ----------
     network : DeformationNetwork
-        Every box says what it is, the shape that leaves it, and in the second line how many numbers it learns.
+        Every box says what it is, the shape that leaves it, and how many numbers it learns, if any.
     """
     boxes = network_boxes(network)
     n_rows = len(boxes["joined"]) + 0.6
-    figure, ax = plt.subplots(figsize=(1.1 * WIDTH, 0.72 * n_rows + 0.5), layout="constrained")
+    figure, ax = plt.subplots(figsize=(WIDTH, 1.06 * n_rows + 0.4), layout="constrained")
     ax.set(xlim=(0, 10), ylim=(-n_rows, 0.4))
     ax.set_axis_off()
     ends = {}
-    for name, x, colour in (("image", 0.1, BLUE), ("joined", 3.45, GREEN), ("position", 6.8, ORANGE)):
-        ax.text(x + 1.5, 0.1, {"joined": "both"}.get(name, name), ha="center", color=colour, fontweight="bold")
+    for name, x, colour in (("image", 0.1, BLUE), ("joined", 3.5, GREEN), ("position", 6.9, ORANGE)):
+        ax.text(x + 1.5, 0.1, {"joined": "both"}.get(name, name), ha="center", fontweight="bold")
         for row, box in enumerate(boxes[name]):
             _draw_box(ax, x, -1.0 - row, box, colour)
             if row:
-                _draw_arrow(ax, (x + 1.5, -row), (x + 1.5, -0.26 - row))
-        ends[name] = -0.64 - (len(boxes[name]) - 1)
-    _draw_arrow(ax, (3.1, ends["image"]), (3.43, -0.64))
-    _draw_arrow(ax, (6.8, ends["position"]), (6.47, -0.64))
-    ax.text(0.1, -n_rows + 0.1, f"learned in all: {network.n_parameters:,}".replace(",", " "), fontsize=12)
+                _draw_arrow(ax, (x + 1.5, -row), (x + 1.5, -0.2 - row))
+        ends[name] = -0.6 - (len(boxes[name]) - 1)
+    _draw_arrow(ax, (3.1, ends["image"]), (3.48, -0.6))
+    _draw_arrow(ax, (6.9, ends["position"]), (6.52, -0.6))
+    ax.text(0.1, -n_rows + 0.1, f"learned in all: {network.n_parameters:,}".replace(",", " "))
     return figure
 
 
 def _draw_box(ax: Axes, x: float, y: float, box: _Box, colour: str) -> None:
     what, shape, learned = box
-    style = {"boxstyle": "round,pad=0.02", "linewidth": 1.5, "edgecolor": colour, "facecolor": "white"}
-    ax.add_patch(FancyBboxPatch((x, y), 3.0, 0.72, **style))
-    ax.text(x + 1.5, y + 0.49, f"{what} → {shape}", ha="center", va="center", fontsize=10)
-    count = f"learns {learned:,}".replace(",", " ") if learned else "learns nothing"
-    ax.text(x + 1.5, y + 0.2, count, ha="center", va="center", fontsize=9, color=GREY if not learned else "0.2")
+    style = {"boxstyle": "round,pad=0.02", "linewidth": 2, "edgecolor": colour, "facecolor": "white"}
+    ax.add_patch(FancyBboxPatch((x, y), 3.0, 0.8, **style))
+    lines = [what, f"→ {shape}"] + [f"learns {learned:,}".replace(",", " ")] * bool(learned)
+    for k, line in enumerate(lines):
+        ax.text(x + 1.5, y + 0.4 + 0.25 * ((len(lines) - 1) / 2 - k), line, ha="center", va="center")
 
 
 def _draw_arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:

@@ -15,7 +15,7 @@ def step_errors_figure(
     from_target: Sequence[float],
     marks: Mapping[str, float] | None = None,
 ) -> Figure:
-    """Left, on logarithmic axes, the distance from the exact flow; right the distance from the target.
+    """Above, on logarithmic axes, the distance from the exact flow; below, the distance from the target.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def step_errors_figure(
     from_target : sequence of float
         ASSD for each number of steps, in mm.
     marks : mapping, optional
-        Heights to mark on the right by a thin line, by what they are.
+        Heights to mark in the lower panel by a thin line, by what they are.
 
     Raises
     ------
@@ -35,17 +35,17 @@ def step_errors_figure(
     for name, values in (*from_exact.items(), ("from_target", from_target)):
         if len(values) != len(n_steps):
             raise ValueError(f"{name} has {len(values)} values for {len(n_steps)} numbers of steps; one each is needed")
-    figure, (left, right) = plt.subplots(1, 2, figsize=(1.25 * WIDTH, 3.4), layout="constrained")
+    figure, (upper, lower) = plt.subplots(2, 1, figsize=(WIDTH, 6.4), layout="constrained", sharex=True)
     for (name, values), colour, marker in zip(from_exact.items(), (BLUE, VERMILLION, ORANGE), "os^", strict=False):
-        left.loglog(n_steps, values, marker + "-", color=colour, label=name)
-    left.set(xlabel="steps", ylabel="from the exact flow (mm)")
-    left.legend()
-    right.semilogx(n_steps, from_target, "o-", color=BLUE, label="after the flow")
+        upper.loglog(n_steps, values, marker + "-", color=colour, label=name)
+    upper.set(ylabel="from the exact flow (mm)")
+    upper.legend()
+    lower.semilogx(n_steps, from_target, "o-", color=BLUE, label="after the flow")
     for (name, height), dashes in zip((marks or {}).items(), ("--", ":", "-."), strict=False):
-        right.axhline(height, color=GREY, linestyle=dashes, linewidth=1.4, label=name)
-    right.set(xlabel="steps", ylabel="ASSD from the target (mm)", ylim=(0, None))
-    right.legend()
-    for ax in (left, right):
+        lower.axhline(height, color=GREY, linestyle=dashes, linewidth=2, label=name)
+    lower.set(xlabel="steps", ylabel="ASSD from the target (mm)", ylim=(0, None))
+    lower.legend()
+    for ax in (upper, lower):
         ax.set_xticks(list(n_steps))
         ax.xaxis.set_minor_locator(NullLocator())
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
