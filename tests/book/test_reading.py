@@ -16,6 +16,9 @@ from stranded import stranded
 API_LOOKED_AT = ("meshot.html", "meshot.loss.html")
 #: Of a page, as a server sends it, without surfaces to be turned.
 HEAVIEST = 1_500_000
+#: Of the page of a door, in pixels at 1280: some thirty screens.
+TALLEST = 30_000
+MOST_ENTRIES = 40
 
 
 class Visit(NamedTuple):
@@ -26,6 +29,8 @@ class Visit(NamedTuple):
     stranded: list[str]
     barriers: list[str]
     weight: int
+    height: int
+    entries: int
 
 
 def visit(context, file: Path) -> Visit:
@@ -33,12 +38,14 @@ def visit(context, file: Path) -> Visit:
     loaded = {file}
     with watched_page(context, file, loaded) as (page, troubles):
         found = troubles + raw_tex(page) + broken_links(page, file)
+        height = page.evaluate("() => document.querySelector('article').scrollHeight")
+        entries = page.locator("article > section > dl.py").count()
         files = {path for path in loaded if path.is_file()}
         looked_at = file.parent.name != "api" or file.name in API_LOOKED_AT
         wide = sideways(page)
         set_width(page, min(WIDTHS))
         apart = stranded(page)
-        return Visit(found, wide, apart, barriers(page) if looked_at else [], weight(files))
+        return Visit(found, wide, apart, barriers(page) if looked_at else [], weight(files), height, entries)
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +82,12 @@ def test_no_page_is_heavy(visits, capsys):
     with capsys.disabled():
         print("\nkB as sent: " + ", ".join(f"{name} {visits[name].weight / 1000:.0f}" for name in heaviest[:20]))
     assert [name for name in heaviest if visits[name].weight > HEAVIEST] == []
+
+
+def test_no_page_of_a_door_is_too_long_to_scan(visits):
+    doors = {name: seen for name, seen in visits.items() if name.startswith("api/")}
+    assert max(seen.height for seen in doors.values()) > 1000
+    assert [name for name, seen in doors.items() if seen.height > TALLEST or seen.entries > MOST_ENTRIES] == []
 
 
 @pytest.mark.parametrize(
