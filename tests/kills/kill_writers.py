@@ -20,6 +20,8 @@ from meshot.mesh import write_mesh
 from meshot.mesh.shapes import ellipsoid, icosphere
 from meshot.provenance import write_results
 from meshot.study import write_subjects
+from meshot.synth.cohorts import read_recipe
+from meshot.synth.cohorts.recipe import recipe_text
 from meshot.volume import Volume, write_volume
 
 NOTEBOOK = "# A title\n\n```python\nprint(sum(range(10)))\n```\n\n```python\nlist(range(3))\n```\n"
@@ -75,8 +77,13 @@ def make_cohort(folder: Path, inputs: Path) -> int:
 
 
 def make_inputs(inputs: Path) -> int:
-    """A cohort to train on."""
-    return meshot(["make-cohort", "tiny", str(inputs), "--jobs", "2"])
+    """A cohort to train on: one subject for training, one for validation."""
+    split = {"train": 0.5, "validation": 0.5}
+    recipe = read_recipe("tiny", split=split, procedural_subjects=0)
+    file = inputs.with_suffix(".yaml")
+    with whole_file(file) as temporary:
+        temporary.write_text(recipe_text(recipe), encoding="utf-8")
+    return meshot(["make-cohort", str(file), str(inputs), "--jobs", "2"])
 
 
 def train_segmentation(folder: Path, inputs: Path) -> int:
