@@ -38,7 +38,7 @@ def visit(context, file: Path) -> Visit:
     loaded = {file}
     with watched_page(context, file, loaded) as (page, troubles):
         found = troubles + raw_tex(page) + broken_links(page, file)
-        height = page.evaluate("() => document.querySelector('article').scrollHeight")
+        height = page.evaluate("() => document.querySelector('article')?.scrollHeight ?? 0")
         entries = page.locator("article > section > dl.py").count()
         files = {path for path in loaded if path.is_file()}
         looked_at = file.parent.name != "api" or file.name in API_LOOKED_AT
