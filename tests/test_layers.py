@@ -6,7 +6,7 @@ import pytest
 
 from house import MOST_NAMES, breaches, cells, outside_breaches, shown_names
 
-SCRIPTS = ("experiments", "benchmarks", "book", "tools")
+SCRIPTS = ("experiments", "benchmarks", "book", "tools", "workflow")
 
 
 def test_the_house_stands(root):

@@ -2,11 +2,13 @@
 recipes of containers agree with each other and copy what there is.
 """
 
+import importlib.util
 import json
 import re
 import shlex
 import shutil
 import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -34,7 +36,7 @@ def commands(snakefile: str) -> list[str]:
 
 
 def test_the_commands_of_the_rules_parse(root):
-    found = commands((root / "workflow" / "Snakefile").read_text(encoding="utf-8"))
+    found = commands((root / "workflow" / "study.smk").read_text(encoding="utf-8"))
     assert [shlex.split(line)[1] for line in found] == ["reconstruct", "quality", "reconstruct"]
     for line in found:
         make_parser().parse_args(shlex.split(line)[1:])
@@ -50,16 +52,17 @@ def test_the_profiles_keep_going_and_name_what_a_cluster_needs(root):
     assert {entry.split("=")[0] for entry in slurm["default-resources"]} == {"slurm_account", "slurm_partition"}
 
 
-@pytest.mark.skipif(shutil.which("snakemake") is None, reason="snakemake is not installed")
+@pytest.mark.skipif(importlib.util.find_spec("snakemake") is None, reason="snakemake is not installed")
 def test_snakemake_plans_a_job_for_each_participant(root, tmp_path):
     dataset = new_dataset(tmp_path / "raw")
     for name in ("sub-01", "sub-02"):
         (dataset / name).mkdir()
     words = ["-s", str(root / "workflow/Snakefile"), "--profile", str(root / "workflow/profiles/laptop"), "-n"]
     settings = ["--config", f"bids={dataset}", f"out={tmp_path / 'out'}"]
-    planned = subprocess.run(["snakemake", *words, *settings], capture_output=True, text=True, check=True, cwd=tmp_path)
+    command = [sys.executable, "-m", "snakemake", *words]
+    planned = subprocess.run([*command, *settings], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert re.search(r"^participant +2$", planned.stdout + planned.stderr, re.M)
-    refused = subprocess.run(["snakemake", *words, "--config", "out=x"], capture_output=True, text=True, check=False)
+    refused = subprocess.run([*command, "--config", "out=x"], capture_output=True, text=True, check=False, cwd=tmp_path)
     assert "there is no setting bids" in refused.stdout + refused.stderr
 
 

@@ -61,7 +61,7 @@ def licence_of(metadata: importlib.metadata.PackageMetadata) -> str:
 
 def licence_file_of(package: importlib.metadata.Distribution) -> str:
     """The title of the licence that a package comes with, such as MIT License."""
-    for name in package.metadata.get_all("License-File") or []:
+    for name in package.metadata.get_all("License-File") or ["LICENSE"]:
         text = package.read_text(f"licenses/{name}") or package.read_text(name) or ""
         first = next(iter(text.strip().splitlines()), "").strip()
         if "licen" in first.lower() and len(first) <= LONGEST:

@@ -18,7 +18,8 @@ TORCH = "torch==2.13.0"
 def main() -> None:
     """Solve with uv and write the lock file."""
     command = [sys.executable, "-m", "uv", "pip", "compile", "--universal", "--fork-strategy", "fewest", "--quiet"]
-    command += ["--python-version", "3.11", "--extra", "book", "--extra", "test", "--no-header", "--no-annotate"]
+    command += ["--python-version", "3.11", "--extra", "book", "--extra", "test", "--extra", "workflow"]
+    command += ["--no-header", "--no-annotate"]
     solved = subprocess.run(
         [*command, "--constraint", "-", "pyproject.toml"],
         cwd=ROOT,

@@ -1,0 +1,66 @@
+"""The cost of the workflow: seconds come from the records, the page is current, the simulation keeps to its bounds."""
+
+import json
+
+import pytest
+
+
+@pytest.fixture
+def scaling(part):
+    return part("scaling")
+
+
+@pytest.fixture
+def jobs(part, scaling):
+    def make(**entries):
+        """Jobs from (seconds, cores, tasks before)."""
+        task = part("tasks").Task
+        return {
+            name: scaling.Job(task(name, "s", "x", after=tuple(after)), seconds, cores, grows=name.startswith("g"))
+            for name, (seconds, cores, after) in entries.items()
+        }
+
+    return make
+
+
+def test_the_page_is_current(scaling, part, root):
+    text = (root / "book" / "speed.md").read_text(encoding="utf-8")
+    block = scaling.block(part("run_task").opened("experiments"))
+    assert f"<!-- workflow -->\n{block}\n<!-- /workflow -->" in text, "run: python workflow/scaling.py"
+
+
+def test_seconds_are_those_of_the_records(scaling, part, root):
+    found, unknown = scaling.jobs_of(part("run_task").opened("experiments"))
+    record = json.loads((root / "experiments/blur/results.json").read_text(encoding="utf-8"))
+    assert found["blur"].seconds == record["seconds"]
+    assert not found["blur"].grows
+    per_scan = json.loads((root / "experiments/cohorts/results.json").read_text(encoding="utf-8"))["results"]
+    scan = sum(per_scan["cpu_seconds"]["adni_like"].values())
+    assert found["cohort_adni_like"].processor_seconds == pytest.approx(44 * scan)
+    assert all(found[name].grows for name in ("cohort_adni_like", "segmentation_training", "ddot"))
+    assert not any(found[name].grows for name in ("cohort_test_retest", "study", "cost"))
+    assert "readings" not in found
+    assert {"ledger", "held_out"} <= set(unknown)
+    twice = scaling.scaled(found, 2.0)
+    assert twice["ddot"].seconds == 2 * found["ddot"].seconds
+    assert twice["study"].seconds == found["study"].seconds
+
+
+def test_the_simulation_agrees_with_what_is_known(scaling, jobs):
+    apart = jobs(**{f"j{i}": (10.0, 1, ()) for i in range(8)})
+    assert [scaling.makespan(apart, nodes, cores=2) for nodes in (1, 2, 4, 9)] == [40.0, 20.0, 10.0, 10.0]
+    chain = jobs(a=(5.0, 1, ()), b=(7.0, 2, ["a"]), c=(1.0, 1, ["a"]), d=(2.0, 1, ["b", "c"]))
+    assert [scaling.makespan(chain, nodes, cores=2) for nodes in (1, 3)] == [15.0, 14.0]
+    assert [job.task.name for job in scaling.longest_chain(chain)] == ["a", "b", "d"]
+    assert scaling.remaining(chain) == {"a": 14.0, "b": 9.0, "c": 3.0, "d": 2.0}
+    with pytest.raises(ValueError, match="b needs more than the 1 cores of a node"):
+        scaling.makespan(chain, 2, cores=1)
+
+
+def test_the_simulation_lies_between_its_bounds(scaling, part):
+    found, _ = scaling.jobs_of(part("run_task").opened("experiments"))
+    chain = max(scaling.remaining(found).values())
+    work = sum(job.seconds * job.cores for job in found.values()) / scaling.CORES
+    for nodes in scaling.NODES:
+        time = scaling.makespan(found, nodes)
+        assert max(chain, work / nodes) <= time <= chain + work / nodes

@@ -1,0 +1,53 @@
+"""Snakemake runs what is out of date: nothing in a fresh clone; all of it after a kill, with the same results."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+
+def numbers_of_jobs(output: str) -> dict[str, int]:
+    return {name: int(count) for name, count in re.findall(r"^(\w+) +(\d+)$", output, re.M)}
+
+
+def test_a_fresh_clone_has_nothing_to_do_and_a_changed_recipe_has(snakemake, fresh, tmp_path):
+    clone = fresh(tmp_path / "clone")
+    found = snakemake(clone, "-n")
+    assert found.returncode == 0
+    assert "Nothing to be done" in found.stdout, found.stdout
+    recipe = clone / "src/meshot/synth/cohorts/test_retest.yaml"
+    recipe.write_text(recipe.read_text(encoding="utf-8").replace("\nseed: ", "\nseed: 1"), encoding="utf-8")
+    found = snakemake(clone, "-n", "--profile", "workflow/profiles/laptop")
+    assert numbers_of_jobs(found.stdout) == {
+        "all": 1, "cohort": 3, "evaluation": 2, "table": 2, "total": 8,
+    }, found.stdout  # fmt: skip
+    assert "study: src/meshot/synth/cohorts/test_retest.yaml has changed" in found.stdout
+    assert not list(clone.rglob("*.lock"))
+
+
+def test_a_killed_workflow_goes_on_and_ends_the_same(snakemake, toy, tmp_path):
+    pause = toy / "workflow/experiments.yaml"
+    text = pause.read_text()
+    pause.write_text(text.replace("&& echo sum", "&& sleep 30 && echo sum"))
+    command = [sys.executable, "-m", "snakemake", "--cores", "2", "--nolock"]
+    victim = subprocess.Popen(
+        command, cwd=toy, env=os.environ, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    patience = time.monotonic() + 60
+    while not (toy / "sum.txt").exists() and victim.poll() is None and time.monotonic() < patience:
+        time.sleep(0.05)
+    os.killpg(victim.pid, signal.SIGKILL)
+    victim.wait()
+    pause.write_text(text)
+    assert (toy / "sum.txt").exists()
+    found = snakemake(toy, "--nolock")
+    assert found.returncode == 0, found.stdout
+    lines = (toy / "log.txt").read_text().split()
+    assert sorted(lines) == ["a", "b", "copy", "page", "sum"]
+    assert (toy / "page.txt").read_text() == "value: a\nvalue: b\nvalue: a\n"
+    assert "Nothing to be done" in snakemake(toy, "--nolock").stdout
+    # What waits for a request runs with one.
+    assert snakemake(toy, "--nolock", "--config", "planned=yes").returncode == 0
+    assert (toy / "log.txt").read_text().split()[5:] == ["later"]

@@ -1,0 +1,69 @@
+"""The graph of the experiments: nothing is left out, every command can start, and mistakes in a graph are named."""
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from meshot.cli import make_parser
+from meshot.systems import system_names
+from scripts import scripts_in
+
+
+@pytest.fixture
+def graphs(part, root):
+    read = part("tasks").read_graph
+    return {name: read(root / "workflow" / f"{name}.yaml", root) for name in ("experiments", "miniature")}
+
+
+def test_every_experiment_and_every_network_is_a_task(graphs, root):
+    written = {path for task in graphs["experiments"].tasks.values() for path in task.writes}
+    results = {p.relative_to(root).as_posix() for p in (root / "experiments").glob("*/results.json")}
+    assert results - written == set()
+    with scripts_in(root / "experiments" / "ddot") as load:
+        trainings = load("trainings")
+        networks = {f"ddot_{each.name}" for each in trainings.wanted(trainings.read_config())}
+    assert {name for name in graphs["experiments"].tasks if name.count("_") > 3 and "ddot_" in name} == networks
+
+
+def test_the_miniature_has_every_system(graphs):
+    assert {name.removeprefix("reconstruct_") for name in graphs["miniature"].tasks if "reconstruct_" in name} == set(
+        system_names()
+    )
+
+
+@pytest.mark.parametrize("name", ["experiments", "miniature"])
+def test_every_command_can_start_and_every_setting_is_there(graphs, root, name):
+    for task in graphs[name].tasks.values():
+        words = shlex.split(task.command.replace("{cores}", "2"))
+        if words[0] == "meshot":
+            make_parser().parse_args(words[1:])
+        else:
+            assert words[0] == "python"
+            assert words[1] == "-m" or (root / words[1]).is_file(), task.command
+        assert all((root / read.partition("#")[0]).is_file() for read in task.reads if not task.planned), task.name
+        assert set(task.after) <= set(graphs[name].tasks)
+        assert task.writes or task.makes or task.stage == "initial"
+
+
+ENTRY = "  b:\n    stage: s\n    command: x\n"
+STAGES = "stages:\n  s: {cores: 1, memory_mb: 1, minutes: 1, cuda: 0}\n"
+WRONG = [
+    (STAGES.replace(", cuda: 0", "") + "tasks:\n" + ENTRY, "state cores, memory_mb, minutes, cuda"),
+    (STAGES + "tasks:\n" + ENTRY + "    befor: [a]\n", "b has befor; possible are after"),
+    (STAGES + "tasks:\n" + ENTRY.replace("stage: s", "stage: t"), "the unknown stage t"),
+    (STAGES + "tasks:\n" + ENTRY + "    each: {n: [1, 2]}\n", "two tasks b"),
+    (STAGES + "tasks:\n" + ENTRY + "    after: [c]\n", "comes after c, which is no task"),
+    (
+        STAGES + "tasks:\n" + ENTRY + "    after: [c]\n" + ENTRY.replace("b:", "c:") + "    after: [b]\n",
+        "wait for each",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), WRONG)
+def test_a_mistake_is_named(part, tmp_path, text, message):
+    file = Path(tmp_path, "graph.yaml")
+    file.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        part("tasks").read_graph(file, tmp_path)

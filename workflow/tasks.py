@@ -1,0 +1,154 @@
+"""The tasks of a workflow, read from a YAML file: ``experiments.yaml``, or ``miniature.yaml`` for the tests."""
+
+import dataclasses
+import fnmatch
+import itertools
+import re
+from pathlib import Path
+
+from meshot.plain_yaml import read_yaml
+
+LISTS = ("reads", "after", "writes", "makes", "clears")
+KEYS = {"stage", "each", "networks_of", "command", "copies", "record", "planned", "derived", *LISTS}
+RESOURCES = ("cores", "memory_mb", "minutes", "cuda")
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """One command of a workflow, with what it needs and what it leaves. All paths are relative to the repository.
+
+    Parameters
+    ----------
+    name, stage, command : str
+        ``{cores}`` in the command stands for the number of cores.
+    reads : tuple of str
+        The settings that the result depends on: files, or entries of a YAML file, such as ``a.yaml#arms.ddot``.
+    after : tuple of str
+        The tasks whose results are read.
+    writes : tuple of str
+        The files in the repository that the task leaves.
+    makes : tuple of str
+        The files outside the repository that the task leaves. They are made when another task needs them.
+    clears : tuple of str
+        Files and folders that are removed before the task starts with other settings than before.
+    copies : tuple of pairs of str
+        Files that are copied to their place in the repository when the command has ended.
+    record : str, optional
+        A file of results that states the settings, if these are the whole first entry of ``reads``.
+    planned : bool
+        Whether the result may be missing. Such tasks run on request only.
+    derived : bool
+        Whether the task only rewrites a page from the results before it. It runs whenever one of those tasks runs.
+    """
+
+    name: str
+    stage: str
+    command: str
+    reads: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+    writes: tuple[str, ...] = ()
+    makes: tuple[str, ...] = ()
+    clears: tuple[str, ...] = ()
+    copies: tuple[tuple[str, str], ...] = ()
+    record: str | None = None
+    planned: bool = False
+    derived: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Graph:
+    """The tasks of a workflow by name, each after those that it needs, and the resources of the stages."""
+
+    tasks: dict[str, Task]
+    stages: dict[str, dict[str, int]]
+
+
+def read_graph(path: Path, root: Path) -> Graph:
+    """Read a workflow.
+
+    Parameters
+    ----------
+    path : path
+        The YAML file.
+    root : path
+        The repository, in which ``networks_of`` names a configuration.
+
+    Raises
+    ------
+    ValueError
+        If an entry has an unknown key, stage or task, or two tasks have the same name, or tasks wait for each other.
+    """
+    content = read_yaml(path)
+    for stage, found in content["stages"].items():
+        if set(found) != set(RESOURCES):
+            raise ValueError(f"{path}: the stage {stage} states {', '.join(found)}; state {', '.join(RESOURCES)}")
+    tasks: dict[str, Task] = {}
+    for pattern, entry in content["tasks"].items():
+        if strange := sorted(set(entry) - KEYS):
+            raise ValueError(f"{path}: {pattern} has {', '.join(strange)}; possible are {', '.join(sorted(KEYS))}")
+        if entry["stage"] not in content["stages"]:
+            raise ValueError(f"{path}: {pattern} has the unknown stage {entry['stage']}; add it to the stages")
+        for values in _values(entry, root):
+            task = _task(pattern, entry, values)
+            if task.name in tasks:
+                raise ValueError(f"{path}: there are two tasks {task.name}; give one another name")
+            tasks[task.name] = task
+    return Graph(_sorted({name: _resolved(task, tasks, path) for name, task in tasks.items()}, path), content["stages"])
+
+
+def _values(entry: dict, root: Path) -> list[dict[str, str]]:
+    """The values of the placeholders, for every task of an entry."""
+    if "networks_of" in entry:
+        return _networks(read_yaml(root / entry["networks_of"]))
+    each = entry.get("each", {})
+    return [dict(zip(each, map(str, values))) for values in itertools.product(*each.values())]
+
+
+def _networks(config: dict) -> list[dict[str, str]]:
+    """The networks of an experiment such as ``experiments/ddot``: every combination in its groups, each once."""
+    found = {}
+    for group in config["groups"].values():
+        for values in itertools.product(group["cohorts"], group["sides"], group["arms"], group["seeds"]):
+            cohort, side, arm, seed = map(str, values)
+            network = f"{cohort}_{side}_{arm}_{seed}"
+            place = {"network": network, "cohort": cohort, "side": side, "arm": arm}
+            found[network] = place | {"system": config["arms"][arm]["system"], "settings": config["settings"]}
+    return list(found.values())
+
+
+def _task(pattern: str, entry: dict, values: dict[str, str]) -> Task:
+    def filled(text: str) -> str:
+        return re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], found[0]), text)
+
+    lists = {key: tuple(map(filled, entry.get(key, ()))) for key in LISTS}
+    copies = tuple((filled(start), filled(end)) for start, end in entry.get("copies", ()))
+    record = filled(entry["record"]) if "record" in entry else None
+    command = " ".join(filled(entry["command"]).split())
+    kind = {key: entry.get(key, False) for key in ("planned", "derived")}
+    return Task(filled(pattern), entry["stage"], command, copies=copies, record=record, **kind, **lists)
+
+
+def _resolved(task: Task, tasks: dict[str, Task], path: Path) -> Task:
+    """The task with names in place of patterns such as ``cohort_*``, and of stages such as ``@cohort``."""
+    found: dict[str, None] = {}
+    for pattern in task.after:
+        names = [
+            name
+            for name, other in tasks.items()
+            if name != task.name and (fnmatch.fnmatchcase(name, pattern) or f"@{other.stage}" == pattern)
+        ]
+        if not names:
+            raise ValueError(f"{path}: {task.name} comes after {pattern}, which is no task; correct the name")
+        found |= dict.fromkeys(names)
+    return dataclasses.replace(task, after=tuple(found))
+
+
+def _sorted(tasks: dict[str, Task], path: Path) -> dict[str, Task]:
+    done: dict[str, Task] = {}
+    while len(done) < len(tasks):
+        ready = [task for name, task in tasks.items() if name not in done and all(up in done for up in task.after)]
+        if not ready:
+            left = ", ".join(name for name in tasks if name not in done)
+            raise ValueError(f"{path}: tasks wait for each other among {left}; remove one of their entries in after")
+        done |= {task.name: task for task in ready}
+    return done
