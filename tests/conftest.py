@@ -16,8 +16,8 @@ if not os.environ.get("MESHOT_UNCHECKED"):
     install_import_hook(["meshot", "meshot_book"], "typechecker.check")
 
 
-#: Files that take long go first, so that no core waits for one of them at the end. Two files that need the rendered book
-#: stay apart, so that no core waits while another one renders it.
+#: Files that take long go first, so that no core waits for one of them at the end. Two that need the rendered book stay
+#: apart, so that no core waits while another one renders it.
 LONG_FILES = (
     "book/test_reading.py",
     "systems/test_deformation_training.py",
