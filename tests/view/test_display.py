@@ -35,8 +35,11 @@ def test_the_verdict_is_printed_and_the_window_class_named():
 
 def test_vtk_fails_in_its_own_process_where_no_driver_is():
     """The reason for the probe (here it ends by SIGSEGV); without the disguise the same trial passes."""
-    assert _run("-c", display._TRIAL, "vtkEGLRenderWindow", **HIDDEN).returncode != 0
-    assert _run("-c", display._TRIAL, display.usable_window()).returncode == 0
+    window = display.usable_window()
+    asked = {display.VARIABLE: window}
+    assert _run("-c", display._TRIAL, window, **asked).returncode == 0
+    assert _run("-c", display._TRIAL, "another window", **asked).returncode == 1
+    assert _run("-c", display._TRIAL, window, **asked, **HIDDEN).returncode != 0
 
 
 def test_a_machine_without_opengl_gets_one_sentence_with_the_packages():

@@ -18,15 +18,17 @@ REMEDY = (
     "surfaces cannot be drawn: no OpenGL was found. On Debian or Ubuntu: "
     "apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"
 )
-# Only drawing is a reliable test: a library may load without a device, and VTK then crashes.
+# Only drawing is a reliable test: a library may load without a device, and VTK then crashes. VTK makes the window,
+# since some of its versions crash if the class of the window is called.
 _TRIAL = """
 import sys
-from vtkmodules import vtkRenderingOpenGL2
-window = getattr(vtkRenderingOpenGL2, sys.argv[1])()
+import vtkmodules.vtkRenderingOpenGL2
+from vtkmodules.vtkRenderingCore import vtkRenderWindow
+window = vtkRenderWindow()
 window.SetOffScreenRendering(1)
 window.SetSize(8, 8)
 window.Render()
-sys.exit(0 if window.SupportsOpenGL() else 1)
+sys.exit(0 if window.GetClassName() == sys.argv[1] and window.SupportsOpenGL() else 1)
 """
 
 
@@ -44,7 +46,8 @@ def usable_window() -> str | None:
 def _draws(window: str) -> bool:
     trial = [sys.executable, "-c", _TRIAL, window]
     try:
-        return subprocess.run(trial, capture_output=True, timeout=60, check=False).returncode == 0
+        environment = os.environ | {VARIABLE: window}
+        return subprocess.run(trial, env=environment, capture_output=True, timeout=60, check=False).returncode == 0
     except subprocess.TimeoutExpired:
         return False
 
