@@ -165,6 +165,15 @@ def test_more_subjects_are_added_to_a_cohort(quick, tmp_path):
     assert list(make_cohort(RECIPE, tmp_path / "c")) == ["sub-002", "sub-p01"]
 
 
+def test_held_out_subjects_are_added_to_a_cohort(quick, tmp_path):
+    few = dataclasses.replace(RECIPE, subjects=1, procedural_subjects=1)
+    assert list(make_cohort(few, tmp_path / "c")) == ["sub-001", "sub-p01"]
+    before = {p: p.read_bytes() for p in (tmp_path / "c" / "sub-001").rglob("*.*")}
+    assert list(make_cohort(dataclasses.replace(few, held_out_subjects=1), tmp_path / "c")) == ["sub-h01"]
+    assert [s.name for s in scans(tmp_path / "c", "test")] == ["sub-h01", "sub-p01"]
+    assert {p: p.read_bytes() for p in (tmp_path / "c" / "sub-001").rglob("*.*")} == before
+
+
 def test_sessions_and_runs(quick, tmp_path):
     retest = dataclasses.replace(
         RECIPE, subjects=1, procedural_subjects=0, days=2, scans_per_day=2, split={"test": 1.0}

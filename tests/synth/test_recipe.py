@@ -50,6 +50,18 @@ def test_more_subjects_leave_the_first_as_they_are():
     assert {p.seed for p in few}.isdisjoint(p.seed for p in plan(read_recipe(path, seed=5)))
 
 
+def test_held_out_subjects_leave_all_others_as_they_are():
+    before, after = (plan(read_recipe("oasis_like", held_out_subjects=n)) for n in (0, 8))
+    new = [person for person in after if person not in before]
+    assert [person for person in after if person in before] == before
+    assert [person.participant_id for person in new] == [f"sub-h{i:02d}" for i in range(1, 9)]
+    assert {(person.split, person.kind) for person in new} == {("test", "template")}
+    assert collections.Counter((p.split, p.kind) for p in after)["test", "template"] == 16
+    assert len({person.seed for person in after}) == len(after)
+    assert sorted(after, key=lambda person: person.participant_id) == after
+    assert plan(read_recipe("oasis_like", held_out_subjects=3))[40:43] == new[:3]
+
+
 def test_the_paper_has_120_scans():
     from meshot.synth.cohorts.generation import visits
 
@@ -80,6 +92,7 @@ def test_shapes_and_positions_get_their_knobs():
     ("entries", "words"),
     [
         ({"subjects": -1}, "subjects is -1"),
+        ({"held_out_subjects": 1.5}, r"held_out_subjects is 1\.5"),
         ({"seed": 1.5}, "seed is 1.5"),
         ({"days": 0}, "days"),
         ({"n_lines": 0}, "n_lines"),

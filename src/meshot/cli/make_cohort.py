@@ -32,6 +32,11 @@ def add_to(commands: Commands) -> None:
         help="Make this many subjects from the template (default: as many as the recipe states).",
     )  # fmt: skip
     command.add_argument(
+        "--held-out", type=int, metavar="N", dest="held_out_subjects",
+        help="Make this many more subjects from the template, all for testing (default: as many as the recipe "
+        "states). All other subjects stay as they are.",
+    )  # fmt: skip
+    command.add_argument(
         "--days", type=int, metavar="N",
         help="Scan each subject on this many days (default: as many as the recipe states).",
     )  # fmt: skip
@@ -53,7 +58,8 @@ def _run(chosen: argparse.Namespace) -> int:
     from meshot.synth.cohorts import changed_files, keep_digests, make_cohort, open_cohort, read_recipe, visits
 
     torch.set_num_threads(1)
-    recipe = read_recipe(chosen.recipe, **{k: v for k in ("subjects", "days") if (v := getattr(chosen, k)) is not None})
+    numbers = {name: getattr(chosen, name) for name in ("subjects", "held_out_subjects", "days")}
+    recipe = read_recipe(chosen.recipe, **{name: value for name, value in numbers.items() if value is not None})
     if chosen.check:
         changed = changed_files(chosen.folder)
         print("\n".join(changed) if changed else "every file is as it was made")

@@ -36,7 +36,7 @@ from meshot.synth.subject import CorticalSurfaces, Shape, synthetic_subject
 from meshot.workers import begin_worker
 
 #: Entries of a recipe that may change without a change of the scans that exist already.
-_GROWING = ("subjects", "procedural_subjects", "days")
+_GROWING = ("subjects", "procedural_subjects", "held_out_subjects", "days")
 
 
 @dataclasses.dataclass(frozen=True)

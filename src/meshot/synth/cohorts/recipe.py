@@ -23,6 +23,7 @@ with needing("cortex"):
 
 #: A number, or the two ends of a range from which a number is drawn for each subject.
 Range = tuple[float, float]
+_HELD_OUT = "held out"  # a random number stream of its own
 _EXTRAS = {"ventricles": (0.0, 3.0), "below": (0.0, 3.0)}
 
 
@@ -36,6 +37,9 @@ class Recipe:
     seed : int
     subjects, procedural_subjects : int
         Number of subjects made from the template, and made without it. The latter are all in the test split.
+    held_out_subjects : int
+        Number of further subjects made from the template, all in the test split. They leave the other subjects and
+        their splits as they are, so that trained networks stay comparable.
     split : mapping
         Fractions of the template subjects, by ``SPLITS``, with sum one.
     days, scans_per_day : int
@@ -71,6 +75,7 @@ class Recipe:
     seed: int
     subjects: int = 40
     procedural_subjects: int = 0
+    held_out_subjects: int = 0
     split: Mapping[str, float] = dataclasses.field(default_factory=lambda: dict(zip(SPLITS, (0.7, 0.1, 0.2))))
     days: int = 1
     scans_per_day: int = 1
@@ -88,7 +93,7 @@ class Recipe:
     def __post_init__(self):
         for name in ("days", "scans_per_day", "n_lines"):
             require_positive_integer(getattr(self, name), name)
-        for name in ("seed", "subjects", "procedural_subjects"):
+        for name in ("seed", "subjects", "procedural_subjects", "held_out_subjects"):
             _require_count(getattr(self, name), name)
         if self.registration_mm not in (1, 2, 4, 8):
             raise ValueError(f"registration_mm is {self.registration_mm!r}; 1, 2, 4 or 8 is needed")
@@ -155,13 +160,16 @@ def plan(recipe: Recipe) -> list[Participant]:
         split = max(SPLITS, key=lambda s: recipe.split.get(s, 0.0) * (i + 1) - counts[s])
         counts[split] += 1
         found.append(Participant(f"sub-{i + 1:03d}", split, "template", _seed(recipe, "template", i)))
+    for i in range(recipe.held_out_subjects):
+        found.append(Participant(f"sub-h{i + 1:02d}", "test", "template", _seed(recipe, _HELD_OUT, i)))
     for i in range(recipe.procedural_subjects):
         found.append(Participant(f"sub-p{i + 1:02d}", "test", "procedural", _seed(recipe, "procedural", i)))
     return found
 
 
-def _seed(recipe: Recipe, kind: str, index: int) -> int:
-    return int(np.random.SeedSequence([recipe.seed, KINDS.index(kind), index]).generate_state(1)[0])
+def _seed(recipe: Recipe, stream: str, index: int) -> int:
+    number = [*KINDS, _HELD_OUT].index(stream)
+    return int(np.random.SeedSequence([recipe.seed, number, index]).generate_state(1)[0])
 
 
 def drawn_shape(recipe: Recipe, kind: str) -> Shape:
