@@ -181,6 +181,12 @@ def normal_scale(run, work):
     quiet(run, "crossing_scale")
 
 
+def person(run, work):
+    replace(run, measured=work.of({}, told_by=lambda *arguments: ()), compared=work.of({}, told_by=first_two))
+    replace(run, load_networks=lambda **chosen: None, inputs_of=lambda *arguments: {"files": {}})
+    return ["scan", "grey", "white", "--robustness"]
+
+
 def segmentation(run, work):
     replace(
         run,
@@ -224,7 +230,7 @@ CHEAP = {
     for function in (
         axioms, beyond_random, blur, circle_to_polygon, cohorts, convergence, correspondence, ddot, deforming,
         directions, encoding_rates, fixed_supports, floors, fsaverage5_flow, ground_cost, mni152,
-        normal_scale, segmentation, self_intersection, study, template_baseline, transport_rates,
+        normal_scale, person, segmentation, self_intersection, study, template_baseline, transport_rates,
         weights_and_areas,
     )
 } | {"exact_value": parts, "sample_gradient": parts}  # fmt: skip

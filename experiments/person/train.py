@@ -1,0 +1,129 @@
+"""Train segmentation and flows on heads of the recipe ``people_like``: one command, from the cohort to the weights.
+
+Run as ``python experiments/person/train.py``. The steps are a cohort, the segmentation network, and the flow of each
+side with the windowed loss. A step that is finished is skipped, and one that was stopped resumes. ``--list`` prints the
+steps; ``--jobs 2`` uses two cores. Nobody's scan is among the training data.
+"""
+
+import argparse
+import dataclasses
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from meshot.anatomy import HEMISPHERES
+
+FOLDER = Path("build/people")
+RECIPE = "people_like"
+SECONDS_BETWEEN_LOOKS = 1.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """A command of ``meshot``.
+
+    Parameters
+    ----------
+    name : str
+    words : tuple of str
+        The command line, without ``meshot``.
+    makes : Path
+        The last file that the command writes. The step is finished if it is there.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    makes: Path
+
+
+def stages(folder: Path, jobs: int = 1, precision: str = "float32", subjects: int | None = None) -> list[list[Step]]:
+    """The steps in their order. Those of one stage need nothing of each other.
+
+    Parameters
+    ----------
+    folder : path
+        Where everything is written.
+    jobs : int
+        Processor cores.
+    precision : str
+        Of the segmentation: see :class:`meshot.pipeline.segmentation.SegmentationSettings`.
+    subjects : int, optional
+        Other than the recipe states.
+    """
+    cohort, weights = folder / "cohort", folder / "segmentation" / "segmentation.safetensors"
+    fewer = () if subjects is None else ("--subjects", str(subjects))
+    trained = ("--data", str(cohort), "--device", "cpu", "--threads")
+    segmentation = ("train-segmentation", "small", *trained, str(jobs), "-o", str(weights.parent))
+    segmentation += ("--set", f"training.precision={precision}")
+    flow = ("train", "windows", "shipped", *trained, "1", "-o", str(folder / "windows"), "--segmentation", str(weights))
+    flow += ("--initial", str(folder / "initial"))
+    return [
+        [Step("cohort", ("make-cohort", RECIPE, str(cohort), "--jobs", str(jobs), *fewer), cohort / "manifest.json")],
+        [Step("segmentation", segmentation, weights.with_suffix(".png"))],
+        [
+            Step(f"flow, {side}", (*flow, "--set", f"training.side={side}"), folder / "windows" / f"{side}_white.png")
+            for side in HEMISPHERES
+        ],
+    ]
+
+
+def run_stage(steps: list[Step], jobs: int) -> int:
+    """Run the unfinished steps of a stage, at most ``jobs`` at once. Returns the exit status of a failed one, or 0."""
+    waiting, running = [step for step in steps if not step.makes.is_file()], []
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                running.append(_started(waiting.pop(0), 1 if len(steps) > 1 else jobs))
+            time.sleep(SECONDS_BETWEEN_LOOKS)
+            failed = [process.returncode for process in running if process.poll()]
+            if failed:
+                return failed[0]
+            running = [process for process in running if process.poll() is None]
+    finally:
+        for process in running:
+            process.terminate()
+            process.wait()
+    return 0
+
+
+def _started(step: Step, n_threads: int) -> subprocess.Popen:
+    print(f"{step.name}: meshot {shlex.join(step.words)}", flush=True)
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), str(n_threads))
+    return subprocess.Popen([sys.executable, "-m", "meshot.cli", *step.words], env=os.environ | threads)
+
+
+def parsed(words: list[str] | None) -> argparse.Namespace:
+    """The parsed command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, default=FOLDER, help="folder of everything (default: %(default)s)")
+    parser.add_argument("--jobs", type=int, default=1, help="processor cores (default: %(default)s)")
+    parser.add_argument("--subjects", type=int, help="number of heads (default: that of the recipe)")
+    parser.add_argument("--precision", default="float32", help="bfloat16 where the processor multiplies it in hardware")
+    parser.add_argument("--list", action="store_true", help="print the steps, and which are finished")
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> int:
+    """Do what is missing. Returns the exit status of a step that failed, or 0."""
+    asked = parsed(words)
+    plan = stages(asked.output, asked.jobs, asked.precision, asked.subjects)
+    if asked.list:
+        for step in (step for stage in plan for step in stage):
+            print(f"{'there' if step.makes.is_file() else 'missing':8} {step.name}: meshot {shlex.join(step.words)}")
+        return 0
+    # On SIGTERM, exit normally, so that child processes are stopped too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    for stage in plan:
+        status = run_stage(stage, asked.jobs)
+        if status:
+            return status
+    print(f"weights in {asked.output / 'segmentation'} and {asked.output / 'windows'}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
