@@ -4,6 +4,7 @@ from .counterexample import (
     tip_over_face as tip_over_face,
 )
 from .memory import peak_saved_bytes as peak_saved_bytes
+from .miniatures import FEATURES as FEATURES, Folds as Folds, Miniature as Miniature, miniature as miniature
 from .spread import (
     coverage as coverage,
     distance_to_contour as distance_to_contour,

@@ -18,6 +18,7 @@ from meshot_book.exercises.scan_exercises import handles, is_simple, surface_ras
 from meshot_book.exercises.slicing_exercises import ghost_pair, lines_needed, sliced_cost
 from meshot_book.exercises.study_exercises import best_visits, group_size, pair_reliability
 from meshot_book.exercises.surface_exercises import mask_euler, row_distance, soft_overlap
+from meshot_book.exercises.systems_exercises import chance_missed, curved_chamfer, through_chain
 from meshot_book.exercises.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
@@ -29,7 +30,9 @@ __all__ = [
     "breaks_bound",
     "centred_cost",
     "chamfer_floor",
+    "chance_missed",
     "count_weights",
+    "curved_chamfer",
     "debiased",
     "edge_variation",
     "equal_time",
@@ -73,6 +76,7 @@ __all__ = [
     "soft_overlap",
     "surface_ras",
     "tent_density",
+    "through_chain",
     "transport_cost",
     "trap",
     "two_sided",
