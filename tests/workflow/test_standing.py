@@ -15,7 +15,7 @@ CHANGES = [
      "ddot|ddot_.*_(cortexode|chamfer_varifold)_[0-4]"),
     (f"{RECIPES}oasis_like.yaml", r"^seed: .*", "seed: 99",
      "segmentation(_training)?|cohorts|template_baseline|ddot|ddot_.*|shipped_.*|descent_directions|held_out|study|"
-     "cost_reconstruction|cost_study|speed_page"),
+     "cost_reconstruction|cost_study|speed_page|person"),
 ]  # fmt: skip
 
 
