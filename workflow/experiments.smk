@@ -5,7 +5,7 @@
 #   python -m snakemake --profile workflow/profiles/slurm
 #
 # Settings (--config NAME=VALUE):
-#   graph    experiments (default) or miniature
+#   graph    the name of a YAML file with tasks (default: experiments)
 #   planned  yes: also the tasks that have no result yet
 #
 # The tasks stand in GRAPH.yaml. standing.py says which results are out of date, from the content of their settings. A

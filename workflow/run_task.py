@@ -31,13 +31,13 @@ STARTED, LOCK = "started.txt", "lock"
 
 
 def opened(graph: str, root: Path = ROOT) -> Standing:
-    """A workflow of this folder in a checkout: ``experiments`` or ``miniature``."""
+    """A workflow of this folder in a checkout, by the name of its YAML file."""
     state = root / "build" / "workflow" / graph
     return Standing(read_graph(root / "workflow" / f"{graph}.yaml", root), root, state, _kept(graph, root, state))
 
 
 def _kept(graph: str, root: Path, state: Path) -> Path:
-    """The miniature leaves nothing in the repository."""
+    """Only the results of the experiments are in the repository."""
     return root / "workflow" / "standing.json" if graph == "experiments" else state / "standing.json"
 
 
@@ -127,7 +127,7 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=["why", "run", "stands", "collect"])
     parser.add_argument("names", nargs="*", metavar="TASK")
-    parser.add_argument("--graph", default="experiments", help="experiments (default) or miniature")
+    parser.add_argument("--graph", default="experiments", help="the name of the YAML file (default: %(default)s)")
     parser.add_argument("--root", type=Path, default=ROOT, help="a checkout of the repository (default: this one)")
     parser.add_argument("--cores", type=int, default=1, help="number of cores of a task (default: %(default)s)")
     parser.add_argument("--planned", action="store_true", help="with the tasks that have no result yet")

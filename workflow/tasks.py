@@ -1,4 +1,4 @@
-"""The tasks of a workflow, read from a YAML file: ``experiments.yaml``, or ``miniature.yaml`` for the tests."""
+"""The tasks of a workflow, read from a YAML file such as ``experiments.yaml``."""
 
 import dataclasses
 import fnmatch

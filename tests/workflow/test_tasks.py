@@ -6,14 +6,12 @@ from pathlib import Path
 import pytest
 
 from meshot.cli import make_parser
-from meshot.systems import system_names
 from scripts import scripts_in
 
 
 @pytest.fixture
 def graphs(part, root):
-    read = part("tasks").read_graph
-    return {name: read(root / "workflow" / f"{name}.yaml", root) for name in ("experiments", "miniature")}
+    return {"experiments": part("tasks").read_graph(root / "workflow" / "experiments.yaml", root)}
 
 
 def test_every_experiment_and_every_network_is_a_task(graphs, root):
@@ -26,15 +24,9 @@ def test_every_experiment_and_every_network_is_a_task(graphs, root):
     assert {name for name in graphs["experiments"].tasks if name.count("_") > 3 and "ddot_" in name} == networks
 
 
-def test_the_miniature_has_every_system(graphs):
-    assert {name.removeprefix("reconstruct_") for name in graphs["miniature"].tasks if "reconstruct_" in name} == set(
-        system_names()
-    )
-
-
-@pytest.mark.parametrize("name", ["experiments", "miniature"])
-def test_every_command_can_start_and_every_setting_is_there(graphs, root, name):
-    for task in graphs[name].tasks.values():
+def test_every_command_can_start_and_every_setting_is_there(graphs, root):
+    graph = graphs["experiments"]
+    for task in graph.tasks.values():
         words = shlex.split(task.command.replace("{cores}", "2"))
         if words[0] == "meshot":
             make_parser().parse_args(words[1:])
@@ -42,7 +34,7 @@ def test_every_command_can_start_and_every_setting_is_there(graphs, root, name):
             assert words[0] == "python"
             assert words[1] == "-m" or (root / words[1]).is_file(), task.command
         assert all((root / read.partition("#")[0]).is_file() for read in task.reads if not task.planned), task.name
-        assert set(task.after) <= set(graphs[name].tasks)
+        assert set(task.after) <= set(graph.tasks)
         assert task.writes or task.makes or task.stage == "initial"
 
 
