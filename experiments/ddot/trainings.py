@@ -11,12 +11,12 @@ import yaml
 from meshot.files import whole_file
 from meshot.model import SegmentationNetwork, read_weights
 from meshot.pipeline import LOG, RECORD, WEIGHTS, segmentation_weights
-from meshot.provenance import read_results, rounded
+from meshot.provenance import read_results
 from meshot.systems import SurfaceSystem, get_system, read_settings
 from meshot.train import Groups, TrainingLog, read_log
+from meshot_book.trainings import thinned
 
 HERE = Path(__file__).parent
-CURVE_POINTS = 110
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,19 +113,6 @@ def keep(each: Wanted, config: dict) -> None:
     for suffix in (WEIGHTS, RECORD):
         with whole_file(each.kept(config, suffix)) as temporary:
             temporary.write_bytes((folder / f"{each.part}{suffix}").read_bytes())
-
-
-def thinned(log: list[dict], n_points: int = CURVE_POINTS) -> list[dict]:
-    """A log for a learning curve: all validations, and the mean loss over each of ``n_points`` intervals of steps."""
-    steps = [line for line in log if "loss" in line]
-    size = max(1, len(steps) // n_points)
-    means = []
-    for start in range(0, len(steps), size):
-        part = steps[start : start + size]
-        means.append(part[-1] | {"loss": sum(line["loss"] for line in part) / len(part)})
-    checks = [line for line in log if "validation_loss" in line]
-    # A validation is listed after the step that it follows.
-    return rounded(sorted([*means, *checks], key=lambda line: (line["step"], "validation_loss" in line)))
 
 
 def record_of(each: Wanted, config: dict) -> dict:

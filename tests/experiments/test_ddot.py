@@ -27,6 +27,7 @@ from meshot.systems.deformation.data import DeformationExample
 from meshot.systems.deformation.example_file import read_example
 from meshot.train import engine as training
 from meshot.volume.volume import Volume
+from meshot_book.trainings import processes
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ddot"
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -137,7 +138,7 @@ def test_a_stopped_training_ends_with_the_same_weights(part, place, monkeypatch)
 
 def test_a_training_that_fails_or_is_taken_does_not_stop_the_others(part, place, capfd, monkeypatch):
     train, trainings, words = part("train"), part("trainings"), ["--config", str(place / "config.yaml")]
-    monkeypatch.setattr(train, "SECONDS_BETWEEN_LOOKS", 0.1)
+    monkeypatch.setattr(processes, "SECONDS_BETWEEN_LOOKS", 0.1)
     config = trainings.read_config(place / "config.yaml")
     config["arms"]["cortexode"]["changes"] = ["loss.factor=1.0e+39"]  # beyond float32
     (place / "config.yaml").write_text(yaml.safe_dump(config))
@@ -146,19 +147,9 @@ def test_a_training_that_fails_or_is_taken_does_not_stop_the_others(part, place,
     assert "is not finite" in (place / "state" / "alpha_left_cortexode_0" / "output.txt").read_text()
     assert {file.stem for file in (place / "weights").glob("*.json")} == {"alpha_left_ddot_0"}
     taken = trainings.wanted(config, ["alpha_left_ddot_1"])[0]
-    with train.alone(taken.state(config)):
+    with processes.alone(taken.state(config)):
         assert train.main([*words, "--only", "*ddot*"]) == 1
     assert "alpha_left_ddot_1 is being trained by another process" in capfd.readouterr().err
-
-
-def test_a_thinned_log_keeps_means_and_validations(part):
-    log = [{"step": i + 1, "loss": float(i), "learning_rate": 0.1} for i in range(12)]
-    log.insert(8, {"step": 8, "validation_loss": 0.5, "cpu_seconds": 1.0})
-    found = part("trainings").thinned(log, 3)
-    assert [line["loss"] for line in found if "loss" in line] == [1.5, 5.5, 9.5]
-    assert [line["step"] for line in found] == [4, 8, 8, 12]
-    assert found[2] == log[8]
-    assert part("trainings").thinned(log[:2], 3) == log[:2]
 
 
 def torus(large, small, n=96):

@@ -14,6 +14,7 @@ from meshot.mesh.topology.counts import euler_number
 from meshot.pipeline.segmentation.surface import segmented_surface
 from meshot.provenance import read_results, write_results
 from meshot.synth.cohorts.cohort import scans
+from meshot_book.trainings import processes
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ddot"
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -116,9 +117,12 @@ def test_a_reading_without_a_rate_is_refused(part, place, diverging):
 
 
 def test_a_training_that_another_process_has_is_not_taken_for_diverged(part, place, diverging):
-    readings, train, trainings = part("readings"), part("train"), part("trainings")
+    readings, trainings = part("readings"), part("trainings")
     (each,) = trainings.wanted(diverging)
-    with train.alone(each.state(diverging)), pytest.raises(train.Busy, match="is being trained by another process"):
+    with (
+        processes.alone(each.state(diverging)),
+        pytest.raises(processes.Busy, match="is being trained by another process"),
+    ):
         readings.trained(diverging, place / "rates.yaml", 1)
 
 

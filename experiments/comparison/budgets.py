@@ -1,0 +1,122 @@
+"""The rate and the number of epochs of each training: trials of rates, their scores, and the two budgets."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from units import SECONDS, Unit, has_sides, read_json, records_in, segmentation_network, system_in, trials
+
+from meshot.anatomy import HEMISPHERES
+from meshot.metrics import Surface, average_surface_distance, offsets_between
+from meshot.pipeline import InitialSurfaces
+from meshot.provenance import read_results, rounded, write_results
+from meshot.synth.cohorts import scans
+
+#: What a trial says of itself, in the folder in which it is kept.
+SCORE = "score.json"
+
+
+def changes_of(unit: Unit, config: dict) -> list[str]:
+    """The rate and the number of epochs of a training, as changes of settings.
+
+    Raises
+    ------
+    ValueError
+        If they follow from trials that are not there.
+    """
+    entry = config["arms"][unit.arm]
+    if entry["rates"] is None:
+        return []
+    turns = entry.get("turns", 1)
+    if unit.is_trial:
+        rate, epochs = unit.rate, config["trials"]["epochs"]
+    else:
+        rates = known_rates(config)
+        missing = [arm for arm in needed_rates(unit, config) if arm not in rates]
+        if missing:
+            raise ValueError(
+                f"{unit.name} needs the rate of {' and '.join(missing)}, which is not chosen: train the trials first "
+                f"(train.py --only '*_rate*')"
+            )
+        rate, epochs = rates[unit.arm]["rate"], _epochs(unit, config, rates)
+    return [f"training.learning_rate={rate:.8f}".rstrip("0"), f"training.n_epochs={max(1, round(epochs / turns))}"]
+
+
+def needed_rates(unit: Unit, config: dict) -> set[str]:
+    """The systems whose trials must be there before a training."""
+    if unit.is_trial or config["arms"][unit.arm]["rates"] is None:
+        return set()
+    return {unit.arm, config["budget"]["reference"]} if unit.budget == SECONDS else {unit.arm}
+
+
+def _epochs(unit: Unit, config: dict, rates: dict[str, dict]) -> float:
+    epochs, reference = config["budget"]["epochs"], config["budget"]["reference"]
+    if unit.budget != SECONDS:
+        return epochs
+    return epochs * rates[reference]["seconds_per_epoch"] / rates[unit.arm]["seconds_per_epoch"]
+
+
+def known_rates(config: dict) -> dict[str, dict]:
+    """What is known of the chosen rates, by system."""
+    path = Path(config["rates"])
+    return read_results(path)["results"] if path.is_file() else {}
+
+
+def score_of(folder: Path, unit: Unit, config: dict, device: torch.device | None = None) -> dict:
+    """The score of the trial in a folder, and the seconds of an epoch.
+
+    The score is the mean ASSD (mm) over the validation subjects of the column of the trials. Seconds are those of both
+    sides of a cohort. If the system does not find a surface, there is no score, and the reason.
+    """
+    system, side = system_in(folder, unit, device), config["trials"]["side"]
+    surfaces = InitialSurfaces(config["initial"], segmentation_network(config))
+    values = []
+    for subject in scans(config["cohorts"][unit.cohort], "validation"):
+        example = surfaces.example(subject, [(side, "white")], system.needs)
+        try:
+            found = Surface(system.reconstruct(example.scan)[side, "white"])
+        except ValueError as error:
+            return {"assd_mm": None, "why": str(error)}
+        truth = Surface(example.targets[side, "white"])
+        values.append(average_surface_distance(*offsets_between(found, truth, config["evaluation"]["n_points"])))
+    seconds = sum(record["results"]["cpu_seconds"] for record in records_in(folder, unit).values())
+    n_trained = len(HEMISPHERES) if has_sides(unit.kind()) else 1
+    return {"assd_mm": float(np.mean(values)), "seconds_per_epoch": n_trained * seconds / config["trials"]["epochs"]}
+
+
+def choose(config: dict, arm: str) -> dict[str, dict]:
+    """Choose the rate of a system if its trials are all there, and write the file of rates. Returns all rates.
+
+    Raises
+    ------
+    ValueError
+        If no rate of the system has a score.
+    """
+    rates, own = known_rates(config), [unit for unit in trials(config) if unit.arm == arm]
+    if arm in rates or not own or not all(unit.is_made(config) for unit in own):
+        return rates
+    rates[arm] = _choice(arm, {unit.rate: read_json(unit.kept(config) / SCORE) for unit in own}, own, config)
+    found = rounded({name: rates[name] for name in config["arms"] if name in rates})
+    stands_on = f"training and validation subjects of the synthetic cohort {config['trials']['cohort']}"
+    seconds = sum(each["seconds_of_trials"] for each in found.values())
+    command = "python experiments/comparison/train.py --only '*_rate*'"
+    write_results(Path(config["rates"]), found, config, command, stands_on, seconds)
+    return found
+
+
+def _choice(arm: str, scores: dict[float, dict], units: list[Unit], config: dict) -> dict:
+    found = {rate: score["assd_mm"] for rate, score in scores.items() if score["assd_mm"] is not None}
+    if not found:
+        raise ValueError(f"{arm}: no rate has a score; give it other rates in the protocol, and say so there")
+    best = min(found, key=found.get)
+    ended = [record for unit in units if scores[unit.rate]["assd_mm"] is not None
+             for record in records_in(unit.kept(config), unit).values()]  # fmt: skip
+    return {
+        "rate": best,
+        "assd_mm": {f"{rate:g}": score["assd_mm"] for rate, score in scores.items()},
+        "why_not": {f"{rate:g}": score["why"] for rate, score in scores.items() if score["assd_mm"] is None},
+        "seconds_per_epoch": scores[best]["seconds_per_epoch"],
+        "seconds_of_trials": sum(record["results"]["cpu_seconds"] for record in ended),
+        "machines": sorted({record["processor"] for record in ended}),
+        "commands": [record["command"] for record in ended],
+    }

@@ -1,0 +1,44 @@
+"""Rows of measurements in files of comma-separated values, compact enough to be committed."""
+
+import csv
+from pathlib import Path
+
+from meshot.files import whole_file
+from meshot.provenance import rounded
+
+_TEXT = {"cohort", "side", "subject", "session", "kind", "arm", "budget", "failed", "commit"}
+
+
+def write_rows(path: Path, rows: list[dict]) -> None:
+    """Write rows, with a column for every name that occurs. Missing values and None are empty."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with whole_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, names, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rounded(rows))
+
+
+def read_rows(path: Path) -> list[dict]:
+    """Read rows. Empty values are None.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, or a number is damaged.
+    """
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist; measure the trained systems with run.py")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    try:
+        return [{name: _value(name, text) for name, text in row.items()} for row in rows]
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path} is damaged ({error}); take the committed file, or run run.py again") from error
+
+
+def _value(name: str, text: str) -> str | int | float | None:
+    if text == "":
+        return None
+    if name in _TEXT:
+        return text
+    return int(text) if text.lstrip("-").isdigit() else float(text)

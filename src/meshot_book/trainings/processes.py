@@ -1,0 +1,100 @@
+"""Trainings one after another in this process, or side by side in several, each alone in its folder."""
+
+import contextlib
+import fcntl
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from meshot_book.trainings.logs import steps_done
+
+SECONDS_BETWEEN_LOOKS = 5.0
+#: The file in the folder of a training with what its process printed.
+OUTPUT = "output.txt"
+
+
+class Busy(Exception):
+    """Another process is training the same network."""
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Lock the folder of a training against other processes. The lock is released when the process ends.
+
+    Raises
+    ------
+    Busy
+        If another process has locked it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise Busy(f"{folder.name} is being trained by another process") from error
+        yield
+
+
+def train_in_turn(names: Sequence[str], train_one: Callable[[str], None]) -> list[str]:
+    """Make one training after another in this process. Returns the names of those that failed.
+
+    Parameters
+    ----------
+    names : sequence of str
+    train_one : callable of a name
+        A training that raises :class:`meshot_book.trainings.Busy`, FloatingPointError or ValueError has failed; the next one begins.
+    """
+    failed = []
+    for i, name in enumerate(names):
+        print(f"{name} ({i + 1} of {len(names)})", file=sys.stderr)
+        try:
+            train_one(name)
+        except (Busy, FloatingPointError, ValueError) as error:
+            print(error, file=sys.stderr)
+            failed.append(name)
+    return failed
+
+
+def train_in_processes(folders: Mapping[str, Path], command: Sequence[str], n_jobs: int) -> list[str]:
+    """Make several trainings at a time, each in a process with one thread. Returns the names of those that failed.
+
+    The bar shows how far each has come. What a process prints is appended to ``output.txt`` in its folder. If this
+    process ends, the others are stopped.
+
+    Parameters
+    ----------
+    folders : mapping
+        The folder of each training, by name, in the order in which they begin.
+    command : sequence of str
+        A command that makes one training when ``--only NAME`` is added.
+    n_jobs : int
+        Number of processes.
+    """
+    waiting, running, failed = list(folders), {}, []
+    with tqdm(total=len(folders), desc="trainings", unit="training") as bar:
+        try:
+            while waiting or running:
+                while waiting and len(running) < n_jobs:
+                    name = waiting.pop(0)
+                    running[name] = _started([*command, "--only", name], folders[name])
+                time.sleep(SECONDS_BETWEEN_LOOKS)
+                for name in [name for name, process in running.items() if process.poll() is not None]:
+                    failed += [name] if running.pop(name).returncode else []
+                    bar.update()
+                bar.set_postfix_str("; ".join(f"{name}: step {steps_done(folders[name])}" for name in running))
+        finally:
+            for process in running.values():
+                process.terminate()
+    return failed
+
+
+def _started(command: list[str], folder: Path) -> subprocess.Popen:
+    folder.mkdir(parents=True, exist_ok=True)
+    one_thread = dict.fromkeys(("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+    with (folder / OUTPUT).open("a") as output:
+        return subprocess.Popen(command, stdout=output, stderr=output, env=os.environ | one_thread)

@@ -1,0 +1,51 @@
+"""Trainings in turn and in several processes: failures are named, folders are locked, output is kept."""
+
+import sys
+
+import pytest
+
+from meshot_book.trainings import processes
+
+#: A training that fails if its name begins with "bad".
+COMMAND = "import sys; name = sys.argv[-1]; print('made', name); sys.exit(name.startswith('bad'))"
+
+
+def test_a_training_that_fails_does_not_stop_those_after_it(capsys):
+    begun = []
+
+    def train_one(name):
+        begun.append(name)
+        if name != "third":
+            raise {"first": ValueError, "second": processes.Busy}[name](f"{name} cannot be made")
+
+    assert processes.train_in_turn(["first", "second", "third"], train_one) == ["first", "second"]
+    assert begun == ["first", "second", "third"]
+    said = capsys.readouterr().err
+    assert "first (1 of 3)\nfirst cannot be made\nsecond (2 of 3)\nsecond cannot be made\nthird (3 of 3)" in said
+
+
+def test_other_errors_end_the_run():
+    with pytest.raises(ZeroDivisionError):
+        processes.train_in_turn(["a"], lambda name: 1 / 0)
+
+
+def test_processes_are_named_when_they_fail_and_their_output_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(processes, "SECONDS_BETWEEN_LOOKS", 0.05)
+    names = ["good", "bad", "better"]
+    command = [sys.executable, "-c", COMMAND]
+    assert processes.train_in_processes({name: tmp_path / name for name in names}, command, 2) == ["bad"]
+    for name in names:
+        assert (tmp_path / name / processes.OUTPUT).read_text() == f"made {name}\n"
+
+
+def test_a_folder_is_locked_against_others(tmp_path):
+    with processes.alone(tmp_path / "one"):
+        with (
+            pytest.raises(processes.Busy, match="one is being trained by another process"),
+            processes.alone(tmp_path / "one"),
+        ):
+            pass
+        with processes.alone(tmp_path / "two"):
+            pass
+    with processes.alone(tmp_path / "one"):
+        pass

@@ -1,0 +1,474 @@
+"""The comparison of systems, on phantoms: trials, choice of rates, both budgets, kills, rows and tables."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from meshot.mesh.io import read_mesh, write_mesh
+from meshot.metrics.distances import Surface
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import read_weights
+from meshot.pipeline.examples import InitialSurfaces
+from meshot.provenance import read_results, write_results
+from meshot.synth.cohorts.cohort import scans
+from meshot.systems import Scan, get_system, read_settings, system_names
+from meshot.train import engine
+from scripts import scripts_in
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "comparison"
+pytestmark = pytest.mark.usefixtures("one_thread")
+ARMS = {
+    "vox2cortex": {"title": "Vox2Cortex", "rates": [1.0e-2]},
+    "corticalflow": {"title": "CorticalFlow++", "rates": [3.0e-3], "turns": 3},
+    "ddot": {"title": "DDOT", "rates": [1.0e-2, 1.0e-3]},
+    "classical": {"title": "classical", "rates": None},
+}
+SMALL_DDOT = ["network.width=4", "network.hidden=[8]", "network.n_scales=1", "training.n_faces=400"]
+#: The second scan of a day: the head is moved by this much in the scanner.
+SHIFT = np.array([3.0, -2.0, 1.0])
+
+
+def written(place, config):
+    """The configuration as a file, and the words of a command that name it."""
+    (place / "config.yaml").write_text(yaml.safe_dump(config))
+    return ["--config", str(place / "config.yaml")]
+
+
+@pytest.fixture(scope="module")
+def protocol(config):
+    """The committed protocol with few systems, epochs and points."""
+    arms = {name: entry | {"changes": SMALL_DDOT if name == "ddot" else []} for name, entry in ARMS.items()}
+    column = {"cohorts": ["alpha"], "sides": ["left", "right"], "seeds": [0]}
+    groups = {
+        "steps": column | {"budget": "steps", "arms": ["ddot", "vox2cortex", "classical"]},
+        "seeds": column | {"budget": "steps", "sides": ["left"], "arms": ["ddot", "corticalflow"], "seeds": [0, 1]},
+        "seconds": column | {"budget": "seconds", "arms": ["vox2cortex"]},
+    }
+    return config | {
+        "settings": "tiny", "arms": arms, "groups": groups,
+        "comparison": {"ours": "ddot", "rivals": ["vox2cortex", "corticalflow"], "also": ["classical"]},
+        "trials": {"cohort": "alpha", "side": "left", "seed": 0, "epochs": 1},
+        "budget": {"epochs": 2, "reference": "ddot"},
+        "changes": ["training.validate_every=1", "training.save_every=1", "training.n_points=300"],
+        "evaluation": config["evaluation"] | {"n_points": 500, "n_emd_points": 50, "fewest_subjects": 3},
+        "consistency": {"cohort": "retest", "trained_on": "alpha", "n_points": 500},
+    }  # fmt: skip
+
+
+def in_folder(protocol, place):
+    """The protocol with all its files in one folder."""
+    names = {key: str(place / key) for key in ("initial", "state", "weights")}
+    return protocol | names | {
+        "cohorts": {"alpha": str(place / "alpha")}, "segmentation": str(place / "segmentation.safetensors"),
+        "rates": str(place / "rates.json"),
+        "consistency": protocol["consistency"] | {"cohort": str(place / "retest")},
+    }  # fmt: skip
+
+
+def write_retest(place):
+    """One subject of the cohort, scanned twice a day: the second scan is moved, and has other initial surfaces."""
+    (one,) = (each for each in scans(place / "alpha") if each.name == "sub-004")
+    for run in (1, 2):
+        name = f"sub-001_ses-01_run-{run}"
+        folders = [place / "retest" / part / "sub-001" / "ses-01" / "anat" for part in ("", "derivatives/standard")]
+        for folder in folders:
+            folder.mkdir(parents=True, exist_ok=True)
+        motion = np.eye(4)
+        motion[:3, 3] = SHIFT * (run - 1)
+        for file in one.files():
+            target = folders["space-MNI152" in file.name or "xfm" in file.name] / file.name.replace(one.name, name)
+            if file.name.endswith(".surf.gii"):
+                mesh = read_mesh(file)
+                write_mesh(target, mesh.with_vertices(mesh.vertices - torch.from_numpy(motion[:3, 3])))
+            elif file.name.endswith("xfm.json"):
+                target.write_text(json.dumps({"matrix": motion.tolist()}))
+            else:
+                shutil.copy(file, target)
+    (place / "retest" / "participants.tsv").write_text(
+        "participant_id\tsplit\tkind\tseed\nsub-001\ttest\ttemplate\t3\n"
+    )
+    network = read_weights(place / "segmentation.safetensors", SegmentationNetwork)[0]
+    surfaces = InitialSurfaces(place / "state" / "initial", network)
+    for scan in scans(place / "retest"):
+        for side in ("left", "right"):
+            mesh = surfaces.of(one, side)
+            scale = 1.0 if scan.run == "1" else 1.02
+            centre = mesh.vertices.mean(dim=0)
+            moved = mesh.with_vertices(centre + scale * (mesh.vertices - centre))
+            write_mesh(surfaces.path(scan, side, scan.standard()), moved)
+
+
+@pytest.fixture(scope="module")
+def whole(phantom_place, protocol, tmp_path_factory):
+    """Everything trained once, by one command, and the words that name the configuration."""
+    place = tmp_path_factory.mktemp("comparison")
+    shutil.copytree(phantom_place, place, dirs_exist_ok=True)
+    shutil.copytree(place / "initial", place / "state" / "initial")
+    write_retest(place)
+    words = written(place, in_folder(protocol, place))
+    torch.set_num_threads(1)
+    with scripts_in(FOLDER) as load:
+        assert load("train").main(words) == 0
+    return place
+
+
+@pytest.fixture
+def place(whole, protocol, tmp_path):
+    """A copy of it for one test."""
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    written(tmp_path, in_folder(protocol, tmp_path))
+    return tmp_path
+
+
+def words_of(place):
+    return ["--config", str(place / "config.yaml")]
+
+
+def test_the_protocol_is_whole(part, config):
+    units = part("units")
+    trials, finals = units.trials(config), units.finals(config)
+    names = [unit.name for unit in (*trials, *finals)]
+    assert len(names) == len(set(names))
+    rates = {arm: entry["rates"] for arm, entry in config["arms"].items()}
+    assert rates.pop("classical") is None
+    assert {len(each) for each in rates.values()} == {3}
+    assert len(trials) == 3 * len(rates) == 18
+    columns = {(c, s) for c in config["cohorts"] for s in ("left", "right")}
+    for arm in config["arms"]:
+        own = [unit for unit in finals if (unit.arm, unit.budget, unit.seed) == (arm, "steps", 0)]
+        assert {(unit.cohort, side) for unit in own for side in unit.sides} == columns
+        assert {unit.side == "both" for unit in own} == {arm in ("vox2cortex", "deepcsr", "classical")}
+    seeds = {arm: {u.seed for u in finals if u.arm == arm and u.cohort == "oasis_like"} for arm in rates}
+    assert set(map(frozenset, seeds.values())) == {frozenset({0, 1, 2})}
+    seconds = {unit.arm for unit in finals if unit.budget == "seconds"}
+    assert seconds == rates.keys() - {config["budget"]["reference"]}
+    compared = config["comparison"]
+    assert {compared["ours"], *compared["rivals"], *compared["also"]} == config["arms"].keys()
+    assert set(config["arms"]) <= set(system_names())
+
+
+def test_the_turns_are_the_networks_of_a_side(part, config):
+    for arm, entry in config["arms"].items():
+        networks = part("units").limited(get_system(arm), ("left",)).networks
+        assert entry.get("turns", 1) == len(networks)
+        assert part("units").has_sides(get_system(arm)) == (
+            "side" in read_settings(get_system(arm), "small")["training"]
+        )
+        assert len(part("units").limited(get_system(arm), ("left", "right")).networks) in (1, 2 * len(networks))
+
+
+def test_both_budgets_give_steps(part, config, tmp_path):
+    budgets, units = part("budgets"), part("units")
+    rates = {
+        "ddot": {"rate": 2e-3, "seconds_per_epoch": 30.0}, "vox2cortex": {"rate": 1e-3, "seconds_per_epoch": 60.0},
+        "corticalflow": {"rate": 1e-3, "seconds_per_epoch": 20.0},
+    }  # fmt: skip
+    own = config | {"rates": str(tmp_path / "rates.json")}
+    unit = {
+        name: units.unit_of("oasis_like", "left", arm, budget, 0)
+        for name, arm, budget in (
+            ("steps", "vox2cortex", "steps"), ("seconds", "vox2cortex", "seconds"),
+            ("chain", "corticalflow", "seconds"),
+            ("trial", "corticalflow", "rate0.0003"), ("fixed", "classical", "steps"),
+        )
+    }  # fmt: skip
+    with pytest.raises(
+        ValueError, match="oasis_like_both_vox2cortex_steps_0 needs the rate of vox2cortex, which is not"
+    ):
+        budgets.changes_of(unit["steps"], own)
+    write_results(tmp_path / "rates.json", rates, {}, "none", "none", 0.0)
+    found = {name: budgets.changes_of(each, own) for name, each in unit.items()}
+    assert found["steps"] == ["training.learning_rate=0.001", "training.n_epochs=60"]
+    assert found["seconds"] == ["training.learning_rate=0.001", "training.n_epochs=30"]
+    assert found["chain"] == ["training.learning_rate=0.001", "training.n_epochs=30"]
+    assert found["trial"] == ["training.learning_rate=0.0003", "training.n_epochs=4"]
+    assert found["fixed"] == []
+    settings = unit["chain"].settings(own, found["chain"])["training"]
+    assert (settings["n_epochs"], settings["side"], settings["learning_rate"]) == (30, "left", 1e-3)
+
+
+def test_everything_is_trained_by_one_command(part, whole, capsys):
+    units, config = part("units"), part("units").read_config(whole / "config.yaml")
+    rates = read_results(whole / "rates.json")["results"]
+    assert list(rates) == ["vox2cortex", "corticalflow", "ddot"]
+    assert rates["ddot"]["rate"] == float(min(rates["ddot"]["assd_mm"], key=rates["ddot"]["assd_mm"].get))
+    for unit in units.finals(config):
+        records = units.records_in(unit.kept(config), unit)
+        assert list(records) == list(unit.kind().networks)
+        for record in records.values():
+            if unit.arm != "classical":
+                assert record["config"]["training"]["learning_rate"] == rates[unit.arm]["rate"]
+            if unit.budget == "steps" and unit.arm in ("ddot", "vox2cortex"):
+                assert record["results"]["n_steps"] == 4
+    before = {file: file.stat().st_mtime_ns for file in whole.rglob("*") if file.is_file()}
+    assert part("train").main(words_of(whole)) == 0
+    assert {file: file.stat().st_mtime_ns for file in whole.rglob("*") if file.is_file()} == before
+    assert part("train").main([*words_of(whole), "--list"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == len(units.trials(config)) + len(units.finals(config))
+    assert {line.split()[0] for line in said} == {"there"}
+
+
+def test_the_score_is_the_distance_of_what_is_reconstructed(part, whole):
+    units, budgets = part("units"), part("budgets")
+    config = units.read_config(whole / "config.yaml")
+    unit = units.trials(config)[0]
+    assert unit.arm == "vox2cortex"
+    system = get_system("vox2cortex").load(unit.kept(config))
+    (subject,) = scans(whole / "alpha", "validation")
+    found = Surface(system.reconstruct(Scan(subject.standard().volume))["left", "white"])
+    truth = Surface(subject.surface("white", "left", "standard"))
+    both = (
+        np.abs(a.offsets(b.sample(500, seed)).distances).mean()
+        for seed, (a, b) in enumerate([(found, truth), (truth, found)])
+    )
+    score = units.read_json(unit.kept(config) / budgets.SCORE)
+    assert score["assd_mm"] == pytest.approx(np.mean(list(both)), rel=0.2)
+    seconds = units.records_in(unit.kept(config), unit)["meshes"]["results"]["cpu_seconds"]
+    assert score["seconds_per_epoch"] == pytest.approx(seconds)
+
+
+def test_a_killed_training_ends_with_the_same_weights(part, place, monkeypatch):
+    train, units = part("train"), part("units")
+    config = units.read_config(place / "config.yaml")
+    (unit,) = (each for each in units.finals(config) if each.name == "alpha_left_corticalflow_steps_1")
+    whole = {name: p.network.state_dict() for name, p in units.system_in(unit.kept(config), unit).parts.items()}
+    for folder in (unit.kept(config), unit.state(config)):
+        shutil.rmtree(folder)
+    real, steps = engine._step, []
+
+    def step(state, *others):
+        steps.append(state.step)
+        if len(steps) == 4:
+            raise KeyboardInterrupt
+        return real(state, *others)
+
+    monkeypatch.setattr(engine, "_step", step)
+    words = [*words_of(place), "--only", unit.name]
+    with pytest.raises(KeyboardInterrupt):
+        train.main(words)
+    assert not unit.is_made(config)
+    assert train.main(words) == 0
+    assert steps == [0, 1, 0, 1, 1, 0, 1]
+    for name, p in units.system_in(unit.kept(config), unit).parts.items():
+        assert all(torch.equal(value, whole[name][key]) for key, value in p.network.state_dict().items())
+
+
+def test_a_run_stops_after_some_minutes_and_goes_on(place):
+    (place / "weights" / "alpha_left_ddot_steps_1").rename(place / "aside")
+    shutil.rmtree(place / "state" / "alpha_left_ddot_steps_1")
+    words = [sys.executable, FOLDER / "train.py", *words_of(place), "--only", "alpha_left_ddot_steps_1"]
+    assert subprocess.run([*words, "--minutes", "1e-5"], capture_output=True, check=False).returncode == 75
+    assert not (place / "weights" / "alpha_left_ddot_steps_1").exists()
+    done = subprocess.run([*words, "--minutes", "5"], capture_output=True, check=False)
+    assert (done.returncode, (place / "weights" / "alpha_left_ddot_steps_1").is_dir()) == (0, True)
+
+
+def test_a_trial_without_a_finite_loss_has_no_score(part, place, capsys):
+    train, units = part("train"), part("units")
+    config = units.read_config(place / "config.yaml")
+    config["arms"] = {"ddot": config["arms"]["ddot"] | {"rates": [1.0e-2]}}
+    config["arms"]["ddot"]["changes"] = [*SMALL_DDOT, "loss.n_directions=2", "loss.normal_scale=1.0e+30"]
+    config |= {"state": str(place / "other"), "weights": str(place / "none"), "rates": str(place / "other.json")}
+    words = written(place, config)
+    assert train.main([*words, "--only", "*rate*"]) == 1
+    said = capsys.readouterr().err
+    assert "ddot: no rate has a score; give it other rates in the protocol" in said
+    assert "failed: ddot" in said
+    (unit,) = units.trials(config)
+    score = units.read_json(unit.kept(config) / "score.json")
+    assert score["assd_mm"] is None
+    assert "is not finite" in score["why"]
+    assert train.main([*words, "--only", "alpha_left_ddot_steps_0"]) == 1
+    assert "waiting for trials of rates: alpha_left_ddot_steps_0" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="no training is called nobody; there are alpha_left_ddot_rate"):
+        train.main([*words, "--only", "nobody"])
+
+
+@pytest.fixture(scope="module")
+def results(whole):
+    """What is measured of it, by one command."""
+    torch.set_num_threads(1)
+    with scripts_in(FOLDER) as load:
+        load("run").main([*words_of(whole), "-o", str(whole / "out" / "results.json")])
+    return read_results(whole / "out" / "results.json")["results"]
+
+
+def test_every_system_is_measured_on_every_held_out_subject(part, whole, results):
+    assert results["missing"] == []
+    assert results["too_few_subjects"] == {"alpha": 2}
+    rows = part("rows").read_rows(whole / "out" / "subjects.csv")
+    assert len(rows) == 3 * (2 * 2 + 2 * 4 + 3)  # two sides: initial, perfect, ddot, vox2cortex twice, classical; left
+    assert {(row["arm"], row["side"]) for row in rows if row["arm"] == "corticalflow"} == {("corticalflow", "left")}
+    by_arm = {row["arm"]: row for row in rows if (row["subject"], row["side"]) == ("sub-004", "left")}
+    assert 0.2 < by_arm["initial"]["assd_mm"] < 1.5
+    assert by_arm["perfect"]["assd_mm"] < 1e-9 < by_arm["perfect"]["swd_mm"] < by_arm["perfect"]["emd_mm"]
+    assert by_arm["classical"]["assd_mm"] < 0.6
+    assert by_arm["classical"]["cpu_seconds"] > 0
+    line = next(x for x in results["table_1"] if (x["arm"], x["side"], x["kind"]) == ("initial", "right", "template"))
+    own = [r["assd_mm"] for r in rows if (r["arm"], r["side"], r["kind"]) == ("initial", "right", "template")]
+    assert (line["n_subjects"], line["assd_mm"]["mean"]) == (2, pytest.approx(np.mean(own), rel=1e-5))
+    assert results["peak_mb"].keys() == ARMS.keys()
+    assert all(value is None or 0 <= value < 2000 for value in results["peak_mb"].values())
+
+
+def test_pairs_are_aligned_before_they_are_compared(part, whole, results):
+    rows = part("rows").read_rows(whole / "out" / "pairs.csv")
+    perfect, initial = ([r for r in rows if r["arm"] == arm] for arm in ("perfect", "initial"))
+    assert [row["side"] for row in perfect] == ["left", "right"]
+    for row in perfect:
+        assert row["icp_residue_mm"] < 1e-3
+        assert row["rigid_residue_mm"] < 0.05 < np.linalg.norm(SHIFT)
+    assert all(row["assd_mm"] > 0.03 for row in initial)  # the second was enlarged by two per cent
+    assert {line["arm"]: line["n_pairs"] for line in results["table_2"]} == {
+        "initial": 1, "perfect": 1, "ddot": 1, "vox2cortex": 1, "classical": 1, "corticalflow": 0,
+    }  # fmt: skip
+
+
+def test_tables_are_made_anew_from_the_rows(part, whole, results, tmp_path):
+    shutil.copytree(whole / "out", tmp_path / "out")
+    output = tmp_path / "out" / "results.json"
+    record = json.loads(output.read_text())
+    for name in part("tables").TABLES:
+        record["results"][name] = []
+    output.write_text(json.dumps(record))
+    assert part("tables").main([*words_of(whole), "-o", str(output)]) == 0
+    assert read_results(output)["results"] == results
+    with (tmp_path / "out" / "pairs.csv").open("a") as file:
+        file.write("\n")
+    with pytest.raises(ValueError, match=r"the rows beside .* are not those that were measured with it"):
+        part("tables").main([*words_of(whole), "-o", str(output)])
+
+
+def test_what_is_missing_is_named_and_measured_later(part, place, capsys, monkeypatch):
+    run, output = part("run"), ["-o", str(place / "out" / "results.json")]
+    (place / "weights" / "alpha_left_ddot_steps_1").rename(place / "aside")
+    calls = []
+    monkeypatch.setattr(run, "rows_of", lambda task, *a: calls.append(task["of"]) or [])
+    monkeypatch.setattr(run, "lines_of", lambda *a: ([], [], {}))
+    run.main([*words_of(place), *output])
+    assert "missing (train.py makes them): ['alpha_left_ddot_steps_1']" in capsys.readouterr().err
+    assert read_results(place / "out" / "results.json")["results"]["missing"] == ["alpha_left_ddot_steps_1"]
+    assert calls.count("alpha_left_ddot_steps_0") == 3 + 1 + 1  # subjects, pair, memory
+    (place / "aside").rename(place / "weights" / "alpha_left_ddot_steps_1")
+    calls.clear()
+    run.main([*words_of(place), *output])
+    assert calls == ["alpha_left_ddot_steps_1"] * 3
+    assert not (place / "out" / "partial.jsonl").exists()
+    shutil.rmtree(place / "weights")
+    with pytest.raises(ValueError, match=r"no trained system is in .*: run experiments/comparison/train.py first"):
+        run.main([*words_of(place), *output])
+
+
+def test_trainings_of_another_protocol_are_refused(part, place):
+    run, words = part("run"), words_of(place)
+    config = yaml.safe_load((place / "config.yaml").read_text())
+    written(place, config | {"budget": {"epochs": 3, "reference": "ddot"}})
+    with pytest.raises(ValueError, match="alpha_left_ddot_steps_0 was trained with other settings than the protocol's"):
+        run.main([*words, "-o", str(place / "out" / "results.json")])
+
+
+def row(arm, subject, assd, budget="steps", seed=0, side="left", crossing=0, **more):
+    numbers = {"emd_mm": 2 * assd, "swd_mm": assd, "assd_mm": assd, "hausdorff90_mm": 2 * assd, "normals": 1 - assd}
+    about = {"cohort": "a", "side": side, "subject": subject, "kind": "template", "arm": arm, "budget": budget}
+    counts = {"crossing_faces": crossing, "crossing_percent": crossing / 10, "euler_number": 2, "cpu_seconds": 1.0}
+    return about | {"seed": seed, "failed": None} | numbers | counts | more
+
+
+def test_who_is_better_follows_from_the_interval(part, config):
+    tables, noise = part("tables"), [0.01, -0.01, 0.02, 0.0]
+    rows = [row("ddot", f"s{i}", 0.2, crossing=2 * (i == 0)) for i in range(4)]
+    rows += [row("cortexode", f"s{i}", 0.3 + x) for i, x in enumerate(noise)]
+    rows += [row("deepcsr", f"s{i}", 0.2 + x - 0.005) for i, x in enumerate(noise)]
+    rows += [row("vox2cortex", f"s{i}", 0.1 + x, "seconds") for i, x in enumerate(noise)]
+    rows += [row("initial", f"s{i}", 0.5, None, None) for i in range(4)]
+    rows += [row("ddot", "s9", 9.0, failed="no surface", assd_mm=None), row("ddot", "s8", 9.0, kind="procedural")]
+    found = tables.tables(rows, [], config)
+    gaps = {(gap["second"], gap["budget"]): gap for gap in found["differences"]}
+    assert gaps["cortexode", "steps"]["assd_mm"]["gap"] == pytest.approx(-0.105)
+    assert gaps["cortexode", "steps"]["n_shared"] == 4
+    assert [gaps[key]["assd_mm"]["better"] for key in gaps] == ["ours", "undecided", "other", "ours"]
+    assert gaps["cortexode", "steps"]["normals"]["better"] == "ours"
+    best = {(x["budget"], x["metric"]): x for x in found["claims"]["best"]}
+    assert best["steps", "assd_mm"] == {
+        "cohort": "a", "side": "left", "budget": "steps", "metric": "assd_mm", "ours": ["cortexode"], "other": [],
+        "undecided": ["deepcsr"], "missing": ["vox2cortex", "corticalflow"],
+    }  # fmt: skip
+    assert best["seconds", "emd_mm"]["other"] == ["vox2cortex"]
+    assert found["claims"]["against_initial"] == [{"cohort": "a", "side": "left", "assd_mm": "ours"}]
+    (crossing,) = found["claims"]["crossing"]
+    assert (crossing["n_subjects"], crossing["n_subjects_crossing"], crossing["mean_percent"]) == (4, 1, 0.05)
+    line = next(x for x in found["table_1"] if (x["arm"], x["kind"]) == ("ddot", "template"))
+    assert (line["n_subjects"], line["n_failed"], line["assd_mm"]["mean"]) == (4, 1, pytest.approx(0.2))
+
+
+def test_seeds_and_pairs_have_their_tables(part, config):
+    tables = part("tables")
+    rows = [row("ddot", f"s{i}", 0.2 + 0.1 * seed, seed=seed) for seed in range(3) for i in range(2)]
+    (line,) = tables.seeds([*rows, *(row("cortexode", f"s{i}", 1.0) for i in range(2))])
+    assert line["seeds"] == [0, 1, 2]
+    assert line["assd_mm"] == {
+        "means": pytest.approx([0.2, 0.3, 0.4]),
+        "mean": pytest.approx(0.3),
+        "sd": pytest.approx(0.1),
+    }
+    residues = {"icp_residue_mm": 0.1, "rigid_residue_mm": 0.2}
+    pairs = [
+        row(arm, "s0", value + 0.01 * session * (arm == "ddot"), side=side, **residues) | {"session": session}
+        for arm, value in (("ddot", 0.1), ("deepcsr", 0.3)) for session in range(3) for side in ("left", "right")
+    ]  # fmt: skip
+    pairs.append(pairs[-1] | {"session": 9, "failed": "no surface"})
+    found = tables.tables(rows, pairs, config)
+    assert [(x["arm"], x["n_pairs"], x["n_failed"]) for x in found["table_2"]] == [("ddot", 3, 0), ("deepcsr", 3, 1)]
+    assert found["table_2"][1]["rigid_residue_mm"] == {"mean": pytest.approx(0.2), "sd": pytest.approx(0, abs=1e-9)}
+    (gap,) = found["pair_differences"]
+    assert gap["assd_mm"]["gap"] == pytest.approx(-0.19)
+    assert found["claims"]["consistency"][0] == {
+        "metric": "emd_mm", "ours": ["deepcsr"], "other": [], "undecided": [],
+        "missing": ["vox2cortex", "corticalflow", "cortexode"],
+    }  # fmt: skip
+
+
+def test_a_surface_that_is_not_found_is_counted(part, phantom_place):
+    measuring = part("measuring")
+
+    class Blind:
+        needs = ()
+
+        def reconstruct(self, scan):
+            raise ValueError(f"no inside among {scan.image.data.size} voxels")
+
+    subject = scans(phantom_place / "alpha", "test")[0]
+    network = read_weights(phantom_place / "segmentation.safetensors", SegmentationNetwork)[0]
+    scan = measuring.seen(subject, InitialSurfaces(phantom_place / "initial", network))
+    assert scan.seconds is None  # the initial surfaces were there
+    found = measuring.reconstructed(scan, Blind())
+    why = f"no inside among {scan.scan.volume.data.size} voxels"
+    assert measuring.subject_rows(scan, found, ("left",), {}) == [{"side": "left", "failed": why}]
+    rows = measuring.pair_rows((scan, scan), lambda each: measuring.reconstructed(each, Blind()), ("right",), {})
+    assert rows == [{"side": "right", "failed": why}]
+
+
+def test_rows_are_read_as_they_were_written(part, tmp_path):
+    rows = part("rows")
+    given = [
+        {"subject": "007", "side": "left", "n": 3, "x": 0.1, "failed": None},
+        {"subject": "8", "x": -2.5, "y": 1e-7},
+    ]
+    rows.write_rows(tmp_path / "a.csv", given)
+    names = ("subject", "side", "n", "x", "failed", "y")
+    assert rows.read_rows(tmp_path / "a.csv") == [{name: each.get(name) for name in names} for each in given]
+    rows.write_rows(tmp_path / "none.csv", [])
+    assert rows.read_rows(tmp_path / "none.csv") == []
+    (tmp_path / "bad.csv").write_text("x\nhalf\n")
+    with pytest.raises(ValueError, match=r"bad.csv is damaged \(could not convert"):
+        rows.read_rows(tmp_path / "bad.csv")
+    with pytest.raises(ValueError, match="does not exist; measure the trained systems"):
+        rows.read_rows(tmp_path / "absent.csv")
