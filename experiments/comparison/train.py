@@ -47,6 +47,8 @@ def made(unit: Unit, config: dict, device: torch.device | None = None) -> None:
     torch.set_num_threads(1)
     changes = unit.all_changes(config, changes_of(unit, config))
     with alone(unit.state(config)):
+        if unit.is_made(config):  # by another process, in the meantime
+            return
         try:
             run_system_training(
                 unit.arm, config["settings"], [config["cohorts"][unit.cohort]], unit.state(config),
@@ -95,11 +97,11 @@ def prepared(units: list[Unit], config: dict) -> None:
 def trained(units: list[Unit], config: dict, asked: argparse.Namespace) -> list[str]:
     """Train what is missing, in turn or side by side. Returns the names of those that failed."""
     missing = {unit.name: unit for unit in units if not unit.is_made(config)}
-    device = None if asked.device is None else torch.device(asked.device)
+    device = torch.device(asked.device)
     if asked.jobs == 1 or len(missing) < 2:
         return train_in_turn(list(missing), lambda name: made(missing[name], config, device))
     prepared(list(missing.values()), config)
-    words = ["--config", str(asked.config), *(["--device", asked.device] if asked.device else [])]
+    words = ["--config", str(asked.config), "--device", asked.device]
     folders = {name: unit.state(config) for name, unit in missing.items()}
     return train_in_processes(folders, [sys.executable, __file__, *words], asked.jobs)
 
@@ -136,8 +138,18 @@ def stopping_after(minutes: float | None) -> None:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Train what is missing. Returns 1 if something failed."""
+    """Train what is missing. Returns 1 if something failed or waits.
+
+    Raises
+    ------
+    ValueError
+        If the device is not there, or no training has a name that was asked for.
+    """
     asked = parsed(words)
+    if torch.device(asked.device).type == "cuda" and not torch.cuda.is_available():
+        raise ValueError(
+            f"--device is {asked.device}, and no such device is here: leave it out to train on the processor"
+        )
     config = read_config(asked.config)
     units = chosen([*trials(config), *finals(config)], asked.only)
     if asked.list:

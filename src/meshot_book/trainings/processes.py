@@ -47,7 +47,8 @@ def train_in_turn(names: Sequence[str], train_one: Callable[[str], None]) -> lis
     ----------
     names : sequence of str
     train_one : callable of a name
-        A training that raises :class:`meshot_book.trainings.Busy`, FloatingPointError or ValueError has failed; the next one begins.
+        A training has failed if this raises :class:`meshot_book.trainings.Busy`, FloatingPointError or ValueError. The
+        next one then begins.
     """
     failed = []
     for i, name in enumerate(names):
