@@ -79,9 +79,22 @@ def score_of(folder: Path, unit: Unit, config: dict, device: torch.device | None
             return {"assd_mm": None, "why": str(error)}
         truth = Surface(example.targets[side, "white"])
         values.append(average_surface_distance(*offsets_between(found, truth, config["evaluation"]["n_points"])))
-    seconds = sum(record["results"]["cpu_seconds"] for record in records_in(folder, unit).values())
-    n_trained = len(HEMISPHERES) if has_sides(unit.kind()) else 1
-    return {"assd_mm": float(np.mean(values)), "seconds_per_epoch": n_trained * seconds / config["trials"]["epochs"]}
+    turns, n_trained = config["arms"][unit.arm].get("turns", 1), len(HEMISPHERES) if has_sides(unit.kind()) else 1
+    seconds = sum(seconds_of_epoch(record) for record in records_in(folder, unit).values())
+    return {"assd_mm": float(np.mean(values)), "seconds_per_epoch": n_trained * seconds / turns}
+
+
+def seconds_of_epoch(record: dict) -> float:
+    """The seconds of an epoch of one network, from its first validation to its last one.
+
+    With a single validation, they are those of the whole training.
+    """
+    results = record["results"]
+    first, last = results["validations"][0], results["validations"][-1]
+    n_steps, seconds = last["step"] - first["step"], last["cpu_seconds"] - first["cpu_seconds"]
+    if n_steps == 0:
+        n_steps, seconds = results["n_steps"], results["cpu_seconds"]
+    return seconds / n_steps * results["n_steps"] / record["config"]["training"]["n_epochs"]
 
 
 def choose(config: dict, arm: str) -> dict[str, dict]:

@@ -80,7 +80,15 @@ class Unit:
         """The settings that differ from those of the system."""
         own = [] if config["arms"][self.arm]["rates"] is None else config["changes"]
         side = [f"training.side={self.side}"] if self.side != BOTH else []
-        return [*own, *config["arms"][self.arm].get("changes", []), *changes, *side, f"training.seed={self.seed}"]
+        trial = config["trials"]["changes"] if self.is_trial else []
+        return [
+            *own,
+            *trial,
+            *config["arms"][self.arm].get("changes", []),
+            *changes,
+            *side,
+            f"training.seed={self.seed}",
+        ]
 
 
 def limited(kind: type[SurfaceSystem], sides: Iterable[str]) -> type[SurfaceSystem]:
