@@ -68,7 +68,7 @@ def require_diverged(config: dict) -> None:
 
     Raises
     ------
-    train.Busy
+    Busy
         If another process is training one of them.
     """
     for each in wanted(config):
