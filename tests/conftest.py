@@ -29,6 +29,7 @@ LONG_FILES = (
     "pipeline/test_initial_surface.py",
     "synth/test_cohort.py",
     "experiments/test_ddot.py",
+    "experiments/test_comparison.py",
     "loss/test_exact.py",
     "loss/test_drawn_problems.py",
     "test_memory.py",
