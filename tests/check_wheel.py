@@ -125,7 +125,12 @@ def main() -> None:
         names = {"scan": str(scan), "bids": str(scan.parents[2]), "copy": str(shutil.copy(scan, work / "other.nii.gz"))}
         run_commands(FILES, **names)
         refused = subprocess.run(
-            BIDS[0].format(**names).split(), cwd=work, env=environment, capture_output=True, text=True, check=False
+            BIDS[0].format(**names).split(),
+            cwd=work,
+            env=environment,
+            capture_output=True,
+            encoding="utf-8",
+            check=False,
         )
         assert refused.returncode == 2, refused
         assert "pip install 'meshot[bids]'" in refused.stderr, refused.stderr

@@ -174,7 +174,7 @@ meshot.sliced_wasserstein(source, target, meshot.quasi_directions(4, 3)).item()
 def test_what_is_not_needed_is_not_loaded(code, unwanted):
     done = subprocess.run(
         [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules, sep='\\n', file=sys.stderr)"],
-        capture_output=True, text=True, check=False,
+        capture_output=True, encoding="utf-8", check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     loaded = set(done.stderr.split())

@@ -106,7 +106,7 @@ def test_the_package_imports_what_it_declares_and_nothing_else(root):
 def run_without(names: set[str], code: str) -> subprocess.CompletedProcess:
     """Run code as in an installation that lacks some libraries."""
     code = f"import sys; sys.modules.update(dict.fromkeys({sorted(names)}))\n{code}"
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False)
 
 
 OPEN_EVERYTHING = """

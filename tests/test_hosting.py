@@ -43,7 +43,7 @@ def test_published_pages_are_whole_and_not_for_jekyll(root, tmp_path):
     (tmp_path / "tools").mkdir()
     shutil.copy(root / "tools" / "publish.sh", tmp_path / "tools")
     command = ["bash", tmp_path / "tools" / "publish.sh", "public"]
-    refused = subprocess.run(command, capture_output=True, text=True, check=False)
+    refused = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
     assert (refused.returncode, refused.stderr) == (1, "there is no rendered book; run make html first\n")
     (tmp_path / "build" / "html" / "_static").mkdir(parents=True)
     (tmp_path / "build" / "html" / "index.html").touch()

@@ -85,7 +85,7 @@ def peaks_of(names: list[str]) -> dict[str, float]:
     # Freed arrays go back to the system at once, so that none of them hides what comes after.
     environment = os.environ | {"MALLOC_MMAP_THRESHOLD_": "65536"}
     command = [sys.executable, "-c", CODE, json.dumps(names)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, env=environment, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr
     return dict(map(json.loads, done.stdout.splitlines()))
 

@@ -41,7 +41,7 @@ print("done")
 
 def refused(code: str, *arguments: str) -> subprocess.CompletedProcess:
     command = [sys.executable, "-c", REFUSE + code, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
 
 
 def test_nothing_is_connected_to(tmp_path):

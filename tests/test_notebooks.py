@@ -175,7 +175,7 @@ def run_nbval(path: Path) -> subprocess.CompletedProcess:
     environment = os.environ | KERNEL_ENVIRONMENT
     return subprocess.run(
         [*command, "-c", os.devnull, "--rootdir", str(path.parent), "--nbval-cell-timeout=120", str(path)],
-        capture_output=True, text=True, env=environment, cwd=path.parent, check=False,
+        capture_output=True, encoding="utf-8", env=environment, cwd=path.parent, check=False,
     )  # fmt: skip
 
 

@@ -171,7 +171,7 @@ def run_make(root, monkeypatch):
         monkeypatch.delenv(name, raising=False)
 
     def run(*words: str) -> subprocess.CompletedProcess:
-        return subprocess.run(["make", *words], cwd=root, capture_output=True, text=True, check=False)
+        return subprocess.run(["make", *words], cwd=root, capture_output=True, encoding="utf-8", check=False)
 
     return run
 

@@ -32,7 +32,9 @@ def runs(pid: int) -> bool:
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
 def test_a_worker_does_not_outlive_a_killed_parent(tmp_path):
     (tmp_path / "pool.py").write_text(CODE)
-    with subprocess.Popen([sys.executable, str(tmp_path / "pool.py")], stdout=subprocess.PIPE, text=True) as parent:
+    with subprocess.Popen(
+        [sys.executable, str(tmp_path / "pool.py")], stdout=subprocess.PIPE, encoding="utf-8"
+    ) as parent:
         worker = int(parent.stdout.readline())
         assert runs(worker)
         os.kill(parent.pid, signal.SIGKILL)

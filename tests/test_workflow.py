@@ -60,9 +60,11 @@ def test_snakemake_plans_a_job_for_each_participant(root, tmp_path):
     words = ["-s", str(root / "workflow/Snakefile"), "--profile", str(root / "workflow/profiles/laptop"), "-n"]
     settings = ["--config", f"bids={dataset}", f"out={tmp_path / 'out'}"]
     command = [sys.executable, "-m", "snakemake", *words]
-    planned = subprocess.run([*command, *settings], capture_output=True, text=True, check=True, cwd=tmp_path)
+    planned = subprocess.run([*command, *settings], capture_output=True, encoding="utf-8", check=True, cwd=tmp_path)
     assert re.search(r"^participant +2$", planned.stdout + planned.stderr, re.M)
-    refused = subprocess.run([*command, "--config", "out=x"], capture_output=True, text=True, check=False, cwd=tmp_path)
+    refused = subprocess.run(
+        [*command, "--config", "out=x"], capture_output=True, encoding="utf-8", check=False, cwd=tmp_path
+    )
     assert "there is no setting bids" in refused.stdout + refused.stderr
 
 

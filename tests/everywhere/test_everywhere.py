@@ -40,7 +40,8 @@ def seen_on(machine):
 def test_the_switches_are_thrown_in_a_checkout_that_cannot_be_written_to():
     """In a folder with spaces in its name, by a process that has no right to write there."""
     old = seen_on(Machine("old", OLD.environment, place="read-only"))
-    assert old == ["DEFAULT", [], "ANSI_X3.4-1968", 35100, False]
+    assert old[0] in ("DEFAULT", "NO AVX")  # as this and as earlier versions of torch call it
+    assert old[1:] == [[], "ANSI_X3.4-1968", 35100, False]
 
 
 def test_a_machine_that_this_processor_cannot_be_is_left_out(monkeypatch):

@@ -46,7 +46,7 @@ print("done")
 
 def troubles_of(root, write: str) -> list[str]:
     code = CODE.format(here=str(root / "tests" / "kills"), write=write)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False)
     assert done.stdout.endswith("done\n"), done.stderr
     return [line for line in done.stdout.splitlines()[:-1] if line]
 
@@ -64,5 +64,5 @@ def test_what_is_written_whole_has_no_troubles(root):
 def test_a_sample_of_kills(root):
     """Tasks of an experiment, a fit, meshes and scans."""
     command = [sys.executable, str(root / "tests" / "kills" / "run.py"), "--sample", "--kills", "2"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stdout + done.stderr

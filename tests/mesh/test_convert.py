@@ -165,4 +165,4 @@ def test_importing_the_library_does_not_import_pyvista():
 
     code = "import sys, meshot; meshot.Mesh; print('pyvista' in sys.modules)"
     assert meshot.Mesh is Mesh
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8").stdout.strip() == "False"

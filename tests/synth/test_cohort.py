@@ -253,7 +253,7 @@ def _command(*words):
     return subprocess.run(
         [sys.executable, "-m", "meshot.cli", "make-cohort", *map(str, words)],
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         check=False,
     )
 
@@ -292,7 +292,7 @@ def test_the_committed_subject_is_made_again_as_on_an_older_cpu(root, tmp_path):
         "make_visit(recipe, Path(sys.argv[2]), visits(recipe)[0])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, "tiny", str(tmp_path)], env=old, capture_output=True, text=True, check=False
+        [sys.executable, "-c", code, "tiny", str(tmp_path)], env=old, capture_output=True, encoding="utf-8", check=False
     )
     assert done.returncode == 0, done.stderr
     hashes = json.loads((tmp_path / "logs" / "sub-001.json").read_text())["hashes"]["sub-001"]

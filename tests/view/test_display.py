@@ -22,7 +22,7 @@ def fresh_probe():
 
 def _run(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
     return subprocess.run(
-        [sys.executable, *arguments], env=os.environ | environment, capture_output=True, text=True, check=False
+        [sys.executable, *arguments], env=os.environ | environment, capture_output=True, encoding="utf-8", check=False
     )
 
 

@@ -216,7 +216,7 @@ def test_two_runs_give_the_same_page(height_scene):
         "from meshot.view.scene import interactive; from meshot.mesh.shapes.solids import icosphere; m = icosphere(2); "
         f"print(interactive(m, m.vertices[:, 2], alt={ALT!r}).html, end='')"
     )
-    again = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    again = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True).stdout
     mesh = icosphere(2)
     assert again == interactive(mesh, mesh.vertices[:, 2], alt=ALT).html
 

@@ -191,5 +191,5 @@ def test_the_first_picture_in_a_notebook_brings_no_warning():
         "from meshot.view.surface import surface_image; from meshot.view.angles import view_from; "
         "from meshot.mesh.shapes.solids import icosphere; surface_image(icosphere(0), view_from('left'), size=(40, 30))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
     assert done.stderr == ""

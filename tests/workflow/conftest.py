@@ -61,7 +61,11 @@ def part(root):
 def fresh(root, tmp_path_factory):
     """A function that copies the files of the repository, as a clone has them: their times say nothing."""
     listed = subprocess.run(
-        ["git", "ls-files", "-co", "--exclude-standard", *FOLDERS], cwd=root, capture_output=True, text=True, check=True
+        ["git", "ls-files", "-co", "--exclude-standard", *FOLDERS],
+        cwd=root,
+        capture_output=True,
+        encoding="utf-8",
+        check=True,
     ).stdout.splitlines()
     names, draw = [name for name in listed if (root / name).is_file()], random.Random(0)
     original = tmp_path_factory.mktemp("fresh")
@@ -90,7 +94,7 @@ def snakemake(place: Path, *words: str) -> subprocess.CompletedProcess:
     command = [sys.executable, "-m", "snakemake", "--cores", "2", *words]
     paths = [str(Path(__file__).resolve().parents[2] / "src"), os.environ.get("PYTHONPATH", "")]
     return subprocess.run(
-        command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+        command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
     )  # fmt: skip
 

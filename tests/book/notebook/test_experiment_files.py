@@ -112,7 +112,7 @@ def test_a_chapter_runs_alone(repository, root):
         shutil.copytree(root / "experiments" / name, repository / "raw/main/experiments" / name)
     run = [sys.executable, "-m", "jupyter", "nbconvert", "--to", "notebook", "--execute", "13_beyond_the_theorem.ipynb"]
     environment = os.environ | {"PYTHONPATH": f"{site}{os.pathsep}{root / 'src'}"}
-    done = subprocess.run(run, cwd=empty, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(run, cwd=empty, env=environment, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr
     cache = repository.parent / "cache" / "meshot" / f"experiments-{__version__}"
     assert {path.name for path in cache.iterdir()} == read
