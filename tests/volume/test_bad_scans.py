@@ -81,6 +81,15 @@ def test_a_truncated_file_is_refused_wherever_it_ends(tmp_path, name, kept):
         read_volume(tmp_path / name)
 
 
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("n_slices", [1, 3])
+def test_a_few_slices_are_refused_by_their_extent(n_slices, quick):
+    thin = Volume(GOOD[:, :, :n_slices], PLACE)
+    words = f"moving image has 12 × 13 × {n_slices} voxels and spans 48 × 52 × {4 * n_slices} mm"
+    with pytest.raises(ValueError, match=words):
+        standard_scan(thin, Volume(GOOD, PLACE), quick=quick)
+
+
 def test_a_scan_that_is_elsewhere_is_refused():
     away = PLACE.copy()
     away[:3, 3] = 5000

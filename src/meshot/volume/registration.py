@@ -2,7 +2,7 @@
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -15,6 +15,8 @@ with needing("cortex"):
 
 #: ITK counts x and y the other way (LPS); the matrix is its own inverse.
 LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
+#: Blocks of voxels along each axis that ITK needs to smooth an image.
+_FEWEST_BLOCKS = 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +72,7 @@ def register_affine(moving: Volume, fixed: Volume, seed: int = 0, quick: bool = 
     Raises
     ------
     ValueError
-        If one of the images is constant, or the search leaves no overlap.
+        If one of the images is constant or has too few voxels along an axis, or the search leaves no overlap.
 
     References
     ----------
@@ -103,6 +105,8 @@ def register_rigid(moving: Volume, fixed: Volume, seed: int = 0) -> Float[Array,
 def _registered(moving: Volume, fixed: Volume, seed: int, search: _Search, find: Callable) -> SimpleITK.Transform:
     _require_contrast(moving, "moving")
     _require_contrast(fixed, "fixed")
+    for volume, name in ((moving, "moving"), (fixed, "fixed")):
+        _require_blocks(volume, name, search.averaged_mm)
     images = [_averaged(_as_image(volume), search.averaged_mm) for volume in (fixed, moving)]
     with _one_thread():
         return find(*images, seed, search)
@@ -175,7 +179,12 @@ def _shrink_factors(image: SimpleITK.Image, voxels_mm: tuple[float, ...]) -> lis
 
 def _averaged(image: SimpleITK.Image, voxels_mm: float) -> SimpleITK.Image:
     """The means of blocks of about this size."""
-    return SimpleITK.BinShrink(image, [max(1, round(voxels_mm / size)) for size in image.GetSpacing()])
+    return SimpleITK.BinShrink(image, _block_shape(image.GetSpacing(), voxels_mm))
+
+
+def _block_shape(sizes: Iterable[float], voxels_mm: float) -> list[int]:
+    """How many voxels of these sizes make a block of about this size, along each axis."""
+    return [max(1, round(voxels_mm / size)) for size in sizes]
 
 
 def _as_image(volume: Volume) -> SimpleITK.Image:
@@ -201,3 +210,13 @@ def _as_matrix(transform: SimpleITK.AffineTransform | SimpleITK.Euler3DTransform
 def _require_contrast(volume: Volume, name: str) -> None:
     if volume.data.min() == volume.data.max():
         raise ValueError(f"the {name} image is {volume.data.flat[0]} everywhere: there is nothing to register")
+
+
+def _require_blocks(volume: Volume, name: str, voxels_mm: float) -> None:
+    blocks = np.array(volume.data.shape) // _block_shape(voxel_sizes(volume), voxels_mm)
+    if blocks.min() < _FEWEST_BLOCKS:
+        extent = " × ".join(f"{length:.3g}" for length in volume.data.shape * voxel_sizes(volume))
+        raise ValueError(
+            f"the {name} image has {' × '.join(map(str, volume.data.shape))} voxels and spans {extent} mm: it is too "
+            "thin to be registered; give the image of a whole head"
+        )
