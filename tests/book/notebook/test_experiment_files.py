@@ -45,7 +45,9 @@ def test_chapters_find_experiments_by_name(root):
     asked = {name for text in chapters for name in re.findall(r'experiment_folder\("(\w+)"\)', text)}
     known = {line.split()[1].split("/")[0] for line in CHECKSUMS.read_text(encoding="utf-8").splitlines()}
     assert len(asked) > 15
-    assert asked <= known
+    # A chapter may ask whether the results of an experiment are there yet.
+    awaited = {file.parent.name for file in (root / "experiments").glob("*/run.py")} - known
+    assert asked <= known | awaited
 
 
 def test_a_checkout_has_the_files(root, monkeypatch, tmp_path):
