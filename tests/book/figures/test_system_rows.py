@@ -1,10 +1,5 @@
 """The steps of every system: all weights stand in one box, and what is fitted to settings follows them."""
 
-import matplotlib
-
-matplotlib.use("agg")
-
-import matplotlib.pyplot as plt
 import pytest
 
 from meshot.model.deformation import DeformationNetwork
@@ -13,7 +8,6 @@ from meshot.systems.corticalflow.blocks import FlowBlock
 from meshot.systems.deepcsr.network import DistanceNetwork
 from meshot.systems.vox2cortex.network import MeshNetwork
 from meshot_book.figures.cortex.system_rows import count_weights, system_steps
-from meshot_book.figures.cortex.systems import system_figure
 
 NAMES = ("classical", "deepcsr", "vox2cortex", "corticalflow", "cortexode", "ddot")
 
@@ -38,21 +32,6 @@ def test_the_weights_add_up(name, config):
     wanted = 1 if name == "classical" else count_weights(*networks(name, settings))
     assert sum(step.n_weights for step in steps) == wanted
     assert any("surface" in line for step in steps for line in step.lines)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_box_holds_its_text(name):
-    plt.rcParams["font.size"] = 14
-    figure = system_figure(system_steps(name, read_settings(get_system(name), "small")))
-    figure.canvas.draw()
-    (ax,) = figure.axes
-    boxes = [patch.get_window_extent() for patch in ax.patches]
-    for text, box in zip([text for text in ax.texts if text.get_text()], boxes):
-        inside = text.get_window_extent()
-        assert box.x0 < inside.x0
-        assert inside.x1 < box.x1
-        assert box.height > inside.height - 4
-    plt.close(figure)
 
 
 def test_steps_follow_the_settings():

@@ -7,6 +7,8 @@ matplotlib.use("agg")
 import matplotlib.pyplot as plt
 import pytest
 
+from meshot.systems import get_system, read_settings
+from meshot_book.figures.cortex.system_rows import system_steps
 from meshot_book.figures.cortex.systems import SystemStep, system_figure
 
 ROWS = [
@@ -45,9 +47,10 @@ def test_kinds_differ_in_dashes_or_width():
     assert len(looks) == 3
 
 
-def test_text_stays_in_its_box():
+@pytest.mark.parametrize("name", [None, "classical", "deepcsr", "vox2cortex", "corticalflow", "cortexode", "ddot"])
+def test_text_stays_in_its_box(name):
     plt.rcParams["font.size"] = 14
-    figure = system_figure(ROWS)
+    figure = system_figure(system_steps(name, read_settings(get_system(name), "small")) if name else ROWS)
     figure.canvas.draw()
     (ax,) = figure.axes
     boxes = [patch.get_window_extent() for patch in ax.patches]
