@@ -24,7 +24,7 @@ open("pairs.tsv", "w").write("predicted\\ttarget\\npredicted.ply\\tlh.white.surf
 """
 COHORT = """
 from importlib.resources import files
-text = (files("meshot.synth.cohorts") / "tiny.yaml").read_text()
+text = (files("meshot.synth.cohorts") / "tiny.yaml").read_text(encoding="utf-8")
 assert "split: {train: 0.5, test: 0.5}" in text
 open("two.yaml", "w").write(text.replace("test: 0.5", "validation: 0.5").replace("procedural_subjects: 1", ""))
 from meshot.synth.cohorts import read_recipe

@@ -29,7 +29,7 @@ _INDEXING = (
 @functools.cache
 def unchecked_operations() -> frozenset[str]:
     """The operations, with their overloads, whose devices are not compared before they begin."""
-    text = (Path(torchgen.__file__).parent / "packaged/ATen/native/native_functions.yaml").read_text()
+    text = (Path(torchgen.__file__).parent / "packaged/ATen/native/native_functions.yaml").read_text(encoding="utf-8")
     entries = re.findall(r"^- func: ([\w.]+)\((.*?)(?=^- func|\Z)", text, re.MULTILINE | re.DOTALL)
     return frozenset(f"aten::{name}" for name, entry in entries if "device_check: NoCheck" in entry)
 

@@ -29,7 +29,7 @@ def test_evaluate_prints_and_writes_what_the_function_finds(pair, tmp_path, caps
     assert main(["evaluate", *pair, *FEW, "--seed", "3", "--json", str(tmp_path / "found.json")]) == 0
     found = evaluate(*map(read_mesh, pair), n_points=2000, seed=3, n_emd_points=200)
     assert capsys.readouterr().out == f"{found}\n"
-    written = json.loads((tmp_path / "found.json").read_text())
+    written = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     assert written["metrics"] == found.as_dict()
     assert written["version"] == meshot.__version__
     assert written["settings"] == {"points": 2000, "emd_points": 200, "emd_blur": None, "seed": 3}
@@ -56,8 +56,8 @@ def test_a_table_of_pairs_is_answered_by_a_table(pair, tmp_path, capsys):
     assert main([*words, "--tsv", str(tmp_path / "found.tsv")]) == 0
     capsys.readouterr()
     assert main(words) == 0
-    assert capsys.readouterr().out == (tmp_path / "found.tsv").read_text()
-    rows = list(csv.DictReader((tmp_path / "found.tsv").read_text().splitlines(), dialect="excel-tab"))
+    assert capsys.readouterr().out == (tmp_path / "found.tsv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader((tmp_path / "found.tsv").read_text(encoding="utf-8").splitlines(), dialect="excel-tab"))
     found = evaluate(*map(read_mesh, pair), n_points=2000, seed=3, n_emd_points=200)
     assert len(rows) == 2
     assert float(rows[1]["assd"]) == found.assd.value

@@ -80,10 +80,14 @@ def test_a_full_gpu_ends_a_reconstruction_with_exit_status_2(monkeypatch, tmp_pa
 def test_all_results_were_computed_on_processors(root):
     """The guide says so."""
     files = (root / "experiments").rglob("*.json")
-    versions = [json.loads(file.read_text()).get("versions", {}).get("torch") for file in files if _is_record(file)]
+    versions = [
+        json.loads(file.read_text(encoding="utf-8")).get("versions", {}).get("torch")
+        for file in files
+        if _is_record(file)
+    ]
     assert len(versions) > 20
     assert all(version.endswith("+cpu") for version in versions)
 
 
 def _is_record(file):
-    return '"torch": "' in file.read_text()
+    return '"torch": "' in file.read_text(encoding="utf-8")

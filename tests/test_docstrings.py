@@ -45,7 +45,10 @@ def wrong(source: str) -> Iterator[str]:
 
 
 def test_every_argument_is_named_once(root):
-    found = {str(path.relative_to(root)): list(wrong(path.read_text())) for path in (root / "src").rglob("*.py")}
+    found = {
+        str(path.relative_to(root)): list(wrong(path.read_text(encoding="utf-8")))
+        for path in (root / "src").rglob("*.py")
+    }
     assert len(found) > 300
     assert {path: lines for path, lines in found.items() if lines} == {}
 

@@ -179,5 +179,5 @@ def test_a_file_is_whole_or_absent(tmp_path):
     with whole_file(path) as temporary:
         assert temporary.suffix == ".json"
         temporary.write_text("whole")
-    assert path.read_text() == "whole"
+    assert path.read_text(encoding="utf-8") == "whole"
     assert list(path.parent.iterdir()) == [path]

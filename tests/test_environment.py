@@ -19,7 +19,7 @@ CONDA_ONLY = {"python", "pip", "make", "setuptools"}
 
 
 def declared(root: Path) -> dict[str, Requirement]:
-    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     lines = [*project["dependencies"], *(line for extra in project["optional-dependencies"].values() for line in extra)]
     requirements = [r for r in map(Requirement, lines) if r.name != "meshot"]  # an extra may hold another
     assert len({canonicalize_name(r.name) for r in requirements}) == len(requirements), "a dependency is declared twice"
@@ -53,11 +53,13 @@ def disagreements(wanted: dict[str, Requirement], others: dict[str, Requirement]
 
 
 def test_conda_and_pyproject_agree(root):
-    assert disagreements(declared(root), conda_requirements((root / "environment.yml").read_text())) == []
+    assert (
+        disagreements(declared(root), conda_requirements((root / "environment.yml").read_text(encoding="utf-8"))) == []
+    )
 
 
 def test_lock_holds_every_dependency_within_its_range(root):
-    versions = locked((root / "requirements.lock").read_text())
+    versions = locked((root / "requirements.lock").read_text(encoding="utf-8"))
     for name, requirement in declared(root).items():
         assert versions.get(name), f"{name} is not locked: make lock"
         assert all(requirement.specifier.contains(version) for version in versions[name]), name
@@ -65,7 +67,7 @@ def test_lock_holds_every_dependency_within_its_range(root):
 
 
 def test_lock_names_no_host_and_no_cuda(root):
-    text = (root / "requirements.lock").read_text()
+    text = (root / "requirements.lock").read_text(encoding="utf-8")
     assert not re.search(r"://|--|@ ", text)
     assert not re.search(r"^(nvidia|cuda|triton)", text, re.MULTILINE)
 
@@ -93,7 +95,7 @@ def import_names(lines: list[str]) -> set[str]:
 
 
 def test_the_package_imports_what_it_declares_and_nothing_else(root):
-    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
     wanted = import_names(project["dependencies"] + extras["cortex"] + extras["bids"])
     used = set()
@@ -139,7 +141,7 @@ NEEDED = {
 
 
 def lacking(root: Path) -> set[str]:
-    extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    extras = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     return import_names(extras["cortex"] + extras["bids"])
 
 
@@ -166,6 +168,6 @@ def test_what_needs_an_extra_names_it(root):
     [("numpy >=2.1,<3", "numpy >=2.0,<3", ["numpy"]), ("  - tqdm >=4.66,<5\n", "", ["tqdm"])],
 )
 def test_a_difference_is_seen(root, old, new, expected):
-    text = (root / "environment.yml").read_text()
+    text = (root / "environment.yml").read_text(encoding="utf-8")
     assert old in text
     assert disagreements(declared(root), conda_requirements(text.replace(old, new))) == expected

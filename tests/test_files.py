@@ -28,7 +28,7 @@ def test_a_folder_is_whole_or_absent(tmp_path):
         fill(path, error=RuntimeError())
     assert list(path.parent.iterdir()) == []
     fill(path)
-    assert (path / "a").read_text() == "new"
+    assert (path / "a").read_text(encoding="utf-8") == "new"
     assert list(path.parent.iterdir()) == [path]
 
 
@@ -74,7 +74,7 @@ def test_what_was_there_comes_back_where_the_new_one_cannot_take_its_place(tmp_p
     monkeypatch.setattr(os, "rename", rename)
     with pytest.raises(OSError, match="no room"):
         fill(tmp_path / "out", replace=True)
-    assert (tmp_path / "out" / "a").read_text() == "old"
+    assert (tmp_path / "out" / "a").read_text(encoding="utf-8") == "old"
     assert list(tmp_path.iterdir()) == [tmp_path / "out"]
 
 
@@ -89,14 +89,14 @@ def test_a_file_can_be_read_by_whom_the_umask_says_whoever_wrote_it(tmp_path):
     with whole_file(tmp_path / "out") as temporary:
         temporary.write_text("new")
         temporary.chmod(0o600)
-    assert (tmp_path / "out").read_text() == "new"
+    assert (tmp_path / "out").read_text(encoding="utf-8") == "new"
     assert (tmp_path / "out").stat().st_mode == (tmp_path / "usual").stat().st_mode
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def holding(path):
     """What a folder holds, or what a file says."""
-    return sorted(f.name for f in path.iterdir()) if path.is_dir() else path.read_text()
+    return sorted(f.name for f in path.iterdir()) if path.is_dir() else path.read_text(encoding="utf-8")
 
 
 def make_file(path):
@@ -251,7 +251,7 @@ def test_what_a_living_run_writes_is_not_removed(tmp_path):
             temporary.touch()
         assert len(list(tmp_path.glob(".writing-*"))) == 1
         other.communicate(b"\n")
-    assert (tmp_path / "slow").read_text() == "whole"
+    assert (tmp_path / "slow").read_text(encoding="utf-8") == "whole"
     assert holding(tmp_path) == ["fast", "slow"]
 
 

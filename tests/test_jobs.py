@@ -48,7 +48,7 @@ def test_rows_come_in_order_with_their_seconds(run, tmp_path):
 def test_a_stopped_run_goes_on_and_ends_alike(run, tmp_path, cut):
     whole, partial, seen = tmp_path / "whole.jsonl", tmp_path / "partial.jsonl", []
     expected = run(TASKS, work, whole)
-    lines = whole.read_text().splitlines(keepends=True)
+    lines = whole.read_text(encoding="utf-8").splitlines(keepends=True)
     partial.write_text("".join(lines[:2]) + lines[2][:cut])  # killed while it wrote the third
 
     def watched(task):
@@ -111,7 +111,9 @@ def test_a_task_may_be_any_json(run, tmp_path):
     for _ in range(2):
         rows = run(tasks, lambda task: [task], tmp_path / "partial.jsonl")
         assert [row["found"] for row in rows] == [[task] for task in tasks]
-    assert [json.loads(line)["task"] for line in (tmp_path / "partial.jsonl").read_text().splitlines()] == tasks
+    assert [
+        json.loads(line)["task"] for line in (tmp_path / "partial.jsonl").read_text(encoding="utf-8").splitlines()
+    ] == tasks
 
 
 def test_what_is_not_json_is_refused_before_it_is_kept(run, tmp_path):

@@ -38,7 +38,7 @@ torch.set_num_threads(1)
 lines = meshot.random_directions(3, 3, 0)
 
 def held(field):
-    rows = Path("/proc/self/status").read_text().splitlines()
+    rows = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     return next(int(row.split()[1]) for row in rows if row.startswith(field)) / 1024
 
 def cloud(seed, n):

@@ -196,7 +196,7 @@ def test_nbval_passes_an_unaltered_copy(opening):
 
 
 def test_nbval_sees_one_altered_number(opening):
-    notebook = json.loads(opening.read_text())
+    notebook = json.loads(opening.read_text(encoding="utf-8"))
     output = notebook["cells"][-1]["outputs"][0]
     holder = output if "text" in output else output["data"]
     key = "text" if "text" in output else "text/plain"

@@ -98,7 +98,7 @@ def test_no_record_names_its_machine(monkeypatch):
 
 
 def test_records_from_before_the_processor_was_noted_are_read(written):
-    old = json.loads(written.read_text())
+    old = json.loads(written.read_text(encoding="utf-8"))
     del old["processor"]
     written.write_text(json.dumps(old))
     assert provenance_lines(read_results(written)).splitlines()[3] == f"took      12.3 s on {old['machine']}"
@@ -114,7 +114,7 @@ def test_bad_results_are_refused(tmp_path, written):
     with pytest.raises(ValueError, match="does not exist"):
         read_results(tmp_path / "none.json")
     half = tmp_path / "half.json"
-    half.write_text(written.read_text()[:-40])
+    half.write_text(written.read_text(encoding="utf-8")[:-40], encoding="utf-8")
     with pytest.raises(ValueError, match="not whole JSON"):
         read_results(half)
     poor = tmp_path / "poor.json"

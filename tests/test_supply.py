@@ -86,7 +86,7 @@ def test_the_bill_names_every_package_and_repeats():
 
 def test_the_bill_is_written(tmp_path, capsys):
     sbom.main(str(tmp_path / "new" / "sbom.json"))
-    assert json.loads((tmp_path / "new" / "sbom.json").read_text())["version"] == 1
+    assert json.loads((tmp_path / "new" / "sbom.json").read_text(encoding="utf-8"))["version"] == 1
 
 
 SAFE = json.dumps({"dependencies": [{"name": "a", "version": "1", "vulns": []}]})

@@ -24,7 +24,7 @@ if __name__ == "__main__":
 def runs(pid: int) -> bool:
     """Whether a process is there, and more than an entry that nobody has asked for yet."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] not in "ZX"
     except OSError:
         return False
 

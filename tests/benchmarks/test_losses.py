@@ -120,12 +120,12 @@ def test_the_torus_is_a_mesh_of_as_many_vertices(part):
 
 
 def test_pins_are_exact_and_outside_the_lock(root):
-    lines = (root / "benchmarks" / "requirements.txt").read_text().splitlines()
+    lines = (root / "benchmarks" / "requirements.txt").read_text(encoding="utf-8").splitlines()
     pinned = [Requirement(line) for line in lines if line and not line.startswith("#")]
     assert {"ott-jax", "jax", "jaxlib", "pykeops"} <= {requirement.name for requirement in pinned}
     assert all(re.fullmatch(r"==[\d.]+", str(requirement.specifier)) for requirement in pinned)
-    locked = (root / "requirements.lock").read_text().lower()
-    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    locked = (root / "requirements.lock").read_text(encoding="utf-8").lower()
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     for requirement in pinned:
         assert f"\n{requirement.name.lower()}==" not in locked
         assert not any(Requirement(line).name == requirement.name for line in project["dependencies"])

@@ -19,7 +19,9 @@ def test_large_pictures_become_lighter_and_stay_linked(tmp_path):
     (tmp_path / "a.html").write_text('<img src="_images/large.png"><img src="_images/small.png">')
     before = (tmp_path / "_images" / "large.png").stat().st_size
     lighten(tmp_path)
-    assert (tmp_path / "a.html").read_text() == '<img src="_images/large.webp"><img src="_images/small.png">'
+    assert (tmp_path / "a.html").read_text(
+        encoding="utf-8"
+    ) == '<img src="_images/large.webp"><img src="_images/small.png">'
     assert {file.name for file in (tmp_path / "_images").iterdir()} == {"large.webp", "small.png"}
     assert (tmp_path / "_images" / "large.webp").stat().st_size < before
 
@@ -34,7 +36,7 @@ def test_icons_come_from_the_font_alone(tmp_path):
         '<script defer src="../_static/scripts/fontawesome.js?digest=1"></script><script src="b.js"></script>'
     )
     drop_icon_script(tmp_path)
-    assert page.read_text() == '<script src="b.js"></script>'
+    assert page.read_text(encoding="utf-8") == '<script src="b.js"></script>'
     assert not script.exists()
 
 
@@ -42,7 +44,7 @@ def test_references_are_no_list_without_items(tmp_path):
     page = tmp_path / "references.html"
     page.write_text('<div role="list" class="citation-list">x</div>')
     mend_roles(tmp_path)
-    assert page.read_text() == '<div class="citation-list">x</div>'
+    assert page.read_text(encoding="utf-8") == '<div class="citation-list">x</div>'
 
 
 def test_a_long_signature_becomes_blocks(tmp_path):
@@ -51,7 +53,7 @@ def test_a_long_signature_becomes_blocks(tmp_path):
     page.write_text('<dl><dt class="sig sig-object">f(<dl><dd>x</dd></dl>)</dt><dd>words</dd></dl>')
     mend_signatures(tmp_path)
     blocks = '<div class="sig-parameters"><div>x</div></div>'
-    assert page.read_text() == f'<dl><dt class="sig sig-object">f({blocks})</dt><dd>words</dd></dl>'
+    assert page.read_text(encoding="utf-8") == f'<dl><dt class="sig sig-object">f({blocks})</dt><dd>words</dd></dl>'
 
 
 @pytest.mark.parametrize(

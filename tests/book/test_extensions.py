@@ -150,7 +150,7 @@ def test_a_question_is_answered_from_the_keyboard(chapter):
 )
 def test_a_link_to_nothing_stops_the_build(run, tmp_path, capfd, before, after, said):
     notebook = tmp_path / "10_trial.ipynb"
-    notebook.write_text(run.read_text().replace(before, after, 1))
+    notebook.write_text(run.read_text(encoding="utf-8").replace(before, after, 1), encoding="utf-8")
     assert build.render(assemble(tmp_path / "source", notebook), tmp_path / "html") == 1
     assert said in capfd.readouterr().err
 
@@ -180,10 +180,10 @@ def test_text_is_taken_over_and_changed_code_is_not(run, tmp_path):
     for file in run.parent.iterdir():
         shutil.copy(file, tmp_path)
     source = tmp_path / "10_trial.md"
-    source.write_text(source.read_text().replace("This chapter shows", "Here is"))
+    source.write_text(source.read_text(encoding="utf-8").replace("This chapter shows", "Here is"), encoding="utf-8")
     told = retold_notebook(source)
     assert told.cells[0].source.startswith("# A trial\n\nHere is")
     assert [c.get("outputs") for c in told.cells] == [c.get("outputs") for c in nbformat.read(run, 4).cells]
-    source.write_text(source.read_text().replace("== 0", "== 1 - 1"))
+    source.write_text(source.read_text(encoding="utf-8").replace("== 0", "== 1 - 1"), encoding="utf-8")
     with pytest.raises(ValueError, match="code cell 4 has changed; run it"):
         retold_notebook(source)

@@ -87,5 +87,5 @@ def test_a_status_must_be_one_of_the_seven():
 
 
 def test_every_judge_has_a_claim(root):
-    claims = (root / "book" / "claims.yaml").read_text()
+    claims = (root / "book" / "claims.yaml").read_text(encoding="utf-8")
     assert all(f"- id: {number}\n" in claims for number in RULES)

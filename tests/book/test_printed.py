@@ -83,7 +83,7 @@ def test_no_chapter_is_said(tmp_path):
 
 def test_the_book_is_one_document_with_links_within(html):
     document = write_document(html)
-    text = document.read_text()
+    text = document.read_text(encoding="utf-8")
     assert 'href="#20_other--there"' in text
     assert 'id="20_other--there"' in text
     assert 'id="10_trial--fig-a"' in text

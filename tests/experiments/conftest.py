@@ -63,7 +63,7 @@ def phantom_place(tmp_path_factory):
     """A phantom cohort with its initial surfaces: the true ones without folds, half a millimetre too small."""
     place = tmp_path_factory.mktemp("ddot")
     cohort = write_phantom_cohort(place / "alpha", ["train", "train", "validation", "test", "test", "test"])
-    table = (cohort / "participants.tsv").read_text().splitlines()
+    table = (cohort / "participants.tsv").read_text(encoding="utf-8").splitlines()
     table[-1] = table[-1].replace("template", "procedural")
     (cohort / "participants.tsv").write_text("\n".join(table) + "\n")
     network = SegmentationNetwork(2, 1, generator=0)

@@ -360,7 +360,7 @@ def test_pairs_are_aligned_before_they_are_compared(part, whole, results):
 def test_tables_are_made_anew_from_the_rows(part, whole, results, tmp_path):
     shutil.copytree(whole / "out", tmp_path / "out")
     output = tmp_path / "out" / "results.json"
-    record = json.loads(output.read_text())
+    record = json.loads(output.read_text(encoding="utf-8"))
     for name in part("tables").TABLES:
         record["results"][name] = []
     output.write_text(json.dumps(record))
@@ -394,7 +394,7 @@ def test_what_is_missing_is_named_and_measured_later(part, place, capsys, monkey
 
 def test_trainings_of_another_protocol_are_refused(part, place):
     run, words = part("run"), words_of(place)
-    config = yaml.safe_load((place / "config.yaml").read_text())
+    config = yaml.safe_load((place / "config.yaml").read_text(encoding="utf-8"))
     written(place, config | {"budget": {"epochs": 3, "reference": "ddot"}})
     with pytest.raises(ValueError, match="alpha_left_ddot_steps_0 was trained with other settings than the protocol's"):
         run.main([*words, "-o", str(place / "out" / "results.json")])

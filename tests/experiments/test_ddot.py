@@ -144,7 +144,7 @@ def test_a_training_that_fails_or_is_taken_does_not_stop_the_others(part, place,
     (place / "config.yaml").write_text(yaml.safe_dump(config))
     assert train.main([*words, "--jobs", "2", "--only", "*_0"]) == 1
     assert "failed: alpha_left_cortexode_0;" in capfd.readouterr().err
-    assert "is not finite" in (place / "state" / "alpha_left_cortexode_0" / "output.txt").read_text()
+    assert "is not finite" in (place / "state" / "alpha_left_cortexode_0" / "output.txt").read_text(encoding="utf-8")
     assert {file.stem for file in (place / "weights").glob("*.json")} == {"alpha_left_ddot_0"}
     taken = trainings.wanted(config, ["alpha_left_ddot_1"])[0]
     with processes.alone(taken.state(config)):
@@ -311,7 +311,7 @@ def test_networks_that_cannot_be_compared_are_refused(part, place):
     run.require_fair([fair, fair | {"name": "b"}, fair | {"side": "right", "data": 2}])
     with pytest.raises(ValueError, match="b learned from other data than a"):
         run.require_fair([fair, fair | {"name": "b", "data": 2}])
-    record = json.loads(each.kept(config, ".json").read_text())
+    record = json.loads(each.kept(config, ".json").read_text(encoding="utf-8"))
     del record["config"]["loss"]["p"]  # a name that came later
     each.kept(config, ".json").write_text(json.dumps(record))
     assert trainings.record_of(each, config)["results"]["best_step"] > 0
@@ -448,7 +448,7 @@ def test_the_ledger_names_the_experiment_once_it_has_results(root):
 
 
 def test_the_kept_hemisphere_is_the_first_of_the_test_split(part, place):
-    content = yaml.safe_load((place / "config.yaml").read_text())
+    content = yaml.safe_load((place / "config.yaml").read_text(encoding="utf-8"))
     content["cohorts"] = {"oasis_like": content["cohorts"]["alpha"]}
     (place / "config.yaml").write_text(yaml.safe_dump(content))
     assert part("hold_out").main(["--config", str(place / "config.yaml"), "-o", str(place / "kept.safetensors")]) == 0
@@ -498,7 +498,7 @@ def test_descent_directions_of_a_shifted_sphere_are_known(part):
 
 
 def test_descent_directions_are_measured_on_validation_subjects(part, place):
-    content = yaml.safe_load((place / "config.yaml").read_text())
+    content = yaml.safe_load((place / "config.yaml").read_text(encoding="utf-8"))
     content["descent_directions"] |= {"n_faces": 200, "losses": {"a": {"n_directions": 5}, "b": {"loss": "chamfer"}}}
     (place / "config.yaml").write_text(yaml.safe_dump(content))
     assert (

@@ -50,9 +50,9 @@ def test_what_is_finished_is_not_done_again_and_a_failure_ends_the_others(as_pyt
     write = f"import os; open({str(log)!r}, 'a').write(os.environ['OMP_NUM_THREADS']); open({str(new)!r}, 'w')"
     steps = [step_that(part, "first", done, "raise SystemExit(5)"), step_that(part, "second", new, write)]
     assert as_python.run_stage(steps, 2) == 0
-    assert (new.exists(), log.read_text()) == (True, "1")
+    assert (new.exists(), log.read_text(encoding="utf-8")) == (True, "1")
     assert as_python.run_stage(steps, 2) == 0
-    assert log.read_text() == "1"
+    assert log.read_text(encoding="utf-8") == "1"
     assert capsys.readouterr().out.count("second: meshot") == 1
     slow = step_that(part, "slow", tmp_path / "never", "import time; time.sleep(60)")
     bad = step_that(part, "bad", tmp_path / "never", "raise SystemExit(5)")

@@ -91,7 +91,9 @@ def test_the_best_rate_of_each_reading_is_trained_to_the_end(part, place, monkey
 
 def test_a_rate_without_an_end_is_not_chosen(part, place, protocol):
     readings = part("readings")
-    own = yaml.safe_load((place / "readings.yaml").read_text()) | {"rates": {"mm": [0.002, 1.0], "unit": []}}
+    own = yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8")) | {
+        "rates": {"mm": [0.002, 1.0], "unit": []}
+    }
     config = readings.configuration(own, "initial", {}, place / "state", place / "kept")
     (place / "kept").mkdir()
     found = {"n_steps": 2, "validations": [{"step": 2, "validation_loss": 0.3}]}
@@ -102,14 +104,14 @@ def test_a_rate_without_an_end_is_not_chosen(part, place, protocol):
 @pytest.fixture
 def diverging(part, place):
     """A configuration with one training whose loss overflows."""
-    readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text())
+    readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
     reading = {"system": "cortexode", "changes": ["loss.factor=1.0e+39"]}
     arms = {"cortexode_0.002": readings.arm_of(reading, 0.002, 5)}
     return readings.configuration(own, "initial", arms, place / "state", place / "kept")
 
 
 def test_a_reading_without_a_rate_is_refused(part, place, diverging):
-    readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text())
+    readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
     assert readings.trained(diverging, place / "rates.yaml", 1) == 0
     found = readings.scores(own | {"rates": {"mm": [0.002]}}, "cortexode", diverging)
     with pytest.raises(ValueError, match="cortexode: no rate kept a finite loss; give the reading smaller rates"):

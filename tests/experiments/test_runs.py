@@ -278,7 +278,7 @@ def test_a_killed_run_goes_on(name, tmp_path, monkeypatch, root):
         first, second = work.killed(run.main)
         assert first != second
         (partial,) = folder.rglob("*partial*" if name == "segmentation" else "*.jsonl")
-        assert len(partial.read_text().splitlines()) == 1
+        assert len(partial.read_text(encoding="utf-8").splitlines()) == 1
         # The same tasks under other code begin anew.
         (folder / "more.py").write_text("")
         assert work.killed(run.main) == [first, second]

@@ -59,7 +59,7 @@ def _work(connection: Connection) -> None:
                 warnings.simplefilter("ignore")
                 with contextlib.suppress(ValueError):
                     KINDS[name][1](Path(folder) / name)
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
         limit = pages * resource.getpagesize() + BYTES
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
         connection.send("ready")

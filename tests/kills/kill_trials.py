@@ -114,7 +114,7 @@ def _marked(group: int, mark: str) -> Iterator[int]:
     """Living processes of a group, and those that bear a mark in their environment."""
     for entry in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
-            state = (entry / "stat").read_text().rpartition(")")[2].split()
+            state = (entry / "stat").read_text(encoding="utf-8").rpartition(")")[2].split()
             marked = f"{MARK}={mark}".encode() in (entry / "environ").read_bytes().split(b"\0")
             if state[0] not in "ZX" and (marked or int(state[2]) == group):
                 yield int(entry.name)

@@ -108,7 +108,7 @@ def test_a_freesurfer_surface_of_quadrangles(tmp_path):
 
 def gifti(tmp_path) -> str:
     write_mesh(tmp_path / "a.gii", icosphere(1))
-    return (tmp_path / "a.gii").read_text()
+    return (tmp_path / "a.gii").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ def test_an_entry_without_a_reason_is_refused(tmp_path):
 
 
 def test_what_is_mutated_is_there(root):
-    configuration = tomllib.loads((root / "tests/mutation/cosmic-ray.toml").read_text())["cosmic-ray"]
+    configuration = tomllib.loads((root / "tests/mutation/cosmic-ray.toml").read_text(encoding="utf-8"))["cosmic-ray"]
     assert len(configuration["module-path"]) == 6
     assert all((root / path).is_dir() for path in configuration["module-path"])
     assert (root / configuration["test-command"].split()[1]).is_file()

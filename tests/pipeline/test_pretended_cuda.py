@@ -112,7 +112,7 @@ def test_the_command_line_writes_the_same(bids, scan, bright, small, tmp_path, c
     for side in ("lh", "rh"):
         one, other = (read_mesh(folder / f"{side}.white") for folder in folders)
         torch.testing.assert_close(one.vertices, other.vertices, rtol=0, atol=1e-4)
-    reports = [json.loads((folder / "report.json").read_text()) for folder in folders]
+    reports = [json.loads((folder / "report.json").read_text(encoding="utf-8")) for folder in folders]
     assert reports[0]["warnings"] == reports[1]["warnings"]
     if bids:
         assert [row["status"] for row in read_subjects(tmp_path / "cuda")] == ["done"]

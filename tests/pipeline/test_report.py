@@ -105,7 +105,7 @@ def test_all_formats_hold_the_same_surface_where_the_scanner_saw_it(made):
 
 
 def test_the_numbers_are_those_of_the_files(made):
-    report = json.loads((made / "report.json").read_text())
+    report = json.loads((made / "report.json").read_text(encoding="utf-8"))
     assert report["scan"]["name"] == NAME
     assert report["system"] == "ddot"
     assert len(report["weights"]) == 3
@@ -121,14 +121,14 @@ def test_the_numbers_are_those_of_the_files(made):
         assert found["percentile_95"] == pytest.approx(np.percentile(distances, 95), abs=1e-3)
         assert 0.5 < found["mean"] < found["percentile_95"] < found["largest"] < 2.2
         assert numbers["final"]["volume_cm3"] == pytest.approx(4 / 3 * np.pi * 3.2**3, rel=0.05)
-    timing = json.loads((made / "timing.json").read_text())
+    timing = json.loads((made / "timing.json").read_text(encoding="utf-8"))
     assert timing == report["seconds"]
     assert list(timing["processor"])[-2:] == ["surfaces and numbers", "pictures"]
     assert len(timing["clock"]) == 8
 
 
 def test_the_transform_leads_to_the_standard_space_and_back(made):
-    transform = json.loads((made / "to_standard.json").read_text())
+    transform = json.loads((made / "to_standard.json").read_text(encoding="utf-8"))
     matrix = np.array(transform["matrix"])
     moved = [read_mesh(made / f"lh.{name}").vertices.numpy() for name in ("white", "initial")]
     # In the standard space the flow of these weights goes up by 2 mm.
@@ -172,7 +172,7 @@ def test_the_page_is_whole_in_itself(made, context, width, scheme):
 
 
 def test_the_page_says_what_the_numbers_say(made, context):
-    report = json.loads((made / "report.json").read_text())
+    report = json.loads((made / "report.json").read_text(encoding="utf-8"))
     with watched_page(context, made / "report.html") as (page, _):
         text = page.locator("main").text_content()
         rows = {r.split("\t")[0]: r.split("\t")[1:] for r in page.locator("tr").all_inner_texts()}
@@ -189,7 +189,7 @@ def test_warnings_stand_out_and_reach_the_command_line(place, made, monkeypatch,
     said = capsys.readouterr()
     assert "meshot: warning: it <looks> odd" in said.err
     assert "Not for clinical use" in said.out
-    page = (place / "odd" / "report.html").read_text()
+    page = (place / "odd" / "report.html").read_text(encoding="utf-8")
     assert "it &lt;looks&gt; odd" in page
     assert "the initial surfaces are the result" in page
     assert "crossed after the flow" not in page
@@ -218,7 +218,7 @@ def test_what_lies_outside_the_brain_mask_is_left_out(place, capsys):
     write_volume(place / "mask.nii.gz", mask)
     scan = ["reconstruct", str(place / "with_ball.nii.gz"), *own_weights(place), "--initial-only"]
     assert main([*scan, "-o", str(place / "masked"), "--brain-mask", str(place / "mask.nii.gz")]) == 0
-    assert json.loads((place / "masked" / "report.json").read_text())["brain_mask"] == "mask.nii.gz"
+    assert json.loads((place / "masked" / "report.json").read_text(encoding="utf-8"))["brain_mask"] == "mask.nii.gz"
     write_volume(place / "without_ball.nii.gz", head)
     scan[1] = str(place / "without_ball.nii.gz")
     assert main([*scan, "-o", str(place / "alone")]) == 0
@@ -230,7 +230,7 @@ def test_what_lies_outside_the_brain_mask_is_left_out(place, capsys):
 def test_without_opengl_the_page_says_so(place, quick, monkeypatch):
     monkeypatch.setattr(display, "usable_window", lambda: None)
     assert main(words(place, "plain")) == 0
-    page = (place / "plain" / "report.html").read_text()
+    page = (place / "plain" / "report.html").read_text(encoding="utf-8")
     assert "surfaces cannot be drawn" in page
     assert page.count("<img") == 1
 
@@ -252,7 +252,7 @@ def test_a_folder_in_the_way_is_kept_unless_it_is_an_earlier_reconstruction(plac
     (precious / "thesis.txt").write_text("years")
     assert main(words(place, "precious", "--overwrite")) == 2
     assert "holds no reconstruction" in last_line(capsys)
-    assert (precious / "thesis.txt").read_text() == "years"
+    assert (precious / "thesis.txt").read_text(encoding="utf-8") == "years"
     again = place / "again"
     again.mkdir()
     for name in ("report.json", "report.html", "left_over"):

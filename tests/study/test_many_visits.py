@@ -61,7 +61,7 @@ def test_a_failure_stays_alone_and_a_second_start_does_what_is_missing(
     earlier = [f"{label}: done by an earlier run" for label in ("sub-01_ses-a", "sub-01_ses-b", "sub-02")]
     assert sorted(lines[-4:])[:3] == earlier
     assert sorted(lines[-4:])[3].startswith("sub-03: done, with warnings: group_average")
-    log = (study / "logs" / "meshot.log").read_text()
+    log = (study / "logs" / "meshot.log").read_text(encoding="utf-8")
     assert log.count("registration") == 4
     assert {path: time for path, time in states(study).items() if path in before} == before
     assert [path.name for path in (study / "logs").iterdir()] == ["meshot.log"]
@@ -105,7 +105,7 @@ def test_of_two_runs_of_one_visit_the_first_to_end_is_taken(tmp_path, dataset, s
     monkeypatch.setattr(one_visit, "write_found", overtaken)
     if same:
         report = one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
-        assert report == json.loads((tmp_path / "study" / visit.label / "report.json").read_text())
+        assert report == json.loads((tmp_path / "study" / visit.label / "report.json").read_text(encoding="utf-8"))
     else:
         with pytest.raises(ValueError, match="made before with another scans"):
             one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
@@ -120,7 +120,7 @@ def test_a_folder_with_other_things_is_kept(tmp_path, dataset, settings, quick):
     again = one_visit.dataclasses.replace(settings, overwrite=True)
     with pytest.raises(ValueError, match="holds something else"):
         one_visit.reconstruct_visit(visit, tmp_path / "study", again)
-    assert precious.read_text() == "years"
+    assert precious.read_text(encoding="utf-8") == "years"
 
 
 def test_a_group_average_is_seen_and_strict_refuses_it(tmp_path, dataset, settings, quick):
@@ -242,7 +242,7 @@ def test_files_and_folders_of_scans_make_a_study(tmp_path, settings, quick, turn
     )
     for study in ("a", "b"):
         assert list(statuses(tmp_path / study)) == [("sub-one", None), ("sub-two", None)]
-    log = (tmp_path / "b" / "sub-one" / "scripts" / "meshot.log").read_text()
+    log = (tmp_path / "b" / "sub-one" / "scripts" / "meshot.log").read_text(encoding="utf-8")
     assert "registration: " in log
     assert "warning: the scan is like the average" in log
 
@@ -269,5 +269,5 @@ def test_bad_words_end_in_one_line(tmp_path, monkeypatch, capsys, settings, word
 
 def test_the_data_of_a_failure_are_kept_as_json(tmp_path, settings):
     reconstruct_study([Visit("01", "b", trouble="no <scan>")], tmp_path, settings, tell=lambda line: None)
-    record = json.loads((tmp_path / "logs" / "sub-01_ses-b_error.json").read_text())
+    record = json.loads((tmp_path / "logs" / "sub-01_ses-b_error.json").read_text(encoding="utf-8"))
     assert record == {"participant_id": "sub-01", "session_id": "ses-b", "error": "no <scan>", "scans": ""}

@@ -21,7 +21,7 @@ def test_the_log_has_a_line_for_each_visit_of_each_run(tmp_path, dataset, settin
     for _ in range(2):
         visits = visits_of_bids(dataset)
         reconstruct_study(visits, tmp_path / "study", settings, tell=lines.append, detail=True)
-    log = (tmp_path / "study" / "logs" / "meshot.log").read_text().splitlines()
+    log = (tmp_path / "study" / "logs" / "meshot.log").read_text(encoding="utf-8").splitlines()
     assert len(log) == 2 * (1 + 4 + 1)
     assert all(re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ", line) for line in log)
     said = [line.split(" ", 1)[1] for line in log]

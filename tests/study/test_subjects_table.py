@@ -48,7 +48,7 @@ def test_what_is_written_is_read_in_order(tmp_path):
     assert found[0]["seconds"] is None
     with (tmp_path / TABLE).open(encoding="utf-8") as file:
         head = next(csv.reader(file, dialect="excel-tab"))
-    described = json.loads((tmp_path / DICTIONARY).read_text())
+    described = json.loads((tmp_path / DICTIONARY).read_text(encoding="utf-8"))
     assert head == list(described) == columns()
     assert head[:3] == ["participant_id", "session_id", "status"]
     assert all(entry["Description"] for entry in described.values())

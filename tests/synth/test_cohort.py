@@ -118,7 +118,7 @@ def test_what_was_stopped_goes_on_and_ends_the_same(quick, tmp_path, monkeypatch
     # As a kill leaves it that even the clearing up does not survive: derivatives without their scan.
     (tmp_path / "c" / "derivatives" / "standard" / "sub-002" / "anat").mkdir(parents=True)
     assert list(make_cohort(RECIPE, tmp_path / "c")) == ["sub-002", "sub-p01"]
-    first, second = ((tmp_path / name / "manifest.json").read_text() for name in ("whole", "c"))
+    first, second = ((tmp_path / name / "manifest.json").read_text(encoding="utf-8") for name in ("whole", "c"))
     assert first == second
     assert json.loads(first)["processors"] == [processor()]
     assert list(make_cohort(RECIPE, tmp_path / "c")) == []
@@ -152,9 +152,9 @@ def test_digests_of_several_cohorts_are_kept_in_one_file(quick, tmp_path):
     list(make_cohort(dataclasses.replace(one, name="aside", seed=9), tmp_path / "d"))
     for folder in ("c", "d", "c"):
         keep_digests(tmp_path / "kept.json", tmp_path / folder)
-    kept = json.loads((tmp_path / "kept.json").read_text())
+    kept = json.loads((tmp_path / "kept.json").read_text(encoding="utf-8"))
     assert list(kept) == ["aside", "balls"]
-    whole = json.loads((tmp_path / "c" / "manifest.json").read_text())["scans"]["sub-001"]
+    whole = json.loads((tmp_path / "c" / "manifest.json").read_text(encoding="utf-8"))["scans"]["sub-001"]
     assert kept["balls"]["scans"] == {"sub-001": {key: whole[key] for key in ("split", "seed", "digest")}}
     assert kept["aside"]["scans"]["sub-001"]["digest"] != whole["digest"]
 
@@ -263,7 +263,7 @@ def test_the_command_makes_a_cohort_in_parallel(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "100%" in done.stderr
     assert [s.name for s in scans(tmp_path / "c")] == ["sub-001", "sub-p01"]
-    assert json.loads((tmp_path / "c" / "manifest.json").read_text())["recipe"] == "tiny"
+    assert json.loads((tmp_path / "c" / "manifest.json").read_text(encoding="utf-8"))["recipe"] == "tiny"
     assert read_volume(tmp_path / "c" / "sub-001" / "anat" / "sub-001_T1w.nii.gz").data.max() > 300
     again = _command("tiny", tmp_path / "c", "--subjects", "1", "--check")
     assert (again.returncode, again.stdout.strip()) == (0, "every file is as it was made")
@@ -295,7 +295,7 @@ def test_the_committed_subject_is_made_again_as_on_an_older_cpu(root, tmp_path):
         [sys.executable, "-c", code, "tiny", str(tmp_path)], env=old, capture_output=True, encoding="utf-8", check=False
     )
     assert done.returncode == 0, done.stderr
-    hashes = json.loads((tmp_path / "logs" / "sub-001.json").read_text())["hashes"]["sub-001"]
+    hashes = json.loads((tmp_path / "logs" / "sub-001.json").read_text(encoding="utf-8"))["hashes"]["sub-001"]
     kept = read_subject(root / "data_synth" / "sample", "sub-001").files()
     assert len(kept) == 8
     assert {path.name: content_hash(path) for path in kept} == {path.name: hashes[path.name] for path in kept}

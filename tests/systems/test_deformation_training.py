@@ -302,7 +302,7 @@ def test_everything_is_written_with_its_provenance(tmp_path, cohort):
         assert part.record["results"]["segmentation_sha256"]
         assert read_results(out / f"{name}.json")["config"]["training"] == part.record["training"]
         assert (out / f"{name}.png").stat().st_size > 5000
-        assert len((out / f"{name}.log.jsonl").read_text().splitlines()) == len(found.parts[name].log)
+        assert len((out / f"{name}.log.jsonl").read_text(encoding="utf-8").splitlines()) == len(found.parts[name].log)
     assert not same(*(part.network for part in again.parts.values()))
 
 
@@ -320,7 +320,7 @@ def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypa
     def record(now: str) -> dict:
         monkeypatch.setattr(results, "commit_of", lambda _: now)
         run_system_training(*words)
-        return json.loads((out / "left_white.json").read_text())
+        return json.loads((out / "left_white.json").read_text(encoding="utf-8"))
 
     def stop(*_: object) -> None:
         raise Kill

@@ -53,7 +53,7 @@ def test_a_system_finds_surfaces_by_its_name(tmp_path, monkeypatch):
         found = read_mesh(place / f"{side[0]}h.white.surf.gii")
         assert len(found.faces) == 20 * 4**5
         assert vertex_distances(found, mesh).mean() < 1.0
-    assert json.loads((out / "report.json").read_text())["system"] == "vox2cortex"
+    assert json.loads((out / "report.json").read_text(encoding="utf-8"))["system"] == "vox2cortex"
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -105,7 +105,7 @@ def test_a_page_shown_twice_comes_to_life_once(tmp_path, context):
     """Notebooks run the script of an output again when they show it again."""
     found = interactive({"a": icosphere(0), "b": icosphere(1)}, alt="two spheres")
     path = page_file(tmp_path, found)
-    path.write_text(path.read_text().replace("</body>", found.html + "</body>"))
+    path.write_text(path.read_text(encoding="utf-8").replace("</body>", found.html + "</body>"), encoding="utf-8")
     with watched_page(context, path) as (page, troubles):
         assert page.locator(".names").evaluate_all("e => e.map(x => x.childElementCount)") == [2, 0]
         assert troubles == []

@@ -173,7 +173,10 @@ def test_a_notebook_that_may_not_run_scripts_shows_the_still_and_says_what_to_do
 
 
 def test_a_narrow_screen_is_not_widened_and_dark_pages_keep_their_ground(file, context):
-    file.write_text(file.read_text().replace("<body>", "<body style='background:#14181e;color:#ced6dd'>"))
+    file.write_text(
+        file.read_text(encoding="utf-8").replace("<body>", "<body style='background:#14181e;color:#ced6dd'>"),
+        encoding="utf-8",
+    )
     with watched_page(context, file) as (page, troubles):
         page.set_viewport_size({"width": 400, "height": 800})
         started(page)

@@ -31,7 +31,7 @@ def test_a_single_volume_with_four_axes_is_taken_and_a_series_is_not(tmp_path):
     for n in (1, 2):
         nibabel.save(nibabel.Nifti1Image(np.zeros((3, 4, 5, n), np.float32), np.eye(4)), tmp_path / f"{n}.nii")
     assert read_volume(tmp_path / "1.nii").data.shape == (3, 4, 5)
-    with pytest.raises(ValueError, match="three axes"):
+    with pytest.raises(ValueError, match=r"2\.nii cannot be used: it has shape .*three axes"):
         read_volume(tmp_path / "2.nii")
 
 

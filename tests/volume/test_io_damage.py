@@ -123,7 +123,7 @@ BAD = {
 @pytest.mark.parametrize("name", BAD)
 def test_every_file_that_is_not_read_is_a_value_error(tmp_path, name):
     BAD[name](tmp_path / name)
-    with pytest.raises(ValueError, match=r"not a whole image that can be read|three axes"):
+    with pytest.raises(ValueError, match=r"not a whole image that can be read|cannot be used"):
         read_volume(tmp_path / name)
 
 
@@ -145,7 +145,7 @@ def test_bombs_are_not_unpacked(tmp_path, monkeypatch):
     (tmp_path / "large.nii.gz").write_bytes(gzip.compress((tmp_path / "a.nii").read_bytes()))
     with pytest.raises(ValueError, match="more than 4 MiB unpacked"):
         read_volume(tmp_path / "large.nii.gz")
-    with pytest.raises(ValueError, match="at most 512³ in all"):
+    with pytest.raises(ValueError, match="at most 512³ are read"):
         read_volume(tmp_path / "a.nii")
 
 

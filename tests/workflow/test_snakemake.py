@@ -29,7 +29,7 @@ def test_a_fresh_clone_has_nothing_to_do_and_a_changed_recipe_has(snakemake, fre
 
 def test_a_killed_workflow_goes_on_and_ends_the_same(snakemake, toy, tmp_path):
     pause = toy / "workflow/experiments.yaml"
-    text = pause.read_text()
+    text = pause.read_text(encoding="utf-8")
     pause.write_text(text.replace("&& echo sum", "&& sleep 30 && echo sum"))
     command = [sys.executable, "-m", "snakemake", "--cores", "2", "--nolock"]
     victim = subprocess.Popen(
@@ -44,10 +44,10 @@ def test_a_killed_workflow_goes_on_and_ends_the_same(snakemake, toy, tmp_path):
     assert (toy / "sum.txt").exists()
     found = snakemake(toy, "--nolock")
     assert found.returncode == 0, found.stdout
-    lines = (toy / "log.txt").read_text().split()
+    lines = (toy / "log.txt").read_text(encoding="utf-8").split()
     assert sorted(lines) == ["a", "b", "copy", "page", "sum"]
-    assert (toy / "page.txt").read_text() == "value: a\nvalue: b\nvalue: a\n"
+    assert (toy / "page.txt").read_text(encoding="utf-8") == "value: a\nvalue: b\nvalue: a\n"
     assert "Nothing to be done" in snakemake(toy, "--nolock").stdout
     # What waits for a request runs with one.
     assert snakemake(toy, "--nolock", "--config", "planned=yes").returncode == 0
-    assert (toy / "log.txt").read_text().split()[5:] == ["later"]
+    assert (toy / "log.txt").read_text(encoding="utf-8").split()[5:] == ["later"]

@@ -134,7 +134,10 @@ def test_turning_by_keyboard_hand_and_button(file, context):
 
 def test_a_finger_turns_and_the_page_does_not_scroll_away(tmp_path, player, context):
     path = page_file(tmp_path, player)
-    path.write_text(path.read_text().replace("</body>", "<div style='height:3000px'></div></body>"))
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("</body>", "<div style='height:3000px'></div></body>"),
+        encoding="utf-8",
+    )
     with watched_page(context, path) as (page, troubles):
         page.set_viewport_size({"width": 400, "height": 800})
         touch = page.context.new_cdp_session(page)

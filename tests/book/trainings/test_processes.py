@@ -35,7 +35,7 @@ def test_processes_are_named_when_they_fail_and_their_output_is_kept(tmp_path, m
     command = [sys.executable, "-c", COMMAND]
     assert processes.train_in_processes({name: tmp_path / name for name in names}, command, 2) == ["bad"]
     for name in names:
-        assert (tmp_path / name / processes.OUTPUT).read_text() == f"made {name}\n"
+        assert (tmp_path / name / processes.OUTPUT).read_text(encoding="utf-8") == f"made {name}\n"
 
 
 def test_a_folder_is_locked_against_others(tmp_path):

@@ -93,7 +93,7 @@ def test_the_command_writes_it_and_prints_its_distance(tmp_path, monkeypatch, ca
     write_volume(tmp_path / "head.nii.gz", bright_template())
     words = ["--system", "ddot", "--weights", str(weights), "--segmentation", str(weights / "segmentation.safetensors")]
     assert main(["reconstruct", str(tmp_path / "head.nii.gz"), "-o", str(tmp_path / "out"), *words, "--template"]) == 0
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    report = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
     said = capsys.readouterr().out
     for side, short in files.SHORT.items():
         mesh = read_mesh(tmp_path / "out" / f"{short}.fsaverage5.surf.gii")
@@ -105,4 +105,4 @@ def test_the_command_writes_it_and_prints_its_distance(tmp_path, monkeypatch, ca
         assert f"{side}: fsaverage5 carried to it lies {numbers['distance_mm']:.2f} mm away (ASSD)" in said
         assert torch.equal(mesh.faces, fsaverage5_surface("white", side).faces)
         assert f"template, {side}" in report["seconds"]["clock"]
-    assert "distance of fsaverage5 carried here" in (tmp_path / "out" / "report.html").read_text()
+    assert "distance of fsaverage5 carried here" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

@@ -115,7 +115,7 @@ def test_bids_derivatives_are_gifti_in_scanner_ras(written):
     require_balls(surfaces, shifted=True)
     labels = nibabel.load(anat / f"{start}_desc-whitematter_dseg.nii.gz")
     assert set(np.unique(np.asarray(labels.dataobj))) == {0, 1, 2}
-    said = json.loads((anat / f"{start}_desc-whitematter_dseg.json").read_text())
+    said = json.loads((anat / f"{start}_desc-whitematter_dseg.json").read_text(encoding="utf-8"))
     assert said["SpatialReference"] == said["Sources"][0]
     assert {"Description", "Manual"} < set(said)
     head = bright_head(labels.affine, labels.shape).data
@@ -127,14 +127,14 @@ def test_the_study_of_derivatives_is_described(tmp_path):
     layout = layout_named("bids")
     assert layout.folder(VISIT).as_posix() == "sub-01/ses-b"
     layout.begin(tmp_path, tmp_path.parent)
-    described = json.loads((tmp_path / "dataset_description.json").read_text())
+    described = json.loads((tmp_path / "dataset_description.json").read_text(encoding="utf-8"))
     assert described["DatasetType"] == "derivative"
     assert described["DatasetLinks"] == {"raw": ".."}
     # The validator does not apply a pattern that ends in a slash to folders further down.
-    assert {"report", "*_xfm.*", "*.surf.gii"} < set((tmp_path / ".bidsignore").read_text().split())
+    assert {"report", "*_xfm.*", "*.surf.gii"} < set((tmp_path / ".bidsignore").read_text(encoding="utf-8").split())
     (tmp_path / ".bidsignore").write_text("mine")
     layout.begin(tmp_path, None)
-    assert (tmp_path / ".bidsignore").read_text() == "mine"
+    assert (tmp_path / ".bidsignore").read_text(encoding="utf-8") == "mine"
 
 
 def test_itk_reads_the_transform(tmp_path):
