@@ -8,7 +8,7 @@ import numpy as np
 
 from meshot.files import whole_file
 from meshot.types import Array
-from meshot.volume.io_checks import affine_mm, checked_image
+from meshot.volume.io_checks import UnfitImageError, affine_mm, checked_image
 from meshot.volume.volume import Volume
 
 
@@ -27,6 +27,8 @@ def read_volume(path: str | os.PathLike) -> Volume:
     try:
         image = checked_image(path)
         data, affine = np.asarray(image.dataobj, dtype=np.float32), affine_mm(image)
+    except UnfitImageError as error:
+        raise ValueError(f"{path} cannot be used: {error}") from error
     except Exception as error:  # the parsers raise many types
         reason = str(error).removeprefix(f"{path} is ").removesuffix("; get the file again") or type(error).__name__
         raise ValueError(f"{path} is not a whole image that can be read ({reason}); get the file again") from error

@@ -19,27 +19,33 @@ _MM = {"meter": 1e3, "mm": 1.0, "micron": 1e-3, "unknown": 1.0}
 _FLAT = (nibabel.AnalyzeImage, nibabel.MGHImage)
 
 
+class UnfitImageError(ValueError):
+    """The file is a whole image, but not one that can be used here. The message says what it holds."""
+
+
 def checked_image(path: Path) -> nibabel.spatialimages.SpatialImage:
     """Open an image, check its header, and return it with its voxels not yet read.
 
     Raises
     ------
     ValueError
-        If a compressed stream is damaged or unpacks to more than 512 MiB; if there are more than 512³ voxels, or more
-        than fit into the file; if it is a surface or a series, or contains colours or complex numbers.
+        If a compressed stream is damaged or unpacks to more than 512 MiB, or more voxels are declared than fit into the
+        file.
+    UnfitImageError
+        If there are more than 512³ voxels, it is a surface or a series, or it contains colours or complex numbers.
     """
     n_bytes = unpacked_size(path, LARGEST_BYTES)
     _require_room_for_extensions(path, n_bytes)
     image = nibabel.load(path)
     if not isinstance(image, nibabel.spatialimages.SpatialImage):
-        raise ValueError(f"it holds a {type(image).__name__}, no image on a grid")
+        raise UnfitImageError(f"it holds a {type(image).__name__}, no image on a grid")
     shape, kind = image.shape, image.get_data_dtype()
     if len(shape) != 3 and not (len(shape) == 4 and shape[3] == 1):
-        raise ValueError(f"it has shape {shape}; three axes are needed: take one image out of a series first")
+        raise UnfitImageError(f"it has shape {shape}; three axes are needed: take one image out of a series first")
     if min(shape) < 1 or math.prod(shape) > LARGEST_VOXELS:
-        raise ValueError(f"it has shape {shape}; at least one voxel along each axis and at most 512³ in all are read")
+        raise UnfitImageError(f"it has shape {shape}; at least one voxel along each axis and at most 512³ are read")
     if kind.kind not in "biuf":
-        raise ValueError(
+        raise UnfitImageError(
             f"its voxels are {'complex numbers' if kind.kind == 'c' else kind}; one real number each is needed: take "
             "the magnitude, or one colour"
         )
@@ -79,18 +85,18 @@ def affine_mm(image: nibabel.spatialimages.SpatialImage) -> Float[Array, "4 4"]:
 
     Raises
     ------
-    ValueError
+    UnfitImageError
         If a NIfTI file does not specify its position, or its unit.
     """
     header = image.header
     if not isinstance(header, nibabel.Nifti1Header):
         return image.affine
     if not (header["sform_code"] > 0 or header["qform_code"] > 0):
-        raise ValueError("it has neither sform nor qform: it does not say where it lies; convert the scan again")
+        raise UnfitImageError("it has neither sform nor qform: it does not say where it lies; convert the scan again")
     try:
         unit = _MM[header.get_xyzt_units()[0]]
     except KeyError as error:
-        raise ValueError(
+        raise UnfitImageError(
             f"its unit of length has the code {int(header['xyzt_units']) % 8}; mm, m or µm is needed"
         ) from error
     return np.diag([unit, unit, unit, 1.0]) @ image.affine
