@@ -7,7 +7,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from bright_head import write_bright_weights
 from meshot.cli import main
 from meshot.pipeline import reconstruction
-from meshot.pipeline.quality_warnings import scan_warnings, volume_warnings
+from meshot.pipeline.quality_warnings import gap_in, scan_warnings, volume_warnings
 from meshot.pipeline.warning_table import warning_names
 from meshot.volume.io import write_volume
 from meshot.volume.standard import centre_of_mass, place_on_grid, standard_scan
@@ -90,6 +90,23 @@ def test_half_a_brain_and_the_brain_of_a_foetus_are_doubted():
     small = HEAD.affine.copy()
     small[:3] *= 0.45
     assert "bright_volume" in doubts(Volume(HEAD.data, small))
+
+
+def test_a_field_of_view_that_ends_inside_the_brain_is_doubted():
+    def without_the_lowest(n: int) -> set[str]:
+        """Of a brain that fills 18 layers of 6 mm between its rims."""
+        return doubts(HEAD.with_data(np.where(np.arange(SHAPE[2]) < 5 + n, 0, HEAD.data)), registered=False)
+
+    assert "gap" not in without_the_lowest(0)
+    assert "gap" in without_the_lowest(8)
+
+
+def test_a_gap_is_measured_in_mm3():
+    cut, even = HEAD.data.copy(), HEAD.with_data(INSIDE.astype(np.float32))
+    cut[15:18, 18:21, 15:17] = 0
+    assert gap_in(HEAD, even) == 0
+    assert gap_in(HEAD.with_data(cut), even) == pytest.approx(3 * 3 * 2 * SIZE**3)
+    assert gap_in(HEAD, HEAD.with_data(np.zeros(SHAPE))) == 0  # a template without a brain
 
 
 def test_strict_refuses_it_before_any_network_and_says_why(tmp_path, monkeypatch, capsys):

@@ -6,14 +6,14 @@ head, a head with its skull, inverted contrast, a mask, noise, and imitations of
 """
 
 import numpy as np
-from scipy.ndimage import affine_transform, binary_erosion
+from scipy.ndimage import affine_transform, binary_erosion, label
 
 from meshot.flow.crossings import RepairedSurface
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import signed_volume
 from meshot.pipeline.segmentation.surface import SegmentedSurface
-from meshot.types import Array, Float
-from meshot.volume import StandardScan, Volume, bright_volume
+from meshot.types import Array, Bool, Float
+from meshot.volume import StandardScan, Volume, bright_volume, voxel_sizes
 
 #: Scans of the synthetic cohorts reach .79 to .84; upside down, back to front or with inverted contrast, .71.
 LOWEST_AGREEMENT = 0.75
@@ -22,6 +22,12 @@ LOWEST_AGREEMENT = 0.75
 LOWEST_CONTRAST = 0.3
 #: Where the template is brighter than this share of its largest value, its brain is; its rim is left out.
 BRAIN_SHARE, RIM_VOXELS = 0.2, 3
+#: A voxel is empty below this share of what is bright inside the brain.
+EMPTY_SHARE = 0.02
+#: The largest piece of the template's brain where the scan is empty, in cm³: a person's scan has 0.01, most synthetic
+#: heads at most 0.3, one with a deep cut of the skull stripping 10; the person without the lowest 10, 20 and 30 mm has
+#: 6, 41 and 96.
+LARGEST_GAP_CM3 = 15.0
 #: Volume of the bright voxels, in cm³: whole brains have 690 to 1870, halves at most 695, heads with their skull 1970.
 BRIGHT_CM3 = (700.0, 1950.0)
 #: The largest of the three scales of the registration over the smallest: good scans have at most 1.09, most halves 1.35
@@ -103,6 +109,12 @@ def scan_warnings(scan: StandardScan, template: Volume) -> list[str]:
             f"inside the brain the scan differs from a T1 (correlation {contrast:.2f} with the template, "
             f"{LOWEST_CONTRAST} or more is usual): is it a T1, upright, and without its skull?"
         )
+    gap = gap_in(scan.volume, template) / 1000
+    if gap > LARGEST_GAP_CM3:
+        found.append(
+            f"{gap:.0f} cm³ of the template's brain lie in one piece where the scan is empty; {LARGEST_GAP_CM3:.0f} or "
+            "less are usual: does the field of view end inside the brain, or was a part cut away with the skull?"
+        )
     scales = np.linalg.svd(scan.to_standard[:3, :3], compute_uv=False)
     if scales.max() > LARGEST_STRETCH * scales.min():
         found.append(
@@ -143,8 +155,29 @@ def contrast_with(image: Volume, template: Volume) -> float:
         In the same space.
     """
     there = _on_grid(image, template)
-    brain = binary_erosion(there > BRAIN_SHARE * there.max(), iterations=RIM_VOXELS)
+    brain = _inner_brain(there)
     return _correlation(image.data[brain], there[brain])
+
+
+def gap_in(image: Volume, template: Volume) -> float:
+    """The volume of the largest connected part of the template's brain in which an image is empty, in mm³.
+
+    Parameters
+    ----------
+    image, template : Volume
+        In the same space.
+    """
+    brain = _inner_brain(_on_grid(image, template))
+    if not brain.any():
+        return 0.0
+    low = float(image.data.min())
+    parts, n_parts = label(brain & (image.data - low <= EMPTY_SHARE * (np.percentile(image.data[brain], 90) - low)))
+    return float(np.bincount(parts.ravel())[1:].max() * np.prod(voxel_sizes(image))) if n_parts else 0.0
+
+
+def _inner_brain(there: Float[Array, "x y z"]) -> Bool[Array, "x y z"]:
+    """Where the brain of the template is, without its rim."""
+    return binary_erosion(there > BRAIN_SHARE * there.max(), iterations=RIM_VOXELS)
 
 
 def _correlation(first: Array, second: Array) -> float:

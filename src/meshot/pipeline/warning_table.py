@@ -11,6 +11,7 @@ WORDS = {
     "bright_volume": "the bright part of the scan has",
     "agreement": "the registered scan and the template agree poorly",
     "contrast": "inside the brain the scan differs from a T1",
+    "gap": "of the template's brain lie in one piece where the scan is empty",
     "stretch": "the registration stretches one direction",
     "scale": "the registration scales the scan by",
     "mirrored": "the registration mirrors the scan",
