@@ -132,7 +132,7 @@ def main(words: list[str] | None = None) -> int:
     protocol = read_config(asked.config)
     state, results, seconds = Path(protocol["state"]), {}, 0.0
     for start in STARTS:
-        config = configuration(protocol, start, rate_arms(protocol, start), state, state / "kept")
+        config = configuration(protocol, start, rate_arms(protocol, start), state, Path(protocol["short"]))
         if start == "binary":
             subjects = [each for split in SPLITS for each in scans(config["cohorts"][protocol["cohort"]], split)]
             found = InitialSurfaces(protocol["binary"], segmentation_network(config))

@@ -43,7 +43,7 @@ def place(phantom_place, tmp_path, protocol):
         "rate_epochs": 5,
         "epochs": 10,
         "readings": readings,
-        **{key: str(tmp_path / key) for key in ("initial", "binary", "state", "weights")},
+        **{key: str(tmp_path / key) for key in ("initial", "binary", "state", "weights", "short")},
     }
     (tmp_path / "readings.yaml").write_text(yaml.safe_dump(own))
     return tmp_path
