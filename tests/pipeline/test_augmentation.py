@@ -85,6 +85,22 @@ def test_stretching_changes_volumes_within_its_bounds():
     assert 1.2**-3 < min(ratios) < 0.95 < 1.05 < max(ratios) < 0.8**-3
 
 
+def test_shrinking_makes_half_of_the_images_smaller_along_all_axes():
+    lines = torch.linspace(-1, 1, 41)
+    ball = (lines[:, None, None] ** 2 + lines[:, None] ** 2 + lines**2 < 0.5).float()[None]
+    both = torch.cat([ball, 1 - ball])
+    sizes = []
+    for seed in range(24):
+        image, truth = augmented(ball, both, seed, Augmentation(**STILL, shrink=0.3))
+        torch.testing.assert_close(image[0], truth[0])
+        lengths = [float((image[0] > 0.5).any(dim=d).any(dim=0).sum()) for d in (1, 2)]
+        assert abs(lengths[0] - lengths[1]) <= 1
+        sizes.append(float((image.sum() / ball.sum()) ** (1 / 3)))
+    assert 0.69 < min(sizes) < 0.8
+    assert max(sizes) == pytest.approx(1, abs=0.01)
+    assert 6 <= sum(size > 0.99 for size in sizes) <= 18
+
+
 def test_bending_moves_by_about_what_is_asked_and_smoothly():
     ramp = torch.arange(40.0)[:, None, None].expand(40, 40, 40)[None] / 100 + 0.3
     image, _ = augmented(ramp, torch.cat([ramp, ramp]), 3, Augmentation(**STILL, bend=2.0))
@@ -101,6 +117,7 @@ def test_bending_moves_by_about_what_is_asked_and_smoothly():
         ({"flip": 1.5}, "flip is 1.5"),
         ({"intensity": 1.0}, "intensity 1.0"),
         ({"stretch": 1.0}, "stretch 1.0"),
+        ({"shrink": 1.0}, "shrink is 1.0"),
         ({"shift": -1}, "shift is -1"),
         ({"turn": float("nan")}, "turn is nan"),
         ({"bend": -2.0}, "bend -2.0"),

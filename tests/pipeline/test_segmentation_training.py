@@ -190,7 +190,7 @@ def test_configurations_are_read_and_checked(tmp_path):
             read_segmentation_config(path)
     with pytest.raises(ValueError, match="does not exist"):
         read_segmentation_config(tmp_path / "none.yaml")
-    with pytest.raises(ValueError, match="the package has paper, small, tiny"):
+    with pytest.raises(ValueError, match="the package has paper, people, small, tiny"):
         read_segmentation_config("none")
 
 

@@ -97,6 +97,7 @@ def test_shapes_and_positions_get_their_knobs():
         ({"days": 0}, "days"),
         ({"n_lines": 0}, "n_lines"),
         ({"registration_mm": 3}, "registration_mm is 3"),
+        ({"standard": "magic"}, "standard is 'magic'"),
         ({"split": {"train": 0.5}}, "sum to one"),
         ({"split": {"train": 1.5, "test": -0.5}}, "sum to one"),
         ({"split": {"training": 1.0}}, "split names training"),

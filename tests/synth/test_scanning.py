@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from meshot.anatomy.placement import ENLARGEMENT, _template_moments, in_mni152, moments_of
 from meshot.mesh.geometry.areas import face_normals
+from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes.solids import icosphere
 from meshot.synth.cohorts.cohort import LABELS
 from meshot.synth.imaging import Appearance
@@ -117,6 +119,18 @@ def test_surfaces_go_to_the_standard_grid_and_come_back(position):
         volume = inside.data.sum() * abs(np.linalg.det(labels.affine[:3, :3]))
         shrink = np.linalg.det(standard.to_standard[:3, :3])
         assert volume == pytest.approx(4 / 3 * np.pi * 31**3 * shrink, rel=0.02)
+
+
+def test_the_true_white_matter_may_place_a_scan_on_the_standard_grid():
+    found = scan(OBLIQUE)
+    before, _ = standardised(found, 8)
+    placed, labels = standardised(found, 8, by_white_matter=True)
+    moments, target = moments_of(labels), _template_moments()
+    mean = in_mni152(Mesh(torch.tensor(moments.mean).expand(3, 3), torch.tensor([[0, 1, 2]]))).vertices[0]
+    np.testing.assert_allclose(mean.numpy(), target.mean, atol=0.5)
+    lengths, expected = (np.linalg.eigvalsh(each.covariance) ** 0.5 for each in (moments, target))
+    np.testing.assert_allclose(lengths, ENLARGEMENT * expected, rtol=0.02)
+    assert not np.allclose(placed.to_standard, before.to_standard, atol=0.05)
 
 
 def test_facts_of_spheres():

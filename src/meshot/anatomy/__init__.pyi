@@ -1,3 +1,9 @@
+from .placement import (
+    ENLARGEMENT as ENLARGEMENT,
+    from_mni152 as from_mni152,
+    in_mni152 as in_mni152,
+    placed_by_white_matter as placed_by_white_matter,
+)
 from .templates import (
     HEMISPHERES as HEMISPHERES,
     MNI305_TO_MNI152 as MNI305_TO_MNI152,

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 import torch
 
-from meshot.anatomy import mni152_t1
+from meshot.anatomy import mni152_t1, placed_by_white_matter
 from meshot.files import whole_file
 from meshot.mesh import Mesh, write_mesh
 from meshot.mesh.geometry import face_areas, signed_volume
@@ -168,11 +168,10 @@ def _template(size: int) -> Volume:
     return volume_pyramid(mni152_t1(), size.bit_length())[-1]
 
 
-def standardised(scan: Scan, registration_mm: int = 1, seed: int = 0) -> tuple[StandardScan, Volume]:
-    """The scan on the standard grid (the paper's preprocessing), and its labels.
-
-    The labels are computed from the surfaces: 1 (left) or 2 (right) where the white surface encloses at least half of a
-    voxel.
+def standardised(
+    scan: Scan, registration_mm: int = 1, seed: int = 0, by_white_matter: bool = False
+) -> tuple[StandardScan, Volume]:
+    """The scan on the standard grid (the paper's preprocessing), and the labels of both white surfaces.
 
     Parameters
     ----------
@@ -182,15 +181,24 @@ def standardised(scan: Scan, registration_mm: int = 1, seed: int = 0) -> tuple[S
         less accurate.
     seed : int
         Seed of the registration.
+    by_white_matter : bool
+        Whether the true white matter then places the scan, see :func:`meshot.anatomy.placed_by_white_matter`.
     """
     placed = standard_scan(scan.image, _template(registration_mm), seed)
+    if by_white_matter:
+        placed = placed_by_white_matter(scan.image, placed, _white_labels(scan, placed))
     volume = placed.volume.with_data((np.rint(placed.volume.data / STANDARD_STEP) * STANDARD_STEP).astype(np.float32))
-    labels = np.zeros(volume.data.shape, dtype=np.uint8)
+    return dataclasses.replace(placed, volume=volume), _white_labels(scan, placed)
+
+
+def _white_labels(scan: Scan, placed: StandardScan) -> Volume:
+    """1 (left) or 2 (right) where the white surface encloses at least half of a voxel, else 0."""
+    labels = np.zeros(placed.volume.data.shape, dtype=np.uint8)
     for label, side in enumerate(("left", "right"), start=1):
         white = scan.surfaces["white", side]
-        inside = enclosed_fractions(white.with_vertices(placed.from_scanner(white.vertices)), volume) >= 0.5
-        labels[inside] = label
-    return dataclasses.replace(placed, volume=volume), volume.with_data(labels)
+        white = white.with_vertices(placed.from_scanner(white.vertices))
+        labels[enclosed_fractions(white, placed.volume) >= 0.5] = label
+    return placed.volume.with_data(labels)
 
 
 def surface_facts(scan: Scan, subject: CorticalSurfaces) -> dict:

@@ -19,3 +19,4 @@ from .laplacian import (
     umbrella_vectors as umbrella_vectors,
 )
 from .section import plane_section as plane_section
+from .solid import solid_moments as solid_moments

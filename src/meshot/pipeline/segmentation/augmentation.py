@@ -12,6 +12,7 @@ from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
 
 _BEND_NODES = 8  # control nodes along each axis
+_SHRUNK_SHARE = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +31,9 @@ class Augmentation:
         Maximum rotation about each axis, in degrees.
     stretch : float
         Maximum relative scaling along each axis, in [0, 1).
+    shrink : float
+        In half of the cases, the largest relative reduction of all axes together, in [0, 1). A first registration may
+        make a head with its skull this much too small.
     bend : float
         Standard deviation of a smooth displacement, in voxels.
 
@@ -44,6 +48,7 @@ class Augmentation:
     intensity: float = 0.2
     turn: float = 0.0
     stretch: float = 0.0
+    shrink: float = 0.0
     bend: float = 0.0
 
     def __post_init__(self):
@@ -54,6 +59,8 @@ class Augmentation:
             )
         if isinstance(self.shift, bool) or not isinstance(self.shift, int) or not 0 <= self.shift <= 10_000:
             raise ValueError(f"shift is {self.shift!r}; a whole number of voxels from 0 to 10000 is needed")
+        if not 0 <= self.shrink < 1:
+            raise ValueError(f"shrink is {self.shrink!r}; a number in [0, 1) is needed")
         if not (0 <= self.turn < np.inf and 0 <= self.bend < np.inf):
             raise ValueError(f"turn is {self.turn!r}, bend {self.bend!r}; finite numbers >= 0 are needed")
 
@@ -73,7 +80,7 @@ def augmented(
     mirror, moves = generator.random() < by.flip, generator.integers(-by.shift, by.shift + 1, 3).tolist()
     gamma, gain = 1 + by.intensity * generator.uniform(-1, 1, 2)
     image = (gain * image.clamp(min=0) ** gamma).clamp(max=1)
-    if by.turn or by.stretch or by.bend:
+    if by.turn or by.stretch or by.shrink or by.bend:
         image, fractions = _warped(torch.cat([image, fractions]), generator, by).split([1, 2])
     if mirror:
         image, fractions = image.flip(1), fractions.flip(0).flip(1)
@@ -85,6 +92,8 @@ def _warped(values: Float[Tensor, "3 x y z"], generator: np.random.Generator, by
     shape = values.shape[1:]
     turned = Rotation.from_euler("xyz", generator.uniform(-by.turn, by.turn, 3), degrees=True).as_matrix()
     matrix = turned * (1 + by.stretch * generator.uniform(-1, 1, 3))
+    if by.shrink and generator.random() < _SHRUNK_SHARE:
+        matrix /= 1 - by.shrink * generator.random()
     axes = [torch.arange(n, dtype=values.dtype) - (n - 1) / 2 for n in shape]
     places = torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1) @ torch.from_numpy(matrix).to(values).T
     nodes = torch.from_numpy(generator.normal(scale=by.bend, size=(1, 3, *(_BEND_NODES,) * 3))).to(values)

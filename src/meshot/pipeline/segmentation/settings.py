@@ -43,7 +43,7 @@ class SegmentationSettings:
         Weight of the overlap term relative to the cross-entropy.
     soft_labels : bool
         Whether the target of a voxel is its enclosed fraction, or this fraction rounded to 0 or 1.
-    flip, shift, intensity, turn, stretch, bend
+    flip, shift, intensity, turn, stretch, shrink, bend
         The augmentation: see :class:`meshot.pipeline.segmentation.augmentation.Augmentation`.
     reduction : int
         Number of voxels along each axis that are averaged into one at the start.
@@ -75,6 +75,7 @@ class SegmentationSettings:
     intensity: float = 0.2
     turn: float = 0.0
     stretch: float = 0.0
+    shrink: float = 0.0
     bend: float = 0.0
     reduction: int = 1
     validate_every: int = 1
@@ -96,7 +97,7 @@ class SegmentationSettings:
 
     def augmentation(self) -> Augmentation:
         """The augmentation settings as an object."""
-        return Augmentation(self.flip, self.shift, self.intensity, self.turn, self.stretch, self.bend)
+        return Augmentation(self.flip, self.shift, self.intensity, self.turn, self.stretch, self.shrink, self.bend)
 
     def plan(self, n_examples: int) -> Plan:
         """The settings in steps instead of epochs, for a number of training scans."""
@@ -125,7 +126,7 @@ def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = (
     Parameters
     ----------
     path : path
-        A YAML file, or the name of a configuration in the package: tiny, small, paper.
+        A YAML file, or the name of a configuration in the package: tiny, small, people, paper.
     changes : sequence of str
         Settings that replace those of the file, such as ``training.precision=bfloat16``.
 

@@ -182,7 +182,7 @@ def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     scan_seed = [seed, 3, int(place.session or 0), run]
     scan = simulated_scan(surfaces, anatomy, appearance, position, scan_seed)
     clock.append(time.process_time())
-    standard = standardised(scan, recipe.registration_mm)
+    standard = standardised(scan, recipe.registration_mm, by_white_matter=recipe.standard == "white matter")
     clock.append(time.process_time())
     knobs = {"shape": shape, "appearance": appearance, "anatomy": anatomy, "position": position}
     facts = {

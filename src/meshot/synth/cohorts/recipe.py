@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive_integer
 from meshot.extras import needing
 from meshot.files import named_file
 from meshot.plain_yaml import read_yaml
@@ -23,6 +23,8 @@ with needing("cortex"):
 
 #: A number, or the two ends of a range from which a number is drawn for each subject.
 Range = tuple[float, float]
+#: What may bring scans to the standard grid.
+PLACEMENTS = ("grey values", "white matter")
 _HELD_OUT = "held out"  # a random number stream of its own
 _EXTRAS = {"ventricles": (0.0, 3.0), "below": (0.0, 3.0)}
 
@@ -59,6 +61,8 @@ class Recipe:
         Number of lines across each voxel for partial volumes.
     registration_mm : int
         Voxel size of the MNI152 average to which scans are registered: 1; or 2, 4, 8 for tests.
+    standard : str
+        "grey values", or "white matter" to place scans by it: :func:`meshot.anatomy.placed_by_white_matter`.
     leaf_mm : float, optional
         Take the head outside the cortex from the MNI152 average: see :class:`meshot.synth.Anatomy`.
     people : mapping
@@ -87,6 +91,7 @@ class Recipe:
     head_mm: tuple[float, ...] = ()
     n_lines: int = 3
     registration_mm: int = 1
+    standard: str = "grey values"
     leaf_mm: float | None = None
     people: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
@@ -97,6 +102,7 @@ class Recipe:
             _require_count(getattr(self, name), name)
         if self.registration_mm not in (1, 2, 4, 8):
             raise ValueError(f"registration_mm is {self.registration_mm!r}; 1, 2, 4 or 8 is needed")
+        require_choice(self.standard, "standard", PLACEMENTS)
         _require_split(self.split)
         if len(self.head_mm) not in (0, 3) or not all(_is_number(x) and x > 0 for x in self.head_mm):
             raise ValueError(f"head_mm is {list(self.head_mm)}; three thicknesses > 0 or none are needed")
