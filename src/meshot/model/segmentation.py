@@ -4,9 +4,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from meshot.errors import require_positive_integer
+from meshot.errors import require_choice, require_positive_integer
 from meshot.rng import Generator, numpy_generator
-from meshot.types import Float, Tensor
+from meshot.types import PLACEMENTS, Float, Placement, Tensor
 
 #: The classes of the output channels, in order.
 CLASSES = ("background", "left", "right")
@@ -29,13 +29,17 @@ class SegmentationNetwork(nn.Module):
     fold : int
         The first level works on blocks of ``fold³`` voxels, whose values are stacked as channels. The output is
         unfolded again. No input is lost; with 2, nearly seven eighths of the computation are saved.
+    placement : str
+        How scans must be placed on the standard grid for this network: "grey values" or "white matter". It does not
+        change what the network computes.
     generator : numpy.random.Generator, torch.Generator or int
         Source of the initial weights, normal with variance 2 / (number of inputs). Biases are initially zero.
 
     Raises
     ------
     ValueError
-        If a count is not a positive integer, or the last level would have more than 512 channels.
+        If a count is not a positive integer, the last level would have more than 512 channels, or the placement is
+        unknown.
 
     References
     ----------
@@ -43,10 +47,14 @@ class SegmentationNetwork(nn.Module):
     *Delving deep into rectifiers*, ICCV 2015 (initial weights).
     """
 
-    def __init__(self, width: int = 16, depth: int = 4, fold: int = 1, generator: Generator = 0):
+    def __init__(
+        self, width: int = 16, depth: int = 4, fold: int = 1, placement: Placement = PLACEMENTS[0],
+        generator: Generator = 0,
+    ):  # fmt: skip
         super().__init__()
         require_levels(width, depth, fold)
-        self.width, self.depth, self.fold = width, depth, fold
+        require_choice(placement, "placement", PLACEMENTS)
+        self.width, self.depth, self.fold, self.placement = width, depth, fold, placement
         widths = [width * 2**level for level in range(depth)]
         first = fold**3
         self.down = nn.ModuleList(_block(n_in, n_out) for n_in, n_out in zip([first, *widths], widths))
@@ -60,9 +68,10 @@ class SegmentationNetwork(nn.Module):
         """The number of voxels along every axis of an image must be a multiple of this."""
         return self.fold * 2 ** (self.depth - 1)
 
-    def config(self) -> dict[str, int]:
-        """The arguments that create a network of the same architecture."""
-        return {"width": self.width, "depth": self.depth, "fold": self.fold}
+    def config(self) -> dict[str, int | str]:
+        """The arguments that create a network of the same architecture. The first placement is left out."""
+        placement = {} if self.placement == PLACEMENTS[0] else {"placement": self.placement}
+        return {"width": self.width, "depth": self.depth, "fold": self.fold} | placement
 
     def forward(self, image: Float[Tensor, "b 1 x y z"]) -> Float[Tensor, "b 3 x y z"]:
         """Logits; softmax over the channels gives probabilities.

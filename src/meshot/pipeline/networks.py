@@ -6,6 +6,7 @@ from pathlib import Path
 
 from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.systems import SHIPPED, SurfaceSystem, load_system
+from meshot.types import PLACEMENTS
 
 SEGMENTATION = "segmentation.safetensors"
 
@@ -85,6 +86,11 @@ def load_networks(
             raise ValueError(
                 f"{name} was learned from initial surfaces of another network than {SEGMENTATION}: name the one that "
                 "it was trained with (--segmentation), or train it anew (meshot train --segmentation)"
+            )
+        if each.get("results", {}).get("placement", PLACEMENTS[0]) != network.placement:
+            raise ValueError(
+                f"{name} and {SEGMENTATION} learned from scans that were placed in different ways: "
+                "name two that were trained on the same cohorts (--weights, --segmentation)"
             )
     for part in found.parts.values():
         part.network.to(device)

@@ -6,9 +6,10 @@ from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
 from meshot.flow.crossings import RepairedSurface, repair_crossings
 from meshot.mesh import Mesh
 from meshot.model import SegmentationNetwork
-from meshot.pipeline.correspondence import CarriedTemplate, carry_template
+from meshot.pipeline.correspondence import CarriedTemplate
+from meshot.pipeline.placing import carried_in_place, placed_white_matter
 from meshot.pipeline.quality_warnings import require_no_warnings, scan_warnings, surface_warnings, volume_warnings
-from meshot.pipeline.segmentation.segmenting import in_scanner, white_matter
+from meshot.pipeline.segmentation.segmenting import in_scanner
 from meshot.pipeline.segmentation.surface import SegmentedSurface, segmented_surface
 from meshot.pipeline.stages import Progress, StageClock
 from meshot.systems import Scan, SurfaceSystem
@@ -63,6 +64,9 @@ class Reconstruction:
         Signs of failure. An empty tuple does not prove success.
     system : str or None
         The name of the system; None if the initial surfaces are the result.
+    registered : StandardScan
+        The scan in MNI152 space, by the registration of grey values. ``scan`` may be placed otherwise, see
+        :func:`meshot.anatomy.placed_by_white_matter`.
     """
 
     scan: StandardScan
@@ -71,6 +75,7 @@ class Reconstruction:
     wall_seconds: dict[str, float]
     warnings: tuple[str, ...]
     system: str | None
+    registered: StandardScan
 
 
 def reconstruct(
@@ -86,7 +91,9 @@ def reconstruct(
 
     The stages are: registration to the MNI152 average, segmentation of white matter, initial surfaces, the system,
     repair of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the
-    result has no crossing faces: see :func:`meshot.flow.crossings.repair_crossings`.
+    result has no crossing faces: see :func:`meshot.flow.crossings.repair_crossings`. A segmentation network may ask for
+    scans that are placed by their white matter: then it is found twice, before and after
+    :func:`meshot.anatomy.placed_by_white_matter`.
 
     Parameters
     ----------
@@ -117,12 +124,13 @@ def reconstruct(
     template = mni152_t1() if template is None else template
     clock = StageClock((4 if system is None else 6) + len(HEMISPHERES) * correspondence, progress)
     with clock.stage("registration"):
-        standard = standard_scan(scan, template, quick=True)
-        warnings = volume_warnings(scan) + scan_warnings(standard, template)
+        registered = standard_scan(scan, template, quick=True)
+        warnings = volume_warnings(scan) + scan_warnings(registered, template)
     if strict:
         require_no_warnings(warnings)
     with clock.stage("white matter"):
-        probability = white_matter(standard, segmentation)
+        standard, probability, doubts = placed_white_matter(scan, registered, segmentation)
+    warnings += doubts
     segmented, found, settlement = {}, {}, {}
     for side in HEMISPHERES:
         with clock.stage(f"initial surface, {side}"):
@@ -137,7 +145,8 @@ def reconstruct(
     carried = {}
     for key in _WHITE if correspondence else ():
         with clock.stage(f"template, {key[0]}"):
-            carried[key] = carry_template(final.get(key, segmented[key[0]].mesh), key[0])
+            mesh = final.get(key, segmented[key[0]].mesh)
+            carried[key] = carried_in_place(mesh, key[0], segmentation.placement)
     clock.end()
     surfaces = {
         key[0]: _surface(segmented[key[0]], final.get(key), settlement.get(key), carried.get(key), standard)
@@ -148,7 +157,8 @@ def reconstruct(
         warnings += surface_warnings(side, surface.final, surface.segmented, surface.repaired)
     if strict:
         require_no_warnings(warnings)
-    return Reconstruction(standard, surfaces, clock.cpu_seconds, clock.wall_seconds, tuple(warnings), name)
+    seconds = clock.cpu_seconds, clock.wall_seconds
+    return Reconstruction(standard, surfaces, *seconds, tuple(warnings), name, registered)
 
 
 def _surface(

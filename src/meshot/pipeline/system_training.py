@@ -10,6 +10,7 @@ from tqdm import tqdm
 from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline.examples import InitialSurfaces
 from meshot.pipeline.networks import SEGMENTATION
+from meshot.pipeline.splits import placement_of
 from meshot.pipeline.training_files import (
     STATE_FOLDER,
     run_watched_training,
@@ -19,6 +20,7 @@ from meshot.pipeline.training_files import (
 )
 from meshot.provenance import provenance
 from meshot.systems import SHIPPED, ExampleSets, Part, SurfaceSystem, get_system, read_settings
+from meshot.types import PLACEMENTS
 
 
 def run_system_training(
@@ -61,6 +63,12 @@ def run_system_training(
     folder, made, kind = Path(folder), provenance(), get_system(name)
     settings = read_settings(kind, config, changes)
     network, _ = read_weights(segmentation, SegmentationNetwork)
+    placement = placement_of(cohorts)
+    if kind.needs and placement != network.placement:
+        raise ValueError(
+            f"the cohorts are placed by {placement}, and the scans that the segmentation network knows by "
+            f"{network.placement}: name one that was trained on such cohorts (--segmentation)"
+        )
     surfaces = InitialSurfaces(initial, network)
     sets = (
         surfaces.examples(cohorts, split, kind.surfaces, kind.needs, lambda found, s=split: tqdm(found, desc=s))
@@ -73,6 +81,7 @@ def run_system_training(
     own = None if Path(segmentation) == SHIPPED / SEGMENTATION else segmentation
     command = shown_command(f"train {name}", config, cohorts, folder, changes, own, device)
     extra = {"segmentation_sha256": network_digest(network)} if kind.needs else {}
+    extra |= {} if placement == PLACEMENTS[0] else {"placement": placement}
     trained = kind({part: _recorded(each, folder, command, cohorts, extra) for part, each in found.parts.items()})
     trained.save(folder)
     for part, each in trained.parts.items():

@@ -98,7 +98,7 @@ def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progre
     found = reconstruct(
         scan, networks.segmentation, networks.system, progress, template, settings.strict, settings.correspondence
     )
-    warnings += average_warnings(found.scan, template)
+    warnings += average_warnings(found.registered, template)
     if settings.strict:
         _require_none(warnings)
     found = dataclasses.replace(found, warnings=(*warnings, *found.warnings))

@@ -173,9 +173,8 @@ def write_flat(folder: Path, found: Reconstruction, scan: Volume) -> Path:
             for suffix in FORMATS:
                 write_mesh(folder / f"{SHORT[side]}.{name}{suffix}", mesh, centre_ras(scan), STRUCTURES[side])
     write_volume(folder / WHITE_MATTER, white_matter_labels(found, scan))
-    to_standard = found.scan.to_standard
-    (folder / ITK).write_text(itk_transform(to_standard), encoding="utf-8")
-    (folder / LTA).write_text(lta_transform(to_standard, scan, "scan", mni152_t1()), encoding="utf-8")
+    (folder / ITK).write_text(itk_transform(found.registered.to_standard), encoding="utf-8")
+    (folder / LTA).write_text(lta_transform(found.registered.to_standard, scan, "scan", mni152_t1()), encoding="utf-8")
     return folder
 
 
@@ -188,7 +187,7 @@ def _report(
         "warning_names": warning_names(found.warnings),
         "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
         "system": found.system,
-        "to_standard": found.scan.to_standard.tolist(),
+        "to_standard": found.registered.to_standard.tolist(),
         "weights": networks.records,
     } | provenance()
 

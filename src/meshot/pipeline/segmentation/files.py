@@ -1,5 +1,6 @@
 """Training of the segmentation network from a configuration, with output files."""
 
+import dataclasses
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +12,7 @@ from meshot.model import require_small, write_weights
 from meshot.pipeline.segmentation.data import read_examples
 from meshot.pipeline.segmentation.settings import read_segmentation_config
 from meshot.pipeline.segmentation.training import train_segmentation
+from meshot.pipeline.splits import placement_of
 from meshot.pipeline.training_files import (
     STATE_FOLDER,
     WEIGHTS,
@@ -21,6 +23,7 @@ from meshot.pipeline.training_files import (
 )
 from meshot.provenance import provenance
 from meshot.train import Training
+from meshot.types import PLACEMENTS
 
 #: The base name of the output files.
 NAME = "segmentation"
@@ -55,6 +58,9 @@ def run_segmentation_training(
         If the configuration, a cohort or the folder is invalid, or the network is too large to be stored.
     """
     folder, config, made = Path(folder), read_segmentation_config(config_path, changes), provenance()
+    placement = placement_of(cohorts)
+    if placement != PLACEMENTS[0]:
+        config = dataclasses.replace(config, network=config.network | {"placement": placement})
     require_small(config.new_network())
     training, validation = (
         read_examples(cohorts, split, config.training.reduction, lambda found, s=split: tqdm(found, desc=f"read {s}"))

@@ -108,7 +108,7 @@ class SegmentationSettings:
 class SegmentationConfig:
     """Architecture and training settings of a network: ``network`` and ``training`` in a YAML file."""
 
-    network: dict[str, int]
+    network: dict[str, int | str]
     training: SegmentationSettings
 
     def as_dict(self) -> dict:
@@ -155,4 +155,4 @@ def segmentation_config(content: object, name: str = "the configuration") -> Seg
     return config
 
 
-_KNOWN = {"network": {"width", "depth", "fold"}, "training": setting_names(SegmentationSettings)}
+_KNOWN = {"network": {"width", "depth", "fold", "placement"}, "training": setting_names(SegmentationSettings)}

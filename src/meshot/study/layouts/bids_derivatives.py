@@ -47,10 +47,11 @@ def arrange(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> 
         said = {"Description": "Average of registered runs, on the grid of the first"}
         said["SkullStripped"] = visit.mask is not None
         _write_json(anat / f"{visit.prefix}_desc-average_T1w.json", facts | said)
-    to_standard = found.scan.to_standard
     transform = anat / f"{visit.prefix}_from-T1w_to-{TEMPLATE}_mode-image_xfm"
-    transform.with_name(f"{transform.name}.txt").write_text(itk_transform(to_standard), encoding="utf-8")
-    lta = lta_transform(to_standard, scan, printable_name(visit.scans[0].name), mni152_t1())
+    transform.with_name(f"{transform.name}.txt").write_text(
+        itk_transform(found.registered.to_standard), encoding="utf-8"
+    )
+    lta = lta_transform(found.registered.to_standard, scan, printable_name(visit.scans[0].name), mni152_t1())
     transform.with_name(f"{transform.name}.lta").write_text(lta, encoding="utf-8")
 
 

@@ -41,10 +41,9 @@ def arrange(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> 
     write_volume(folder / "mri" / "filled.mgz", white_matter_labels(found, conformed, FILLED, genus_zero=True))
     transforms = folder / "mri" / "transforms"
     transforms.mkdir()
-    to_standard = found.scan.to_standard
-    lta = lta_transform(to_standard, conformed, "orig.mgz", mni152_t1())
+    lta = lta_transform(found.registered.to_standard, conformed, "orig.mgz", mni152_t1())
     (transforms / f"orig_to_{TEMPLATE}.lta").write_text(lta, encoding="utf-8")
-    (transforms / f"orig_to_{TEMPLATE}.txt").write_text(itk_transform(to_standard), encoding="utf-8")
+    (transforms / f"orig_to_{TEMPLATE}.txt").write_text(itk_transform(found.registered.to_standard), encoding="utf-8")
 
 
 def conformed_scan(scan: Volume) -> Volume:

@@ -33,6 +33,7 @@ from meshot.synth.cohorts.recipe import (
 from meshot.synth.position import Position
 from meshot.synth.scanning import Anatomy, rounded, simulated_scan, standardised, surface_facts, write_scan
 from meshot.synth.subject import CorticalSurfaces, Shape, synthetic_subject
+from meshot.types import PLACEMENTS
 from meshot.workers import begin_worker
 
 #: Entries of a recipe that may change without a change of the scans that exist already.
@@ -182,7 +183,7 @@ def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     scan_seed = [seed, 3, int(place.session or 0), run]
     scan = simulated_scan(surfaces, anatomy, appearance, position, scan_seed)
     clock.append(time.process_time())
-    standard = standardised(scan, recipe.registration_mm, by_white_matter=recipe.standard == "white matter")
+    standard = standardised(scan, recipe.registration_mm, by_white_matter=recipe.standard == PLACEMENTS[1])
     clock.append(time.process_time())
     knobs = {"shape": shape, "appearance": appearance, "anatomy": anatomy, "position": position}
     facts = {

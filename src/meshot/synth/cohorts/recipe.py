@@ -17,14 +17,13 @@ from meshot.synth.cohorts.people import people
 from meshot.synth.imaging import TISSUES, Appearance
 from meshot.synth.position import Position
 from meshot.synth.subject import Shape
+from meshot.types import PLACEMENTS, Placement
 
 with needing("cortex"):
     import yaml
 
 #: A number, or the two ends of a range from which a number is drawn for each subject.
 Range = tuple[float, float]
-#: What may bring scans to the standard grid.
-PLACEMENTS = ("grey values", "white matter")
 _HELD_OUT = "held out"  # a random number stream of its own
 _EXTRAS = {"ventricles": (0.0, 3.0), "below": (0.0, 3.0)}
 
@@ -91,7 +90,7 @@ class Recipe:
     head_mm: tuple[float, ...] = ()
     n_lines: int = 3
     registration_mm: int = 1
-    standard: str = "grey values"
+    standard: Placement = PLACEMENTS[0]
     leaf_mm: float | None = None
     people: Mapping[str, object] = dataclasses.field(default_factory=dict)
 

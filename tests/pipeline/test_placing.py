@@ -1,0 +1,152 @@
+"""A network that knows scans in the place of their white matter: training, loading and reconstruction agree on it."""
+
+import numpy as np
+import pytest
+import torch
+
+from bright_head import write_bright_weights
+from meshot.anatomy.placement import ENLARGEMENT, from_mni152
+from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
+from meshot.cli import main
+from meshot.model.segmentation import SegmentationNetwork
+from meshot.model.weights import read_weights, write_weights
+from meshot.pipeline import placing
+from meshot.pipeline.correspondence.carrying import CarriedTemplate
+from meshot.pipeline.networks import SEGMENTATION, load_networks
+from meshot.pipeline.placing import carried_in_place, placed_white_matter
+from meshot.pipeline.splits import placement_of
+from meshot.synth.cohorts.recipe import read_recipe, recipe_text
+from meshot.volume.standard import place_on_grid
+from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.volume.volume import Volume
+from phantoms import write_phantom_cohort
+
+BY_GREY, BY_WHITE = "grey values", "white matter"
+
+
+@pytest.fixture(scope="module")
+def brain():
+    """The white matter of fsaverage5 as a scan in MNI152 coordinates."""
+    affine = np.diag([2.0, 2.0, 2.0, 1.0])
+    affine[:3, 3] = [-90.0, -126.0, -72.0]
+    grid = Volume(np.zeros((91, 109, 91)), affine)
+    parts = [enclosed_fractions(fsaverage5_surface("white", side, "MNI152"), grid) for side in HEMISPHERES]
+    return grid.with_data((parts[0] + parts[1]).astype(np.float32))
+
+
+@pytest.fixture
+def looks(monkeypatch):
+    """A segmentation by brightness in place of a network. Returns every scan that it saw."""
+    seen = []
+
+    def white_matter(scan, network):
+        seen.append(scan)
+        x = scan.volume.affine[0, 3] + scan.volume.affine[0, 0] * np.arange(scan.volume.data.shape[0])
+        on_the_left = (x < 0.5)[:, None, None]  # of the plane between the hemispheres of fsaverage5
+        bright = scan.volume.data > 0.5
+        return {
+            side: scan.volume.with_data((bright & part).astype(np.float32))
+            for side, part in zip(HEMISPHERES, (on_the_left, ~on_the_left))
+        }
+
+    monkeypatch.setattr(placing, "white_matter", white_matter)
+    return seen
+
+
+def too_small(brain):
+    """As a registration of grey values places a head with its skull."""
+    return place_on_grid(brain, np.diag([0.85, 0.85, 0.85, 1.0]), np.zeros(3))
+
+
+def test_white_matter_is_found_again_where_it_belongs(brain, looks):
+    first = too_small(brain)
+    placed, found, warnings = placed_white_matter(brain, first, SegmentationNetwork(2, 1, placement=BY_WHITE))
+    assert warnings == []
+    assert [each.volume.affine.tolist() for each in looks] == [each.volume.affine.tolist() for each in (first, placed)]
+    scales = np.linalg.svd(placed.to_standard[:3, :3], compute_uv=False)
+    np.testing.assert_allclose(scales, ENLARGEMENT, rtol=0.02)
+    volumes = [float((each.volume.data > 0.5).sum()) for each in looks]
+    assert volumes[1] / volumes[0] == pytest.approx((ENLARGEMENT / 0.85) ** 3, rel=0.05)
+    assert found["left"].data.sum() + found["right"].data.sum() == volumes[1]
+    assert np.array_equal(found["left"].affine, placed.volume.affine)
+
+
+def test_other_networks_get_the_first_placement(brain, looks):
+    first = too_small(brain)
+    placed, found, warnings = placed_white_matter(brain, first, SegmentationNetwork(2, 1))
+    assert placed is first
+    assert (len(looks), warnings) == (1, [])
+    assert set(found) == set(HEMISPHERES)
+
+
+def test_white_matter_that_places_no_scan_is_a_warning(brain, looks):
+    data = np.zeros_like(brain.data)
+    data[20:70, 40:90, 40:48] = 1.0
+    scan = brain.with_data(data)
+    first = place_on_grid(scan, np.eye(4), np.zeros(3))
+    placed, _, (warning,) = placed_white_matter(scan, first, SegmentationNetwork(2, 1, placement=BY_WHITE))
+    assert placed is first
+    assert "the white matter does not place the scan" in warning
+
+
+@pytest.mark.parametrize("placement", [BY_GREY, BY_WHITE])
+def test_the_template_is_carried_in_mni152(monkeypatch, placement):
+    template = fsaverage5_surface("white", "left", "MNI152")
+    seen = []
+
+    def carry(mesh, side):
+        seen.append((mesh, side))
+        return CarriedTemplate(mesh, 0.1, 0, 0)
+
+    monkeypatch.setattr(placing, "carry_template", carry)
+    surface = from_mni152(template) if placement == BY_WHITE else template
+    found = carried_in_place(surface, "left", placement)
+    (mesh, side), *_ = seen
+    assert side == "left"
+    assert torch.allclose(mesh.vertices, template.vertices)
+    assert torch.allclose(found.mesh.vertices, surface.vertices)
+
+
+def cohort_placed_by(folder, placement, splits=("train", "validation")):
+    cohort = write_phantom_cohort(folder, list(splits))
+    (cohort / "recipe.yaml").write_text(recipe_text(read_recipe("tiny", standard=placement)), encoding="utf-8")
+    return cohort
+
+
+def test_cohorts_must_agree(tmp_path):
+    white, grey = (cohort_placed_by(tmp_path / name, name) for name in (BY_WHITE, BY_GREY))
+    bare = write_phantom_cohort(tmp_path / "bare", ["train"])
+    assert placement_of([white]) == BY_WHITE
+    assert placement_of([grey, bare]) == BY_GREY
+    with pytest.raises(ValueError, match="bare by grey values; train on cohorts with one placement"):
+        placement_of([white, bare])
+
+
+def test_a_training_records_the_placement_of_its_cohorts(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    cohort_placed_by(tmp_path / "data", BY_WHITE)
+    settings = "network: {width: 2, depth: 2}\ntraining: {n_epochs: 1, learning_rate: 0.01, reduction: 2}\n"
+    (tmp_path / "c.yaml").write_text(settings)
+    assert main(["train-segmentation", "c.yaml", "--data", "data", "-o", "out", "--threads", "1"]) == 0
+    network, record = read_weights(tmp_path / "out" / SEGMENTATION, SegmentationNetwork)
+    assert network.placement == record["network"]["placement"] == BY_WHITE
+
+
+def test_a_flow_is_not_trained_from_surfaces_of_another_placement(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    cohort_placed_by(tmp_path / "data", BY_WHITE)
+    write_weights(tmp_path / SEGMENTATION, SegmentationNetwork(2, 1), {})
+    words = ["train", "ddot", "tiny", "--data", "data", "-o", "out", "--segmentation", SEGMENTATION, "--threads", "1"]
+    assert main(words) == 2
+    assert (
+        "placed by white matter, and the scans that the segmentation network knows by grey" in capsys.readouterr().err
+    )
+
+
+def test_networks_of_two_placements_do_not_go_together(tmp_path):
+    folder = write_bright_weights(tmp_path / "weights")
+    network, record = read_weights(folder / SEGMENTATION, SegmentationNetwork)
+    network.placement = BY_WHITE
+    write_weights(folder / SEGMENTATION, network, record)
+    with pytest.raises(ValueError, match="scans that were placed in different ways: name two that were trained"):
+        load_networks("ddot", folder, folder / SEGMENTATION)
