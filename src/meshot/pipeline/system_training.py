@@ -71,7 +71,9 @@ def run_system_training(
         )
     surfaces = InitialSurfaces(initial, network)
     sets = (
-        surfaces.examples(cohorts, split, kind.surfaces, kind.needs, lambda found, s=split: tqdm(found, desc=s))
+        surfaces.examples(
+            cohorts, split, kind.surfaces_of(settings), kind.needs, lambda found, s=split: tqdm(found, desc=s)
+        )
         for split in ("train", "validation")
     )
     examples = ExampleSets(*sets)

@@ -11,6 +11,11 @@ from meshot.volume import Volume
 SurfaceKey = tuple[Hemisphere, str]
 
 
+def listed(keys: Sequence[SurfaceKey]) -> str:
+    """Surfaces in words, such as ``left white, right white``."""
+    return ", ".join(" ".join(key) for key in keys)
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scan:
     """The input of a system for one subject.

@@ -1,10 +1,8 @@
 """The protocol of a system: training, saving, loading, and reconstruction of surfaces from a scan."""
 
 import abc
-import dataclasses
 import os
-import reprlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,68 +10,93 @@ import torch
 from torch import nn
 
 from meshot.mesh import Mesh
-from meshot.model import read_weights, write_weights
-from meshot.systems.examples import ExampleSets, Scan, SurfaceKey
+from meshot.model import write_weights
+from meshot.systems.examples import ExampleSets, Scan, SurfaceKey, listed
+from meshot.systems.parts import Part, read_part
 from meshot.train import Groups, Progress, require_examples
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Part:
-    """One trained network of a system.
-
-    Parameters
-    ----------
-    network : module
-    record : dict
-        JSON values: the settings, and the results of the training under ``results``.
-    log : list of dict
-        The log of the training. Empty if the network was read from a file.
-    """
-
-    network: nn.Module
-    record: dict = dataclasses.field(default_factory=dict)
-    log: list[dict] = dataclasses.field(default_factory=list)
 
 
 class SurfaceSystem(abc.ABC):
     """A trained system. Subclasses define the method; an object also has the weights.
 
     A subclass sets ``name``, ``surfaces``, ``needs`` and ``networks``, and defines :meth:`complete`,
-    :meth:`train_parts` and :meth:`find_surfaces`.
+    :meth:`train_parts` and :meth:`find_surfaces`. If its surfaces depend on its settings, it defines
+    :meth:`surfaces_of` and :meth:`parts_of`, and does not set ``surfaces``.
 
     Parameters
     ----------
     parts : mapping
-        Trained networks by name, see ``networks``.
+        Trained networks by name, see ``networks``. The settings in their records say which surfaces they are for.
 
     Attributes
     ----------
     name : str
         The name in the registry.
     surfaces : tuple of keys
-        The surfaces that :meth:`reconstruct` finds. The examples of a training must contain them.
+        The surfaces that :meth:`reconstruct` of this object finds. Before a training, ask :meth:`surfaces_of`.
     needs : tuple of keys
         The initial surfaces that the system requires. Empty, for example, for a template or an implicit surface.
     networks : mapping
-        The class of each network, by the name of the part. It must have a method ``config`` that returns the arguments
-        of the class.
+        The class of each network that the system can have, by the name of the part. It must have a method ``config``
+        that returns the arguments of the class.
 
     Raises
     ------
     ValueError
-        If a part has a name that the system does not have.
+        If the parts are for different surfaces, or one has a name that the system does not have.
     """
 
     name: ClassVar[str]
-    surfaces: ClassVar[tuple[SurfaceKey, ...]]
+    surfaces: tuple[SurfaceKey, ...]
     needs: ClassVar[tuple[SurfaceKey, ...]] = ()
     networks: ClassVar[Mapping[str, type[nn.Module]]]
 
     def __init__(self, parts: Mapping[str, Part]):
-        strange = sorted(parts.keys() - self.networks)
+        records = {name: part.record for name, part in parts.items()} or {"": {}}
+        first, *others = records
+        self.surfaces, self._needed = self.surfaces_of(records[first]), self.parts_of(records[first])
+        strange = sorted(parts.keys() - set(self._needed))
         if strange:
-            raise ValueError(f"{self.name} has no part {', '.join(strange)}; its parts are {', '.join(self.networks)}")
+            raise ValueError(f"{self.name} has no part {', '.join(strange)}; its parts are {', '.join(self._needed)}")
+        for name in others:
+            found = self.surfaces_of(records[name])
+            if found != self.surfaces:
+                raise ValueError(
+                    f"{first} of {self.name} was trained for {listed(self.surfaces)}, and {name} for {listed(found)}; "
+                    "all parts must be for the same surfaces: take those of one training"
+                )
         self.parts = dict(parts)
+
+    @classmethod
+    def surfaces_of(cls, settings: Mapping) -> tuple[SurfaceKey, ...]:
+        """The surfaces that a training with these settings is for. The examples must contain them.
+
+        By default ``surfaces`` of the class.
+
+        Parameters
+        ----------
+        settings : mapping
+            By group, or the record of a part, which has them. Missing settings have their defaults.
+
+        Raises
+        ------
+        ValueError
+            If the settings name no surfaces that the system can find.
+        """
+        return cls.surfaces
+
+    @classmethod
+    def parts_of(cls, settings: Mapping) -> tuple[str, ...]:
+        """The names of the networks of a system with these settings, by default of all ``networks``.
+
+        The first is the same for all settings.
+
+        Parameters
+        ----------
+        settings : mapping
+            As in :meth:`surfaces_of`.
+        """
+        return tuple(cls.networks)
 
     @classmethod
     @abc.abstractmethod
@@ -130,7 +153,7 @@ class SurfaceSystem(abc.ABC):
             If a loss or a gradient is not finite.
         """
         settings = cls.complete(settings)
-        cls._require_examples(examples)
+        cls._require_examples(examples, cls.surfaces_of(settings))
         return cls(cls.train_parts(examples, settings, None if folder is None else Path(folder), progress, device))
 
     def reconstruct(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
@@ -143,7 +166,7 @@ class SurfaceSystem(abc.ABC):
             is not trained.
         """
         self._require_initial(scan, "the scan")
-        missing = [name for name in self.networks if name not in self.parts]
+        missing = [name for name in self._needed if name not in self.parts]
         if missing:
             raise ValueError(
                 f"{self.name} has no trained {', '.join(missing)}, only {', '.join(self.parts) or 'nothing'}: train "
@@ -171,50 +194,32 @@ class SurfaceSystem(abc.ABC):
         Raises
         ------
         ValueError
-            If a part is missing, damaged, or belongs to another system or part.
+            If a part is missing, damaged, belongs to another system or part, or is for other surfaces than the first.
         """
-        return cls({name: cls._read_part(Path(folder) / f"{name}.safetensors") for name in cls.networks})
+
+        def read(name: str) -> Part:
+            return read_part(Path(folder) / f"{name}.safetensors", cls.networks[name], cls.name, needed)
+
+        needed = cls.parts_of({})
+        parts = {name: read(name) for name in needed[:1]}
+        for part in parts.values():  # the record of the first part says which others there are
+            needed = cls.parts_of(part.record)
+        return cls(parts | {name: read(name) for name in needed[1:]})
 
     @classmethod
-    def _read_part(cls, path: Path) -> Part:
-        if not path.is_file():
-            raise ValueError(
-                f"{path} is missing; {cls.name} needs {', '.join(cls.networks)}: name a folder that holds them "
-                f"(--weights), or train them (meshot train {cls.name})"
-            )
-        network, record = read_weights(path, cls.networks[path.stem])
-        for group in ("training", "results"):
-            if not isinstance(record.get(group, {}), dict):
-                raise ValueError(
-                    f"{path} has {reprlib.repr(record[group])} as its {group}; names and values are needed"
-                )
-        if record.get("system", cls.name) != cls.name:
-            raise ValueError(
-                f"{path} holds weights of the system {record['system']}; {cls.name} was asked for: take --system "
-                f"{record['system']}, or other weights"
-            )
-        if record.get("part", path.stem) != path.stem:
-            raise ValueError(f"{path} holds {record['part']} of {cls.name}; {path.stem} is needed: rename it")
-        return Part(network, record)
-
-    @classmethod
-    def _require_examples(cls, examples: ExampleSets) -> None:
+    def _require_examples(cls, examples: ExampleSets, surfaces: Sequence[SurfaceKey]) -> None:
         require_examples(examples.training, examples.validation)
         for example in (*examples.training, *examples.validation):
             cls._require_initial(example.scan, example.name)
-            missing = [key for key in cls.surfaces if key not in example.targets]
+            missing = [key for key in surfaces if key not in example.targets]
             if missing:
-                raise ValueError(f"{example.name} has no true surface {_listed(missing)}; {cls.name} learns from it")
+                raise ValueError(f"{example.name} has no true surface {listed(missing)}; {cls.name} learns from it")
 
     @classmethod
     def _require_initial(cls, scan: Scan, name: str) -> None:
         missing = [key for key in cls.needs if key not in scan.initial]
         if missing:
-            raise ValueError(f"{name} has no initial surface {_listed(missing)}; {cls.name} starts from it: make one")
+            raise ValueError(f"{name} has no initial surface {listed(missing)}; {cls.name} starts from it: make one")
         strange = [key for key in scan.initial if key not in cls.needs]
         if strange:
-            raise ValueError(f"{name} has an initial surface {_listed(strange)}; {cls.name} takes none: leave it out")
-
-
-def _listed(keys: list[SurfaceKey]) -> str:
-    return ", ".join(" ".join(key) for key in keys)
+            raise ValueError(f"{name} has an initial surface {listed(strange)}; {cls.name} takes none: leave it out")

@@ -22,7 +22,8 @@ from meshot.systems.classical.atlas import Atlas, mean_fractions, misfit, whiten
 from meshot.systems.classical.surface import SurfaceSettings, moved_to_edges, thresholded_surface
 from meshot.systems.examples import Example, ExampleSets, Scan, SurfaceKey
 from meshot.systems.learning import LearningSettings, completed_groups, example_data, train_part
-from meshot.systems.protocol import Part, SurfaceSystem
+from meshot.systems.parts import Part
+from meshot.systems.protocol import SurfaceSystem
 from meshot.train import Groups, Progress
 from meshot.types import Tensor
 from meshot.volume.surfaces import enclosed_fractions

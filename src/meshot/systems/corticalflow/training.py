@@ -17,7 +17,7 @@ from meshot.systems.corticalflow.blocks import FlowBlock, carried_through
 from meshot.systems.corticalflow.settings import ChainSettings
 from meshot.systems.examples import ExampleSets, Scan
 from meshot.systems.learning import example_data, mean_box, mean_distances, scaled_image, train_part
-from meshot.systems.protocol import Part
+from meshot.systems.parts import Part
 from meshot.train import Groups, Progress, chosen_device
 from meshot.types import Tensor
 
@@ -30,11 +30,13 @@ def train_block(
     folder: Path | None = None,
     progress: Progress | None = None,
     device: torch.device | None = None,
+    white: Sequence[FlowBlock] = (),
 ) -> Part:
-    """Train the block after ``earlier`` ones, which stay as they are.
+    """Train the block after ``earlier`` ones of its cascade, which stay as they are.
 
-    The loss is the squared Chamfer distance between random points of both surfaces plus ``edge_weight`` times the mean
-    squared edge length.
+    The cascade leads from the template to the white surface; or, behind the blocks ``white``, from the surface that
+    these find to the pial surface. The loss is the squared Chamfer distance between random points of both surfaces plus
+    ``edge_weight`` times the mean squared edge length.
 
     Parameters
     ----------
@@ -45,19 +47,21 @@ def train_block(
         Complete: the groups ``network``, ``template`` and ``training``.
     folder, progress, device
         As :meth:`meshot.systems.SurfaceSystem.train`.
+    white : sequence of FlowBlock
+        The whole cascade of the white surface, which stays as it is, if this block is for the pial surface.
 
     Raises
     ------
     ValueError, FloatingPointError
         As :func:`meshot.systems.learning.train_part`.
     """
-    training, key = ChainSettings(**settings["training"]), (side, "white")
+    training, key = ChainSettings(**settings["training"]), (side, "pial" if white else "white")
     device = device or chosen_device()
-    box = mean_box([item.targets[key] for item in examples.training])
+    box = mean_box([item.targets[side, "white"] for item in examples.training])  # the white cascade begins there
     network = FlowBlock(
         side, len(earlier), **settings["network"], template=settings["template"], box=box, generator=training.seed
     ).to(device)
-    carry = _carrying(network, earlier, training, device)
+    carry = _carrying(network, earlier, white, training, device)
     targets = [item.targets[key].to(torch.float32).to(device) for item in examples.training]
     truths = [Surface(item.targets[key]) for item in examples.validation]
 
@@ -76,10 +80,11 @@ def train_block(
 
 
 def _carrying(
-    network: FlowBlock, earlier: Sequence[FlowBlock], training: ChainSettings, device: torch.device
-) -> Callable[[Scan], Mesh]:
+    network: FlowBlock, earlier: Sequence[FlowBlock], white: Sequence[FlowBlock], training: ChainSettings,
+    device: torch.device,
+) -> Callable[[Scan], Mesh]:  # fmt: skip
     """The template after all blocks, in a scan. What the earlier blocks do in a scan is computed once."""
-    frozen = [block.to(device).requires_grad_(False) for block in earlier]
+    before, frozen = ([block.to(device).requires_grad_(False) for block in each] for each in (white, earlier))
     template = simplified(network.template.mesh(), training.n_faces).to(torch.float32).to(device)
     flow = (training.n_flow_steps, training.method)
 
@@ -87,7 +92,8 @@ def _carrying(
     def begun(scan: Scan) -> tuple[Tensor, Mesh, Tensor | None]:
         values = scaled_image(scan.image).to(device)
         with torch.no_grad():
-            return values, *carried_through(frozen, template, scan.image, values, *flow)
+            start, _ = carried_through(before, template, scan.image, values, *flow)
+            return values, *carried_through(frozen, start, scan.image, values, *flow)
 
     def carry(scan: Scan) -> Mesh:
         values, mesh, grids = begun(scan)

@@ -21,7 +21,8 @@ from meshot.systems.deepcsr.surface import SurfaceSettings, closed_surface, dist
 from meshot.systems.deepcsr.training import DistanceSettings, train_distances
 from meshot.systems.examples import ExampleSets, Scan, SurfaceKey
 from meshot.systems.learning import completed_groups
-from meshot.systems.protocol import Part, SurfaceSystem
+from meshot.systems.parts import Part
+from meshot.systems.protocol import SurfaceSystem
 from meshot.train import Groups, Progress
 
 _GROUPS = {"network": NetworkSettings, "surface": SurfaceSettings, "training": DistanceSettings}

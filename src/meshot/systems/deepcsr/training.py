@@ -13,7 +13,7 @@ from meshot.metrics import Surface, SurfaceSample
 from meshot.systems.deepcsr.network import DistanceNetwork
 from meshot.systems.examples import Example, ExampleSets, SurfaceKey
 from meshot.systems.learning import LearningSettings, example_data, scaled_image, train_part
-from meshot.systems.protocol import Part
+from meshot.systems.parts import Part
 from meshot.train import Groups, Progress, chosen_device
 from meshot.types import Array, Float, Tensor
 from meshot.volume import sample_volume, voxel_to_mm

@@ -15,7 +15,8 @@ from meshot.systems.deformation.data import hemisphere_example
 from meshot.systems.deformation.settings import DeformationConfig, deformation_config
 from meshot.systems.deformation.training import train_deformation
 from meshot.systems.examples import ExampleSets, Scan, SurfaceKey
-from meshot.systems.protocol import Part, SurfaceSystem
+from meshot.systems.parts import Part
+from meshot.systems.protocol import SurfaceSystem
 from meshot.train import Groups, Progress
 
 _KEYS = tuple((side, "white") for side in HEMISPHERES)

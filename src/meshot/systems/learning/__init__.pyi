@@ -9,6 +9,7 @@ from .template import (
     TemplateSettings as TemplateSettings,
     mean_box as mean_box,
     template_shape as template_shape,
+    template_surfaces as template_surfaces,
 )
 from .training import (
     mean_distances as mean_distances,

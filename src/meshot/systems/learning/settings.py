@@ -139,4 +139,5 @@ def completed_groups(
 
 
 def _as_dict(settings: object) -> dict:
-    return settings.as_dict() if isinstance(settings, LearningSettings) else dataclasses.asdict(settings)
+    found = settings.as_dict() if isinstance(settings, LearningSettings) else dataclasses.asdict(settings)
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in found.items()}  # as in a file

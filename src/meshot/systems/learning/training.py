@@ -11,7 +11,7 @@ from meshot.mesh import Mesh
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
 from meshot.systems.examples import ExampleSets
 from meshot.systems.learning.settings import LearningSettings
-from meshot.systems.protocol import Part
+from meshot.systems.parts import Part
 from meshot.train import Groups, Progress, Task, Training, examples_of_step, train_network
 from meshot.types import Tensor
 

@@ -72,9 +72,15 @@ def _sampled(mesh: Mesh, n_points: int, generator: np.random.Generator) -> tuple
     return points, face_normals(mesh)[cells], (cells, barycentric)
 
 
+#: The factors by which the authors weigh terms of pial surfaces more than those of white ones.
+PIAL = {"normals": 1.25, "laplacian": 2.5, "consistency": 2.25}
+
+
 @dataclasses.dataclass(frozen=True)
 class MeshWeights:
     """Weights of the terms of the loss on meshes, for lengths in units of ``extent`` mm, as in the paper.
+
+    They are those of white surfaces. Those of pial surfaces follow from them, see :meth:`of`.
 
     Parameters
     ----------
@@ -107,6 +113,11 @@ class MeshWeights:
         for name, value in dataclasses.asdict(self).items():
             if not 0 <= value < float("inf") or (name == "extent" and value == 0):
                 raise ValueError(f"{name} is {value!r}; a finite number >= 0 is needed, and > 0 for extent")
+
+    def of(self, kind: str) -> "MeshWeights":
+        """The weights for a kind of surface, "white" or "pial"."""
+        more = PIAL if kind == "pial" else {}
+        return dataclasses.replace(self, **{name: factor * getattr(self, name) for name, factor in more.items()})
 
     def mesh_loss(
         self, found: Mesh, target: CurvedTarget, n_points: int, generator: np.random.Generator

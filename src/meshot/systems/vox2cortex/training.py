@@ -1,4 +1,4 @@
-"""Training of Vox2Cortex: segmentation and the meshes of all four stages, on both sides at once."""
+"""Training of Vox2Cortex: segmentation and the meshes of all four stages, of all surfaces at once."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -14,15 +14,21 @@ from meshot.mesh.editing import simplified
 from meshot.metrics import Surface
 from meshot.model import segmentation_loss
 from meshot.systems.examples import Example, ExampleSets
-from meshot.systems.learning import LearningSettings, example_data, mean_box, mean_distances, scaled_image, train_part
-from meshot.systems.protocol import Part
+from meshot.systems.learning import (
+    LearningSettings,
+    example_data,
+    mean_box,
+    mean_distances,
+    scaled_image,
+    template_surfaces,
+    train_part,
+)
+from meshot.systems.parts import Part
 from meshot.systems.vox2cortex.losses import MeshWeights, curved_target
-from meshot.systems.vox2cortex.network import MeshNetwork
+from meshot.systems.vox2cortex.network import MeshNetwork, template_name
 from meshot.train import Groups, Progress, chosen_device
 from meshot.types import Float, Tensor
 from meshot.volume.surfaces import enclosed_fractions
-
-KEYS = tuple((side, "white") for side in HEMISPHERES)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +64,7 @@ def train_meshes(
     progress: Progress | None = None,
     device: torch.device | None = None,
 ) -> Part:
-    """Train the network of both sides. It is validated on the meshes of the last stage.
+    """Train the network of all surfaces. It is validated on the meshes of the last stage.
 
     Parameters
     ----------
@@ -75,12 +81,13 @@ def train_meshes(
     """
     training, weights = MeshSettings(**settings["training"]), MeshWeights(**settings["loss"])
     device = device or chosen_device()
-    boxes = {side: mean_box([item.targets[side, "white"] for item in examples.training]) for side in HEMISPHERES}
+    keys = template_surfaces(settings)
+    boxes = {template_name(key): mean_box([item.targets[key] for item in examples.training]) for key in keys}
     network = MeshNetwork(
         **settings["network"], template=settings["template"], boxes=boxes, generator=training.seed
     ).to(device)
     templates = {side: coarse_template(network, side, training.n_faces).to(device) for side in HEMISPHERES}
-    truths = [{key: curved_target(item.targets[key].to(device)) for key in KEYS} for item in examples.training]
+    truths = [{key: curved_target(item.targets[key].to(device)) for key in keys} for item in examples.training]
     fractions = [true_fractions(item) for item in examples.training]
 
     def loss_of(index: int, draws: np.random.Generator) -> Tensor:
@@ -88,13 +95,14 @@ def train_meshes(
         maps = network.unet(scaled_image(image).to(device))
         total = weights.segmentation * segmentation_loss(network.segmentation(maps), fractions[index].to(device))
         for side, template in templates.items():
-            for found in network.move(maps, image, template, side):
-                target = truths[index][side, "white"]
-                total = total + weights.mesh_loss(found, target, training.n_samples, draws)
+            for found in network.surfaces_after(maps, image, template, side):
+                for kind, mesh in found.items():
+                    target = truths[index][side, kind]
+                    total = total + weights.of(kind).mesh_loss(mesh, target, training.n_samples, draws)
         return total
 
     validate = _validation(network, templates, examples, training, device)
-    made_with = settings | {"data": example_data(examples, KEYS)}
+    made_with = settings | {"data": example_data(examples, keys)}
     return train_part(network, training, examples, loss_of, validate, made_with, folder, progress)
 
 
@@ -102,7 +110,7 @@ def _validation(
     network: MeshNetwork, templates: Mapping[Hemisphere, Mesh], examples: ExampleSets, training: MeshSettings,
     device: torch.device,
 ) -> Callable[[], dict]:  # fmt: skip
-    surfaces = [{key: Surface(item.targets[key]) for key in KEYS} for item in examples.validation]
+    surfaces = [{key: Surface(item.targets[key]) for key in network.surfaces} for item in examples.validation]
 
     @torch.no_grad()
     def validate() -> dict:
@@ -110,14 +118,15 @@ def _validation(
         for item, truths in zip(examples.validation, surfaces, strict=True):
             maps = network.unet(scaled_image(item.scan.image).to(device))
             for side, template in templates.items():
-                pairs.append((network.move(maps, item.scan.image, template, side)[-1], truths[side, "white"]))
+                found = network.surfaces_after(maps, item.scan.image, template, side)[-1]
+                pairs += [(mesh, truths[side, kind]) for kind, mesh in found.items()]
         return mean_distances(pairs, training.n_points)
 
     return validate
 
 
 def coarse_template(network: MeshNetwork, side: Hemisphere, n_faces: int) -> Mesh:
-    """The template of one side with fewer faces, in float32."""
+    """The white template of one side with fewer faces, in float32."""
     return simplified(network.templates[side].mesh(), n_faces).to(torch.float32)
 
 
@@ -129,5 +138,5 @@ def true_fractions(example: Example) -> Float[Tensor, "1 2 x y z"]:
     ValueError
         If a surface is not closed, or its normals point inwards.
     """
-    found = [enclosed_fractions(example.targets[key], example.scan.image) for key in KEYS]
+    found = [enclosed_fractions(example.targets[side, "white"], example.scan.image) for side in HEMISPHERES]
     return torch.from_numpy(np.stack(found).astype(np.float32))[None]
