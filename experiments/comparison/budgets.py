@@ -80,7 +80,7 @@ def score_of(folder: Path, unit: Unit, config: dict, device: torch.device | None
         truth = Surface(example.targets[side, "white"])
         values.append(average_surface_distance(*offsets_between(found, truth, config["evaluation"]["n_points"])))
     turns, n_trained = config["arms"][unit.arm].get("turns", 1), len(HEMISPHERES) if has_sides(unit.kind()) else 1
-    seconds = sum(seconds_of_epoch(record) for record in records_in(folder, unit).values())
+    seconds = sum(seconds_of_epoch(record) for record in records_in(folder, unit, config).values())
     return {"assd_mm": float(np.mean(values)), "seconds_per_epoch": n_trained * seconds / turns}
 
 
@@ -123,7 +123,7 @@ def _choice(arm: str, scores: dict[float, dict], units: list[Unit], config: dict
         raise ValueError(f"{arm}: no rate has a score; give it other rates in the protocol, and say so there")
     best = min(found, key=found.get)
     ended = [record for unit in units if scores[unit.rate]["assd_mm"] is not None
-             for record in records_in(unit.kept(config), unit).values()]  # fmt: skip
+             for record in records_in(unit.kept(config), unit, config).values()]  # fmt: skip
     return {
         "rate": best,
         "assd_mm": {f"{rate:g}": score["assd_mm"] for rate, score in scores.items()},

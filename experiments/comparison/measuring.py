@@ -53,7 +53,7 @@ def seen(subject: Subject, surfaces: InitialSurfaces) -> Seen:
 
 
 def reconstructed(scan: Seen, system: SurfaceSystem | None) -> Found:
-    """The surfaces of a system, without the repair of crossing faces; those of the segmentation without a system."""
+    """The white surfaces of a system, without the repair of crossing faces; without a system, of the segmentation."""
     if system is None:
         return {side: in_scanner(mesh, scan.scan) for side, mesh in scan.initial.items()}, scan.seconds
     started = time.process_time()
@@ -61,8 +61,9 @@ def reconstructed(scan: Seen, system: SurfaceSystem | None) -> Found:
         found = system.reconstruct(scan.given(type(system)))
     except ValueError as error:
         return str(error), None
-    seconds = (time.process_time() - started) / len(found)
-    return {side: in_scanner(mesh, scan.scan) for (side, _), mesh in found.items()}, seconds
+    seconds = time.process_time() - started
+    white = {side: in_scanner(mesh, scan.scan) for (side, kind), mesh in found.items() if kind == "white"}
+    return white, seconds / len(white)
 
 
 def subject_rows(scan: Seen, found: Found, sides: tuple[str, ...], settings: dict) -> list[dict]:

@@ -34,7 +34,7 @@ def described(unit: Unit, setting: Setting) -> dict:
     """
     config, about = setting.config, dataclasses.asdict(unit) | {"name": unit.name}
     wanted, networks = unit.settings(config, changes_of(unit, config)), {}
-    for part, record in records_in(unit.kept(config), unit).items():
+    for part, record in records_in(unit.kept(config), unit, config).items():
         results = record["results"]
         # Settings introduced after the record have their defaults.
         if unit.kind().complete(record["config"]) != wanted:

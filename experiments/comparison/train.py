@@ -67,7 +67,7 @@ def keep(unit: Unit, config: dict, device: torch.device | None = None) -> None:
     """Copy the files of all networks to their final folder, which appears when it is complete."""
     state = unit.state(config)
     with whole_folder(unit.kept(config)) as place:
-        for part in unit.kind().networks:
+        for part in unit.parts(config):
             TrainingLog(place / f"{part}{LOG}", thinned(read_log(state / f"{part}{LOG}")))
             for suffix in (WEIGHTS, RECORD):
                 (place / f"{part}{suffix}").write_bytes((state / f"{part}{suffix}").read_bytes())

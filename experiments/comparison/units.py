@@ -4,8 +4,9 @@ import argparse
 import dataclasses
 import fnmatch
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import ClassVar
 
 import torch
 import yaml
@@ -72,6 +73,10 @@ class Unit:
         """The system, limited to the sides of the training."""
         return limited(get_system(self.arm), self.sides)
 
+    def parts(self, config: dict) -> tuple[str, ...]:
+        """The names of its networks, which do not depend on rate and number of epochs."""
+        return self.kind().parts_of(self.settings(config, ()))
+
     def settings(self, config: dict, changes: Iterable[str]) -> Groups:
         """All settings, with changes of rate and number of epochs (see ``budgets.py``)."""
         return read_settings(get_system(self.arm), config["settings"], self.all_changes(config, changes))
@@ -95,9 +100,21 @@ def limited(kind: type[SurfaceSystem], sides: Iterable[str]) -> type[SurfaceSyst
     """A system that finds, needs and has networks for the given sides only. Unchanged if a network finds both sides."""
     if set(sides) == set(HEMISPHERES) or not has_sides(kind):
         return kind
-    surfaces, needs = (tuple(key for key in keys if key[0] in sides) for keys in (kind.surfaces, kind.needs))
-    networks = {name: of for name, of in kind.networks.items() if name.startswith(tuple(f"{s}_" for s in sides))}
-    return type(kind.__name__, (kind,), {"surfaces": surfaces, "needs": needs, "networks": networks})
+    prefixes = tuple(f"{side}_" for side in sides)
+
+    class Limited(kind):
+        needs = tuple(key for key in kind.needs if key[0] in sides)
+        networks: ClassVar = {name: of for name, of in kind.networks.items() if name.startswith(prefixes)}
+
+        @classmethod
+        def surfaces_of(cls, settings: Mapping) -> tuple:
+            return tuple(key for key in kind.surfaces_of(settings) if key[0] in sides)
+
+        @classmethod
+        def parts_of(cls, settings: Mapping) -> tuple[str, ...]:
+            return tuple(name for name in kind.parts_of(settings) if name in cls.networks)
+
+    return Limited
 
 
 def has_sides(kind: type[SurfaceSystem]) -> bool:
@@ -156,9 +173,9 @@ def system_in(folder: Path, unit: Unit, device: torch.device | None = None) -> S
     return found
 
 
-def records_in(folder: Path, unit: Unit) -> dict[str, dict]:
+def records_in(folder: Path, unit: Unit, config: dict) -> dict[str, dict]:
     """The record of each network of a training."""
-    return {name: read_results(folder / f"{name}{RECORD}") for name in unit.kind().networks}
+    return {name: read_results(folder / f"{name}{RECORD}") for name in unit.parts(config)}
 
 
 def segmentation_network(config: dict) -> SegmentationNetwork:

@@ -156,12 +156,14 @@ def test_the_protocol_is_whole(part, config):
 
 def test_the_turns_are_the_networks_of_a_side(part, config):
     for arm, entry in config["arms"].items():
-        networks = part("units").limited(get_system(arm), ("left",)).networks
+        settings = read_settings(get_system(arm), config["settings"])
+        networks = part("units").limited(get_system(arm), ("left",)).parts_of(settings)
         assert entry.get("turns", 1) == len(networks)
         assert part("units").has_sides(get_system(arm)) == (
             "side" in read_settings(get_system(arm), "small")["training"]
         )
-        assert len(part("units").limited(get_system(arm), ("left", "right")).networks) in (1, 2 * len(networks))
+        both = part("units").limited(get_system(arm), ("left", "right")).parts_of(settings)
+        assert len(both) in (1, 2 * len(networks))
 
 
 def test_both_budgets_give_steps(part, config, tmp_path):
@@ -200,8 +202,8 @@ def test_everything_is_trained_by_one_command(part, whole, capsys):
     assert list(rates) == ["vox2cortex", "corticalflow", "ddot"]
     assert rates["ddot"]["rate"] == float(min(rates["ddot"]["assd_mm"], key=rates["ddot"]["assd_mm"].get))
     for unit in units.finals(config):
-        records = units.records_in(unit.kept(config), unit)
-        assert list(records) == list(unit.kind().networks)
+        records = units.records_in(unit.kept(config), unit, config)
+        assert list(records) == list(unit.parts(config))
         for record in records.values():
             if unit.arm != "classical":
                 assert record["config"]["training"]["learning_rate"] == rates[unit.arm]["rate"]
@@ -231,7 +233,7 @@ def test_the_score_is_the_distance_of_what_is_reconstructed(part, whole):
     )
     score = units.read_json(unit.kept(config) / budgets.SCORE)
     assert score["assd_mm"] == pytest.approx(np.mean(list(both)), rel=0.2)
-    (record,) = units.records_in(unit.kept(config), unit).values()
+    (record,) = units.records_in(unit.kept(config), unit, config).values()
     assert score["seconds_per_epoch"] == budgets.seconds_of_epoch(record)
 
 

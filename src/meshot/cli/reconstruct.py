@@ -25,7 +25,8 @@ def add_to(commands: Commands) -> None:
         commands,
         "reconstruct",
         "Find the white surfaces of both hemispheres in a scan, or in all scans of a study.",
-        "The command writes the surfaces in scanner coordinates (RAS, mm) as FreeSurfer, GIfTI and PLY files, the "
+        "A system that was trained for pial surfaces finds these, too. The command writes the surfaces in scanner "
+        "coordinates (RAS, mm) as FreeSurfer, GIfTI and PLY files, the "
         f"transform to MNI152, labels of white matter, all numbers, and a report page. {NOTE}",
         """
         meshot reconstruct T1.nii.gz -o OUT
@@ -102,6 +103,12 @@ def _run_one(chosen: argparse.Namespace, scan: Path, output: Path) -> int:
             f"{side}: χ = {final['euler_number']}, {final['n_self_intersecting_faces']} self-intersecting of "
             f"{final['n_faces']} faces, {final['volume_cm3']:.0f} cm³"
         )
+        if surface["pial"]:
+            pial = surface["pial"]
+            print(
+                f"{side}, pial: χ = {pial['euler_number']}, {pial['n_self_intersecting_faces']} self-intersecting of "
+                f"{pial['n_faces']} faces, {pial['distance_from_white_mm']['mean']:.1f} mm from the white surface"
+            )
         if surface["fsaverage5"]:
             print(f"{side}: fsaverage5 carried to it lies {surface['fsaverage5']['distance_mm']:.2f} mm away (ASSD)")
     print(f"{sum(report['seconds']['clock'].values()):.0f} s; look at {printable_name(output / PAGE)}. {NOTE}")

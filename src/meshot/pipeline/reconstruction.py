@@ -1,4 +1,4 @@
-"""From one scan to the white surfaces of both hemispheres, in the scanner's space."""
+"""From one scan to the white surfaces, and perhaps pial ones, of both hemispheres, in the scanner's space."""
 
 import dataclasses
 
@@ -20,13 +20,14 @@ _WHITE = tuple((side, "white") for side in HEMISPHERES)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HemisphereSurface:
-    """The white surface of one hemisphere.
+    """The white surface of one hemisphere, and the pial one if the system finds it.
 
     Parameters
     ----------
     initial, final : Mesh
-        The initial surface and the result of the system, in scanner RAS of the scan, in mm, with outward normals. If
-        the system deforms the initial surface, both have the same faces, Euler number 2, and no crossing faces.
+        The initial white surface and the result of the system, in scanner RAS of the scan, in mm, with outward
+        normals. If the system deforms the initial surface, both have the same faces, Euler number 2, and no crossing
+        faces.
     segmented : SegmentedSurface
         The stages of the initial surface, in the standard space.
     repaired : RepairedSurface or None
@@ -34,6 +35,9 @@ class HemisphereSurface:
         system does not deform an initial surface.
     carried : CarriedTemplate or None
         The surface of the template in the place of ``final``, if it was asked for.
+    pial : Mesh or None
+        In the space of ``final``, as the system gives it: faces that cross are not repaired. None if the system finds
+        white surfaces only.
     """
 
     initial: Mesh
@@ -41,11 +45,13 @@ class HemisphereSurface:
     segmented: SegmentedSurface
     repaired: RepairedSurface | None
     carried: CarriedTemplate | None = None
+    pial: Mesh | None = None
 
     def meshes(self) -> dict[str, Mesh]:
-        """All surfaces by name: "white", "initial", and "fsaverage5" if the template was carried."""
-        carried = {} if self.carried is None else {"fsaverage5": self.carried.mesh}
-        return {"white": self.final, "initial": self.initial} | carried
+        """All surfaces by name: "white", "initial", and of "fsaverage5" (the template) and "pial" what is there."""
+        carried = None if self.carried is None else self.carried.mesh
+        found = {"white": self.final, "initial": self.initial, "fsaverage5": carried, "pial": self.pial}
+        return {name: mesh for name, mesh in found.items() if mesh is not None}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -87,7 +93,7 @@ def reconstruct(
     strict: bool = False,
     correspondence: bool = False,
 ) -> Reconstruction:
-    """The white surfaces of both hemispheres in a scan.
+    """The white surfaces of both hemispheres in a scan, and the pial ones if the system finds them.
 
     The stages are: registration to the MNI152 average, segmentation of white matter, initial surfaces, the system,
     repair of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the
@@ -149,9 +155,12 @@ def reconstruct(
             carried[key] = carried_in_place(mesh, key[0], segmentation.placement)
     clock.end()
     surfaces = {
-        key[0]: _surface(segmented[key[0]], final.get(key), settlement.get(key), carried.get(key), standard)
+        key[0]: _surface(
+            segmented[key[0]], final.get(key), settlement.get(key), carried.get(key), found.get((key[0], "pial")),
+            standard,
+        )
         for key in _WHITE
-    }
+    }  # fmt: skip
     name = None if system is None else system.name
     for side, surface in surfaces.items():
         warnings += surface_warnings(side, surface.final, surface.segmented, surface.repaired)
@@ -166,10 +175,12 @@ def _surface(
     final: Mesh | None,
     repaired: RepairedSurface | None,
     carried: CarriedTemplate | None,
+    pial: Mesh | None,
     scan: StandardScan,
 ) -> HemisphereSurface:
     initial = in_scanner(segmented.mesh, scan)
     final = initial if final is None else in_scanner(final, scan)
     if carried is not None:
         carried = dataclasses.replace(carried, mesh=in_scanner(carried.mesh, scan))
-    return HemisphereSurface(initial, final, segmented, repaired, carried)
+    pial = None if pial is None else in_scanner(pial, scan)
+    return HemisphereSurface(initial, final, segmented, repaired, carried, pial)

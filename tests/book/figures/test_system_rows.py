@@ -20,14 +20,19 @@ def networks(name, settings):
     if name == "vox2cortex":
         return [MeshNetwork(**form, template=template)]
     if name == "corticalflow":
-        return [FlowBlock("right", k, **form, template=template) for k in range(3)]
+        return [FlowBlock("right", k, **form, template=template) for _ in template["surfaces"] for k in range(3)]
     return [DeformationNetwork(**form)]
 
 
-@pytest.mark.parametrize("config", ["tiny", "small"])
-@pytest.mark.parametrize("name", NAMES)
-def test_the_weights_add_up(name, config):
-    settings = read_settings(get_system(name), config)
+@pytest.mark.parametrize(
+    ("name", "config", "changes"),
+    [
+        *((name, config, []) for name in NAMES for config in ("tiny", "small")),
+        *((name, "tiny", ["template.surfaces=[white, pial]"]) for name in ("corticalflow", "vox2cortex")),
+    ],
+)
+def test_the_weights_add_up(name, config, changes):
+    settings = read_settings(get_system(name), config, changes)
     steps = [step for row in system_steps(name, settings) for step in row]
     wanted = 1 if name == "classical" else count_weights(*networks(name, settings))
     assert sum(step.n_weights for step in steps) == wanted

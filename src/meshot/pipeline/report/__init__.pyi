@@ -9,7 +9,7 @@ from .files import (
     PAGE as PAGE,
     REPORT as REPORT,
     SHORT as SHORT,
-    STRUCTURES as STRUCTURES,
+    structure_of as structure_of,
     write_flat as write_flat,
     write_found as write_found,
     write_reconstruction as write_reconstruction,

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from meshot.anatomy import mni152_t1
+from meshot.anatomy import Hemisphere, mni152_t1
 from meshot.files import printable_name, whole_folder
 from meshot.mesh import write_mesh
 from meshot.metrics import vertex_distances
@@ -30,8 +30,6 @@ OVERVIEW = "slices.webp"
 FORMATS = ("", ".surf.gii", ".ply")
 SHORT = {"left": "lh", "right": "rh"}
 WHITE_MATTER, ITK, LTA = "white_matter.nii.gz", "to_standard.txt", "to_standard.lta"
-#: The names by which Connectome Workbench knows the white surface of a side.
-STRUCTURES = {"left": ("CortexLeft", "GrayWhite"), "right": ("CortexRight", "GrayWhite")}
 #: Writes everything but texts and pictures into a folder, and returns the folder for texts and pictures.
 Arrange = Callable[[Path, Reconstruction, Volume], Path]
 
@@ -48,12 +46,12 @@ def write_reconstruction(
     quiet: bool = False,
     correspondence: bool = False,
 ) -> dict:
-    """Reconstruct the white surfaces of a scan and write everything, with a progress bar; whole or not at all.
+    """Reconstruct the surfaces of a scan and write everything, with a progress bar; whole or not at all.
 
-    Into ``folder`` go, for each side, the surfaces ``white`` and ``initial`` (and ``fsaverage5``, if asked for) in
-    scanner RAS, as FreeSurfer, GIfTI and PLY; white matter on the grid of the scan (1 left, 2 right); the transform as
-    JSON, for ITK and for FreeSurfer; and ``report.json``, ``timing.json``, the picture ``slices.webp``, and
-    ``report.html``, which needs nothing beside it.
+    Into ``folder`` go, for each side, the surfaces ``white`` and ``initial`` (``pial``, if the system finds it, and
+    ``fsaverage5``, if asked for) in scanner RAS, as FreeSurfer, GIfTI and PLY; white matter on the grid of the scan
+    (1 left, 2 right); the transform as JSON, for ITK and for FreeSurfer; and ``report.json``, ``timing.json``, the
+    picture ``slices.webp``, and ``report.html``, which needs nothing beside it.
 
     Parameters
     ----------
@@ -149,6 +147,18 @@ def write_found(
     return report
 
 
+def structure_of(side: Hemisphere, name: str) -> tuple[str, str]:
+    """The names by which Connectome Workbench knows a surface.
+
+    Parameters
+    ----------
+    side : str
+    name : str
+        As in :meth:`meshot.pipeline.HemisphereSurface.meshes`: all but "pial" are white surfaces.
+    """
+    return f"Cortex{side.capitalize()}", "Pial" if name == "pial" else "GrayWhite"
+
+
 def _require_free(folder: Path, replace: bool) -> None:
     """Refuse before minutes are spent; and never take away what is no reconstruction."""
     if not folder.is_dir() or not any(folder.iterdir()):
@@ -171,7 +181,7 @@ def write_flat(folder: Path, found: Reconstruction, scan: Volume) -> Path:
     for side, surface in found.surfaces.items():
         for name, mesh in surface.meshes().items():
             for suffix in FORMATS:
-                write_mesh(folder / f"{SHORT[side]}.{name}{suffix}", mesh, centre_ras(scan), STRUCTURES[side])
+                write_mesh(folder / f"{SHORT[side]}.{name}{suffix}", mesh, centre_ras(scan), structure_of(side, name))
     write_volume(folder / WHITE_MATTER, white_matter_labels(found, scan))
     (folder / ITK).write_text(itk_transform(found.registered.to_standard), encoding="utf-8")
     (folder / LTA).write_text(lta_transform(found.registered.to_standard, scan, "scan", mni152_t1()), encoding="utf-8")

@@ -7,6 +7,7 @@ import numpy as np
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.topology import self_intersecting_faces, topology
+from meshot.metrics import vertex_distances
 from meshot.pipeline.correspondence import CarriedTemplate
 from meshot.pipeline.quality_warnings import voxels_given_up
 from meshot.pipeline.reconstruction import HemisphereSurface
@@ -34,7 +35,7 @@ def numbers_of_scan(scan: Volume, name: str) -> dict:
 
 
 def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]) -> dict:
-    """Statistics of one hemisphere: both meshes, the distance between them, and the repair.
+    """Statistics of one hemisphere: all meshes, distances between them, and the repair.
 
     Parameters
     ----------
@@ -47,11 +48,8 @@ def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]
     return {
         "initial": _counts(surface.initial) | _measures(surface.initial),
         "final": _counts(surface.final) | _measures(surface.final),
-        "distance_from_initial_mm": {
-            "mean": float(distances.mean()),
-            "percentile_95": float(np.percentile(distances, 95)),
-            "largest": float(distances.max()),
-        },
+        "distance_from_initial_mm": _of_distances(distances),
+        "pial": None if surface.pial is None else _of_pial(surface.pial, surface.final),
         "fsaverage5": None if surface.carried is None else _of_template(surface.carried),
         "n_voxels_given_up": n_lost,
         "share_of_voxels_given_up": share,
@@ -62,6 +60,19 @@ def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]
             "n_backtracks": repaired.n_backtracks,
             "largest_move_mm": repaired.largest_move,
         },
+    }
+
+
+def _of_pial(pial: Mesh, white: Mesh) -> dict:
+    distances = {"distance_from_white_mm": _of_distances(vertex_distances(pial, white))}
+    return _counts(pial) | _measures(pial) | distances
+
+
+def _of_distances(distances: Float[Array, " V"]) -> dict:
+    return {
+        "mean": float(distances.mean()),
+        "percentile_95": float(np.percentile(distances, 95)),
+        "largest": float(distances.max()),
     }
 
 

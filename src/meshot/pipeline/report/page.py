@@ -25,12 +25,17 @@ def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> s
         slices=slices,
         view=view,
         meshes=_mesh_rows(report),
+        pial=_has_pial(report),
         moves=_move_rows(report),
         voxel_mm=" × ".join(f"{v:g}" for v in report["scan"]["voxel_mm"]),
         seconds=_second_rows(report["seconds"]),
         matrix="\n".join(" ".join(f"{value:11.6f}" for value in row) for row in report["to_standard"]),
         records="\n".join(f"{name}: {_record(record)}" for name, record in report["weights"].items()),
     )
+
+
+def _has_pial(report: dict) -> bool:
+    return all(numbers.get("pial") for numbers in report["surfaces"].values())
 
 
 def _mesh_rows(report: dict) -> Rows:
@@ -42,7 +47,7 @@ def _mesh_rows(report: dict) -> Rows:
         ("self-intersecting faces", "n_self_intersecting_faces"),
         ("volume inside (cm³)", "volume_cm3"), ("area (cm²)", "area_cm2"),
     ]  # fmt: skip
-    stages = ("initial", "final") if report["system"] else ("initial",)
+    stages = (("initial", "final") if report["system"] else ("initial",)) + ("pial",) * _has_pial(report)
     columns = [(side, stage) for side in surfaces for stage in stages]
     rows = [(label, *(_cell(surfaces[side][stage][key]) for side, stage in columns)) for label, key in meshes]
     return [("", *(f"{side}, {stage}" for side, stage in columns)), *rows]
@@ -58,6 +63,9 @@ def _move_rows(report: dict) -> Rows:
             (f"distance from the initial surface, {word} (mm)", *(s["distance_from_initial_mm"][key] for s in sides))
             for key, word in words.items()
         ]
+    if _has_pial(report):
+        away = [s["pial"]["distance_from_white_mm"] for s in sides]
+        rows += [("distance of the pial from the final surface, mean (mm)", *(found["mean"] for found in away))]
     repairs = [s["repair"] for s in sides]
     if all(repairs):
         rows += [

@@ -31,7 +31,7 @@ class Picture:
 
 
 def slice_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
-    """Slices of the original scan, two in each plane, with outlines of the initial and the final surfaces."""
+    """Slices of the original scan, two in each plane, with outlines of the initial, final and pial surfaces."""
     meshes, limits = _meshes(found), _limits(scan)
     pictures = []
     for (plane, _), (slab, through) in zip(_CUTS, _slabs(meshes, scan), strict=True):
@@ -50,9 +50,9 @@ def overview(found: Reconstruction, scan: Volume) -> bytes:
         Cut(slab, plane, float(through[PLANES[plane][0]]))
         for (plane, _), (slab, through) in zip(_CUTS, _slabs(meshes, scan), strict=True)
     ]
-    *_, result = meshes.values()
+    shown = 1 if found.system else 0  # the white surface
     ordered = [*cuts[::2], *cuts[1::2]]  # a plane in every column
-    return slice_sheet(ordered, result, _limits(scan), LINE_COLOURS[len(meshes) - 1])
+    return slice_sheet(ordered, list(meshes.values())[shown], _limits(scan), LINE_COLOURS[shown])
 
 
 def _meshes(found: Reconstruction) -> dict[str, Mesh]:
@@ -60,6 +60,8 @@ def _meshes(found: Reconstruction) -> dict[str, Mesh]:
     stages = {"initial surface": [s.initial for s in found.surfaces.values()]}
     if found.system:
         stages["final surface"] = [s.final for s in found.surfaces.values()]
+    pial = [s.pial for s in found.surfaces.values() if s.pial is not None]
+    stages |= {"pial surface": pial} if pial else {}
     return {name: _together(parts) for name, parts in stages.items()}
 
 

@@ -9,14 +9,16 @@ from meshot.anatomy import HEMISPHERES, mni152_t1
 from meshot.files import printable_name, whole_file
 from meshot.mesh import write_mesh
 from meshot.pipeline import Reconstruction
-from meshot.pipeline.report import STRUCTURES, TEMPLATE, itk_transform, lta_transform, white_matter_labels
+from meshot.pipeline.report import TEMPLATE, itk_transform, lta_transform, structure_of, white_matter_labels
 from meshot.study.visits import Visit
 from meshot.volume import Volume, write_volume
 
 REPORT_FOLDER = Path("report")
 VERSION = "1.10.0"
 #: What the specification does not describe: pages, tables and logs of the study, transforms, and surfaces.
-IGNORED = ("*.html", "subjects.*", "verdicts*.tsv", "logs/", "report", "*_xfm.*", "*.surf.gii", "*_white.json")
+IGNORED = (
+    "*.html", "subjects.*", "verdicts*.tsv", "logs/", "report", "*_xfm.*", "*.surf.gii", "*_white.json", "*_pial.json",
+)  # fmt: skip
 _LABELS = "index\tname\tabbreviation\n1\tLeft cerebral white matter\tlWM\n2\tRight cerebral white matter\trWM\n"
 
 
@@ -33,8 +35,8 @@ def arrange(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> 
     for side in HEMISPHERES:
         surface, start = found.surfaces[side], f"{visit.prefix}_hemi-{side[0].upper()}"
         for kind, mesh in surface.meshes().items():
-            name = f"{start}_white" if kind == "white" else f"{start}_desc-{kind}_white"
-            write_mesh(anat / f"{name}.surf.gii", mesh, structure=STRUCTURES[side])
+            name = f"{start}_{kind}" if kind in ("white", "pial") else f"{start}_desc-{kind}_white"
+            write_mesh(anat / f"{name}.surf.gii", mesh, structure=structure_of(side, kind))
             _write_json(anat / f"{name}.json", facts | {"SpatialReference": "scanner RAS of the T1w image, in mm"})
     start = anat / f"{visit.prefix}_desc-whitematter_dseg"
     write_volume(start.with_name(f"{start.name}.nii.gz"), white_matter_labels(found, scan))

@@ -21,7 +21,7 @@ N_VOXELS = 256
 #: The values of ``mri/filled.mgz`` for the left and the right hemisphere.
 FILLED = (255, 127)
 #: The initial surface is called as FreeSurfer calls the surface before it moves.
-_NAMES = {"white": "white", "initial": "orig", "fsaverage5": "white.fsaverage5"}
+_NAMES = {"white": "white", "initial": "orig", "fsaverage5": "white.fsaverage5", "pial": "pial"}
 _AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 

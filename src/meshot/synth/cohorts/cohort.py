@@ -122,14 +122,20 @@ class Subject:
         Raises
         ------
         ValueError
-            If kind, hemisphere or space is unknown.
+            If kind, hemisphere or space is unknown, or the cohort does not have the surface.
         """
         if kind not in ("white", "pial") or hemisphere not in HEMISPHERES or space not in ("scanner", "standard"):
             raise ValueError(
                 f"no surface {kind!r} {hemisphere!r} in space {space!r}; white or pial, left or right, scanner or "
                 "standard"
             )
-        mesh = read_mesh(self.file(SURFACE.format(hemisphere[0].upper(), kind)))
+        path = self.file(SURFACE.format(hemisphere[0].upper(), kind))
+        if not path.is_file():
+            raise ValueError(
+                f"{self.cohort} has no true {hemisphere} {kind} surface of {self.name} ({path.name} does not exist): make "
+                "the cohort again, or ask for the surfaces that it has"
+            )
+        mesh = read_mesh(path)
         if space == "scanner":
             return mesh
         return mesh.with_vertices(transform_points(self.to_standard(), mesh.vertices))

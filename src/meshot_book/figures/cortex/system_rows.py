@@ -67,7 +67,7 @@ def _classical(settings: Groups) -> _Rows:
 
 def _deepcsr(settings: Groups) -> _Rows:
     kind = get_system("deepcsr")
-    network = kind.networks["distances"](len(kind.surfaces), **settings["network"])
+    network = kind.networks["distances"](len(kind.surfaces_of(settings)), **settings["network"])
     encoder = count_weights(network.encoder, network.of_whole)
     n_maps = len(network.encoder.widths)
     n_blocks = settings["network"]["n_blocks"]
@@ -91,7 +91,7 @@ def _vox2cortex(settings: Groups) -> _Rows:
     network = get_system("vox2cortex").networks["meshes"](**settings["network"], template=settings["template"])
     image = count_weights(network.unet, network.to_classes)
     return [
-        [_data("scan"), _data("templates, left and right")],
+        [_data("scan"), _data("templates, left and right" if len(network.kinds) == 1 else "white and pial templates")],
         [_learned(image, "residual U-Net: maps of all levels,", "and a segmentation (for the loss)")],
         [_fixed(f"{len(network.stages)} stages, coarse maps first:", "features of the maps at every vertex")],
         [_learned(count_weights(network) - image, "in each stage: graph networks", "move every vertex")],
@@ -101,14 +101,20 @@ def _vox2cortex(settings: Groups) -> _Rows:
 
 
 def _corticalflow(settings: Groups) -> _Rows:
-    kinds = [kind for part, kind in get_system("corticalflow").networks.items() if part.startswith("left")]
+    system = get_system("corticalflow")
     form = settings["network"] | {"template": settings["template"]}
-    blocks = [kind("left", k, **form) for k, kind in enumerate(kinds)]
     steps = f"flow: {settings['training']['method'].upper()}, {settings['training']['n_flow_steps']} steps"
     rows = [[_data("scan"), _data("template")]]
-    for k, block in enumerate(blocks):
+    for part in system.parts_of(settings):
+        side, kind, number = part.split("_")
+        if side == "right":
+            continue
+        k = int(number) - 1  # grids before this one, in its cascade
+        if kind == "pial" and not k:
+            rows.append([_data("white surface")])
         reads = "reads the scan" if not k else f"reads the scan and {k} velocity grid{'s' * (k > 1)}"
-        rows.append([_learned(count_weights(block), f"U-Net {k + 1}: a velocity grid;", reads)])
+        n_weights = count_weights(system.networks[part]("left", k, **form))
+        rows.append([_learned(n_weights, f"U-Net {k + 1}: a velocity grid;", reads)])
         rows.append([_fixed(f"the vertices follow this grid ({steps})")])
     loss = _fixed("in training only, block by block: Chamfer", "between drawn points, and edge length")
     return [*rows, [_data("surface")], [loss]]
