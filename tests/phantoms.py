@@ -10,6 +10,7 @@ import torch
 from meshot.anatomy import HEMISPHERES
 from meshot.mesh.editing.decimation import simplified
 from meshot.mesh.editing.smoothing import laplacian_smoothing
+from meshot.mesh.geometry.areas import vertex_normals
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes.solids import icosphere
@@ -36,6 +37,11 @@ def phantom_surfaces(seed: int, depth: float = 1.0) -> dict[str, Mesh]:
         centre = ball.vertices.new_tensor([x, *random.uniform(-2, 2, 2)])
         surfaces[side] = ball.with_vertices(ball.vertices * (1 + height / 8) + centre)
     return surfaces
+
+
+def pial_surfaces(surfaces: dict[str, Mesh]) -> dict[str, Mesh]:
+    """A surface 1 mm outside of each white one, along its normals."""
+    return {side: mesh.with_vertices(mesh.vertices + vertex_normals(mesh)) for side, mesh in surfaces.items()}
 
 
 def phantom_scan(surfaces: dict[str, Mesh], seed: int) -> StandardScan:
@@ -67,14 +73,16 @@ def phantom_deformations(n: int, seed: int = 0, side: str = "left") -> list[Defo
     return found
 
 
-def phantom_subjects(n: int, needs: Sequence[SurfaceKey], seed: int = 0) -> list[Example]:
-    """The same as examples for any system: both true surfaces, and the initial ones that it needs."""
+def phantom_subjects(n: int, needs: Sequence[SurfaceKey], seed: int = 0, pial: bool = False) -> list[Example]:
+    """The same as examples for any system: true surfaces of both sides, and the initial ones that it needs."""
     sides = {side: phantom_deformations(n, seed, side) for side in HEMISPHERES}
+    outer = [pial_surfaces({side: found[i].target for side, found in sides.items()}) if pial else {} for i in range(n)]
     return [
         Example(
             f"phantom-{seed + i}",
             Scan(sides["left"][i].scan, {key: sides[key[0]][i].initial for key in needs}),
-            {(side, "white"): found[i].target for side, found in sides.items()},
+            {(side, "white"): found[i].target for side, found in sides.items()}
+            | {(side, "pial"): mesh for side, mesh in outer[i].items()},
         )
         for i in range(n)
     ]

@@ -1,5 +1,6 @@
 """The three layouts, read back by nibabel and SimpleITK and compared with computations of their own."""
 
+import dataclasses
 import json
 
 import nibabel
@@ -8,7 +9,9 @@ import pytest
 import SimpleITK
 
 from bright_head import BRIGHTNESS, CENTRES, RADIUS, bright_head, bright_template
+from meshot.mesh.io import read_mesh
 from meshot.pipeline.report import itk_transform, lta_transform
+from meshot.study.compare_files import find_surfaces
 from meshot.study.layouts import LAYOUTS, layout_named
 from meshot.study.layouts.freesurfer_subject import conformed_scan
 from meshot.study.visits import Visit
@@ -161,6 +164,25 @@ def test_the_lta_holds_the_matrix_and_both_grids(scan):
         axes = np.array([[float(x) for x in values[key]] for key in ("xras", "yras", "zras")])
         np.testing.assert_allclose(axes, header["Mdc"], atol=1e-6)
         np.testing.assert_allclose([float(x) for x in values["cras"]], header["Pxyz_c"], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [("flat", "{}h.pial"), ("freesurfer", "surf/{}h.pial"), ("bids", "anat/sub-01_ses-b_acq-x_hemi-{}_pial.surf.gii")],
+)
+def test_a_pial_surface_has_the_place_that_others_expect(name, place, tmp_path, found, scan, visit):
+    outer = {
+        side: dataclasses.replace(each, pial=each.final.with_vertices(1.1 * each.final.vertices))
+        for side, each in found.surfaces.items()
+    }
+    LAYOUTS[name].arrange(tmp_path, dataclasses.replace(found, surfaces=outer), scan, visit)
+    for side, each in outer.items():
+        path = tmp_path / place.format(side[0].upper() if name == "bids" else side[0])
+        np.testing.assert_allclose(read_mesh(path).vertices, each.pial.vertices, atol=1e-3)
+        assert path.with_name(path.name.removesuffix(".surf.gii") + ".json").is_file() == (name == "bids")
+    assert {place.side for place in find_surfaces(tmp_path.parent, "pial")} == {"left", "right"}
+    LAYOUTS[name].begin(tmp_path, None)
+    assert name != "bids" or "*_pial.json" in (tmp_path / ".bidsignore").read_text(encoding="utf-8").split()
 
 
 def test_an_unknown_layout_is_refused():

@@ -132,8 +132,8 @@ class Subject:
         path = self.file(SURFACE.format(hemisphere[0].upper(), kind))
         if not path.is_file():
             raise ValueError(
-                f"{self.cohort} has no true {hemisphere} {kind} surface of {self.name} ({path.name} does not exist): make "
-                "the cohort again, or ask for the surfaces that it has"
+                f"{self.cohort} has no true {hemisphere} {kind} surface of {self.name} ({path.name} does not exist): "
+                "make the cohort again, or ask for the surfaces that it has"
             )
         mesh = read_mesh(path)
         if space == "scanner":
