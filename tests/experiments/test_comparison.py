@@ -4,6 +4,7 @@ import json
 import shutil
 import signal
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from meshot.provenance import read_results, write_results
 from meshot.synth.cohorts.cohort import scans
 from meshot.systems import Scan, get_system, read_settings, system_names
 from meshot.train import engine
+from phantoms import phantom_scan, phantom_surfaces
 from scripts import scripts_in
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "comparison"
@@ -164,6 +166,33 @@ def test_the_turns_are_the_networks_of_a_side(part, config):
         )
         both = part("units").limited(get_system(arm), ("left", "right")).parts_of(settings)
         assert len(both) in (1, 2 * len(networks))
+
+
+def test_a_side_of_a_system_of_white_and_pial_surfaces(part):
+    kind, settings = get_system("corticalflow"), {"template": {"surfaces": ["white", "pial"]}}
+    left = part("units").limited(kind, ("left",))
+    assert left.surfaces_of(settings) == (("left", "white"), ("left", "pial"))
+    assert left.parts_of(settings) == tuple(f"left_{kind}_{k}" for kind in ("white", "pial") for k in (1, 2, 3))
+    assert left.surfaces_of({}) == left({}).surfaces == (("left", "white"),)
+
+
+def test_white_surfaces_are_measured_also_where_pial_ones_are_found(part):
+    class Both(get_system("classical")):
+        surfaces = tuple((side, kind) for side in ("left", "right") for kind in ("white", "pial"))
+        networks: ClassVar = {}
+
+        def find_surfaces(self, scan):
+            return {key: white[key[0]].with_vertices(9 * white[key[0]].vertices) for key in self.surfaces} | {
+                (side, "white"): mesh for side, mesh in white.items()
+            }
+
+    white = phantom_surfaces(0)
+    scan = part("measuring").Seen(phantom_scan(white, 0), {}, white, None)
+    found, seconds = part("measuring").reconstructed(scan, Both({}))
+    assert list(found) == ["left", "right"]
+    assert seconds >= 0
+    for side, mesh in white.items():
+        torch.testing.assert_close(found[side].vertices, mesh.vertices)
 
 
 def test_both_budgets_give_steps(part, config, tmp_path):

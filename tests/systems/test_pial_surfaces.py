@@ -161,6 +161,12 @@ def test_white_and_pial_surfaces_are_learned_saved_and_found(trained, examples, 
     found, again = trained.reconstruct(one.scan), loaded.reconstruct(one.scan)
     assert tuple(found) == KEYS
     assert all(torch.equal(mesh.vertices, again[key].vertices) for key, mesh in found.items())
+    if kind.name == "corticalflow":  # the pial cascade goes on from the white surface
+        blocks = [trained.parts[f"right_pial_{k}"].network for k in (1, 2, 3)]
+        start, values = found["right", "white"].to(torch.float32), scaled_image(one.scan.image)
+        with torch.no_grad():
+            by_hand, _ = carried_through(blocks, start, one.scan.image, values, 3, "rk4")
+        torch.testing.assert_close(found["right", "pial"].vertices, by_hand.vertices.double())
     for side in ("left", "right"):
         assert torch.equal(found[side, "white"].faces, found[side, "pial"].faces)
         away = vertex_distances(found[side, "pial"], found[side, "white"]).mean()

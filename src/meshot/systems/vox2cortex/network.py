@@ -153,7 +153,9 @@ class MeshNetwork(nn.Module):
                 read += [features.roll(n, 0), (vertices.roll(n, 0) - vertices) / extent]
             features = stage(torch.cat(read, dim=1), edges)
             vertices = vertices + extent * stage.move(features, edges)
-            found.append({kind: mesh.with_vertices(part) for kind, part in zip(self.kinds, vertices.split(n))})
+            # One part is not split: that would change the order in which gradients are added, and their last bits.
+            parts = vertices.split(n) if len(self.kinds) > 1 else [vertices]
+            found.append({kind: mesh.with_vertices(part) for kind, part in zip(self.kinds, parts)})
         return found
 
     def _starts(self, mesh: Mesh, side: Hemisphere) -> Float[Tensor, "v 3"]:
