@@ -154,7 +154,7 @@ def structure_of(side: Hemisphere, name: str) -> tuple[str, str]:
     ----------
     side : str
     name : str
-        As in :meth:`meshot.pipeline.HemisphereSurface.meshes`: all but "pial" are white surfaces.
+        Such as "white", "initial" or "pial". All but "pial" are white surfaces.
     """
     return f"Cortex{side.capitalize()}", "Pial" if name == "pial" else "GrayWhite"
 
