@@ -1,6 +1,7 @@
 """From one scan to the white surfaces, and perhaps pial ones, of both hemispheres, in the scanner's space."""
 
 import dataclasses
+from collections.abc import Mapping
 
 from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
 from meshot.flow.crossings import RepairedSurface, repair_crossings
@@ -12,7 +13,7 @@ from meshot.pipeline.quality_warnings import require_no_warnings, scan_warnings,
 from meshot.pipeline.segmentation.segmenting import in_scanner
 from meshot.pipeline.segmentation.surface import SegmentedSurface, segmented_surface
 from meshot.pipeline.stages import Progress, StageClock
-from meshot.systems import Scan, SurfaceSystem
+from meshot.systems import Scan, SurfaceKey, SurfaceSystem
 from meshot.volume import StandardScan, Volume, standard_scan
 
 _WHITE = tuple((side, "white") for side in HEMISPHERES)
@@ -154,13 +155,7 @@ def reconstruct(
             mesh = final.get(key, segmented[key[0]].mesh)
             carried[key] = carried_in_place(mesh, key[0], segmentation.placement)
     clock.end()
-    surfaces = {
-        key[0]: _surface(
-            segmented[key[0]], final.get(key), settlement.get(key), carried.get(key), found.get((key[0], "pial")),
-            standard,
-        )
-        for key in _WHITE
-    }  # fmt: skip
+    surfaces = {side: _surface(side, segmented[side], final, settlement, carried, standard) for side in HEMISPHERES}
     name = None if system is None else system.name
     for side, surface in surfaces.items():
         warnings += surface_warnings(side, surface.final, surface.segmented, surface.repaired)
@@ -171,16 +166,17 @@ def reconstruct(
 
 
 def _surface(
+    side: Hemisphere,
     segmented: SegmentedSurface,
-    final: Mesh | None,
-    repaired: RepairedSurface | None,
-    carried: CarriedTemplate | None,
-    pial: Mesh | None,
+    final: Mapping[SurfaceKey, Mesh],
+    repaired: Mapping[SurfaceKey, RepairedSurface],
+    carried: Mapping[SurfaceKey, CarriedTemplate],
     scan: StandardScan,
 ) -> HemisphereSurface:
-    initial = in_scanner(segmented.mesh, scan)
-    final = initial if final is None else in_scanner(final, scan)
-    if carried is not None:
-        carried = dataclasses.replace(carried, mesh=in_scanner(carried.mesh, scan))
-    pial = None if pial is None else in_scanner(pial, scan)
-    return HemisphereSurface(initial, final, segmented, repaired, carried, pial)
+    key, initial = (side, "white"), in_scanner(segmented.mesh, scan)
+    white, pial = (None if kind not in final else in_scanner(final[kind], scan) for kind in (key, (side, "pial")))
+    template = carried.get(key)
+    if template is not None:
+        template = dataclasses.replace(template, mesh=in_scanner(template.mesh, scan))
+    white = initial if white is None else white
+    return HemisphereSurface(initial, white, segmented, repaired.get(key), template, pial)
