@@ -8,6 +8,7 @@ from bright_head import write_bright_weights
 from meshot.anatomy.placement import ENLARGEMENT, from_mni152
 from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
 from meshot.cli import main
+from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
 from meshot.pipeline import placing
@@ -60,7 +61,7 @@ def too_small(brain):
 
 def test_white_matter_is_found_again_where_it_belongs(brain, looks):
     first = too_small(brain)
-    placed, found, warnings = placed_white_matter(brain, first, SegmentationNetwork(2, 1, placement=BY_WHITE))
+    placed, found, warnings = placed_white_matter(brain, first, SegmentationNetwork(2, 1), BY_WHITE)
     assert warnings == []
     assert [each.volume.affine.tolist() for each in looks] == [each.volume.affine.tolist() for each in (first, placed)]
     scales = np.linalg.svd(placed.to_standard[:3, :3], compute_uv=False)
@@ -73,7 +74,7 @@ def test_white_matter_is_found_again_where_it_belongs(brain, looks):
 
 def test_other_networks_get_the_first_placement(brain, looks):
     first = too_small(brain)
-    placed, found, warnings = placed_white_matter(brain, first, SegmentationNetwork(2, 1))
+    placed, found, warnings = placed_white_matter(brain, first, SegmentationNetwork(2, 1), BY_GREY)
     assert placed is first
     assert (len(looks), warnings) == (1, [])
     assert set(found) == set(HEMISPHERES)
@@ -84,7 +85,7 @@ def test_white_matter_that_places_no_scan_is_a_warning(brain, looks):
     data[20:70, 40:90, 40:48] = 1.0
     scan = brain.with_data(data)
     first = place_on_grid(scan, np.eye(4), np.zeros(3))
-    placed, _, (warning,) = placed_white_matter(scan, first, SegmentationNetwork(2, 1, placement=BY_WHITE))
+    placed, _, (warning,) = placed_white_matter(scan, first, SegmentationNetwork(2, 1), BY_WHITE)
     assert placed is first
     assert "the white matter does not place the scan" in warning
 
@@ -132,21 +133,46 @@ def test_a_training_records_the_placement_of_its_cohorts(tmp_path, monkeypatch):
     assert network.placement == record["network"]["placement"] == BY_WHITE
 
 
-def test_a_flow_is_not_trained_from_surfaces_of_another_placement(tmp_path, monkeypatch, capsys):
+def test_a_flow_is_not_trained_from_surfaces_of_a_network_that_cannot_place_its_scans(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     cohort_placed_by(tmp_path / "data", BY_WHITE)
     write_weights(tmp_path / SEGMENTATION, SegmentationNetwork(2, 1), {})
     words = ["train", "ddot", "tiny", "--data", "data", "-o", "out", "--segmentation", SEGMENTATION, "--threads", "1"]
     assert main(words) == 2
-    assert (
-        "placed by white matter, and the scans that the segmentation network knows by grey" in capsys.readouterr().err
-    )
+    assert "data needs scans that are placed by white matter, and the segmentation" in capsys.readouterr().err
 
 
-def test_networks_of_two_placements_do_not_go_together(tmp_path):
+def placed_parts(folder, placements):
+    """Weights of a system whose parts say how their scans were placed."""
+    write_bright_weights(folder)
+    for name, placement in placements.items():
+        file = folder / f"{name}.safetensors"
+        network, record = read_weights(file, DeformationNetwork)
+        write_weights(file, network, record | {"results": record.get("results", {}) | {"placement": placement}})
+    return folder
+
+
+def test_a_system_asks_for_its_placement(tmp_path):
+    folder = placed_parts(tmp_path / "weights", {"left_white": BY_WHITE, "right_white": BY_WHITE})
+    with pytest.raises(ValueError, match="ddot needs scans that are placed by white matter, and the segmentation"):
+        load_networks("ddot", folder, folder / SEGMENTATION)
+    network, record = read_weights(folder / SEGMENTATION, SegmentationNetwork)
+    network.placement = BY_WHITE
+    write_weights(folder / SEGMENTATION, network, record)
+    assert load_networks("ddot", folder, folder / SEGMENTATION).system.placement == BY_WHITE
+
+
+def test_a_network_of_white_matter_serves_systems_of_grey_values(tmp_path):
     folder = write_bright_weights(tmp_path / "weights")
     network, record = read_weights(folder / SEGMENTATION, SegmentationNetwork)
     network.placement = BY_WHITE
     write_weights(folder / SEGMENTATION, network, record)
-    with pytest.raises(ValueError, match="scans that were placed in different ways: name two that were trained"):
+    assert load_networks("ddot", folder, folder / SEGMENTATION).system.placement == BY_GREY
+
+
+def test_parts_of_two_placements_do_not_go_together(tmp_path):
+    folder = placed_parts(tmp_path / "weights", {"left_white": BY_WHITE})
+    with pytest.raises(
+        ValueError, match="placed differently for the parts of ddot: left_white by white matter, right_"
+    ):
         load_networks("ddot", folder, folder / SEGMENTATION)

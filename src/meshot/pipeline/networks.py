@@ -6,7 +6,7 @@ from pathlib import Path
 
 from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.systems import SHIPPED, SurfaceSystem, load_system
-from meshot.types import PLACEMENTS
+from meshot.types import PLACEMENTS, Placement
 
 SEGMENTATION = "segmentation.safetensors"
 
@@ -45,6 +45,23 @@ def segmentation_weights(path: str | os.PathLike | None = None) -> Path:
             "them (meshot train-segmentation)"
         )
     return found
+
+
+def require_placement(segmentation: SegmentationNetwork, placement: Placement, what: str) -> None:
+    """Check that a segmentation network can place scans as they are needed.
+
+    A network that learned from scans placed by their white matter knows the other placement, too.
+
+    Raises
+    ------
+    ValueError
+        If the network knows scans by their grey values only, and the other placement is needed.
+    """
+    if placement != PLACEMENTS[0] and segmentation.placement == PLACEMENTS[0]:
+        raise ValueError(
+            f"{what} needs scans that are placed by {placement}, and the segmentation network learned from scans that "
+            f"are placed by {segmentation.placement}: name another one (--segmentation), or leave it out"
+        )
 
 
 def load_networks(
@@ -87,11 +104,7 @@ def load_networks(
                 f"{name} was learned from initial surfaces of another network than {SEGMENTATION}: name the one that "
                 "it was trained with (--segmentation), or train it anew (meshot train --segmentation)"
             )
-        if each.get("results", {}).get("placement", PLACEMENTS[0]) != network.placement:
-            raise ValueError(
-                f"{name} and {SEGMENTATION} learned from scans that were placed in different ways: "
-                "name two that were trained on the same cohorts (--weights, --segmentation)"
-            )
+    require_placement(network, found.placement, found.name)
     for part in found.parts.values():
         part.network.to(device)
     return TrainedNetworks(network.to(device), found, {SEGMENTATION: record} | records)

@@ -1,4 +1,4 @@
-"""Scans where the segmentation network knows them: placed by grey values, or by the white matter that it finds."""
+"""Scans where a system knows them: placed by grey values, or by the white matter that the segmentation finds."""
 
 import dataclasses
 
@@ -13,9 +13,9 @@ from meshot.volume.surfaces import largest_component
 
 
 def placed_white_matter(
-    scan: Volume, first: StandardScan, network: SegmentationNetwork
+    scan: Volume, first: StandardScan, network: SegmentationNetwork, placement: Placement
 ) -> tuple[StandardScan, dict[Hemisphere, Volume], list[str]]:
-    """A registered scan in the place that the network knows, the probability of white matter there, and warnings.
+    """A registered scan in the place that is needed, the probability of white matter there, and warnings.
 
     Parameters
     ----------
@@ -23,6 +23,8 @@ def placed_white_matter(
     first : StandardScan
         The scan, registered by its grey values.
     network : SegmentationNetwork
+    placement : str
+        The one that is needed.
 
     Raises
     ------
@@ -30,7 +32,7 @@ def placed_white_matter(
         As :func:`meshot.pipeline.segmentation.segmenting.white_matter`.
     """
     found = white_matter(first, network)
-    if network.placement == PLACEMENTS[0]:
+    if placement == PLACEMENTS[0]:
         return first, found, []
     masks = [largest_component(probability.data > 0.5) for probability in found.values()]
     try:

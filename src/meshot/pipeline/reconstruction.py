@@ -98,7 +98,7 @@ def reconstruct(
 
     The stages are: registration to the MNI152 average, segmentation of white matter, initial surfaces, the system,
     repair of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the
-    result has no crossing faces: see :func:`meshot.flow.crossings.repair_crossings`. A segmentation network may ask for
+    result has no crossing faces: see :func:`meshot.flow.crossings.repair_crossings`. A system may ask for
     scans that are placed by their white matter: then it is found twice, before and after
     :func:`meshot.anatomy.placed_by_white_matter`.
 
@@ -129,6 +129,7 @@ def reconstruct(
     if system is not None and not set(_WHITE) <= set(system.surfaces):
         raise ValueError(f"{system.name} finds {system.surfaces}; both white surfaces are needed here")
     template = mni152_t1() if template is None else template
+    placement = segmentation.placement if system is None else system.placement
     clock = StageClock((4 if system is None else 6) + len(HEMISPHERES) * correspondence, progress)
     with clock.stage("registration"):
         registered = standard_scan(scan, template, quick=True)
@@ -136,7 +137,7 @@ def reconstruct(
     if strict:
         require_no_warnings(warnings)
     with clock.stage("white matter"):
-        standard, probability, doubts = placed_white_matter(scan, registered, segmentation)
+        standard, probability, doubts = placed_white_matter(scan, registered, segmentation, placement)
     warnings += doubts
     segmented, found, settlement = {}, {}, {}
     for side in HEMISPHERES:
@@ -153,7 +154,7 @@ def reconstruct(
     for key in _WHITE if correspondence else ():
         with clock.stage(f"template, {key[0]}"):
             mesh = final.get(key, segmented[key[0]].mesh)
-            carried[key] = carried_in_place(mesh, key[0], segmentation.placement)
+            carried[key] = carried_in_place(mesh, key[0], placement)
     clock.end()
     surfaces = {side: _surface(side, segmented[side], final, settlement, carried, standard) for side in HEMISPHERES}
     name = None if system is None else system.name

@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline.examples import InitialSurfaces
-from meshot.pipeline.networks import SEGMENTATION
+from meshot.pipeline.networks import SEGMENTATION, require_placement
 from meshot.pipeline.splits import placement_of
 from meshot.pipeline.training_files import (
     STATE_FOLDER,
@@ -64,11 +64,7 @@ def run_system_training(
     settings = read_settings(kind, config, changes)
     network, _ = read_weights(segmentation, SegmentationNetwork)
     placement = placement_of(cohorts)
-    if kind.needs and placement != network.placement:
-        raise ValueError(
-            f"the cohorts are placed by {placement}, and the scans that the segmentation network knows by "
-            f"{network.placement}: name one that was trained on such cohorts (--segmentation)"
-        )
+    require_placement(network, placement, " and ".join(map(str, cohorts)))
     surfaces = InitialSurfaces(initial, network)
     sets = (
         surfaces.examples(

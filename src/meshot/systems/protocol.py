@@ -14,6 +14,7 @@ from meshot.model import write_weights
 from meshot.systems.examples import ExampleSets, Scan, SurfaceKey, listed
 from meshot.systems.parts import Part, read_part
 from meshot.train import Groups, Progress, require_examples
+from meshot.types import PLACEMENTS, Placement
 
 
 class SurfaceSystem(abc.ABC):
@@ -39,11 +40,13 @@ class SurfaceSystem(abc.ABC):
     networks : mapping
         The class of each network that the system can have, by the name of the part. It must have a method ``config``
         that returns the arguments of the class.
+    placement : str
+        How scans must be placed on the standard grid for this object: as those of its training were.
 
     Raises
     ------
     ValueError
-        If the parts are for different surfaces, or one has a name that the system does not have.
+        If the parts are for different surfaces or placements, or one has a name that the system does not have.
     """
 
     name: ClassVar[str]
@@ -65,6 +68,15 @@ class SurfaceSystem(abc.ABC):
                     f"{first} of {self.name} was trained for {listed(self.surfaces)}, and {name} for {listed(found)}; "
                     "all parts must be for the same surfaces: take those of one training"
                 )
+        placements = {
+            name: record.get("results", {}).get("placement", PLACEMENTS[0]) for name, record in records.items()
+        }
+        self.placement: Placement = placements[first]
+        if len(set(placements.values())) > 1:
+            each = ", ".join(f"{name} by {placement}" for name, placement in placements.items())
+            raise ValueError(
+                f"scans were placed differently for the parts of {self.name}: {each}; train all on one cohort"
+            )
         self.parts = dict(parts)
 
     @classmethod
