@@ -25,7 +25,7 @@ from meshot.model import network_digest
 from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct, warning_names
 from meshot.provenance import rounded, write_results
 from meshot.synth.cohorts import Subject, scans
-from meshot.volume import dice, transform_points
+from meshot.volume import Volume, dice, transform_points
 from meshot.volume.surfaces import enclosed_fractions
 
 HERE = Path(__file__).resolve().parent
@@ -47,12 +47,20 @@ def of_side(made: Reconstruction, truth: Mesh, side: Hemisphere, config: dict) -
     n_mask, n_ball = (int(each.data.sum()) for each in (mask, found.segmented.genus_zero_mask))
     repaired = found.repaired
     return {
-        "dice": dice(mask.data > 0.5, enclosed_fractions(standard, mask) > 0.5),
+        "dice": dice(uncropped(mask, made.scan.volume), enclosed_fractions(standard, made.scan.volume) > 0.5),
         "given_up_percent": 100 * (n_mask - n_ball) / n_mask,
         "crossing_faces_before_repair": None if repaired is None else repaired.n_crossing,
         "initial": compared(found.initial, truth, config),
         "final": compared(found.final, truth, config),
     }
+
+
+def uncropped(mask: Volume, grid: Volume) -> np.ndarray:
+    """A mask of a part of a grid, on the whole grid."""
+    first = np.rint(np.linalg.inv(grid.affine) @ mask.affine[:, 3]).astype(int)[:3]
+    whole = np.zeros(grid.data.shape, dtype=bool)
+    whole[tuple(slice(start, start + n) for start, n in zip(first, mask.data.shape))] = mask.data
+    return whole
 
 
 def compared(mesh: Mesh, truth: Mesh, config: dict) -> dict:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from meshot.mesh.shapes.solids import icosphere
+from meshot.volume.standard import StandardScan
 from meshot.volume.surfaces.voxelise import enclosed_fractions
 from meshot.volume.volume import Volume, transform_points
 
@@ -23,14 +24,17 @@ def reconstruction():
     to_standard[:3, 3] = SHIFT
     truth = icosphere(5, RADIUS)
     there = truth.with_vertices(transform_points(to_standard, truth.vertices.double()))
-    mask = Volume((enclosed_fractions(there, Volume(np.zeros((60, 60, 60)), affine)) > 0.5).astype(float), affine)
+    grid = Volume(np.zeros((60, 60, 60)), affine)
+    cropped = affine.copy()
+    cropped[:3, 3] += [4.0, 5.0, 6.0]
+    mask = Volume((enclosed_fractions(there, grid) > 0.5)[4:58, 5:57, 6:59], cropped)
     ball = mask.data.copy()
-    ball[tuple(np.argwhere(ball > 0)[0])] = 0
+    ball[tuple(np.argwhere(ball)[0])] = False
     found = SimpleNamespace(
         segmented=SimpleNamespace(mask=mask, genus_zero_mask=mask.with_data(ball)),
         repaired=SimpleNamespace(n_crossing=7), initial=truth, final=icosphere(5, RADIUS + MORE),
     )  # fmt: skip
-    return SimpleNamespace(scan=SimpleNamespace(to_standard=to_standard), surfaces={"left": found}), truth
+    return SimpleNamespace(scan=StandardScan(grid, to_standard), surfaces={"left": found}), truth
 
 
 def test_numbers_of_a_ball_are_those_of_the_formula(part, config):

@@ -16,6 +16,7 @@ from meshot.metrics import vertex_distances
 from meshot.pipeline.networks import TrainedNetworks
 from meshot.pipeline.reconstruction import Reconstruction, reconstruct
 from meshot.pipeline.report.exchange import itk_transform, lta_transform, white_matter_labels
+from meshot.pipeline.report.given_up import given_up_pictures
 from meshot.pipeline.report.numbers import numbers_of_scan, numbers_of_surface
 from meshot.pipeline.report.page import reconstruction_page
 from meshot.pipeline.report.pictures import overview, slice_pictures, surface_view
@@ -136,14 +137,15 @@ def write_found(
         place = (arrange or write_flat)(folder, found, scan)
         report = _report(found, scan, name, networks, distances) | dict(facts or {})
     with clock.stage("pictures"):
-        slices, view = slice_pictures(found, scan), surface_view(found, distances)
+        slices, given_up = slice_pictures(found, scan), given_up_pictures(found, scan)
+        view = surface_view(found, distances)
         (place / OVERVIEW).write_bytes(overview(found, scan))
     report["seconds"] = {
         "processor": _rounded(found.cpu_seconds | clock.cpu_seconds),
         "clock": _rounded(found.wall_seconds | clock.wall_seconds),
         "threads": torch.get_num_threads(),
     }
-    _write_texts(place, report, reconstruction_page(report, slices, view))
+    _write_texts(place, report, reconstruction_page(report, slices, given_up, view))
     return report
 
 

@@ -8,14 +8,15 @@ from meshot.view import filled
 Rows = list[tuple]
 
 
-def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> str:
+def reconstruction_page(report: dict, slices: Sequence[Picture], given_up: Sequence[Picture], view: str) -> str:
     """The page as HTML.
 
     Parameters
     ----------
     report : dict
         As :func:`meshot.pipeline.report.write_reconstruction` writes it to ``report.json``.
-    slices : sequence of Picture
+    slices, given_up : sequence of Picture
+        Of the surfaces, and of the white matter that was given up.
     view : str
         HTML of the surfaces.
     """
@@ -23,6 +24,7 @@ def reconstruction_page(report: dict, slices: Sequence[Picture], view: str) -> s
         "meshot/pipeline/report/assets/report.html",
         report=report,
         slices=slices,
+        given_up=given_up,
         view=view,
         meshes=_mesh_rows(report),
         pial=_has_pial(report),

@@ -35,12 +35,36 @@ def slice_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
     meshes, limits = _meshes(found), _limits(scan)
     pictures = []
     for (plane, _), (slab, through) in zip(_CUTS, _slabs(meshes, scan), strict=True):
-        axis = PLANES[plane][0]
         figure = slice_figure(slab, meshes, through, (plane,), limits, _WIDTH_INCHES)
-        place = f"{plane.capitalize()} slice of the scan at {'xyz'[axis]} = {through[axis]:.0f} mm"
-        alt = f"{place}, with the outline of the {' and the '.join(meshes)}"
+        alt = f"{_place(plane, through)}, with the outline of the {' and the '.join(meshes)}"
         pictures.append(Picture(still_of(figure), alt))
     return pictures
+
+
+def layer_picture(scan: Volume, meshes: dict[str, Mesh], plane: str, through: Float[Array, " 3"], what: str) -> Picture:
+    """One slice of the original scan around some surfaces.
+
+    Parameters
+    ----------
+    scan : Volume
+    meshes : dict
+        Surfaces by name, in scanner RAS.
+    plane : str
+    through : array
+        A point of the slice, in scanner RAS, in mm.
+    what : str
+        What the slice goes through, for the alternative text.
+    """
+    vertices = torch.cat([mesh.vertices for mesh in meshes.values()]).numpy()
+    box = vertices.min(axis=0), vertices.max(axis=0)
+    slab = _slab(scan, box, PLANES[plane][0], float(through[PLANES[plane][0]]))
+    figure = slice_figure(slab, meshes, through, (plane,), _limits(scan), _WIDTH_INCHES)
+    return Picture(still_of(figure), f"{_place(plane, through)}, through {what}, with its outline")
+
+
+def _place(plane: str, through: Float[Array, " 3"]) -> str:
+    axis = PLANES[plane][0]
+    return f"{plane.capitalize()} slice of the scan at {'xyz'[axis]} = {through[axis]:.0f} mm"
 
 
 def overview(found: Reconstruction, scan: Volume) -> bytes:
