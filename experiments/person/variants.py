@@ -8,9 +8,11 @@ import scipy.ndimage
 
 from meshot.types import Array, Float
 from meshot.volume import Volume, centre_of_mass, voxel_sizes
+from meshot.volume.surfaces import largest_component
 
 _FWHM = 2.3548  # full width at half maximum over standard deviation
 _MARGIN_VOXELS = 8  # by which the grid of a turned head grows on each side
+_AIR_MM, _CLOSED_VOXELS, _LAYER_BLUR_VOXELS = 4.0, 4, 0.6  # around a head with its skull
 _SURE = 0.99  # part of white matter from which on a voxel shows the noise
 _BELOW_GREY = 0.45  # of the median of white matter: what is darker is taken for fluid
 
@@ -140,9 +142,36 @@ def _mirrored(scan: Volume, white: Volume, rng: np.random.Generator) -> Changed:
     return Changed(Volume(scan.data, mirror @ scan.affine), mirror)
 
 
+def _with_skull(
+    scan: Volume, white: Volume, rng: np.random.Generator, layers_mm: list[float], of_white: list[float]
+) -> Changed:
+    """The brain in layers of fluid, skull and scalp, with the noise of the scan, on a grid with room for them.
+
+    ``of_white`` holds the signal of each layer relative to that of white matter. What was artificial outside the brain
+    (small pieces) is covered.
+    """
+    sizes, margin = voxel_sizes(scan), int(np.ceil((sum(layers_mm) + _AIR_MM) / voxel_sizes(scan).min()))
+    data = np.pad(scan.data.astype(np.float64), margin, constant_values=float(scan.data.min()))
+    brain = largest_component(data > data.min())
+    brain = scipy.ndimage.binary_fill_holes(scipy.ndimage.binary_closing(brain, iterations=_CLOSED_VOXELS))
+    away = scipy.ndimage.distance_transform_edt(~brain, sampling=sizes)
+    level = _white_level(scan, white)
+    around, reached = np.zeros_like(data), 0.0
+    for thickness, part in zip(layers_mm, of_white, strict=True):
+        around[(away > reached) & (away <= reached + thickness)] = part * level
+        reached += thickness
+    around = scipy.ndimage.gaussian_filter(around, _LAYER_BLUR_VOXELS)
+    around += noise_level(scan, white) * rng.standard_normal(data.shape)
+    affine = scan.affine.copy()
+    affine[:3, 3] -= affine[:3, :3] @ np.full(3, margin)
+    whole = np.where(brain & (data > data.min()), data, np.maximum(around + data.min(), data.min()))
+    return Changed(Volume(whole.astype(np.float32), affine), np.eye(4))
+
+
 KINDS: dict[str, Callable[..., Changed]] = {
     "stored": _stored, "turned": _turned, "resampled": _resampled, "noisy": _noisy, "biased": _biased,
     "bright_fluid": _bright_fluid, "inverted": _inverted, "cropped": _cropped, "mirrored": _mirrored,
+    "with_skull": _with_skull,
 }  # fmt: skip
 
 

@@ -213,6 +213,23 @@ def test_every_voxel_of_a_moved_scan_shows_its_place_in_the_person(part, config,
     assert volume == pytest.approx((scan.data > 80).sum(), rel=0.03)
 
 
+def test_a_skull_lies_around_the_brain_and_leaves_it_as_it_is(part, scan, parts):
+    how = {"kind": "with_skull", "layers_mm": [2.0, 6.0, 5.0], "of_white": [0.2, 0.12, 0.95]}
+    changed = part("variants").changed_scan(scan, parts[1], how)
+    margin = (np.array(changed.scan.data.shape) - np.array(SHAPE)) // 2
+    assert (margin * SIZE >= 13).all()
+    inner = changed.scan.data[tuple(slice(m, -m) for m in margin)]
+    brain = (scan.data > 0) & (
+        np.linalg.norm(heights(scan), axis=0).reshape(SHAPE) < 28
+    )  # not the small ball beside it
+    assert (inner[brain] == scan.data[brain].astype(np.float32)).all()
+    away = np.linalg.norm(heights(changed.scan), axis=0).reshape(changed.scan.data.shape) - 26.5  # radius of the fluid
+    level = np.median(scan.data[parts[1].data > 0.99])
+    for low, high, part_of_white in ((0.5, 1.5, 0.2), (3, 7, 0.12), (9, 12, 0.95), (15, 16, 0.0)):
+        layer = changed.scan.data[(away > low) & (away < high)]
+        assert np.median(layer) / level == pytest.approx(part_of_white, abs=0.04)
+
+
 def test_noise_bias_and_contrast_are_of_the_stated_size(part, config, scan, parts):
     variants, white = part("variants"), parts[1]
 
