@@ -19,6 +19,7 @@ from meshot.anatomy import HEMISPHERES
 
 FOLDER = Path("build/people")
 RECIPE = "people_like"
+FLOW_EPOCHS = "training.n_epochs=30"
 SECONDS_BETWEEN_LOOKS = 1.0
 
 
@@ -57,15 +58,15 @@ def stages(folder: Path, jobs: int = 1, precision: str = "float32", subjects: in
     cohort, weights = folder / "cohort", folder / "segmentation" / "segmentation.safetensors"
     fewer = () if subjects is None else ("--subjects", str(subjects))
     trained = ("--data", str(cohort), "--device", "cpu", "--threads")
-    segmentation = ("train-segmentation", "small", *trained, str(jobs), "-o", str(weights.parent))
+    segmentation = ("train-segmentation", "people", *trained, str(jobs), "-o", str(weights.parent))
     segmentation += ("--set", f"training.precision={precision}")
     flow = ("train", "windows", "shipped", *trained, "1", "-o", str(folder / "windows"), "--segmentation", str(weights))
-    flow += ("--initial", str(folder / "initial"))
+    flow += ("--initial", str(folder / "initial"), "--set", FLOW_EPOCHS)
     return [
         [Step("cohort", ("make-cohort", RECIPE, str(cohort), "--jobs", str(jobs), *fewer), cohort / "manifest.json")],
         [Step("segmentation", segmentation, weights.with_suffix(".png"))],
         [
-            Step(f"flow, {side}", (*flow, "--set", f"training.side={side}"), folder / "windows" / f"{side}_white.png")
+            Step(f"flow, {side}", (*flow, f"training.side={side}"), folder / "windows" / f"{side}_white.png")
             for side in HEMISPHERES
         ],
     ]

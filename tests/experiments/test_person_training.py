@@ -26,7 +26,7 @@ def test_every_step_is_a_command_that_parses_and_reads_what_earlier_ones_write(p
     for side, flow in zip(("left", "right"), flows, strict=True):
         assert flow.data == [cohort.folder]
         assert flow.segmentation == segmentation.output / "segmentation.safetensors"
-        assert flow.changes == [f"training.side={side}"]
+        assert flow.changes == [part("train").FLOW_EPOCHS, f"training.side={side}"]
 
 
 def step_that(part, name, makes, code):
