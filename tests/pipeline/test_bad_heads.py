@@ -111,7 +111,7 @@ def test_a_gap_is_measured_in_mm3():
 
 def test_strict_refuses_it_before_any_network_and_says_why(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(reconstruction, "mni152_t1", lambda: HEAD)
-    monkeypatch.setattr(reconstruction, "white_matter", None)  # is not called
+    monkeypatch.setattr(reconstruction, "placed_white_matter", None)  # is not called
     weights = write_bright_weights(tmp_path / "weights")
     write_volume(tmp_path / "scan.nii.gz", HEAD.with_data(tomogram().astype(np.float32)))
     words = ["--segmentation", str(weights / "segmentation.safetensors"), "--initial-only", "--strict"]

@@ -79,7 +79,8 @@ def _root(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
 def placed_by_white_matter(scan: Volume, first: StandardScan, white: Volume) -> StandardScan:
     """A scan on the standard grid, so that mean and covariance of its white matter are those of fsaverage5.
 
-    The transform is the first one, followed by :func:`gaussian_transport` and by an enlargement by ``ENLARGEMENT``.
+    The transform is the first one, followed by the optimal transport map between the two normal distributions, and by
+    an enlargement by ``ENLARGEMENT``. The map scales along three orthogonal axes and turns nothing.
 
     Parameters
     ----------
@@ -93,6 +94,10 @@ def placed_by_white_matter(scan: Volume, first: StandardScan, white: Volume) -> 
     ------
     ValueError
         If the mask has fewer than 1000 voxels, or a scale would change by a factor outside 0.6 to 1.8.
+
+    References
+    ----------
+    Peyré and Cuturi, *Computational optimal transport*, 2019, remark 2.31.
     """
     moved = gaussian_transport(moments_of(white), _template_moments())
     scales = np.linalg.eigvalsh(moved[:3, :3])

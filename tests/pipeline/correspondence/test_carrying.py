@@ -16,7 +16,7 @@ from meshot.mesh.io import read_mesh
 from meshot.mesh.shapes.solids import icosphere
 from meshot.mesh.topology.intersection import self_intersecting_faces
 from meshot.metrics.distances import vertex_distances
-from meshot.pipeline import reconstruction
+from meshot.pipeline import placing, reconstruction
 from meshot.pipeline.correspondence import carrying
 from meshot.pipeline.correspondence.carrying import carry_template
 from meshot.pipeline.report import files
@@ -88,7 +88,7 @@ def test_a_surface_elsewhere_is_refused():
 
 def test_the_command_writes_it_and_prints_its_distance(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(reconstruction, "mni152_t1", bright_template)
-    monkeypatch.setattr(reconstruction, "carry_template", functools.partial(carry_template, n_iterations=(4, 4)))
+    monkeypatch.setattr(placing, "carry_template", functools.partial(carry_template, n_iterations=(4, 4)))
     weights = write_bright_weights(tmp_path / "weights")
     write_volume(tmp_path / "head.nii.gz", bright_template())
     words = ["--system", "ddot", "--weights", str(weights), "--segmentation", str(weights / "segmentation.safetensors")]

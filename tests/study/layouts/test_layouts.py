@@ -175,14 +175,16 @@ def test_a_pial_surface_has_the_place_that_others_expect(name, place, tmp_path, 
         side: dataclasses.replace(each, pial=each.final.with_vertices(1.1 * each.final.vertices))
         for side, each in found.surfaces.items()
     }
-    LAYOUTS[name].arrange(tmp_path, dataclasses.replace(found, surfaces=outer), scan, visit)
+    folder = tmp_path / "study" / "sub-01"
+    folder.mkdir(parents=True)
+    LAYOUTS[name].arrange(folder, dataclasses.replace(found, surfaces=outer), scan, visit)
     for side, each in outer.items():
-        path = tmp_path / place.format(side[0].upper() if name == "bids" else side[0])
+        path = folder / place.format(side[0].upper() if name == "bids" else side[0])
         np.testing.assert_allclose(read_mesh(path).vertices, each.pial.vertices, atol=1e-3)
         assert path.with_name(path.name.removesuffix(".surf.gii") + ".json").is_file() == (name == "bids")
-    assert {place.side for place in find_surfaces(tmp_path.parent, "pial")} == {"left", "right"}
-    LAYOUTS[name].begin(tmp_path, None)
-    assert name != "bids" or "*_pial.json" in (tmp_path / ".bidsignore").read_text(encoding="utf-8").split()
+    assert {place.side for place in find_surfaces(tmp_path / "study", "pial")} == {"left", "right"}
+    LAYOUTS[name].begin(folder, None)
+    assert name != "bids" or "*_pial.json" in (folder / ".bidsignore").read_text(encoding="utf-8").split()
 
 
 def test_an_unknown_layout_is_refused():
