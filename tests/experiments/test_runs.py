@@ -195,6 +195,12 @@ def normal_scale(run, work):
     quiet(run, "crossing_scale")
 
 
+def people(run, work):
+    replace(run, measured=work.of({}, told_by=lambda scan, networks, config: (scan.name, networks)), scans=scans_of)
+    replace(run, load_networks=lambda **chosen: str(chosen["segmentation"]))
+    quiet(run, "digests", "summarised")
+
+
 def person(run, work):
     replace(run, measured=work.of({}, told_by=lambda *arguments: ()), compared=work.of({}, told_by=first_two))
     replace(run, load_networks=lambda **chosen: None, inputs_of=lambda *arguments: {"files": {}})
@@ -245,7 +251,7 @@ CHEAP = {
         axioms, beyond_random, blur, circle_to_polygon, cohorts, comparison, convergence, correspondence, ddot,
         deforming,
         directions, encoding_rates, fixed_supports, floors, fsaverage5_flow, ground_cost, mni152,
-        normal_scale, person, segmentation, self_intersection, study, template_baseline, transport_rates,
+        normal_scale, people, person, segmentation, self_intersection, study, template_baseline, transport_rates,
         weights_and_areas,
     )
 } | {"exact_value": parts, "sample_gradient": parts}  # fmt: skip
