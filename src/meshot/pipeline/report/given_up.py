@@ -41,28 +41,23 @@ def given_up_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
 
     Each piece is shown in the plane in which it is largest. Pieces of fewer than ten voxels are not shown.
     """
-    pieces = [piece for side, surface in found.surfaces.items() for piece in _pieces(side, surface.segmented)]
+    lost = {side: _lost(surface.segmented) for side, surface in found.surfaces.items()}
+    pieces = [piece for side, mask in lost.items() for piece in _largest_pieces(side, mask)]
     pieces = sorted(pieces, key=lambda piece: -piece.n_voxels)[:MOST_PIECES]
-    if not pieces:
-        return []
-    everything = {
-        side: in_scanner(_surface(_lost(s.segmented)), found.scan)
-        for side, s in found.surfaces.items()
-        if _lost(s.segmented).data.any()
-    }
-    return [_picture(piece, everything[piece.side], found, scan) for piece in pieces]
+    outlines = {side: in_scanner(_surface(lost[side]), found.scan) for side in {piece.side for piece in pieces}}
+    return [_picture(piece, outlines[piece.side], found, scan) for piece in pieces]
 
 
 def _lost(segmented: SegmentedSurface) -> Volume:
     return segmented.mask.with_data(segmented.mask.data & ~segmented.genus_zero_mask.data)
 
 
-def _pieces(side: str, segmented: SegmentedSurface) -> list[Piece]:
-    lost = _lost(segmented)
-    labels, n_labels = scipy.ndimage.label(lost.data, structure=np.ones((3, 3, 3)))
-    counts = np.bincount(labels.ravel(), minlength=n_labels + 1)
-    large = [label for label in range(1, n_labels + 1) if counts[label] >= FEWEST_VOXELS]
-    return [Piece(side, lost.with_data(labels == label), int(counts[label])) for label in large]
+def _largest_pieces(side: str, lost: Volume) -> list[Piece]:
+    labels, _ = scipy.ndimage.label(lost.data, structure=np.ones((3, 3, 3)))
+    counts = np.bincount(labels.ravel())
+    counts[0] = 0
+    largest = [label for label in np.argsort(-counts)[:MOST_PIECES] if counts[label] >= FEWEST_VOXELS]
+    return [Piece(side, lost.with_data(labels == label), int(counts[label])) for label in largest]
 
 
 def _surface(mask: Volume) -> Mesh:
