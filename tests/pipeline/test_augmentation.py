@@ -111,6 +111,27 @@ def test_bending_moves_by_about_what_is_asked_and_smoothly():
     assert torch.equal(image, again)
 
 
+def test_the_raw_contrast_comes_back_in_half_of_the_images_and_leaves_the_truth():
+    image, fractions = phantom_examples(1)[0].tensors()
+    changed = []
+    for seed in range(24):
+        other, truth = augmented(image, fractions, seed, Augmentation(**STILL, contrast=0.5))
+        assert torch.equal(truth, fractions)
+        assert 0 <= float(other.min()) <= float(other.max()) <= 1
+        changed.append(not torch.allclose(other, image))
+    assert 6 <= sum(changed) <= 18
+
+
+def test_a_first_placement_has_both_its_size_and_its_contrast():
+    lines = torch.linspace(-1, 1, 41)
+    ball = 0.5 * (lines[:, None, None] ** 2 + lines[:, None] ** 2 + lines**2 < 0.5).float()[None]
+    both = torch.cat([ball, ball])
+    for seed in range(12):
+        image, _ = augmented(ball, both, seed, Augmentation(**STILL, shrink=0.3, contrast=0.5))
+        level, size = float(image[0, 20, 20, 20]), float((image[0] > 0.1).sum() / (ball > 0.1).sum())
+        assert (abs(level - 0.5) > 0.003) == (size < 0.995)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -118,6 +139,7 @@ def test_bending_moves_by_about_what_is_asked_and_smoothly():
         ({"intensity": 1.0}, "intensity 1.0"),
         ({"stretch": 1.0}, "stretch 1.0"),
         ({"shrink": 1.0}, "shrink is 1.0"),
+        ({"contrast": -1.0}, "contrast -1.0"),
         ({"shift": -1}, "shift is -1"),
         ({"turn": float("nan")}, "turn is nan"),
         ({"bend": -2.0}, "bend -2.0"),

@@ -155,3 +155,23 @@ def test_sulci_are_filled_up_to_a_width():
         sulci: tissue_fractions(meshes, meshes, grid, sulci_mm=sulci)["fluid"][36, 18, 18] for sulci in (4.0, 14.0)
     }
     assert middle == {4.0: 0.0, 14.0: 1.0}
+
+
+def test_gradients_of_myelin_change_only_what_is_near_the_border():
+    radius = np.linalg.norm(np.indices(GRID.data.shape).transpose(1, 2, 3, 0) - CENTRE, axis=-1)
+    tissue = fractions()
+    plain = t1_image(tissue, GRID, PLAIN, 0).data.astype(float)
+    graded = dataclasses.replace(PLAIN, grey_gradient=0.5, white_gradient=0.4, blur_mm=0.0)
+    plain = t1_image(tissue, GRID, dataclasses.replace(PLAIN, blur_mm=0.0), 0).data.astype(float)
+    change = t1_image(tissue, GRID, graded, 0).data - plain
+    step = PLAIN.signal["white"] - PLAIN.signal["grey"]
+    below, above = (radius > 10.8) & (radius < 11.2), (radius > 12.8) & (radius < 13.2)
+    # One standard deviation from a flat border 2 Φ(−1) = 0.317 of the full gradient is left.
+    assert change[below & (tissue["white"] == 1)].mean() == pytest.approx(-0.4 * 0.317 * step, rel=0.25)
+    assert change[above & (tissue["grey"] == 1)].mean() == pytest.approx(0.5 * 0.317 * step, rel=0.25)
+    assert np.abs(change[radius < 7]).max() < 0.01 * step
+    assert change[tissue["grey"] > 0.99].min() >= 0
+    assert change[tissue["white"] > 0.99].max() <= 0
+    for name in ("grey_gradient", "white_gradient"):
+        with pytest.raises(ValueError, match="gradients are between 0 and 1"):
+            dataclasses.replace(PLAIN, **{name: 1.5})

@@ -43,6 +43,16 @@ def test_the_share_of_skulls_is_kept():
     assert all(len(anatomy.head_mm) == 3 for _, anatomy, _ in drawn(skull_share=1.0))
 
 
+def test_a_recess_makes_the_cortex_thicker_by_moving_its_white_surface():
+    plain, moved = drawn(), drawn(recess=[0.2, 0.9])
+    steps = np.array([other.thickness - one.thickness for (one, _, _), (other, _, _) in zip(plain, moved)])
+    deeper = np.array([other.atrophy - one.atrophy for (one, _, _), (other, _, _) in zip(plain, moved)])
+    np.testing.assert_allclose(steps, deeper, atol=1e-9)
+    assert 0.2 < steps.min() < 0.3 < 0.8 < steps.max() < 0.9
+    # Everything else of each person stays.
+    assert [rest for _, *rest in plain] == [rest for _, *rest in moved]
+
+
 @pytest.mark.parametrize(
     ("entries", "words"),
     [
@@ -52,6 +62,8 @@ def test_the_share_of_skulls_is_kept():
         ({"skull_share": 2.0}, "skull_share is 2.0"),
         ({"orientations": ["XYZ"]}, "one letter"),
         ({"cut": 3.0}, "cut is 3.0"),
+        ({"recess": [0.5, 0.2]}, r"recess is \[0\.5, 0\.2\]"),
+        ({"recess": [-0.5, 0.2]}, r"recess is \[-0\.5, 0\.2\]"),
     ],
 )
 def test_entries_that_will_not_do(unchecked, entries, words):
@@ -64,5 +76,5 @@ def test_a_recipe_without_people_is_drawn_as_before():
     shape, anatomy, position = _drawn(recipe, plan(recipe)[0])
     assert (shape.mirrored, anatomy.leaf_mm, anatomy.blemishes, position.orientation) == (None, None, None, "RAS")
     varied = read_recipe("people_like")
-    assert people(varied.people) == People()
+    assert people(varied.people) == People(recess=(0.1, 0.9))
     assert all(_drawn(varied, person)[1].leaf_mm for person in plan(varied)[:5])

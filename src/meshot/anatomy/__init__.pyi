@@ -1,3 +1,4 @@
+from .contrast import contrast_by_white_matter as contrast_by_white_matter
 from .placement import (
     ENLARGEMENT as ENLARGEMENT,
     from_mni152 as from_mni152,

@@ -9,12 +9,14 @@ import functools
 
 import numpy as np
 import scipy.linalg
+import scipy.ndimage
 import torch
 
+from meshot.anatomy.contrast import contrast_by_white_matter
 from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
 from meshot.mesh import Mesh
 from meshot.mesh.geometry import solid_moments
-from meshot.types import Array, Float
+from meshot.types import Array, Bool, Float
 from meshot.volume import StandardScan, Volume, place_on_grid, transform_points
 
 #: The grid has room for a cerebrum that is this much larger than that of MNI152, and its voxels are then finer. Of the
@@ -80,7 +82,8 @@ def placed_by_white_matter(scan: Volume, first: StandardScan, white: Volume) -> 
     """A scan on the standard grid, so that mean and covariance of its white matter are those of fsaverage5.
 
     The transform is the first one, followed by the optimal transport map between the two normal distributions, and by
-    an enlargement by ``ENLARGEMENT``. The map scales along three orthogonal axes and turns nothing.
+    an enlargement by ``ENLARGEMENT``. The map scales along three orthogonal axes and turns nothing. The contrast is
+    adjusted by :func:`meshot.anatomy.contrast_by_white_matter`.
 
     Parameters
     ----------
@@ -108,7 +111,17 @@ def placed_by_white_matter(scan: Volume, first: StandardScan, white: Volume) -> 
         )
     # Rounded, because the last bits differ between processors.
     to_standard = (_enlargement() @ moved @ first.to_standard).round(6)
-    return place_on_grid(scan, to_standard, _grid_centre())
+    placed = place_on_grid(scan, to_standard, _grid_centre())
+    moved_mask = _on_grid(white, placed.volume, to_standard @ np.linalg.inv(first.to_standard))
+    return dataclasses.replace(placed, volume=contrast_by_white_matter(placed.volume, moved_mask))
+
+
+def _on_grid(mask: Volume, grid: Volume, to_grid: Float[Array, "4 4"]) -> Bool[Array, "X Y Z"]:
+    """A mask after an affine motion, on another grid, by nearest neighbours."""
+    to_voxel = np.linalg.inv(mask.affine) @ np.linalg.inv(to_grid) @ grid.affine
+    return scipy.ndimage.affine_transform(
+        (mask.data > 0).astype(np.uint8), to_voxel[:3, :3], to_voxel[:3, 3], grid.data.shape, order=0
+    ).astype(bool)
 
 
 def in_mni152(mesh: Mesh) -> Mesh:

@@ -22,6 +22,8 @@ TISSUES = ("white", "grey", "deep grey", "hindbrain", "fluid", "skull", "scalp")
 #: Tissues of the cerebellum and the brainstem if these are not uniform, and the tissues whose signal they have.
 SAME_SIGNAL = {"hindbrain white": "white", "hindbrain grey": "grey"}
 SULCI_MM = 4.0
+#: Standard deviation of the Gaussian along which the gradients of myelin decay.
+GRADIENT_MM = 1.0
 FWHM = 2 * np.sqrt(2 * np.log(2))
 
 
@@ -45,6 +47,10 @@ class Appearance:
         Exponent of the signal relative to its largest mean, before blurring: other weightings than those of the means.
     motion_mm : float, optional
         Standard deviation of the displacement of the head, along each axis, at two moments of the scan.
+    grey_gradient, white_gradient : float, optional
+        How far grey matter at the white surface is on the way to the signal of white matter, and the reverse, in
+        [0, 1]: the deep layers of the cortex have more myelin than the others, and white matter below the cortex has
+        less than deep white matter. Both decay with the distance from the surface, over 1 to 2 mm.
     """
 
     signal: dict[str, float]
@@ -56,6 +62,8 @@ class Appearance:
     noise: float = 3.0
     gamma: float | None = None
     motion_mm: float | None = None
+    grey_gradient: float | None = None
+    white_gradient: float | None = None
 
     def __post_init__(self):
         if set(self.signal) != set(TISSUES):
@@ -64,6 +72,8 @@ class Appearance:
         lengths = (self.texture_mm, self.bias_mm, 1.0 if self.gamma is None else self.gamma)
         if not all(np.isfinite(x) and x >= 0 for x in sizes) or not min(lengths) > 0:
             raise ValueError(f"{self} is not possible: signals and strengths are >= 0, lengths and gamma > 0")
+        if not all(0 <= (gradient or 0) <= 1 for gradient in (self.grey_gradient, self.white_gradient)):
+            raise ValueError(f"{self} is not possible: the gradients are between 0 and 1")
 
 
 @runtime_checkable
@@ -163,6 +173,8 @@ def t1_image(
     for tissue in (t for t in (*TISSUES, *SAME_SIGNAL) if t in fractions and fractions[t].any()):
         varied = 1 + appearance.texture * smooth_noise(shape, appearance.texture_mm / sizes, rng)
         signal += means[tissue] * fractions[tissue] * varied
+    if appearance.grey_gradient or appearance.white_gradient:
+        signal += _gradients(fractions, appearance, sizes)
     if appearance.gamma is not None:
         top = max(means.values())
         signal = top * (np.maximum(signal, 0) / top) ** appearance.gamma
@@ -171,6 +183,18 @@ def t1_image(
     if appearance.motion_mm:
         signal = with_motion(signal, appearance.motion_mm / sizes, rng)
     return grid.with_data(rician_noise(signal, appearance.noise, rng).astype(np.float32))
+
+
+def _gradients(fractions: Mapping[str, Array], appearance: Appearance, sizes: Array) -> Array:
+    """The change of the signal of the cortex and of the white matter below it by their gradients of myelin."""
+    white, grey = fractions["white"], fractions["grey"]
+    # At a flat border half of the surroundings belong to either tissue.
+    beside_white, beside_grey = (
+        np.minimum(2 * scipy.ndimage.gaussian_filter(part, GRADIENT_MM / sizes), 1) for part in (white, grey)
+    )
+    brighter = (appearance.grey_gradient or 0.0) * grey * beside_white
+    darker = (appearance.white_gradient or 0.0) * white * beside_grey
+    return (appearance.signal["white"] - appearance.signal["grey"]) * (brighter - darker)
 
 
 def smooth_noise(shape: Sequence[int], length: Float[Array, " 3"], generator: Generator) -> Float[Array, "X Y Z"]:

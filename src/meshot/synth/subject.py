@@ -138,7 +138,7 @@ class Shape:
         for name, value in [*numbers.items(), *(("warp_mm", size) for size in self.warp_mm)]:
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} is {value!r}; a finite number >= 0 is needed")
-        for name, low, high in (("folding", 0.5, 1.4), ("thickness", 1.0, 4.0), ("atrophy", 0.0, 1.0)):
+        for name, low, high in (("folding", 0.5, 1.4), ("thickness", 1.0, 4.0), ("atrophy", 0.0, 1.5)):
             if not low <= numbers[name] <= high:
                 raise ValueError(f"{name} is {numbers[name]!r}; it must lie in [{low:g}, {high:g}]")
 

@@ -43,7 +43,7 @@ class SegmentationSettings:
         Weight of the overlap term relative to the cross-entropy.
     soft_labels : bool
         Whether the target of a voxel is its enclosed fraction, or this fraction rounded to 0 or 1.
-    flip, shift, intensity, turn, stretch, shrink, bend
+    flip, shift, intensity, turn, stretch, shrink, contrast, bend
         The augmentation: see :class:`meshot.pipeline.segmentation.augmentation.Augmentation`.
     reduction : int
         Number of voxels along each axis that are averaged into one at the start.
@@ -76,6 +76,7 @@ class SegmentationSettings:
     turn: float = 0.0
     stretch: float = 0.0
     shrink: float = 0.0
+    contrast: float = 0.0
     bend: float = 0.0
     reduction: int = 1
     validate_every: int = 1
@@ -97,7 +98,8 @@ class SegmentationSettings:
 
     def augmentation(self) -> Augmentation:
         """The augmentation settings as an object."""
-        return Augmentation(self.flip, self.shift, self.intensity, self.turn, self.stretch, self.shrink, self.bend)
+        names = [field.name for field in dataclasses.fields(Augmentation)]
+        return Augmentation(**{name: getattr(self, name) for name in names})
 
     def plan(self, n_examples: int) -> Plan:
         """The settings in steps instead of epochs, for a number of training scans."""

@@ -23,6 +23,9 @@ class People:
     thickness, atrophy, ventricles : pair of float
         The value at the youngest and at the oldest age: see :class:`meshot.synth.Shape` and
         :class:`meshot.synth.Anatomy`. One age is drawn for all three.
+    recess : pair of float
+        A distance in mm by which the white surface is moved inwards and the cortex becomes thicker, whatever the age.
+        The white matter of fsaverage5's gyri is thicker than that of a person, since fsaverage5 is an average.
     leaf_mm, sulci_mm : pair of float
         See :class:`meshot.synth.Anatomy`.
     voxel_mm : pair of float
@@ -49,6 +52,7 @@ class People:
 
     thickness: Range = (2.6, 2.2)
     atrophy: Range = (0.0, 0.4)
+    recess: Range = (0.0, 0.0)
     ventricles: Range = (0.9, 1.9)
     leaf_mm: Range = (3.0, 4.5)
     sulci_mm: Range = (4.0, 14.0)
@@ -67,6 +71,8 @@ class People:
             low, high = getattr(self, name)
             if not 0 < low <= high:
                 raise ValueError(f"people: {name} is {[low, high]}; a range [low, high] above 0 is needed")
+        if not 0 <= self.recess[0] <= self.recess[1]:
+            raise ValueError(f"people: recess is {list(self.recess)}; a range [low, high] from 0 on is needed")
         if not 0 <= self.skull_share <= 1:
             raise ValueError(f"people: skull_share is {self.skull_share!r}; a share in [0, 1] is needed")
         Blemishes(dura=self.dura, cut=self.cut, lesions=self.lesions, vessels=self.vessels)
@@ -124,6 +130,7 @@ def drawn_person(variation: People, shape: Shape, position: Position, seed: int)
         leaf_mm=between(variation.leaf_mm), sulci_mm=between(variation.sulci_mm),
         blemishes=Blemishes(**shares, vessels=int(rng.integers(variation.vessels + 1))),
     )  # fmt: skip
-    thickness, atrophy = at_age(variation.thickness), at_age(variation.atrophy)
+    recess = between(variation.recess)
+    thickness, atrophy = at_age(variation.thickness) + recess, at_age(variation.atrophy) + recess
     shape = dataclasses.replace(shape, thickness=thickness, atrophy=atrophy, mirrored=mirrored)
     return shape, anatomy, dataclasses.replace(position, voxel_mm=voxel, orientation=letters)
