@@ -13,6 +13,7 @@ import scipy.ndimage
 
 from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
+from meshot.synth.myelin import myelin_gradients
 from meshot.synth.structures import Ellipsoids
 from meshot.types import Array, Float, Tensor
 from meshot.volume import Volume, voxel_sizes
@@ -22,8 +23,6 @@ TISSUES = ("white", "grey", "deep grey", "hindbrain", "fluid", "skull", "scalp")
 #: Tissues of the cerebellum and the brainstem if these are not uniform, and the tissues whose signal they have.
 SAME_SIGNAL = {"hindbrain white": "white", "hindbrain grey": "grey"}
 SULCI_MM = 4.0
-#: Standard deviation of the Gaussian along which the gradients of myelin decay.
-GRADIENT_MM = 1.0
 FWHM = 2 * np.sqrt(2 * np.log(2))
 
 
@@ -174,7 +173,9 @@ def t1_image(
         varied = 1 + appearance.texture * smooth_noise(shape, appearance.texture_mm / sizes, rng)
         signal += means[tissue] * fractions[tissue] * varied
     if appearance.grey_gradient or appearance.white_gradient:
-        signal += _gradients(fractions, appearance, sizes)
+        steps = (appearance.grey_gradient or 0.0, appearance.white_gradient or 0.0)
+        contrast = appearance.signal["white"] - appearance.signal["grey"]
+        signal += contrast * myelin_gradients(fractions["white"], fractions["grey"], *steps, sizes)
     if appearance.gamma is not None:
         top = max(means.values())
         signal = top * (np.maximum(signal, 0) / top) ** appearance.gamma
@@ -183,18 +184,6 @@ def t1_image(
     if appearance.motion_mm:
         signal = with_motion(signal, appearance.motion_mm / sizes, rng)
     return grid.with_data(rician_noise(signal, appearance.noise, rng).astype(np.float32))
-
-
-def _gradients(fractions: Mapping[str, Array], appearance: Appearance, sizes: Array) -> Array:
-    """The change of the signal of the cortex and of the white matter below it by their gradients of myelin."""
-    white, grey = fractions["white"], fractions["grey"]
-    # At a flat border half of the surroundings belong to either tissue.
-    beside_white, beside_grey = (
-        np.minimum(2 * scipy.ndimage.gaussian_filter(part, GRADIENT_MM / sizes), 1) for part in (white, grey)
-    )
-    brighter = (appearance.grey_gradient or 0.0) * grey * beside_white
-    darker = (appearance.white_gradient or 0.0) * white * beside_grey
-    return (appearance.signal["white"] - appearance.signal["grey"]) * (brighter - darker)
 
 
 def smooth_noise(shape: Sequence[int], length: Float[Array, " 3"], generator: Generator) -> Float[Array, "X Y Z"]:
