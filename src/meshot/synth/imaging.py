@@ -13,7 +13,7 @@ import scipy.ndimage
 
 from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
-from meshot.synth.myelin import myelin_gradients
+from meshot.synth.myelin import share_near_grey
 from meshot.synth.structures import Ellipsoids
 from meshot.types import Array, Float, Tensor
 from meshot.volume import Volume, voxel_sizes
@@ -46,10 +46,9 @@ class Appearance:
         Exponent of the signal relative to its largest mean, before blurring: other weightings than those of the means.
     motion_mm : float, optional
         Standard deviation of the displacement of the head, along each axis, at two moments of the scan.
-    grey_gradient, white_gradient : float, optional
-        How far grey matter at the white surface is on the way to the signal of white matter, and the reverse, in
-        [0, 1]: the deep layers of the cortex have more myelin than the others, and white matter below the cortex has
-        less than deep white matter. Both decay with the distance from the surface, over 1 to 2 mm.
+    white_gradient : float, optional
+        How far white matter at the white surface is on the way to the signal of grey matter, in [0, 1]. White matter
+        right below the cortex has less myelin than deep white matter. It decays with the depth, over 1 to 2 mm.
     """
 
     signal: dict[str, float]
@@ -61,7 +60,6 @@ class Appearance:
     noise: float = 3.0
     gamma: float | None = None
     motion_mm: float | None = None
-    grey_gradient: float | None = None
     white_gradient: float | None = None
 
     def __post_init__(self):
@@ -71,8 +69,8 @@ class Appearance:
         lengths = (self.texture_mm, self.bias_mm, 1.0 if self.gamma is None else self.gamma)
         if not all(np.isfinite(x) and x >= 0 for x in sizes) or not min(lengths) > 0:
             raise ValueError(f"{self} is not possible: signals and strengths are >= 0, lengths and gamma > 0")
-        if not all(0 <= (gradient or 0) <= 1 for gradient in (self.grey_gradient, self.white_gradient)):
-            raise ValueError(f"{self} is not possible: the gradients are between 0 and 1")
+        if not 0 <= (self.white_gradient or 0) <= 1:
+            raise ValueError(f"{self} is not possible: white_gradient is between 0 and 1")
 
 
 @runtime_checkable
@@ -172,10 +170,9 @@ def t1_image(
     for tissue in (t for t in (*TISSUES, *SAME_SIGNAL) if t in fractions and fractions[t].any()):
         varied = 1 + appearance.texture * smooth_noise(shape, appearance.texture_mm / sizes, rng)
         signal += means[tissue] * fractions[tissue] * varied
-    if appearance.grey_gradient or appearance.white_gradient:
-        steps = (appearance.grey_gradient or 0.0, appearance.white_gradient or 0.0)
-        contrast = appearance.signal["white"] - appearance.signal["grey"]
-        signal += contrast * myelin_gradients(fractions["white"], fractions["grey"], *steps, sizes)
+    if appearance.white_gradient:
+        lost = appearance.white_gradient * share_near_grey(fractions["white"], fractions["grey"], sizes)
+        signal -= (appearance.signal["white"] - appearance.signal["grey"]) * lost
     if appearance.gamma is not None:
         top = max(means.values())
         signal = top * (np.maximum(signal, 0) / top) ** appearance.gamma
