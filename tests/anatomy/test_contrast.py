@@ -73,3 +73,8 @@ def test_white_matter_without_depth_is_refused():
         contrast_by_white_matter(ball(0.5, 0.3), sheet)
     with pytest.raises(ValueError, match="was white matter found"):
         contrast_by_white_matter(ball(0.5, 0.3), np.zeros(SHAPE, dtype=bool))
+
+
+def test_black_white_matter_is_refused():
+    with pytest.raises(ValueError, match="the median of the white matter is 0"):
+        contrast_by_white_matter(ball(0.0, 0.5), INSIDE_WHITE)

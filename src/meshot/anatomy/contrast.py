@@ -39,7 +39,7 @@ def contrast_by_white_matter(volume: Volume, white: Bool[Array, "X Y Z"]) -> Vol
     Raises
     ------
     ValueError
-        If the mask is so thin that no voxel lies two voxels inside it.
+        If the mask is so thin that no voxel lies two voxels inside it, or the scan is mostly 0 there.
 
     References
     ----------
@@ -60,6 +60,8 @@ def _smoothed_white(volume: Volume, white: Array) -> Float[Array, "X Y Z"]:
     if not core.any():
         raise ValueError(f"no voxel of the white matter lies {_CORE_VOXELS} voxels inside it: was white matter found?")
     median = np.median(volume.data[core])
+    if not median > 0:
+        raise ValueError(f"the median of the white matter is {median:.3g}; a positive one is needed: is the scan a T1?")
     core &= np.abs(volume.data - median) <= _OUTLIER * median
     lengths = BIAS_MM / voxel_sizes(volume)
     weight, total = (
