@@ -57,7 +57,7 @@ help:
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make experiments  run every experiment that is out of date (PLANNED=1: those without a result, too)"
-	@echo "make ledger     write the claims ledger from the committed results"
+	@echo "make ledger     write the claims ledger and the table of README from the committed results"
 	@echo "make benchmark  install the peers of the benchmark in build/peers, run it (40 minutes), write its tables into the book"
 	@echo "make cohorts    make all synthetic subjects in build/cohorts (an hour, resumable; COHORTS=oasis_like for one, JOBS=2)"
 	@echo "make lab        open the notebooks in JupyterLab"
@@ -113,6 +113,7 @@ text: $(READY)
 
 ledger: $(READY)
 	@$(RUN) book/make_ledger.py
+	@$(RUN) tools/readme_numbers.py
 
 experiments: $(READY)
 	@$(RUN) -m snakemake --profile workflow/profiles/laptop --nolock $(if $(PLANNED),--config planned=yes)

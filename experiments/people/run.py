@@ -1,5 +1,7 @@
 """Measure ``meshot reconstruct`` on held-out heads: Dice, distances, normals and crossing faces of both sides.
 
+The MNI152 average is measured, too.
+
 Run as ``python experiments/people/run.py`` when the cohorts of ``config.yaml`` exist. ``--only people_like`` measures
 one of them. ``--segmentation`` and ``--weights`` replace the networks of the package, ``--output`` the file of the
 results. Every finished scan is stored, so that a stopped run can be resumed.
@@ -13,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import yaml
+from average import measured_average
 from summary import summarised
 
 from meshot.anatomy import HEMISPHERES, Hemisphere
@@ -143,7 +146,8 @@ def main(words: list[str] | None = None) -> None:
     if asked.only:
         return
     scanned = [{"subject": row["task"]["subject"], "networks": row["task"]["networks"]} | row["found"] for row in rows]
-    results = rounded({"networks": used, "summary": summarised(scanned, config), "scans": scanned})
+    average = measured_average(networks("package"), config)
+    results = rounded({"networks": used, "summary": summarised(scanned, config), "average": average, "scans": scanned})
     seconds = sum(row["seconds"] for row in rows)
     data = f"held-out subjects of the synthetic cohorts {', '.join(cohorts)}"
     write_results(asked.output, results, config, COMMAND, data, seconds)

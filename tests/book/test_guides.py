@@ -12,6 +12,7 @@ from commands_extension import command_page
 from meshot.cli import make_parser
 from meshot.mesh.shapes import icosphere
 from meshot.provenance import read_results
+from scripts import scripts_in
 from shown_extension import shown_html
 
 PAGES = ("README.md", "book/getting_started.md", "book/howto.md")
@@ -78,8 +79,24 @@ def test_what_a_cell_shows_is_found_or_missed_by_name(tmp_path):
         shown_html(file, "Scene")
 
 
-def test_readme_is_short(root):
-    assert len((root / "README.md").read_text(encoding="utf-8").split()) < 550
+@pytest.fixture
+def numbers(root):
+    """The script that writes the table of the README."""
+    with scripts_in(root / "tools") as load:
+        yield load("readme_numbers")
+
+
+def test_readme_is_short(root, numbers):
+    before, _, rest = (root / "README.md").read_text(encoding="utf-8").partition(numbers.BEGIN)
+    assert len((before + rest.partition(numbers.END)[2]).split()) < 570
+
+
+def test_the_table_of_the_readme_is_that_of_the_results(root, numbers):
+    text = (root / "README.md").read_text(encoding="utf-8")
+    assert numbers.with_numbers(text, root) == text
+    assert text.count("| a person: ") == 4
+    with pytest.raises(ValueError, match="once each"):
+        numbers.with_numbers(text.replace(numbers.END, ""), root)
 
 
 def test_the_accuracy_of_carried_vertices_is_that_of_the_experiment(root):

@@ -105,7 +105,7 @@ def test_what_is_shipped_can_be_read(root):
         assert len(record["commit"]) == 12  # nothing that was not committed
     for part, each in found.system.parts.items():
         side = part.split("_")[0]
-        kind, kept = type(found.system), read_results(root / "experiments" / "ddot" / f"shipped_{side}.json")
+        kind, kept = type(found.system), read_results(root / "experiments" / "people" / f"{part}.json")
         assert each.record["results"]["segmentation_sha256"] == network_digest(found.segmentation)
         settings = read_settings(kind, "shipped", [f"training.side={side}"])
         assert kind.complete(kept["config"]) == settings

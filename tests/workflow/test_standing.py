@@ -14,8 +14,9 @@ CHANGES = [
     ("src/meshot/systems/cortexode/small.yaml", r"n_epochs: \d+", "n_epochs: 7",
      "ddot|ddot_.*_(cortexode|chamfer_varifold)_[0-4]"),
     (f"{RECIPES}oasis_like.yaml", r"^seed: .*", "seed: 99",
-     "segmentation(_training)?|cohorts|template_baseline|ddot|ddot_.*|shipped_.*|descent_directions|held_out|study|"
-     "cost_reconstruction|cost_study|speed_page|person"),
+     "segmentation(_training)?|cohorts|template_baseline|ddot|ddot_.*|earlier_.*|descent_directions|held_out|people"),
+    (f"{RECIPES}people_like.yaml", r"^seed: .*", "seed: 99",
+     "people|people_segmentation|shipped_.*|study|cost_reconstruction|cost_study|speed_page|person"),
 ]  # fmt: skip
 
 

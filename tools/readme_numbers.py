@@ -1,0 +1,64 @@
+"""Write the table of what a reconstruction reaches into the README, from the committed results."""
+
+from pathlib import Path
+
+from meshot.files import whole_file
+from meshot.provenance import read_results
+
+ROOT = Path(__file__).resolve().parent.parent
+BEGIN, END = "<!-- numbers: tools/readme_numbers.py -->", "<!-- end of numbers -->"
+#: What was asked for: mm, mm, share of the area, relative difference of areas, mm, relative difference.
+ASKED = {"median": 0.35, "mean": 0.50, "hindbrain": 0.005, "area": 0.15, "average": 0.60, "average area": 0.10}
+
+
+def rows(root: Path) -> list[tuple[str, str, str]]:
+    """Measure, what was found, what was asked for."""
+    person = read_results(root / "experiments" / "person" / "results.json")["results"]["scan"]
+    people = read_results(root / "experiments" / "people" / "results.json")["results"]
+    border, areas = person["border_mm"]["surface"], person["areas"]
+    heads, sides = people["summary"]["cohorts"][0], people["average"].values()
+    asked = f"≤ {ASKED['median']:.2f} / {ASKED['mean']:.2f} mm"
+    distance = {way: f"{border[way]['median']:.2f} / {border[way]['mean']:.2f} mm" for way in ("there", "back")}
+    assd = " / ".join(f"{side['final']['assd_mm']:.2f}" for side in sides)
+    excess = " / ".join(f"{100 * (side['final']['area_ratio'] - 1):+.0f}" for side in sides).replace("-", "−")
+    more = f"{100 * areas['excess_at_cortex']:+.1f} %".replace("-", "−")
+    return [
+        ("a person: border to surface, median / mean", distance["there"], asked),
+        ("a person: surface to border, median / mean", distance["back"], asked),
+        (
+            "a person: area in cerebellum and brainstem",
+            f"{100 * areas['share_in_hindbrain']:.1f} %",
+            f"≤ {100 * ASKED['hindbrain']:.1f} %",
+        ),
+        ("a person: area beside the cortex", more, f"± {100 * ASKED['area']:.0f} %"),
+        (f"{heads['n_scans']} held-out synthetic heads: mean ASSD", f"{heads['final']['assd_mm']['mean']:.2f} mm", "–"),
+        ("MNI152 average, left / right: ASSD", f"{assd} mm", f"≤ {ASKED['average']:.2f} mm"),
+        ("MNI152 average, left / right: area", f"{excess} %", f"± {100 * ASKED['average area']:.0f} %"),
+    ]
+
+
+def block(root: Path) -> str:
+    """The table, between its two marks."""
+    lines = ["| `meshot reconstruct` | found | asked |", "|---|--:|--:|"]
+    lines += [f"| {measure} | {found} | {asked} |" for measure, found, asked in rows(root)]
+    return "\n".join([BEGIN, *lines, END])
+
+
+def with_numbers(text: str, root: Path) -> str:
+    """The README with its table renewed.
+
+    Raises
+    ------
+    ValueError
+        If a mark is missing.
+    """
+    if text.count(BEGIN) != 1 or text.count(END) != 1:
+        raise ValueError(f"README.md must have {BEGIN} and {END} once each; put them back where the table belongs")
+    before, after = text.split(BEGIN)[0], text.split(END)[1]
+    return before + block(root) + after
+
+
+if __name__ == "__main__":
+    readme = ROOT / "README.md"
+    with whole_file(readme) as temporary:
+        temporary.write_text(with_numbers(readme.read_text(encoding="utf-8"), ROOT), encoding="utf-8")
