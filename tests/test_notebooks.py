@@ -19,6 +19,7 @@ STORED = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
 LONGEST_CELL = 15
 LONGEST_FOLDED = 25  # of what stands behind one line: imports, drawings, tables, checks
 IGNORED_BUDGET = 2  # cells a chapter: the environment card, and one picture that moves
+MORE_IGNORED = {"36_a_real_scan": 2}  # what is shown of a person's scan, if its files are on the machine
 IGNORED = {"nbval-ignore-output", "nbval-skip", "nbval-raises-exception"}
 
 
@@ -138,7 +139,8 @@ def test_every_figure_and_table_is_mentioned(path):
 @chapters
 def test_ignored_cells_stay_within_their_budget(path):
     ignored = [cell for cell in code_cells(read(path)) if tags(cell) & IGNORED]
-    assert 1 <= len(ignored) <= IGNORED_BUDGET, [cell.source[:60] for cell in ignored]
+    budget = IGNORED_BUDGET + MORE_IGNORED.get(path.stem, 0)
+    assert 1 <= len(ignored) <= budget, [cell.source[:60] for cell in ignored]
 
 
 @chapters
