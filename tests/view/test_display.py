@@ -77,3 +77,15 @@ def test_a_window_that_hangs_counts_as_none(monkeypatch):
 
     monkeypatch.setattr(display.subprocess, "run", hang)
     assert not display._draws("vtkEGLRenderWindow")
+
+
+def test_an_llvm_of_another_module_is_loaded_before_that_of_opengl(tmp_path):
+    """With a PyTorch build with CUDA, ``torch.optim`` imports Triton, which crashes if Mesa has drawn before."""
+    (tmp_path / "triton.py").write_text("import sys\nprint('vtkmodules' in sys.modules)\n")
+    code = "from meshot.view.surface import _drawing_library; print(_drawing_library().__name__)"
+    done = _run("-c", code, PYTHONPATH=os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", ""))))
+    assert done.stdout.split() == ["False", "pyvista"], done.stderr
+    # A module that is there and cannot be loaded is not needed for drawing.
+    (tmp_path / "triton.py").write_text("raise ImportError\n")
+    done = _run("-c", code, PYTHONPATH=os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", ""))))
+    assert done.stdout.split() == ["pyvista"], done.stderr

@@ -3,7 +3,9 @@
 ``python -m meshot.view.display`` prints the result and exits with 0 or 1.
 """
 
+import contextlib
 import functools
+import importlib
 import os
 import subprocess
 import sys
@@ -18,6 +20,9 @@ REMEDY = (
     "surfaces cannot be drawn: no OpenGL was found. On Debian or Ubuntu: "
     "apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"
 )
+#: Modules with an LLVM of their own. PyTorch builds with CUDA import them, for example for an optimiser. If Mesa has
+#: loaded its LLVM before, the import ends with a segmentation fault; in the other order both work.
+BEFORE_OPENGL = ("triton",)
 # Only drawing is a reliable test: a library may load without a device, and VTK then crashes. VTK makes the window,
 # since some of its versions crash if the class of the window is called.
 _TRIAL = """
@@ -64,6 +69,9 @@ def require_display() -> None:
     if window is None:
         raise RuntimeError(REMEDY)
     os.environ[VARIABLE] = window
+    for name in BEFORE_OPENGL:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
 
 
 def main() -> int:
