@@ -106,3 +106,10 @@ def test_every_person_is_in_one_group_of_each_kind(config):
     for key in ("ventricles", "voxel_mm", "skull"):
         limits = [entry[key] for entry in config["groups"].values() if key in entry]
         assert [high for _, high in limits[:-1]] == [low for low, _ in limits[1:]]
+
+
+def test_a_ball_that_is_too_large_against_another(part, config):
+    found = part("average").against(icosphere(5, RADIUS + MORE), icosphere(5, RADIUS), config)
+    assert found["assd_mm"] == pytest.approx(MORE, abs=0.01)
+    assert found["median_from_target_mm"] == pytest.approx(MORE, abs=0.01)
+    assert found["area_ratio"] == pytest.approx((1 + MORE / RADIUS) ** 2)

@@ -198,7 +198,7 @@ def normal_scale(run, work):
 def people(run, work):
     replace(run, measured=work.of({}, told_by=lambda scan, networks, config: (scan.name, networks)), scans=scans_of)
     replace(run, load_networks=lambda **chosen: str(chosen["segmentation"]))
-    quiet(run, "digests", "summarised")
+    quiet(run, "digests", "summarised", "measured_average")
 
 
 def person(run, work):
