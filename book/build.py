@@ -6,16 +6,21 @@
 
 import argparse
 import importlib.metadata
+import multiprocessing
 import re
 import shutil
-import subprocess
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from PIL import Image
+from sphinx.application import Sphinx
+from sphinx.errors import SphinxError
+from sphinx.util.docutils import docutils_namespace, patch_docutils
 
 from meshot.files import whole_folder
 from meshot.scratch import scratch_folder
+from meshot.workers import begin_worker
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGURATION = ("conf.py", "api_pages.py", "reading.py", "*_extension.py")
@@ -69,11 +74,33 @@ def copy_mathjax(into: Path) -> None:
 
 
 def render(source: Path, html: Path) -> int:
-    """Run Sphinx, every warning an error; the exit status. Its own files go beside the source."""
-    command = [sys.executable, "-m", "sphinx", "-n", "-W", "--keep-going", "-q", "-b", "html"]
-    return subprocess.run(
-        [*command, "-d", str(source.parent / "doctrees"), str(source), str(html)], check=False
-    ).returncode
+    """Run Sphinx in a process that ends with this one, every warning an error; the exit status.
+
+    Raises
+    ------
+    OSError
+        If a file can not be written.
+    """
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=begin_worker) as pool:
+        return pool.submit(_run_sphinx, source, html).result()
+
+
+def _run_sphinx(source: Path, html: Path) -> int:
+    """Sphinx's own files go beside the source."""
+    try:
+        with patch_docutils(source), docutils_namespace():
+            sphinx = Sphinx(
+                source, source, html, source.parent / "doctrees", "html",
+                confoverrides={"nitpicky": True}, status=None, warningiserror=True,
+            )  # fmt: skip
+            sphinx.build()
+            return sphinx.statuscode
+    except SphinxError as error:
+        cause = error.__cause__ or getattr(error, "orig_exc", None)
+        if isinstance(cause, OSError):
+            raise cause from error
+        print(f"{error.category}: {error}", file=sys.stderr)
+        return 2
 
 
 def lighten(html: Path) -> None:

@@ -155,6 +155,12 @@ def test_a_link_to_nothing_stops_the_build(run, tmp_path, capfd, before, after, 
     assert said in capfd.readouterr().err
 
 
+def test_a_folder_that_can_not_be_written_is_named(run, tmp_path):
+    (tmp_path / "doctrees").touch()
+    with pytest.raises(OSError, match=re.escape(str(tmp_path / "doctrees"))):
+        build.render(assemble(tmp_path / "source", run), tmp_path / "html")
+
+
 ANSWER = {"answer": "a", "because": "b"}
 
 

@@ -45,15 +45,15 @@ class Writer:
         can be read.
     timed : str
         Names of files that tell seconds in words, so that their bytes are not compared.
-    full : int
-        The exit status where there is no room left.
+    failure : int
+        The exit status where there is no room left, or where another run has written the same.
     """
 
     name: str
     write: Callable[[Path, Path], object]
     growing: str = r"training\.safetensors|\.jsonl$"
     timed: str = r"$^"
-    full: int = REFUSED
+    failure: int = REFUSED
 
 
 def _run(writer: Writer, folder: Path, inputs: Path, mark: str, log: Path) -> None:
@@ -233,8 +233,9 @@ def two_at_once(writer: Writer, place: Path, inputs: Path, whole: Path) -> list[
     place.mkdir(parents=True)
     runs = [started(writer, place / "out", inputs) for _ in range(2)]
     statuses = sorted(run.status() for run in runs)
-    if statuses not in ([0, 0], [0, REFUSED]):
-        return [f"two at once ended with {statuses}:\n{runs[0].said()}"]
+    said = runs[0].said()  # both write to one file
+    if statuses not in ([0, 0], [0, REFUSED], [0, writer.failure]) or "Traceback" in said:
+        return [f"two at once ended with {statuses}:\n{said}"]
     return unlike(writer, place / "out", whole)
 
 
@@ -314,7 +315,7 @@ def full(writer: Writer, place: Path, inputs: Path, whole: Path) -> list[str]:
         else:
             folder, before, expected = disk / "a", lambda: None, "is full; make room"
         folder.mkdir()
-        troubles = refusal(writer, folder, inputs, place / "full.log", before, expected, writer.full)
+        troubles = refusal(writer, folder, inputs, place / "full.log", before, expected, writer.failure)
         if (folder / "out").exists():
             troubles += half_written(writer, folder / "out", whole)
         troubles += [f"{path.name} was left" for path in folder.rglob(".writing-*")]

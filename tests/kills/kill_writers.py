@@ -169,10 +169,10 @@ EVERY = [
     Writer("train", train_system, r"state/|\.jsonl$", LOGS),
     Writer("reconstruct", reconstruct, timed=LOGS),
     # A full disk is the failure of a visit: it is recorded, the next visit is tried, and the status is 1.
-    Writer("study", reconstruct_study, r"subjects\.tsv$|meshot\.log$|_error\.json$", LOGS + IN_STUDIES, full=1),
+    Writer("study", reconstruct_study, r"subjects\.tsv$|meshot\.log$|_error\.json$", LOGS + IN_STUDIES, failure=1),
     Writer("quality", quality_page),
     Writer("table", compare_folders, timed=r"surfaces\.json"),
     Writer("notebooks", run_notebook),
-    Writer("book", render_book, timed=r"\.buildinfo|searchindex\.js"),
+    Writer("book", render_book, timed=r"\.buildinfo|searchindex\.js", failure=1),
 ]
 NEEDS_COHORT = ("train-segmentation", "train")

@@ -22,6 +22,12 @@ PLANTED = {
              "    time.sleep(.4); folder.mkdir(exist_ok=True); (folder / 'a').touch()", ".writing-x was left"),
     "no room": ("def write(folder, inputs):\n    try:\n        folder.mkdir(exist_ok=True)\n"
                 "        (folder / 'a').write_bytes(bytes(100_000))\n    except OSError: pass", "no room: status 0"),
+    "two": ("import fcntl\n"
+            "def write(folder, inputs):\n    busy = open(folder.parent / 'busy', 'w')\n"
+            "    try: fcntl.flock(busy, fcntl.LOCK_EX | fcntl.LOCK_NB)\n"
+            "    except OSError: raise RuntimeError('busy')\n"
+            "    time.sleep(.5)\n    with whole_folder(folder, replace=True) as whole: (whole / 'a').touch()",
+            "two at once ended with [0, 1]"),
     "other bytes": ("def write(folder, inputs):\n    folder.mkdir(exist_ok=True)\n"
                     "    (folder / 'a').write_text(str(time.time_ns()))",
                     "a is not what a whole run writes"),
