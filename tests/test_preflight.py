@@ -1,5 +1,6 @@
 """What is missing is said in one line with its remedy, and stops make before anything crashes."""
 
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -39,7 +40,8 @@ def test_a_missing_browser_is_named(no_browser, monkeypatch):
     assert preflight.missing_browser().packages == ("chromium",)
     monkeypatch.setattr(preflight, "system_name", lambda: "ubuntu")
     assert preflight.missing_browser().packages == ()  # a snap, which could not read what the tests write
-    assert "playwright install --with-deps chromium" in preflight.missing_browser().why
+    ((python, *words),) = preflight.missing_browser().commands
+    assert (python, " ".join(words)) == (sys.executable, "-m playwright install --with-deps chromium")
 
 
 def test_a_browser_is_found_by_name_or_where_playwright_put_it(no_browser, monkeypatch):
@@ -140,6 +142,20 @@ def test_a_script_says_yes_beforehand(bare, monkeypatch):
     monkeypatch.setenv("YES", "1")
     assert preflight.main(["python", "display", "browser"]) == 0
     assert bare[1].endswith(" ".join(ALL))
+
+
+def test_ubuntu_gets_a_browser_before_there_is_an_environment(bare, monkeypatch, root):
+    monkeypatch.setattr(preflight, "system_name", lambda: "ubuntu")
+    monkeypatch.setenv("YES", "1")
+    assert preflight.main(["python", "display", "browser"]) == 0
+    _, packages, environment, playwright, download = bare
+    assert packages.endswith("libatomic1")
+    assert "chromium" not in packages
+    place = root / "build" / "playwright"
+    assert environment == f"{sys.executable} -m venv {place}"
+    (version,) = re.findall("^playwright==.*", (root / "requirements.lock").read_text(encoding="utf-8"), re.M)
+    assert playwright == f"{place}/bin/python -m pip install -q {version}"
+    assert download == f"{place}/bin/python -m playwright install --with-deps chromium"
 
 
 def test_what_is_still_missing_after_it_was_installed_is_said(bare, monkeypatch, capsys):

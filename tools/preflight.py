@@ -2,7 +2,8 @@
 
 Run as ``python3 tools/preflight.py [python] [display] [browser]``. All missing packages are listed with the reason why
 they are needed. They are installed by apt-get if the user agrees on a terminal, or if ``YES=1`` is set. Otherwise
-nothing is changed, and the command to run is printed. The syntax is limited to that of old Pythons.
+nothing is changed, and the command to run is printed. On Ubuntu the browser is downloaded by Playwright, since that of
+apt-get is a snap. The syntax is limited to that of old Pythons.
 """
 
 import ctypes
@@ -13,17 +14,19 @@ import shutil
 import subprocess
 import sys
 
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 DOWNLOADED = "~/.cache/ms-playwright/chromium-*/chrome-linux*/chrome"
 MESA_DRIVERS = ("/usr/lib/*/dri/swrast_dri.so", "/usr/lib*/dri/swrast_dri.so", "/usr/lib*/*/libgallium*.so")
 
 
 class Lack:
-    """A missing requirement: the reason, and the Debian packages that contain it (none if apt-get cannot help)."""
+    """A missing requirement: the reason, the Debian packages that contain it, and commands that fetch it otherwise."""
 
-    def __init__(self, why, *packages):
+    def __init__(self, why, *packages, commands=()):
         self.why = why
         self.packages = packages
+        self.commands = commands
 
 
 def missing_python():
@@ -86,9 +89,25 @@ def missing_browser():
     why = "the tests open every page of the book in a browser (or name one: MESHOT_BROWSER=/path/to/chrome)"
     if system_name() == "ubuntu":
         # Ubuntu's chromium is a snap, which cannot read the pages under /tmp.
-        why += "; on Ubuntu install google-chrome, or run: .venv/bin/playwright install --with-deps chromium"
-        return Lack(why)
+        return Lack(f"{why}. Playwright downloads one, since that of Ubuntu is a snap", commands=download_commands())
     return Lack(why, "chromium")
+
+
+def download_commands():
+    """How Playwright downloads a browser. If this Python lacks Playwright, an environment for it is made in build/."""
+    download = ["-m", "playwright", "install", "--with-deps", "chromium"]
+    if importlib.util.find_spec("playwright"):
+        return [[sys.executable, *download]]
+    place = os.path.join(ROOT, "build", "playwright")
+    python = os.path.join(place, "bin", "python")
+    install = [python, "-m", "pip", "install", "-q", locked("playwright")]
+    return [[sys.executable, "-m", "venv", place], install, [python, *download]]
+
+
+def locked(name):
+    """A requirement with the version of the lock, such as playwright==1.65.2."""
+    with open(os.path.join(ROOT, "requirements.lock"), encoding="utf-8") as file:
+        return next(line.strip() for line in file if line.startswith(f"{name}=="))
 
 
 def missing_driver():
@@ -117,7 +136,9 @@ def lacks_of(names):
 
 
 def install_commands(packages):
-    """The command to run, as root or with sudo."""
+    """The commands to run, as root or with sudo."""
+    if not packages:
+        return []
     prefix = [] if os.geteuid() == 0 else ["sudo"]
     return [
         [*prefix, "apt-get", "update", "-qq"],
@@ -147,10 +168,10 @@ def main(names):
     for lack in lacks:
         needed = f" {' '.join(lack.packages)}:" if lack.packages else ""
         print(f"missing:{needed} {lack.why}", flush=True)
-    if not packages:
+    commands = install_commands(packages) + [command for lack in lacks for command in lack.commands]
+    if not commands:
         return 1
-    commands = install_commands(packages)
-    if not shutil.which("apt-get"):
+    if packages and not shutil.which("apt-get"):
         print("there is no apt-get here: install what these Debian packages hold, then start again")
         return 1
     if not agreed():

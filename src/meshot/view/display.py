@@ -25,6 +25,8 @@ REMEDY = (
 BEFORE_OPENGL = ("triton",)
 # Only drawing is a reliable test: a library may load without a device, and VTK then crashes. VTK makes the window,
 # since some of its versions crash if the class of the window is called.
+#: Seconds after which a trial counts as failed. The first start of VTK on a slow, busy machine took more than a minute.
+PATIENCE = 300
 _TRIAL = """
 import sys
 import vtkmodules.vtkRenderingOpenGL2
@@ -51,8 +53,10 @@ def usable_window() -> str | None:
 def _draws(window: str) -> bool:
     trial = [sys.executable, "-c", _TRIAL, window]
     try:
-        environment = os.environ | {VARIABLE: window}
-        return subprocess.run(trial, env=environment, capture_output=True, timeout=60, check=False).returncode == 0
+        ended = subprocess.run(
+            trial, env=os.environ | {VARIABLE: window}, capture_output=True, timeout=PATIENCE, check=False
+        )
+        return ended.returncode == 0
     except subprocess.TimeoutExpired:
         return False
 
