@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from meshot.flow.crossings import damping
 from meshot.flow.crossings.damping import damped, without_crossings
 from meshot.flow.fields.grid import GridVelocity, grid_around
 from meshot.flow.integration import integrate
@@ -86,6 +87,15 @@ def test_crossings_go_and_the_rest_still_moves():
 def test_a_field_without_fault_is_returned_as_it_is():
     field = uniform()
     assert without_crossings(field, icosphere(2, 5.0), 4) is field
+
+
+def test_the_radius_grows_after_every_third_round(monkeypatch):
+    radii = []
+    monkeypatch.setattr(damping, "damped", lambda field, places, radius: radii.append(radius) or field)
+    mesh = plates()
+    with pytest.raises(ValueError, match="still cross after 7 rounds"):
+        without_crossings(crossing_field(mesh), mesh, 4, radius=1.5, max_rounds=7)
+    assert radii == [1.5, 1.5, 1.5, 3.0, 3.0, 3.0, 4.5]
 
 
 def test_doors(unchecked):
