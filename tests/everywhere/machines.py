@@ -143,7 +143,7 @@ def run_tests(machine: Machine, files: list[str], more: tuple[str, ...] = ()) ->
     """Run test files, named from ``tests/``, on an emulated machine."""
 
     def command(folder: Path) -> list[str]:
-        words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *more]
+        words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *more]  # a second -q would hide the counts
         return [*words, *(str(folder / "tests" / name) for name in files)]
 
     return run_on(machine, command)

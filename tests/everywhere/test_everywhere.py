@@ -16,6 +16,7 @@ def test_values_are_the_same_on_an_old_processor_elsewhere():
     """Sliced, windowed, Chamfer, exact and Sinkhorn losses against closed forms."""
     done = run_tests(OLD, ["loss/test_values.py"])
     assert done.returncode == 0, done.stdout
+    assert machines.counts_of(done.stdout)["passed"] > 10
 
 
 SEEN = """
