@@ -86,7 +86,7 @@ def render(source: Path, html: Path) -> int:
 
 
 def _run_sphinx(source: Path, html: Path) -> int:
-    """Sphinx's own files go beside the source."""
+    """Run Sphinx in this process; the exit status. Its own files go beside the source."""
     try:
         with patch_docutils(source), docutils_namespace():
             sphinx = Sphinx(
@@ -96,9 +96,8 @@ def _run_sphinx(source: Path, html: Path) -> int:
             sphinx.build()
             return sphinx.statuscode
     except SphinxError as error:
-        cause = error.__cause__ or getattr(error, "orig_exc", None)
-        if isinstance(cause, OSError):
-            raise cause from error
+        if isinstance(error.__cause__, OSError):
+            raise error.__cause__ from error
         print(f"{error.category}: {error}", file=sys.stderr)
         return 2
 

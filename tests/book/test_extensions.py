@@ -1,5 +1,6 @@
 """A book of one chapter, run and rendered: what is folded, numbered, linked and asked, as a reader finds it."""
 
+import errno
 import os
 import re
 import shutil
@@ -8,6 +9,7 @@ from types import SimpleNamespace
 
 import nbformat
 import pytest
+from sphinx.errors import ExtensionError
 
 import build
 from browser import offline_browser, troubles_of, watched_page
@@ -159,6 +161,19 @@ def test_a_folder_that_can_not_be_written_is_named(run, tmp_path):
     (tmp_path / "doctrees").touch()
     with pytest.raises(OSError, match=re.escape(str(tmp_path / "doctrees"))):
         build.render(assemble(tmp_path / "source", run), tmp_path / "html")
+
+
+def test_what_an_extension_could_not_write_is_named_and_other_errors_end_with_a_status(monkeypatch, tmp_path, capsys):
+    def fail(*arguments, **settings):
+        raise ExtensionError("a handler failed") from cause
+
+    monkeypatch.setattr(build, "Sphinx", fail)
+    cause = OSError(errno.ENOSPC, "no space")
+    with pytest.raises(OSError, match="no space"):
+        build._run_sphinx(tmp_path, tmp_path)
+    cause = KeyError("a")
+    assert build._run_sphinx(tmp_path, tmp_path) == 2
+    assert capsys.readouterr().err == "Extension error: a handler failed\n"
 
 
 ANSWER = {"answer": "a", "because": "b"}

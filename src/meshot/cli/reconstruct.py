@@ -36,8 +36,8 @@ def add_to(commands: Commands) -> None:
         """,
         "The scan should be a T1 of an adult head, as NIfTI or MGH, in any orientation and voxel size. The networks "
         "have seen synthetic skulls only: a scan with its skull is best given with a brain mask, made by SynthStrip or "
-        "HD-BET for example. One file "
-        "gives one folder. Several files, a folder of scans, or a BIDS data set give a study: a folder for each "
+        "HD-BET for example. One file gives one folder. "
+        "Several files, a folder of scans, or a BIDS data set give a study: a folder for each "
         "participant and session, and the table subjects.tsv. A second start does what is missing. The level group "
         "only writes the table again. The file logs/meshot.log in the folder has a line for each visit of a study. The "
         "exit status is 0 if everything is done, 1 if a scan of a study failed and the others are done, 2 if the input "

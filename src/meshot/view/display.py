@@ -23,10 +23,10 @@ REMEDY = (
 #: Modules with an LLVM of their own. PyTorch builds with CUDA import them, for example for an optimiser. If Mesa has
 #: loaded its LLVM before, the import ends with a segmentation fault; in the other order both work.
 BEFORE_OPENGL = ("triton",)
-# Only drawing is a reliable test: a library may load without a device, and VTK then crashes. VTK makes the window,
-# since some of its versions crash if the class of the window is called.
 #: Seconds after which a trial counts as failed. The first start of VTK on a slow, busy machine took more than a minute.
 PATIENCE = 300
+# Only drawing is a reliable test: a library may load without a device, and VTK then crashes. VTK makes the window,
+# since some of its versions crash if the class of the window is called.
 _TRIAL = """
 import sys
 import vtkmodules.vtkRenderingOpenGL2
