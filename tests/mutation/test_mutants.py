@@ -60,3 +60,16 @@ def test_every_room_that_is_mutated_has_tests(root):
     assert try_mutant.tests_of(Path("loss/sinkhorn.py"), root)[0] == Path("loss/test_sinkhorn.py")
     assert Path("loss/test_values.py") in try_mutant.tests_of(Path("measure/discrete.py"), root)
     assert Path("metrics/test_table.py") in try_mutant.tests_of(Path("mesh/sampling.py"), root)
+
+
+def test_the_other_tests_of_a_room_are_run_when_the_nearest_pass(two_checkouts, monkeypatch):
+    copy, original = two_checkouts
+    (copy / "src/meshot/loss/slicing.py").write_text("def sliced():\n    return 2\n")
+    (copy / "tests/loss/test_slicing.py").write_text("def test_near():\n    pass\n")
+    (copy / "tests/loss/test_all.py").write_text("def test_far():\n    assert False\n")
+    monkeypatch.chdir(copy)
+    monkeypatch.setenv("MESHOT_ORIGINAL", str(original))
+    monkeypatch.setattr(try_mutant, "N_NEAREST", 1)
+    assert try_mutant.main() == 1
+    (copy / "tests/loss/test_all.py").write_text("def test_far():\n    pass\n")
+    assert try_mutant.main() == 0
