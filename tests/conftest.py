@@ -5,6 +5,7 @@ import random
 import sys
 from pathlib import Path
 
+import hypothesis
 import pytest
 from jaxtyping import config, install_import_hook
 
@@ -15,6 +16,10 @@ for folder in ("book", "tools", "tests", "tests/fuzz", "tests/everywhere", "test
 if not os.environ.get("MESHOT_UNCHECKED"):
     install_import_hook(["meshot", "meshot_book"], "typechecker.check")
 
+
+# The same drawn problems in every run, and nothing written into the checkout, which may be read-only.
+hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
+hypothesis.settings.load_profile("repeatable")
 
 #: Files that take long go first, so that no core waits for one of them at the end. Two that need the rendered book stay
 #: apart, so that no core waits while another one renders it.

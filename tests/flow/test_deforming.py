@@ -37,6 +37,12 @@ def test_the_flow_carries_the_sphere_to_the_folds(at_one):
     assert len(self_intersecting_faces(at_one.mesh)) == 0
 
 
+def test_the_detail_is_a_share_of_half_the_longest_side(at_one):
+    everything = torch.cat([mesh.vertices for mesh in pair(1.0)])
+    longest = float((everything.amax(dim=0) - everything.amin(dim=0)).max())
+    assert at_one.flow.spacings[-1] == pytest.approx(QUICK["detail"] * longest / 2, rel=1e-12)
+
+
 def test_the_flow_that_is_returned_makes_the_mesh(at_one):
     source, _ = pair(1.0)
     made = integrate(at_one.flow, source.vertices, at_one.n_steps)

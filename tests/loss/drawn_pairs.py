@@ -22,10 +22,7 @@ SCALES = {torch.float64: (0, 0, -6, 6, -100, 100, -310), torch.float32: (0, 0, -
 
 def drawn(*strategies):
     """The test over N_PROBLEMS draws, the same ones in every run."""
-    chosen = settings(
-        max_examples=N_PROBLEMS, derandomize=True, deadline=None, database=None,
-        suppress_health_check=list(HealthCheck),
-    )  # fmt: skip
+    chosen = settings(max_examples=N_PROBLEMS, suppress_health_check=list(HealthCheck))
     return lambda test: chosen(given(*strategies)(test))
 
 

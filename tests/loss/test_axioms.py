@@ -29,13 +29,7 @@ DRAWN = []
 def drawn(n_examples, *strategies):
     """The test over ``n_examples`` draws, the same ones in every run; counted."""
     DRAWN.append(n_examples)
-    chosen = settings(
-        max_examples=n_examples,
-        derandomize=True,
-        deadline=None,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-    )
+    chosen = settings(max_examples=n_examples, suppress_health_check=list(HealthCheck))
     return lambda test: chosen(given(*strategies)(test))
 
 

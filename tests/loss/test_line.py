@@ -24,7 +24,7 @@ def marginals(plan, n, m):
     return [z.index_add(0, i, plan.masses) for z, i in zip(zeros, (plan.source, plan.target))]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 12), m=st.integers(1, 12), p=st.sampled_from([1.0, 1.5, 2.0, 4.0]))
 def test_plan_is_a_coupling_of_least_cost(seed, n, m, p):
     (x, a), (y, b) = drawn([seed, 0], n), drawn([seed, 1], m)

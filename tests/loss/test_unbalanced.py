@@ -122,6 +122,20 @@ def test_unbalanced_cost_of_pot():
     assert one == pytest.approx(expected, rel=2e-3)
 
 
+def test_unbalanced_cost_has_the_unit_of_length():
+    """Every Newton step scales with the unit, from a reach far below the gaps to one far above the measures."""
+    random = np.random.default_rng(0)
+    for _ in range(100):
+        n, m = random.integers(1, 30, 2)
+        x, y, a, b = random.normal(size=n), random.normal(size=m), random.random(n) ** 6, random.random(m) ** 6
+        reach = 10 ** random.uniform(-3, 3)
+        one, other = (
+            float(sliced_unbalanced(*measures(unit * x, a / a.sum(), unit * y, b / b.sum()), unit * reach, LINE)) / unit
+            for unit in (1, 1000)
+        )
+        assert other == pytest.approx(one, rel=2e-10)  # the relative error of each is at most 1e-10
+
+
 @pytest.mark.parametrize("p", [1, 2])
 def test_unbalanced_sliced_transport_of_pot(p):
     """The same method, at a reach at which POT's ten thousand steps of 2/(k + 2) are enough."""

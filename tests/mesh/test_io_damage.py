@@ -52,6 +52,11 @@ def test_whole_text_is_read(tmp_path, name, text, n_faces):
     assert len(read(tmp_path / name, text.rstrip("\n")).faces) == n_faces
 
 
+def test_the_line_that_is_cut_short_is_shown(tmp_path):
+    with pytest.raises(ValueError, match="its last line is '4 0 1 2', of which 5 numbers are needed"):
+        read(tmp_path / "a.off", OFF[: -len(" 3\n")])
+
+
 @pytest.mark.parametrize(("name", "text"), [("a.ply", PLY), ("a.off", OFF), ("a.stl", STL)])
 def test_text_that_is_cut_short_is_refused_wherever_the_cut_is(tmp_path, name, text):
     """Up to the last two characters, the newline and a digit: without them a number may still be whole."""

@@ -38,7 +38,7 @@ def test_a_plane_beside_the_surface_cuts_nothing():
     assert plane_section(icosphere(1), 0, 1.5).shape == (0, 2, 3)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(position=st.one_of(st.floats(-0.99, 0.99), st.sampled_from([0.0, 1 / math.sqrt(1.25 + math.sqrt(1.25))])))
 def test_a_closed_surface_gives_closed_lines_even_through_its_vertices(position):
     """Every end of a segment is met by another end."""

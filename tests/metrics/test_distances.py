@@ -87,7 +87,7 @@ def test_takes_single_precision_with_gradient():
 
 def test_doors():
     there, back = both_ways(square(0.0), square(1.0), 10)
-    for quantile in (0, 1.1, float("nan")):
+    for quantile in (-0.5, 0, 1.1, float("nan")):
         with pytest.raises(ValueError, match=r"in \(0, 1\] is needed"):
             hausdorff_distance(there, back, quantile)
     with pytest.raises(ValueError, match="n_points is 0"):

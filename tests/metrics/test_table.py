@@ -54,8 +54,9 @@ def test_the_seed_decides():
     assert first == again != another
 
 
-def test_inside_out():
-    sphere = icosphere(3, 10.0)
+@pytest.mark.parametrize("radius", [10.0, 0.1])  # the volume of the second is -0.004
+def test_inside_out(radius):
+    sphere = icosphere(3, radius)
     with pytest.warns(UserWarning, match="predicted mesh is inside out"):
         found = evaluate(Mesh(sphere.vertices, sphere.faces.flip(1)), sphere, **FEW)
     assert found.signed_normals.value == pytest.approx(-1, abs=1e-6)

@@ -83,7 +83,7 @@ def _sobol_gaussian(n: int, d: int, seed: int) -> Array:
     from scipy.stats.qmc import Sobol
 
     points = Sobol(d, scramble=True, rng=np.random.default_rng(seed)).random_base2(max(0, math.ceil(math.log2(n))))[:n]
-    return ndtri(np.clip(points, 1e-12, 1 - 1e-12))
+    return ndtri(np.maximum(points, 1e-12))  # a point may be 0, but never 1
 
 
 def orthonormal_blocks(gaussian: Float[Array, "k d d"]) -> Float[Array, "k d d"]:
