@@ -42,6 +42,10 @@ def test_order_of_convergence(name, method, order, inverse):
     assert order_of(error, 80, 160) == pytest.approx(order, abs=0.1)
 
 
+def test_a_trajectory_ends_where_the_integration_does():
+    assert torch.equal(trajectory(logistic, POINTS)[-1], integrate(logistic, POINTS))
+
+
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize(("method", "order"), ORDERS)
 @pytest.mark.parametrize("gradient", ["direct", "adjoint"])
