@@ -31,6 +31,10 @@ def test_circle():
     assert perimeter(circle(2.0)) < 4 * math.pi
 
 
+def test_the_corners_of_a_star_lie_at_two_fifths_of_its_tips():
+    assert signed_area(star(5)) == pytest.approx(5 * 1.0 * 0.4 * math.sin(math.pi / 5))
+
+
 def test_star():
     contour = star(5, 1.5, 0.35)
     edge = math.dist((0, 1.5), (0.35 * math.sin(math.pi / 5), 0.35 * math.cos(math.pi / 5)))

@@ -43,7 +43,7 @@ class ProjectedLaw:
         starts, extents, ends = self.starts[wide], self.extents[wide], self.densities[wide]
         if len(starts) == 0:
             return np.zeros_like(x)
-        at = np.clip(np.searchsorted(starts, x, side="right") - 1, 0, len(starts) - 1)
+        at = np.maximum(np.searchsorted(starts, x, side="right") - 1, 0)
         share = (x - starts[at]) / extents[at]
         inside = (share >= 0) & (share <= 1)
         return np.where(inside, ends[at, 0] + (ends[at, 1] - ends[at, 0]) * np.clip(share, 0, 1), 0.0)
