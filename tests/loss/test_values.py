@@ -1,5 +1,7 @@
 """Chamfer, exact and sliced Wasserstein: closed forms, POT, slow twins, gradients and doors."""
 
+from functools import partial
+
 import numpy as np
 import ot
 import pytest
@@ -16,8 +18,13 @@ from meshot import (
     sinkhorn_divergence,
     sliced_wasserstein,
     wasserstein,
+    windowed_sliced_wasserstein,
 )
 from meshot.loss.error_bar import translation_spread
+from meshot.loss.plain import plain_sliced_wasserstein
+from meshot.loss.sliced import slice_costs
+from meshot.loss.unbalanced.frank_wolfe import unbalanced_sliced
+from meshot.loss.unbalanced.line_by_line import sliced_partial, sliced_unbalanced
 
 CASES = [
     problems.translation(0, 40, 2),
@@ -52,6 +59,30 @@ def test_sliced_is_the_mean_of_transports_on_lines(p, n, m, weighted):
     directions = random_directions(20, 3, 2)
     value = sliced_wasserstein(source, target, directions, p)
     assert float(value) == pytest.approx(oracles.sliced_wasserstein(source, target, directions.numpy(), p), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "loss",
+    [
+        sliced_wasserstein,
+        plain_sliced_wasserstein,
+        slice_costs,
+        partial(sliced_partial, reach=1.0),
+        partial(sliced_unbalanced, reach=1.0),
+        partial(unbalanced_sliced, reach=1.0),
+    ],
+)
+def test_a_hundred_even_directions_are_the_default(loss):
+    """The number that the paper uses, and the documented set. Another number changes every value by more than 1e-6."""
+    source, target = problems.cloud(0, 12, 3), problems.cloud(1, 15, 3, weighted=True)
+    expected = loss(source, target, directions=quasi_directions(100, 3, seed=0))
+    torch.testing.assert_close(loss(source, target), expected, rtol=1e-12, atol=0)
+
+
+def test_a_hundred_even_directions_a_window_are_the_default():
+    source, target, centre = problems.cloud(0, 12, 3), problems.cloud(1, 15, 3), torch.zeros(1, 3, dtype=torch.float64)
+    expected = windowed_sliced_wasserstein(source, target, centre, 2.0, quasi_directions(100, 3, seed=0)[None])
+    torch.testing.assert_close(windowed_sliced_wasserstein(source, target, centre, 2.0), expected, rtol=1e-12, atol=0)
 
 
 def test_sliced_of_a_measure_with_itself_is_zero():
