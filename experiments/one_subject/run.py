@@ -1,6 +1,6 @@
 """One hemisphere trained on alone: what duration and width give, and what the loss itself allows.
 
-Run as ``python experiments/one_subject/run.py``, on one thread; some two hours. It needs no cohort. ``config.yaml`` is
+Run as ``python experiments/one_subject/run.py``, on one thread; some eighty minutes. It needs no cohort. ``config.yaml`` is
 the protocol. Finished arms are stored in ``partial.jsonl``, and a training resumes from its last state.
 
 ``results.json`` has, under "results":
@@ -27,7 +27,7 @@ from meshot.mesh import Mesh
 from meshot.provenance import rounded, write_results
 from meshot.systems import get_system, read_settings
 from meshot.systems.deformation import DeformationExample, deformed, read_example, train_deformation
-from meshot.train import Training
+from meshot.train import Progress, Training
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -70,13 +70,13 @@ def curve(log: list[dict]) -> dict[str, list[float]]:
     return {"step": ends, "assd_mm": [line["validation_loss"] for line in checks], "loss": means}
 
 
-def trained(name: str, example: DeformationExample, config: dict) -> Training:
+def trained(name: str, example: DeformationExample, config: dict, progress: Progress | None = None) -> Training:
     """Train one arm, or resume its training."""
     arm = config["arms"][name]
     system = get_system(arm["system"])
     settings = system.config(read_settings(system, config["settings"], settings_of(arm, config)))
     folder = ROOT / config["state"] / name
-    return train_deformation(settings, [example], [example], folder, device=torch.device("cpu"))
+    return train_deformation(settings, [example], [example], folder, progress, torch.device("cpu"))
 
 
 def train_arm(name: str, config: dict) -> dict:
