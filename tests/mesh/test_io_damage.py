@@ -45,7 +45,14 @@ def read(path, text):
     return read_mesh(path)
 
 
-@pytest.mark.parametrize(("name", "text", "n_faces"), [("a.ply", PLY, 2), ("a.off", OFF, 3), ("a.stl", STL, 3)])
+# An element may have no lines.
+PLY_WITHOUT_EDGES = PLY.replace("end_header", "element edge 0\nproperty int vertex1\nend_header")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "n_faces"),
+    [("a.ply", PLY, 2), ("a.ply", PLY_WITHOUT_EDGES, 2), ("a.off", OFF, 3), ("a.stl", STL, 3)],
+)
 def test_whole_text_is_read(tmp_path, name, text, n_faces):
     assert len(read(tmp_path / name, text).faces) == n_faces
     assert len(read(tmp_path / name, text.replace("\n", "\r\n")).faces) == n_faces
