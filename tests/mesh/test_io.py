@@ -52,9 +52,11 @@ def test_gifti_says_scanner(tmp_path, mesh):
     assert (points.data.dtype, triangles.data.dtype) == (np.float32, np.int32)
 
 
-def test_a_gifti_in_unknown_space_is_taken_through_its_matrix(tmp_path, mesh):
+@pytest.mark.parametrize(("spaces", "applied"), [((0, 1), True), ((0, 4), False), ((0, 0), False), ((1, 1), False)])
+def test_a_gifti_in_unknown_space_is_taken_through_its_matrix_to_the_scanner(tmp_path, mesh, spaces, applied):
+    """Spaces are coded as in NIfTI: 0 unknown, 1 scanner, 4 MNI152. A matrix to MNI152 would leave scanner space."""
     xform = np.array([[0, -1, 0, 5], [1, 0, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1.0]])
-    system = nibabel.gifti.GiftiCoordSystem(0, 1, xform)
+    system = nibabel.gifti.GiftiCoordSystem(*spaces, xform)
     arrays = [
         nibabel.gifti.GiftiDataArray(
             mesh.vertices.numpy().astype(np.float32), intent="NIFTI_INTENT_POINTSET", coordsys=system
@@ -63,9 +65,8 @@ def test_a_gifti_in_unknown_space_is_taken_through_its_matrix(tmp_path, mesh):
     ]
     nibabel.save(nibabel.GiftiImage(darrays=arrays), tmp_path / "a.gii")
     x, y, z = mesh.vertices.unbind(dim=1)
-    torch.testing.assert_close(
-        read_mesh(tmp_path / "a.gii").vertices, torch.stack([5 - y, x + 6, z + 7], dim=1), atol=1e-4, rtol=0
-    )
+    expected = torch.stack([5 - y, x + 6, z + 7], dim=1) if applied else mesh.vertices
+    torch.testing.assert_close(read_mesh(tmp_path / "a.gii").vertices, expected, atol=1e-4, rtol=0)
 
 
 def test_freesurfer_stores_surface_ras(tmp_path, mesh):
