@@ -1,15 +1,16 @@
 """One hemisphere trained on alone: what duration and width give, and what the loss itself allows.
 
-Run as ``python experiments/one_subject/run.py``, on one thread; some eighty minutes. It needs no cohort. ``config.yaml`` is
-the protocol. Finished arms are stored in ``partial.jsonl``, and a training resumes from its last state.
+Run as ``python experiments/one_subject/run.py``, on one thread; some eighty minutes. It needs no cohort.
+``config.yaml`` is the protocol. Finished arms are stored in ``partial.jsonl``, and a training resumes from its last
+state.
 
 ``results.json`` has, under "results":
 
 - ``surfaces``: for the initial surface and the last weights of every arm: ``arm``, ``assd_mm``, ``hausdorff90_mm``,
   ``normals``, ``intersecting_percent``, and the sliced losses in mm² with normals of 20 and 100 mm, ``sliced_20`` and
   ``sliced_100``; in addition ``n_steps``, ``n_weights`` and ``cpu_seconds`` of an arm;
-- ``curves``: for every arm the ``step`` of each check, ``assd_mm``, and ``loss``, the mean training loss since the
-  previous check.
+- ``curves``: for every arm the ``step`` of each check, ``assd_mm``, and ``loss``, the mean training loss of the steps
+  since the previous check.
 """
 
 import time
@@ -65,7 +66,7 @@ def curve(log: list[dict]) -> dict[str, list[float]]:
     ends = [line["step"] for line in checks]
     means = [
         float(np.mean([losses[step] for step in losses if start < step <= end]))
-        for start, end in zip([-1, *ends], ends, strict=False)
+        for start, end in zip([0, *ends], ends, strict=False)
     ]
     return {"step": ends, "assd_mm": [line["validation_loss"] for line in checks], "loss": means}
 

@@ -12,9 +12,10 @@ CHANGES = [
     ("experiments/ddot/config.yaml", r"n_resamples: \d+", "n_resamples: 7", "ddot"),
     ("experiments/ddot/config.yaml", r"system: windows", "system: ddot", "ddot|ddot_.*_windowed_0"),
     ("src/meshot/systems/cortexode/small.yaml", r"n_epochs: \d+", "n_epochs: 7",
-     "ddot|ddot_.*_(cortexode|chamfer_varifold)_[0-4]"),
+     "ddot|ddot_.*_(cortexode|chamfer_varifold)_[0-4]|one_subject"),
     (f"{RECIPES}oasis_like.yaml", r"^seed: .*", "seed: 99",
-     "segmentation(_training)?|cohorts|template_baseline|ddot|ddot_.*|earlier_.*|descent_directions|held_out|people"),
+     "segmentation(_training)?|cohorts|template_baseline|ddot|ddot_.*|earlier_.*|descent_directions|held_out|people"
+     "|one_subject"),
     (f"{RECIPES}people_like.yaml", r"^seed: .*", "seed: 99",
      "people|people_segmentation|shipped_.*|study|cost_reconstruction|cost_study|speed_page|person"),
 ]  # fmt: skip
