@@ -20,7 +20,8 @@ def write_page(folder, heads, rows):
     cells = ["".join(f'<{tag} class="{kind}">{value}</{tag}>' for value, kind in zip(row, kinds)) for tag, row in lines]
     text = f"<thead><tr>{cells[0]}</tr></thead><tbody>" + "".join(f"<tr>{row}</tr>" for row in cells[1:]) + "</tbody>"
     look = f'<link rel="stylesheet" href="{(STATIC / "tables.css").as_uri()}">'
-    look += "<style>body { font-family: monospace }</style>"  # its letters are as wide on every machine
+    # Letters of three fifths of the size, in whichever font a machine has for this.
+    look += "<style>body { font-family: monospace; font-size-adjust: ch-width 0.602 }</style>"
     scripts = "".join(f'<script src="{(STATIC / n).as_uri()}"></script>' for n in ("table_layouts.js", "tables.js"))
     page = folder / "page.html"
     page.write_text(
