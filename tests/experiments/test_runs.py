@@ -195,6 +195,13 @@ def normal_scale(run, work):
     quiet(run, "crossing_scale")
 
 
+def one_subject(run, work):
+    found = {"surface": {"cpu_seconds": 1.0}, "curve": []}
+    example = SimpleNamespace(initial=None), {"name": "sub-001", "side": "left"}
+    replace(run, train_arm=work.of(found), read_example=lambda path: example)
+    quiet(run, "measured")
+
+
 def people(run, work):
     replace(run, measured=work.of({}, told_by=lambda scan, networks, config: (scan.name, networks)), scans=scans_of)
     replace(run, load_networks=lambda **chosen: str(chosen["segmentation"]))
@@ -249,10 +256,9 @@ CHEAP = {
     function.__name__: function
     for function in (
         axioms, beyond_random, blur, circle_to_polygon, cohorts, comparison, convergence, correspondence, ddot,
-        deforming,
-        directions, encoding_rates, fixed_supports, floors, fsaverage5_flow, ground_cost, mni152,
-        normal_scale, people, person, segmentation, self_intersection, study, template_baseline, transport_rates,
-        weights_and_areas,
+        deforming, directions, encoding_rates, fixed_supports, floors, fsaverage5_flow, ground_cost, mni152,
+        normal_scale, one_subject, people, person, segmentation, self_intersection, study, template_baseline,
+        transport_rates, weights_and_areas,
     )
 } | {"exact_value": parts, "sample_gradient": parts}  # fmt: skip
 
