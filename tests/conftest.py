@@ -25,6 +25,7 @@ hypothesis.settings.load_profile("repeatable")
 #: apart, so that no core waits while another one renders it.
 LONG_FILES = (
     "book/test_reading.py",
+    "workflow/test_miniature.py",
     "systems/test_deformation_training.py",
     "systems/test_whole_scan_systems.py",
     "pipeline/test_reconstruction.py",
