@@ -67,6 +67,19 @@ def test_in_windows_every_window_has_its_directions_and_lies_on_the_target():
     assert float(everywhere(SOURCE, TARGET, random())) != pytest.approx(float(wanted))
 
 
+def test_the_radius_of_windows_falls_over_a_training():
+    falling = surface_loss({"loss": "windowed", "window": 6.0, "last_window": 1.5, "n_windows": 4})
+    radii = [falling.at(done).loss.window for done in (0.0, 0.5, 1.0)]
+    assert radii == pytest.approx([6.0, 3.0, 1.5], rel=1e-12)
+    half = surface_loss({"loss": "windowed", "window": 3.0, "n_windows": 4})
+    in_a_sum = surface_loss({"terms": [falling.settings(), {"loss": "chamfer"}]}).at(0.5)
+    chamfer = surface_loss({"loss": "chamfer"})
+    expected = float(half(SOURCE, TARGET, random()) + chamfer(SOURCE, TARGET, random()))
+    assert float(in_a_sum(SOURCE, TARGET, random())) == pytest.approx(expected, rel=1e-12)
+    for unchanged in (half, chamfer):
+        assert unchanged.at(0.5) == unchanged
+
+
 @pytest.mark.parametrize("encoding", ["varifold", "samples", "surface"])
 def test_the_gradient_reaches_the_vertices_in_their_own_precision(encoding):
     vertices = SOURCE.vertices.float().requires_grad_()
@@ -99,6 +112,7 @@ def test_the_gradient_reaches_the_vertices_in_their_own_precision(encoding):
         ({"normal_scale": -1.0}, "normal_scale is -1.0"),
         ({"loss": "windowed", "window": 0.0}, "window is 0.0; a finite number > 0"),
         ({"loss": "windowed", "n_windows": 0}, "n_windows is 0"),
+        ({"loss": "windowed", "last_window": -3.0}, "last_window is -3.0; a finite number > 0"),
         ({"terms": []}, "terms is empty"),
         ({"terms": "chamfer"}, "terms is 'chamfer'; a list of settings"),
         ({"terms": [{"terms": []}]}, "a list of settings of losses is needed"),

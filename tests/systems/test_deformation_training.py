@@ -98,6 +98,25 @@ def test_a_field_that_is_kept_follows_the_network(examples):
     assert not torch.equal(after, before)
 
 
+def test_the_radius_of_windows_falls_with_the_steps(examples):
+    def losses(**own):
+        loss = {"loss": "windowed", "n_windows": 4, "n_directions": 8, "normal_scale": 1.0} | own
+        config = deformation_config(TINY.as_dict() | {"loss": loss})
+        # So small a rate that the network stays as it is: only the radius can change a loss.
+        config = dataclasses.replace(config, training=dataclasses.replace(config.training, learning_rate=1e-30))
+        return [line["loss"] for line in train_deformation(config, *examples).log if "loss" in line]
+
+    fixed, falling, fourth = (
+        losses(window=6.0),
+        losses(window=6.0, last_window=3.0),
+        losses(window=6.0 * 0.5 ** (4 / 9)),
+    )
+    assert len(fixed) == 9
+    assert falling[0] == fixed[0]
+    assert falling[4] == pytest.approx(fourth[4], rel=1e-5)
+    assert falling[4] != pytest.approx(fixed[4], rel=1e-3)
+
+
 @pytest.mark.parametrize("loss", [{}, {"loss": "chamfer", "encoding": "samples", "factor": 1000.0}])
 def test_surfaces_come_nearer_even_those_never_seen(examples, loss):
     content = TINY.as_dict()

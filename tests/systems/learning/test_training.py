@@ -80,17 +80,18 @@ def test_a_validation_without_a_distance_names_its_step():
         train_on_subjects(network, settings, "abc", lambda *_: network.weight.square().sum(), no_area, {})
 
 
-def test_a_step_uses_the_subject_and_the_random_numbers_of_its_index():
+def test_a_step_uses_the_subject_the_share_done_and_the_random_numbers_of_its_index():
     network, settings, seen = torch.nn.Linear(1, 1), LearningSettings(n_epochs=2, seed=5), []
 
-    def loss_of(index, draws):
-        seen.append((index, draws.integers(1000)))
+    def loss_of(index, done, draws):
+        seen.append((index, done, draws.integers(1000)))
         return network.weight.square().sum()
 
     train_on_subjects(network, settings, "abc", loss_of, lambda: {"validation_loss": 1.0}, {})
     orders = [np.random.default_rng([5, 0, epoch]).permutation(3) for epoch in range(2)]
-    assert [index for index, _ in seen] == np.concatenate(orders).tolist()
-    assert [number for _, number in seen] == [np.random.default_rng([5, 1, step]).integers(1000) for step in range(6)]
+    numbers = [np.random.default_rng([5, 1, step]).integers(1000) for step in range(6)]
+    shares = [0, 1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6]
+    assert seen == list(zip(np.concatenate(orders).tolist(), shares, numbers, strict=True))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -33,6 +34,10 @@ class MeasureLoss(abc.ABC):
     @abc.abstractmethod
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss. Random numbers are drawn from ``generator``."""
+
+    def at(self, done: float) -> "MeasureLoss":
+        """The loss when this share of the steps of a training is done, in [0, 1]."""
+        return self
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,6 +85,8 @@ class WindowedLoss(MeasureLoss):
         Number of directions per window.
     p : int
         The exponent: 1 or 2.
+    last_window : float, optional
+        Standard deviation at the end of a training. It changes by the same factor in every step. Default: no change.
 
     Raises
     ------
@@ -91,9 +98,12 @@ class WindowedLoss(MeasureLoss):
     n_windows: int = 32
     n_directions: int = 100
     p: int = 2
+    last_window: float | None = None
 
     def __post_init__(self):
         require_positive(self.window, "window")
+        if self.last_window is not None:
+            require_positive(self.last_window, "last_window")
         require_positive_integer(self.n_windows, "n_windows")
         require_positive_integer(self.n_directions, "n_directions")
         _require_exponent(self.p)
@@ -107,6 +117,11 @@ class WindowedLoss(MeasureLoss):
         centres = target.places[torch.from_numpy(drawn).to(lines.device), :3]
         sets = lines.reshape(self.n_windows, self.n_directions, -1)
         return windowed_sliced_wasserstein(source, target, centres, self.window, sets, self.p)
+
+    def at(self, done: float) -> "WindowedLoss":
+        """The loss with the radius that belongs to this share of the steps, in [0, 1]."""
+        factor = (self.last_window or self.window) / self.window
+        return dataclasses.replace(self, window=self.window * factor**done)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,6 +213,7 @@ class SlicedPartialLoss(MeasureLoss):
         If a number is outside its range.
     """
 
+    solve: ClassVar[Callable] = staticmethod(sliced_partial)
     reach: float = 12.0
     n_directions: int = 100
 
@@ -208,7 +224,7 @@ class SlicedPartialLoss(MeasureLoss):
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss along newly drawn directions."""
         directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
-        return sliced_partial(source, target, self.reach, directions)
+        return self.solve(source, target, self.reach, directions)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -218,10 +234,7 @@ class SlicedUnbalancedLoss(SlicedPartialLoss):
     The settings are those of partial transport; ``reach`` is twice the weight of the penalty.
     """
 
-    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss along newly drawn directions."""
-        directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
-        return sliced_unbalanced(source, target, self.reach, directions)
+    solve: ClassVar[Callable] = staticmethod(sliced_unbalanced)
 
 
 def _require_exponent(p: int) -> None:

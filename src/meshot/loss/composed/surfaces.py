@@ -57,6 +57,10 @@ class SurfaceLoss:
         first, second = (self.encoding.measure(mesh, n_default, generator) for mesh in (source, target))
         return self.factor * self.loss(first, second, generator)
 
+    def at(self, done: float) -> "SurfaceLoss":
+        """The loss when this share of the steps of a training is done, in [0, 1]."""
+        return dataclasses.replace(self, loss=self.loss.at(done))
+
     def settings(self) -> dict:
         """The settings as a flat mapping, in the format that :func:`surface_loss` reads."""
         names = {"loss": _name_of(LOSSES, self.loss), "encoding": _name_of(ENCODINGS, self.encoding)}
@@ -87,6 +91,10 @@ class SummedLoss:
     def __call__(self, source: Mesh, target: Mesh, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The sum. The terms draw their random numbers one after the other."""
         return torch.stack([term(source, target, generator) for term in self.terms]).sum()
+
+    def at(self, done: float) -> "SummedLoss":
+        """The loss when this share of the steps of a training is done, in [0, 1]."""
+        return SummedLoss(tuple(term.at(done) for term in self.terms))
 
     def settings(self) -> dict:
         """The settings of all terms, in the format that :func:`surface_loss` reads."""

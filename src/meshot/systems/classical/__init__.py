@@ -57,7 +57,7 @@ class System(SurfaceSystem):
         both = (examples.training, examples.validation)
         trained, kept = ([_samples(atlas, item, surface) for item in part] for part in both)
 
-        def loss_of(index: int, draws: np.random.Generator) -> Tensor:
+        def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
             return misfit(*trained[index], atlas.level)
 
         def validate() -> dict:

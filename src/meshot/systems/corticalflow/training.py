@@ -65,7 +65,7 @@ def train_block(
     targets = [item.targets[key].to(torch.float32).to(device) for item in examples.training]
     truths = [Surface(item.targets[key]) for item in examples.validation]
 
-    def loss_of(index: int, draws: np.random.Generator) -> Tensor:
+    def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
         found = carry(examples.training[index].scan)
         points = (sample_points(mesh, training.n_samples, draws) for mesh in (found, targets[index]))
         return chamfer(*points) + training.edge_weight * squared_edge_length(found)

@@ -132,7 +132,7 @@ def train_distances(
         points, truth = (part[chosen].to(device) for part in (pools[index].points, pools[index].distances))
         return (network(maps, whole, items[index].scan.image, points) - truth).abs().mean()
 
-    def loss_of(index: int, draws: np.random.Generator) -> Tensor:
+    def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
         return error(index, torch.from_numpy(draws.integers(0, training.n_pool, training.n_samples)))
 
     def validate() -> dict:

@@ -58,10 +58,10 @@ def train_deformation(
     fields = [velocity_field(item, network, device) for item in training]
     targets = [Surface(item.target) for item in validation]
 
-    def loss_of(index: int, draws: np.random.Generator) -> Tensor:
+    def loss_of(index: int, done: float, draws: np.random.Generator) -> Tensor:
         item = training[index]
         predicted = carried(item.coarse.to(device), fields[index], settings)
-        return config.loss(predicted, item.target.to(device), draws)
+        return config.loss.at(done)(predicted, item.target.to(device), draws)
 
     def validate() -> dict:
         flow = (settings.n_flow_steps, settings.method)

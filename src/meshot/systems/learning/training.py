@@ -22,7 +22,7 @@ def train_on_subjects(
     network: nn.Module,
     settings: LearningSettings,
     names: Sequence[str],
-    loss_of: Callable[[int, np.random.Generator], Tensor],
+    loss_of: Callable[[int, float, np.random.Generator], Tensor],
     validate: Callable[[], dict],
     made_with: Groups,
     folder: str | os.PathLike | None = None,
@@ -37,7 +37,7 @@ def train_on_subjects(
     settings : LearningSettings
     names : sequence of str
         Of the training subjects.
-    loss_of : callable of (index of a training subject, random numbers)
+    loss_of : callable of (index of a training subject, share of the steps that are done, random numbers)
     validate : callable
         Returns a line of the log with ``validation_loss``, such as :func:`meshot.systems.learning.mean_distances`.
     made_with, folder, progress
@@ -52,10 +52,13 @@ def train_on_subjects(
         the step, and the subject of a loss.
     """
 
+    plan = settings.plan(len(names))
+
     def loss_at(step: int) -> tuple[Tensor, str]:
         (index,) = examples_of_step(step, len(names), settings.seed)
+        draws = np.random.default_rng([settings.seed, _LOSS, step])
         try:
-            return loss_of(index, np.random.default_rng([settings.seed, _LOSS, step])), names[index]
+            return loss_of(index, step / plan.n_steps, draws), names[index]
         except ValueError as error:  # for example a mesh without area
             raise FloatingPointError(
                 f"the prediction of step {step} ({names[index]}) has no loss: {error}; lower the learning rate"
@@ -71,14 +74,14 @@ def train_on_subjects(
             ) from error
 
     task = Task(loss_at, validate_after)
-    return train_network(network, settings.plan(len(names)), task, made_with, folder, progress)
+    return train_network(network, plan, task, made_with, folder, progress)
 
 
 def train_part(
     network: nn.Module,
     settings: LearningSettings,
     examples: ExampleSets,
-    loss_of: Callable[[int, np.random.Generator], Tensor],
+    loss_of: Callable[[int, float, np.random.Generator], Tensor],
     validate: Callable[[], dict],
     made_with: Groups,
     folder: Path | None = None,

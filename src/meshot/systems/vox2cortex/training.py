@@ -90,7 +90,7 @@ def train_meshes(
     truths = [{key: curved_target(item.targets[key].to(device)) for key in keys} for item in examples.training]
     fractions = [true_fractions(item) for item in examples.training]
 
-    def loss_of(index: int, draws: np.random.Generator) -> Tensor:
+    def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
         image = examples.training[index].scan.image
         maps = network.unet(scaled_image(image).to(device))
         total = weights.segmentation * segmentation_loss(network.segmentation(maps), fractions[index].to(device))
