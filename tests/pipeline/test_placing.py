@@ -123,7 +123,7 @@ def test_cohorts_must_agree(tmp_path):
     bare = write_phantom_cohort(tmp_path / "bare", ["train"])
     assert placement_of([white]) == BY_WHITE
     assert placement_of([grey, bare]) == BY_GREY
-    with pytest.raises(ValueError, match="bare by grey values; train on cohorts with one placement"):
+    with pytest.raises(ValueError, match="bare by grey values; train on cohorts with one placement; meshot make-"):
         placement_of([white, bare])
 
 

@@ -271,6 +271,10 @@ def test_the_command_makes_a_cohort_in_parallel(tmp_path):
     assert refused.returncode == 2
     assert "another recipe" in refused.stderr
     assert "Traceback" not in refused.stderr
+    elsewhere = _command("tiny", tmp_path / "c", "--subjects", "1", "--standard", "white matter")
+    assert elsewhere.returncode == 2
+    assert "another recipe (different: standard)" in elsewhere.stderr
+    assert "standard is 'air'; one of grey values, white matter" in _command("tiny", "d", "--standard", "air").stderr
 
 
 OLD_CPU = {

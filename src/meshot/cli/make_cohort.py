@@ -40,6 +40,9 @@ def add_to(commands: Commands) -> None:
         "--days", type=int, metavar="N",
         help="Scan each subject on this many days (default: as many as the recipe states).",
     )  # fmt: skip
+    command.add_argument(
+        "--standard", metavar="WHAT", help="Place scans by 'grey values' or 'white matter' (default: as in the recipe)."
+    )
     command.add_argument("--keep", type=Path, metavar="FILE", help="Add the checksums to this file of manifests.")
     command.add_argument(
         "--check", action="store_true",
@@ -58,8 +61,8 @@ def _run(chosen: argparse.Namespace) -> int:
     from meshot.synth.cohorts import changed_files, keep_digests, make_cohort, open_cohort, read_recipe, visits
 
     torch.set_num_threads(1)
-    numbers = {name: getattr(chosen, name) for name in ("subjects", "held_out_subjects", "days")}
-    recipe = read_recipe(chosen.recipe, **{name: value for name, value in numbers.items() if value is not None})
+    given = {name: getattr(chosen, name) for name in ("subjects", "held_out_subjects", "days", "standard")}
+    recipe = read_recipe(chosen.recipe, **{name: value for name, value in given.items() if value is not None})
     if chosen.check:
         changed = changed_files(chosen.folder)
         print("\n".join(changed) if changed else "every file is as it was made")

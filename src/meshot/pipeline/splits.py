@@ -34,5 +34,8 @@ def placement_of(cohorts: Sequence[str | os.PathLike]) -> Placement:
     found = {name: read_recipe(path).standard if path.is_file() else PLACEMENTS[0] for name, path in recipes.items()}
     if len(set(found.values())) > 1:
         each = ", ".join(f"{name} by {placement}" for name, placement in found.items())
-        raise ValueError(f"scans are placed differently: {each}; train on cohorts with one placement")
+        raise ValueError(
+            f"scans are placed differently: {each}; train on cohorts with one placement; "
+            "meshot make-cohort --standard chooses it"
+        )
     return next(iter(found.values()), PLACEMENTS[0])
