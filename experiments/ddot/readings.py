@@ -2,7 +2,8 @@
 
 Run as ``python experiments/ddot/readings.py`` when the cohort exists; ``readings.yaml`` is the protocol. ``--jobs 2``
 trains two networks at a time. First every reading is trained for a short time with three rates, then for the whole time
-with the rate that was best in validation. A stopped run resumes.
+with the rate that was best in validation. A stopped run resumes. ``candidates.yaml`` is another protocol for the same
+steps: local losses, of which only the best are trained for the whole time.
 """
 
 import contextlib
@@ -99,6 +100,14 @@ def scores(protocol: dict, name: str, config: dict) -> dict[float, float]:
     return {rate: score(read_results(record)) for rate, record in ended.items()}
 
 
+def finalists(found: dict[str, dict], protocol: dict) -> list[str]:
+    """The readings to train for the whole time: all, or those that ``finalists`` of the protocol chooses."""
+    rule = protocol.get("finalists", {"number": len(found), "always": []})
+    lowest = {name: min(each["assd_mm"].values()) for name, each in found.items()}
+    others = sorted(lowest.keys() - set(rule["always"]), key=lambda name: lowest[name])
+    return [name for name in found if name in {*rule["always"], *others[: rule["number"]]}]
+
+
 def binary_surfaces(subjects: Iterable[Subject], surfaces: InitialSurfaces) -> None:
     """Make the missing initial surfaces from the binary mask of white matter instead of its probability."""
     torch.set_num_threads(1)
@@ -125,13 +134,13 @@ def trained(config: dict, file: Path, jobs: int) -> float:
 
 def main(words: list[str] | None = None) -> int:
     """Train all readings; write the rates with their scores."""
-    parser = arguments(__doc__, HERE / "readings.json")
+    parser = arguments(__doc__, HERE / "readings" / "results.json")
     parser.set_defaults(config=HERE / "readings.yaml")
     parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
     asked = parser.parse_args(words)
     protocol = read_config(asked.config)
     state, results, seconds = Path(protocol["state"]), {}, 0.0
-    for start in STARTS:
+    for start in (start for start in STARTS if readings_from(protocol, start)):
         config = configuration(protocol, start, rate_arms(protocol, start), state, Path(protocol["short"]))
         if start == "binary":
             subjects = [each for split in SPLITS for each in scans(config["cohorts"][protocol["cohort"]], split)]
@@ -141,7 +150,8 @@ def main(words: list[str] | None = None) -> int:
         own = {name: choice(scores(protocol, name, config), name) for name in readings_from(protocol, start)}
         results |= own
         arms = {
-            name: arm_of(protocol["readings"][name], chosen["rate"], protocol["epochs"]) for name, chosen in own.items()
+            name: arm_of(protocol["readings"][name], own[name]["rate"], protocol["epochs"])
+            for name in finalists(own, protocol)
         }
         whole = configuration(protocol, start, arms, state, Path(protocol["weights"]))
         seconds += trained(whole, state / f"whole_{start}.yaml", asked.jobs)

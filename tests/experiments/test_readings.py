@@ -68,9 +68,31 @@ def test_every_reading_has_three_rates_and_its_own_settings(part, protocol, root
     assert seen["ddot_binary_0.002"][1] == protocol["binary"]
 
 
+def test_every_candidate_has_a_loss_of_its_own(part, root, monkeypatch):
+    monkeypatch.chdir(root)
+    readings, trainings = part("readings"), part("trainings")
+    own = yaml.safe_load((FOLDER / "candidates.yaml").read_text(encoding="utf-8"))
+    arms = readings.rate_arms(own, "initial")
+    assert len(arms) == 3 * len(own["readings"])
+    config = readings.configuration(own, "initial", arms, Path("a"), Path("b"))
+    settings = {each.arm: each.settings(config) for each in trainings.wanted(config)}
+    assert len({json.dumps(each, sort_keys=True) for each in settings.values()}) == len(arms)
+    assert settings["windows_falling_0.002"]["loss"]["last_window"] == 3
+    assert set(own["finalists"]["always"]) <= own["readings"].keys()
+
+
+def test_finalists_are_the_best_and_those_that_always_are(part, protocol):
+    found = {
+        name: {"assd_mm": {"0.002": score, "0.005": score + 1}}
+        for name, score in {"rival": 0.9, "a": 0.4, "b": 0.2, "c": 0.3}.items()
+    }
+    finalists = part("readings").finalists
+    assert finalists(found, {"finalists": {"number": 2, "always": ["rival"]}}) == ["rival", "b", "c"]
+    assert finalists(found, protocol) == ["rival", "a", "b", "c"]
+
+
 def test_the_best_rate_of_each_reading_is_trained_to_the_end(part, place, monkeypatch):
     readings = part("readings")
-    monkeypatch.setattr(readings, "STARTS", ("initial",))
     words = ["--config", str(place / "readings.yaml"), "-o", str(place / "readings.json")]
     assert readings.main(words) == 0
     record = read_results(place / "readings.json")
