@@ -1,5 +1,6 @@
 """Training: it learns, goes on after a kill as if nothing had been, stops early, and names a step that breaks."""
 
+import copy
 import dataclasses
 import itertools
 import json
@@ -11,6 +12,7 @@ import safetensors.torch
 import torch
 
 from killing import killed_after_its_first_state, same, without_seconds
+from meshot.model import SegmentationNetwork
 from meshot.pipeline.segmentation.data import Example
 from meshot.pipeline.segmentation.segmenting import initial_surfaces, segment
 from meshot.pipeline.segmentation.settings import (
@@ -103,6 +105,41 @@ def test_best_is_kept_and_patience_ends(examples):
     losses = [line["validation_loss"] for line in checks]
     assert int(np.argmin(losses)) == len(losses) - 3
     assert training.best_step == checks[-3]["step"]
+
+
+def test_a_training_starts_from_a_trained_network_and_leaves_it_alone(tmp_path, whole, examples):
+    before = copy.deepcopy(whole.network)
+    gentle = changed(n_epochs=1, learning_rate=1e-5)
+    found = train_segmentation(gentle, *examples, folder=tmp_path, start=whole.network)
+    assert same(whole.network, before)
+    assert not same(found.network, before)
+    gap = max(float((a - b).detach().abs().max()) for a, b in zip(found.network.parameters(), before.parameters()))
+    assert gap < 1e-4  # three steps of Adam, each at most about the learning rate
+    fresh = train_segmentation(gentle, *examples)
+    checks = [[line for line in each.log if "validation_loss" in line][-1] for each in (found, fresh)]
+    assert checks[0]["validation_loss"] < checks[1]["validation_loss"]
+
+
+def test_a_training_from_another_start_is_another_training(tmp_path, whole, examples):
+    short = changed(n_epochs=1)
+    train_segmentation(short, *examples, folder=tmp_path, start=whole.network)
+    with pytest.raises(ValueError, match="start_sha256"):
+        train_segmentation(short, *examples, folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("network", "message"),
+    [
+        ({"width": 8, "depth": 2, "fold": 2}, "has width 8, and this training has 4: take --set network.width=8, or"),
+        (
+            {"width": 4, "depth": 2, "fold": 2, "placement": "white matter"},
+            r"placement 'white matter'.*make-cohort --st",
+        ),
+    ],
+)
+def test_a_start_of_another_architecture_is_refused(examples, network, message):
+    with pytest.raises(ValueError, match=message):
+        train_segmentation(TINY, *examples, start=SegmentationNetwork(**network))
 
 
 @pytest.mark.parametrize("soft", [True, False])

@@ -6,7 +6,7 @@ import pytest
 
 from meshot.cli import main
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights
+from meshot.model.weights import network_digest, read_weights
 from meshot.provenance import read_results
 from meshot.train.log import read_log
 from phantoms import write_phantom_cohort
@@ -43,6 +43,20 @@ def test_everything_is_written_with_its_provenance(words, tmp_path, capsys):
     assert str(tmp_path) not in json.dumps(record) + json.dumps(results)
     assert len(read_log(tmp_path / "out" / "segmentation.log.jsonl")) == 8
     assert (tmp_path / "out" / "segmentation.png").stat().st_size > 5000
+
+
+def test_a_trained_network_learns_on_from_other_cohorts(words, tmp_path, capsys):
+    assert main(words) == 0
+    again = [*words[:3], "second", "first", "-o", "on", "--threads", "1", "--device", "cpu"]
+    start = tmp_path / "out" / "segmentation.safetensors"
+    assert main([*again, "--start", "out/segmentation.safetensors", "--set", "training.n_epochs=1"]) == 0
+    first, _ = read_weights(start, SegmentationNetwork)
+    found, record = read_weights(tmp_path / "on" / "segmentation.safetensors", SegmentationNetwork)
+    assert record["results"]["start_sha256"] == network_digest(first) != network_digest(found)
+    assert "-o on --start out/segmentation.safetensors --threads 1" in record["command"]
+    capsys.readouterr()
+    assert main([*again[:-2], "--start", "nowhere.safetensors"]) == 2
+    assert "nowhere.safetensors does not hold the weights of a SegmentationNetwork" in capsys.readouterr().err
 
 
 def test_what_will_not_do_is_one_line(words, tmp_path, capsys):

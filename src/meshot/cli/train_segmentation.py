@@ -1,6 +1,7 @@
 """``meshot train-segmentation CONFIG --data COHORT -o OUT``."""
 
 import argparse
+from pathlib import Path
 
 from meshot.cli.device import device_of
 from meshot.cli.note import NOTE, Commands, add_command
@@ -16,10 +17,17 @@ def add_to(commands: Commands) -> None:
         "Train the network that finds white matter.",
         "The command trains the segmentation of left and right white matter on cohorts. If it was stopped, the same "
         "command resumes. With --threads 1 --device cpu, the final weights are the same as without the stop. " + NOTE,
-        "meshot train-segmentation small --data build/cohorts/oasis_like -o build/segmentation",
-        "Configurations in the package are tiny, small and paper.",
+        """
+        meshot train-segmentation small --data build/cohorts/oasis_like -o build/segmentation
+        meshot train-segmentation small --data my_cohort -o mine --start build/segmentation/segmentation.safetensors
+        """,
+        "Configurations in the package are tiny, small, people and paper.",
     )
     add_training_arguments(command, "training.precision=bfloat16")
+    command.add_argument(
+        "--start", type=Path, metavar="FILE",
+        help="Start from the weights in this file, to adapt a network to other scans (default: random weights).",
+    )  # fmt: skip
     command.set_defaults(run=_run)
 
 
@@ -29,6 +37,8 @@ def _run(chosen: argparse.Namespace) -> None:
 
     found = run_training(
         chosen,
-        lambda: run_segmentation_training(chosen.config, chosen.data, chosen.output, chosen.changes, device_of(chosen)),
+        lambda: run_segmentation_training(
+            chosen.config, chosen.data, chosen.output, chosen.changes, device_of(chosen), chosen.start
+        ),
     )
     print(f"{best_line(found.best_step, found.log, found.cpu_seconds)}; weights in {printable_name(chosen.output)}")

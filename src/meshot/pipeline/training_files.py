@@ -96,11 +96,13 @@ def shown_command(
     folder: str | os.PathLike,
     changes: Sequence[str],
     segmentation: str | os.PathLike | None = None,
+    start: str | os.PathLike | None = None,
     device: torch.device | None = None,
 ) -> str:
     """The command that repeats a training with the current number of threads, without absolute paths."""
     words = ["meshot", name, _shown(config), "--data", *map(_shown, cohorts), "-o", _shown(folder)]
     words += [] if segmentation is None else ["--segmentation", _shown(segmentation)]
+    words += [] if start is None else ["--start", _shown(start)]
     words += ["--threads", str(torch.get_num_threads())]
     words += [] if device is None else ["--device", str(device)]
     return " ".join([*words, *(["--set", *changes] if changes else [])])

@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from meshot.model import require_small, write_weights
+from meshot.model import SegmentationNetwork, network_digest, read_weights, require_small, write_weights
 from meshot.pipeline.segmentation.data import read_examples
 from meshot.pipeline.segmentation.settings import read_segmentation_config
 from meshot.pipeline.segmentation.training import train_segmentation
@@ -35,6 +35,7 @@ def run_segmentation_training(
     folder: str | os.PathLike,
     changes: Sequence[str] = (),
     device: torch.device | None = None,
+    start: str | os.PathLike | None = None,
 ) -> Training:
     """Train on the cohorts with a configuration, show a progress bar, and write the output files.
 
@@ -51,17 +52,22 @@ def run_segmentation_training(
         Settings that replace those of the configuration, such as ``training.precision=bfloat16``.
     device : torch.device, optional
         By default the GPU if there is one, else the CPU.
+    start : path, optional
+        The training starts from the weights in this file, to adapt a trained network to other scans. By default they
+        are random. The record has their digest as ``start_sha256``.
 
     Raises
     ------
     ValueError
-        If the configuration, a cohort or the folder is invalid, or the network is too large to be stored.
+        If the configuration, a cohort, the folder or the file of ``start`` is invalid, its network has another
+        architecture, or the network is too large to be stored.
     """
     folder, config, made = Path(folder), read_segmentation_config(config_path, changes), provenance()
     placement = placement_of(cohorts)
     if placement != PLACEMENTS[0]:
         config = dataclasses.replace(config, network=config.network | {"placement": placement})
     require_small(config.new_network())
+    first = None if start is None else read_weights(start, SegmentationNetwork)[0]
     training, validation = (
         read_examples(cohorts, split, config.training.reduction, lambda found, s=split: tqdm(found, desc=f"read {s}"))
         for split in ("train", "validation")
@@ -69,11 +75,12 @@ def run_segmentation_training(
     found = run_watched_training(
         folder,
         made,
-        lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report, device),
+        lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report, device, first),
     )
-    command = shown_command("train-segmentation", config_path, cohorts, folder, changes, device=device)
+    command = shown_command("train-segmentation", config_path, cohorts, folder, changes, start=start, device=device)
     names = [Path(cohort).absolute().name for cohort in cohorts]
-    record = whole_record(folder, config.as_dict(), found.results(), command, names)
+    origin = {} if first is None else {"start_sha256": network_digest(first)}
+    record = whole_record(folder, config.as_dict(), found.results() | origin, command, names)
     write_weights(folder / f"{NAME}{WEIGHTS}", found.network, record)
     write_record(folder, NAME, record, found.log)
     return found

@@ -1,13 +1,14 @@
 """Training of the segmentation network with Adam on overlap and cross-entropy, with validation and resumption."""
 
 import contextlib
+import copy
 import os
 from collections.abc import Sequence
 
 import numpy as np
 import torch
 
-from meshot.model import SegmentationNetwork, segmentation_loss
+from meshot.model import SegmentationNetwork, network_digest, segmentation_loss
 from meshot.pipeline.segmentation.augmentation import augmented
 from meshot.pipeline.segmentation.data import Example, digest
 from meshot.pipeline.segmentation.settings import SegmentationConfig, SegmentationSettings
@@ -21,8 +22,11 @@ from meshot.train import (
     require_examples,
     train_network,
 )
-from meshot.types import Float, Tensor
+from meshot.types import PLACEMENTS, Float, Tensor
 from meshot.volume import dice
+
+#: What to change if a setting of the network to start from differs; for the others it is --set.
+_REMEDIES = {"placement": "cohorts that were made with that placement (meshot make-cohort --standard)"}
 
 _AUGMENTATION = 1  # random number stream; the order of the examples has stream 0
 
@@ -34,6 +38,7 @@ def train_segmentation(
     folder: str | os.PathLike | None = None,
     progress: Progress | None = None,
     device: torch.device | None = None,
+    start: SegmentationNetwork | None = None,
 ) -> Training:
     """Train a network from its initial weights, or resume a stopped training.
 
@@ -48,28 +53,49 @@ def train_segmentation(
     progress : callable of (steps done, number of steps, line of the log), optional
     device : torch.device, optional
         By default the GPU if there is one, else the CPU.
+    start : SegmentationNetwork, optional
+        The training starts from the weights of this network, which stays as it is. By default they are random.
 
     Raises
     ------
     ValueError
-        If there are no examples, their grids differ, or the folder contains a different training.
+        If there are no examples, their grids differ, ``start`` has another architecture than the configuration, or the
+        folder contains a different training.
     FloatingPointError
         If the loss or a gradient is not finite. The message names the step and the scans.
     """
     require_examples(training, validation)
     _require_one_grid(training, validation)
     settings, device = config.training, device or chosen_device()
-    network = config.new_network().to(device)
+    network = _first_network(config, start).to(device)
 
     def loss_of(step: int) -> tuple[Tensor, str]:
         names, image, fractions = _batch(step, training, settings)
         return _loss(network, image.to(device), fractions.to(device), settings)[0], ", ".join(names)
 
+    made_with = config.as_dict() | {"data": data_record(training, validation, digest)}
+    made_with |= {} if start is None else {"start_sha256": network_digest(start)}
     return train_network(
         network, settings.plan(len(training)),
         Task(loss_of, lambda _: _validation(network, validation, settings, device)),
-        config.as_dict() | {"data": data_record(training, validation, digest)}, folder, progress,
+        made_with, folder, progress,
     )  # fmt: skip
+
+
+def _first_network(config: SegmentationConfig, start: SegmentationNetwork | None) -> SegmentationNetwork:
+    """The network before the first step: untrained, or a copy of ``start``."""
+    network = config.new_network()
+    if start is None:
+        return network
+    has, needed = ({"placement": PLACEMENTS[0]} | each.config() for each in (start, network))
+    for name in needed:
+        if has[name] != needed[name]:
+            raise ValueError(
+                f"the network to start from has {name} {has[name]!r}, and this training has {needed[name]!r}: take "
+                + _REMEDIES.get(name, f"--set network.{name}={has[name]}")
+                + ", or start from another network"
+            )
+    return copy.deepcopy(start)
 
 
 def _require_one_grid(training: Sequence[Example], validation: Sequence[Example]) -> None:
