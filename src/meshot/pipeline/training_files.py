@@ -96,8 +96,8 @@ def shown_command(
     folder: str | os.PathLike,
     changes: Sequence[str],
     segmentation: str | os.PathLike | None = None,
-    start: str | os.PathLike | None = None,
     device: torch.device | None = None,
+    start: str | os.PathLike | None = None,
 ) -> str:
     """The command that repeats a training with the current number of threads, without absolute paths."""
     words = ["meshot", name, _shown(config), "--data", *map(_shown, cohorts), "-o", _shown(folder)]
