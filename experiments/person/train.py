@@ -1,7 +1,7 @@
-"""Train segmentation and flows on heads of the recipe ``people_like``: one command, from the cohort to the weights.
+"""Train the networks of the package on synthetic heads: one command, from the cohorts to the weights.
 
-Run as ``python experiments/person/train.py``. The steps are a cohort, the segmentation network, and the flow of each
-side with the windowed loss. A step that is finished is skipped, and one that was stopped resumes. ``--list`` prints the
+Run as ``python experiments/person/train.py``. The steps are three cohorts, the segmentation network on the first of
+them, its adaptation to all three, and the flow of each side with the windowed loss. A step that is finished is skipped, and one that was stopped resumes. ``--list`` prints the
 steps; ``--jobs 2`` uses two cores. Nobody's scan is among the training data.
 """
 
@@ -18,8 +18,9 @@ from pathlib import Path
 from meshot.anatomy import HEMISPHERES
 
 FOLDER = Path("build/people")
-RECIPE = "people_like"
-FLOW_EPOCHS = "training.n_epochs=30"
+RECIPES = ("people_like", "oasis_like", "adni_like")
+PLACEMENT = "white matter"
+ADAPTATION = "training.n_epochs=10"
 SECONDS_BETWEEN_LOOKS = 1.0
 
 
@@ -55,21 +56,31 @@ def stages(folder: Path, jobs: int = 1, precision: str = "float32", subjects: in
     subjects : int, optional
         Other than the recipe states.
     """
-    cohort, weights = folder / "cohort", folder / "segmentation" / "segmentation.safetensors"
     fewer = () if subjects is None else ("--subjects", str(subjects))
-    trained = ("--data", str(cohort), "--device", "cpu", "--threads")
-    segmentation = ("train-segmentation", "people", *trained, str(jobs), "-o", str(weights.parent))
-    segmentation += ("--set", f"training.precision={precision}")
-    flow = ("train", "windows", "shipped", *trained, "1", "-o", str(folder / "windows"), "--segmentation", str(weights))
-    flow += ("--initial", str(folder / "initial"), "--set", FLOW_EPOCHS)
+    made = ("--standard", PLACEMENT, "--jobs", str(jobs), *fewer)
+    cohorts = [folder / recipe for recipe in RECIPES]
+    first, weights = (folder / name / "segmentation.safetensors" for name in ("segmentation", "adapted"))
+    on_cpu = ("--device", "cpu", "--threads")
+    segmentation = ("train-segmentation", "people", *on_cpu, str(jobs), "--set", f"training.precision={precision}")
+    adapted = (*segmentation, ADAPTATION, "--data", *map(str, cohorts), "-o", str(weights.parent))
+    flow = ("train", "windows", "shipped", *on_cpu, "1", "--data", *map(str, cohorts), "-o", str(folder / "windows"))
+    flow += ("--segmentation", str(weights), "--initial", str(folder / "initial"))
     return [
-        [Step("cohort", ("make-cohort", RECIPE, str(cohort), "--jobs", str(jobs), *fewer), cohort / "manifest.json")],
-        [Step("segmentation", segmentation, weights.with_suffix(".png"))],
+        *([Step(each.name, ("make-cohort", each.name, str(each), *made), each / "manifest.json")] for each in cohorts),
         [
-            Step(f"flow, {side}", (*flow, f"training.side={side}"), folder / "windows" / f"{side}_white.png")
+            Step(
+                "segmentation", (*segmentation, "--data", str(cohorts[0]), "-o", str(first.parent)),
+                first.with_suffix(".png"),
+            )
+        ],
+        [Step("adaptation", (*adapted, "--start", str(first)), weights.with_suffix(".png"))],
+        [
+            Step(
+                f"flow, {side}", (*flow, "--set", f"training.side={side}"), folder / "windows" / f"{side}_white.png"
+            )
             for side in HEMISPHERES
         ],
-    ]
+    ]  # fmt: skip
 
 
 def run_stage(steps: list[Step], jobs: int) -> int:
@@ -122,7 +133,7 @@ def main(words: list[str] | None = None) -> int:
         status = run_stage(stage, asked.jobs)
         if status:
             return status
-    print(f"weights in {asked.output / 'segmentation'} and {asked.output / 'windows'}")
+    print(f"weights in {asked.output / 'adapted'} and {asked.output / 'windows'}")
     return 0
 
 

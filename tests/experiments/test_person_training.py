@@ -1,4 +1,4 @@
-"""The training on heads of the recipe people_like: its steps parse, come in order, and are not done twice."""
+"""The training of the networks of the package: its steps parse, come in order, and are not done twice."""
 
 import sys
 from pathlib import Path
@@ -15,18 +15,23 @@ def names(stage):
 
 
 def test_every_step_is_a_command_that_parses_and_reads_what_earlier_ones_write(part, tmp_path):
-    first, second, third = part("train").stages(tmp_path, 2, "bfloat16", 4)
-    assert [names(stage) for stage in (first, second, third)] == [
-        ["cohort"], ["segmentation"], ["flow, left", "flow, right"],
+    plan = part("train").stages(tmp_path, 2, "bfloat16", 4)
+    assert [names(stage) for stage in plan] == [
+        ["people_like"], ["oasis_like"], ["adni_like"], ["segmentation"], ["adaptation"], ["flow, left", "flow, right"],
     ]  # fmt: skip
-    cohort, segmentation, *flows = (make_parser().parse_args(step.words) for step in (*first, *second, *third))
-    assert (cohort.recipe, cohort.subjects, cohort.jobs) == ("people_like", 4, 2)
-    assert segmentation.data == [cohort.folder]
+    steps = [make_parser().parse_args(step.words) for stage in plan for step in stage]
+    cohorts, (segmentation, adapted, *flows) = steps[:3], steps[3:]
+    for cohort, recipe in zip(cohorts, part("train").RECIPES, strict=True):
+        assert (cohort.recipe, cohort.subjects, cohort.jobs, cohort.standard) == (recipe, 4, 2, "white matter")
+    folders = [cohort.folder for cohort in cohorts]
+    assert (segmentation.data, segmentation.start) == ([cohorts[0].folder], None)
     assert segmentation.changes == ["training.precision=bfloat16"]
+    assert (adapted.data, adapted.start) == (folders, segmentation.output / "segmentation.safetensors")
+    assert adapted.changes == ["training.precision=bfloat16", part("train").ADAPTATION]
     for side, flow in zip(("left", "right"), flows, strict=True):
-        assert flow.data == [cohort.folder]
-        assert flow.segmentation == segmentation.output / "segmentation.safetensors"
-        assert flow.changes == [part("train").FLOW_EPOCHS, f"training.side={side}"]
+        assert flow.data == folders
+        assert flow.segmentation == adapted.output / "segmentation.safetensors"
+        assert flow.changes == [f"training.side={side}"]
 
 
 def step_that(part, name, makes, code):
@@ -62,7 +67,7 @@ def test_what_is_finished_is_not_done_again_and_a_failure_ends_the_others(as_pyt
 
 def test_the_command_lists_its_steps_and_stops_at_a_failure(as_python, part, tmp_path, monkeypatch, capsys):
     assert as_python.main(["-o", str(tmp_path), "--list"]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["missing"] * 4
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["missing"] * 7
     plan = [[step_that(part, "bad", tmp_path / "never", "raise SystemExit(3)")], None]
     monkeypatch.setattr(as_python, "stages", lambda *a: plan)
     monkeypatch.setattr(as_python.signal, "signal", lambda *a: None)
