@@ -1,8 +1,9 @@
 """Train the networks of the package on synthetic heads: one command, from the cohorts to the weights.
 
 Run as ``python experiments/person/train.py``. The steps are three cohorts, the segmentation network on the first of
-them, its adaptation to all three, and the flow of each side with the windowed loss. A step that is finished is skipped, and one that was stopped resumes. ``--list`` prints the
-steps; ``--jobs 2`` uses two cores. Nobody's scan is among the training data.
+them, its adaptation to all three, and the flow of each side with the windowed loss. A step that is finished is skipped,
+and one that was stopped resumes. ``--list`` prints the steps; ``--jobs 2`` uses two cores. Nobody's scan is among the
+training data.
 """
 
 import argparse
