@@ -21,10 +21,10 @@ def rows(root: Path) -> list[tuple[str, str, str]]:
     border, areas = person["border_mm"]["surface"], person["areas"]
     heads, sides = people["summary"]["cohorts"][0], people["average"].values()
     asked = f"≤ {ASKED['median']:.2f} / {ASKED['mean']:.2f} mm"
-    distance = {way: f"{border[way]['median']:.2f} / {border[way]['mean']:.2f} mm" for way in ("there", "back")}
+    distance = {way: f"{border[way]['median']:.3f} / {border[way]['mean']:.3f} mm" for way in ("there", "back")}
     assd = " / ".join(f"{side['final']['assd_mm']:.2f}" for side in sides)
     excess = " / ".join(f"{100 * (side['final']['area_ratio'] - 1):+.0f}" for side in sides).replace("-", "−")
-    cost = " / ".join(f"{each['assd_mm']['mean']:+.2f}" for each in people["summary"]["differences"]).replace("-", "−")
+    cost = " / ".join(f"{each['assd_mm']['mean']:+.3f}" for each in people["summary"]["differences"]).replace("-", "−")
     allowed = f"≤ {ASKED['older']:+.2f} mm"
     more = f"{100 * areas['excess_at_cortex']:+.1f} %".replace("-", "−")
     return [

@@ -19,7 +19,7 @@ from pathlib import Path
 from meshot.anatomy import HEMISPHERES
 
 FOLDER = Path("build/people")
-RECIPES = ("people_like", "oasis_like", "adni_like")
+COHORTS = {"people_like": "cohort", "oasis_like": "oasis_like", "adni_like": "adni_like"}  # folders by recipe
 PLACEMENT = "white matter"
 ADAPTATION = "training.n_epochs=10"
 SECONDS_BETWEEN_LOOKS = 1.0
@@ -59,7 +59,7 @@ def stages(folder: Path, jobs: int = 1, precision: str = "float32", subjects: in
     """
     fewer = () if subjects is None else ("--subjects", str(subjects))
     made = ("--standard", PLACEMENT, "--jobs", str(jobs), *fewer)
-    cohorts = [folder / recipe for recipe in RECIPES]
+    cohorts = [folder / name for name in COHORTS.values()]
     first, weights = (folder / name / "segmentation.safetensors" for name in ("segmentation", "adapted"))
     on_cpu = ("--device", "cpu", "--threads")
     segmentation = ("train-segmentation", "people", *on_cpu, str(jobs), "--set", f"training.precision={precision}")
@@ -67,7 +67,10 @@ def stages(folder: Path, jobs: int = 1, precision: str = "float32", subjects: in
     flow = ("train", "windows", "shipped", *on_cpu, "1", "--data", *map(str, cohorts), "-o", str(folder / "windows"))
     flow += ("--segmentation", str(weights), "--initial", str(folder / "initial"))
     return [
-        *([Step(each.name, ("make-cohort", each.name, str(each), *made), each / "manifest.json")] for each in cohorts),
+        *(
+            [Step(recipe, ("make-cohort", recipe, str(each), *made), each / "manifest.json")]
+            for recipe, each in zip(COHORTS, cohorts)
+        ),
         [
             Step(
                 "segmentation", (*segmentation, "--data", str(cohorts[0]), "-o", str(first.parent)),

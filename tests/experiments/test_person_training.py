@@ -21,7 +21,7 @@ def test_every_step_is_a_command_that_parses_and_reads_what_earlier_ones_write(p
     ]  # fmt: skip
     steps = [make_parser().parse_args(step.words) for stage in plan for step in stage]
     cohorts, (segmentation, adapted, *flows) = steps[:3], steps[3:]
-    for cohort, recipe in zip(cohorts, part("train").RECIPES, strict=True):
+    for cohort, recipe in zip(cohorts, part("train").COHORTS, strict=True):
         assert (cohort.recipe, cohort.subjects, cohort.jobs, cohort.standard) == (recipe, 4, 2, "white matter")
     folders = [cohort.folder for cohort in cohorts]
     assert (segmentation.data, segmentation.start) == ([cohorts[0].folder], None)

@@ -77,7 +77,7 @@ def run_system_training(
         folder, made, lambda report: kind.train(examples, settings, folder / STATE_FOLDER, report, device)
     )
     own = None if Path(segmentation) == SHIPPED / SEGMENTATION else segmentation
-    command = shown_command(f"train {name}", config, cohorts, folder, changes, own, device)
+    command = shown_command(f"train {name}", config, cohorts, folder, changes, segmentation=own, device=device)
     extra = {"segmentation_sha256": network_digest(network)} if kind.needs else {}
     extra |= {} if placement == PLACEMENTS[0] else {"placement": placement}
     trained = kind({part: _recorded(each, folder, command, cohorts, extra) for part, each in found.parts.items()})

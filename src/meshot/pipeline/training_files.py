@@ -95,6 +95,7 @@ def shown_command(
     cohorts: Sequence[str | os.PathLike],
     folder: str | os.PathLike,
     changes: Sequence[str],
+    *,
     segmentation: str | os.PathLike | None = None,
     device: torch.device | None = None,
     start: str | os.PathLike | None = None,

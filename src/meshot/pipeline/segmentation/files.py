@@ -11,7 +11,7 @@ from tqdm import tqdm
 from meshot.model import SegmentationNetwork, network_digest, read_weights, require_small, write_weights
 from meshot.pipeline.segmentation.data import read_examples
 from meshot.pipeline.segmentation.settings import read_segmentation_config
-from meshot.pipeline.segmentation.training import train_segmentation
+from meshot.pipeline.segmentation.training import first_network, train_segmentation
 from meshot.pipeline.splits import placement_of
 from meshot.pipeline.training_files import (
     STATE_FOLDER,
@@ -66,8 +66,8 @@ def run_segmentation_training(
     placement = placement_of(cohorts)
     if placement != PLACEMENTS[0]:
         config = dataclasses.replace(config, network=config.network | {"placement": placement})
-    require_small(config.new_network())
     first = None if start is None else read_weights(start, SegmentationNetwork)[0]
+    require_small(first_network(config, first))
     training, validation = (
         read_examples(cohorts, split, config.training.reduction, lambda found, s=split: tqdm(found, desc=f"read {s}"))
         for split in ("train", "validation")
@@ -77,7 +77,7 @@ def run_segmentation_training(
         made,
         lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report, device, first),
     )
-    command = shown_command("train-segmentation", config_path, cohorts, folder, changes, start=start, device=device)
+    command = shown_command("train-segmentation", config_path, cohorts, folder, changes, device=device, start=start)
     names = [Path(cohort).absolute().name for cohort in cohorts]
     origin = {} if first is None else {"start_sha256": network_digest(first)}
     record = whole_record(folder, config.as_dict(), found.results() | origin, command, names)

@@ -25,9 +25,6 @@ from meshot.train import (
 from meshot.types import PLACEMENTS, Float, Tensor
 from meshot.volume import dice
 
-#: What to change if a setting of the network to start from differs; for the others it is --set.
-_REMEDIES = {"placement": "cohorts that were made with that placement (meshot make-cohort --standard)"}
-
 _AUGMENTATION = 1  # random number stream; the order of the examples has stream 0
 
 
@@ -67,7 +64,7 @@ def train_segmentation(
     require_examples(training, validation)
     _require_one_grid(training, validation)
     settings, device = config.training, device or chosen_device()
-    network = _first_network(config, start).to(device)
+    network = first_network(config, start).to(device)
 
     def loss_of(step: int) -> tuple[Tensor, str]:
         names, image, fractions = _batch(step, training, settings)
@@ -82,18 +79,25 @@ def train_segmentation(
     )  # fmt: skip
 
 
-def _first_network(config: SegmentationConfig, start: SegmentationNetwork | None) -> SegmentationNetwork:
-    """The network before the first step: untrained, or a copy of ``start``."""
+def first_network(config: SegmentationConfig, start: SegmentationNetwork | None) -> SegmentationNetwork:
+    """The network before the first step: untrained, or a copy of ``start``.
+
+    Raises
+    ------
+    ValueError
+        If ``start`` has another architecture than the configuration, or was trained on scans that were placed otherwise.
+    """
     network = config.new_network()
     if start is None:
         return network
     has, needed = ({"placement": PLACEMENTS[0]} | each.config() for each in (start, network))
     for name in needed:
         if has[name] != needed[name]:
+            by_cohort = "cohorts that were made with that placement (meshot make-cohort --standard)"
+            remedy = by_cohort if name == "placement" else f"--set network.{name}={has[name]}"
             raise ValueError(
                 f"the network to start from has {name} {has[name]!r}, and this training has {needed[name]!r}: take "
-                + _REMEDIES.get(name, f"--set network.{name}={has[name]}")
-                + ", or start from another network"
+                f"{remedy}, or start from another network"
             )
     return copy.deepcopy(start)
 
