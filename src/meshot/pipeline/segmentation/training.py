@@ -85,7 +85,7 @@ def first_network(config: SegmentationConfig, start: SegmentationNetwork | None)
     Raises
     ------
     ValueError
-        If ``start`` has another architecture than the configuration, or was trained on scans that were placed otherwise.
+        If ``start`` has another architecture than the configuration, or its training scans were placed otherwise.
     """
     network = config.new_network()
     if start is None:
