@@ -8,6 +8,7 @@ workflow before it.
 import dataclasses
 import heapq
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -24,6 +25,8 @@ PAGE, MARKERS = "book/speed.md", ("<!-- workflow -->", "<!-- /workflow -->")
 COHORTS = ("oasis_like", "adni_like")
 SUBJECTS, NODES, CORES = 1000, (1, 16, 256), 16
 PROFILE = "workflow/profiles/slurm/config.yaml"
+#: A command that makes a cohort: the recipe, and the number of further held-out subjects.
+MADE = re.compile(r"meshot make-cohort (\S+) (?:.*--held-out (\d+))?")
 #: The parts of a reconstruction that make initial surfaces.
 INITIAL = ("white matter", "initial surface, left", "initial surface, right")
 
@@ -45,14 +48,16 @@ class Job:
 
 def recorded(root: Path, task: Task) -> float | None:
     """The processor seconds of a task, from the records of the results. None if no record states them."""
-    if task.name.startswith("cohort_"):
-        return _scans(task) * sum(_results(root, "cohorts/results.json")["cpu_seconds"][task.name[7:]].values())
+    if made := MADE.match(task.command):
+        seconds = _results(root, "cohorts/results.json")["cpu_seconds"].get(made[1])
+        return None if seconds is None else _scans(made[1], int(made[2] or 0)) * sum(seconds.values())
     if task.stage == "initial":
         parts = _results(root, "cost/reconstruction.json")["parts"]
-        return _scans(task) * sum(part["CPU s"] for part in parts if part["part"] in INITIAL)
+        return _scans(task.name.partition("_")[2]) * sum(part["CPU s"] for part in parts if part["part"] in INITIAL)
     for path in task.writes:
-        if path.endswith(".json"):
-            return json.loads((root / path).read_text(encoding="utf-8"))["seconds"]
+        records = sorted((root / path).glob("*.json")) if (root / path).is_dir() else [root / path]
+        if records[0].suffix == ".json":
+            return sum(json.loads(record.read_text(encoding="utf-8"))["seconds"] for record in records)
     return None
 
 
@@ -60,8 +65,8 @@ def _results(root: Path, name: str) -> dict:
     return json.loads((root / "experiments" / name).read_text(encoding="utf-8"))["results"]
 
 
-def _scans(task: Task) -> int:
-    recipe = read_recipe(task.name.partition("_")[2])
+def _scans(name: str, held_out: int = 0) -> int:
+    recipe = dataclasses.replace(read_recipe(name), held_out_subjects=held_out)
     return len(visits(recipe)) * recipe.scans_per_day
 
 
@@ -69,7 +74,7 @@ def jobs_of(standing: Standing) -> tuple[dict[str, Job], list[str]]:
     """The tasks that have a result, or make what a result needs, and the names of those without a recorded time."""
     profile = yaml.safe_load((standing.root / PROFILE).read_text(encoding="utf-8"))
     more = {name: int(cores) for name, cores in (entry.split("=") for entry in profile["set-threads"])}
-    subjects = {f"{kind}_{name}" for kind in ("cohort", "initial") for name in COHORTS}
+    subjects = {f"{kind}_{name}" for kind in ("cohort", "held_out", "initial") for name in COHORTS}
     found, unknown = {}, []
     for task in standing.graph.tasks.values():
         if standing.is_planned(task):

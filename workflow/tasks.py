@@ -9,7 +9,7 @@ from pathlib import Path
 from meshot.plain_yaml import read_yaml
 
 LISTS = ("reads", "after", "writes", "makes", "clears")
-KEYS = {"stage", "each", "networks_of", "command", "copies", "record", "planned", "derived", *LISTS}
+KEYS = {"stage", "each", "networks_of", "trainings_of", "command", "copies", "record", "planned", "derived", *LISTS}
 RESOURCES = ("cores", "memory_mb", "minutes", "cuda")
 
 
@@ -71,7 +71,7 @@ def read_graph(path: Path, root: Path) -> Graph:
     path : path
         The YAML file.
     root : path
-        The repository, in which ``networks_of`` names a configuration.
+        The repository, in which ``networks_of`` and ``trainings_of`` name configurations.
 
     Raises
     ------
@@ -100,6 +100,8 @@ def _values(entry: dict, root: Path) -> list[dict[str, str]]:
     """The values of the placeholders, for every task of an entry."""
     if "networks_of" in entry:
         return _networks(read_yaml(root / entry["networks_of"]))
+    if "trainings_of" in entry:
+        return _trainings(read_yaml(root / entry["trainings_of"]))
     each = entry.get("each", {})
     return [dict(zip(each, map(str, values))) for values in itertools.product(*each.values())]
 
@@ -113,6 +115,18 @@ def _networks(config: dict) -> list[dict[str, str]]:
             network = f"{cohort}_{side}_{arm}_{seed}"
             place = {"network": network, "cohort": cohort, "side": side, "arm": arm}
             found[network] = place | {"system": config["arms"][arm]["system"], "settings": config["settings"]}
+    return list(found.values())
+
+
+def _trainings(config: dict) -> list[dict[str, str]]:
+    """The trainings of ``experiments/comparison``: every combination in its groups, each once."""
+    found = {}
+    for group in config["groups"].values():
+        for values in itertools.product(group["cohorts"], group["sides"], group["arms"], group["seeds"]):
+            cohort, side, arm, seed = map(str, values)
+            side = "both" if config["arms"][arm].get("both_sides") else side
+            training = f"{cohort}_{side}_{arm}_{group['budget']}_{seed}"
+            found[training] = {"training": training, "cohort": cohort, "arm": arm, "settings": config["settings"]}
     return list(found.values())
 
 

@@ -59,7 +59,8 @@ def setting_of(config: dict, config_file: Path, there: list[Unit]) -> Setting:
     """Find the scans. Without the cohort of the test-retest pairs there are no pairs."""
     split = config["evaluation"]["split"]
     cohorts = dict.fromkeys(unit.cohort for unit in there)
-    subjects = {c: {each.name: each for each in scans(config["cohorts"][c], split)} for c in cohorts}
+    places = config["evaluation"]["cohorts"]
+    subjects = {c: {each.name: each for each in scans(places[c], split)} for c in cohorts}
     place, pairs = config["consistency"], {}
     if Path(place["cohort"]).is_dir() and place["trained_on"] in cohorts:
         days: dict[str, list[Subject]] = {}

@@ -53,7 +53,7 @@ def main(words: list[str] | None = None) -> None:
     torch.set_num_threads(config["evaluation"]["n_threads"])
     (unit,) = (each for each in finals(config) if each.name == asked.unit)
     surfaces = InitialSurfaces(Path(config["state"]) / "initial", segmentation_network(config))
-    scan = seen(read_subject(config["cohorts"][unit.cohort], asked.subject), surfaces)
+    scan = seen(read_subject(config["evaluation"]["cohorts"][unit.cohort], asked.subject), surfaces)
     system = system_in(unit.kept(config), unit)
     gc.collect()
     with contextlib.suppress(OSError):  # without it, the call may reuse memory that was freed before

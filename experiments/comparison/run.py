@@ -95,7 +95,7 @@ def main(words: list[str] | None = None) -> None:
     trainings = [described(unit, setting) for unit in there]
     require_fair(trainings, setting)
     results = {"missing": missing, "too_few_subjects": too_few(setting), "n_pairs": len(setting.pairs)}
-    for name, what in (("missing", "train.py makes them"), ("too_few_subjects", "meshot make-cohort --held-out 8")):
+    for name, what in (("missing", "train.py makes them"), ("too_few_subjects", "make-cohort with --held-out 8")):
         if results[name]:
             print(f"{name.replace('_', ' ')} ({what}): {results[name]}", file=sys.stderr)
     partial = asked.output.with_name("partial.jsonl")

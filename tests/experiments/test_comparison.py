@@ -68,7 +68,9 @@ def in_folder(protocol, place):
     """The protocol with all its files in one folder."""
     names = {key: str(place / key) for key in ("initial", "state", "weights")}
     return protocol | names | {
-        "cohorts": {"alpha": str(place / "alpha")}, "segmentation": str(place / "segmentation.safetensors"),
+        "cohorts": {"alpha": str(place / "alpha")},
+        "evaluation": protocol["evaluation"] | {"cohorts": {"alpha": str(place / "alpha")}},
+        "segmentation": str(place / "segmentation.safetensors"),
         "rates": str(place / "rates.json"),
         "consistency": protocol["consistency"] | {"cohort": str(place / "retest")},
     }  # fmt: skip
@@ -147,6 +149,7 @@ def test_the_protocol_is_whole(part, config):
         own = [unit for unit in finals if (unit.arm, unit.budget, unit.seed) == (arm, "steps", 0)]
         assert {(unit.cohort, side) for unit in own for side in unit.sides} == columns
         assert {unit.side == "both" for unit in own} == {arm in ("vox2cortex", "deepcsr", "classical")}
+        assert {unit.side == "both" for unit in own} == {config["arms"][arm].get("both_sides", False)}
     seeds = {arm: {u.seed for u in finals if u.arm == arm and u.cohort == "oasis_like"} for arm in rates}
     assert set(map(frozenset, seeds.values())) == {frozenset({0, 1, 2})}
     seconds = {unit.arm for unit in finals if unit.budget == "seconds"}

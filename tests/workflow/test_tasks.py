@@ -21,7 +21,11 @@ def test_every_experiment_and_every_network_is_a_task(graphs, root):
     with scripts_in(root / "experiments" / "ddot") as load:
         trainings = load("trainings")
         networks = {f"ddot_{each.name}" for each in trainings.wanted(trainings.read_config())}
-    assert {name for name in graphs["experiments"].tasks if name.count("_") > 3 and "ddot_" in name} == networks
+    with scripts_in(root / "experiments" / "comparison") as load:
+        units = load("units")
+        networks |= {f"comparison_{each.name}" for each in units.finals(units.read_config())}
+    kinds = ("ddot_", "comparison_")
+    assert {name for name in graphs["experiments"].tasks if name.count("_") > 3 and name.startswith(kinds)} == networks
 
 
 def test_every_command_can_start_and_every_setting_is_there(graphs, root):
