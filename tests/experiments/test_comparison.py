@@ -20,6 +20,7 @@ from meshot.provenance import read_results, write_results
 from meshot.synth.cohorts.cohort import scans
 from meshot.systems import Scan, get_system, read_settings, system_names
 from meshot.train import engine
+from meshot_book.notebook import read_meshes, read_vertex_values
 from phantoms import phantom_scan, phantom_surfaces
 from scripts import scripts_in
 
@@ -61,6 +62,7 @@ def protocol(config):
         "changes": ["training.validate_every=1", "training.save_every=1", "training.n_points=300"],
         "evaluation": config["evaluation"] | {"n_points": 500, "n_emd_points": 50, "fewest_subjects": 3},
         "consistency": {"cohort": "retest", "trained_on": "alpha", "n_points": 500},
+        "pictures": {"cohort": "alpha", "side": "left", "n_faces": 300, "step_mm": 0.02},
     }  # fmt: skip
 
 
@@ -404,6 +406,36 @@ def test_tables_are_made_anew_from_the_rows(part, whole, results, tmp_path):
         file.write("\n")
     with pytest.raises(ValueError, match=r"the rows beside .* are not those that were measured with it"):
         part("tables").main([*words_of(whole), "-o", str(output)])
+
+
+def test_the_pictured_surfaces_are_those_of_the_median_and_the_worst_subject(part, whole, results):
+    rows = part("rows").read_rows(whole / "out" / "subjects.csv")
+    means = {}
+    for each in rows:
+        if (each["side"], each["kind"], each["budget"], each["seed"]) == ("left", "template", "steps", 0):
+            means.setdefault(each["subject"], []).append(each["assd_mm"])
+    first, second = sorted(means, key=lambda subject: np.mean(means[subject]))
+    words = [*words_of(whole), "-o", str(whole / "out" / "p.gz"), "--rows", str(whole / "out" / "subjects.csv")]
+    assert part("pictures").main(words) == 0
+    meshes, distances = read_meshes(whole / "out" / "p.gz"), read_vertex_values(whole / "out" / "p.gz")
+    names = ["initial", "ddot", "vox2cortex", "classical", "corticalflow", "true"]
+    assert list(meshes) == [f"median/{first}/{name}" for name in names] + [f"worst/{second}/{name}" for name in names]
+    for name, mesh in meshes.items():
+        assert len(mesh.faces) <= 300
+        assert distances[name].shape == (len(mesh.vertices),)
+        assert (distances[name].max() < 1e-3) == name.endswith("true")
+    by_arm = {r["arm"]: r["assd_mm"] for r in rows if (r["subject"], r["side"], r["seed"]) == (first, "left", 0)}
+    close = float(distances[f"median/{first}/classical"].mean())
+    assert close == pytest.approx(by_arm["classical"], rel=0.5)
+
+
+def test_the_median_is_one_of_the_subjects(part):
+    place, chosen_subjects = {"cohort": "a", "side": "left"}, part("pictures").chosen_subjects
+    rows = [row(arm, f"s{i}", i / 10) for i in (3, 1, 2, 5, 4) for arm in ("ddot", "deepcsr")]
+    rows += [row("ddot", "s6", 9.0, "seconds"), row("ddot", "s7", 9.0, seed=1), row("ddot", "s8", 9.0, kind="other")]
+    assert chosen_subjects(rows, place) == {"median": "s3", "worst": "s5"}
+    with pytest.raises(ValueError, match=r"no system is measured on the right side of a: run run\.py first"):
+        chosen_subjects(rows, place | {"side": "right"})
 
 
 def test_what_is_missing_is_named_and_measured_later(part, place, capsys, monkeypatch):

@@ -8,9 +8,7 @@ import pytest
 import torch
 from scipy import stats
 
-from meshot import Mesh
 from meshot.mesh.geometry.areas import signed_volume
-from meshot.mesh.shapes.solids import icosphere
 from meshot.mesh.topology.intersection import self_intersecting_faces
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "deforming"
@@ -137,20 +135,6 @@ def test_stored_meshes_are_those_of_the_fits(part, record, config):
         assert torch.allclose(first.vertices, meshes["folded/sphere/begin"].vertices, atol=config["vertex_step"])
         assert ruler.curve(last)["assd"] < 2 * found["assd"]
     assert (FOLDER / "meshes.safetensors.gz").stat().st_size <= 1.5e6
-
-
-def test_meshes_go_into_a_file_and_come_back(part, tmp_path):
-    meshes = part("meshes")
-    sphere = icosphere(2, 50.0)
-    shifted = sphere.with_vertices(sphere.vertices + 0.3)
-    other = Mesh(sphere.vertices, sphere.faces[:10])
-    kept = {"a": sphere, "b": shifted, "c": other}
-    meshes.write_meshes(tmp_path / "m.gz", kept, 2.0**-6)
-    found = meshes.read_meshes(tmp_path / "m.gz")
-    assert list(found) == list(kept)
-    for name, mesh in kept.items():
-        assert torch.equal(found[name].faces, mesh.faces)
-        assert float((found[name].vertices - mesh.vertices).abs().max()) <= 2.0**-7 + 1e-12
 
 
 def test_a_watch_does_not_count_checks_and_keeps_their_meshes(part, monkeypatch):

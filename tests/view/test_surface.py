@@ -130,6 +130,24 @@ def test_a_figure_has_a_row_for_each_mesh_one_scale_and_a_bar_with_its_unit():
     assert any(text.get_text() == "10 mm" for ax in panels for text in ax.texts)
 
 
+def test_surfaces_stand_abreast():
+    meshes = {name: icosphere(2, 10.0) for name in "abc"}
+    figure = surface_figure(meshes, views=("left",), abreast=2, resolution=60)
+    assert [ax.get_title() for ax in figure.axes] == ["a", "b", "c", ""]
+    assert [bool(ax.images) for ax in figure.axes] == [True, True, True, False]
+    assert not figure.axes[3].axison
+    figure.canvas.draw()
+    places = [ax.get_position() for ax in figure.axes]
+    assert places[0].y0 == pytest.approx(places[1].y0)
+    assert places[0].x0 == pytest.approx(places[2].x0)
+    assert places[0].y0 > places[2].y1
+    assert places[0].x1 < places[1].x0
+    figure = surface_figure(meshes, views=("left", "right"), abreast=2, resolution=60)
+    assert [ax.get_title() for ax in figure.axes[:4]] == ["a, left", "a, right", "b, left", "b, right"]
+    with pytest.raises(ValueError, match="abreast"):
+        surface_figure(meshes, views=("left",), abreast=0)
+
+
 @pytest.mark.parametrize(("radius", "length"), [(20.0, 10.0), (100.0, 50.0), (0.45, 0.2)])
 def test_the_scale_bar_has_its_length(radius, length):
     figure = surface_figure(icosphere(2, radius), views=("left",), resolution=60)

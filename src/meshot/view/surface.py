@@ -12,6 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from meshot.errors import require_positive_integer
 from meshot.extras import needing
 from meshot.mesh import Mesh
 from meshot.types import Array, Float
@@ -133,6 +134,7 @@ def surface_figure(
     panel_inches: tuple[float, float] = (3.2, 2.4),
     resolution: int = 150,
     length_unit: str = "mm",
+    abreast: int = 1,
 ) -> Figure:
     """A figure of one or several surfaces, with a row per surface and a column per view, all at the same scale.
 
@@ -161,14 +163,17 @@ def surface_figure(
         Pixels per inch.
     length_unit : str
         The unit of the vertices, for the scale bar.
+    abreast : int
+        Number of surfaces in a row. With a single view, the titles then do not repeat its name.
 
     Raises
     ------
     ValueError
-        If the values do not match the vertices, or a view is unknown.
+        If the values do not match the vertices, a view is unknown, or ``abreast`` is not a positive integer.
     RuntimeError
         If there is no OpenGL.
     """
+    require_positive_integer(abreast, "abreast")
     meshes, values = named(meshes, values)
     limits = colour_limits(values, limits)
     sides = hemisphere if isinstance(hemisphere, Mapping) else dict.fromkeys(meshes, hemisphere)
@@ -176,12 +181,16 @@ def surface_figure(
     every_view = list(itertools.chain(*sights.values()))
     centre, half_height = framing(list(meshes.values()), every_view, panel_inches[0] / panel_inches[1])
     size = tuple(round(inches * resolution) for inches in panel_inches)
-    figure, axes = _panels(len(meshes), len(views), panel_inches, resolution, bar=bool(values))
-    for (name, mesh), line in zip(meshes.items(), axes):
+    n_rows = -(-len(meshes) // abreast)
+    figure, axes = _panels(n_rows, abreast * len(views), panel_inches, resolution, bar=bool(values))
+    for (name, mesh), line in zip(meshes.items(), axes.reshape(n_rows * abreast, len(views))):
         for view, ax in zip(sights[name], line):
             image = surface_image(mesh, view, values.get(name), limits, colour_map, size, centre, half_height)
             _draw_panel(ax, image, half_height, view.letters() if sides.get(name) else ())
-            ax.set_title(f"{name}, {view.name}" if name else view.name, fontsize=_text_points())
+            words = [name, view.name if abreast == 1 or len(views) > 1 or not name else ""]
+            ax.set_title(", ".join(filter(None, words)), fontsize=_text_points())
+    for ax in axes.flat[len(meshes) * len(views) :]:
+        ax.set_axis_off()
     _draw_scale(axes[-1, 0], half_height, length_unit)
     if values:
         colours = ScalarMappable(Normalize(*limits), colour_map)

@@ -8,5 +8,10 @@ from .experiment_files import (
     checksum_lines as checksum_lines,
     experiment_folder as experiment_folder,
 )
+from .mesh_files import (
+    read_meshes as read_meshes,
+    read_vertex_values as read_vertex_values,
+    write_meshes as write_meshes,
+)
 from .numbers import digits as digits
 from .tables import Table as Table, markdown_table as markdown_table, table as table

@@ -1,0 +1,88 @@
+"""Store the surfaces that all systems find in two held-out subjects, for the pictures of the chapter.
+
+Run as ``python experiments/comparison/pictures.py`` when ``run.py`` has measured the systems. The subjects are those
+with the median and with the largest ASSD of a column, in the mean over the systems. The surfaces are simplified. Their
+values are the distances of the whole surfaces from the true one, in mm.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from held_out import Setting, setting_of
+from measuring import INITIAL, reconstructed
+from rows import read_rows
+from scipy.spatial import cKDTree
+from tables import MAIN, SUBJECTS, measured
+from units import FIRST_SEED, HERE, STEPS, arguments, finals, read_config
+
+from meshot.mesh import Mesh
+from meshot.mesh.editing import simplified
+from meshot.metrics import vertex_distances
+from meshot_book.notebook import write_meshes
+
+PICTURES = "pictures.safetensors.gz"
+TRUE = "true"
+
+
+def chosen_subjects(rows: list[dict], place: dict) -> dict[str, str]:
+    """The subjects with the median and the largest mean ASSD over the systems: "median" and "worst".
+
+    Raises
+    ------
+    ValueError
+        If no subject of the column is measured.
+    """
+    values: dict[str, list[float]] = {}
+    for row in measured(rows):
+        column = (row["cohort"], row["side"], row["kind"], row["budget"], row["seed"])
+        if column == (place["cohort"], place["side"], MAIN, STEPS, FIRST_SEED):
+            values.setdefault(row["subject"], []).append(row["assd_mm"])
+    order = sorted(values, key=lambda subject: float(np.mean(values[subject])))
+    if not order:
+        raise ValueError(f"no system is measured on the {place['side']} side of {place['cohort']}: run run.py first")
+    return {"median": order[(len(order) - 1) // 2], "worst": order[-1]}
+
+
+def pictured(mesh: Mesh, truth: Mesh, n_faces: int) -> tuple[Mesh, np.ndarray]:
+    """A simplified surface, and for each of its vertices the distance of the nearest vertex of the whole surface."""
+    small, distances = simplified(mesh, n_faces), vertex_distances(mesh, truth)
+    _, nearest = cKDTree(mesh.vertices.double().numpy()).query(small.vertices.double().numpy())
+    return small, np.asarray(distances)[nearest]
+
+
+def surfaces_of(subject: str, place: dict, setting: Setting) -> dict[str, Mesh]:
+    """The surfaces of one side by system, with the initial and the true one. Surfaces not found are left out."""
+    scan, side = setting.seen(setting.subjects[place["cohort"]][subject]), place["side"]
+    found = {INITIAL: reconstructed(scan, None)[0][side]}
+    for name, unit in setting.there.items():
+        wanted = (unit.cohort, unit.budget, unit.seed) == (place["cohort"], STEPS, FIRST_SEED)
+        surfaces = reconstructed(scan, setting.system(name))[0] if wanted and side in unit.sides else {}
+        if side in surfaces and not isinstance(surfaces, str):
+            found[unit.arm] = surfaces[side]
+    return found | {TRUE: scan.truths[side]}
+
+
+def main(words: list[str] | None = None) -> int:
+    """Write the file."""
+    parser = arguments(__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=HERE / PICTURES, help="the file of surfaces")
+    parser.add_argument("--rows", type=Path, default=HERE / SUBJECTS, help="the rows of all subjects")
+    asked = parser.parse_args(words)
+    config = read_config(asked.config)
+    torch.set_num_threads(config["evaluation"]["n_threads"])
+    place = config["pictures"]
+    setting = setting_of(config, asked.config, [unit for unit in finals(config) if unit.is_made(config)])
+    meshes, values = {}, {}
+    for which, subject in chosen_subjects(read_rows(asked.rows), place).items():
+        found = surfaces_of(subject, place, setting)
+        for name, mesh in found.items():
+            key = f"{which}/{subject}/{name}"
+            meshes[key], values[key] = pictured(mesh, found[TRUE], place["n_faces"])
+    write_meshes(asked.output, meshes, place["step_mm"], values)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
