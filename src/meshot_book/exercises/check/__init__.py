@@ -19,11 +19,13 @@ from meshot_book.exercises.slicing_exercises import ghost_pair, lines_needed, sl
 from meshot_book.exercises.study_exercises import best_visits, group_size, pair_reliability
 from meshot_book.exercises.surface_exercises import mask_euler, row_distance, soft_overlap
 from meshot_book.exercises.systems_exercises import chance_missed, curved_chamfer, through_chain
+from meshot_book.exercises.tables_exercises import best_motion, same_order, who_is_better
 from meshot_book.exercises.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
     "alignment",
     "area_gradient",
+    "best_motion",
     "best_visits",
     "blocked_chamfer",
     "blur_in_coordinates",
@@ -70,6 +72,7 @@ __all__ = [
     "quantiles",
     "row_distance",
     "safe_steps",
+    "same_order",
     "scale_for_share",
     "sliced_cost",
     "smallest_flip",
@@ -82,6 +85,7 @@ __all__ = [
     "two_sided",
     "undo_step",
     "weight_gradient",
+    "who_is_better",
     "window_weights",
     "without_floor",
     "wrong_curve",
