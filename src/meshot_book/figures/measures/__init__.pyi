@@ -5,3 +5,4 @@ from .projection import law_figure as law_figure, turned_densities_figure as tur
 from .schematics import banks_figure as banks_figure, encodings_figure as encodings_figure, tree_figure as tree_figure
 from .slopes import draw_slopes as draw_slopes
 from .stepping import step_errors_figure as step_errors_figure
+from .systems import intervals_figure as intervals_figure, printed_figure as printed_figure
