@@ -59,7 +59,7 @@ def surfaces_of(subject: str, place: dict, setting: Setting) -> dict[str, Mesh]:
     for name, unit in setting.there.items():
         wanted = (unit.cohort, unit.budget, unit.seed) == (place["cohort"], STEPS, FIRST_SEED)
         surfaces = reconstructed(scan, setting.system(name))[0] if wanted and side in unit.sides else {}
-        if side in surfaces and not isinstance(surfaces, str):
+        if isinstance(surfaces, dict) and side in surfaces:
             found[unit.arm] = surfaces[side]
     return found | {TRUE: scan.truths[side]}
 

@@ -1,59 +1,79 @@
-"""The pictures of systems beside each other: every interval is where it belongs, and names and groups have keys."""
+"""The drawing of a system: every box is said and connected, and kinds differ without their colour."""
+
+import matplotlib
+
+matplotlib.use("agg")
 
 import matplotlib.pyplot as plt
-import numpy as np
 import pytest
 
-from meshot_book.figures.measures import intervals_figure, printed_figure
-
-NAMES, GROUPS = ("A", "B", "C"), ("left", "right")
-
-
-def gap(value):
-    return {"gap": value, "low": value - 0.1, "high": value + 0.3}
-
+from meshot.systems import get_system, read_settings
+from meshot_book.figures.cortex.system_rows import system_steps
+from meshot_book.figures.cortex.systems import SystemStep, system_figure
 
 ROWS = [
-    {"name": name, "group": group, "x": gap(i - 0.5 * j), "y": gap(0.0)}
-    for i, name in enumerate(NAMES) for j, group in enumerate(GROUPS)
-]  # fmt: skip
+    [SystemStep("data", ("scan",)), SystemStep("data", ("template",))],
+    [SystemStep("learned", ("network", "of one kind"), 12345)],
+    [SystemStep("fixed", ("flow",))],
+]
 
 
-def test_intervals_are_where_they_belong():
-    figure = intervals_figure(ROWS, {"x": "x (mm)", "y": "y"})
-    upper, lower = figure.axes
-    assert (upper.get_xlabel(), lower.get_xlabel()) == ("x (mm)", "y")
-    assert [text.get_text() for text in upper.get_yticklabels()] == list(NAMES)
-    assert upper.get_ylim()[0] > upper.get_ylim()[1]  # the first name is above
-    for j, drawn in enumerate(upper.containers):
-        line, _, (bars,) = drawn
-        np.testing.assert_allclose(line.get_xdata(), [-0.5 * j, 1 - 0.5 * j, 2 - 0.5 * j])
-        np.testing.assert_allclose(line.get_ydata(), [0, 1, 2], atol=0.4)
-        ends = np.array(bars.get_segments())[:, :, 0]
-        np.testing.assert_allclose(ends - line.get_xdata()[:, None], [[-0.1, 0.3]] * 3)
-    heights = [drawn[0].get_ydata()[0] for drawn in upper.containers]
-    assert heights[0] < heights[1]
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == list(GROUPS)
-    plt.close(figure)
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
 
 
-def test_found_stands_over_printed():
-    rows = [{"name": n, "group": g, "printed": i + 1.0, "found": 2.0} for i, n in enumerate(NAMES) for g in GROUPS]
-    figure = printed_figure(rows)
+def test_everything_is_said_and_connected():
+    (ax,) = system_figure(ROWS).axes
+    said = [text.get_text() for text in ax.texts if text.get_text()]
+    assert said == [
+        "scan",
+        "template",
+        "network\nof one kind\nlearns 12 345 weights",
+        "flow",
+        "data",
+        "learned",
+        "fixed",
+    ]
+    arrows = [text for text in ax.texts if not text.get_text()]
+    assert len(arrows) == 2 + 1
+    assert all(arrow.xyann[1] > arrow.xy[1] for arrow in arrows)
+
+
+def test_kinds_differ_in_dashes_or_width():
+    (ax,) = system_figure(ROWS).axes
+    looks = {(patch.get_linestyle(), patch.get_linewidth()) for patch in ax.patches if patch.get_height() > 0.1}
+    assert len(looks) == 3
+
+
+@pytest.mark.parametrize("name", [None, "classical", "deepcsr", "vox2cortex", "corticalflow", "cortexode", "ddot"])
+def test_text_stays_in_its_box(name):
+    plt.rcParams["font.size"] = 14
+    figure = system_figure(system_steps(name, read_settings(get_system(name), "small")) if name else ROWS)
+    figure.canvas.draw()
     (ax,) = figure.axes
-    drawn = {(line.get_color(), line.get_marker()) for line in ax.lines[: len(rows)]}
-    assert len(drawn) == len(rows)
-    assert [float(line.get_xdata()[0]) for line in ax.lines[:6:2]] == [1.0, 2.0, 3.0]
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == [*NAMES, *GROUPS]
-    plt.close(figure)
+    boxes = [patch.get_window_extent() for patch in ax.patches]
+    for text, box in zip([text for text in ax.texts if text.get_text()], boxes):
+        inside = text.get_window_extent()
+        assert box.x0 < inside.x0
+        assert inside.x1 < box.x1
+        assert box.y0 - 2 < inside.y0
+        assert inside.y1 < box.y1 + 2
 
 
-def test_nothing_to_draw_is_named():
-    with pytest.raises(ValueError, match="there is no row to draw"):
-        intervals_figure([], {"x": "x"})
-    with pytest.raises(ValueError, match="positive numbers are needed"):
-        printed_figure([{"name": "a", "group": "b", "printed": 0.0, "found": 1.0}])
-    with pytest.raises(ValueError, match="0 rows"):
-        printed_figure([])
+def test_one_weight_is_one():
+    assert SystemStep("learned", ("threshold",), 1).text == "threshold\nlearns 1 weight"
+
+
+def test_what_cannot_be_drawn_is_refused(unchecked):
+    with pytest.raises(ValueError, match="kind is 'magic'; one of data, learned, fixed"):
+        SystemStep("magic", ("x",))
+    with pytest.raises(ValueError, match="a step of kind fixed has 3 weights"):
+        SystemStep("fixed", ("x",), 3)
+    with pytest.raises(ValueError, match="a step of kind learned has 0 weights"):
+        SystemStep("learned", ("x",))
+    with pytest.raises(ValueError, match=r"with \[3\] boxes in some; rows of one or two"):
+        system_figure([[ROWS[0][0]] * 3])
+    with pytest.raises(ValueError, match="0 rows came"):
+        system_figure([])

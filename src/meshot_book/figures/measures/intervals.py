@@ -69,7 +69,12 @@ def printed_figure(rows: Sequence[Mapping], unit: str = "mm") -> Figure:
     names, groups = (list(dict.fromkeys(row[key] for row in rows)) for key in ("name", "group"))
     figure, ax = plt.subplots(figsize=(WIDTH, 6.4), layout="constrained")
     for row, (x, y) in zip(rows, values):
-        ax.plot(x, y, _MARKERS[groups.index(row["group"])], color=_COLOURS[names.index(row["name"]) % len(_COLOURS)])
+        ax.plot(
+            x,
+            y,
+            _MARKERS[groups.index(row["group"]) % len(_MARKERS)],
+            color=_COLOURS[names.index(row["name"]) % len(_COLOURS)],
+        )
     ends = np.array([values.min() / 1.2, values.max() * 1.2])
     ax.plot(ends, ends, color=GREY, linestyle=":")
     for axis, scale in ((ax.xaxis, ax.set_xscale), (ax.yaxis, ax.set_yscale)):
@@ -79,6 +84,8 @@ def printed_figure(rows: Sequence[Mapping], unit: str = "mm") -> Figure:
         axis.set_minor_locator(NullLocator())
     ax.set(xlabel=f"printed ({unit})", ylabel=f"found ({unit})")
     keys = [ax.plot([], [], "o", color=_COLOURS[k % len(_COLOURS)], label=name)[0] for k, name in enumerate(names)]
-    keys += [ax.plot([], [], _MARKERS[k], color="0.3", label=group)[0] for k, group in enumerate(groups)]
+    keys += [
+        ax.plot([], [], _MARKERS[k % len(_MARKERS)], color="0.3", label=group)[0] for k, group in enumerate(groups)
+    ]
     figure.legend(handles=keys, loc="outside upper center", ncols=2)
     return figure
