@@ -1,5 +1,6 @@
 """Pictures of systems beside each other: paired differences with intervals, and found against printed numbers."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
@@ -67,14 +68,10 @@ def printed_figure(rows: Sequence[Mapping], unit: str = "mm") -> Figure:
     if not len(rows) or not (values > 0).all():
         raise ValueError(f"{len(rows)} rows with values from {values.min(initial=0)}; positive numbers are needed")
     names, groups = (list(dict.fromkeys(row[key] for row in rows)) for key in ("name", "group"))
+    colours, markers = dict(zip(names, itertools.cycle(_COLOURS))), dict(zip(groups, itertools.cycle(_MARKERS)))
     figure, ax = plt.subplots(figsize=(WIDTH, 6.4), layout="constrained")
     for row, (x, y) in zip(rows, values):
-        ax.plot(
-            x,
-            y,
-            _MARKERS[groups.index(row["group"]) % len(_MARKERS)],
-            color=_COLOURS[names.index(row["name"]) % len(_COLOURS)],
-        )
+        ax.plot(x, y, markers[row["group"]], color=colours[row["name"]])
     ends = np.array([values.min() / 1.2, values.max() * 1.2])
     ax.plot(ends, ends, color=GREY, linestyle=":")
     for axis, scale in ((ax.xaxis, ax.set_xscale), (ax.yaxis, ax.set_yscale)):
@@ -83,9 +80,7 @@ def printed_figure(rows: Sequence[Mapping], unit: str = "mm") -> Figure:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_locator(NullLocator())
     ax.set(xlabel=f"printed ({unit})", ylabel=f"found ({unit})")
-    keys = [ax.plot([], [], "o", color=_COLOURS[k % len(_COLOURS)], label=name)[0] for k, name in enumerate(names)]
-    keys += [
-        ax.plot([], [], _MARKERS[k % len(_MARKERS)], color="0.3", label=group)[0] for k, group in enumerate(groups)
-    ]
+    keys = [ax.plot([], [], "o", color=colour, label=name)[0] for name, colour in colours.items()]
+    keys += [ax.plot([], [], marker, color="0.3", label=group)[0] for group, marker in markers.items()]
     figure.legend(handles=keys, loc="outside upper center", ncols=2)
     return figure
