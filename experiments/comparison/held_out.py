@@ -19,7 +19,7 @@ from measuring import (
     true_surfaces,
 )
 from memory import peak_of
-from units import FIRST_SEED, STEPS, Unit, segmentation_network, system_in
+from units import Unit, segmentation_network, system_in
 
 from meshot.anatomy import HEMISPHERES
 from meshot.model import SegmentationNetwork, network_digest
@@ -82,7 +82,7 @@ def tasks_of(setting: Setting) -> list[dict]:
             place = {"what": "subject", "cohort": cohort, "subject": subject, "data": digest_of(scan.files())}
             found += [place | {"of": name, "digest": digests[name]} for name in names]
     trained_on = setting.config["consistency"]["trained_on"]
-    first = {name: unit for name, unit in setting.there.items() if (unit.budget, unit.seed) == (STEPS, FIRST_SEED)}
+    first = {name: unit for name, unit in setting.there.items() if unit.is_first}
     names = [INITIAL, PERFECT, *(name for name, unit in first.items() if unit.cohort == trained_on)]
     for pair, both in setting.pairs.items():
         place = {"what": "pair", "pair": pair, "data": [digest_of(scan.files()) for scan in both]}

@@ -57,7 +57,7 @@ def surfaces_of(subject: str, place: dict, setting: Setting) -> dict[str, Mesh]:
     scan, side = setting.seen(setting.subjects[place["cohort"]][subject]), place["side"]
     found = {INITIAL: reconstructed(scan, None)[0][side]}
     for name, unit in setting.there.items():
-        wanted = (unit.cohort, unit.budget, unit.seed) == (place["cohort"], STEPS, FIRST_SEED)
+        wanted = unit.is_first and unit.cohort == place["cohort"]
         surfaces = reconstructed(scan, setting.system(name))[0] if wanted and side in unit.sides else {}
         if isinstance(surfaces, dict) and side in surfaces:
             found[unit.arm] = surfaces[side]

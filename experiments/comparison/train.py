@@ -13,6 +13,7 @@ training resumes, and on one CPU thread ends with the same weights. Options::
 import argparse
 import json
 import os
+import shutil
 import signal
 import sys
 from pathlib import Path
@@ -23,6 +24,7 @@ from tqdm import tqdm
 from units import Unit, arguments, chosen, finals, read_config, segmentation_network, trials
 
 from meshot.files import whole_folder
+from meshot.model import halve_weights
 from meshot.pipeline import LOG, RECORD, WEIGHTS, InitialSurfaces, run_system_training, segmentation_weights
 from meshot.synth.cohorts import scans
 from meshot.train import TrainingLog, read_log
@@ -64,13 +66,17 @@ def made(unit: Unit, config: dict, device: torch.device | None = None) -> None:
 
 
 def keep(unit: Unit, config: dict, device: torch.device | None = None) -> None:
-    """Copy the files of all networks to their final folder, which appears when it is complete."""
+    """Copy the files of all networks to their final folder, which appears when it is complete.
+
+    Weights that are measured, but not shown, are kept as float16.
+    """
     state = unit.state(config)
     with whole_folder(unit.kept(config)) as place:
         for part in unit.parts(config):
             TrainingLog(place / f"{part}{LOG}", thinned(read_log(state / f"{part}{LOG}")))
-            for suffix in (WEIGHTS, RECORD):
-                (place / f"{part}{suffix}").write_bytes((state / f"{part}{suffix}").read_bytes())
+            copy = shutil.copyfile if unit.is_trial or unit.is_first else halve_weights
+            copy(state / f"{part}{WEIGHTS}", place / f"{part}{WEIGHTS}")
+            shutil.copyfile(state / f"{part}{RECORD}", place / f"{part}{RECORD}")
         if unit.is_trial:
             _write(place / SCORE, score_of(place, unit, config, device))
 

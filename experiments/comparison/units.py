@@ -48,6 +48,11 @@ class Unit:
         return HEMISPHERES if self.side == BOTH else (self.side,)
 
     @property
+    def is_first(self) -> bool:
+        """Whether it is the training at equal steps with the first seed, which tables and pictures show."""
+        return (self.budget, self.seed) == (STEPS, FIRST_SEED)
+
+    @property
     def is_trial(self) -> bool:
         """Whether it is the trial of a rate."""
         return self.budget.startswith(RATE)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from safetensors.torch import load_file
 
 from meshot.mesh.io import read_mesh, write_mesh
 from meshot.metrics.distances import Surface
@@ -250,6 +251,19 @@ def test_everything_is_trained_by_one_command(part, whole, capsys):
     said = capsys.readouterr().out.splitlines()
     assert len(said) == len(units.trials(config)) + len(units.finals(config))
     assert {line.split()[0] for line in said} == {"there"}
+
+
+def test_weights_that_are_only_measured_take_half_the_space(part, whole):
+    units, config = part("units"), part("units").read_config(whole / "config.yaml")
+    those = [unit for unit in [*units.trials(config), *units.finals(config)] if unit.arm == "ddot"]
+    for unit in those:
+        for name in unit.parts(config):
+            kept, state = (folder / f"{name}.safetensors" for folder in (unit.kept(config), unit.state(config)))
+            whole_weights = unit.is_trial or (unit.budget, unit.seed) == ("steps", 0)
+            found, made = load_file(kept), load_file(state)
+            for key, value in made.items():
+                assert torch.equal(found[key], value if whole_weights else value.half())
+    assert {(unit.budget, unit.seed) for unit in those if not unit.is_trial} > {("steps", 0)}
 
 
 def test_the_score_is_the_distance_of_what_is_reconstructed(part, whole):

@@ -5,7 +5,7 @@ import safetensors.torch
 import torch
 
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import read_weights, write_weights
+from meshot.model.weights import halve_weights, read_weights, write_weights
 
 
 def test_weights_and_record_come_back(tmp_path):
@@ -23,6 +23,26 @@ def test_no_more_than_ten_megabytes(tmp_path):
     with pytest.raises(ValueError, match="as JSON"):
         write_weights(tmp_path / "w.safetensors", SegmentationNetwork(2, 1), {"loss": float("nan")})
     assert not list(tmp_path.iterdir())
+
+
+def test_half_of_a_file_has_nearly_the_same_weights(tmp_path):
+    network, (whole, half) = SegmentationNetwork(3, 2, 2, generator=5), (tmp_path / "w", tmp_path / "h")
+    write_weights(whole, network, {"seed": 5})
+    halve_weights(whole, half)
+    again, record = read_weights(half, SegmentationNetwork)
+    assert record["seed"] == 5
+    for name, value in network.state_dict().items():
+        assert torch.equal(again.state_dict()[name], value.half().float())
+    assert half.stat().st_size < 0.6 * whole.stat().st_size
+    with torch.no_grad():
+        next(network.parameters())[0, 0, 0, 0, 0] = 1e5
+    write_weights(whole, network, {})
+    with pytest.raises(ValueError, match="as float16 has 1 entries that are NaN or infinite"):
+        halve_weights(whole, half)
+    whole.write_bytes(whole.read_bytes()[:-40])
+    with pytest.raises(ValueError, match="w is not a whole file of weights"):
+        halve_weights(whole, half)
+    assert read_weights(half, SegmentationNetwork)[1]["seed"] == 5
 
 
 def test_other_files_are_named(tmp_path):

@@ -10,6 +10,7 @@ from .segmentation import (
     unfolded as unfolded,
 )
 from .weights import (
+    halve_weights as halve_weights,
     network_digest as network_digest,
     read_weights as read_weights,
     require_small as require_small,

@@ -42,6 +42,31 @@ def write_weights(path: str | os.PathLike, network: nn.Module, record: dict) -> 
         safetensors.torch.save_file(tensors, temporary, metadata={type(network).__name__: text})
 
 
+def halve_weights(source: str | os.PathLike, target: str | os.PathLike) -> None:
+    """Write a copy of a file of weights as float16, which takes half the space. The record is kept.
+
+    :func:`read_weights` reads it as float32. A weight above 6e-5 in magnitude changes by less than 0.05 %.
+
+    Parameters
+    ----------
+    source, target : path
+
+    Raises
+    ------
+    ValueError
+        If the source is missing or truncated, or a weight is too large for float16 (65 504).
+    """
+    try:
+        with safetensors.safe_open(source, framework="pt") as file:
+            tensors, metadata = {name: file.get_tensor(name).half() for name in file.keys()}, file.metadata()  # noqa: SIM118
+    except (OSError, safetensors.SafetensorError) as error:
+        raise ValueError(f"{os.fspath(source)} is not a whole file of weights ({error}): train it again") from error
+    for name, value in tensors.items():
+        as_floating(value, f"{name} as float16")
+    with whole_file(target) as temporary:
+        safetensors.torch.save_file(tensors, temporary, metadata=metadata)
+
+
 def require_small(network: nn.Module) -> None:
     """Check that the weights of a network are small enough to be stored. Meant to be called before the training.
 
