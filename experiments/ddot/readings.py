@@ -2,36 +2,42 @@
 
 Run as ``python experiments/ddot/readings.py`` when the cohort exists; ``readings.yaml`` is the protocol. ``--jobs 2``
 trains two networks at a time. First every reading is trained for a short time with three rates, then for the whole time
-with the rate that was best in validation. A stopped run resumes. ``candidates.yaml`` is another protocol for the same
-steps: local losses, of which only the best are trained for the whole time.
+with the rate that was best in validation. Best and last weights are measured on held-out subjects. A stopped run
+resumes. There are more protocols for the same steps: ``candidates.yaml`` has local losses, of which only the best are
+trained for the whole time; ``controls.yaml`` has further encodings and losses; ``budget.yaml`` has long trainings.
 """
 
 import contextlib
 import sys
+import time
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import torch
 import yaml
+from reading_rows import Setting, row_of, tasks_of
+from reading_tables import tables
 from tqdm import tqdm
 from trainings import HERE, Wanted, arguments, read_config, segmentation_network, wanted
 
 import train
 from meshot.files import whole_file
+from meshot.jobs import run_jobs
 from meshot.mesh import write_mesh
 from meshot.pipeline import InitialSurfaces
 from meshot.pipeline.segmentation import segment, segmented_surface
-from meshot.provenance import read_results, write_results
+from meshot.provenance import read_results, rounded, write_results
 from meshot.synth.cohorts import Subject, scans
 
 SPLITS = ("train", "validation", "test")
 STARTS = ("initial", "binary")
 
 
-def arm_of(reading: dict, rate: float, n_epochs: int) -> dict:
-    """One reading with one learning rate, as an arm of the experiment."""
-    own = [f"training.learning_rate={rate}", f"training.n_epochs={n_epochs}", "training.validate_every=2"]
+def arm_of(reading: dict, rate: float, n_epochs: int, validate_every: int = 2) -> dict:
+    """One reading with one learning rate, as an arm of the experiment. The last two arguments count epochs."""
+    own = [f"training.learning_rate={rate:.8f}", f"training.n_epochs={n_epochs}"]
+    own.append(f"training.validate_every={validate_every}")
     return {"title": "", "system": reading["system"], "changes": [*reading.get("changes", []), *own]}
 
 
@@ -40,8 +46,14 @@ def rate_arms(protocol: dict, start: str) -> dict[str, dict]:
     return {
         f"{name}_{rate:g}": arm_of(reading, rate, protocol["rate_epochs"])
         for name, reading in readings_from(protocol, start).items()
-        for rate in protocol["rates"][reading["rates"]]
+        for rate in rates_of(protocol, reading)
     }
+
+
+def rates_of(protocol: dict, reading: dict) -> list[float]:
+    """The rates that a reading is tried with. A single rate is known and not tried."""
+    rates = protocol["rates"][reading["rates"]]
+    return rates if len(rates) > 1 else []
 
 
 def readings_from(protocol: dict, start: str) -> dict[str, dict]:
@@ -94,7 +106,7 @@ def choice(found: dict[float, float], name: str) -> dict:
 def scores(protocol: dict, name: str, config: dict) -> dict[float, float]:
     """The score of each rate of a reading. A rate whose loss was not finite has none."""
     column = protocol["cohort"], protocol["side"]
-    rates = protocol["rates"][protocol["readings"][name]["rates"]]
+    rates = rates_of(protocol, protocol["readings"][name])
     trainings = {rate: Wanted(*column, f"{name}_{rate:g}", protocol["seed"]) for rate in rates}
     ended = {rate: each.kept(config, ".json") for rate, each in trainings.items() if each.is_made(config)}
     return {rate: score(read_results(record)) for rate, record in ended.items()}
@@ -103,7 +115,7 @@ def scores(protocol: dict, name: str, config: dict) -> dict[float, float]:
 def finalists(found: dict[str, dict], protocol: dict) -> list[str]:
     """The readings to train for the whole time: all, or those that ``finalists`` of the protocol chooses."""
     rule = protocol.get("finalists", {"number": len(found), "always": []})
-    lowest = {name: min(each["assd_mm"].values()) for name, each in found.items()}
+    lowest = {name: min(each["assd_mm"].values(), default=0.0) for name, each in found.items()}
     others = sorted(lowest.keys() - set(rule["always"]), key=lambda name: lowest[name])
     return [name for name in found if name in {*rule["always"], *others[: rule["number"]]}]
 
@@ -132,31 +144,66 @@ def trained(config: dict, file: Path, jobs: int) -> float:
     return sum(read_results(record)["results"]["cpu_seconds"] for record in records)
 
 
+def trained_from(start: str, protocol: dict, jobs: int) -> tuple[dict[str, dict], dict, float]:
+    """Train all readings with one start. Returns their rates, the configuration of the whole trainings, and seconds."""
+    state, own = Path(protocol["state"]), readings_from(protocol, start)
+    config = configuration(protocol, start, rate_arms(protocol, start), state, Path(protocol["short"]))
+    if start == "binary":
+        subjects = [each for split in SPLITS for each in scans(config["cohorts"][protocol["cohort"]], split)]
+        subjects += scans(protocol["evaluation"]["cohort"], "test")
+        found = InitialSurfaces(protocol["binary"], segmentation_network(config))
+        binary_surfaces(tqdm(subjects, desc="binary surfaces"), found)
+    seconds = trained(config, state / f"rates_{start}.yaml", jobs) if config["arms"] else 0.0
+    rates = {
+        name: {"rate": known[0], "assd_mm": {}}
+        if len(known := protocol["rates"][each["rates"]]) == 1
+        else choice(scores(protocol, name, config), name)
+        for name, each in own.items()
+    }
+    every = protocol.get("validate_every", 2)
+    arms = {
+        name: arm_of(own[name], rates[name]["rate"], own[name].get("epochs", protocol["epochs"]), every)
+        for name in finalists(rates, protocol)
+    }
+    whole = configuration(protocol, start, arms, state, Path(protocol["weights"])) | {"keep_last": True}
+    return rates, whole, seconds + trained(whole, state / f"whole_{start}.yaml", jobs)
+
+
+def measured_rows(setting: Setting, partial: Path) -> tuple[list[dict], float]:
+    """The measurements of all networks, and their seconds. Finished ones are read from ``partial``."""
+    torch.set_num_threads(setting.protocol["evaluation"]["n_threads"])
+    found = run_jobs(
+        tasks_of(setting), lambda task: row_of(task, setting), partial,
+        folder=HERE, config=setting.protocol["evaluation"], clock=time.process_time,
+    )  # fmt: skip
+    rows = []
+    for line in found:
+        task = {key: line["task"][key] for key in ("start", "arm", "weights", "split", "subject")}
+        kind = setting.subjects[task["split"]][task["subject"]].participant.kind
+        rows.append(task | {"kind": kind} | line["found"])
+    return rows, sum(line["seconds"] for line in found)
+
+
 def main(words: list[str] | None = None) -> int:
-    """Train all readings; write the rates with their scores."""
+    """Train all readings and measure them; write their rates, tables and rows."""
     parser = arguments(__doc__, HERE / "readings" / "results.json")
     parser.set_defaults(config=HERE / "readings.yaml")
     parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
     asked = parser.parse_args(words)
     protocol = read_config(asked.config)
-    state, results, seconds = Path(protocol["state"]), {}, 0.0
+    rates, configs, there, seconds = {}, {}, {}, 0.0
     for start in (start for start in STARTS if readings_from(protocol, start)):
-        config = configuration(protocol, start, rate_arms(protocol, start), state, Path(protocol["short"]))
-        if start == "binary":
-            subjects = [each for split in SPLITS for each in scans(config["cohorts"][protocol["cohort"]], split)]
-            found = InitialSurfaces(protocol["binary"], segmentation_network(config))
-            binary_surfaces(tqdm(subjects, desc="binary surfaces"), found)
-        seconds += trained(config, state / f"rates_{start}.yaml", asked.jobs)
-        own = {name: choice(scores(protocol, name, config), name) for name in readings_from(protocol, start)}
-        results |= own
-        arms = {
-            name: arm_of(protocol["readings"][name], own[name]["rate"], protocol["epochs"])
-            for name in finalists(own, protocol)
-        }
-        whole = configuration(protocol, start, arms, state, Path(protocol["weights"]))
-        seconds += trained(whole, state / f"whole_{start}.yaml", asked.jobs)
-    stands_on = f"training and validation subjects of the synthetic cohort {protocol['cohort']}"
-    write_results(asked.output, results, protocol, "python experiments/ddot/readings.py", stands_on, seconds)
+        own, configs[start], took = trained_from(start, protocol, asked.jobs)
+        there[start] = [each for each in wanted(configs[start]) if each.is_made(configs[start])]
+        rates, seconds = rates | own, seconds + took
+    partial = asked.output.with_name("partial.jsonl")
+    rows, took = measured_rows(Setting(protocol, configs, there, segmentation_network(protocol)), partial)
+    results = {"rates": rates} | tables(rows, protocol["readings"], protocol["rival"]) | {"subjects": rows}
+    stands_on = f"training, validation and held-out subjects of the synthetic cohort {protocol['cohort']}"
+    own = "" if asked.config == HERE / "readings.yaml" else f" --config {asked.config} -o {asked.output}"
+    command = f"python experiments/ddot/readings.py{own}"
+    write_results(asked.output, rounded(results), protocol, command, stands_on, seconds + took)
+    partial.unlink()
     return 0
 
 

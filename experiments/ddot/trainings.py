@@ -9,14 +9,16 @@ from pathlib import Path
 import yaml
 
 from meshot.files import whole_file
-from meshot.model import SegmentationNetwork, read_weights
-from meshot.pipeline import LOG, RECORD, WEIGHTS, segmentation_weights
+from meshot.model import DeformationNetwork, SegmentationNetwork, read_weights, write_weights
+from meshot.pipeline import LOG, RECORD, STATE_FOLDER, WEIGHTS, segmentation_weights
 from meshot.provenance import read_results
 from meshot.systems import SurfaceSystem, get_system, read_settings
-from meshot.train import Groups, TrainingLog, read_log
+from meshot.train import STATE, Groups, TrainingLog, read_last_weights, read_log
 from meshot_book.trainings import thinned
 
 HERE = Path(__file__).parent
+#: The ending of the files of last weights.
+LAST = f".last{WEIGHTS}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,8 +109,15 @@ def segmentation_network(config: dict) -> SegmentationNetwork:
 
 
 def keep(each: Wanted, config: dict) -> None:
-    """Copy weights, record and thinned log to their final place. The record is last and marks completion."""
+    """Copy weights, record and thinned log to their final place. The record is last and marks completion.
+
+    With ``keep_last`` in the configuration, the last weights are kept beside the best ones.
+    """
     folder = each.state(config)
+    if config.get("keep_last"):
+        network, record = read_weights(folder / f"{each.part}{WEIGHTS}", DeformationNetwork)
+        network.load_state_dict(read_last_weights(folder / STATE_FOLDER / each.part / STATE))
+        write_weights(each.kept(config, LAST), network, record)
     TrainingLog(each.kept(config, LOG), thinned(read_log(folder / f"{each.part}{LOG}")))
     for suffix in (WEIGHTS, RECORD):
         with whole_file(each.kept(config, suffix)) as temporary:

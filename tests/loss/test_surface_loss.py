@@ -89,6 +89,23 @@ def test_the_gradient_reaches_the_vertices_in_their_own_precision(encoding):
     assert float(gradient.norm()) > 0
 
 
+def test_masses_of_samples_carry_a_gradient_if_asked():
+    def gradient(loss):
+        vertices = SOURCE.vertices.clone().requires_grad_()
+        return torch.autograd.grad(loss(SOURCE.with_vertices(vertices)), vertices)[0]
+
+    def by_hand(mesh, detach_weights):
+        draw = random()
+        pair = [empirical(each, 40, draw, detach_weights=detach_weights) for each in (mesh, TARGET)]
+        return sliced_wasserstein(*pair, random_directions(100, 3, draw))
+
+    for settings, detached in (({}, True), ({"detach_weights": True}, True), ({"detach_weights": False}, False)):
+        loss = surface_loss({"encoding": "samples", "n_supports": 40} | settings)
+        found = gradient(lambda mesh, loss=loss: loss(mesh, TARGET, random()))
+        assert torch.equal(found, gradient(lambda mesh, d=detached: by_hand(mesh, d)))
+        assert not torch.equal(found, gradient(lambda mesh, d=detached: by_hand(mesh, not d)))
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
@@ -123,6 +140,12 @@ def test_the_gradient_reaches_the_vertices_in_their_own_precision(encoding):
 def test_settings_that_will_not_do(settings, words):
     with pytest.raises(ValueError, match=words):
         surface_loss(settings)
+
+
+@pytest.mark.parametrize("encoding", ["varifold", "samples"])
+def test_a_switch_is_true_or_false(encoding, unchecked):
+    with pytest.raises(ValueError, match="detach_weights is 1; true or false is needed"):
+        surface_loss({"encoding": encoding, "detach_weights": 1})
 
 
 def test_a_sum_has_terms_with_encodings_of_their_own():

@@ -32,7 +32,7 @@ def test_the_paper_is_the_papers():
     assert paper["training"]["learning_rate"] == 1e-4
     assert get_system("ddot").complete({})["loss"]["normal_scale"] == 1.0  # oriented, whatever an encoding's default
     assert read_settings(get_system("cortexode"), "paper")["loss"] == {
-        "loss": "chamfer", "encoding": "samples", "n_supports": None, "factor": 1000.0,
+        "loss": "chamfer", "encoding": "samples", "n_supports": None, "detach_weights": True, "factor": 1000.0,
     }  # fmt: skip
 
 

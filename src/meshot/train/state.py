@@ -130,6 +130,24 @@ def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict
         setattr(state, name, value)
 
 
+def read_last_weights(path: str | os.PathLike) -> dict[str, Tensor]:
+    """The weights after the last step of a saved training: the averaged ones, if it averages weights.
+
+    Raises
+    ------
+    ValueError
+        If the file is not the state of a training.
+    """
+    _, tensors = _read(path)
+    averaged = any(name.startswith(_AVERAGED) for name in tensors)
+    prefix = _AVERAGED if averaged else "network/"
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
+#: The names of averaged weights in the file; its other averages are counts of steps.
+_AVERAGED = "average/module."
+
+
 def _progress(header: dict, extras: dict) -> dict:
     """The other values of the state, by name."""
     found = {name: header[name] for name in ("step", "best_step", "seconds", "lines", "extras", "best_extras")}

@@ -54,8 +54,7 @@ class VarifoldEncoding(Encoding):
 
     def __post_init__(self):
         _require_supports(self.n_supports)
-        if not isinstance(self.detach_weights, bool):
-            raise ValueError(f"detach_weights is {self.detach_weights!r}; true or false is needed")
+        _require_bool(self.detach_weights)
         if not 0 <= self.normal_scale < math.inf:
             raise ValueError(f"normal_scale is {self.normal_scale!r}; a length >= 0 is needed, in mm")
 
@@ -70,27 +69,31 @@ class VarifoldEncoding(Encoding):
 
 @dataclasses.dataclass(frozen=True)
 class SampleEncoding(Encoding):
-    """Points drawn by area, without normals and without a gradient of their masses: see :func:`meshot.empirical`.
+    """Points drawn by area, without normals: see :func:`meshot.empirical`.
 
     Parameters
     ----------
     n_supports : int, optional
         Number of points drawn in every call. The default is the number of faces of the source.
+    detach_weights : bool
+        Whether to stop the gradient of the masses. By default it is stopped, as in most implementations.
 
     Raises
     ------
     ValueError
-        If the number is not a positive integer.
+        If the number is not a positive integer, or ``detach_weights`` is not a bool.
     """
 
     n_supports: int | None = None
+    detach_weights: bool = True
 
     def __post_init__(self):
         _require_supports(self.n_supports)
+        _require_bool(self.detach_weights)
 
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> DiscreteMeasure:
         """The empirical measure."""
-        return empirical(mesh, self.n_supports or n_default, generator, detach_weights=True)
+        return empirical(mesh, self.n_supports or n_default, generator, detach_weights=self.detach_weights)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,6 +105,11 @@ class SurfaceEncoding(Encoding):
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> SurfaceMeasure:
         """The continuous measure. Nothing is random."""
         return surface(mesh)
+
+
+def _require_bool(detach_weights: bool) -> None:
+    if not isinstance(detach_weights, bool):
+        raise ValueError(f"detach_weights is {detach_weights!r}; true or false is needed")
 
 
 def _require_supports(n_supports: int | None) -> None:
