@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.ndimage
 import torch
 
 from meshot.mesh.shapes.solids import icosphere
@@ -9,7 +10,7 @@ from meshot.metrics.distances import vertex_distances
 from meshot.systems import ExampleSets, Scan, get_system, read_settings
 from meshot.systems.classical.atlas import Atlas, mean_fractions, misfit, whiteness
 from meshot.systems.classical.surface import SurfaceSettings, moved_to_edges, thresholded_surface
-from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.volume.surfaces.voxelise import enclosed_fractions, winding_numbers
 from meshot.volume.volume import Volume
 from phantoms import AFFINE, SHAPE, phantom_subjects
 
@@ -35,8 +36,30 @@ def test_a_smooth_gain_is_removed():
 def test_a_surface_moves_to_the_steepest_decrease():
     white = GRID.with_data(0.5 + 0.5 * enclosed_fractions(BALL, GRID))
     start = icosphere(4, 7.2, (-10.0, 0.0, 0.0))
-    moved = moved_to_edges(start, white, SurfaceSettings(rounds=20))
+    moved = moved_to_edges(start, white, 0.75, SurfaceSettings(rounds=20))
     assert vertex_distances(moved, BALL).mean() < 0.3 * vertex_distances(start, BALL).mean()
+
+
+def test_the_outer_border_of_a_thin_cortex_is_not_taken_for_the_inner():
+    cortex = icosphere(4, 9.0, (-10.0, 0.0, 0.0))
+    white = GRID.with_data(0.7 * enclosed_fractions(cortex, GRID) + 0.3 * enclosed_fractions(BALL, GRID))
+    start, moved = icosphere(4, 8.5, (-10.0, 0.0, 0.0)), {}
+    for tolerance in (0.1, 100.0):
+        found = moved_to_edges(start, white, 0.85, SurfaceSettings(rounds=20, tolerance=tolerance))
+        moved[tolerance] = float(vertex_distances(found, BALL).mean())
+    assert moved[0.1] < 0.25 < 0.7 < moved[100.0]
+
+
+def test_among_equally_white_voxels_the_thin_bar_of_a_ring_is_cut():
+    x, y, z = np.indices((48, 32, 16)) - np.array([24.0, 16.0, 8.0])[:, None, None, None]
+    balls = (np.abs(x) - 14) ** 2 + y**2 + z**2 < 49
+    thick, thin = ((np.abs(x) < 14) & ((y - place) ** 2 + z**2 < radius**2) for place, radius in ((-4, 3.5), (5, 1.5)))
+    white = Volume((balls | thick | thin).astype(np.float64), np.eye(4))
+    anywhere = np.ones(white.data.shape, dtype=bool)
+    mesh = thresholded_surface(white, 0.5, anywhere, ~anywhere, "left white")
+    inside = winding_numbers(mesh, white) > 0.5
+    assert inside[scipy.ndimage.binary_erosion(balls | thick)].all()
+    assert 0 < inside[thin & ~balls].mean() < 1
 
 
 def test_the_sides_are_kept_apart_and_the_grid_is_required():

@@ -6,7 +6,7 @@ import torch
 
 from meshot.mesh.shapes.solids import icosphere
 from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.systems import Example, Scan, get_system
+from meshot.systems import Example, ExampleSets, Scan, get_system, read_settings
 from meshot.systems.deepcsr.network import DistanceNetwork
 from meshot.systems.deepcsr.surface import SurfaceSettings, closed_surface, distance_grids
 from meshot.systems.deepcsr.training import DistanceSettings, distance_pool
@@ -62,6 +62,22 @@ def test_a_grid_holds_the_distances_of_its_points(splits):
     assert float(grids[1].data[5, 6, 7]) == pytest.approx(float(expected.detach()), abs=1e-5)
     outer = [voxel_to_mm(each, torch.full((1, 3), -0.5)) for each in (image, grids[0])]
     torch.testing.assert_close(*outer)
+
+
+def test_what_is_far_from_a_surface_is_interpolated_and_the_rest_is_not():
+    """Against the evaluation in every voxel."""
+    sets = ExampleSets(phantom_subjects(2, ()), phantom_subjects(1, (), 50))
+    kind = get_system("deepcsr")
+    network = kind.train(sets, read_settings(kind, "tiny")).parts["distances"].network
+    image, asked = sets.validation[0].scan.image, []
+    network.register_forward_hook(lambda _, given, __: asked.append(len(given[3])))
+    dense, sparse = (distance_grids(network, image, every=every) for every in (1, 2))
+    assert asked[0] == image.data.size > sum(asked[1:]) + 0.2 * image.data.size
+    for one, other in zip(dense, sparse, strict=True):
+        near = np.abs(one.data) < 1.0
+        np.testing.assert_allclose(other.data[near], one.data[near], rtol=0, atol=1e-4)
+        assert (np.sign(one.data) == np.sign(other.data)).all()
+        assert not np.array_equal(one.data, other.data)
 
 
 def test_a_handle_and_a_crumb_are_removed():

@@ -82,7 +82,7 @@ class System(SurfaceSystem):
         level, found = float(atlas.level.detach()), {}
         for number, key in enumerate(_KEYS):
             mesh = thresholded_surface(white, level, allowed[number], deep[number], " ".join(key))
-            found[key] = moved_to_edges(taubin_smoothing(mesh, settings.smoothing), white, settings)
+            found[key] = moved_to_edges(taubin_smoothing(mesh, settings.smoothing), white, level, settings)
         return found
 
 

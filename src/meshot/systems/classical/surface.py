@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import scipy.ndimage
 import torch
 
 from meshot.errors import require_positive, require_positive_integer
@@ -14,6 +15,7 @@ from meshot.volume import Volume, cropped, sample_volume, voxel_to_mm
 from meshot.volume.surfaces import filled_cavities, genus_zero, isosurface, largest_component, separated_field
 
 _MARGIN = 0.02  # of whiteness
+_DEPTH_WEIGHT = 0.02  # of whiteness, per voxel
 _INNERMOST = 0.15  # smallest change of the whiteness over the reach that counts as an edge
 
 
@@ -34,6 +36,9 @@ class SurfaceSettings:
     reach, rate : float
         In every round, a vertex looks for the steepest decrease of intensity up to ``reach`` mm along its normal, and
         moves ``rate`` of the way.
+    tolerance : float
+        Of the whiteness at an edge: an edge counts less the more its whiteness differs from the threshold, by a
+        Gaussian of this standard deviation. Otherwise the outer border of a thin cortex would be taken for the inner.
 
     Raises
     ------
@@ -49,12 +54,14 @@ class SurfaceSettings:
     rounds: int = 10
     reach: float = 1.5
     rate: float = 0.3
+    tolerance: float = 0.1
 
     def __post_init__(self):
         for name in ("bias_rounds", "smoothing", "rounds"):
             require_positive_integer(getattr(self, name) + 1, f"{name} + 1", 1000)
         for name in ("margin", "bias_width", "reach"):
             require_positive(getattr(self, name), name, "mm")
+        require_positive(self.tolerance, "tolerance")
         if not 0 <= self.rate <= 1:
             raise ValueError(f"rate is {self.rate!r}; a share in [0, 1] is needed")
 
@@ -85,13 +92,16 @@ def thresholded_surface(
     places = voxel_to_mm(white, torch.from_numpy(np.argwhere(mask)).double())
     filled = white.with_data(np.where(deep, np.maximum(white.data, 1.0), white.data))
     field, box = cropped(filled, places), cropped(white.with_data(mask), places)
-    ball = genus_zero(filled_cavities(box.data), np.minimum(field.data, 1.0))
+    solid = filled_cavities(box.data)
+    # Among equally white voxels, depth decides. Otherwise fronts would meet inside white matter and leave wide cuts.
+    depth = scipy.ndimage.distance_transform_edt(solid)
+    ball = genus_zero(solid, np.minimum(field.data, 1.0) + _DEPTH_WEIGHT * depth)
     # Far from the level the values do not matter, except to the positions at the borders of the region.
     clipped = field.with_data(np.clip(field.data, level - 0.5, level + 0.5))
     return isosurface(separated_field(clipped, ball, level, _MARGIN), level)
 
 
-def moved_to_edges(mesh: Mesh, white: Volume, settings: SurfaceSettings, n_offsets: int = 13) -> Mesh:
+def moved_to_edges(mesh: Mesh, white: Volume, level: float, settings: SurfaceSettings, n_offsets: int = 13) -> Mesh:
     """The surface after rounds of a move to the steepest outward decrease of intensity, each with light smoothing.
 
     Vertices that see no edge within their reach only take part in the smoothing.
@@ -100,6 +110,8 @@ def moved_to_edges(mesh: Mesh, white: Volume, settings: SurfaceSettings, n_offse
     ----------
     mesh : Mesh
     white : Volume
+    level : float
+        The whiteness that is expected at the edge.
     settings : SurfaceSettings
     n_offsets : int
         Number of positions along the normal, at least 3.
@@ -110,9 +122,10 @@ def moved_to_edges(mesh: Mesh, white: Volume, settings: SurfaceSettings, n_offse
         normals = vertex_normals(mesh)
         places = mesh.vertices[:, None] + offsets[:, None] * normals[:, None]
         profile = sample_volume(white, places.reshape(-1, 3)).reshape(-1, n_offsets)
-        falls = profile[:, :-1] - profile[:, 1:]
-        # Of two equal edges the nearer one counts.
-        steepest = (falls * torch.exp(-((between / settings.reach) ** 2) / 2)).argmax(dim=1)
+        falls, middles = profile[:, :-1] - profile[:, 1:], (profile[:, :-1] + profile[:, 1:]) / 2
+        # Of two equal edges the nearer one counts, and the one whose whiteness is nearer to the expected one.
+        unlikely = (between / settings.reach) ** 2 + ((middles - level) / settings.tolerance) ** 2
+        steepest = (falls * torch.exp(-unlikely / 2)).argmax(dim=1)
         seen = profile.amax(dim=1) - profile.amin(dim=1) > _INNERMOST
         move = torch.where(seen, between[steepest], 0.0) * settings.rate
         mesh = taubin_smoothing(mesh.with_vertices(mesh.vertices + move[:, None] * normals), 1)
