@@ -13,7 +13,7 @@ from meshot.model import DeformationNetwork, SegmentationNetwork, read_weights, 
 from meshot.pipeline import LOG, RECORD, STATE_FOLDER, WEIGHTS, segmentation_weights
 from meshot.provenance import read_results
 from meshot.systems import SurfaceSystem, get_system, read_settings
-from meshot.train import STATE, Groups, TrainingLog, read_last_weights, read_log
+from meshot.train import Groups, TrainingLog, TrainingState, read_log
 from meshot_book.trainings import thinned
 
 HERE = Path(__file__).parent
@@ -116,7 +116,7 @@ def keep(each: Wanted, config: dict) -> None:
     folder = each.state(config)
     if config.get("keep_last"):
         network, record = read_weights(folder / f"{each.part}{WEIGHTS}", DeformationNetwork)
-        network.load_state_dict(read_last_weights(folder / STATE_FOLDER / each.part / STATE))
+        network.load_state_dict(TrainingState.read_last_weights(folder / STATE_FOLDER / each.part))
         write_weights(each.kept(config, LAST), network, record)
     TrainingLog(each.kept(config, LOG), thinned(read_log(folder / f"{each.part}{LOG}")))
     for suffix in (WEIGHTS, RECORD):

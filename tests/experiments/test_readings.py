@@ -20,7 +20,7 @@ from meshot.pipeline.segmentation.surface import segmented_surface
 from meshot.provenance import read_results, write_results
 from meshot.synth.cohorts.cohort import scans
 from meshot.systems.deformation import deformed, hemisphere_example
-from meshot.train import STATE, read_last_weights
+from meshot.train import TrainingState
 from meshot_book.trainings import processes
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ddot"
@@ -162,7 +162,7 @@ def measured(part, place, results):
         for name, mesh in (("before", example.coarse), ("after", deformed(example.coarse, example.scan, own))):
             expected = float(loss(mesh, example.target, np.random.default_rng(0)))
             assert found[f"loss_{name}"] == pytest.approx(expected, rel=1e-3)
-    state = read_last_weights(place / "state" / "alpha_left_ddot_104mm_0" / "state" / "left_white" / STATE)
+    state = TrainingState.read_last_weights(place / "state" / "alpha_left_ddot_104mm_0" / "state" / "left_white")
     assert all(torch.equal(value, state[name]) for name, value in own.state_dict().items())
     start = rows["test", subject.name, "start", None]
     by_hand = evaluate(in_scanner(example.initial, scan), truth, 500, 0, 50)

@@ -10,7 +10,7 @@ from meshot.train import engine
 from meshot.train.engine import Task, train, train_network
 from meshot.train.log import read_log
 from meshot.train.plan import Plan
-from meshot.train.state import TrainingState, read_last_weights
+from meshot.train.state import TrainingState
 
 PLAN = Plan(12, 3, 4, None, 0.1, "constant")
 
@@ -75,13 +75,13 @@ def test_the_last_weights_are_those_of_the_last_validation(tmp_path, averaging):
     network, plan = line(), dataclasses.replace(PLAN, averaging=averaging)
     found = train_network(network, plan, task_of(network, [1.0, 2.0, 3.0, 4.0]), {}, tmp_path)
     seen = {row["step"]: row["seen"] for row in found.log if "seen" in row}
-    last = read_last_weights(tmp_path / engine.STATE)
+    last = TrainingState.read_last_weights(tmp_path)
     assert last.keys() == {"weight"}
     assert float(last["weight"]) == seen[12] != seen[found.best_step]
     assert (float(last["weight"]) == float(found.last["weight"])) == (averaging == 0)
     (tmp_path / engine.STATE).write_bytes(b"torn")
     with pytest.raises(ValueError, match="is not a whole state of a training"):
-        read_last_weights(tmp_path / engine.STATE)
+        TrainingState.read_last_weights(tmp_path)
 
 
 @pytest.mark.parametrize("averaging", [0.0, 0.9])

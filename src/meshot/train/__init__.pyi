@@ -6,7 +6,6 @@ from .configuration import (
     setting_names as setting_names,
 )
 from .engine import (
-    STATE as STATE,
     Progress as Progress,
     Task as Task,
     Training as Training,
@@ -21,4 +20,4 @@ from .examples import (
 )
 from .log import TrainingLog as TrainingLog, read_log as read_log
 from .plan import Plan as Plan, plan_of_epochs as plan_of_epochs, require_plan_settings as require_plan_settings
-from .state import TrainingState as TrainingState, read_last_weights as read_last_weights
+from .state import TrainingState as TrainingState

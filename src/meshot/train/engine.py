@@ -11,10 +11,10 @@ from torch import nn
 
 from meshot.train.log import TrainingLog
 from meshot.train.plan import Plan
-from meshot.train.state import TrainingState, read_training, write_training
+from meshot.train.state import STATE, TrainingState, read_training, write_training
 from meshot.types import Tensor
 
-STATE, LOG = "training.safetensors", "log.jsonl"
+LOG = "log.jsonl"
 
 #: Called with (steps done, number of steps, line of the log).
 Progress = Callable[[int, int, dict], None]

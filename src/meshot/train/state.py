@@ -15,6 +15,9 @@ from meshot.files import whole_file
 from meshot.train.stored import read_tensors, stored_parts
 from meshot.types import Tensor
 
+#: The name of the file of a state.
+STATE = "training.safetensors"
+
 
 class TrainingState:
     """The state of a training.
@@ -57,6 +60,20 @@ class TrainingState:
         """Restore weights and extras of the best state. Moments and learning rate do not change."""
         self.network.load_state_dict(self.best)
         self.extras = dict(self.best_extras)
+
+    @staticmethod
+    def read_last_weights(folder: str | os.PathLike) -> dict[str, Tensor]:
+        """The weights after the last step of a training in its folder: the averaged ones, if it averages weights.
+
+        Raises
+        ------
+        ValueError
+            If the folder does not hold the state of a training.
+        """
+        _, tensors = _read(os.path.join(folder, STATE))
+        averaged = "average/module."
+        prefix = averaged if any(name.startswith(averaged) for name in tensors) else "network/"
+        return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
     @contextlib.contextmanager
     def averaged(self) -> Iterator[None]:
@@ -128,24 +145,6 @@ def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict
     state.best = best
     for name, value in progress.items():
         setattr(state, name, value)
-
-
-def read_last_weights(path: str | os.PathLike) -> dict[str, Tensor]:
-    """The weights after the last step of a saved training: the averaged ones, if it averages weights.
-
-    Raises
-    ------
-    ValueError
-        If the file is not the state of a training.
-    """
-    _, tensors = _read(path)
-    averaged = any(name.startswith(_AVERAGED) for name in tensors)
-    prefix = _AVERAGED if averaged else "network/"
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
-
-
-#: The names of averaged weights in the file; its other averages are counts of steps.
-_AVERAGED = "average/module."
 
 
 def _progress(header: dict, extras: dict) -> dict:
