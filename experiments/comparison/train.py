@@ -68,7 +68,7 @@ def made(unit: Unit, config: dict, device: torch.device | None = None) -> None:
 def keep(unit: Unit, config: dict, device: torch.device | None = None) -> None:
     """Copy the files of all networks to their final folder, which appears when it is complete.
 
-    Weights that are measured, but not shown, are kept as float16.
+    Weights at equal seconds and of further seeds are kept as float16.
     """
     state = unit.state(config)
     with whole_folder(unit.kept(config)) as place:

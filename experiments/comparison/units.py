@@ -49,7 +49,7 @@ class Unit:
 
     @property
     def is_first(self) -> bool:
-        """Whether it is the training at equal steps with the first seed, which tables and pictures show."""
+        """Whether it is a training at equal steps with the first seed."""
         return (self.budget, self.seed) == (STEPS, FIRST_SEED)
 
     @property
