@@ -79,7 +79,7 @@ def subject_rows(scan: Seen, found: Found, sides: tuple[str, ...], settings: dic
 
 def floor_rows(scan: Seen, settings: dict) -> list[dict]:
     """What a perfect surface scores: the floors of the metrics, and the crossing faces of the true surface."""
-    evaluations = {side: _evaluated(truth, truth, settings) for side, truth in scan.truths.items()}
+    evaluations = {side: _evaluated(truth, truth, settings, floors=True) for side, truth in scan.truths.items()}
     return [{"side": side} | _numbers(found, "floor") for side, found in evaluations.items()]
 
 
@@ -114,8 +114,8 @@ def true_surfaces(scan: Seen) -> Found:
     return scan.truths, None
 
 
-def _evaluated(mesh: Mesh, truth: Mesh, settings: dict) -> Evaluation:
-    return evaluate(mesh, truth, settings["n_points"], settings["seed"], settings["n_emd_points"])
+def _evaluated(mesh: Mesh, truth: Mesh, settings: dict, floors: bool = False) -> Evaluation:
+    return evaluate(mesh, truth, settings["n_points"], settings["seed"], settings["n_emd_points"], floors=floors)
 
 
 def _numbers(evaluation: Evaluation, what: str = "value") -> dict[str, float]:

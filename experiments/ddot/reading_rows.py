@@ -87,7 +87,7 @@ def seen(subject: Subject, side: Hemisphere, surfaces: InitialSurfaces, n_faces:
 def measured(found: Seen, mesh: Mesh, settings: dict) -> dict[str, float]:
     """The metrics of a mesh of the standard space."""
     points = settings["n_points"], settings["seed"], settings["n_emd_points"]
-    return numbers(evaluate(in_scanner(mesh, found.scan), found.truth, *points))
+    return numbers(evaluate(in_scanner(mesh, found.scan), found.truth, *points, floors=False))
 
 
 def network_row(found: Seen, network: DeformationNetwork, config: DeformationConfig, settings: dict) -> dict:

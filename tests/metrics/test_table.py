@@ -48,6 +48,15 @@ def test_a_perfect_prediction_scores_the_floor():
     assert found.emd.floor > 1
 
 
+def test_floors_are_left_out_on_request():
+    whole = evaluate(icosphere(3, 11.0), icosphere(3, 10.0), n_points=500, n_emd_points=100)
+    found = evaluate(icosphere(3, 11.0), icosphere(3, 10.0), n_points=500, n_emd_points=100, floors=False)
+    for metric, other in zip(found.metrics(), whole.metrics(), strict=True):
+        assert (metric.value, metric.floor) == (other.value, None), metric.name
+        assert other.floor is not None, metric.name
+    assert repr(found).splitlines()[1].split()[-1] == "–"
+
+
 def test_the_seed_decides():
     one, other = icosphere(2, 9.0), icosphere(2, 10.0, dtype=torch.float32).to(torch.float64)
     first, again, another = (repr(evaluate(one, other, **FEW, seed=s)) for s in (0, 0, 1))

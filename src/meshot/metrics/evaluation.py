@@ -15,16 +15,16 @@ class Metric:
         "mm", "%", or what is counted; empty for a dimensionless number.
     definition : str
         An exact definition in one sentence.
-    floor : float
+    floor : float, optional
         The value for two independent samples of the target of the same size. A perfect prediction would have a similar
-        value.
+        value. None if floors were not computed.
     """
 
     name: str
     value: float
     unit: str
     definition: str
-    floor: float
+    floor: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Evaluation:
         """All metrics, in the order in which they are printed."""
         return [getattr(self, field.name) for field in dataclasses.fields(self)]
 
-    def as_dict(self) -> dict[str, dict[str, float | str]]:
+    def as_dict(self) -> dict[str, dict[str, float | str | None]]:
         """Everything as plain numbers and strings, for JSON."""
         return {name: dataclasses.asdict(getattr(self, name)) for name in self.__dataclass_fields__}
 
@@ -63,7 +63,9 @@ class Evaluation:
         return "\n".join(f"{metric.name.ljust(width)}  {metric.definition}" for metric in self.metrics())
 
     def __repr__(self) -> str:
-        rows = [(m.name, f"{m.value:.4g}", m.unit, f"{m.floor:.4g}") for m in self.metrics()]
+        rows = [
+            (m.name, f"{m.value:.4g}", m.unit, "–" if m.floor is None else f"{m.floor:.4g}") for m in self.metrics()
+        ]
         head = ("metric", "value", "unit", "floor")
         name, value, unit, floor = (max(map(len, column)) for column in zip(head, *rows, strict=True))
         return "\n".join(
