@@ -3,7 +3,7 @@
 import pytest
 
 from meshot_book.claims import ledger
-from meshot_book.claims.rules.ruler import counts_verdict, floor_verdict, table_verdict
+from meshot_book.claims.rules.ruler import floor_verdict, table_verdict
 
 
 def broken(n, names=("Table 1, ADNI left, A",)):
@@ -70,48 +70,3 @@ def test_the_floor(highs, status):
 
 def test_floors_above_the_number_are_counted():
     assert "above 0.702 mm in 2 of 3 readings" in floor_verdict(floors(1.2, 0.9, 0.5)).ours
-
-
-def counts(single=7.7e-4, mean=1e-5, factors=(130.0, 40.0)):
-    share = {"n_faces": 260_000, "smallest_nonzero_percent": single, "pairs_below_bound_over_scans": 10}
-    share |= {"smallest_nonzero_mean_percent": mean}
-    columns = [{"column": "c", "cortexode_percent": 0.01, "cortexode_faces": 26.0, "factor": f} for f in factors]
-    found = {"typical_faces": 260_000, "bound_percent": 1e-4, "stated_factor": 100, "n_scans": 80}
-    return {"results": {"counts": found | {"shares": [share], "factors": columns}}}
-
-
-def flows(*columns):
-    """Trained flows: per column the crossing faces of ours and of the rival, in per cent."""
-    summary = []
-    for k, (ours, rival) in enumerate(columns):
-        for arm, share in (("a", ours), ("b", rival), ("other", 50.0)):
-            row = {"arm": arm, "cohort": "c", "side": str(k), "kind": "template", "seed": 0}
-            row["flow_crossing_percent"] = {"mean": share}
-            summary += [row, row | {"kind": "procedural", "flow_crossing_percent": {"mean": 70.0}}]
-            summary += [row | {"seed": 1, "flow_crossing_percent": {"mean": 60.0}}]
-    return {"config": {"comparison": {"ours": "a", "rival": "b"}}, "results": {"summary": summary}}
-
-
-@pytest.mark.parametrize(
-    ("record", "trained", "status"),
-    [
-        (counts(factors=(130.0, 120.0)), flows((0.0, 2.0), (5e-5, 1.0)), ledger.REPRODUCED),
-        (counts(), flows((0.0, 2.0), (5e-5, 1.0)), ledger.IN_PART),
-        (counts(factors=(130.0, 120.0)), flows((0.0, 2.0), (0.03, 1.6)), ledger.IN_PART),
-        (counts(factors=(130.0, 120.0)), flows((0.03, 20.0), (5e-5, 1e-3)), ledger.NOT_REPRODUCED),
-        (counts(factors=(130.0, 120.0)), flows((0.0, 0.0)), ledger.NOT_REPRODUCED),
-        (counts(), flows(), ledger.NOT_TESTED),
-    ],
-)
-def test_counts(record, trained, status):
-    assert counts_verdict(record, trained).status == status
-
-
-def test_counts_are_said():
-    verdict = counts_verdict(counts(), flows((0.0, 2.33), (0.034, 1.62)))
-    assert "one crossing pair is 0.00077 %" in verdict.ours
-    assert "100 or more in 1 of 2 columns" in verdict.ours
-    assert "DDOT 0 | 0.034 %, CortexODE 2.33 | 1.62 %" in verdict.ours
-    assert "both statements hold in 1 of 2 columns" in verdict.says
-    assert verdict.headline[0] == "1 of 2"
-    assert "| c, 1 | 0.034 | 1.62 |" in verdict.numbers

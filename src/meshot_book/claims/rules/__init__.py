@@ -4,12 +4,13 @@ from meshot_book.claims.ledger import Rule
 from meshot_book.claims.rules.axioms import axioms_verdict
 from meshot_book.claims.rules.convergence import directions_verdict, theorem_verdict
 from meshot_book.claims.rules.cost import memory_verdict, speed_verdict
+from meshot_book.claims.rules.counts import counts_verdict
 from meshot_book.claims.rules.ddot import ablation_verdict, systems_verdict
 from meshot_book.claims.rules.deforming import evenness_verdict, supports_verdict
 from meshot_book.claims.rules.encodings import continuous_verdict, normal_scale_verdict, sample_gradient_verdict
 from meshot_book.claims.rules.ground_cost import ground_cost_verdict
 from meshot_book.claims.rules.rates import chamfer_rate_verdict, transport_rate_verdict
-from meshot_book.claims.rules.ruler import counts_verdict, floor_verdict, table_verdict
+from meshot_book.claims.rules.ruler import floor_verdict, table_verdict
 from meshot_book.claims.rules.self_intersection import self_intersection_verdict
 from meshot_book.claims.rules.sinkhorn import blur_verdict
 from meshot_book.claims.rules.toy import toy_verdict
