@@ -1,5 +1,6 @@
 """Trainings in turn and in several processes: failures are named, folders are locked, output is kept."""
 
+import platform
 import sys
 
 import pytest
@@ -36,6 +37,25 @@ def test_processes_are_named_when_they_fail_and_their_output_is_kept(tmp_path, m
     assert processes.train_in_processes({name: tmp_path / name for name in names}, command, 2) == ["bad"]
     for name in names:
         assert (tmp_path / name / processes.OUTPUT).read_text(encoding="utf-8") == f"made {name}\n"
+
+
+#: Fills 50 MB ten times, and prints how many pages of memory were new after the first time.
+FILLS = """
+import resource, numpy as np
+new = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+np.ones(6_250_000)
+before = new()
+for _ in range(10):
+    np.ones(6_250_000)
+print(new() - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="a setting of glibc")
+def test_freed_memory_is_used_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(processes, "SECONDS_BETWEEN_LOOKS", 0.05)
+    assert processes.train_in_processes({"one": tmp_path}, [sys.executable, "-c", FILLS], 1) == []
+    assert int((tmp_path / processes.OUTPUT).read_text(encoding="utf-8")) < 1000  # each time would be 12 208 pages
 
 
 def test_a_folder_is_locked_against_others(tmp_path):
