@@ -98,6 +98,27 @@ def test_every_reading_of_the_other_protocols_has_settings_of_its_own(part, root
         assert settings["samples_mass_0.0005"]["loss"]["detach_weights"] is False
 
 
+def test_what_two_protocols_name_alike_is_the_same_training(part, root, monkeypatch):
+    monkeypatch.chdir(root)
+    readings, trainings = part("readings"), part("trainings")
+    places, seen, shared = set(), {}, set()
+    for file in ("readings", "candidates", "controls", "budget"):
+        own = yaml.safe_load((FOLDER / f"{file}.yaml").read_text(encoding="utf-8"))
+        places.add(tuple(own[key] for key in ("state", "weights", "short", "cohort", "side", "seed", "initial")))
+        short, whole = own["rate_epochs"], own["epochs"]
+        arms = {
+            f"{name} {n_epochs}": readings.arm_of(reading, 9.0, reading.get("epochs", n_epochs))
+            for name, reading in own["readings"].items() for n_epochs in (short, whole) if n_epochs
+        }  # fmt: skip
+        config = readings.configuration(own, "initial", arms, Path("a"), Path("b"))
+        for each in trainings.wanted(config):
+            text = json.dumps(each.settings(config), sort_keys=True)
+            shared |= {each.arm} if each.arm in seen else set()
+            assert seen.setdefault(each.arm, text) == text
+    assert len(places) == 1
+    assert {name.split()[0] for name in shared} == {"ddot_20mm", "cortexode", "chamfer_varifold"}
+
+
 def test_the_known_rates_are_those_of_the_comparison(root):
     own = yaml.safe_load((FOLDER / "budget.yaml").read_text(encoding="utf-8"))
     chosen = read_results(root / "experiments" / "comparison" / "rates.json")["results"]
@@ -242,7 +263,7 @@ def diverging(part, place):
 
 def test_a_reading_without_a_rate_is_refused(part, place, diverging):
     readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
-    assert readings.trained(diverging, place / "rates.yaml", 1) == 0
+    assert readings.trained(diverging, 1) == 0
     found = readings.scores(own | {"rates": {"mm": [0.002]}}, "cortexode", diverging)
     with pytest.raises(ValueError, match="cortexode: no rate kept a finite loss; give the reading smaller rates"):
         readings.choice(found, "cortexode")
@@ -255,7 +276,7 @@ def test_a_training_that_another_process_has_is_not_taken_for_diverged(part, pla
         processes.alone(each.state(diverging)),
         pytest.raises(processes.Busy, match="is being trained by another process"),
     ):
-        readings.trained(diverging, place / "rates.yaml", 1)
+        readings.trained(diverging, 1)
 
 
 def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):
