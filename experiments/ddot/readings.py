@@ -4,12 +4,12 @@ Run as ``python experiments/ddot/readings.py`` when the cohort exists; ``reading
 trains two networks at a time. First every reading is trained for a short time with three rates, then for the whole time
 with the rate that was best in validation. Best and last weights are measured on held-out subjects. A stopped run
 resumes. There are more protocols for the same steps: ``candidates.yaml`` has local losses, of which only the best are
-trained for the whole time; ``controls.yaml`` has further encodings and losses; ``budget.yaml`` has long trainings. All
-protocols keep their trainings in the same folders, so that what two of them name alike is trained once.
+trained for the whole time; ``controls.yaml`` has further encodings and losses; ``budget.yaml`` has long trainings. The
+first three keep their trainings in the same folders, so that what two of them name alike is trained once. Run one of
+them at a time.
 """
 
 import contextlib
-import hashlib
 import sys
 import time
 from collections.abc import Iterable
@@ -135,17 +135,11 @@ def binary_surfaces(subjects: Iterable[Subject], surfaces: InitialSurfaces) -> N
             write_mesh(paths[side], segmented_surface(mask).mesh)
 
 
-def trained(config: dict, jobs: int) -> float:
-    """Train the missing networks of a configuration. Returns the seconds of all.
-
-    The configuration is written to its folder ``state``. Its name depends on its content, so that two protocols can be
-    run at a time.
-    """
-    text = yaml.safe_dump(config, sort_keys=False)
-    file = Path(config["state"]) / f"{hashlib.sha256(text.encode()).hexdigest()[:12]}.yaml"
+def trained(config: dict, file: Path, jobs: int) -> float:
+    """Train the missing networks of a configuration, which is written to ``file``. Returns the seconds of all."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(file) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
     if train.main(["--config", str(file), "--jobs", str(jobs)]):
         require_diverged(config)
     records = (each.kept(config, ".json") for each in wanted(config) if each.is_made(config))
@@ -161,7 +155,7 @@ def trained_from(start: str, protocol: dict, jobs: int) -> tuple[dict[str, dict]
         subjects += scans(protocol["evaluation"]["cohort"], "test")
         found = InitialSurfaces(protocol["binary"], segmentation_network(config))
         binary_surfaces(tqdm(subjects, desc="binary surfaces"), found)
-    seconds = trained(config, jobs) if config["arms"] else 0.0
+    seconds = trained(config, state / f"rates_{start}.yaml", jobs) if config["arms"] else 0.0
     rates = {
         name: {"rate": known[0], "assd_mm": {}}
         if len(known := protocol["rates"][each["rates"]]) == 1
@@ -174,7 +168,7 @@ def trained_from(start: str, protocol: dict, jobs: int) -> tuple[dict[str, dict]
         for name in finalists(rates, protocol)
     }
     whole = configuration(protocol, start, arms, state, Path(protocol["weights"])) | {"keep_last": True}
-    return rates, whole, seconds + trained(whole, jobs)
+    return rates, whole, seconds + trained(whole, state / f"whole_{start}.yaml", jobs)
 
 
 def measured_rows(setting: Setting, partial: Path) -> tuple[list[dict], float]:

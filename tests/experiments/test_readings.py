@@ -1,6 +1,7 @@
 """The readings of what the paper leaves open, on phantoms: rates, choice, whole trainings, stopped and gone on with."""
 
 import functools
+import itertools
 import json
 import shutil
 from pathlib import Path
@@ -29,6 +30,8 @@ SETTINGS = {
     "network": {"width": 4, "hidden": [8], "n_scales": 1, "size": 3},
     "training": {"n_faces": 400, "n_points": 500, "save_every": 1},
 }
+#: The protocols with one folder of trainings.
+SHARING = ("readings", "candidates", "controls")
 EVALUATION = {"n_training": 1, "n_points": 500, "n_emd_points": 50}
 
 
@@ -102,7 +105,7 @@ def test_what_two_protocols_name_alike_is_the_same_training(part, root, monkeypa
     monkeypatch.chdir(root)
     readings, trainings = part("readings"), part("trainings")
     places, seen, shared = set(), {}, set()
-    for file in ("readings", "candidates", "controls", "budget"):
+    for file in SHARING:
         own = yaml.safe_load((FOLDER / f"{file}.yaml").read_text(encoding="utf-8"))
         places.add(tuple(own[key] for key in ("state", "weights", "short", "cohort", "side", "seed", "initial")))
         short, whole = own["rate_epochs"], own["epochs"]
@@ -117,6 +120,11 @@ def test_what_two_protocols_name_alike_is_the_same_training(part, root, monkeypa
             assert seen.setdefault(each.arm, text) == text
     assert len(places) == 1
     assert {name.split()[0] for name in shared} == {"ddot_20mm", "cortexode", "chamfer_varifold"}
+
+
+def test_protocols_that_share_trainings_run_one_after_another(root):
+    tasks = yaml.safe_load((root / "workflow" / "experiments.yaml").read_text(encoding="utf-8"))["tasks"]
+    assert all(earlier in tasks[later]["after"] for earlier, later in itertools.pairwise(SHARING))
 
 
 def test_the_known_rates_are_those_of_the_comparison(root):
@@ -263,7 +271,7 @@ def diverging(part, place):
 
 def test_a_reading_without_a_rate_is_refused(part, place, diverging):
     readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
-    assert readings.trained(diverging, 1) == 0
+    assert readings.trained(diverging, place / "rates.yaml", 1) == 0
     found = readings.scores(own | {"rates": {"mm": [0.002]}}, "cortexode", diverging)
     with pytest.raises(ValueError, match="cortexode: no rate kept a finite loss; give the reading smaller rates"):
         readings.choice(found, "cortexode")
@@ -276,7 +284,7 @@ def test_a_training_that_another_process_has_is_not_taken_for_diverged(part, pla
         processes.alone(each.state(diverging)),
         pytest.raises(processes.Busy, match="is being trained by another process"),
     ):
-        readings.trained(diverging, 1)
+        readings.trained(diverging, place / "rates.yaml", 1)
 
 
 def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):

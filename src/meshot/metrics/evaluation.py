@@ -15,7 +15,7 @@ class Metric:
         "mm", "%", or what is counted; empty for a dimensionless number.
     definition : str
         An exact definition in one sentence.
-    floor : float, optional
+    floor : float or None
         The value for two independent samples of the target of the same size. A perfect prediction would have a similar
         value. None if floors were not computed.
     """
@@ -24,7 +24,7 @@ class Metric:
     value: float
     unit: str
     definition: str
-    floor: float | None = None
+    floor: float | None
 
 
 @dataclasses.dataclass(frozen=True)

@@ -51,8 +51,8 @@ def evaluate(
         If given, the earth mover's distance is computed by Sinkhorn's algorithm with this blur, in mm, see
         ``meshot.metrics.transport.sinkhorn_distance``. By default it is exact.
     floors : bool
-        Whether to compute the floors. They depend on the target only. Without them an evaluation takes half the time,
-        which helps if many surfaces are compared with one target.
+        Whether to compute the floors. They depend on the target only. If many surfaces are compared with one target,
+        one evaluation with floors is enough. The others then take about half the time.
 
     Raises
     ------

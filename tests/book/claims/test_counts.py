@@ -57,6 +57,7 @@ def test_counts(record, trained, status, trained_in):
 @pytest.mark.parametrize("trained_in", [flows, compared])
 def test_counts_are_said(trained_in):
     verdict = counts_verdict(counts(), trained_in((0.0, 2.33), (0.034, 1.62)))
+    assert f"(experiments/{'ddot' if trained_in is flows else 'comparison'})" in verdict.ours
     assert "one crossing pair is 0.00077 %" in verdict.ours
     assert "100 or more in 1 of 2 columns" in verdict.ours
     assert "DDOT 0 | 0.034 %, CortexODE 2.33 | 1.62 %" in verdict.ours

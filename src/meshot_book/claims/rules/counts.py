@@ -37,7 +37,7 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
         ),
         headline=(f"{sum(holds)} of {len(holds)}", "columns of our trained flows in which both statements hold"),
         ours=(
-            "crossing faces of our trained flows, before any repair: DDOT "
+            f"crossing faces of our trained flows, before any repair (experiments/{_origin(trained)}): DDOT "
             f"{_percents(flows, 'ours')} %, CortexODE {_percents(flows, 'rival')} %. In print: with {n_faces} faces "
             f"one crossing pair is {digits(share['smallest_nonzero_percent'], 2)} %, so that < {bound:.0e} % means "
             f"zero on each surface, or a mean over {counts['n_scans']} scans of at most "
@@ -53,19 +53,24 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
     )
 
 
+def _origin(trained: dict) -> str:
+    return "comparison" if "table_1" in trained["results"] else "ddot"
+
+
 def _trained_columns(trained: dict) -> list[dict]:
     """Crossing faces of DDOT and its rival in %, by cohort and side: first seed, training kind, unrepaired."""
     roles, columns = {trained["config"]["comparison"]["ours"]: "ours", RIVAL: "rival"}, {}
-    for column, arm, percent in _shares(trained["results"]):
+    for column, arm, percent in _shares(trained):
         if arm in roles:
             columns.setdefault(column, {})[roles[arm]] = percent
     both = {column: found for column, found in columns.items() if len(found) == 2}
     return [{"column": named(column)} | both[column] for column in sorted(both)]
 
 
-def _shares(results: dict) -> Iterator[tuple[tuple[str, str], str, float]]:
+def _shares(trained: dict) -> Iterator[tuple[tuple[str, str], str, float]]:
     """Column, arm and mean share of crossing faces in %. The first seed of ``experiments/ddot`` comes last."""
-    if "table_1" in results:
+    results = trained["results"]
+    if _origin(trained) == "comparison":
         for line in results["table_1"]:
             if (line["kind"], line["budget"]) == ("template", STEPS):
                 yield (line["cohort"], line["side"]), line["arm"], line["crossing_percent"]["mean"]
