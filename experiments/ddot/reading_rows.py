@@ -18,8 +18,9 @@ from meshot.anatomy import Hemisphere
 from meshot.mesh import Mesh
 from meshot.metrics import evaluate
 from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest, read_weights
-from meshot.pipeline import WEIGHTS, InitialSurfaces
+from meshot.pipeline import RECORD, WEIGHTS, InitialSurfaces
 from meshot.pipeline.segmentation import in_scanner
+from meshot.provenance import read_results
 from meshot.synth.cohorts import Subject, scans
 from meshot.systems.deformation import (
     DeformationConfig,
@@ -139,3 +140,17 @@ def row_of(task: dict, setting: Setting) -> dict:
         return measured(found, found.example.initial, settings)
     path = setting.named(start, arm).kept(setting.configs[start], WHICH[task["weights"]])
     return network_row(found, read_weights(path, DeformationNetwork)[0], config, settings)
+
+
+def courses(setting: Setting) -> list[dict]:
+    """How every training went: steps, seconds, and the mean ASSD on validation subjects in mm at every check."""
+    found = []
+    for start, networks in setting.there.items():
+        for each in networks:
+            results = read_results(each.kept(setting.configs[start], RECORD))["results"]
+            own = {key: results[key] for key in ("n_steps", "n_weights", "cpu_seconds", "best_step")}
+            checks = results["validations"]
+            own["step"] = [check["step"] for check in checks]
+            own["assd_mm"] = [check["validation_loss"] for check in checks]
+            found.append({"start": start, "arm": each.arm} | own)
+    return found

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import yaml
-from reading_rows import Setting, row_of, tasks_of
+from reading_rows import Setting, courses, row_of, tasks_of
 from reading_tables import tables
 from tqdm import tqdm
 from trainings import HERE, Wanted, arguments, read_config, segmentation_network, wanted
@@ -187,7 +187,7 @@ def measured_rows(setting: Setting, partial: Path) -> tuple[list[dict], float]:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Train all readings and measure them; write their rates, tables and rows."""
+    """Train all readings and measure them; write their rates, courses, tables and rows."""
     parser = arguments(__doc__, HERE / "readings" / "results.json")
     parser.set_defaults(config=HERE / "readings.yaml")
     parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
@@ -199,8 +199,10 @@ def main(words: list[str] | None = None) -> int:
         there[start] = [each for each in wanted(configs[start]) if each.is_made(configs[start])]
         rates, seconds = rates | own, seconds + took
     partial = asked.output.with_name("partial.jsonl")
-    rows, took = measured_rows(Setting(protocol, configs, there, segmentation_network(protocol)), partial)
-    results = {"rates": rates} | tables(rows, protocol["readings"], protocol["rival"]) | {"subjects": rows}
+    setting = Setting(protocol, configs, there, segmentation_network(protocol))
+    rows, took = measured_rows(setting, partial)
+    results = {"rates": rates, "trainings": courses(setting)}
+    results |= tables(rows, protocol["readings"], protocol["rival"]) | {"subjects": rows}
     stands_on = f"training, validation and held-out subjects of the synthetic cohort {protocol['cohort']}"
     own = "" if asked.config == HERE / "readings.yaml" else f" --config {asked.config} -o {asked.output}"
     command = f"python experiments/ddot/readings.py{own}"

@@ -155,11 +155,15 @@ def test_the_best_rate_of_each_reading_is_trained_to_the_end(part, place):
     assert len(own_seconds) == 12
     assert record["seconds"] > sum(own_seconds)  # and those of the measurements
     measured(part, place, record["results"])
+    courses = {each["arm"]: each for each in record["results"]["trainings"]}
+    assert set(courses) == set(found)
     for name, each in found.items():
         assert each["rate"] == float(min(each["assd_mm"], key=each["assd_mm"].get))
         record = read_results(place / "weights" / f"alpha_left_{name}_0.json")
         assert record["results"]["n_steps"] == 20
         assert record["config"]["training"]["learning_rate"] == each["rate"]
+        assert courses[name]["step"] == list(range(4, 21, 4))
+        assert min(zip(courses[name]["assd_mm"], courses[name]["step"]))[1] == record["results"]["best_step"]
     before = {file: file.stat().st_mtime_ns for file in (place / "weights").iterdir()}
     assert readings.main(words) == 0
     assert {file: file.stat().st_mtime_ns for file in (place / "weights").iterdir()} == before
