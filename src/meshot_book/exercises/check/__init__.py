@@ -20,6 +20,7 @@ from meshot_book.exercises.study_exercises import best_visits, group_size, pair_
 from meshot_book.exercises.surface_exercises import mask_euler, row_distance, soft_overlap
 from meshot_book.exercises.systems_exercises import chance_missed, curved_chamfer, through_chain
 from meshot_book.exercises.tables_exercises import best_motion, same_order, who_is_better
+from meshot_book.exercises.trial_exercises import chosen_rate, first_lead, forecast
 from meshot_book.exercises.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "centred_cost",
     "chamfer_floor",
     "chance_missed",
+    "chosen_rate",
     "count_weights",
     "curved_chamfer",
     "debiased",
@@ -41,6 +43,8 @@ __all__ = [
     "euler_flow",
     "face_weights",
     "feature_at",
+    "first_lead",
+    "forecast",
     "gap_cost",
     "ghost_pair",
     "grid_affine",
