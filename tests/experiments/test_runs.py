@@ -182,6 +182,12 @@ def ground_cost(run, work):
     quiet(run, "summarise", "sliced_rows", "asked_rows")
 
 
+def grid_floor(run, work):
+    scan = SimpleNamespace(**vars(scans_of("a")[0]), surface=lambda kind, side: side)
+    replace(run, measured=work.of({}, told_by=first_two), scans=lambda *a: [scan])
+    quiet(run, "summary", "exponent")
+
+
 def mni152(run, work):
     def found(side, part, config, place):
         (place / run.VELOCITY.format(side)).touch()
@@ -256,7 +262,7 @@ CHEAP = {
     function.__name__: function
     for function in (
         axioms, beyond_random, blur, circle_to_polygon, cohorts, comparison, convergence, correspondence, ddot,
-        deforming, directions, encoding_rates, fixed_supports, floors, fsaverage5_flow, ground_cost, mni152,
+        deforming, directions, encoding_rates, fixed_supports, floors, fsaverage5_flow, grid_floor, ground_cost, mni152,
         normal_scale, one_subject, people, person, segmentation, self_intersection, study, template_baseline,
         transport_rates, weights_and_areas,
     )
