@@ -19,7 +19,7 @@ from meshot.mesh.topology import topology
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
 from meshot.pipeline.segmentation import segmented_surface
 from meshot.provenance import rounded, write_results
-from meshot.synth.cohorts import scans
+from meshot.synth.cohorts import Subject, scans
 from meshot.volume import Volume
 from meshot.volume.surfaces import enclosed_fractions
 
@@ -78,6 +78,12 @@ def exponent(lines: list[dict]) -> float:
     return float(np.polyfit(sizes, values, 1)[0])
 
 
+def chosen(subjects: list[Subject], config: dict) -> dict[str, Subject]:
+    """The first held-out subjects of the kind that is measured, by name."""
+    own = [each for each in subjects if each.participant.kind == config["kind"]]
+    return {each.name: each for each in own[: config["n_subjects"]]}
+
+
 def main(words: list[str] | None = None) -> None:
     """Compute the missing results, then write the summary."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -86,8 +92,7 @@ def main(words: list[str] | None = None) -> None:
     asked = parser.parse_args(words)
     torch.set_num_threads(1)
     config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    people = {each.name: each for each in scans(asked.cohorts / config["cohort"], "test")}
-    people = {name: each for name, each in people.items() if each.participant.kind == config["kind"]}
+    people = chosen(scans(asked.cohorts / config["cohort"], "test"), config)
 
     @functools.lru_cache(maxsize=1)
     def truth_of(name: str, side: str) -> Mesh:

@@ -1,6 +1,7 @@
 """The floor of a grid: on a sphere it falls with the voxels, and the committed numbers belong together."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -61,3 +62,12 @@ def test_means_and_the_exponent_of_a_power_law(part):
     assert lines[1]["assd_mm_sd"] == pytest.approx(0.01 * 2**0.5)
     assert (lines[1]["n_hemispheres"], lines[1]["n_faces"]) == (2, 1.0)
     assert run.exponent(lines) == pytest.approx(2.0)
+
+
+def test_only_the_first_subjects_of_a_kind_are_measured(part, config):
+    people = [
+        SimpleNamespace(name=f"s{k}", participant=SimpleNamespace(kind=("template", "procedural")[k % 2]))
+        for k in range(20)
+    ]
+    assert list(part("run").chosen(people, config | {"n_subjects": 3})) == ["s0", "s2", "s4"]
+    assert len(part("run").chosen(people, config)) == 8
