@@ -71,3 +71,13 @@ def test_only_the_first_subjects_of_a_kind_are_measured(part, config):
     ]
     assert list(part("run").chosen(people, config | {"n_subjects": 3})) == ["s0", "s2", "s4"]
     assert len(part("run").chosen(people, config)) == 8
+
+
+def test_committed_results_belong_together(part, config, record, results):
+    run = part("run")
+    assert record["config"] == config
+    rows, lines = results["hemispheres"], run.summary(results["hemispheres"])
+    assert len(rows) == config["n_subjects"] * len(config["sides"]) * len(config["voxel_mm"])
+    for line, own in zip(results["summary"], lines, strict=True):
+        assert line == pytest.approx(own, rel=1e-4)
+    assert results["exponent"] == pytest.approx(run.exponent(lines), rel=1e-4)
