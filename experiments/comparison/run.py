@@ -73,6 +73,12 @@ def too_few(setting: Setting) -> dict[str, int]:
     return {c: n for c, n in counts.items() if n < setting.config["evaluation"]["fewest_subjects"]}
 
 
+def measured_with(setting: Setting) -> dict:
+    """What the rows depend on, beside their tasks and the code. A system that joins later leaves them as they are."""
+    own = {key: setting.config[key] for key in ("evaluation", "consistency")}
+    return own | {"segmentation": network_digest(setting.segmentation)}
+
+
 def main(words: list[str] | None = None) -> None:
     """Measure what is there, then write rows and tables.
 
@@ -101,7 +107,7 @@ def main(words: list[str] | None = None) -> None:
     partial = asked.output.with_name("partial.jsonl")
     found = run_jobs(
         tasks_of(setting), lambda task: {"commit": commit, "rows": rows_of(task, setting)}, partial,
-        folder=HERE, config=config, clock=time.process_time,
+        folder=HERE, config=measured_with(setting), clock=time.process_time,
     )  # fmt: skip
     subjects, pairs, memory = lines_of(found, setting)
     write_rows(asked.output.with_name(SUBJECTS), subjects)

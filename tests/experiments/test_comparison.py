@@ -4,6 +4,7 @@ import json
 import shutil
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -470,6 +471,29 @@ def test_what_is_missing_is_named_and_measured_later(part, place, capsys, monkey
     shutil.rmtree(place / "weights")
     with pytest.raises(ValueError, match=r"no trained system is in .*: run experiments/comparison/train.py first"):
         run.main([*words_of(place), *output])
+
+
+@pytest.mark.filterwarnings("ignore:.*that another configuration or other code has done")
+def test_a_system_that_joins_later_leaves_measured_rows_as_they_are(part, place, monkeypatch):
+    run, output = part("run"), ["-o", str(place / "out" / "results.json")]
+    config = yaml.safe_load((place / "config.yaml").read_text(encoding="utf-8"))
+    (place / "weights" / "alpha_left_ddot_steps_1").rename(place / "aside")  # finished rows are kept
+    calls = []
+    monkeypatch.setattr(run, "rows_of", lambda task, *a: calls.append(task["of"]) or [])
+    monkeypatch.setattr(run, "lines_of", lambda *a: ([], [], {}))
+    run.main([*words_of(place), *output])
+    first = list(calls)
+    later = {"windows_many": config["arms"]["ddot"] | {"title": "many windows"}}
+    written(place, config | {"arms": config["arms"] | later})
+    run.main([*words_of(place), *output])
+    assert calls == first
+    own = config["evaluation"] | {"n_points": 1 + config["evaluation"]["n_points"]}
+    written(place, config | {"evaluation": own})
+    run.main([*words_of(place), *output])
+    assert calls == first + first
+    monkeypatch.setattr(run, "network_digest", lambda network: network)
+    of_networks = [run.measured_with(SimpleNamespace(config=config, segmentation=name)) for name in ("one", "other")]
+    assert of_networks[0] != of_networks[1]
 
 
 def test_trainings_of_another_protocol_are_refused(part, place):
