@@ -5,6 +5,7 @@ Table 3, under ``arms`` and ``comparison``.
 """
 
 from meshot_book.claims.ledger import AT_THIS_BUDGET, IN_PART, NOT_TESTED, Verdict
+from meshot_book.claims.rules.comparison import interval, named
 from meshot_book.notebook import digits, markdown_table
 
 INITIAL = "initial"
@@ -193,8 +194,8 @@ def _systems_table(results: dict, plan: dict, columns: list[dict]) -> str:
             rows.append(
                 {"column": _name(column), "metric": name}
                 | {names.get(arm, "initial surface"): _spread(results, column, arm, metric) for arm in arms}
-                | {f"{first} − {second} [95 %], subjects": _interval(column[metric])}
-                | {"seeds": _interval(over_seeds[metric]) if over_seeds else "–"}
+                | {f"{first} − {second} [95 %], subjects": interval(column[metric])}
+                | {"seeds": interval(over_seeds[metric]) if over_seeds else "–"}
             )
     return markdown_table(rows)
 
@@ -208,7 +209,7 @@ def _ablation_table(results: dict, plan: dict, titles: dict[str, str], grid: dic
                 cells[name] = _spread(results, place, arm, metric)
             for metric in DISTANCES:
                 title = f"{plan['names'][plan['ours']]} minus this, {METRICS[metric]} [95 %]"
-                cells[title] = _interval(grid[arm][metric]) if arm in grid else "–"
+                cells[title] = interval(grid[arm][metric]) if arm in grid else "–"
             rows.append(cells)
     return markdown_table(rows)
 
@@ -235,9 +236,5 @@ def _spread(results: dict, place: dict, arm: str, metric: str) -> str:
     return f"{digits(found['mean'], 3)} ± {digits(found['sd'], 2)}"
 
 
-def _interval(found: dict) -> str:
-    return f"{found['gap']:+.3g} [{found['low']:+.3g}, {found['high']:+.3g}]"
-
-
 def _name(row: dict) -> str:
-    return f"{row['cohort'].replace('_', ' ')}, {row['side']}"
+    return named((row["cohort"], row["side"]))

@@ -6,6 +6,7 @@ results are those of the last weights, on held-out subjects.
 """
 
 from meshot_book.claims.ledger import AT_THIS_BUDGET, IN_PART, Verdict
+from meshot_book.claims.rules.comparison import interval, named
 from meshot_book.notebook import digits, markdown_table
 
 OURS, KERNEL, START = "ddot_20mm", "kernel_norm", "start"
@@ -49,12 +50,13 @@ def _decided(record: dict, arm: str, name: str) -> bool:
 
 
 def _sentence(controls: dict, readings: dict, nearer: list[str]) -> str:
-    first = _gap(controls, OURS, START)
+    column = named((controls["config"]["cohort"], controls["config"]["side"]))
+    first = _written(_gap(controls, OURS, START))
     ends = "; ".join(f"{_title(controls, arm)} {_mean(controls, arm, 'assd_mm')}" for arm in _arms(controls))
     listed = ", ".join(_title(controls, arm) for arm in nearer) or "none"
     return (
-        f"{_place(controls)}. ASSD in mm: initially {_mean(controls, START, 'assd_mm')}; {ends}. Nearer than DDOT: "
-        f"{listed}. DDOT minus the initial surface: {_interval(first)} mm. The readings have {_steps(readings)} steps"
+        f"{column}. ASSD in mm: initially {_mean(controls, START, 'assd_mm')}; {ends}. Nearer than DDOT: {listed}. "
+        f"DDOT minus the initial surface: {first} mm. The readings have {_steps(readings)} steps"
     )
 
 
@@ -71,7 +73,7 @@ def _row(record: dict, arm: str, against: str) -> dict[str, str]:
     gap = _gap(record, first, second)
     if gap is not None and arm == START:  # the table has all differences to DDOT
         gap = {"gap": -gap["gap"], "low": -gap["high"], "high": -gap["low"]}
-    return cells | {"minus DDOT, ASSD [95 %]": "–" if gap is None else _interval(gap)}
+    return cells | {"minus DDOT, ASSD [95 %]": _written(gap)}
 
 
 def _readings_table(readings: dict) -> str:
@@ -81,9 +83,8 @@ def _readings_table(readings: dict) -> str:
             continue
         rival = each.get("rival", readings["config"]["rival"]) if each["system"] == "ddot" else arm
         gaps = [_gap(readings, arm, second) for second in (START, rival)]
-        cells = ["–" if gap is None else _interval(gap) for gap in gaps]
         rows.append({"reading": _title(readings, arm), "ASSD (mm)": _mean(readings, arm, "assd_mm")})
-        rows[-1] |= dict(zip(("minus initial [95 %]", "minus CortexODE [95 %]"), cells, strict=True))
+        rows[-1] |= dict(zip(("minus initial [95 %]", "minus CortexODE [95 %]"), map(_written, gaps), strict=True))
     return markdown_table(rows)
 
 
@@ -112,12 +113,8 @@ def _gap(record: dict, first: str, second: str) -> dict | None:
     return None
 
 
-def _interval(gap: dict) -> str:
-    return f"{gap['gap']:+.3g} [{gap['low']:+.3g}, {gap['high']:+.3g}]"
-
-
-def _place(record: dict) -> str:
-    return f"{record['config']['cohort'].replace('_', ' ')}, {record['config']['side']}"
+def _written(gap: dict | None) -> str:
+    return "–" if gap is None else interval(gap)
 
 
 def _steps(record: dict) -> str:
