@@ -106,10 +106,11 @@ def comparison(run, work):
     tasks = [{"what": "subject", "of": name, "data": "digest"} for name in ("initial", "oasis_like_left_ddot_steps_0")]
     replace(
         run, rows_of=work.of([], told_by=lambda task, *a: (task["of"],)), tasks_of=lambda *a: tasks,
-        setting_of=lambda *a: SimpleNamespace(pairs={}, subjects={}), lines_of=lambda *a: ([], [], {}),
+        setting_of=lambda config, *a: SimpleNamespace(config=config, segmentation=None, pairs={}, subjects={}),
+        lines_of=lambda *a: ([], [], {}),
         described=lambda *a: {}, require_fair=lambda *a: None, too_few=lambda *a: {},
     )  # fmt: skip
-    quiet(run, "provenance", found={"commit": "a"})
+    quiet(run, "network_digest", "provenance", found={"commit": "a"})
     planned = run.finals(run.read_config())[:2]
     run.finals = lambda config: planned
     for each in planned:
