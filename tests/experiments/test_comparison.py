@@ -601,3 +601,25 @@ def test_rows_are_read_as_they_were_written(part, tmp_path):
         rows.read_rows(tmp_path / "bad.csv")
     with pytest.raises(ValueError, match="does not exist; measure the trained systems"):
         rows.read_rows(tmp_path / "absent.csv")
+
+
+def test_systems_are_compared_only_if_they_learned_from_the_same_data():
+    kinds = {"ddot": ("left white",), "cortexode": ("left white",), "deepcsr": ()}
+    there = {
+        name: SimpleNamespace(kind=lambda needs=needs: SimpleNamespace(needs=needs)) for name, needs in kinds.items()
+    }
+
+    def training(name, data, processor="A"):
+        return {"name": name, "cohort": "x", "side": "left", "networks": {"n": {"data": data, "processor": processor}}}
+
+    with scripts_in(FOLDER) as load:
+        require = load("run").require_fair
+        setting = SimpleNamespace(there=there)
+        require([training("ddot", 1), training("cortexode", 1), training("deepcsr", 2)], setting)
+        # Initial surfaces, which DeepCSR does not need, differ in rounding between processors.
+        require([training("ddot", 1), training("cortexode", 3, "B"), training("deepcsr", 2, "B")], setting)
+        for other in (training("cortexode", 3), training("ddot", 3)):
+            with pytest.raises(ValueError, match="learned from other data than ddot"):
+                require([training("ddot", 1), other], setting)
+        with pytest.raises(ValueError, match="deepcsr learned from other data than deepcsr"):
+            require([training("deepcsr", 2), training("deepcsr", 3, "B")], setting)
