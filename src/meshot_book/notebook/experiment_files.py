@@ -20,6 +20,7 @@ READ_BY_CHAPTERS = (
     "person/robustness.json",
     "*/*.safetensors",
     "*/*.safetensors.gz",
+    "comparison/subjects.csv",
     "ddot/descent_directions.json",
     "ddot/weights/*_0.log.jsonl",
     "ddot/weights/oasis_like_left_*_0.safetensors",

@@ -1,5 +1,7 @@
 """The pictures of systems beside each other: every interval is where it belongs, and names and groups have keys."""
 
+import itertools
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -35,6 +37,17 @@ def test_intervals_are_where_they_belong():
     assert heights[0] < heights[1]
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == list(GROUPS)
+    plt.close(figure)
+
+
+def test_a_single_group_has_no_legend_and_its_numbers_do_not_touch():
+    rows = [row | {"x": gap(row["x"]["gap"] / 40)} for row in ROWS if row["group"] == GROUPS[0]]
+    figure = intervals_figure(rows, {"x": "x (mm)"})
+    assert not figure.legends
+    figure.canvas.draw()
+    places = [text.get_window_extent() for text in figure.axes[0].get_xticklabels()]
+    assert len(places) > 2
+    assert all(left.x1 < right.x0 for left, right in itertools.pairwise(places))
     plt.close(figure)
 
 

@@ -2,10 +2,11 @@
 
 from meshot_book.claims.ledger import Rule
 from meshot_book.claims.rules.axioms import axioms_verdict
+from meshot_book.claims.rules.comparison import consistency_verdict, systems_verdict
 from meshot_book.claims.rules.convergence import directions_verdict, theorem_verdict
 from meshot_book.claims.rules.cost import memory_verdict, speed_verdict
 from meshot_book.claims.rules.counts import counts_verdict
-from meshot_book.claims.rules.ddot import ablation_verdict, systems_verdict
+from meshot_book.claims.rules.ddot import ablation_verdict
 from meshot_book.claims.rules.deforming import evenness_verdict, supports_verdict
 from meshot_book.claims.rules.encodings import continuous_verdict, normal_scale_verdict, sample_gradient_verdict
 from meshot_book.claims.rules.ground_cost import ground_cost_verdict
@@ -36,6 +37,7 @@ RULES: dict[int, Rule] = {
     16: counts_verdict,
     17: ablation_verdict,
     18: blur_verdict,
+    19: consistency_verdict,
     20: supports_verdict,
     21: memory_verdict,
     22: evenness_verdict,

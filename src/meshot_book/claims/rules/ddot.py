@@ -1,7 +1,7 @@
-"""Claims 13 and 17: trained flows on held-out subjects: DDOT, CortexODE, and other losses and encodings.
+"""Claim 17: trained flows on held-out subjects: DDOT, and flows with another loss or encoding.
 
-The configuration of the experiment defines DDOT, its rival, the names of the others, and the comparisons of the paper's
-Table 3, under ``arms`` and ``comparison``.
+The configuration of the experiment defines DDOT, the names of the others, and the comparisons of the paper's Table 3,
+under ``arms`` and ``comparison``.
 """
 
 from meshot_book.claims.ledger import AT_THIS_BUDGET, IN_PART, NOT_TESTED, Verdict
@@ -15,48 +15,6 @@ METRICS = {
     "emd_mm": "EMD, mm", "swd_mm": "SWD, mm", "assd_mm": "ASSD, mm", "normals": "Chamfer normals",
     "flow_crossing_percent": "crossing faces, %",
 }  # fmt: skip
-LARGER_IS_BETTER = ("normals",)
-LOSSES_ALLOWED = 1 / 20  # CortexODE is better in one of the twenty cells of the paper
-PAPER_STEPS = 90_000  # 300 epochs over about 300 scans, one per step
-
-
-def systems_verdict(record: dict) -> Verdict:
-    """Claim 13 from ``experiments/ddot``: DDOT against CortexODE, with only the loss different.
-
-    A cell is a metric on one side of one cohort. It counts for the system favoured by the interval over subjects and,
-    if several seeds were trained, also by the interval over seeds. Three of the paper's five systems are not compared,
-    so that the claim is at best reproduced in part.
-    """
-    results, plan = record["results"], record["config"]["comparison"]
-    pair = (plan["ours"], plan["rival"])
-    columns = [r for r in results["differences"] if (r["first"], r["second"]) == pair and r["side"] != "both"]
-    cells = [_favours(row, metric, results["seeds"]) for row in columns for metric in METRICS]
-    won, lost = (cells.count(arm) for arm in pair)
-    nearer = all(plan["ours"] in [_favours(row, m, results["seeds"]) for m in DISTANCES] for row in columns)
-    status = IN_PART if nearer and lost <= LOSSES_ALLOWED * len(cells) else AT_THIS_BUDGET
-    return Verdict(
-        status=status if columns else NOT_TESTED,
-        says=(
-            f"{_budget(results['trainings'])}, DDOT is better than CortexODE in {won} of {len(cells)} cells and worse "
-            f"in {lost}. The other three systems of the table are not compared."
-        ),
-        headline=(f"{won} of {len(cells)}", "cells of Table 1 in which DDOT is better than CortexODE"),
-        ours=_systems_sentence(results, plan, columns, won, lost, len(cells))
-        if columns
-        else "no fair pair is trained yet",
-        tolerance=(
-            "in part (that CortexODE is the only other system: same network, initial surfaces, data and steps) if "
-            "CortexODE is better in at most one of twenty cells, as in the paper, and DDOT in at least one distance of "
-            "every column. Better: the 95 % interval of the difference over subjects (bootstrap) excludes zero, and "
-            "where there are several seeds that over seeds (Student) does so on the same side. Not reproduced otherwise"
-        ),
-        numbers=_systems_table(results, plan, columns) if columns else "",
-    )
-
-
-def _budget(trainings: list[dict]) -> str:
-    steps, weights = (max((row[key] for row in trainings), default=0) for key in ("n_steps", "n_weights"))
-    return f"At a small budget (networks of {weights} weights, {steps} steps; the paper: {PAPER_STEPS} steps, wider)"
 
 
 def ablation_verdict(record: dict) -> Verdict:
@@ -124,35 +82,8 @@ def _grid(results: dict, ours: str) -> dict[str, dict]:
     return max(columns.values(), key=len, default={})
 
 
-def _favours(row: dict, metric: str, seeds: list[dict]) -> str | None:
-    """The better arm, if the intervals over subjects and over seeds (if any) agree; else None."""
-    found = {_side_of_zero(row[metric])}
-    found |= {_side_of_zero(s[metric]) for s in seeds if (s["cohort"], s["side"]) == (row["cohort"], row["side"])}
-    if len(found) > 1 or found == {0}:
-        return None
-    return row["first"] if (found == {1}) == (metric in LARGER_IS_BETTER) else row["second"]
-
-
 def _side_of_zero(interval: dict) -> int:
     return (interval["low"] > 0) - (interval["high"] < 0)
-
-
-def _systems_sentence(results: dict, plan: dict, columns: list[dict], won: int, lost: int, n_cells: int) -> str:
-    """A sentence on how often and in which metrics each system is better, and on their distances."""
-    by_metric, ours, rival, names = [], plan["ours"], plan["rival"], plan["names"]
-    for metric, name in METRICS.items():
-        found = [_favours(row, metric, results["seeds"]) for row in columns]
-        by_metric.append(f"{name.split(',')[0]} {found.count(ours)} : {found.count(rival)}")
-    near = "; ".join(
-        f"{_name(row)}: {_mean(results, row, ours)} against {_mean(results, row, rival)}, initially "
-        f"{_mean(results, row, INITIAL)}"
-        for row in columns
-    )
-    return (
-        f"against {names[rival]} alone, in {len(columns)} of 4 columns: {names[ours]} is better in {won} of {n_cells} "
-        f"cells, {names[rival]} in {lost}, the rest is undecided ({', '.join(by_metric)}). ASSD in mm: {near}. Three "
-        "of the five systems are not compared here"
-    )
 
 
 def _ablation_sentence(
@@ -170,7 +101,8 @@ def _ablation_sentence(
 
 
 def _favoured(row: dict) -> list[str | None]:
-    return [_favours(row, metric, []) for metric in DISTANCES]
+    """For each distance the arm that is better by its interval, or None."""
+    return [{-1: row["first"], 1: row["second"], 0: None}[_side_of_zero(row[metric])] for metric in DISTANCES]
 
 
 def _compared(row: dict) -> str:
@@ -183,21 +115,6 @@ def _compared(row: dict) -> str:
 
 def _listed(words: list[str]) -> str:
     return "; ".join(words) if any("," in word for word in words) else ", ".join(words) or "nothing"
-
-
-def _systems_table(results: dict, plan: dict, columns: list[dict]) -> str:
-    names, arms, rows = plan["names"], (INITIAL, plan["rival"], plan["ours"]), []
-    first, second = names[plan["ours"]], names[plan["rival"]]
-    for column in columns:
-        (over_seeds,) = [s for s in results["seeds"] if _same_place(s, column)] or [None]
-        for metric, name in METRICS.items():
-            rows.append(
-                {"column": _name(column), "metric": name}
-                | {names.get(arm, "initial surface"): _spread(results, column, arm, metric) for arm in arms}
-                | {f"{first} − {second} [95 %], subjects": interval(column[metric])}
-                | {"seeds": interval(over_seeds[metric]) if over_seeds else "–"}
-            )
-    return markdown_table(rows)
 
 
 def _ablation_table(results: dict, plan: dict, titles: dict[str, str], grid: dict[str, dict]) -> str:

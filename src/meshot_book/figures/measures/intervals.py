@@ -18,6 +18,8 @@ _SPREAD = 0.6  # of the space of a name, which its groups share
 def intervals_figure(rows: Sequence[Mapping], quantities: Mapping[str, str]) -> Figure:
     """Differences with intervals: a panel for every quantity, a line for every name, a colour for every group.
 
+    A single group gets no legend.
+
     Parameters
     ----------
     rows : sequence of mapping
@@ -46,7 +48,9 @@ def intervals_figure(rows: Sequence[Mapping], quantities: Mapping[str, str]) -> 
             look = {"color": _COLOURS[k % len(_COLOURS)], "marker": _MARKERS[k % len(_MARKERS)], "markersize": 4}
             ax.errorbar(gaps, heights, xerr=ends, linestyle="none", label=group, **look)
         ax.set(xlabel=label, ylim=(len(names) - 0.5, -0.5), yticks=range(len(names)), yticklabels=names)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=min(2, len(groups)))
+        ax.locator_params(axis="x", nbins=5)  # the numbers do not touch
+    if len(groups) > 1:
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 
