@@ -22,7 +22,7 @@ def test_a_fresh_clone_has_nothing_to_do_and_a_changed_recipe_has(snakemake, fre
     recipe.write_text(recipe.read_text(encoding="utf-8").replace("\nseed: ", "\nseed: 1"), encoding="utf-8")
     found = snakemake(clone, "-n", "--profile", "workflow/profiles/laptop")
     assert numbers_of_jobs(found.stdout) == {
-        "all": 1, "cohort": 3, "evaluation": 2, "table": 2, "total": 8,
+        "all": 1, "cohort": 5, "evaluation": 4, "table": 2, "total": 12,
     }, found.stdout  # fmt: skip
     assert "study: src/meshot/synth/cohorts/test_retest.yaml has changed" in found.stdout
     assert not list(clone.rglob("*.lock"))
