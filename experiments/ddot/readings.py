@@ -135,18 +135,21 @@ def binary_surfaces(subjects: Iterable[Subject], surfaces: InitialSurfaces) -> N
             write_mesh(paths[side], segmented_surface(mask).mesh)
 
 
-def trained(config: dict, file: Path, jobs: int) -> float:
-    """Train the missing networks of a configuration, which is written to ``file``. Returns the seconds of all."""
+def trained(config: dict, file: Path, words: list[str]) -> float:
+    """Train the missing networks of a configuration, which is written to ``file``. Returns the seconds of all.
+
+    ``words`` are further arguments of ``train.py``.
+    """
     file.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(file) as temporary:
         temporary.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
-    if train.main(["--config", str(file), "--jobs", str(jobs)]):
+    if train.main(["--config", str(file), *words]):
         require_diverged(config)
     records = (each.kept(config, ".json") for each in wanted(config) if each.is_made(config))
     return sum(read_results(record)["results"]["cpu_seconds"] for record in records)
 
 
-def trained_from(start: str, protocol: dict, jobs: int) -> tuple[dict[str, dict], dict, float]:
+def trained_from(start: str, protocol: dict, words: list[str]) -> tuple[dict[str, dict], dict, float]:
     """Train all readings with one start. Returns their rates, the configuration of the whole trainings, and seconds."""
     state, own = Path(protocol["state"]), readings_from(protocol, start)
     config = configuration(protocol, start, rate_arms(protocol, start), state, Path(protocol["short"]))
@@ -155,7 +158,7 @@ def trained_from(start: str, protocol: dict, jobs: int) -> tuple[dict[str, dict]
         subjects += scans(protocol["evaluation"]["cohort"], "test")
         found = InitialSurfaces(protocol["binary"], segmentation_network(config))
         binary_surfaces(tqdm(subjects, desc="binary surfaces"), found)
-    seconds = trained(config, state / f"rates_{start}.yaml", jobs) if config["arms"] else 0.0
+    seconds = trained(config, state / f"rates_{start}.yaml", words) if config["arms"] else 0.0
     rates = {
         name: {"rate": known[0], "assd_mm": {}}
         if len(known := protocol["rates"][each["rates"]]) == 1
@@ -168,7 +171,7 @@ def trained_from(start: str, protocol: dict, jobs: int) -> tuple[dict[str, dict]
         for name in finalists(rates, protocol)
     }
     whole = configuration(protocol, start, arms, state, Path(protocol["weights"])) | {"keep_last": True}
-    return rates, whole, seconds + trained(whole, state / f"whole_{start}.yaml", jobs)
+    return rates, whole, seconds + trained(whole, state / f"whole_{start}.yaml", words)
 
 
 def measured_rows(setting: Setting, partial: Path) -> tuple[list[dict], float]:
@@ -191,13 +194,14 @@ def main(words: list[str] | None = None) -> int:
     parser = arguments(__doc__, HERE / "readings" / "results.json")
     parser.set_defaults(config=HERE / "readings.yaml")
     parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
+    parser.add_argument("--device", default="cpu", help="for the trainings, such as cuda (default: %(default)s)")
     asked = parser.parse_args(words)
-    protocol = read_config(asked.config)
+    protocol, own = read_config(asked.config), ["--jobs", str(asked.jobs), "--device", asked.device]
     rates, configs, there, seconds = {}, {}, {}, 0.0
     for start in (start for start in STARTS if readings_from(protocol, start)):
-        own, configs[start], took = trained_from(start, protocol, asked.jobs)
+        chosen, configs[start], took = trained_from(start, protocol, own)
         there[start] = [each for each in wanted(configs[start]) if each.is_made(configs[start])]
-        rates, seconds = rates | own, seconds + took
+        rates, seconds = rates | chosen, seconds + took
     partial = asked.output.with_name("partial.jsonl")
     setting = Setting(protocol, configs, there, segmentation_network(protocol))
     rows, took = measured_rows(setting, partial)

@@ -2,7 +2,7 @@
 
 Run as ``python experiments/ddot/train.py`` when both cohorts and the segmentation weights exist. ``--jobs 2`` trains
 two networks at a time, each on one thread; ``--only 'oasis_like_left_*_0'`` selects networks; ``--list`` shows their
-status. A stopped training resumes and ends with the same weights.
+status; ``--device cuda`` trains on an accelerator. A stopped training resumes, and on a CPU ends with the same weights.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from meshot.synth.cohorts import scans
 from meshot_book.trainings import OUTPUT, alone, train_in_processes, train_in_turn
 
 
-def made(each: Wanted, config: dict) -> None:
+def made(each: Wanted, config: dict, device: str = "cpu") -> None:
     """Train one network on one thread and store its results.
 
     Raises
@@ -31,7 +31,7 @@ def made(each: Wanted, config: dict) -> None:
     with alone(each.state(config)):
         run_system_training(
             each.system(config).name, config["settings"], [config["cohorts"][each.cohort]], each.state(config),
-            segmentation_weights(config["segmentation"]), config["initial"], each.changes(config), torch.device("cpu"),
+            segmentation_weights(config["segmentation"]), config["initial"], each.changes(config), torch.device(device),
         )  # fmt: skip
         keep(each, config)
 
@@ -56,6 +56,7 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     parser = arguments(__doc__)
     parser.add_argument("--only", nargs="+", default=["*"], metavar="PATTERN", help="names, * for anything")
     parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
+    parser.add_argument("--device", default="cpu", help="such as cuda (default: %(default)s)")
     parser.add_argument("--list", action="store_true", help="show which networks exist, and train nothing")
     return parser.parse_args(words)
 
@@ -75,10 +76,11 @@ def main(words: list[str] | None = None) -> int:
     if asked.jobs > 1 and len(missing) > 1:
         prepared(missing, config)
         folders = {name: each.state(config) for name, each in by_name.items()}
-        failed = train_in_processes(folders, [sys.executable, __file__, "--config", str(asked.config)], asked.jobs)
+        words = ["--config", str(asked.config), "--device", asked.device]
+        failed = train_in_processes(folders, [sys.executable, __file__, *words], asked.jobs)
         where = f"; {Path(config['state'])}/NAME/{OUTPUT} says why"
     else:
-        failed, where = train_in_turn(list(by_name), lambda name: made(by_name[name], config)), ""
+        failed, where = train_in_turn(list(by_name), lambda name: made(by_name[name], config, asked.device)), ""
     if failed:
         print(f"failed: {', '.join(failed)}{where}", file=sys.stderr)
     return int(bool(failed))

@@ -165,7 +165,7 @@ def torus(large, small, n=96):
 def test_a_training_that_fails_does_not_stop_the_others(part, place, monkeypatch, capsys):
     train, begun = part("train"), []
 
-    def made(each: object, _: dict) -> None:
+    def made(each: object, _: dict, device: str) -> None:
         begun.append(each.name)
         if len(begun) == 1:
             raise ValueError("made with another data")

@@ -245,7 +245,7 @@ def test_a_single_rate_is_not_tried(part, place):
     own = yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
     own |= {"rates": {"mm": [0.002]}, "readings": {"cortexode": own["readings"]["cortexode"]}}
     own["readings"]["cortexode"]["epochs"], own["validate_every"] = 4, 3
-    rates, whole, _ = readings.trained_from("initial", own, 1)
+    rates, whole, _ = readings.trained_from("initial", own, [])
     assert rates == {"cortexode": {"rate": 0.002, "assd_mm": {}}}
     assert whole["arms"]["cortexode"]["changes"][-2:] == ["training.n_epochs=4", "training.validate_every=3"]
     assert read_results(place / "weights" / "alpha_left_cortexode_0.json")["results"]["n_steps"] == 8
@@ -275,7 +275,7 @@ def diverging(part, place):
 
 def test_a_reading_without_a_rate_is_refused(part, place, diverging):
     readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
-    assert readings.trained(diverging, place / "rates.yaml", 1) == 0
+    assert readings.trained(diverging, place / "rates.yaml", []) == 0
     found = readings.scores(own | {"rates": {"mm": [0.002]}}, "cortexode", diverging)
     with pytest.raises(ValueError, match="cortexode: no rate kept a finite loss; give the reading smaller rates"):
         readings.choice(found, "cortexode")
@@ -288,7 +288,7 @@ def test_a_training_that_another_process_has_is_not_taken_for_diverged(part, pla
         processes.alone(each.state(diverging)),
         pytest.raises(processes.Busy, match="is being trained by another process"),
     ):
-        readings.trained(diverging, place / "rates.yaml", 1)
+        readings.trained(diverging, place / "rates.yaml", [])
 
 
 def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):

@@ -115,12 +115,13 @@ def test_threads_change_nothing_to_the_bit(monkeypatch):
         assert all(torch.equal(g, h) for g, h in zip(others, found[0], strict=True))
 
 
-def test_the_path_of_other_devices_agrees(monkeypatch):
-    arrays, *settings = case("a window of one side only")
-    expected = with_gradients(windowed_sliced_wasserstein, arrays, *settings)
-    monkeypatch.setattr("meshot.loss.windowed.takes_kernel", lambda points: False)
-    monkeypatch.setattr("meshot.loss.sliced.takes_kernel", lambda points: False)
-    for one, other in zip(with_gradients(windowed_sliced_wasserstein, arrays, *settings), expected, strict=True):
+def test_the_plain_path_agrees(monkeypatch):
+    arrays, centres, radius, lines = case("a window of one side only")
+    expected = with_gradients(windowed_sliced_wasserstein, arrays, centres, radius, lines)
+    monkeypatch.setattr("meshot.loss.windowed.mean_of_windows", None)
+    free = lines.clone().requires_grad_()
+    found = with_gradients(windowed_sliced_wasserstein, arrays, centres, radius, free)
+    for one, other in zip(found, expected, strict=True):
         torch.testing.assert_close(one, other, rtol=1e-9, atol=1e-12)
 
 

@@ -8,7 +8,6 @@ import torch
 
 from meshot.errors import as_floating, require_positive, require_positive_integer, require_shape
 from meshot.loss.directions import Directions, quasi_directions
-from meshot.loss.fused import takes_kernel
 from meshot.loss.fused_windows import REACH, mean_of_windows
 from meshot.loss.plain import checked_lines
 from meshot.loss.sliced import sliced_wasserstein
@@ -59,9 +58,9 @@ def windowed_sliced_wasserstein(
 
     Notes
     -----
-    On a CPU, compiled kernels compute the windows on ``torch.get_num_threads()`` threads in float64. The result is the
-    same for any number of threads. Only first derivatives are available. On other devices, and if the directions
-    require a gradient, the windows are computed one after the other by PyTorch.
+    Compiled kernels compute the windows on ``torch.get_num_threads()`` threads of the CPU in float64, also for tensors
+    on other devices. The result is the same for any number of threads. Only first derivatives are available. If the
+    directions require a gradient, the windows are computed one after the other by PyTorch.
 
     *Axioms.* Windows without mass of one measure are left out. If all windows hold mass of all measures, the p-th root
     is a pseudo-metric for fixed windows and directions: it is a mean of powers of distances between normalised
@@ -96,9 +95,11 @@ def windowed_sliced_wasserstein(
     directions = _sets(directions, n_windows, source.places)
     require_positive(radius, "radius", "the units of the points")
     lines = checked_lines(source, directions.flatten(0, 1), p).reshape(directions.shape)
-    if takes_kernel(source.places) and not lines.requires_grad:
-        tensors = (source.places, source.weights, target.places, target.weights)
-        value, n_counted = mean_of_windows(tensors, centres, float(radius), lines, float(p))
+    if source.places.dtype in (torch.float32, torch.float64) and not lines.requires_grad:
+        tensors = (source.places, source.weights, target.places, target.weights, centres, lines)
+        *measures, centres, lines = (tensor.cpu() for tensor in tensors)
+        value, n_counted = mean_of_windows(measures, centres, float(radius), lines, float(p))
+        value = value.to(source.places.device)
     else:
         value, n_counted = _window_by_window(source, target, centres, radius, lines, p)
     if not n_counted:

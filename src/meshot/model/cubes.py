@@ -7,9 +7,10 @@ import torch
 from torch import nn
 
 from meshot.errors import require_positive_integer
+from meshot.model.stacked import StackedImages
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Int64, Tensor
-from meshot.volume import Volume, mm_to_voxel, sample_volume, volume_pyramid
+from meshot.volume import Volume, mm_to_voxel, volume_pyramid
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -128,8 +129,8 @@ class CubeConvolution(nn.Module):
         """The features at points in mm, from the convolved images of :meth:`maps`."""
         return self.bias + sum(level.at(points) for level in maps)
 
-    def cut(self, images: tuple[Volume, ...], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
-        """The same features, from cubes extracted around every point. Slow for many points.
+    def stacked(self, images: tuple[Volume, ...]) -> StackedImages:
+        """The images on the device of the layer, as input of :meth:`cut`.
 
         Raises
         ------
@@ -137,13 +138,12 @@ class CubeConvolution(nn.Module):
             If the number of images differs from the number of scales.
         """
         self._require_scales(images)
-        size = self.weight.shape[-1]
-        steps = points.new_tensor(list(np.ndindex(size, size, size))) - size // 2  # (size³, 3)
-        cubes = []
-        for image in images:
-            places = points[:, None] + steps @ points.new_tensor(image.affine[:3, :3]).T
-            cubes.append(sample_volume(image, places.flatten(0, 1)).unflatten(0, (len(points), len(steps))))
-        return self.bias + torch.einsum("nsk,csk->nc", torch.stack(cubes, dim=1), self.weight.flatten(2))
+        return StackedImages(images, self.weight.shape[-1], self.weight)
+
+    def cut(self, images: StackedImages, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
+        """The same features, from cubes extracted around every point. On a CPU slow for many points."""
+        kernels = self.weight.flatten(2).permute(1, 2, 0)  # (scales, size³, features)
+        return self.bias + torch.bmm(images.cubes(points), kernels).sum(dim=0)
 
     def _require_scales(self, images: tuple[Volume, ...]) -> None:
         if len(images) != self.weight.shape[1]:

@@ -11,6 +11,7 @@ from torch import nn
 from meshot.errors import require_choice, require_positive, require_positive_integer
 from meshot.flow.fields import LearnedVelocity, Prepared
 from meshot.model.cubes import CubeConvolution
+from meshot.model.stacked import StackedImages
 from meshot.model.visited import VisitedFeatures
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Float, Tensor
@@ -131,8 +132,8 @@ class ImageVelocity(LearnedVelocity):
         In the space of the points, with intensities scaled as in the training of the network.
     path : str
         "convolved": the image is convolved once per flow, then interpolated. "visited": the same, but only at voxels
-        near points (on a CPU; not for the adjoint method). "cut": cubes are extracted at every step. All give the same
-        values.
+        near points (on a CPU; not for the adjoint method). "cut": cubes are extracted at every step, which is fast on a
+        GPU. All give the same values.
 
     Raises
     ------
@@ -145,13 +146,15 @@ class ImageVelocity(LearnedVelocity):
         require_choice(path, "path", get_args(Path))
         self.network, self.path = network, path
         self.images = network.cubes.images(image)
+        self._kept: StackedImages | None = None
 
     def prepared(self) -> Prepared:
         """The field with its image already convolved."""
         network, images = self.network, self.images
         parameters = tuple(network.parameters())
         if self.path == "cut":
-            return Prepared(lambda _, points: network(points, network.cubes.cut(images, points)), parameters)
+            stacked = self._stacked()
+            return Prepared(lambda _, points: network(points, network.cubes.cut(stacked, points)), parameters)
         if self.path == "visited":
             visited = VisitedFeatures(network.cubes, images)
             return Prepared(lambda _, points: network(points, visited.at(points)), parameters)
@@ -160,6 +163,13 @@ class ImageVelocity(LearnedVelocity):
         others = [parameter for parameter in network.parameters() if parameter is not network.cubes.weight]
         tensors = (*others, *(level.values for level in maps))
         return Prepared(lambda _, points: network(points, network.cubes.at(maps, points)), tensors)
+
+    def _stacked(self) -> StackedImages:
+        """The images for the path "cut". They are kept, and made again if the network has moved."""
+        weight = self.network.cubes.weight
+        if self._kept is None or self._kept.values.device != weight.device or self._kept.values.dtype != weight.dtype:
+            self._kept = self.network.cubes.stacked(self.images)
+        return self._kept
 
     def forward(self, time: Float[Tensor, ""], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
         """The velocity of every point."""

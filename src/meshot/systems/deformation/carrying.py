@@ -65,7 +65,7 @@ def deformed(
     parameter = next(network.parameters())
     start = initial.vertices.to(parameter)
     # Only the displacement is rounded to the network's precision, not the initial position.
-    path = "visited" if start.device.type == "cpu" else "convolved"
+    path = "visited" if start.device.type == "cpu" else "cut"
     moved = integrate(network.velocity_in(standardised(image, initial), path), start, n_steps, method) - start
     if not bool(torch.isfinite(moved).all()):
         raise ValueError("the flow leads to vertices that are not finite: is the network trained?")

@@ -75,7 +75,7 @@ def train_deformation(
 
 def velocity_field(item: DeformationExample, network: DeformationNetwork, device: torch.device) -> ImageVelocity:
     """The velocity field of a network in the scan of an example. It follows the network when its weights change."""
-    path = "visited" if device.type == "cpu" else "convolved"
+    path = "visited" if device.type == "cpu" else "cut"
     return network.velocity_in(standardised(item.scan, item.initial), path)
 
 
