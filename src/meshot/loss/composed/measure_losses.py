@@ -126,11 +126,11 @@ class WindowedLoss(MeasureLoss):
 
 @dataclasses.dataclass(frozen=True)
 class ChamferLoss(MeasureLoss):
-    """The Chamfer distance, squared: see :func:`meshot.chamfer`. Neighbours are found on the device of the points."""
+    """The Chamfer distance, squared: see :func:`meshot.chamfer`."""
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss. Nothing is random."""
-        return chamfer(source, target, "tree" if source.places.device.type == "cpu" else "brute")
+        return chamfer(source, target)
 
 
 @dataclasses.dataclass(frozen=True)
