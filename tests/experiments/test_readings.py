@@ -80,7 +80,7 @@ def test_every_reading_has_three_rates_and_its_own_settings(part, protocol, root
     assert seen["ddot_binary_0.002"][1] == protocol["binary"]
 
 
-@pytest.mark.parametrize(("name", "n_short"), [("candidates", 36), ("controls", 15), ("budget", 0)])
+@pytest.mark.parametrize(("name", "n_short"), [("candidates", 45), ("controls", 15), ("budget", 0)])
 def test_every_reading_of_the_other_protocols_has_settings_of_its_own(part, root, monkeypatch, name, n_short):
     monkeypatch.chdir(root)
     readings, trainings = part("readings"), part("trainings")
