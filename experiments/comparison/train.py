@@ -28,7 +28,7 @@ from meshot.model import halve_weights
 from meshot.pipeline import LOG, RECORD, WEIGHTS, InitialSurfaces, run_system_training, segmentation_weights
 from meshot.synth.cohorts import scans
 from meshot.train import TrainingLog, read_log
-from meshot_book.trainings import OUTPUT, alone, thinned, train_in_processes, train_in_turn
+from meshot_book.trainings import OUTPUT, alone, require_device, thinned, train_in_processes, train_in_turn
 
 #: The exit status of a run that was stopped by ``--minutes``.
 STOPPED = os.EX_TEMPFAIL
@@ -152,10 +152,7 @@ def main(words: list[str] | None = None) -> int:
         If the device is not there, or no training has a name that was asked for.
     """
     asked = parsed(words)
-    if torch.device(asked.device).type == "cuda" and not torch.cuda.is_available():
-        raise ValueError(
-            f"--device is {asked.device}, and no such device is here: leave it out to train on the processor"
-        )
+    require_device(asked.device)
     config = read_config(asked.config)
     units = chosen([*trials(config), *finals(config)], asked.only)
     if asked.list:

@@ -150,7 +150,10 @@ def trained(config: dict, file: Path, words: list[str]) -> float:
 
 
 def trained_from(start: str, protocol: dict, words: list[str]) -> tuple[dict[str, dict], dict, float]:
-    """Train all readings with one start. Returns their rates, the configuration of the whole trainings, and seconds."""
+    """Train all readings with one start. Returns their rates, the configuration of the whole trainings, and seconds.
+
+    ``words`` are further arguments of ``train.py``.
+    """
     state, own = Path(protocol["state"]), readings_from(protocol, start)
     config = configuration(protocol, start, rate_arms(protocol, start), state, Path(protocol["short"]))
     if start == "binary":
@@ -196,12 +199,12 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
     parser.add_argument("--device", default="cpu", help="for the trainings, such as cuda (default: %(default)s)")
     asked = parser.parse_args(words)
-    protocol, own = read_config(asked.config), ["--jobs", str(asked.jobs), "--device", asked.device]
+    protocol, where = read_config(asked.config), ["--jobs", str(asked.jobs), "--device", asked.device]
     rates, configs, there, seconds = {}, {}, {}, 0.0
     for start in (start for start in STARTS if readings_from(protocol, start)):
-        chosen, configs[start], took = trained_from(start, protocol, own)
+        own, configs[start], took = trained_from(start, protocol, where)
         there[start] = [each for each in wanted(configs[start]) if each.is_made(configs[start])]
-        rates, seconds = rates | chosen, seconds + took
+        rates, seconds = rates | own, seconds + took
     partial = asked.output.with_name("partial.jsonl")
     setting = Setting(protocol, configs, there, segmentation_network(protocol))
     rows, took = measured_rows(setting, partial)

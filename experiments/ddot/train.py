@@ -16,7 +16,7 @@ from trainings import Wanted, arguments, keep, read_config, segmentation_network
 
 from meshot.pipeline import InitialSurfaces, run_system_training, segmentation_weights
 from meshot.synth.cohorts import scans
-from meshot_book.trainings import OUTPUT, alone, train_in_processes, train_in_turn
+from meshot_book.trainings import OUTPUT, alone, require_device, train_in_processes, train_in_turn
 
 
 def made(each: Wanted, config: dict, device: str = "cpu") -> None:
@@ -62,8 +62,15 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Train the missing networks. Returns 1 if one failed."""
+    """Train the missing networks. Returns 1 if one failed.
+
+    Raises
+    ------
+    ValueError
+        If the device is not there, or no network has a name that was asked for.
+    """
     asked = parsed(words)
+    require_device(asked.device)
     config = read_config(asked.config)
     chosen = wanted(config, asked.only)
     missing = [each for each in chosen if not each.is_made(config)]

@@ -165,7 +165,7 @@ def torus(large, small, n=96):
 def test_a_training_that_fails_does_not_stop_the_others(part, place, monkeypatch, capsys):
     train, begun = part("train"), []
 
-    def made(each: object, _: dict, device: str) -> None:
+    def made(each: object, *_: object) -> None:
         begun.append(each.name)
         if len(begun) == 1:
             raise ValueError("made with another data")
@@ -176,6 +176,14 @@ def test_a_training_that_fails_does_not_stop_the_others(part, place, monkeypatch
     said = capsys.readouterr().err
     assert "made with another data" in said
     assert said.endswith("failed: alpha_left_ddot_0\n")
+
+
+def test_every_training_gets_the_device(part, place, monkeypatch):
+    train, used = part("train"), []
+    monkeypatch.setattr(train, "require_device", lambda name: None)
+    monkeypatch.setattr(train, "made", lambda each, config, device: used.append(device))
+    assert train.main(["--config", str(place / "config.yaml"), "--device", "cuda"]) == 0
+    assert set(used) == {"cuda"}
 
 
 def test_the_hole_of_a_ring_is_as_deep_as_a_ball_leaves_it(part):

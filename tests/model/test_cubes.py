@@ -149,9 +149,10 @@ def test_a_point_that_is_not_a_number_has_no_features_and_the_others_theirs():
     points = places(images[0], 5)
     wanted = layer.cut(layer.stacked(images), points).detach()
     points[2, 1], points[3] = float("nan"), float("inf")
-    found = VisitedFeatures(layer, images).at(points)
-    assert bool(found[2].isnan().all())
-    torch.testing.assert_close(found[[0, 1, 4]].detach(), wanted[[0, 1, 4]])
+    for path in ("visited", "cut"):
+        found = features_along(path, layer, images, points)
+        assert bool(found[2].isnan().all())
+        torch.testing.assert_close(found[[0, 1, 4]].detach(), wanted[[0, 1, 4]])
 
 
 def test_nothing_of_a_visit_is_kept_once_it_is_over():

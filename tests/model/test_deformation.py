@@ -61,6 +61,15 @@ def test_every_path_carries_points_to_the_same_place_with_the_same_gradients(net
     assert float((found[0][0] - points()).norm(dim=1).mean()) > 0.1
 
 
+def test_a_field_that_cuts_follows_its_network_to_another_dtype(network):
+    field, at = network.velocity_in(volume(0), "cut"), (torch.tensor(0.0), points())
+    double = field(*at)
+    network.float()
+    torch.testing.assert_close(field(at[0], at[1].float()).double(), double, rtol=1e-4, atol=1e-4)  # 7 digits, summed
+    again = network.double().velocity_in(volume(0))(*at)
+    torch.testing.assert_close(field(*at), again)
+
+
 def test_the_adjoint_gradient_reaches_every_parameter(network):
     with torch.no_grad():  # slowly: the way back is only as exact as the field is smooth
         network.to_velocity.weight.mul_(0.2)

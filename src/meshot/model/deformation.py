@@ -132,8 +132,8 @@ class ImageVelocity(LearnedVelocity):
         In the space of the points, with intensities scaled as in the training of the network.
     path : str
         "convolved": the image is convolved once per flow, then interpolated. "visited": the same, but only at voxels
-        near points (on a CPU; not for the adjoint method). "cut": cubes are extracted at every step, which is fast on a
-        GPU. All give the same values.
+        near points (on a CPU; not for the adjoint method). "cut": cubes are extracted around the points at every step.
+        All give the same values.
 
     Raises
     ------

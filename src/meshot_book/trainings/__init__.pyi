@@ -3,6 +3,7 @@ from .processes import (
     OUTPUT as OUTPUT,
     Busy as Busy,
     alone as alone,
+    require_device as require_device,
     train_in_processes as train_in_processes,
     train_in_turn as train_in_turn,
 )

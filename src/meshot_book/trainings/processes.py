@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+import torch
 from tqdm import tqdm
 
 from meshot_book.trainings.logs import steps_done
@@ -41,6 +42,18 @@ def alone(folder: Path) -> Iterator[None]:
         except BlockingIOError as error:
             raise Busy(f"{folder.name} is being trained by another process") from error
         yield
+
+
+def require_device(name: str) -> None:
+    """Check that a device for trainings is there.
+
+    Raises
+    ------
+    ValueError
+        If it is a GPU, and PyTorch finds none.
+    """
+    if torch.device(name).type == "cuda" and not torch.cuda.is_available():
+        raise ValueError(f"--device is {name}, and no such device is here: leave it out to train on the processor")
 
 
 def train_in_turn(names: Sequence[str], train_one: Callable[[str], None]) -> list[str]:

@@ -4,6 +4,7 @@ import platform
 import sys
 
 import pytest
+import torch
 
 from meshot_book.trainings import processes
 
@@ -69,3 +70,10 @@ def test_a_folder_is_locked_against_others(tmp_path):
             pass
     with processes.alone(tmp_path / "one"):
         pass
+
+
+def test_a_gpu_that_is_not_there_is_refused(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    processes.require_device("cpu")
+    with pytest.raises(ValueError, match="--device is cuda:1, and no such device is here: leave it out"):
+        processes.require_device("cuda:1")
