@@ -40,10 +40,18 @@ def slow(source, target, width, angular):
     return inner(source, source) - 2 * inner(source, target) + inner(target, target)
 
 
+@pytest.fixture(params=["compiled", "one block of pairs", "blocks of pairs"])
+def path(request, monkeypatch):
+    """All ways of computing it: the kernels, and PyTorch with large and with small blocks."""
+    if request.param != "compiled":
+        monkeypatch.setattr("meshot.loss.kernel_norm.takes_kernel", lambda points: False)
+    if request.param == "blocks of pairs":
+        monkeypatch.setattr("meshot.loss.kernel_norm._BLOCK", 20)
+    return request.param
+
+
 @pytest.mark.parametrize("angular", ANGULAR)
-@pytest.mark.parametrize("block", [1 << 22, 40])
-def test_the_definition(angular, block, monkeypatch):
-    monkeypatch.setattr("meshot.loss.kernel_norm._BLOCK", block)
+def test_the_definition(angular, path):
     source, target = oriented(0, 17), oriented(1, 13, scale=4.0)
     found = float(varifold_kernel(source, target, 0.8, angular))
     assert found == pytest.approx(slow(source, target, 0.8, angular), rel=1e-12)
@@ -90,15 +98,60 @@ def test_zero_between_equal_varifolds_symmetric_and_invariant(angular):
 
 
 @pytest.mark.parametrize("angular", ANGULAR)
-def test_gradients(angular, monkeypatch):
-    monkeypatch.setattr("meshot.loss.kernel_norm._BLOCK", 20)
+def test_gradients(angular, path):
+    """In points and masses of the source, of the target, and of both."""
     source, target = oriented(7, 6), oriented(8, 5)
-    points, logits = source.points.clone().requires_grad_(), source.weights.log().requires_grad_()
+    tensors = [t.clone().requires_grad_() for m in (source, target) for t in (m.points, m.weights.log())]
 
-    def value(points, logits):
-        return varifold_kernel(DiscreteMeasure(points, logits.softmax(0)), target, 0.9, angular)
+    def value(points, logits, other_points, other_logits):
+        first, second = (
+            DiscreteMeasure(points, logits.softmax(0)),
+            DiscreteMeasure(other_points, other_logits.softmax(0)),
+        )
+        return varifold_kernel(first, second, 0.9, angular)
 
-    assert torch.autograd.gradcheck(value, (points, logits))
+    fixed = [t.detach() for t in tensors]
+    for given in (tensors, [*tensors[:2], *fixed[2:]], [*fixed[:2], *tensors[2:]], [*fixed[:1], *tensors[1:]]):
+        assert torch.autograd.gradcheck(value, given)
+
+
+def several_clusters(seed, n, dtype):
+    """Many blocks of points, in clusters of which some lie beyond the reach of the kernel of others."""
+    near = oriented(seed, n, dtype=dtype)
+    places = torch.tensor([[0.0, 0, 0], [4, 0, 0], [0, 30, 0]], dtype=dtype).repeat_interleave(-(-n // 3), dim=0)[:n]
+    return DiscreteMeasure(near.points + torch.nn.functional.pad(places, (0, 3)), near.weights)
+
+
+@pytest.mark.parametrize("angular", ANGULAR)
+@pytest.mark.parametrize(("dtype", "digits"), [(torch.float64, 1e-13), (torch.float32, 1e-4)])
+def test_both_computations_agree_on_many_points(angular, dtype, digits, monkeypatch):
+    """Also where the kernels leave out pairs of distant blocks. In float32, the other computation loses digits."""
+    source, target = several_clusters(9, 700, dtype), several_clusters(10, 500, dtype)
+    found = {}
+    for path in ("compiled", "pairs"):
+        monkeypatch.setattr("meshot.loss.kernel_norm.takes_kernel", lambda points, path=path: path == "compiled")
+        tensors = [t.clone().requires_grad_() for m in (source, target) for t in (m.points, m.weights)]
+        value = varifold_kernel(DiscreteMeasure(*tensors[:2]), DiscreteMeasure(*tensors[2:]), 1.5, angular)
+        without = varifold_kernel(source, target, 1.5, angular)
+        assert float(without) == pytest.approx(float(value.detach()), rel=100 * digits)
+        value.backward()
+        found[path] = [value.detach(), *(t.grad for t in tensors)]
+    for compiled, plain in zip(*found.values()):
+        assert compiled.dtype == plain.dtype == dtype
+        assert float((compiled - plain).abs().max() / plain.abs().max()) < digits
+
+
+def test_any_number_of_threads_gives_the_same_bits():
+    source, target = several_clusters(11, 900, torch.float32), several_clusters(12, 800, torch.float32)
+    found, before = [], torch.get_num_threads()
+    for n_threads in (1, 3):
+        torch.set_num_threads(n_threads)
+        points = source.points.clone().requires_grad_()
+        value = varifold_kernel(DiscreteMeasure(points, source.weights), target, 1.5)
+        value.backward()
+        found.append(torch.cat([points.grad.flatten(), value.detach()[None]]))
+    torch.set_num_threads(before)
+    assert torch.equal(*found)
 
 
 def test_single_precision_far_from_the_origin():

@@ -28,7 +28,7 @@ def _run(chosen: argparse.Namespace) -> None:
     from meshot.extras import is_installed
 
     of_scans = (_deformation_network, _initial_surface) if is_installed("skimage") else ()
-    bar = tqdm((_sliced, _windowed, _partial_and_unbalanced, _exact, _grid_flow, *of_scans))
+    bar = tqdm((_sliced, _windowed, _partial_and_unbalanced, _kernel_norm, _exact, _grid_flow, *of_scans))
     for call in bar:
         bar.set_description(call.__name__.strip("_").replace("_", " "))
         with contextlib.redirect_stderr(io.StringIO()):  # the progress bar already names what is compiled
@@ -66,6 +66,16 @@ def _partial_and_unbalanced() -> None:
     sphere = meshot.varifold(icosphere(0))
     for loss in (sliced_partial, sliced_unbalanced):
         loss(sphere, sphere, 1.0, meshot.quasi_directions(2, 3))
+
+
+def _kernel_norm() -> None:
+    import meshot
+    from meshot.loss import varifold_kernel
+    from meshot.mesh.shapes import icosphere
+
+    sphere = icosphere(0)
+    moving = meshot.Mesh(sphere.vertices.requires_grad_(), sphere.faces)
+    varifold_kernel(meshot.varifold(moving, normal_scale=1.0), meshot.varifold(sphere, normal_scale=1.0)).backward()
 
 
 def _exact() -> None:
