@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -15,11 +16,8 @@ from meshot.types import Array, Float, Tensor
 _PIECE = 256  # number of points whose sums one thread computes at a time
 
 
-class FusedNorm(torch.autograd.Function):
-    """The squared kernel norm of a difference. Its gradient is computed with the value, for the backward pass.
-
-    Takes positions in widths, unit normals and masses of both sides, and the four numbers of the angular kernel.
-    """
+class _FusedNorm(torch.autograd.Function):
+    """The squared kernel norm of a difference. Its gradient is computed with the value, for the backward pass."""
 
     @staticmethod
     def forward(ctx, x, m, a, y, n, b, angular):
@@ -40,6 +38,21 @@ class FusedNorm(torch.autograd.Function):
     @once_differentiable
     def backward(ctx, grad_output):
         return *(None if g is None else grad_output * g for g in ctx.gradients), None
+
+
+def fused_norm(
+    first: Sequence[Tensor], second: Sequence[Tensor], angular: tuple[float, float, float, float]
+) -> Float[Tensor, ""]:
+    """The squared kernel norm of the difference of two varifolds, differentiable once.
+
+    Parameters
+    ----------
+    first, second : three tensors
+        Positions in widths of the kernel, unit normals, and masses.
+    angular : four floats
+        The kernel of two normals, see :mod:`meshot.loss._kernel_pairs`.
+    """
+    return _FusedNorm.apply(*first, *second, angular)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from torch.utils.checkpoint import checkpoint
 
 from meshot.errors import require_choice, require_positive
 from meshot.loss.fused import takes_kernel
-from meshot.loss.fused_pairs import FusedNorm
+from meshot.loss.fused_pairs import fused_norm
 from meshot.measure import Measure, as_point_measures
 from meshot.types import Float, Tensor
 
@@ -95,7 +95,7 @@ def varifold_kernel(
     first, second = (_oriented_points(m, middle / width, width) for m in (source, target))
     kernel = ANGULAR[angular]
     if takes_kernel(source.places):
-        return FusedNorm.apply(*first, *second, tuple(kernel))
+        return fused_norm(first, second, kernel)
     own = sum(_inner(*side, *side, kernel) for side in (first, second))
     return own - 2 * _inner(*first, *second, kernel)
 
