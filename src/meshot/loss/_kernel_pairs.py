@@ -28,59 +28,64 @@ _POWERS = 2.0 ** -np.arange(_MOST + 2)
 _FRACTION = Chebyshev.interpolate(lambda x: 2.0**-x, 10, domain=[0, 1]).convert(kind=Polynomial).coef
 
 
-@kernel("the kernel norm", 5, fastmath={"contract", "reassoc"})
+@kernel("the kernel norm", 5)
 @no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
-def sum_kernel(x, start, stop, y, masses, low, high, reach, angular, above, sums):
+def sum_kernel(x, start, stop, y, masses, low, high, reach, angular, above, sums, gradients):
     """Write the sums over the points of ``y``, weighted by ``masses``, for the points of ``x`` from start to stop.
 
-    With ``above``, ``y`` is the same measure as ``x``, and a sum is over the points after the own one.
+    ``gradients`` receives the gradients of the sums in the six rows of ``x``, unless it is empty. With ``above``, ``y``
+    is the same measure as ``x``, and a sum is over the points after the own one.
     """
-    sharpness, c0, c1, c2 = angular
     runs = np.empty((low.shape[1], 2), np.int64)
     for first in range(start, stop, _ROWS):
         last = min(first + _ROWS, stop)
         for r in range(_near(x[:3, first:last], low, high, reach, runs)):
-            j0, j1 = runs[r, 0] * BLOCK, min(runs[r, 1] * BLOCK, y.shape[1])
+            begin, end = runs[r, 0] * BLOCK, min(runs[r, 1] * BLOCK, y.shape[1])
             for i in range(first, last):
-                j0 = max(j0, i + 1) if above else j0
-                y0, y1, y2, n0, n1, n2 = y[0, j0:j1], y[1, j0:j1], y[2, j0:j1], y[3, j0:j1], y[4, j0:j1], y[5, j0:j1]
-                x0, x1, x2, m0, m1, m2, mass = x[0, i], x[1, i], x[2, i], x[3, i], x[4, i], x[5, i], masses[j0:j1]
-                total = 0.0
-                for j in range(len(mass)):
-                    d0, d1, d2 = x0 - y0[j], x1 - y1[j], x2 - y2[j]
-                    u = m0 * n0[j] + m1 * n1[j] + m2 * n2[j]
-                    decay = mass[j] * _decay(d0 * d0 + d1 * d1 + d2 * d2 + sharpness * (1 - u))
-                    total += decay * (c0 + u * (c1 + u * c2))
-                sums[i] += total
+                begin = max(begin, i + 1) if above else begin
+                if gradients.size > 0:
+                    sums[i] += _add_gradient(x, i, y, begin, end, masses, angular, gradients)
+                else:
+                    sums[i] += _sum(x, i, y, begin, end, masses, angular)
 
 
-@kernel("the kernel norm", 5, fastmath={"contract", "reassoc"})
+@njit(fastmath={"contract", "reassoc"}, **INNER)
 @no_type_check
-def sum_kernel_with_gradient(x, start, stop, y, masses, low, high, reach, angular, sums, gradients):
-    """As ``sum_kernel``, over all points of ``y``, with the gradients of the sums in the six rows of ``x``."""
+def _sum(x, i, y, begin, end, masses, angular):
+    """The sum for the point i over some points of ``y``."""
     sharpness, c0, c1, c2 = angular
-    runs = np.empty((low.shape[1], 2), np.int64)
-    for first in range(start, stop, _ROWS):
-        last = min(first + _ROWS, stop)
-        for r in range(_near(x[:3, first:last], low, high, reach, runs)):
-            j0, j1 = runs[r, 0] * BLOCK, min(runs[r, 1] * BLOCK, y.shape[1])
-            y0, y1, y2, n0, n1, n2 = y[0, j0:j1], y[1, j0:j1], y[2, j0:j1], y[3, j0:j1], y[4, j0:j1], y[5, j0:j1]
-            mass = masses[j0:j1]
-            for i in range(first, last):
-                x0, x1, x2, m0, m1, m2 = x[0, i], x[1, i], x[2, i], x[3, i], x[4, i], x[5, i]
-                total, a0, a1, a2, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-                for j in range(len(mass)):
-                    d0, d1, d2 = x0 - y0[j], x1 - y1[j], x2 - y2[j]
-                    u = m0 * n0[j] + m1 * n1[j] + m2 * n2[j]
-                    decay = mass[j] * _decay(d0 * d0 + d1 * d1 + d2 * d2 + sharpness * (1 - u))
-                    value = decay * (c0 + u * (c1 + u * c2))
-                    slope = sharpness * value + decay * (c1 + 2 * u * c2)  # the derivative in u
-                    total += value
-                    a0, a1, a2 = a0 + value * d0, a1 + value * d1, a2 + value * d2
-                    b0, b1, b2 = b0 + slope * n0[j], b1 + slope * n1[j], b2 + slope * n2[j]
-                sums[i] += total
-                for k, part in enumerate((-2 * a0, -2 * a1, -2 * a2, b0, b1, b2)):
-                    gradients[k, i] += part
+    y0, y1, y2 = y[0, begin:end], y[1, begin:end], y[2, begin:end]
+    n0, n1, n2 = y[3, begin:end], y[4, begin:end], y[5, begin:end]
+    x0, x1, x2, m0, m1, m2, mass = x[0, i], x[1, i], x[2, i], x[3, i], x[4, i], x[5, i], masses[begin:end]
+    total = 0.0
+    for j in range(len(mass)):
+        u = m0 * n0[j] + m1 * n1[j] + m2 * n2[j]
+        squared = (x0 - y0[j]) ** 2 + (x1 - y1[j]) ** 2 + (x2 - y2[j]) ** 2
+        total += mass[j] * _decay(squared + sharpness * (1 - u)) * (c0 + u * (c1 + u * c2))
+    return total
+
+
+@njit(fastmath={"contract", "reassoc"}, **INNER)
+@no_type_check
+def _add_gradient(x, i, y, begin, end, masses, angular, gradients):
+    """As ``_sum``, and add the gradients of the sum to the column i of ``gradients``."""
+    sharpness, c0, c1, c2 = angular
+    total, a0, a1, a2, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    y0, y1, y2 = y[0, begin:end], y[1, begin:end], y[2, begin:end]
+    n0, n1, n2 = y[3, begin:end], y[4, begin:end], y[5, begin:end]
+    x0, x1, x2, m0, m1, m2, mass = x[0, i], x[1, i], x[2, i], x[3, i], x[4, i], x[5, i], masses[begin:end]
+    for j in range(len(mass)):
+        d0, d1, d2 = x0 - y0[j], x1 - y1[j], x2 - y2[j]
+        u = m0 * n0[j] + m1 * n1[j] + m2 * n2[j]
+        decay = mass[j] * _decay(d0 * d0 + d1 * d1 + d2 * d2 + sharpness * (1 - u))
+        value = decay * (c0 + u * (c1 + u * c2))
+        slope = sharpness * value + decay * (c1 + 2 * u * c2)  # the derivative in u
+        total += value
+        a0, a1, a2 = a0 + value * d0, a1 + value * d1, a2 + value * d2
+        b0, b1, b2 = b0 + slope * n0[j], b1 + slope * n1[j], b2 + slope * n2[j]
+    for k, part in enumerate((-2 * a0, -2 * a1, -2 * a2, b0, b1, b2)):
+        gradients[k, i] += part
+    return total
 
 
 @njit(**INNER)

@@ -9,7 +9,7 @@ import torch
 from scipy.spatial import cKDTree
 from torch.autograd.function import once_differentiable
 
-from meshot.loss._kernel_pairs import BLOCK, sum_kernel, sum_kernel_with_gradient
+from meshot.loss._kernel_pairs import BLOCK, sum_kernel
 from meshot.threads import in_chunks
 from meshot.types import Array, Float, Tensor
 
@@ -85,19 +85,16 @@ def _side(positions: Tensor, normals: Tensor, masses: Tensor) -> _Side:
 def _sums(side: _Side, other: _Side, angular: tuple, reach: float, gradient: bool, above: bool = False) -> _Sums:
     """The sums over the other side. Pieces of fixed size make them the same for any number of threads."""
     n = len(side.masses)
-    values, gradients = np.zeros(n), np.zeros((6, n)) if gradient else None
+    values, gradients = np.zeros(n), np.zeros((6, n) if gradient else (0, 0))
 
     def work(first: int, last: int) -> None:
         for start in range(first * _PIECE, min(last * _PIECE, n), _PIECE):
             bounds = side.rows, start, min(start + _PIECE, n)
-            onto = other.rows, other.masses, other.low, other.high, reach, angular
-            if gradient:
-                sum_kernel_with_gradient(*bounds, *onto, values, gradients)
-            else:
-                sum_kernel(*bounds, *onto, above, values)
+            onto = other.rows, other.masses, other.low, other.high
+            sum_kernel(*bounds, *onto, reach, angular, above, values, gradients)
 
     in_chunks(work, -(-n // _PIECE))
-    return _Sums(values, gradients)
+    return _Sums(values, gradients if gradient else None)
 
 
 def _own(side: _Side, angular: tuple, reach: float, gradient: bool) -> _Sums:
