@@ -94,6 +94,14 @@ def test_nearness_to_the_start_is_counted():
     assert "It ends farther from the truth than the initial surface in 4 of 4 columns." in verdict.says
 
 
+@pytest.mark.parametrize("value", [0.01, 0.9])
+def test_seeds_on_the_other_side_are_left_out(value):
+    other = [row(COLUMNS[1], "deepcsr", s, value + NOISE[s], seed=seed) for s in range(5) for seed in (1, 2)]
+    assert systems_verdict(record(rows() + other)).status == ledger.REPRODUCED
+    left = {("deepcsr", 2): 0.19}
+    assert systems_verdict(record(rows(seeds=left) + other)).status == ledger.IN_PART
+
+
 def test_missing_systems_are_named():
     there = [each for each in rows() if (each["arm"], each["side"]) != ("deepcsr", "right")]
     verdict = systems_verdict(record(there))

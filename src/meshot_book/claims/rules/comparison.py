@@ -68,16 +68,22 @@ def _seconds_agree(results: dict, plan: dict) -> bool:
 
 
 def _seeds_agree(results: dict, plan: dict) -> bool:
-    """Whether each seed of our system has smaller mean distances than the same seed of every rival."""
-    lines = {line["arm"]: line for line in results["seeds"] if line["budget"] == STEPS}
-    if plan["ours"] not in lines or not set(plan["rivals"]) <= lines.keys():
+    """Whether each seed of our system has smaller mean distances than the same seed of every rival.
+
+    A system that finds both sides with one network has seeds on both. The side without seeds of our system is left out.
+    """
+    lines = {(line["arm"], line["cohort"], line["side"]): line for line in results["seeds"] if line["budget"] == STEPS}
+    columns = [column for arm, *column in lines if arm == plan["ours"]]
+    if not columns or any((arm, *column) not in lines for arm in plan["rivals"] for column in columns):
         return False
-    ours = lines[plan["ours"]]
     return all(
         mine < theirs
+        for column in columns
         for arm in plan["rivals"]
         for metric in DISTANCES
-        for mine, theirs in zip(ours[metric]["means"], lines[arm][metric]["means"], strict=True)
+        for mine, theirs in zip(
+            lines[plan["ours"], *column][metric]["means"], lines[arm, *column][metric]["means"], strict=True
+        )
     )
 
 
