@@ -8,6 +8,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
+from scipy.spatial.transform import Rotation
 
 import meshot
 from meshot import evaluate, read_mesh, write_mesh
@@ -32,7 +33,7 @@ def test_evaluate_prints_and_writes_what_the_function_finds(pair, tmp_path, caps
     written = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     assert written["metrics"] == found.as_dict()
     assert written["version"] == meshot.__version__
-    assert written["settings"] == {"points": 2000, "emd_points": 200, "emd_blur": None, "seed": 3}
+    assert written["settings"] == {"points": 2000, "emd_points": 200, "emd_blur": None, "seed": 3, "align": False}
     for name, path in zip(("predicted", "target"), pair, strict=True):
         assert written["inputs"][name] == {"path": path, "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest()}
 
@@ -63,6 +64,52 @@ def test_a_table_of_pairs_is_answered_by_a_table(pair, tmp_path, capsys):
     assert float(rows[1]["assd"]) == found.assd.value
     assert float(rows[1]["assd_floor"]) == found.assd.floor
     assert (rows[0]["predicted"], rows[0]["seed"], rows[0]["version"]) == (pair[0], "3", meshot.__version__)
+
+
+def folders_of_subjects(tmp_path):
+    """A SUBJECTS_DIR with an ellipsoid, and a folder of meshot with the same surface in another position, and more."""
+    mesh = icosphere(3, 40.0)
+    mesh = mesh.with_vertices(mesh.vertices * mesh.vertices.new_tensor([1.0, 1.4, 1.2]))
+    (tmp_path / "subjects" / "sub-01" / "surf").mkdir(parents=True)
+    write_mesh(tmp_path / "subjects" / "sub-01" / "surf" / "lh.white", mesh, (5.0, -3.0, 2.0))
+    turn = Rotation.from_euler("z", 5, degrees=True).as_matrix()
+    for subject in ("sub-01", "sub-02"):
+        (tmp_path / "ours" / subject).mkdir(parents=True)
+        moved = mesh.vertices @ mesh.vertices.new_tensor(turn).T + mesh.vertices.new_tensor([3.0, 2.0, 1.0])
+        write_mesh(tmp_path / "ours" / subject / "lh.white.ply", mesh.with_vertices(moved))
+    return [str(tmp_path / name) for name in ("ours", "subjects")]
+
+
+def test_folders_of_subjects_are_paired_and_aligned(tmp_path, capsys):
+    folders = folders_of_subjects(tmp_path)
+    assert main(["evaluate", *folders, *FEW]) == 2
+    assert "sub-02 left is only in the reconstructed folder" in capsys.readouterr().err
+    assert main(["evaluate", *folders, *FEW, "--common"]) == 0
+    said = capsys.readouterr()
+    assert "sub-02 left is only in the reconstructed folder: it is left out" in said.err
+    (row,) = csv.DictReader(said.out.splitlines(), dialect="excel-tab")
+    assert row["target"].endswith("subjects/sub-01/surf/lh.white")
+    assert float(row["assd"]) > 1
+    assert "icp_residue_mm" not in row
+    assert main(["evaluate", *folders, *FEW, "--common", "--align"]) == 0
+    (row,) = csv.DictReader(capsys.readouterr().out.splitlines(), dialect="excel-tab")
+    assert 0 <= float(row["icp_residue_mm"]) < 1e-3
+    assert float(row["assd"]) < 1e-3
+    assert main(["evaluate", folders[0], row["target"], *FEW]) == 2
+    assert "lh.white is no folder" in capsys.readouterr().err
+    assert main(["evaluate", *folders, *FEW, "--surface", "pial"]) == 2
+    assert "holds no surface pial" in capsys.readouterr().err
+
+
+def test_two_surfaces_are_aligned(tmp_path, capsys):
+    ours, theirs = map(Path, folders_of_subjects(tmp_path))
+    files = [str(ours / "sub-01" / "lh.white.ply"), str(theirs / "sub-01" / "surf" / "lh.white")]
+    assert main(["evaluate", *files, *FEW, "--align", "--json", str(tmp_path / "found.json")]) == 0
+    assert "aligned by ICP: turned by 5 degrees, residue " in capsys.readouterr().out
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    assert found["settings"]["align"] is True
+    assert found["icp_residue_mm"] < 1e-3
+    assert found["metrics"]["assd"]["value"] < 1e-3
 
 
 @pytest.mark.parametrize(

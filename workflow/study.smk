@@ -29,6 +29,9 @@ if UNKNOWN := sorted(set(CHOSEN) - set(PRESENT)):
     raise ValueError(f"{BIDS} has no participant {', '.join(UNKNOWN)}; choose among its folders sub-*")
 
 
+container: "meshot.sif"
+
+
 rule study:
     """The table of all subjects, and the page to look at them."""
     input:

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from browser import barriers, offline_browser, watched_page
 from meshot import write_mesh
@@ -150,6 +151,28 @@ def test_sessions_of_a_participant_count_once(tmp_path, capsys):
     assert "participants: 1;" in capsys.readouterr().out
     rows = read(tmp_path / "out" / "summary.tsv")
     assert {(row["side"], row["participants"], row["mean_low"]) for row in rows} == {("left", "1", "n/a")}
+
+
+def test_scans_in_different_positions_are_aligned(tmp_path):
+    mesh = icosphere(3, 40.0)
+    mesh = mesh.with_vertices(mesh.vertices * mesh.vertices.new_tensor([1.0, 1.4, 1.2]))
+    turn = mesh.vertices.new_tensor(Rotation.from_euler("z", 0.1).as_matrix())
+    for folder, vertices in (("first", mesh.vertices), ("second", mesh.vertices @ turn.T + 2.0)):
+        (tmp_path / folder / "sub-01").mkdir(parents=True)
+        write_mesh(tmp_path / folder / "sub-01" / "lh.white.ply", mesh.with_vertices(vertices))
+    words = ["table", str(tmp_path / "second"), str(tmp_path / "first"), *FEW]
+    assert main([*words, "-o", str(tmp_path / "apart")]) == 0
+    assert main([*words, "-o", str(tmp_path / "aligned"), "--align"]) == 0
+    (apart,), (aligned,) = (read(tmp_path / name / "surfaces.tsv") for name in ("apart", "aligned"))
+    assert float(apart["assd"]) > 1
+    assert float(aligned["assd"]) < 1e-3
+    assert float(aligned["icp_residue"]) < 1e-3
+    assert set(aligned) - set(apart) == {"icp_residue"}
+    described = json.loads((tmp_path / "aligned" / "surfaces.json").read_text(encoding="utf-8"))
+    assert set(described) == {*aligned, "meshot"}
+    said = "first aligned rigidly with its reference"
+    pages = [(tmp_path / name / "table.html").read_text(encoding="utf-8") for name in ("apart", "aligned")]
+    assert [said in page for page in pages] == [False, True]
 
 
 def place(folder, subject: str, side: str = "left", radius: float = 40.0, shift: float = 0.0):

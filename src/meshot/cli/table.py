@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
+from meshot.cli.comparing import add_choice, add_sampling, chosen_emd_points
 from meshot.cli.note import NOTE, Commands, add_command
-from meshot.cli.sampling import add_sampling, chosen_emd_points
 from meshot.files import printable_name
 
 
@@ -16,7 +16,10 @@ def add_to(commands: Commands) -> None:
         "Compare a folder of surfaces with a reference folder.",
         "The command computes all metrics of meshot evaluate, with their floors, for every subject and side. It writes "
         f"them and their means over participants, with 95 % intervals, as tables and as a page. {NOTE}",
-        "meshot table build/study freesurfer_subjects -o build/comparison",
+        """
+        meshot table build/study freesurfer_subjects -o build/comparison
+        meshot table second_scans first_scans -o build/consistency --align
+        """,
         "Each folder is FreeSurfer's SUBJECTS_DIR, a data set of BIDS derivatives, or a folder of results of meshot "
         "reconstruct.",
     )
@@ -26,13 +29,7 @@ def add_to(commands: Commands) -> None:
         "-o", "--output", type=Path, required=True, metavar="FOLDER",
         help="Write the results to this folder, which is new or empty.",
     )  # fmt: skip
-    command.add_argument(
-        "--surface", default="white", metavar="NAME",
-        help="Compare the surfaces of this name, such as white or pial (default: %(default)s).",
-    )  # fmt: skip
-    command.add_argument(
-        "--common", action="store_true", help="Leave out what only one of the folders contains, with a warning."
-    )
+    add_choice(command)
     add_sampling(command)
     command.set_defaults(run=_run)
 
@@ -44,7 +41,7 @@ def _run(chosen: argparse.Namespace) -> None:
 
     rows = write_comparison(
         chosen.reconstructed, chosen.reference, chosen.output, chosen.surface, common=chosen.common,
-        n_points=chosen.points, n_emd_points=chosen_emd_points(chosen), seed=chosen.seed,
+        align=chosen.align, n_points=chosen.points, n_emd_points=chosen_emd_points(chosen), seed=chosen.seed,
         progress=lambda pairs: tqdm(pairs, unit="pair", disable=None),
     )  # fmt: skip
     last = rows[-1]["side"]

@@ -1,5 +1,5 @@
 from .bids import Choice as Choice, missing_participants as missing_participants, visits_of_bids as visits_of_bids
-from .compare_files import find_surfaces as find_surfaces
+from .compare_files import find_surfaces as find_surfaces, paired_surfaces as paired_surfaces
 from .compare_output import COMPARISON_PAGE as COMPARISON_PAGE, write_comparison as write_comparison
 from .many_visits import reconstruct_study as reconstruct_study, write_table as write_table
 from .one_visit import StudySettings as StudySettings

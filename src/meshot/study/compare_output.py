@@ -9,15 +9,14 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from meshot.files import printable_name, whole_folder
-from meshot.metrics import Evaluation
 from meshot.provenance import provenance
 from meshot.study.compare_files import Place, find_surfaces, paired_surfaces
-from meshot.study.compare_rows import SIDES, compared_pairs, summary_rows
+from meshot.study.compare_rows import SIDES, Compared, compared_pairs, summary_rows
 from meshot.view import filled
 
 #: The files of a comparison.
 SURFACES_TABLE, SUMMARY_TABLE, COMPARISON_PAGE = "surfaces.tsv", "summary.tsv", "table.html"
-MISSING = "n/a"
+MISSING, ICP_RESIDUE = "n/a", "icp_residue"
 _SUMMARY = {
     "side": "The side, or both: the average of the sides of a participant",
     "metric": "The metric, described in surfaces.json",
@@ -40,6 +39,7 @@ def write_comparison(
     surface: str = "white",
     *,
     common: bool = False,
+    align: bool = False,
     n_points: int = 100_000,
     n_emd_points: int = 5_000,
     seed: int = 0,
@@ -61,6 +61,9 @@ def write_comparison(
         Such as ``white`` or ``pial``.
     common : bool
         Whether surfaces in one folder only are left out, with a warning, instead of refused.
+    align : bool
+        Whether each surface is first aligned with its reference, see :func:`meshot.metrics.rigidly_aligned`. Then
+        ``surfaces.tsv`` has a column ``icp_residue``, in mm.
     n_points, n_emd_points, seed : int
         As in :func:`meshot.evaluate`.
     progress : callable
@@ -85,14 +88,16 @@ def write_comparison(
     pairs, lost = paired_surfaces(find_surfaces(reconstructed, surface), find_surfaces(reference, surface), common)
     for sentence in lost:
         warnings.warn(f"{sentence}: it is left out", stacklevel=2)
-    settings = {"surface": surface, "points": n_points, "emd_points": n_emd_points, "seed": seed}
+    settings = {"surface": surface, "align": align, "points": n_points, "emd_points": n_emd_points, "seed": seed}
     with whole_folder(folder) as temporary:
-        found = compared_pairs(pairs, n_points, seed, n_emd_points, progress)
+        found = compared_pairs(pairs, n_points, seed, n_emd_points, progress, align)
         summary = summary_rows(found)
-        metrics = next(iter(found.values())).as_dict()
-        rows = [_surface_row(place, pairs[place], evaluation) for place, evaluation in found.items()]
+        metrics = next(iter(found.values())).evaluation.as_dict()
+        rows = [_surface_row(place, pairs[place], compared) for place, compared in found.items()]
         _write_table(
-            temporary / SURFACES_TABLE, rows, _dictionary(metrics) | {"meshot": folders | settings | provenance()}
+            temporary / SURFACES_TABLE,
+            rows,
+            _dictionary(metrics, align) | {"meshot": folders | settings | provenance()},
         )
         described = {name: {"Description": text} for name, text in _SUMMARY.items()}
         _write_table(temporary / SUMMARY_TABLE, [{key: row[key] for key in _SUMMARY} for row in summary], described)
@@ -101,15 +106,17 @@ def write_comparison(
     return summary
 
 
-def _surface_row(place: Place, paths: tuple[Path, Path], evaluation: Evaluation) -> dict:
+def _surface_row(place: Place, paths: tuple[Path, Path], compared: Compared) -> dict:
     row = {"participant_id": place.participant, "session_id": place.session, "side": place.side}
     row |= dict(zip(("reconstructed", "reference"), map(printable_name, paths), strict=True))
-    for name, metric in evaluation.as_dict().items():
+    if compared.residue is not None:
+        row |= {ICP_RESIDUE: compared.residue}
+    for name, metric in compared.evaluation.as_dict().items():
         row |= {name: metric["value"], f"{name}_floor": metric["floor"]}
     return row
 
 
-def _dictionary(metrics: Mapping[str, Mapping]) -> dict[str, dict]:
+def _dictionary(metrics: Mapping[str, Mapping], align: bool) -> dict[str, dict]:
     found = {
         "participant_id": {"Description": "The participant, such as sub-01"},
         "session_id": {"Description": "The session, such as ses-01"},
@@ -117,6 +124,8 @@ def _dictionary(metrics: Mapping[str, Mapping]) -> dict[str, dict]:
         "reconstructed": {"Description": "The file that is evaluated"},
         "reference": {"Description": "The file that it is compared with"},
     }
+    if align:
+        found[ICP_RESIDUE] = {"Description": "Root mean squared distance that the alignment leaves", "Units": "mm"}
     for name, metric in metrics.items():
         unit = {"Units": metric["unit"]} if metric["unit"] else {}
         found[name] = {"LongName": metric["name"], "Description": metric["definition"]} | unit
@@ -135,7 +144,7 @@ def _write_table(path: Path, rows: list[dict], dictionary: dict) -> None:
 
 
 def _page(
-    summary: list[dict], found: Mapping[Place, Evaluation], metrics: Mapping[str, Mapping], lost: list[str], said: dict
+    summary: list[dict], found: Mapping[Place, Compared], metrics: Mapping[str, Mapping], lost: list[str], said: dict
 ) -> str:
     tables = [
         {
@@ -156,8 +165,8 @@ def _page(
         tables=tables,
         heads=[metric["name"] + (f" ({metric['unit']})" if metric["unit"] else "") for metric in metrics.values()],
         surfaces=[
-            (str(place), [(_cell(m.value), _cell(m.floor)) for m in evaluation.metrics()])
-            for place, evaluation in found.items()
+            (str(place), [(_cell(m.value), _cell(m.floor)) for m in compared.evaluation.metrics()])
+            for place, compared in found.items()
         ],
         definitions=[(metric["name"], metric["definition"]) for metric in metrics.values()],
     )

@@ -3,16 +3,24 @@
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from meshot.mesh import read_mesh
-from meshot.metrics import Evaluation, evaluate
+from meshot.metrics import Evaluation, evaluate, rigidly_aligned
 from meshot.statistics import mean_interval, paired_interval
 from meshot.study.compare_files import Place
 
 #: Sides of a summary: both means the average of the two sides of a participant.
 SIDES = ("left", "right", "both")
+
+
+class Compared(NamedTuple):
+    """What a pair of surfaces scores, and the residue of its alignment (mm), None without one."""
+
+    evaluation: Evaluation
+    residue: float | None
 
 
 def compared_pairs(
@@ -21,7 +29,8 @@ def compared_pairs(
     seed: int = 0,
     n_emd_points: int = 5_000,
     progress: Callable[[Iterable], Iterable] = iter,
-) -> dict[Place, Evaluation]:
+    align: bool = False,
+) -> dict[Place, Compared]:
     """Evaluate every pair of surfaces, see :func:`meshot.evaluate`.
 
     Parameters
@@ -32,6 +41,8 @@ def compared_pairs(
         As in :func:`meshot.evaluate`.
     progress : callable
         Wraps the pairs, as ``tqdm`` does.
+    align : bool
+        Whether each surface is first aligned with its reference, see :func:`meshot.metrics.rigidly_aligned`.
 
     Raises
     ------
@@ -48,7 +59,10 @@ def compared_pairs(
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             try:
-                found[place] = evaluate(*map(read_mesh, paths), n_points, seed, n_emd_points)
+                mesh, target = map(read_mesh, paths)
+                aligned = rigidly_aligned(mesh, target, generator=seed) if align else None
+                evaluation = evaluate(aligned.mesh if aligned else mesh, target, n_points, seed, n_emd_points)
+                found[place] = Compared(evaluation, aligned.residue if aligned else None)
             except ValueError as error:
                 raise ValueError(f"{place}: {error} (files {paths[0]} and {paths[1]})") from error
         for warning in said:
@@ -56,7 +70,7 @@ def compared_pairs(
     return found
 
 
-def summary_rows(found: Mapping[Place, Evaluation]) -> list[dict]:
+def summary_rows(found: Mapping[Place, Compared]) -> list[dict]:
     """For each side and metric: the mean over participants, the mean floor, and their difference, with 95 % intervals.
 
     Sessions of a participant are averaged first, and for the side ``both`` also the two sides: a participant counts
@@ -74,7 +88,7 @@ def summary_rows(found: Mapping[Place, Evaluation]) -> list[dict]:
         chosen = [place for place in found if side in (place.side, "both")]
         if not chosen or (side == "both" and len({place.side for place in chosen}) < 2):
             continue
-        for name, metric in found[chosen[0]].as_dict().items():
+        for name, metric in found[chosen[0]].evaluation.as_dict().items():
             values = _by_participant(found, chosen, name, "value")
             floors = _by_participant(found, chosen, name, "floor")
             rows.append(
@@ -92,12 +106,12 @@ def summary_rows(found: Mapping[Place, Evaluation]) -> list[dict]:
     return rows
 
 
-def _by_participant(found: Mapping[Place, Evaluation], chosen: list[Place], name: str, key: str) -> list[float]:
+def _by_participant(found: Mapping[Place, Compared], chosen: list[Place], name: str, key: str) -> list[float]:
     """The mean of a number over the sides of each session, and then over the sessions of each participant."""
     numbers: dict[str, dict[str, list[float]]] = {}
     for place in chosen:
         sessions = numbers.setdefault(place.participant, {})
-        sessions.setdefault(place.session, []).append(getattr(getattr(found[place], name), key))
+        sessions.setdefault(place.session, []).append(getattr(getattr(found[place].evaluation, name), key))
     return [float(np.mean([np.mean(sides) for sides in sessions.values()])) for sessions in numbers.values()]
 
 

@@ -27,7 +27,7 @@ from meshot.systems.corticalflow.blocks import FlowBlock, carried_through
 from meshot.systems.corticalflow.settings import ChainSettings, FlowSettings
 from meshot.systems.corticalflow.training import train_block
 from meshot.systems.examples import ExampleSets, Scan, SurfaceKey
-from meshot.systems.learning import TemplateSettings, completed_groups, scaled_image, template_surfaces
+from meshot.systems.learning import TemplateSettings, completed_groups, scaled_image, surfaces_of_sides
 from meshot.systems.parts import Part
 from meshot.systems.protocol import SurfaceSystem
 from meshot.train import Groups, Progress
@@ -52,7 +52,7 @@ class System(SurfaceSystem):
     @classmethod
     def surfaces_of(cls, settings: Mapping) -> tuple[SurfaceKey, ...]:
         """Those of ``template.surfaces``, of both sides."""
-        return template_surfaces(settings)
+        return surfaces_of_sides(settings.get("template", {}))
 
     @classmethod
     def parts_of(cls, settings: Mapping) -> tuple[str, ...]:

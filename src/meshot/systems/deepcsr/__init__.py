@@ -4,23 +4,25 @@ As in the paper: an encoder whose maps at all resolutions, and one global vector
 decoder of residual blocks, whose normalisation is modulated by these features; one signed distance for each surface;
 training with the absolute error at points near the surfaces and in space; a dense grid, smoothing, the largest
 component, a correction of its topology, marching cubes. Ours is smaller: fewer and narrower levels, voxels of the image
-folded in blocks, the grid of the image (or half its spacing) in place of .5 mm, and white surfaces only. Our decoder
-normalises each point alone in place of the batch, and our topology correction is that of the initial surfaces here.
+folded in blocks, and the grid of the image (or half its spacing) in place of .5 mm. With the setting
+``surface.surfaces: [white, pial]``, as in the paper, the network has a distance for each of the four surfaces; without
+it, for the two white ones. Our decoder normalises each point alone in place of the batch, and our topology correction
+is that of the initial surfaces here.
 
 References: Santa Cruz et al., *DeepCSR: a 3D deep learning approach for cortical surface reconstruction*, WACV 2021.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
 
-from meshot.anatomy import HEMISPHERES
 from meshot.mesh import Mesh
 from meshot.systems.deepcsr.network import DistanceNetwork, NetworkSettings
 from meshot.systems.deepcsr.surface import SurfaceSettings, closed_surface, distance_grids
 from meshot.systems.deepcsr.training import DistanceSettings, train_distances
-from meshot.systems.examples import ExampleSets, Scan, SurfaceKey
-from meshot.systems.learning import completed_groups
+from meshot.systems.examples import ExampleSets, Scan, SurfaceKey, listed
+from meshot.systems.learning import completed_groups, surfaces_of_sides
 from meshot.systems.parts import Part
 from meshot.systems.protocol import SurfaceSystem
 from meshot.train import Groups, Progress
@@ -29,17 +31,40 @@ _GROUPS = {"network": NetworkSettings, "surface": SurfaceSettings, "training": D
 
 
 class System(SurfaceSystem):
-    """DeepCSR for the white surfaces of both sides, with one network."""
+    """DeepCSR for the surfaces of both sides, with one network.
+
+    Raises
+    ------
+    ValueError
+        If the network has distances for another number of surfaces than the settings in its record name.
+    """
 
     name = "deepcsr"
-    surfaces = tuple((side, "white") for side in HEMISPHERES)
     networks = {"distances": DistanceNetwork}  # noqa: RUF012 (of the class, by the protocol)
+
+    def __init__(self, parts: Mapping[str, Part]):
+        super().__init__(parts)
+        for part in parts.values():
+            if part.network.arguments["n_surfaces"] != len(self.surfaces):
+                raise ValueError(
+                    f"the weights of {self.name} are for {part.network.arguments['n_surfaces']} surfaces, and their "
+                    f"settings (surface.surfaces) name {listed(self.surfaces)}: take weights of a training with these "
+                    "settings"
+                )
+
+    @classmethod
+    def surfaces_of(cls, settings: Mapping) -> tuple[SurfaceKey, ...]:
+        """Those of ``surface.surfaces``, of both sides."""
+        return surfaces_of_sides(settings.get("surface", {}))
 
     @classmethod
     def complete(cls, settings: Groups) -> Groups:
         """All settings with their defaults: the groups ``network``, ``surface`` and ``training``."""
         return completed_groups(
-            cls.name, settings, _GROUPS, lambda groups: DistanceNetwork(len(cls.surfaces), **groups["network"])
+            cls.name,
+            settings,
+            _GROUPS,
+            lambda groups: DistanceNetwork(len(cls.surfaces_of(groups)), **groups["network"]),
         )
 
     @classmethod
@@ -49,7 +74,7 @@ class System(SurfaceSystem):
     ) -> dict[str, Part]:  # fmt: skip
         """Train the network of all surfaces."""
         place = None if folder is None else folder / "distances"
-        return {"distances": train_distances(cls.surfaces, examples, settings, place, progress, device)}
+        return {"distances": train_distances(cls.surfaces_of(settings), examples, settings, place, progress, device)}
 
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
         """The zero level sets of the predicted distances, after a correction of their topology.

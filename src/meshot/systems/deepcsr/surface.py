@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.ndimage
@@ -11,7 +12,7 @@ from meshot.errors import require_positive_integer
 from meshot.mesh import Mesh
 from meshot.mesh.editing import taubin_smoothing
 from meshot.systems.deepcsr.network import DistanceNetwork
-from meshot.systems.learning import scaled_image
+from meshot.systems.learning import SURFACES, checked_surfaces, scaled_image
 from meshot.types import Array, Float, Int64
 from meshot.volume import Volume, cropped, voxel_sizes, voxel_to_mm
 from meshot.volume.surfaces import filled_cavities, genus_zero, isosurface, largest_component, separated_field
@@ -33,18 +34,22 @@ class SurfaceSettings:
         Standard deviation of the Gaussian that smooths the distances, in voxels of the grid.
     smoothing : int
         Number of steps of Taubin smoothing of the surface.
+    surfaces : sequence of str
+        The surfaces of each side that are found: [white], or [white, pial].
 
     Raises
     ------
     ValueError
-        If a number is outside its range.
+        If a number is outside its range, or the surfaces are unknown.
     """
 
     splits: int = 1
     blur: float = 0.5
     smoothing: int = 5
+    surfaces: Sequence[str] = SURFACES[0]
 
     def __post_init__(self):
+        object.__setattr__(self, "surfaces", checked_surfaces(self.surfaces))
         require_positive_integer(self.splits, "splits", 4)
         require_positive_integer(self.smoothing + 1, "smoothing + 1", 1000)
         if not 0 <= self.blur < math.inf:

@@ -4,12 +4,16 @@ from .settings import (
     LearningSettings as LearningSettings,
     completed_groups as completed_groups,
 )
+from .surfaces import (
+    SURFACES as SURFACES,
+    checked_surfaces as checked_surfaces,
+    surfaces_of_sides as surfaces_of_sides,
+)
 from .template import (
     Template as Template,
     TemplateSettings as TemplateSettings,
     mean_box as mean_box,
     template_shape as template_shape,
-    template_surfaces as template_surfaces,
 )
 from .training import (
     mean_distances as mean_distances,

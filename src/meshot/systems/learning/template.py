@@ -2,24 +2,22 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
 import torch
 from torch import nn
 
-from meshot.anatomy import HEMISPHERES, Hemisphere, fsaverage5_surface
+from meshot.anatomy import Hemisphere, fsaverage5_surface
 from meshot.errors import require_choice
 from meshot.mesh import Mesh
 from meshot.mesh.editing import laplacian_smoothing
 from meshot.mesh.shapes import icosphere, split_in_four
-from meshot.systems.examples import SurfaceKey
+from meshot.systems.learning.surfaces import SURFACES, checked_surfaces
 from meshot.types import Float, Tensor
 
 SHAPES = ("fsaverage5", "sphere")
 MOST_SMOOTHING, MOST_SPLITS = 2000, 3
-#: The surfaces of a side that templates can become, together.
-SURFACES = (("white",), ("white", "pial"))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,28 +49,11 @@ class TemplateSettings:
 
     def __post_init__(self):
         require_choice(self.shape, "shape", SHAPES)
-        if not isinstance(self.surfaces, list | tuple) or tuple(self.surfaces) not in SURFACES:
-            raise ValueError(
-                f"surfaces is {self.surfaces!r}; [white] or [white, pial] is needed: pial surfaces are found together "
-                "with the white ones"
-            )
-        object.__setattr__(self, "surfaces", tuple(self.surfaces))  # YAML and JSON give a list
+        object.__setattr__(self, "surfaces", checked_surfaces(self.surfaces))
         for name, most in (("smoothing", MOST_SMOOTHING), ("splits", MOST_SPLITS)):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
                 raise ValueError(f"{name} is {value!r}; an integer from 0 to {most} is needed")
-
-
-def template_surfaces(settings: Mapping) -> tuple[SurfaceKey, ...]:
-    """The surfaces of both sides that the group ``template`` of some settings names; white surfaces by default.
-
-    Raises
-    ------
-    ValueError
-        If it names none that templates can become.
-    """
-    kinds = TemplateSettings(surfaces=settings.get("template", {}).get("surfaces", SURFACES[0])).surfaces
-    return tuple((side, kind) for side in HEMISPHERES for kind in kinds)
 
 
 class Template(nn.Module):

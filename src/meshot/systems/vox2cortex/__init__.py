@@ -24,7 +24,7 @@ import torch
 from meshot.anatomy import HEMISPHERES
 from meshot.mesh import Mesh
 from meshot.systems.examples import ExampleSets, Scan, SurfaceKey, listed
-from meshot.systems.learning import TemplateSettings, completed_groups, scaled_image, template_surfaces
+from meshot.systems.learning import TemplateSettings, completed_groups, scaled_image, surfaces_of_sides
 from meshot.systems.parts import Part
 from meshot.systems.protocol import SurfaceSystem
 from meshot.systems.vox2cortex.losses import MeshWeights
@@ -59,7 +59,7 @@ class System(SurfaceSystem):
     @classmethod
     def surfaces_of(cls, settings: Mapping) -> tuple[SurfaceKey, ...]:
         """Those of ``template.surfaces``, of both sides."""
-        return template_surfaces(settings)
+        return surfaces_of_sides(settings.get("template", {}))
 
     @classmethod
     def complete(cls, settings: Groups) -> Groups:

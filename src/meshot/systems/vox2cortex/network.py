@@ -22,7 +22,7 @@ from meshot.model import (
 )
 from meshot.rng import Generator, numpy_generator
 from meshot.systems.examples import SurfaceKey
-from meshot.systems.learning import Template, TemplateSettings, template_surfaces
+from meshot.systems.learning import Template, TemplateSettings, surfaces_of_sides
 from meshot.types import Float, Tensor
 from meshot.volume import Volume
 
@@ -82,7 +82,10 @@ class MeshNetwork(nn.Module):
         require_positive_integer(depth - 1, "depth - 1", 9)
         shape, boxes = TemplateSettings(**template or {}), boxes or {}
         self.arguments = {"width": width, "depth": depth, "fold": fold, "n_features": n_features, "n_blocks": n_blocks}
-        self.kinds, self.surfaces = shape.surfaces, template_surfaces({"template": {"surfaces": shape.surfaces}})
+        self.kinds, self.surfaces = (
+            shape.surfaces,
+            surfaces_of_sides({"surfaces": shape.surfaces}),
+        )
         names = {template_name(key): key[0] for key in self.surfaces}
         self.templates = nn.ModuleDict({name: Template(side, shape, boxes.get(name)) for name, side in names.items()})
         self.unet = FeatureNetwork(width, depth, fold, residual=True, generator=generator)

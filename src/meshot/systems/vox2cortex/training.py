@@ -20,7 +20,7 @@ from meshot.systems.learning import (
     mean_box,
     mean_distances,
     scaled_image,
-    template_surfaces,
+    surfaces_of_sides,
     train_part,
 )
 from meshot.systems.parts import Part
@@ -81,7 +81,7 @@ def train_meshes(
     """
     training, weights = MeshSettings(**settings["training"]), MeshWeights(**settings["loss"])
     device = device or chosen_device()
-    keys = template_surfaces(settings)
+    keys = surfaces_of_sides(settings.get("template", {}))
     boxes = {template_name(key): mean_box([item.targets[key] for item in examples.training]) for key in keys}
     network = MeshNetwork(
         **settings["network"], template=settings["template"], boxes=boxes, generator=training.seed
