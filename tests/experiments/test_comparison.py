@@ -23,6 +23,7 @@ from meshot.synth.cohorts.cohort import scans
 from meshot.systems import Scan, get_system, read_settings, system_names
 from meshot.train import engine
 from meshot_book.notebook import read_meshes, read_vertex_values
+from nested import require_equal
 from phantoms import phantom_scan, phantom_surfaces
 from scripts import scripts_in
 
@@ -421,6 +422,14 @@ def test_tables_are_made_anew_from_the_rows(part, whole, results, tmp_path):
         file.write("\n")
     with pytest.raises(ValueError, match=r"the rows beside .* are not those that were measured with it"):
         part("tables").main([*words_of(whole), "-o", str(output)])
+
+
+def test_the_committed_tables_follow_from_the_committed_rows(part, record, config):
+    tables = part("tables")
+    assert (record["config"], record["results"]["missing"]) == (config, [])
+    again = tables.tables(*tables.rows_beside(FOLDER / "results.json"), config)
+    for name in tables.TABLES:
+        require_equal(again[name], record["results"][name])
 
 
 def test_the_pictured_surfaces_are_those_of_the_median_and_the_worst_subject(part, whole, results):

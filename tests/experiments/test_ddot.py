@@ -28,6 +28,7 @@ from meshot.systems.deformation.example_file import read_example
 from meshot.train import engine as training
 from meshot.volume.volume import Volume
 from meshot_book.trainings import processes
+from nested import require_equal
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ddot"
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -435,19 +436,7 @@ def test_committed_results_follow_from_their_rows(part, record, config, results)
         assert (FOLDER / "weights" / f"{each['name']}.safetensors").is_file()
     again = part("summary").summarised(results["subjects"], config["evaluation"], config["comparison"])
     for table in ("targets", "differences", "seeds", "summary"):
-        flat, kept = (flattened(rows[table]) for rows in (again, results))
-        assert flat.keys() == kept.keys()
-        for key, value in kept.items():
-            # Differences of rounded numbers.
-            assert flat[key] == (pytest.approx(value, rel=1e-3, abs=1e-4) if isinstance(value, float) else value)
-
-
-def flattened(value, path=()):
-    """Every number by where it stands."""
-    if isinstance(value, dict | list):
-        items = value.items() if isinstance(value, dict) else enumerate(value)
-        return {key: x for name, item in items for key, x in flattened(item, (*path, name)).items()}
-    return {path: value}
+        require_equal(again[table], results[table])
 
 
 def test_the_ledger_names_the_experiment_once_it_has_results(root):
