@@ -2,6 +2,7 @@ import argparse
 import csv
 import hashlib
 import json
+import re
 import subprocess
 import sys
 from importlib.metadata import entry_points
@@ -97,6 +98,9 @@ def test_folders_of_subjects_are_paired_and_aligned(tmp_path, capsys):
     assert float(row["assd"]) < 1e-3
     assert main(["evaluate", folders[0], row["target"], *FEW]) == 2
     assert "lh.white is no folder" in capsys.readouterr().err
+    write_mesh(tmp_path / "ours" / "sub-01" / "lh.white.ply", icosphere(2, 40.0, centre=(900.0, 0.0, 0.0)))
+    assert main(["evaluate", *folders, *FEW, "--common"]) == 2
+    assert re.search(r"do not overlap.* \(files \S+/sub-01/lh\.white\.ply and \S+lh\.white\)", capsys.readouterr().err)
     assert main(["evaluate", *folders, *FEW, "--surface", "pial"]) == 2
     assert "holds no surface pial" in capsys.readouterr().err
 

@@ -69,7 +69,8 @@ def _run(chosen: argparse.Namespace) -> None:
     from tqdm import tqdm
 
     pairs, many = _pairs(chosen), chosen.pairs is not None or chosen.predicted.is_dir()
-    records = [_record(chosen, *pair, quiet=many) for pair in tqdm(pairs, unit="pair", disable=not many)]
+    record = _record_of_many if many else _record
+    records = [record(chosen, *pair) for pair in tqdm(pairs, unit="pair", disable=not many)]
     outputs = {"json": chosen.json, "tsv": chosen.tsv or ("-" if many and chosen.json != "-" else None)}
     if list(outputs.values()).count("-") > 1:
         raise ValueError("--json - and --tsv - would both go to stdout; write one of them to a file")
@@ -109,7 +110,15 @@ def _pairs_of_folders(chosen: argparse.Namespace) -> list[tuple[Path, Path]]:
     return list(pairs.values())
 
 
-def _record(chosen: argparse.Namespace, predicted: Path, target: Path, quiet: bool) -> dict:
+def _record_of_many(chosen: argparse.Namespace, predicted: Path, target: Path) -> dict:
+    """As :func:`_record`, without the table, and with the files in the message of an error."""
+    try:
+        return _record(chosen, predicted, target, quiet=True)
+    except ValueError as error:
+        raise ValueError(f"{error} (files {predicted} and {target})") from error
+
+
+def _record(chosen: argparse.Namespace, predicted: Path, target: Path, quiet: bool = False) -> dict:
     """The results for one pair, with inputs, settings and version. Prints the table unless it is quiet."""
     from meshot.metrics import rigidly_aligned
     from meshot.provenance import file_digest
