@@ -126,7 +126,8 @@ def _trainings(config: dict) -> list[dict[str, str]]:
             cohort, side, arm, seed = map(str, values)
             side = "both" if config["arms"][arm].get("both_sides") else side
             training = f"{cohort}_{side}_{arm}_{group['budget']}_{seed}"
-            found[training] = {"training": training, "cohort": cohort, "arm": arm, "settings": config["settings"]}
+            place = {"training": training, "cohort": cohort, "arm": arm, "settings": config["settings"]}
+            found[training] = place | {"system": config["arms"][arm].get("system", arm)}
     return list(found.values())
 
 

@@ -53,7 +53,7 @@ def made(unit: Unit, config: dict, device: torch.device | None = None) -> None:
             return
         try:
             run_system_training(
-                unit.arm, config["settings"], [config["cohorts"][unit.cohort]], unit.state(config),
+                unit.system, config["settings"], [config["cohorts"][unit.cohort]], unit.state(config),
                 segmentation_weights(config["segmentation"]), config["initial"], changes, device,
             )  # fmt: skip
         except FloatingPointError as error:

@@ -28,7 +28,7 @@ class Unit:
     """One training of one system. Its name is ``COHORT_SIDE_ARM_BUDGET_SEED``.
 
     The side is "both" if one network finds both sides. The budget is "steps", "seconds", or "rate" and a number: the
-    trial of a rate.
+    trial of a rate. Arms with the same system differ in their settings.
     """
 
     cohort: str
@@ -36,6 +36,7 @@ class Unit:
     arm: str
     budget: str
     seed: int
+    system: str
 
     @property
     def name(self) -> str:
@@ -76,7 +77,7 @@ class Unit:
 
     def kind(self) -> type[SurfaceSystem]:
         """The system, limited to the sides of the training."""
-        return limited(get_system(self.arm), self.sides)
+        return limited(get_system(self.system), self.sides)
 
     def parts(self, config: dict) -> tuple[str, ...]:
         """The names of its networks, which do not depend on rate and number of epochs."""
@@ -84,7 +85,7 @@ class Unit:
 
     def settings(self, config: dict, changes: Iterable[str]) -> Groups:
         """All settings, with changes of rate and number of epochs (see ``budgets.py``)."""
-        return read_settings(get_system(self.arm), config["settings"], self.all_changes(config, changes))
+        return read_settings(get_system(self.system), config["settings"], self.all_changes(config, changes))
 
     def all_changes(self, config: dict, changes: Iterable[str]) -> list[str]:
         """The settings that differ from those of the system."""
@@ -127,16 +128,17 @@ def has_sides(kind: type[SurfaceSystem]) -> bool:
     return all(name.startswith(tuple(f"{side}_" for side in HEMISPHERES)) for name in kind.networks)
 
 
-def unit_of(cohort: str, side: str, arm: str, budget: str, seed: int) -> Unit:
-    """The training that gives the surfaces of one column."""
-    return Unit(cohort, side if has_sides(get_system(arm)) else BOTH, arm, budget, seed)
+def unit_of(cohort: str, side: str, arm: str, budget: str, seed: int, config: dict) -> Unit:
+    """The training that gives the surfaces of one column. An arm that names no system has the name of its system."""
+    system = config["arms"][arm].get("system", arm)
+    return Unit(cohort, side if has_sides(get_system(system)) else BOTH, arm, budget, seed, system)
 
 
 def trials(config: dict) -> list[Unit]:
     """One training for each rate of each system."""
     place = config["trials"]
     return [
-        unit_of(place["cohort"], place["side"], arm, f"{RATE}{rate:g}", place["seed"])
+        unit_of(place["cohort"], place["side"], arm, f"{RATE}{rate:g}", place["seed"], config)
         for arm, entry in config["arms"].items()
         for rate in entry["rates"] or ()
     ]
@@ -153,7 +155,7 @@ def _of_groups(config: dict) -> Iterator[Unit]:
             for side in group["sides"]:
                 for seed in group["seeds"]:
                     for arm in group["arms"]:
-                        yield unit_of(cohort, side, arm, group["budget"], seed)
+                        yield unit_of(cohort, side, arm, group["budget"], seed, config)
 
 
 def chosen(units: list[Unit], only: Iterable[str]) -> list[Unit]:

@@ -161,19 +161,29 @@ def test_the_protocol_is_whole(part, config):
     assert seconds == rates.keys() - {config["budget"]["reference"]}
     compared = config["comparison"]
     assert {compared["ours"], *compared["rivals"], *compared["also"]} == config["arms"].keys()
-    assert set(config["arms"]) <= set(system_names())
+    assert {entry.get("system", arm) for arm, entry in config["arms"].items()} <= set(system_names())
 
 
 def test_the_turns_are_the_networks_of_a_side(part, config):
     for arm, entry in config["arms"].items():
-        settings = read_settings(get_system(arm), config["settings"])
-        networks = part("units").limited(get_system(arm), ("left",)).parts_of(settings)
+        kind = get_system(entry.get("system", arm))
+        settings = read_settings(kind, config["settings"])
+        networks = part("units").limited(kind, ("left",)).parts_of(settings)
         assert entry.get("turns", 1) == len(networks)
-        assert part("units").has_sides(get_system(arm)) == (
-            "side" in read_settings(get_system(arm), "small")["training"]
-        )
-        both = part("units").limited(get_system(arm), ("left", "right")).parts_of(settings)
+        assert part("units").has_sides(kind) == ("side" in settings["training"])
+        both = part("units").limited(kind, ("left", "right")).parts_of(settings)
         assert len(both) in (1, 2 * len(networks))
+
+
+def test_two_arms_of_one_system_differ_in_their_settings(part, config):
+    arms = {"near": {"system": "ddot", "rates": [1e-3], "changes": ["loss.normal_scale=2"]}, "ddot": {"rates": [1e-3]}}
+    own = config | {"arms": arms}
+    near, ddot = (part("units").unit_of("oasis_like", "left", arm, "steps", 0, own) for arm in arms)
+    assert (near.name, ddot.name) == ("oasis_like_left_near_steps_0", "oasis_like_left_ddot_steps_0")
+    assert near.kind().name == ddot.kind().name == "ddot"
+    assert near.kept(own) != ddot.kept(own)
+    assert near.settings(own, [])["loss"]["normal_scale"] == 2 != ddot.settings(own, [])["loss"]["normal_scale"]
+    assert near.settings(own, [])["training"] == ddot.settings(own, [])["training"]
 
 
 def test_a_side_of_a_system_of_white_and_pial_surfaces(part):
@@ -205,13 +215,13 @@ def test_white_surfaces_are_measured_also_where_pial_ones_are_found(part):
 
 def test_both_budgets_give_steps(part, config, tmp_path):
     budgets, units = part("budgets"), part("units")
+    own = config | {"rates": str(tmp_path / "rates.json")}
     rates = {
         "ddot": {"rate": 2e-3, "seconds_per_epoch": 30.0}, "vox2cortex": {"rate": 1e-3, "seconds_per_epoch": 60.0},
         "corticalflow": {"rate": 1e-3, "seconds_per_epoch": 20.0},
     }  # fmt: skip
-    own = config | {"rates": str(tmp_path / "rates.json")}
     unit = {
-        name: units.unit_of("oasis_like", "left", arm, budget, 0)
+        name: units.unit_of("oasis_like", "left", arm, budget, 0, own)
         for name, arm, budget in (
             ("steps", "vox2cortex", "steps"), ("seconds", "vox2cortex", "seconds"),
             ("chain", "corticalflow", "seconds"),
