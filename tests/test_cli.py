@@ -122,7 +122,17 @@ def test_two_surfaces_are_aligned(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [([], "two surfaces"), (["one.ply"], "two surfaces"), (["--pairs", "pairs.tsv"], "columns predicted and target")],
+    [
+        ([], "two surfaces"),
+        (["one.ply"], "two surfaces"),
+        (["--pairs", "pairs.tsv"], "columns predicted and target"),
+        (
+            ["one.ply", "two.ply", "--surface", "pial"],
+            "--surface and --common choose among the surfaces of two folders",
+        ),
+        (["one.ply", "two.ply", "--common"], "leave these options out, or give two folders"),
+        (["--pairs", "pairs.tsv", "--common"], "leave these options out, or give two folders"),
+    ],
 )
 def test_what_is_not_pairs_is_refused(tmp_path, monkeypatch, capsys, words, said):
     monkeypatch.chdir(tmp_path)

@@ -2,6 +2,8 @@
 
 import argparse
 
+SURFACE = "white"
+
 
 def add_sampling(command: argparse.ArgumentParser) -> None:
     """Add the numbers of points and the seed."""
@@ -21,7 +23,7 @@ def add_sampling(command: argparse.ArgumentParser) -> None:
 def add_choice(command: argparse.ArgumentParser) -> None:
     """Add the surfaces of two folders that are compared, and the alignment."""
     command.add_argument(
-        "--surface", default="white", metavar="NAME",
+        "--surface", default=SURFACE, metavar="NAME",
         help="Compare the surfaces of this name in two folders, such as white or pial (default: %(default)s).",
     )  # fmt: skip
     command.add_argument(

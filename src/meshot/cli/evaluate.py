@@ -9,7 +9,7 @@ import warnings
 from pathlib import Path
 
 import meshot
-from meshot.cli.comparing import add_choice, add_sampling, chosen_emd_points
+from meshot.cli.comparing import SURFACE, add_choice, add_sampling, chosen_emd_points
 from meshot.cli.note import NOTE, Commands, add_command
 
 PAIR, RESIDUE = ("predicted", "target"), "icp_residue_mm"
@@ -88,6 +88,11 @@ def _pairs(chosen: argparse.Namespace) -> list[tuple[Path, Path]]:
         )
     if chosen.pairs is None and (chosen.predicted.is_dir() or chosen.target.is_dir()):
         return _pairs_of_folders(chosen)
+    if chosen.common or chosen.surface != SURFACE:
+        raise ValueError(
+            "--surface and --common choose among the surfaces of two folders, and files are given; leave these options "
+            "out, or give two folders"
+        )
     if chosen.pairs is None:
         return [(chosen.predicted, chosen.target)]
     with chosen.pairs.open(newline="", encoding="utf-8-sig") as file:
