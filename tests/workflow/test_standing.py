@@ -14,10 +14,10 @@ CHANGES = [
     ("experiments/ddot/config.yaml", r"n_resamples: \d+", "n_resamples: 7", "ddot"),
     ("experiments/ddot/config.yaml", r"system: windows", "system: ddot", "ddot|ddot_.*_windowed_0"),
     ("src/meshot/systems/cortexode/small.yaml", r"n_epochs: \d+", "n_epochs: 7",
-     "ddot|ddot_.*_(cortexode|chamfer_varifold)_[0-4]|one_subject|comparison.*"),
+     "ddot|ddot_.*_(cortexode|chamfer_varifold)_[0-4]|candidates|one_subject|comparison.*"),
     (f"{RECIPES}oasis_like.yaml", r"^seed: .*", "seed: 99",
      "segmentation(_training)?|cohorts|template_baseline|ddot|ddot_.*|earlier_.*|descent_directions|held_out"
-     f"|one_subject|comparison.*|{_SHIPPED}"),
+     f"|candidates|one_subject|comparison.*|{_SHIPPED}"),
     (f"{RECIPES}people_like.yaml", r"^seed: .*", "seed: 99",
      f"people_segmentation|{_SHIPPED}"),
 ]  # fmt: skip
