@@ -24,7 +24,7 @@ COMPARED = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm", "normals", "crossin
 CLAIMED = ("emd_mm", "swd_mm", "assd_mm")
 RESIDUES = ("icp_residue_mm", "rigid_residue_mm")
 #: The parts of the results that follow from the rows.
-TABLES = ("table_1", "differences", "seeds", "table_2", "pair_differences", "claims")
+TABLES = ("table_1", "differences", "direct", "seeds", "table_2", "pair_differences", "claims")
 
 
 def tables(subjects: list[dict], pairs: list[dict], config: dict) -> dict:
@@ -35,6 +35,7 @@ def tables(subjects: list[dict], pairs: list[dict], config: dict) -> dict:
     return {
         "table_1": [_line(part, COLUMN) for part in grouped(first, COLUMN)],
         "differences": gaps,
+        "direct": direct(subjects, config["comparison"]["direct"]),
         "seeds": seeds(subjects),
         "table_2": [_pair_line(part) for part in grouped(pairs, ("arm",))],
         "pair_differences": pair_gaps,
@@ -109,6 +110,19 @@ def differences(rows: list[dict], ours: str) -> list[dict]:
             if gap:
                 about = {key: part[0][key] for key in ("cohort", "side")}
                 found.append(about | {"first": ours, "second": arm, "budget": budget} | gap)
+    return found
+
+
+def direct(rows: list[dict], pairs: list[list[str]]) -> list[dict]:
+    """The first system of every pair minus the second, for every column, budget and seed that both have."""
+    own = [row for row in measured(rows) if row["kind"] == MAIN and row["seed"] is not None]
+    found = []
+    for part in grouped(own, ("cohort", "side", "budget", "seed")):
+        about = {key: part[0][key] for key in ("cohort", "side", "budget", "seed")}
+        by_arm = {line[0]["arm"]: {row["subject"]: row for row in line} for line in grouped(part, ("arm",))}
+        for first, second in pairs:
+            gap = _gap(by_arm.get(first, {}), by_arm.get(second, {}), COMPARED)
+            found += [about | {"first": first, "second": second} | gap] if gap else []
     return found
 
 

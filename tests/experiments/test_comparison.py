@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+import scipy.stats
 import torch
 import yaml
 from safetensors.torch import load_file
@@ -59,7 +60,10 @@ def protocol(config):
     }
     return config | {
         "settings": "tiny", "arms": arms, "groups": groups,
-        "comparison": {"ours": "ddot", "rivals": ["vox2cortex", "corticalflow"], "also": ["classical"]},
+        "comparison": {
+            "ours": "ddot", "rivals": ["vox2cortex", "corticalflow"], "also": ["classical"],
+            "direct": [["ddot", "vox2cortex"]],
+        },
         "trials": {"cohort": "alpha", "side": "left", "seed": 0, "epochs": 2, "changes": []},
         "budget": {"epochs": 2, "reference": "ddot"},
         "changes": ["training.validate_every=1", "training.save_every=1", "training.n_points=300"],
@@ -555,6 +559,33 @@ def test_who_is_better_follows_from_the_interval(part, config):
     assert (crossing["n_subjects"], crossing["n_subjects_crossing"], crossing["mean_percent"]) == (4, 1, 0.05)
     line = next(x for x in found["table_1"] if (x["arm"], x["kind"]) == ("ddot", "template"))
     assert (line["n_subjects"], line["n_failed"], line["assd_mm"]["mean"]) == (4, 1, pytest.approx(0.2))
+
+
+def test_two_systems_are_compared_for_every_budget_and_seed(part):
+    noise = [0.01, -0.01, 0.02, 0.0]
+    rows = [
+        row(arm, f"s{i}", value + x * (arm == "windows"), budget, seed)
+        for arm, value in (("windows", 0.2), ("cortexode", 0.3), ("ddot", 0.4))
+        for budget, seed in (("steps", 0), ("steps", 1), ("seconds", 0))
+        for i, x in enumerate(noise)
+        if (arm, seed) != ("ddot", 1)
+    ]
+    rows += [row("initial", "s0", 0.5, None, None), row("windows", "s9", 9.0, kind="procedural")]
+    rows.append(row("windows", "s8", 9.0, failed="no surface", assd_mm=None))
+    found = part("tables").direct(rows, [["windows", "cortexode"], ["ddot", "windows"], ["absent", "windows"]])
+    places = [(gap["first"], gap["second"], gap["budget"], gap["seed"]) for gap in found]
+    first, other = ("windows", "cortexode"), ("ddot", "windows")
+    own = [(*first, *each) for each in (("seconds", 0), ("steps", 0), ("steps", 1))]
+    assert sorted(places) == sorted([*own, (*other, "seconds", 0), (*other, "steps", 0)])
+    gap = found[places.index((*first, "steps", 1))]
+    gaps = np.array(noise) - 0.1
+    half = scipy.stats.t.ppf(0.975, 3) * gaps.std(ddof=1) / 2
+    assert gap["assd_mm"] == {
+        "gap": pytest.approx(gaps.mean()), "low": pytest.approx(gaps.mean() - half),
+        "high": pytest.approx(gaps.mean() + half), "better": "ours",
+    }  # fmt: skip
+    assert gap["normals"]["better"] == "ours"
+    assert (gap["n_shared"], gap["cohort"], gap["side"]) == (4, "a", "left")
 
 
 def test_seeds_and_pairs_have_their_tables(part, config):

@@ -57,6 +57,13 @@ WRONG = [
 ]
 
 
+def test_an_arm_reads_the_settings_of_its_system(part):
+    column = {"cohorts": ["a"], "sides": ["left"], "seeds": [0], "budget": "steps", "arms": ["near", "ddot"]}
+    config = {"settings": "small", "groups": {"steps": column}, "arms": {"near": {"system": "windows"}, "ddot": {}}}
+    found = {each["training"]: each["system"] for each in part("tasks")._trainings(config)}
+    assert found == {"a_left_near_steps_0": "windows", "a_left_ddot_steps_0": "ddot"}
+
+
 @pytest.mark.parametrize(("text", "message"), WRONG)
 def test_a_mistake_is_named(part, tmp_path, text, message):
     file = Path(tmp_path, "graph.yaml")

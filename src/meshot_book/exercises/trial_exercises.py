@@ -1,4 +1,4 @@
-"""Chapter 39: the rate of a reading, where one training leads another, and a forecast with its interval."""
+"""A trial of long trainings: where one training leads another, and a forecast with its interval."""
 
 import numpy as np
 import scipy.stats
@@ -6,45 +6,6 @@ import torch
 
 from meshot.types import Float, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, check_answer
-
-
-def chosen_rate(function: object) -> None:
-    """Check ``function(rates, distances)``: the rate with the lowest mean distance over the second half of checks."""
-    mistakes = [
-        Mistake(
-            lambda r, d: r[int(np.argmin([each[-1] for each in d]))],
-            "this compares the last checks only; one check is noisy: take the mean over the second half",
-        ),
-        Mistake(
-            lambda r, d: r[int(np.argmin([min(each) for each in d]))],
-            "this compares the lowest checks; the lowest of several noisy numbers is too low: take the mean over the "
-            "second half",
-        ),
-        Mistake(
-            lambda r, d: r[int(np.argmin([np.mean(each) for each in d]))],
-            "this is the mean over all checks; the first half says how fast a training begins, not where it ends",
-        ),
-        Mistake(
-            lambda r, d: int(np.argmin([_late(each) for each in d])), "this is the number of the rate, not the rate"
-        ),
-        Mistake(lambda r, d: r[int(np.argmax([_late(each) for each in d]))], "the smallest distance is the best"),
-    ]
-    steady, noisy = [0.40, 0.35, 0.30, 0.29, 0.28, 0.27], [0.40, 0.36, 0.33, 0.25, 0.36, 0.35]
-    cases = [
-        Case("three trainings that fall", ([1e-4, 3e-4, 1e-3], [[0.4, 0.38, 0.37, 0.36], steady[:4], noisy[:2] * 2])),
-        Case("one check that is low by chance", ([5e-4, 2e-3], [steady, noisy])),
-        Case("a fast start and a bad end", ([5e-4, 2e-3], [[0.5, 0.45, 0.33, 0.30], [0.3, 0.3, 0.34, 0.33]])),
-        Case("a last check that is low by chance", ([5e-4, 2e-3], [[0.4, 0.4, 0.38, 0.38, 0.39, 0.26], steady])),
-    ]
-    check_answer(function, _chosen, cases, mistakes, "chosen_rate")
-
-
-def _late(checks: list[float]) -> float:
-    return float(np.mean(checks[len(checks) // 2 :]))
-
-
-def _chosen(rates: list[float], distances: list[list[float]]) -> float:
-    return rates[int(np.argmin([_late(each) for each in distances]))]
 
 
 def first_lead(function: object) -> None:

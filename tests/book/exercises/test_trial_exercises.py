@@ -1,4 +1,4 @@
-"""The exercises of chapter 39: truths from NumPy and SciPy, and a different hint for each usual mistake."""
+"""The exercises about long trainings: truths from NumPy and SciPy, and a different hint for each usual mistake."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,6 @@ import torch
 from scipy.stats import linregress, t
 
 from meshot_book.exercises import check
-
-
-def halves(distances):
-    return np.array([np.mean(np.array_split(each, 2)[1]) for each in distances])
-
-
-def by_halves(rates, distances):
-    return rates[int(halves(distances).argmin())]
 
 
 def by_running_maximum(steps, ours, other):
@@ -38,7 +30,6 @@ def by_covariance(steps, distances, at, own=1.0, quantile=None, far=1.0):
 @pytest.mark.parametrize(
     ("checker", "function"),
     [
-        (check.chosen_rate, by_halves),
         (check.first_lead, by_running_maximum),
         (check.forecast, by_covariance),
     ],
@@ -81,11 +72,6 @@ def straight(steps, distances, at):
 @pytest.mark.parametrize(
     ("checker", "function", "hint"),
     [
-        (check.chosen_rate, lambda r, d: r[int(np.argmin([each[-1] for each in d]))], "the last checks only"),
-        (check.chosen_rate, lambda r, d: r[int(np.argmin([np.min(each) for each in d]))], "the lowest checks"),
-        (check.chosen_rate, lambda r, d: r[int(np.argmin([np.mean(each) for each in d]))], "all checks"),
-        (check.chosen_rate, lambda r, d: int(halves(d).argmin()), "not the rate"),
-        (check.chosen_rate, lambda r, d: r[int(halves(d).argmax())], "the smallest distance"),
         (check.first_lead, first_nearer, "the first check at which"),
         (check.first_lead, number_of_lead, "the number of the check"),
         (check.first_lead, lambda s, a, b: by_running_maximum(s, b, a), "the other one is nearer"),

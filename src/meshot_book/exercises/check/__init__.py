@@ -1,6 +1,7 @@
 """The checkers of the exercises, by name: ``check.NAME(your_function)`` prints one line."""
 
 from meshot_book.exercises.beyond_exercises import centred_cost, chamfer_floor, gap_cost
+from meshot_book.exercises.choice_exercises import averaged_weights, chosen_rate, luck_of_the_best
 from meshot_book.exercises.convergence_exercises import mean_gap, points_needed, wrong_curve
 from meshot_book.exercises.cost_exercises import blocked_chamfer, growth_exponent, merged_cells
 from meshot_book.exercises.ddot_exercises import alignment, count_weights, feature_at, mean_displacements
@@ -20,12 +21,13 @@ from meshot_book.exercises.study_exercises import best_visits, group_size, pair_
 from meshot_book.exercises.surface_exercises import mask_euler, row_distance, soft_overlap
 from meshot_book.exercises.systems_exercises import chance_missed, curved_chamfer, through_chain
 from meshot_book.exercises.tables_exercises import best_motion, same_order, who_is_better
-from meshot_book.exercises.trial_exercises import chosen_rate, first_lead, forecast
+from meshot_book.exercises.trial_exercises import first_lead, forecast
 from meshot_book.exercises.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
     "alignment",
     "area_gradient",
+    "averaged_weights",
     "best_motion",
     "best_visits",
     "blocked_chamfer",
@@ -57,6 +59,7 @@ __all__ = [
     "largest_rate",
     "line_arrows",
     "lines_needed",
+    "luck_of_the_best",
     "mask_euler",
     "mean_displacements",
     "mean_gap",
