@@ -152,7 +152,7 @@ def test_the_protocol_is_whole(part, config):
     rates = {arm: entry["rates"] for arm, entry in config["arms"].items()}
     assert rates.pop("classical") is None
     assert {len(each) for each in rates.values()} == {3}
-    assert len(trials) == 3 * len(rates) == 18
+    assert len(trials) == 3 * len(rates) == 21
     columns = {(c, s) for c in config["cohorts"] for s in ("left", "right")}
     for arm in config["arms"]:
         own = [unit for unit in finals if (unit.arm, unit.budget, unit.seed) == (arm, "steps", 0)]
