@@ -1,8 +1,8 @@
 """Store the surfaces that all systems find in two held-out subjects, for the pictures of the chapter.
 
 Run as ``python experiments/comparison/pictures.py`` when ``run.py`` has measured the systems. The subjects are those
-with the median and with the largest ASSD of a column, in the mean over the systems. The surfaces are simplified. Their
-values are the distances of the whole surfaces from the true one, in mm.
+with the median and with the largest ASSD of a column, in the mean over some of the systems. The surfaces are
+simplified. Their values are the distances of the whole surfaces from the true one, in mm.
 """
 
 import sys
@@ -27,7 +27,7 @@ TRUE = "true"
 
 
 def chosen_subjects(rows: list[dict], place: dict) -> dict[str, str]:
-    """The subjects with the median and the largest mean ASSD over the systems: "median" and "worst".
+    """The subjects with the median and the largest mean ASSD over the systems of the place: "median" and "worst".
 
     Raises
     ------
@@ -35,7 +35,7 @@ def chosen_subjects(rows: list[dict], place: dict) -> dict[str, str]:
         If no subject of the column is measured.
     """
     values: dict[str, list[float]] = {}
-    for row in measured(rows):
+    for row in (row for row in measured(rows) if row["arm"] in place["chosen_by"]):
         column = (row["cohort"], row["side"], row["kind"], row["budget"], row["seed"])
         if column == (place["cohort"], place["side"], MAIN, STEPS, FIRST_SEED):
             values.setdefault(row["subject"], []).append(row["assd_mm"])

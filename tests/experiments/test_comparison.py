@@ -69,7 +69,9 @@ def protocol(config):
         "changes": ["training.validate_every=1", "training.save_every=1", "training.n_points=300"],
         "evaluation": config["evaluation"] | {"n_points": 500, "n_emd_points": 50, "fewest_subjects": 3},
         "consistency": {"cohort": "retest", "trained_on": "alpha", "n_points": 500},
-        "pictures": {"cohort": "alpha", "side": "left", "n_faces": 300, "step_mm": 0.02},
+        "pictures": {
+            "cohort": "alpha", "side": "left", "n_faces": 300, "step_mm": 0.02, "chosen_by": list(ARMS),
+        },
     }  # fmt: skip
 
 
@@ -166,6 +168,15 @@ def test_the_protocol_is_whole(part, config):
     compared = config["comparison"]
     assert {compared["ours"], *compared["rivals"], *compared["also"]} == config["arms"].keys()
     assert {entry.get("system", arm) for arm, entry in config["arms"].items()} <= set(system_names())
+
+
+def test_the_package_has_the_winning_loss_as_settings(config):
+    windows, arm = get_system("windows"), config["arms"]["local"]
+    combined = read_settings(windows, "combined", ["training.side=left"])
+    rate = json.loads((FOLDER / "rates.json").read_text(encoding="utf-8"))["results"]["local"]["rate"]
+    assert combined == read_settings(
+        windows, "small", ["training.side=left", *arm["changes"], f"training.learning_rate={rate}"]
+    )
 
 
 def test_the_turns_are_the_networks_of_a_side(part, config):
@@ -468,9 +479,11 @@ def test_the_pictured_surfaces_are_those_of_the_median_and_the_worst_subject(par
 
 
 def test_the_median_is_one_of_the_subjects(part):
-    place, chosen_subjects = {"cohort": "a", "side": "left"}, part("pictures").chosen_subjects
+    place = {"cohort": "a", "side": "left", "chosen_by": ["ddot", "deepcsr"]}
+    chosen_subjects = part("pictures").chosen_subjects
     rows = [row(arm, f"s{i}", i / 10) for i in (3, 1, 2, 5, 4) for arm in ("ddot", "deepcsr")]
     rows += [row("ddot", "s6", 9.0, "seconds"), row("ddot", "s7", 9.0, seed=1), row("ddot", "s8", 9.0, kind="other")]
+    rows += [row("later", "s1", 99.0), row("later", "s9", 99.0)]  # does not contribute
     assert chosen_subjects(rows, place) == {"median": "s3", "worst": "s5"}
     with pytest.raises(ValueError, match=r"no system is measured on the right side of a: run run\.py first"):
         chosen_subjects(rows, place | {"side": "right"})

@@ -17,6 +17,7 @@ CHECKSUMS = Path(__file__).with_name("experiments.sha256")
 #: The files that chapters read, relative to the folder ``experiments``.
 READ_BY_CHAPTERS = (
     "*/results.json",
+    "ddot/*/results.json",
     "person/robustness.json",
     "*/*.safetensors",
     "*/*.safetensors.gz",

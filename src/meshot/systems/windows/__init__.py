@@ -1,7 +1,8 @@
 """Windows: flows trained with sliced transport in spatial windows. This system is ours; it is not in the paper.
 
 In windows of 6 mm, missing area does not affect vertices far away: see chapter 32. With the setting
-``loss.last_window=3`` their radius falls to 3 mm during the training.
+``loss.last_window=3`` their radius falls to 3 mm during the training. The settings ``combined`` have the loss that
+chapter 39 chooses.
 """
 
 from meshot.systems.deformation import DeformationSystem

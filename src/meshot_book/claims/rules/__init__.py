@@ -10,6 +10,7 @@ from meshot_book.claims.rules.ddot import ablation_verdict
 from meshot_book.claims.rules.deforming import evenness_verdict, supports_verdict
 from meshot_book.claims.rules.encodings import continuous_verdict, normal_scale_verdict, sample_gradient_verdict
 from meshot_book.claims.rules.ground_cost import ground_cost_verdict
+from meshot_book.claims.rules.local import local_verdict
 from meshot_book.claims.rules.rates import chamfer_rate_verdict, transport_rate_verdict
 from meshot_book.claims.rules.ruler import floor_verdict, table_verdict
 from meshot_book.claims.rules.self_intersection import self_intersection_verdict
@@ -43,4 +44,5 @@ RULES: dict[int, Rule] = {
     22: evenness_verdict,
     23: sample_gradient_verdict,
     24: ground_cost_verdict,
+    25: local_verdict,
 }
