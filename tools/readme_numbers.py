@@ -60,8 +60,8 @@ def loss_rows(root: Path) -> list[list[str]]:
 
 
 LOSSES = """
-The same network trained with different losses ([chapter 39](notebooks/39_choosing_a_loss.md)): ASSD in mm on 16 held-out
-synthetic scans a column, and means of the normals and of the crossing faces over the columns. The networks of
+The same network trained with different losses ([chapter 39](notebooks/39_choosing_a_loss.md)): ASSD in mm on 16
+held-out synthetic scans a column, and means of the normals and of the crossing faces over the columns. The networks of
 `meshot reconstruct` are still those with windows alone.
 """
 
@@ -70,8 +70,9 @@ def block(root: Path) -> str:
     """Both tables, between the two marks."""
     lines = ["| `meshot reconstruct` | found | asked |", "|---|--:|--:|"]
     lines += [f"| {measure} | {found} | {asked} |" for measure, found, asked in rows(root)]
-    lines += [LOSSES, "| loss | OASIS-like left | OASIS-like right | ADNI-like left | ADNI-like right | normals | crossing |"]
-    lines += ["|---|--:|--:|--:|--:|--:|--:|", *(f"| {' | '.join(row)} |" for row in loss_rows(root))]
+    columns = [f"{cohort}-like {side}" for cohort in ("OASIS", "ADNI") for side in ("left", "right")]
+    lines += [LOSSES, f"| loss | {' | '.join(columns)} | normals | crossing |", "|---|--:|--:|--:|--:|--:|--:|"]
+    lines += [f"| {' | '.join(row)} |" for row in loss_rows(root)]
     return "\n".join([BEGIN, *lines, END])
 
 
