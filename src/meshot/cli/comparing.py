@@ -2,6 +2,7 @@
 
 import argparse
 
+#: The surface that is compared unless another is named.
 SURFACE = "white"
 
 
