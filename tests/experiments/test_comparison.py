@@ -583,7 +583,8 @@ def test_two_systems_are_compared_for_every_budget_and_seed(part):
         for i, x in enumerate(noise)
         if (arm, seed) != ("ddot", 1)
     ]
-    rows += [row("initial", "s0", 0.5, None, None), row("windows", "s9", 9.0, kind="procedural")]
+    rows += [row(arm, "s9", 9.0, kind="procedural", seed=1) for arm in ("windows", "cortexode")]
+    rows.append(row("initial", "s0", 0.5, None, None))
     rows.append(row("windows", "s8", 9.0, failed="no surface", assd_mm=None))
     found = part("tables").direct(rows, [["windows", "cortexode"], ["ddot", "windows"], ["absent", "windows"]])
     places = [(gap["first"], gap["second"], gap["budget"], gap["seed"]) for gap in found]
