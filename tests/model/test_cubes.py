@@ -27,9 +27,13 @@ def places(volume: Volume, n_points: int = 200) -> torch.Tensor:
     return voxel_to_mm(volume, torch.from_numpy(inside_and_beyond))
 
 
+def cut(layer: CubeConvolution, images: tuple, points: torch.Tensor) -> torch.Tensor:
+    return layer.cut(layer.stacked(images), layer.corner_kernels(), points)
+
+
 def features_along(path: str, layer: CubeConvolution, images: tuple, points: torch.Tensor) -> torch.Tensor:
     if path == "cut":
-        return layer.cut(layer.stacked(images), points)
+        return cut(layer, images, points)
     return layer.at(layer.maps(images), points) if path == "convolved" else VisitedFeatures(layer, images).at(points)
 
 
@@ -58,7 +62,7 @@ def test_both_paths_agree_in_single_precision():
     points = places(images[0]).float()
     for path in ("convolved", "visited"):
         found = features_along(path, layer, images, points)
-        torch.testing.assert_close(layer.cut(layer.stacked(images), points), found, rtol=0, atol=1e-5)
+        torch.testing.assert_close(cut(layer, images, points), found, rtol=0, atol=1e-5)
 
 
 def test_visits_add_up_their_gradients_and_one_backward_does_not_leak_into_the_next():
@@ -68,7 +72,7 @@ def test_visits_add_up_their_gradients_and_one_backward_does_not_leak_into_the_n
     first, second = places(images[0], 40).requires_grad_(), places(images[0], 60).requires_grad_()
 
     def total(features: VisitedFeatures | None) -> torch.Tensor:
-        at = features.at if features else (lambda points: layer.cut(layer.stacked(images), points))
+        at = features.at if features else (lambda points: cut(layer, images, points))
         return (at(first) ** 2).sum() + (at(second)[:40] * at(first)).sum()
 
     for wanted in ([first], [layer.weight], [first, second, layer.weight, layer.bias]):
@@ -116,7 +120,7 @@ def test_far_from_the_image_only_the_bias_is_left():
     torch.nn.init.constant_(layer.bias, 0.25)
     images = layer.images(image(np.eye(4)))
     far = torch.full((1, 3), 1e4, dtype=torch.float64)
-    assert layer.at(layer.maps(images), far).tolist() == layer.cut(layer.stacked(images), far).tolist() == [[0.25] * 3]
+    assert layer.at(layer.maps(images), far).tolist() == cut(layer, images, far).tolist() == [[0.25] * 3]
 
 
 @pytest.mark.parametrize("affine", [np.eye(4), OBLIQUE], ids=["identity", "oblique"])
@@ -138,7 +142,7 @@ def test_doors():
         CubeConvolution(n_features=0)
     layer = CubeConvolution(2, 2, 3)
     one = (image(np.eye(4)),)
-    for path in (layer.maps, lambda images: layer.cut(layer.stacked(images), torch.zeros(1, 3, dtype=torch.float64))):
+    for path in (layer.maps, layer.stacked):
         with pytest.raises(ValueError, match="1 images were given, 2 are needed"):
             path(one)
 
@@ -147,7 +151,7 @@ def test_a_point_that_is_not_a_number_has_no_features_and_the_others_theirs():
     layer = CubeConvolution(3, 2, 3, generator=0)
     images = layer.images(image(OBLIQUE))
     points = places(images[0], 5)
-    wanted = layer.cut(layer.stacked(images), points).detach()
+    wanted = cut(layer, images, points).detach()
     points[2, 1], points[3] = float("nan"), float("inf")
     for path in ("visited", "cut"):
         found = features_along(path, layer, images, points)

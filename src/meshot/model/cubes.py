@@ -140,10 +140,19 @@ class CubeConvolution(nn.Module):
         self._require_scales(images)
         return StackedImages(images, self.weight.shape[-1], self.weight)
 
-    def cut(self, images: StackedImages, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
-        """The same features, from cubes extracted around every point. On a CPU slow for many points."""
-        kernels = self.weight.flatten(2).permute(1, 2, 0)  # (scales, size³, features)
-        return self.bias + torch.bmm(images.cubes(points), kernels).sum(dim=0)
+    def corner_kernels(self) -> Float[Tensor, "scales voxels columns"]:
+        """The kernel at each corner of a voxel, for the (size + 1)³ voxels around: input of :meth:`cut`."""
+        padded = [nn.functional.pad(self.weight, (z, 1 - z, y, 1 - y, x, 1 - x)) for x, y, z in np.ndindex(2, 2, 2)]
+        return torch.stack(padded).flatten(3).permute(2, 3, 0, 1).flatten(2)
+
+    def cut(self, images: StackedImages, kernels: Tensor, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
+        """The same features, from cubes extracted around every point. On a CPU slow for many points.
+
+        ``kernels`` are those of :meth:`corner_kernels`. They follow the weights, so they are made again in every step.
+        """
+        voxels, shares = images.corners(points)
+        at_corners = torch.bmm(voxels, kernels).unflatten(2, (8, -1))  # (scales, n, 8, features)
+        return self.bias + (at_corners * shares[..., None]).sum(dim=(0, 2))
 
     def _require_scales(self, images: tuple[Volume, ...]) -> None:
         if len(images) != self.weight.shape[1]:

@@ -151,16 +151,15 @@ class ImageVelocity(LearnedVelocity):
     def prepared(self) -> Prepared:
         """The field with its image already convolved."""
         network, images = self.network, self.images
-        parameters = tuple(network.parameters())
-        if self.path == "cut":
-            stacked = self._stacked()
-            return Prepared(lambda _, points: network(points, network.cubes.cut(stacked, points)), parameters)
+        # What is computed from the convolution weight takes its place, so that its gradient is not counted twice.
+        others = [parameter for parameter in network.parameters() if parameter is not network.cubes.weight]
         if self.path == "visited":
             visited = VisitedFeatures(network.cubes, images)
-            return Prepared(lambda _, points: network(points, visited.at(points)), parameters)
+            return Prepared(lambda _, points: network(points, visited.at(points)), tuple(network.parameters()))
+        if self.path == "cut":
+            stacked, kernels = self._stacked(), network.cubes.corner_kernels()
+            return Prepared(lambda _, at: network(at, network.cubes.cut(stacked, kernels, at)), (*others, kernels))
         maps = network.cubes.maps(images)
-        # The maps already depend on the convolution weight; listing it as well would count its gradient twice.
-        others = [parameter for parameter in network.parameters() if parameter is not network.cubes.weight]
         tensors = (*others, *(level.values for level in maps))
         return Prepared(lambda _, points: network(points, network.cubes.at(maps, points)), tensors)
 

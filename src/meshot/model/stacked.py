@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from meshot.types import Float, Int64, Tensor
+from meshot.types import Float, Tensor
 from meshot.volume import Volume
 
 
@@ -11,7 +11,8 @@ class StackedImages:
     """Images of several scales on one device, each with a border of zeros, one after the other in a flat tensor.
 
     A cube around a point needs the voxels at whole distances from it, each interpolated with the same weights. So the
-    (size + 1)³ voxels around are taken once, and every axis is interpolated once.
+    (size + 1)³ voxels around are taken once. Interpolation and convolution are both linear. The convolution comes first
+    (:meth:`meshot.model.cubes.CubeConvolution.cut`), since eight features are fewer numbers than a cube.
 
     Parameters
     ----------
@@ -40,17 +41,20 @@ class StackedImages:
         self.turn = torch.from_numpy(to_voxels[:, :3, :3].transpose(0, 2, 1).copy()).to(like)
         self.shift = torch.from_numpy(to_voxels[:, None, :3, 3] + self.margin).to(like)
 
-    def cubes(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "scales n cube"]:
-        """The cubes around points in mm, by trilinear interpolation, zero outside. Differentiable in the points."""
+    def corners(
+        self, points: Float[Tensor, "n 3"]
+    ) -> tuple[Float[Tensor, "scales n voxels"], Float[Tensor, "scales n 8"]]:
+        """The voxels around points in mm, zero outside the image, and the weights of the eight cubes among them.
+
+        A cube around a point is the weighted sum of the eight cubes of (size)³ voxels that begin at the corners of the
+        first voxel, in the order of ``np.ndindex(2, 2, 2)``. The weights are those of trilinear
+        interpolation, and differentiable in the points.
+        """
         # Distant points are clipped to the border, where all cubes are zero.
         places = torch.minimum((points @ self.turn + self.shift).clamp(min=0), self.last)
         lower = torch.minimum(places.detach().nan_to_num().floor(), self.last - 1)
-        found = self._voxels(lower.long())
-        for axis, share in enumerate((places - lower).unbind(dim=2), start=2):
-            before, after = found.narrow(axis, 0, self.size), found.narrow(axis, 1, self.size)
-            found = torch.lerp(before, after, share[..., None, None, None])
-        return found.flatten(2)
-
-    def _voxels(self, lower: Int64[Tensor, "scales n 3"]) -> Float[Tensor, "scales n a a a"]:
-        first = (lower * self.strides).sum(dim=2) + self.starts
-        return self.values[first[..., None] + self.around].unflatten(2, [self.size + 1] * 3)
+        shares = torch.stack([lower + 1 - places, places - lower], dim=3)  # (scales, n, 3, 2)
+        x, y, z = shares.unbind(dim=2)
+        weights = x[..., :, None, None] * y[..., None, :, None] * z[..., None, None, :]
+        first = (lower.long() * self.strides).sum(dim=2) + self.starts
+        return self.values[first[..., None] + self.around], weights.flatten(2)
