@@ -25,7 +25,7 @@ from torch.utils._mode_utils import no_dispatch
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten, tree_leaves, tree_map, tree_map_only, tree_unflatten
 
-from pretended_cuda_rules import require_one_device
+from pretended_cuda_rules import require_one_device, require_products
 
 if not hasattr(backends, "_DummyDeviceGuard"):
     pytest.skip(f"torch {torch.__version__} cannot register a device from Python", allow_module_level=True)
@@ -104,6 +104,8 @@ def _run(operation, args: tuple, kwargs: dict):
         return NotImplemented
     require_one_device(operation, args, kwargs, lambda each: isinstance(each, CudaTensor))
     ours = {id(leaf.inner): leaf for leaf in tensors if isinstance(leaf, CudaTensor)}
+    if ours:
+        require_products(operation, args)
     device = kwargs.get("device")
     pretended = bool(ours) if device is None else device.type in (CUDA.type, _BELOW.type)
     if pretended:

@@ -8,6 +8,8 @@ without dimensions included, are on one device, unless the entry says ``device_c
 - indexing (``TensorAdvancedIndexing.cpp``, ``IndexingUtils.h``): indices of the processor into a tensor of the device,
   not the reverse, and a value without dimensions;
 - copies.
+
+Matrix products of whole numbers are not implemented on a CUDA device.
 """
 
 import functools
@@ -24,6 +26,26 @@ _INDEXING = (
     "aten::index", "aten::index_put", "aten::index_put_", "aten::_index_put_impl_", "aten::_unsafe_index",
     "aten::_unsafe_index_put",
 )  # fmt: skip
+_PRODUCTS = (
+    "aten::mm", "aten::mv", "aten::bmm", "aten::dot", "aten::addmm", "aten::addmv", "aten::addbmm", "aten::baddbmm",
+)  # fmt: skip
+
+
+def require_products(operation: torch._ops.OpOverload, args: Sequence) -> None:
+    """Check that CUDA has the operation for the dtypes of the arguments.
+
+    Raises
+    ------
+    RuntimeError
+        With the words of PyTorch.
+    """
+    whole = [each.dtype for each in tree_leaves(args) if torch.is_tensor(each) and not _is_real(each)]
+    if operation._schema.name in _PRODUCTS and whole:
+        raise RuntimeError(f'"{operation._schema.name[6:]}_cuda" not implemented for {whole[0]}')
+
+
+def _is_real(tensor: torch.Tensor) -> bool:
+    return tensor.is_floating_point() or tensor.is_complex()
 
 
 @functools.cache

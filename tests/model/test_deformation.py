@@ -9,6 +9,7 @@ from meshot.flow.crossings.jacobian import sampled_lipschitz
 from meshot.flow.integration import integrate
 from meshot.model.deformation import DeformationNetwork
 from meshot.volume.volume import Volume, voxel_to_mm
+from pretended_cuda import pretended_cuda
 
 
 def volume(seed: int) -> Volume:
@@ -59,6 +60,16 @@ def test_every_path_carries_points_to_the_same_place_with_the_same_gradients(net
         torch.testing.assert_close(one, other, rtol=1e-8, atol=1e-8)
         torch.testing.assert_close(one, third, rtol=1e-8, atol=1e-8)
     assert float((found[0][0] - points()).norm(dim=1).mean()) > 0.1
+
+
+@pytest.mark.parametrize("path", ["cut", "convolved"])
+def test_on_a_device_points_are_carried_to_the_same_place(network, path):
+    with torch.no_grad():
+        wanted = integrate(network.velocity_in(volume(0), path), points(), 4)
+        with pretended_cuda():
+            found = integrate(network.to("cuda").velocity_in(volume(0), path), points().to("cuda"), 4)
+            assert found.device.type == "cuda"
+            torch.testing.assert_close(found.cpu(), wanted)
 
 
 def test_a_field_that_cuts_follows_its_network_to_another_dtype(network):

@@ -59,8 +59,10 @@ def corner_rows(
     weights = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).flatten(1)
     _, ny, nz = shape
     strides = torch.tensor([ny * nz, nz, 1], device=places.device)
-    corners = torch.tensor(list(np.ndindex(2, 2, 2)), device=places.device) @ strides  # (8,)
-    return (lower.long() @ strides)[:, None] + corners, weights
+    corners = torch.tensor(list(np.ndindex(2, 2, 2)), device=places.device)
+    # Sums of products: a GPU has no matrix product of whole numbers.
+    first, steps = ((voxels * strides).sum(dim=1) for voxels in (lower.long(), corners))
+    return first[:, None] + steps, weights
 
 
 class CubeConvolution(nn.Module):
