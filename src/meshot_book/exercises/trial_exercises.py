@@ -1,4 +1,4 @@
-"""A trial of long trainings: where one training leads another, and a forecast with its interval."""
+"""A trial of a loss: what its fall means, where one training leads another, and a forecast with its interval."""
 
 import numpy as np
 import scipy.stats
@@ -6,6 +6,47 @@ import torch
 
 from meshot.types import Float, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, check_answer
+
+
+def diagnosis(function: object) -> None:
+    """Check ``function(seen, new, distance)``: 0 no descent, 1 overfitted, 2 insensitive to the distance, 3 helps."""
+    mistakes = [
+        Mistake(
+            lambda seen, new, distance: 2 if seen < 1 and distance >= 1 else _diagnosis(seen, new, distance),
+            "a distance that grows where the loss grows, too, says nothing about the loss; ask for the loss first",
+        ),
+        Mistake(
+            lambda seen, new, distance: _diagnosis(seen, seen, distance),
+            "a loss that falls on training subjects only is overfitted; the quotient of new subjects is not used",
+        ),
+        Mistake(
+            lambda seen, new, distance: _diagnosis(new, new, distance),
+            "the quotient of training subjects is not used; only a loss that falls there can be overfitted",
+        ),
+        Mistake(
+            lambda seen, new, distance: _diagnosis(seen - 1e-9, new - 1e-9, distance - 1e-9),
+            "a quotient of exactly 1 is no improvement",
+        ),
+        Mistake(
+            lambda seen, new, distance: _diagnosis(1 / seen, 1 / new, 1 / distance),
+            "the quotients are after / before: below 1 is an improvement",
+        ),
+    ]
+    cases = [
+        Case("a loss and a distance that fall", (0.7, 0.8, 0.9)),
+        Case("a distance that grows", (0.7, 0.8, 1.2)),
+        Case("a loss that grows on new subjects, with the distance", (0.7, 1.1, 1.2)),
+        Case("a loss that grows on new subjects alone", (0.7, 1.1, 0.9)),
+        Case("a loss that grows on all subjects", (1.1, 1.2, 1.3)),
+        Case("a loss that grows on training subjects only", (1.1, 0.9, 0.9)),
+        Case("a distance that stays", (0.7, 0.8, 1.0)),
+        Case("a loss that stays", (1.0, 0.9, 0.9)),
+    ]
+    check_answer(function, _diagnosis, cases, mistakes, "diagnosis")
+
+
+def _diagnosis(seen: float, new: float, distance: float) -> int:
+    return next((k for k, quotient in enumerate((seen, new, distance)) if quotient >= 1), 3)
 
 
 def first_lead(function: object) -> None:

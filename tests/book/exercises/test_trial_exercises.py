@@ -8,6 +8,14 @@ from scipy.stats import linregress, t
 from meshot_book.exercises import check
 
 
+def by_questions(seen, new, distance):
+    if not seen < 1:
+        return 0
+    if not new < 1:
+        return 1
+    return 3 if distance < 1 else 2
+
+
 def by_running_maximum(steps, ours, other):
     worst = np.maximum.accumulate((np.array(ours) - np.array(other))[::-1])[::-1]
     ahead = np.flatnonzero(worst < 0)
@@ -30,6 +38,7 @@ def by_covariance(steps, distances, at, own=1.0, quantile=None, far=1.0):
 @pytest.mark.parametrize(
     ("checker", "function"),
     [
+        (check.diagnosis, by_questions),
         (check.first_lead, by_running_maximum),
         (check.forecast, by_covariance),
     ],
@@ -59,6 +68,12 @@ def always_some(steps, ours, other):
     return found if found > 0 else steps[0]
 
 
+def distance_first(seen, new, distance):
+    if seen < 1 and distance >= 1:
+        return 2
+    return by_questions(seen, new, distance)
+
+
 def straight(steps, distances, at):
     """A line between the numbers themselves, with its interval."""
     x, y, n = steps.numpy(), distances.numpy(), len(steps)
@@ -72,6 +87,11 @@ def straight(steps, distances, at):
 @pytest.mark.parametrize(
     ("checker", "function", "hint"),
     [
+        (check.diagnosis, distance_first, "ask for the loss first"),
+        (check.diagnosis, lambda seen, new, d: by_questions(seen, seen, d), "of new subjects is not used"),
+        (check.diagnosis, lambda seen, new, d: by_questions(new, new, d), "of training subjects is not used"),
+        (check.diagnosis, lambda *q: by_questions(*(0.0 if each <= 1 else 2.0 for each in q)), "exactly 1"),
+        (check.diagnosis, lambda *q: by_questions(*(1 / each for each in q)), "after / before"),
         (check.first_lead, first_nearer, "the first check at which"),
         (check.first_lead, number_of_lead, "the number of the check"),
         (check.first_lead, lambda s, a, b: by_running_maximum(s, b, a), "the other one is nearer"),

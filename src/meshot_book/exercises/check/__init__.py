@@ -21,7 +21,7 @@ from meshot_book.exercises.study_exercises import best_visits, group_size, pair_
 from meshot_book.exercises.surface_exercises import mask_euler, row_distance, soft_overlap
 from meshot_book.exercises.systems_exercises import chance_missed, curved_chamfer, through_chain
 from meshot_book.exercises.tables_exercises import best_motion, same_order, who_is_better
-from meshot_book.exercises.trial_exercises import first_lead, forecast
+from meshot_book.exercises.trial_exercises import diagnosis, first_lead, forecast
 from meshot_book.exercises.zoo_exercises import blur_in_coordinates, debiased, smallest_flip, trap
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "count_weights",
     "curved_chamfer",
     "debiased",
+    "diagnosis",
     "edge_variation",
     "equal_time",
     "euler_flow",
