@@ -34,7 +34,7 @@ def record(name, gaps, arms=None):
             ]  # fmt: skip
             found = {"helps": own["start"]["high"] < 0, "beats": own[rival]["high"] < 0}
             decided.setdefault(arm, {})[which] = found
-    trainings = [{"arm": arm, "n_steps": 1680} for arm in arms]
+    trainings = [{"arm": arm, "n_steps": 700 if "wide" in arm else 1680} for arm in arms]
     results = {"means": means, "differences": differences, "decided": decided, "trainings": trainings}
     return {"results": results, "config": config}
 
@@ -54,14 +54,16 @@ HELPS, BEATS = ("ddot_1mm", "start"), ("ddot_1mm", "cortexode")
     ],
 )
 def test_one_reading_must_help_and_beat_and_no_exchange_may_be_nearer(exchanges, readings, status):
-    found = exchanges_verdict(record("controls", exchanges), record("readings", readings), record("candidates", {}))
+    found = exchanges_verdict(
+        record("controls", exchanges), record("readings", readings), record("budget", {}), record("candidates", {})
+    )
     assert found.status == status
 
 
 def test_it_says_what_was_found():
     readings = {HELPS: NEARER, ("ddot_20mm", "start"): FARTHER, BEATS: NEARER, ("ddot_binary", "start"): NEARER}
     controls = record("controls", {("chamfer_varifold", "ddot_20mm"): NEARER, ("ddot_20mm", "start"): FARTHER})
-    found = exchanges_verdict(controls, record("readings", readings), record("candidates", {}))
+    found = exchanges_verdict(controls, record("readings", readings), record("budget", {}), record("candidates", {}))
     assert "1 of 4 exchanges" in found.says
     assert (
         "In 2 of 6 readings of the paper DDOT ends nearer than it begins, and in 1 nearer than the same" in found.says
@@ -69,7 +71,13 @@ def test_it_says_what_was_found():
     assert found.headline[0] == "1 of 6"
     assert "adni like, left. ASSD in mm: initially 0.3; DDOT 0.31; sliced, samples 0.32" in found.ours
     assert "Nearer than DDOT: Chamfer, varifolds. DDOT minus the initial surface: +0.1 [+0.05, +0.2] mm" in found.ours
-    exchanges, rows = (table.split("\n") for table in found.numbers.split("\n\n"))
+    assert found.ours.endswith(
+        "have 1680 steps. Longer and wider trainings: DDOT 0.31 after 1680 steps; CortexODE 0.32 after 1680 steps; "
+        "DDOT, wide 0.33 after 700 steps; CortexODE, wide 0.34 after 700 steps"
+    )
+    exchanges, rows, budgets = (table.split("\n") for table in found.numbers.split("\n\n"))
+    assert budgets[2] == "| DDOT | 1680 | 0.31 | -0.01 [-0.1, +0.05] | -0.01 [-0.1, +0.05] |"
+    assert budgets[4].startswith("| DDOT, wide | 700 | 0.33 |")
     assert len(exchanges) == 2 + 1 + 5 + 1
     assert exchanges[2].endswith("| -0.1 [-0.2, -0.05] |")  # the initial surface minus DDOT
     assert exchanges[3].endswith("| – |")
@@ -77,15 +85,20 @@ def test_it_says_what_was_found():
     assert exchanges[6].endswith("| -0.1 [-0.2, -0.05] |")
     assert exchanges[8].startswith("| kernel norm of varifolds |")
     assert len(rows) == 2 + 11
-    assert rows[2] == "| DDOT | 0.32 | +0.1 [+0.05, +0.2] | -0.01 [-0.1, +0.05] |"
+    assert rows[2] == "| DDOT | 1680 | 0.32 | +0.1 [+0.05, +0.2] | -0.01 [-0.1, +0.05] |"
     assert all(rows[k].endswith("| -0.01 [-0.1, +0.05] | – |") for k in (3, 6))  # CortexODE has no rival
-    assert rows[4] == "| DDOT, normals of 1 mm | 0.34 | -0.1 [-0.2, -0.05] | -0.1 [-0.2, -0.05] |"
+    assert rows[4] == "| DDOT, normals of 1 mm | 1680 | 0.34 | -0.1 [-0.2, -0.05] | -0.1 [-0.2, -0.05] |"
 
 
 def test_what_was_not_trained_to_the_end_is_left_out():
     readings = record("readings", {}, ["ddot_20mm", "cortexode", "ddot_binary", "cortexode_binary"])
-    found = exchanges_verdict(record("controls", {}, ["ddot_20mm", "samples"]), readings, record("candidates", {}, []))
+    found = exchanges_verdict(
+        record("controls", {}, ["ddot_20mm", "samples"]),
+        readings,
+        record("budget", {}, ["ddot_wide"]),
+        record("candidates", {}, []),
+    )
     assert found.status == ledger.AT_THIS_BUDGET
-    exchanges, rows = (table.split("\n") for table in found.numbers.split("\n\n"))
-    assert (len(exchanges), len(rows)) == (2 + 3, 2 + 4)
-    assert rows[4].startswith("| DDOT, binary start | 0.34 |")
+    exchanges, rows, budgets = (table.split("\n") for table in found.numbers.split("\n\n"))
+    assert (len(exchanges), len(rows), len(budgets)) == (2 + 3, 2 + 4, 2 + 1)
+    assert rows[4].startswith("| DDOT, binary start | 1680 | 0.34 |")
