@@ -83,9 +83,8 @@ def test_only_the_trainings_that_the_guide_counts_were_made_on_a_gpu(root):
     records = {file: json.loads(file.read_text(encoding="utf-8")) for file in files}
     on_gpu = {file for file, record in records.items() if "--device cuda" in record["command"]}
     assert len(records) - len(on_gpu) > 20
-    (said,) = re.findall(
-        r"(\d+) trainings of `experiments/ddot` were made on a GPU", (root / "book/howto.md").read_text()
-    )
+    guide = (root / "book/howto.md").read_text(encoding="utf-8")
+    (said,) = re.findall(r"(\d+) trainings of `experiments/ddot` were made on a GPU", guide)
     assert len(on_gpu) == int(said)
     assert {file.relative_to(root).parts[:2] for file in on_gpu} == {("experiments", "ddot")}
     assert not any(records[file]["versions"]["torch"].endswith("+cpu") for file in on_gpu)

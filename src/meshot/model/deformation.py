@@ -151,11 +151,11 @@ class ImageVelocity(LearnedVelocity):
     def prepared(self) -> Prepared:
         """The field with its image already convolved."""
         network, images = self.network, self.images
-        # What is computed from the convolution weight takes its place, so that its gradient is not counted twice.
-        others = [parameter for parameter in network.parameters() if parameter is not network.cubes.weight]
         if self.path == "visited":
             visited = VisitedFeatures(network.cubes, images)
             return Prepared(lambda _, points: network(points, visited.at(points)), tuple(network.parameters()))
+        # What is computed from the convolution weight takes its place, so that its gradient is not counted twice.
+        others = [parameter for parameter in network.parameters() if parameter is not network.cubes.weight]
         if self.path == "cut":
             stacked, kernels = self._stacked(), network.cubes.corner_kernels()
             return Prepared(lambda _, at: network(at, network.cubes.cut(stacked, kernels, at)), (*others, kernels))

@@ -12,7 +12,7 @@ class StackedImages:
 
     A cube around a point needs the voxels at whole distances from it, each interpolated with the same weights. So the
     (size + 1)³ voxels around are taken once. Interpolation and convolution are both linear. The convolution comes first
-    (:meth:`meshot.model.cubes.CubeConvolution.cut`), since eight features are fewer numbers than a cube.
+    (:meth:`meshot.model.cubes.CubeConvolution.cut`), as one matrix product: interpolated cubes are never stored.
 
     Parameters
     ----------
