@@ -11,6 +11,7 @@ from meshot.metrics import Surface, average_surface_distance, offsets_between
 from meshot.pipeline import InitialSurfaces
 from meshot.provenance import read_results, rounded, write_results
 from meshot.synth.cohorts import scans
+from meshot_book.trainings import alone
 
 #: What a trial says of itself, in the folder in which it is kept.
 SCORE = "score.json"
@@ -100,15 +101,23 @@ def seconds_of_epoch(record: dict) -> float:
 def choose(config: dict, arm: str) -> dict[str, dict]:
     """Choose the rate of a system if its trials are all there, and write the file of rates. Returns all rates.
 
+    Processes that train different systems wait for each other here: each adds to what the others have written.
+
     Raises
     ------
     ValueError
         If no rate of the system has a score.
     """
-    rates, own = known_rates(config), [unit for unit in trials(config) if unit.arm == arm]
-    if arm in rates or not own or not all(unit.is_made(config) for unit in own):
-        return rates
-    rates[arm] = _choice(arm, {unit.rate: read_json(unit.kept(config) / SCORE) for unit in own}, own, config)
+    own = [unit for unit in trials(config) if unit.arm == arm]
+    if arm in known_rates(config) or not own or not all(unit.is_made(config) for unit in own):
+        return known_rates(config)
+    chosen = _choice(arm, {unit.rate: read_json(unit.kept(config) / SCORE) for unit in own}, own, config)
+    with alone(Path(config["state"]) / "rates", wait=True):
+        return _added({arm: chosen}, config)
+
+
+def _added(chosen: dict[str, dict], config: dict) -> dict[str, dict]:
+    rates = known_rates(config) | chosen
     found = rounded({name: rates[name] for name in config["arms"] if name in rates})
     stands_on = f"training and validation subjects of the synthetic cohort {config['trials']['cohort']}"
     seconds = sum(each["seconds_of_trials"] for each in found.values())

@@ -3,6 +3,8 @@
 import json
 import shutil
 import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
@@ -278,6 +280,23 @@ def test_everything_is_trained_by_one_command(part, whole, capsys):
     said = capsys.readouterr().out.splitlines()
     assert len(said) == len(units.trials(config)) + len(units.finals(config))
     assert {line.split()[0] for line in said} == {"there"}
+
+
+def test_systems_that_choose_their_rates_at_the_same_time_do_not_lose_any(part, place, monkeypatch):
+    budgets, config = part("budgets"), part("units").read_config(place / "config.yaml")
+    (place / "rates.json").unlink()
+    read = budgets.known_rates
+
+    def slow(config):
+        known = read(config)
+        time.sleep(0.2)
+        return known
+
+    monkeypatch.setattr(budgets, "known_rates", slow)
+    arms = ["vox2cortex", "corticalflow", "ddot"]
+    with ThreadPoolExecutor(len(arms)) as pool:
+        list(pool.map(lambda arm: budgets.choose(config, arm), arms))
+    assert list(read(config)) == arms
 
 
 def test_weights_that_are_only_measured_take_half_the_space(part, whole):

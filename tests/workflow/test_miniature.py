@@ -44,6 +44,11 @@ def killed_in_a_training(clone: Path) -> str:
     return next(system for system in SYSTEMS if system in names[0].split("_"))
 
 
+def printed(clone: Path) -> str:
+    """What the tasks printed, for the message of a failure."""
+    return "".join(f"\n{file.name}:\n{file.read_text()[-2000:]}" for file in sorted((clone / STAMPS).rglob("*.log")))
+
+
 def outcome(clone: Path) -> tuple[dict[str, dict[str, bytes]], list[dict]]:
     """All weights, to the bit, and the measurements of every head without their seconds.
 
@@ -71,7 +76,7 @@ def test_the_whole_graph_in_small_also_after_a_kill(snakemake, fresh, tmp_path, 
     clone = fresh(tmp_path / "clone")
     system = killed_in_a_training(clone)
     found = snakemake(clone, *GRAPH)
-    assert found.returncode == 0, found.stdout
+    assert found.returncode == 0, found.stdout + printed(clone)
     weights, rows = outcome(clone)
     assert {row["arm"] for row in rows} == SYSTEMS | {"initial", "perfect"}
     assert {row["subject"] for row in rows} == {"sub-003"}
@@ -81,7 +86,7 @@ def test_the_whole_graph_in_small_also_after_a_kill(snakemake, fresh, tmp_path, 
     # The system that was killed, trained once more without a kill.
     forget(clone, system)
     found = snakemake(clone, *GRAPH)
-    assert found.returncode == 0, found.stdout
+    assert found.returncode == 0, found.stdout + printed(clone)
     again, rows_again = outcome(clone)
     assert again.keys() == weights.keys()
     # A comparison of all values would print megabytes.

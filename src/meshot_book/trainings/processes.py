@@ -27,18 +27,25 @@ class Busy(Exception):
 
 
 @contextlib.contextmanager
-def alone(folder: Path) -> Iterator[None]:
+def alone(folder: Path, wait: bool = False) -> Iterator[None]:
     """Lock the folder of a training against other processes. The lock is released when the process ends.
+
+    Parameters
+    ----------
+    folder : path
+        It is created if it is missing.
+    wait : bool
+        Wait until no other process has locked it.
 
     Raises
     ------
     Busy
-        If another process has locked it.
+        If another process has locked it, and ``wait`` is false.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as file:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise Busy(f"{folder.name} is being trained by another process") from error
         yield
