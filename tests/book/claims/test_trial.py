@@ -55,7 +55,7 @@ HELPS, BEATS = ("ddot_1mm", "start"), ("ddot_1mm", "cortexode")
 )
 def test_one_reading_must_help_and_beat_and_no_exchange_may_be_nearer(exchanges, readings, status):
     found = exchanges_verdict(
-        record("controls", exchanges), record("readings", readings), record("budget", {}), record("candidates", {})
+        record("controls", exchanges), record("readings", readings), record("candidates", {}), record("budget", {})
     )
     assert found.status == status
 
@@ -63,7 +63,7 @@ def test_one_reading_must_help_and_beat_and_no_exchange_may_be_nearer(exchanges,
 def test_it_says_what_was_found():
     readings = {HELPS: NEARER, ("ddot_20mm", "start"): FARTHER, BEATS: NEARER, ("ddot_binary", "start"): NEARER}
     controls = record("controls", {("chamfer_varifold", "ddot_20mm"): NEARER, ("ddot_20mm", "start"): FARTHER})
-    found = exchanges_verdict(controls, record("readings", readings), record("budget", {}), record("candidates", {}))
+    found = exchanges_verdict(controls, record("readings", readings), record("candidates", {}), record("budget", {}))
     assert "1 of 4 exchanges" in found.says
     assert (
         "In 2 of 6 readings of the paper DDOT ends nearer than it begins, and in 1 nearer than the same" in found.says
@@ -95,10 +95,14 @@ def test_what_was_not_trained_to_the_end_is_left_out():
     found = exchanges_verdict(
         record("controls", {}, ["ddot_20mm", "samples"]),
         readings,
-        record("budget", {}, ["ddot_wide"]),
         record("candidates", {}, []),
+        record("budget", {}, ["ddot_wide"]),
     )
     assert found.status == ledger.AT_THIS_BUDGET
     exchanges, rows, budgets = (table.split("\n") for table in found.numbers.split("\n\n"))
     assert (len(exchanges), len(rows), len(budgets)) == (2 + 3, 2 + 4, 2 + 1)
     assert rows[4].startswith("| DDOT, binary start | 1680 | 0.34 |")
+    assert rows[2].startswith("| DDOT |")
+    without = exchanges_verdict(record("controls", {}), readings, record("candidates", {}))
+    assert len(without.numbers.split("\n\n")) == 2
+    assert without.ours.endswith("have 1680 steps")

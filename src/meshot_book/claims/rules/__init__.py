@@ -6,7 +6,6 @@ from meshot_book.claims.rules.comparison import consistency_verdict, systems_ver
 from meshot_book.claims.rules.convergence import directions_verdict, theorem_verdict
 from meshot_book.claims.rules.cost import memory_verdict, speed_verdict
 from meshot_book.claims.rules.counts import counts_verdict
-from meshot_book.claims.rules.ddot import ablation_verdict
 from meshot_book.claims.rules.deforming import evenness_verdict, supports_verdict
 from meshot_book.claims.rules.encodings import continuous_verdict, normal_scale_verdict, sample_gradient_verdict
 from meshot_book.claims.rules.ground_cost import ground_cost_verdict
@@ -16,6 +15,7 @@ from meshot_book.claims.rules.ruler import floor_verdict, table_verdict
 from meshot_book.claims.rules.self_intersection import self_intersection_verdict
 from meshot_book.claims.rules.sinkhorn import blur_verdict
 from meshot_book.claims.rules.toy import toy_verdict
+from meshot_book.claims.rules.trial import exchanges_verdict
 from meshot_book.claims.rules.varifold import varifold_verdict
 from meshot_book.claims.rules.weights import weights_verdict
 
@@ -36,7 +36,7 @@ RULES: dict[int, Rule] = {
     14: table_verdict,
     15: floor_verdict,
     16: counts_verdict,
-    17: ablation_verdict,
+    17: exchanges_verdict,
     18: blur_verdict,
     19: consistency_verdict,
     20: supports_verdict,
