@@ -439,11 +439,6 @@ def test_committed_results_follow_from_their_rows(part, record, config, results)
         require_equal(again[table], results[table])
 
 
-def test_the_ledger_names_the_experiment_once_it_has_results(root):
-    claims = {row["id"]: row for row in yaml.safe_load((root / "book" / "claims.yaml").read_text(encoding="utf-8"))}
-    assert (claims[17].get("experiment") == "ddot") == COMMITTED
-
-
 def test_the_kept_hemisphere_is_the_first_of_the_test_split(part, place):
     content = yaml.safe_load((place / "config.yaml").read_text(encoding="utf-8"))
     content["cohorts"] = {"oasis_like": content["cohorts"]["alpha"]}

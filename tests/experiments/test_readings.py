@@ -323,3 +323,9 @@ def test_binary_surfaces_that_exist_are_kept(part, place, monkeypatch):
     network = part("trainings").segmentation_network({"segmentation": str(place / "segmentation.safetensors")})
     monkeypatch.setattr(readings, "segment", lambda *_: 1 / 0)
     readings.binary_surfaces(scans(place / "alpha", "validation"), readings.InitialSurfaces(place / "initial", network))
+
+
+def test_claim_17_is_computed_from_every_protocol_that_has_results(root):
+    (row,) = (each for each in yaml.safe_load((root / "book" / "claims.yaml").read_text("utf-8")) if each["id"] == 17)
+    there = {f"ddot/{each.stem}" for each in FOLDER.glob("*.yaml") if (FOLDER / each.stem / "results.json").is_file()}
+    assert {row["experiment"], *row["also"]} == there
