@@ -91,7 +91,11 @@ def test_one_exception_changes_the_status(given, status):
 
 def test_nearness_to_the_start_is_counted():
     verdict = systems_verdict(record(rows(initial=0.1)))
-    assert "It ends farther from the truth than the initial surface in 4 of 4 columns." in verdict.says
+    assert "In ASSD it ends farther from the truth than the initial surface in 4 of 4 columns, and in" in verdict.says
+    assert verdict.says.endswith("in SWD nearer in 0 of 4.")
+    assert systems_verdict(record(rows(initial=0.9))).says.endswith(
+        "surface in 0 of 4 columns, and in SWD nearer in 4 of 4."
+    )
 
 
 @pytest.mark.parametrize("value", [0.01, 0.9])

@@ -58,6 +58,14 @@ def test_evenness_depends_on_the_choice_where_equal_closeness_reverses_it():
     assert verdict.headline[0] == "0 of 1"
 
 
+def test_comparisons_of_identical_meshes_are_counted():
+    same = difference("closeness", 0, 0) | {"edge_variation_gap": 0.0, "area_variation_gap": 0.0}
+    verdict = evenness_verdict(of_differences(*at_every_clock(0.1, 0.2), same))
+    assert "At equal closeness it is 1 against 0 (1 of 2 compare identical meshes)." in verdict.says
+    assert "equal closeness: 1 against 0 of 2 (1 of 2 compare identical meshes)." in verdict.ours
+    assert "equal steps: 1 against 0 of 1;" in verdict.ours
+
+
 def test_evenness_on_the_cortex_counts():
     rows = at_every_clock(0.1, 0.2)
     cortex = at_every_clock(-0.2, -0.1, target="fsaverage5_left")

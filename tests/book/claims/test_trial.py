@@ -13,8 +13,8 @@ NEARER, FARTHER = {"gap": -0.1, "low": -0.2, "high": -0.05}, {"gap": 0.1, "low":
 OPEN = {"gap": -0.01, "low": -0.1, "high": 0.05}
 
 
-def record(name, gaps, arms=None):
-    """Results of a protocol: a gap for every pair of arm and rival, others undecided."""
+def record(name, gaps, arms=None, swd=None):
+    """Results of a protocol: a gap in ASSD and one in SWD for every pair of arm and rival, others undecided."""
     config = yaml.safe_load((FOLDER / f"{name}.yaml").read_text(encoding="utf-8"))
     arms = list(config["readings"]) if arms is None else arms
     starts = {arm: config["readings"][arm].get("start", "initial") for arm in arms}
@@ -29,8 +29,9 @@ def record(name, gaps, arms=None):
         for which in ("best", "last"):
             own = {second: gaps.get((arm, second), OPEN) if which == "last" else FARTHER for second in ("start", rival)}
             differences += [
-                {"first": arm, "second": second, "weights": which, "assd_mm": gap} for second, gap in own.items()
-                if second != arm
+                {"first": arm, "second": second, "weights": which, "assd_mm": gap, "emd_mm": OPEN}
+                | {"swd_mm": (swd or {}).get((arm, second), OPEN)}
+                for second, gap in own.items() if second != arm
             ]  # fmt: skip
             found = {"helps": own["start"]["high"] < 0, "beats": own[rival]["high"] < 0}
             decided.setdefault(arm, {})[which] = found
@@ -50,6 +51,8 @@ HELPS, BEATS = ("ddot_1mm", "start"), ("ddot_1mm", "cortexode")
         ({}, {HELPS: NEARER, ("ddot_binary", "cortexode_binary"): NEARER}, ledger.AT_THIS_BUDGET),
         ({("sinkhorn", "ddot_20mm"): NEARER}, {HELPS: NEARER, BEATS: NEARER}, ledger.AT_THIS_BUDGET),
         ({("sinkhorn", "ddot_20mm"): FARTHER}, {HELPS: NEARER, BEATS: NEARER}, ledger.IN_PART),
+        ({("samples", "ddot_slow"): NEARER}, {HELPS: NEARER, BEATS: NEARER}, ledger.AT_THIS_BUDGET),
+        ({("ddot_slow", "ddot_20mm"): NEARER}, {HELPS: NEARER, BEATS: NEARER}, ledger.IN_PART),
         ({}, {("cortexode_104mm", "start"): NEARER, ("cortexode_104mm", "cortexode"): NEARER}, ledger.AT_THIS_BUDGET),
     ],
 )
@@ -62,14 +65,18 @@ def test_one_reading_must_help_and_beat_and_no_exchange_may_be_nearer(exchanges,
 
 def test_it_says_what_was_found():
     readings = {HELPS: NEARER, ("ddot_20mm", "start"): FARTHER, BEATS: NEARER, ("ddot_binary", "start"): NEARER}
-    controls = record("controls", {("chamfer_varifold", "ddot_20mm"): NEARER, ("ddot_20mm", "start"): FARTHER})
-    found = exchanges_verdict(controls, record("readings", readings), record("candidates", {}), record("budget", {}))
+    gaps = {("chamfer_varifold", "ddot_20mm"): NEARER, ("ddot_20mm", "start"): FARTHER}
+    swd = {("samples", "ddot_slow"): FARTHER, ("sinkhorn", "ddot_20mm"): FARTHER, ("ddot_slow", "ddot_20mm"): NEARER}
+    controls = record("controls", gaps, swd=swd | {("chamfer_varifold", "ddot_20mm"): NEARER})
+    shorter = {(arm, "start"): NEARER for arm in ("ddot_20mm", "ddot_1mm", "ddot_binary", "cortexode")}
+    readings = record("readings", readings, swd=shorter)
+    found = exchanges_verdict(controls, readings, record("candidates", {}), record("budget", {}))
     assert "1 of 4 exchanges" in found.says
-    assert (
-        "In 2 of 6 readings of the paper DDOT ends nearer than it begins, and in 1 nearer than the same" in found.says
-    )
+    assert "nearer to the truth than DDOT in ASSD. In SWD 1 of them are better than DDOT and 2 worse." in found.says
+    assert "In ASSD DDOT ends nearer than it begins in 2 of 6 readings of the paper, and nearer than" in found.says
+    assert found.says.endswith(" in 1. In SWD it ends nearer than it begins in 3.")
     assert found.headline[0] == "1 of 6"
-    assert "adni like, left. ASSD in mm: initially 0.3; DDOT 0.31; sliced, samples 0.32" in found.ours
+    assert "adni like, left. ASSD in mm: initially 0.3; DDOT 0.31; DDOT, smaller rates 0.32" in found.ours
     assert "Nearer than DDOT: Chamfer, varifolds. DDOT minus the initial surface: +0.1 [+0.05, +0.2] mm" in found.ours
     assert found.ours.endswith(
         "have 1680 steps. Longer and wider trainings: DDOT 0.31 after 1680 steps; CortexODE 0.32 after 1680 steps; "
@@ -78,12 +85,15 @@ def test_it_says_what_was_found():
     exchanges, rows, budgets = (table.split("\n") for table in found.numbers.split("\n\n"))
     assert budgets[2] == "| DDOT | 1680 | 0.31 | -0.01 [-0.1, +0.05] | -0.01 [-0.1, +0.05] |"
     assert budgets[4].startswith("| DDOT, wide | 700 | 0.33 |")
-    assert len(exchanges) == 2 + 1 + 5 + 1
-    assert exchanges[2].endswith("| -0.1 [-0.2, -0.05] |")  # the initial surface minus DDOT
-    assert exchanges[3].endswith("| – |")
-    assert exchanges[6].startswith("| Chamfer, varifolds | 0.34 |")
-    assert exchanges[6].endswith("| -0.1 [-0.2, -0.05] |")
-    assert exchanges[8].startswith("| kernel norm of varifolds |")
+    assert len(exchanges) == 2 + 1 + 6 + 1
+    assert exchanges[2].endswith("| +0.01 [-0.05, +0.1] | -0.1 [-0.2, -0.05] |")  # the initial surface minus DDOT
+    assert exchanges[3].endswith("| – | – | – |")
+    assert exchanges[5].startswith("| sliced, samples |")
+    assert exchanges[5].endswith("| -0.01 [-0.1, +0.05] | +0.1 [+0.05, +0.2] | -0.01 [-0.1, +0.05] |")
+    assert exchanges[7].startswith("| Chamfer, varifolds | 0.35 |")
+    assert exchanges[7].endswith("| -0.1 [-0.2, -0.05] | -0.1 [-0.2, -0.05] |")
+    assert exchanges[9].startswith("| kernel norm of varifolds |")
+    assert exchanges[9].endswith("| – | – | – |")
     assert len(rows) == 2 + 11
     assert rows[2] == "| DDOT | 1680 | 0.32 | +0.1 [+0.05, +0.2] | -0.01 [-0.1, +0.05] |"
     assert all(rows[k].endswith("| -0.01 [-0.1, +0.05] | – |") for k in (3, 6))  # CortexODE has no rival

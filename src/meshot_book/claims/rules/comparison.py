@@ -29,12 +29,13 @@ def systems_verdict(record: dict) -> Verdict:
     agrees = _seconds_agree(results, plan) and _seeds_agree(results, plan)
     status = NOT_TESTED if missing or not cells else _systems_status(won, lost, n_cells, nearer, agrees)
     farther = nearer.count("other")
+    in_swd = [g["swd_mm"]["better"] for g in results["differences"] if g["second"] == INITIAL]
     return Verdict(
         status=status,
         says=(
             f"At a small budget, DDOT is better than another system of the paper in {won} of {n_cells} comparisons and "
-            f"worse in {lost}. It ends farther from the truth than the initial surface in {farther} of {len(nearer)} "
-            "columns."
+            f"worse in {lost}. In ASSD it ends farther from the truth than the initial surface in {farther} of "
+            f"{len(nearer)} columns, and in SWD nearer in {in_swd.count('ours')} of {len(in_swd)}."
             if not missing
             else f"Not all systems are measured in every column yet: {missing}."
         ),

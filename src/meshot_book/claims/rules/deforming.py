@@ -29,7 +29,7 @@ def evenness_verdict(record: dict) -> Verdict:
         says=(
             f"After equal steps sliced Wasserstein leaves more even triangles in {steps['sliced']} of {steps['all']} "
             f"comparisons and Chamfer in {steps['chamfer']}. At equal closeness it is {close['sliced']} against "
-            f"{close['chamfer']}. The paper does not say which it compares."
+            f"{close['chamfer']}{_identical(close)}. The paper does not say which it compares."
         ),
         headline=(f"{close['sliced']} of {close['all']}", "comparisons at equal closeness with more even triangles"),
         ours=_evenness_sentence(rows, tallies),
@@ -38,7 +38,7 @@ def evenness_verdict(record: dict) -> Verdict:
             "seeds of the differences in the variation of edge lengths and of face areas both have the sign that "
             "favours it. Reproduced if all are decided for sliced Wasserstein, after equal steps, after equal seconds "
             "and at equal closeness; in part if under all three more are decided for it than for Chamfer; depending "
-            "on a choice if under some"
+            "on a choice if under some. Comparisons with one seed have no interval and do not count"
         ),
         numbers=markdown_table([_evenness_row(row) for row in record["results"]["differences"]]),
     )
@@ -47,7 +47,13 @@ def evenness_verdict(record: dict) -> Verdict:
 def _tally(rows: list[dict]) -> dict[str, int]:
     """The number of comparisons in which each loss gives more even triangles, and the number of all."""
     sliced, chamfer = (len(_more_even(rows, end, sign)) for end, sign in (("low", 1), ("high", -1)))
-    return {"sliced": sliced, "chamfer": chamfer, "all": len(rows)}
+    same = sum(all(row[f"{name}_gap"] == 0 for name in EVENNESS) for row in rows)
+    return {"sliced": sliced, "chamfer": chamfer, "same": same, "all": len(rows)}
+
+
+def _identical(tally: dict[str, int]) -> str:
+    """How many comparisons are between identical meshes: neither fit came nearer than its start."""
+    return f" ({tally['same']} of {tally['all']} compare identical meshes)" if tally["same"] else ""
 
 
 def _more_even(rows: list[dict], end: str, sign: int) -> list[dict]:
@@ -61,7 +67,8 @@ def _evenness_sentence(rows: list[dict], tallies: dict[str, dict[str, int]]) -> 
     ended = [row for row in rows if row["at"] != "closeness"]
     nearer, farther = (sum(sign * row[end] > 0 for row in ended) for end, sign in (("assd_low", 1), ("assd_high", -1)))
     by_clock = "; ".join(
-        f"equal {at}: {tally['sliced']} against {tally['chamfer']} of {tally['all']}" for at, tally in tallies.items()
+        f"equal {at}: {tally['sliced']} against {tally['chamfer']} of {tally['all']}{_identical(tally)}"
+        for at, tally in tallies.items()
     )
     cortex = _tally([row for row in rows if row["target"] != ANALYTIC])
     return (
