@@ -7,6 +7,7 @@ step, between the coarse surface of the training and the true one, with directio
 import dataclasses
 import functools
 import hashlib
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -95,7 +96,8 @@ def network_row(found: Seen, network: DeformationNetwork, config: DeformationCon
     """The metrics after a flow, and the loss of the network before and after it. ``failed`` if the flow diverges."""
     flow, example = (config.training.n_flow_steps, config.training.method), found.example
     try:
-        whole, coarse = (deformed(mesh, example.scan, network, *flow) for mesh in (example.initial, example.coarse))
+        whole = deformed(example.initial, example.scan, network, *flow)
+        coarse = deformed(example.coarse, example.scan, network, *flow, standard=example.initial)
     except ValueError as error:
         return {"failed": str(error)}
     losses = {"loss_before": example.coarse, "loss_after": coarse}
@@ -118,16 +120,18 @@ def tasks_of(setting: Setting) -> Iterator[dict]:
                 own = place | {"start": start, "digest": network_digest(setting.segmentation)[:12]}
                 yield own | {"arm": START, "weights": None}
                 for each in networks:
+                    settings = {"settings": _short(json.dumps(each.settings(setting.configs[start])).encode())}
                     for which, ending in WHICH.items():
                         digest = _digest([each.kept(setting.configs[start], ending)])
-                        yield own | {"arm": each.arm, "weights": which, "digest": digest}
+                        yield own | {"arm": each.arm, "weights": which, "digest": digest} | settings
 
 
 def _digest(paths: list[Path]) -> str:
-    total = hashlib.sha256()
-    for path in paths:
-        total.update(path.name.encode() + path.read_bytes())
-    return total.hexdigest()[:12]
+    return _short(b"".join(path.name.encode() + path.read_bytes() for path in paths))
+
+
+def _short(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:12]
 
 
 def row_of(task: dict, setting: Setting) -> dict:

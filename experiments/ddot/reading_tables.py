@@ -19,8 +19,10 @@ def tables(rows: list[dict], readings: dict[str, dict], rival: str) -> dict:
     ``rival`` is the rival of readings that name none.
     """
     rivals = {name: each.get("rival", rival) for name, each in readings.items()}
-    gaps = differences([row for row in rows if (row["split"], row["kind"]) == ("test", MAIN)], rivals)
-    return {"means": [_mean(part) for part in _grouped(rows)], "differences": gaps, "decided": decided(gaps)}
+    held_out = [row for row in rows if (row["split"], row["kind"]) == ("test", MAIN)]
+    gaps = differences(held_out, rivals)
+    found = decided(gaps, {(row["arm"], row["weights"]) for row in held_out if "failed" in row})
+    return {"means": [_mean(part) for part in _grouped(rows)], "differences": gaps, "decided": found}
 
 
 def _grouped(rows: list[dict]) -> list[list[dict]]:
@@ -73,14 +75,15 @@ def _gap(own: dict[str, dict], other: dict[str, dict], metrics: Iterable[str] = 
     return found
 
 
-def decided(gaps: list[dict]) -> dict[str, dict[str, dict[str, bool]]]:
+def decided(gaps: list[dict], failed: set[tuple]) -> dict[str, dict[str, dict[str, bool]]]:
     """For every reading and kind of weights: ``helps`` if it is nearer than its start, ``beats`` if than its rival.
 
-    Nearer: the interval of the difference in ASSD lies below zero.
+    Nearer: the interval of the difference in ASSD lies below zero, and the flow did not fail on any subject. ``failed``
+    contains the readings and the kinds of weights whose flow failed on one.
     """
     found: dict[str, dict[str, dict[str, bool]]] = {}
     for gap in gaps:
         name = "helps" if gap["second"] == START else "beats"
         own = found.setdefault(gap["first"], {which: {} for which in WHICH})
-        own[gap["weights"]][name] = gap["assd_mm"]["high"] < 0
+        own[gap["weights"]][name] = (gap["first"], gap["weights"]) not in failed and gap["assd_mm"]["high"] < 0
     return found

@@ -5,8 +5,8 @@ trains two networks at a time. First every reading is trained for a short time w
 with the rate that was best in validation. Best and last weights are measured on held-out subjects. A stopped run
 resumes. There are more protocols for the same steps: ``candidates.yaml`` has local losses, of which only the best are
 trained for the whole time; ``controls.yaml`` has further encodings and losses; ``budget.yaml`` has long trainings. The
-first three keep their trainings in the same folders, so that what two of them name alike is trained once. Run one of
-them at a time.
+first three keep their trainings in the same folders, so that what two of them name alike is trained once. Protocols
+with the same folders wait for each other. A kept training must have the settings of the protocol.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ import yaml
 from reading_rows import Setting, courses, row_of, tasks_of
 from reading_tables import tables
 from tqdm import tqdm
-from trainings import HERE, Wanted, arguments, read_config, segmentation_network, wanted
+from trainings import HERE, Wanted, arguments, read_config, record_of, segmentation_network, wanted
 
 import train
 from meshot.files import whole_file
@@ -31,6 +31,7 @@ from meshot.pipeline import InitialSurfaces
 from meshot.pipeline.segmentation import segment, segmented_surface
 from meshot.provenance import read_results, rounded, write_results
 from meshot.synth.cohorts import Subject, scans
+from meshot_book.trainings import alone
 
 SPLITS = ("train", "validation", "test")
 STARTS = ("initial", "binary")
@@ -78,7 +79,7 @@ def score(record: dict) -> float:
     return float(np.mean(late))
 
 
-def require_diverged(config: dict) -> None:
+def require_diverged(config: dict, device: str) -> None:
     """Check that each missing training stopped because a loss was not finite, by a second try from its last state.
 
     Raises
@@ -89,7 +90,7 @@ def require_diverged(config: dict) -> None:
     for each in wanted(config):
         if not each.is_made(config):
             with contextlib.suppress(FloatingPointError):
-                train.made(each, config)
+                train.made(each, config, device)
 
 
 def choice(found: dict[float, float], name: str) -> dict:
@@ -115,11 +116,14 @@ def scores(protocol: dict, name: str, config: dict) -> dict[float, float]:
 
 
 def finalists(found: dict[str, dict], protocol: dict) -> list[str]:
-    """The readings to train for the whole time: all, or those that ``finalists`` of the protocol chooses."""
+    """The readings to train for the whole time: all, or those that ``finalists`` of the protocol chooses.
+
+    Those with a known rate have no score and are always among them.
+    """
     rule = protocol.get("finalists", {"number": len(found), "always": []})
-    lowest = {name: min(each["assd_mm"].values(), default=0.0) for name, each in found.items()}
-    others = sorted(lowest.keys() - set(rule["always"]), key=lambda name: lowest[name])
-    return [name for name in found if name in {*rule["always"], *others[: rule["number"]]}]
+    lowest = {name: min(each["assd_mm"].values()) for name, each in found.items() if each["assd_mm"]}
+    others = sorted(lowest.keys() - set(rule["always"]), key=lambda name: lowest[name])[: rule["number"]]
+    return [name for name in found if name in {*rule["always"], *others} or name not in lowest]
 
 
 def binary_surfaces(subjects: Iterable[Subject], surfaces: InitialSurfaces) -> None:
@@ -135,25 +139,25 @@ def binary_surfaces(subjects: Iterable[Subject], surfaces: InitialSurfaces) -> N
             write_mesh(paths[side], segmented_surface(mask).mesh)
 
 
-def trained(config: dict, file: Path, words: list[str]) -> float:
+def trained(config: dict, file: Path, jobs: int = 1, device: str = "cpu") -> float:
     """Train the missing networks of a configuration, which is written to ``file``. Returns the seconds of all.
 
-    ``words`` are further arguments of ``train.py``.
+    Raises
+    ------
+    ValueError
+        If a kept network was trained with other settings.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(file) as temporary:
         temporary.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
-    if train.main(["--config", str(file), *words]):
-        require_diverged(config)
-    records = (each.kept(config, ".json") for each in wanted(config) if each.is_made(config))
-    return sum(read_results(record)["results"]["cpu_seconds"] for record in records)
+    if train.main(["--config", str(file), "--jobs", str(jobs), "--device", device]):
+        require_diverged(config, device)
+    records = [record_of(each, config) for each in wanted(config) if each.is_made(config)]
+    return sum(record["results"]["cpu_seconds"] for record in records)
 
 
-def trained_from(start: str, protocol: dict, words: list[str]) -> tuple[dict[str, dict], dict, float]:
-    """Train all readings with one start. Returns their rates, the configuration of the whole trainings, and seconds.
-
-    ``words`` are further arguments of ``train.py``.
-    """
+def trained_from(start: str, protocol: dict, jobs: int = 1, device: str = "cpu") -> tuple[dict[str, dict], dict, float]:
+    """Train all readings with one start. Returns their rates, the configuration of the whole trainings, and seconds."""
     state, own = Path(protocol["state"]), readings_from(protocol, start)
     config = configuration(protocol, start, rate_arms(protocol, start), state, Path(protocol["short"]))
     if start == "binary":
@@ -161,7 +165,7 @@ def trained_from(start: str, protocol: dict, words: list[str]) -> tuple[dict[str
         subjects += scans(protocol["evaluation"]["cohort"], "test")
         found = InitialSurfaces(protocol["binary"], segmentation_network(config))
         binary_surfaces(tqdm(subjects, desc="binary surfaces"), found)
-    seconds = trained(config, state / f"rates_{start}.yaml", words) if config["arms"] else 0.0
+    seconds = trained(config, state / f"rates_{start}.yaml", jobs, device) if config["arms"] else 0.0
     rates = {
         name: {"rate": known[0], "assd_mm": {}}
         if len(known := protocol["rates"][each["rates"]]) == 1
@@ -174,7 +178,7 @@ def trained_from(start: str, protocol: dict, words: list[str]) -> tuple[dict[str
         for name in finalists(rates, protocol)
     }
     whole = configuration(protocol, start, arms, state, Path(protocol["weights"])) | {"keep_last": True}
-    return rates, whole, seconds + trained(whole, state / f"whole_{start}.yaml", words)
+    return rates, whole, seconds + trained(whole, state / f"whole_{start}.yaml", jobs, device)
 
 
 def measured_rows(setting: Setting, partial: Path) -> tuple[list[dict], float]:
@@ -199,12 +203,13 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
     parser.add_argument("--device", default="cpu", help="for the trainings, such as cuda (default: %(default)s)")
     asked = parser.parse_args(words)
-    protocol, where = read_config(asked.config), ["--jobs", str(asked.jobs), "--device", asked.device]
+    protocol = read_config(asked.config)
     rates, configs, there, seconds = {}, {}, {}, 0.0
-    for start in (start for start in STARTS if readings_from(protocol, start)):
-        own, configs[start], took = trained_from(start, protocol, where)
-        there[start] = [each for each in wanted(configs[start]) if each.is_made(configs[start])]
-        rates, seconds = rates | own, seconds + took
+    with alone(Path(protocol["state"]) / "protocol", wait=True):
+        for start in (start for start in STARTS if readings_from(protocol, start)):
+            own, configs[start], took = trained_from(start, protocol, asked.jobs, asked.device)
+            there[start] = [each for each in wanted(configs[start]) if each.is_made(configs[start])]
+            rates, seconds = rates | own, seconds + took
     partial = asked.output.with_name("partial.jsonl")
     setting = Setting(protocol, configs, there, segmentation_network(protocol))
     rows, took = measured_rows(setting, partial)

@@ -11,6 +11,7 @@ import pytest
 import torch
 import yaml
 
+from meshot.flow import integrate
 from meshot.loss.composed import surface_loss
 from meshot.mesh.topology.counts import euler_number
 from meshot.metrics import evaluate
@@ -20,7 +21,7 @@ from meshot.pipeline.segmentation import in_scanner
 from meshot.pipeline.segmentation.surface import segmented_surface
 from meshot.provenance import read_results, write_results
 from meshot.synth.cohorts.cohort import scans
-from meshot.systems.deformation import deformed, hemisphere_example
+from meshot.systems.deformation import deformed, hemisphere_example, standardised
 from meshot.train import TrainingState
 from meshot_book.trainings import processes
 
@@ -80,7 +81,7 @@ def test_every_reading_has_three_rates_and_its_own_settings(part, protocol, root
     assert seen["ddot_binary_0.002"][1] == protocol["binary"]
 
 
-@pytest.mark.parametrize(("name", "n_short"), [("candidates", 45), ("controls", 15), ("budget", 0)])
+@pytest.mark.parametrize(("name", "n_short"), [("candidates", 45), ("controls", 18), ("budget", 0)])
 def test_every_reading_of_the_other_protocols_has_settings_of_its_own(part, root, monkeypatch, name, n_short):
     monkeypatch.chdir(root)
     readings, trainings = part("readings"), part("trainings")
@@ -90,7 +91,8 @@ def test_every_reading_of_the_other_protocols_has_settings_of_its_own(part, root
     arms |= {f"{each}_9": readings.arm_of(reading, 9.0, 1) for each, reading in own["readings"].items()}
     config = readings.configuration(own, "initial", arms, Path("a"), Path("b"))
     settings = {each.arm: each.settings(config) for each in trainings.wanted(config)}
-    assert len({json.dumps(each, sort_keys=True) for each in settings.values()}) == len(arms)
+    repeated = ("ddot_slow_0.0005", "ddot_slow_9") if name == "controls" else ()  # other rates of ddot_20mm
+    assert len({json.dumps(each, sort_keys=True) for each in settings.values()}) == len(arms) - len(repeated)
     assert set(own.get("finalists", {"always": []})["always"]) <= own["readings"].keys()
     assert {own["rival"], *(each.get("rival", own["rival"]) for each in own["readings"].values())} <= set(
         own["readings"]
@@ -142,6 +144,8 @@ def test_finalists_are_the_best_and_those_that_always_are(part, protocol):
     finalists = part("readings").finalists
     assert finalists(found, {"finalists": {"number": 2, "always": ["rival"]}}) == ["rival", "b", "c"]
     assert finalists(found, protocol) == ["rival", "a", "b", "c"]
+    found["known"] = {"assd_mm": {}}
+    assert finalists(found, {"finalists": {"number": 1, "always": []}}) == ["b", "known"]
 
 
 def test_the_best_rate_of_each_reading_is_trained_to_the_end(part, place):
@@ -192,7 +196,10 @@ def measured(part, place, results):
         surface = in_scanner(deformed(example.initial, example.scan, own), scan)
         assert found["assd_mm"] == pytest.approx(float(evaluate(surface, truth, 500, 0, 50).assd.value), rel=1e-3)
         loss = surface_loss(record["loss"])
-        for name, mesh in (("before", example.coarse), ("after", deformed(example.coarse, example.scan, own))):
+        # As in a training: the image is standardised over the whole initial surface, not over the coarse one.
+        field = own.velocity_in(standardised(example.scan, example.initial))
+        after = example.coarse.with_vertices(integrate(field, example.coarse.vertices, 10).detach())
+        for name, mesh in (("before", example.coarse), ("after", after)):
             expected = float(loss(mesh, example.target, np.random.default_rng(0)))
             assert found[f"loss_{name}"] == pytest.approx(expected, rel=1e-3)
     state = TrainingState.read_last_weights(place / "state" / "alpha_left_ddot_104mm_0" / "state" / "left_white")
@@ -222,8 +229,11 @@ def test_a_loss_helps_if_it_is_nearer_than_its_start_and_beats_if_nearer_than_it
             reading_row("a", "best", name, 9.0, kind="procedural"),
             reading_row("a", "best", name, 9.0, split="train"),
         ]
-    rows.append(reading_row("a", "best", "s9", 0.0) | {"failed": "it is not finite"})
-    found = table.tables(rows, {"a": {}, "rival": {}, "b": {"rival": "a"}}, "rival")
+    readings = {"a": {}, "rival": {}, "b": {"rival": "a"}}
+    failed = table.tables(
+        [*rows, reading_row("a", "best", "s9", 0.0) | {"failed": "it is not finite"}], readings, "rival"
+    )
+    found = table.tables(rows, readings, "rival")
     assert found["decided"] == {
         "a": {"best": {"helps": True, "beats": True}, "last": {"helps": False, "beats": False}},
         "rival": {"best": {"helps": True}, "last": {"helps": True}},
@@ -232,8 +242,10 @@ def test_a_loss_helps_if_it_is_nearer_than_its_start_and_beats_if_nearer_than_it
     (gap,) = (g for g in found["differences"] if (g["first"], g["second"], g["weights"]) == ("b", "a", "best"))
     assert gap["n_subjects"] == 4
     assert gap["assd_mm"]["gap"] == pytest.approx(0.1)
+    nothing = {"best": {"helps": False, "beats": False}}
+    assert failed["decided"] == found["decided"] | {"a": found["decided"]["a"] | nothing}
     (mean,) = (
-        m for m in found["means"]
+        m for m in failed["means"]
         if (m["arm"], m["weights"], m["split"], m["kind"]) == ("a", "best", "test", "template")
     )  # fmt: skip
     assert (mean["n_subjects"], mean["n_failed"]) == (4, 1)
@@ -245,7 +257,7 @@ def test_a_single_rate_is_not_tried(part, place):
     own = yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
     own |= {"rates": {"mm": [0.002]}, "readings": {"cortexode": own["readings"]["cortexode"]}}
     own["readings"]["cortexode"]["epochs"], own["validate_every"] = 4, 3
-    rates, whole, _ = readings.trained_from("initial", own, [])
+    rates, whole, _ = readings.trained_from("initial", own)
     assert rates == {"cortexode": {"rate": 0.002, "assd_mm": {}}}
     assert whole["arms"]["cortexode"]["changes"][-2:] == ["training.n_epochs=4", "training.validate_every=3"]
     assert read_results(place / "weights" / "alpha_left_cortexode_0.json")["results"]["n_steps"] == 8
@@ -275,7 +287,7 @@ def diverging(part, place):
 
 def test_a_reading_without_a_rate_is_refused(part, place, diverging):
     readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
-    assert readings.trained(diverging, place / "rates.yaml", []) == 0
+    assert readings.trained(diverging, place / "rates.yaml") == 0
     found = readings.scores(own | {"rates": {"mm": [0.002]}}, "cortexode", diverging)
     with pytest.raises(ValueError, match="cortexode: no rate kept a finite loss; give the reading smaller rates"):
         readings.choice(found, "cortexode")
@@ -288,7 +300,25 @@ def test_a_training_that_another_process_has_is_not_taken_for_diverged(part, pla
         processes.alone(each.state(diverging)),
         pytest.raises(processes.Busy, match="is being trained by another process"),
     ):
-        readings.trained(diverging, place / "rates.yaml", [])
+        readings.trained(diverging, place / "rates.yaml")
+
+
+def test_the_second_try_is_on_the_same_device(part, place, diverging, monkeypatch):
+    readings, tried = part("readings"), []
+    monkeypatch.setattr(readings.train, "main", lambda words: 1)
+    monkeypatch.setattr(readings.train, "made", lambda each, config, device: tried.append(device))
+    readings.trained(diverging, place / "rates.yaml", device="cuda")
+    assert tried == ["cuda"]
+
+
+def test_a_kept_training_with_other_settings_is_refused(part, place):
+    readings = part("readings")
+    own = yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
+    own |= {"rates": {"mm": [0.002]}, "readings": {"cortexode": own["readings"]["cortexode"]}, "epochs": 1}
+    readings.trained_from("initial", own)
+    own["readings"]["cortexode"]["changes"] = ["training.n_points=400"]
+    with pytest.raises(ValueError, match=r"alpha_left_cortexode_0\.json was trained with other settings"):
+        readings.trained_from("initial", own)
 
 
 def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):

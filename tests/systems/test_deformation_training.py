@@ -22,10 +22,10 @@ from meshot.pipeline.system_training import run_system_training
 from meshot.provenance import read_results
 from meshot.synth.cohorts.cohort import scans
 from meshot.systems import get_system, read_settings
-from meshot.systems.deformation.carrying import deformed, standardised
+from meshot.systems.deformation.carrying import deformed, standardised, velocity_field
 from meshot.systems.deformation.data import hemisphere_example
 from meshot.systems.deformation.settings import DeformationConfig, deformation_config
-from meshot.systems.deformation.training import carried, train_deformation, velocity_field
+from meshot.systems.deformation.training import carried, train_deformation
 from meshot.volume.sampling import sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
 
@@ -87,13 +87,13 @@ def test_one_step_is_algorithm_1_by_hand(examples):
 
 def test_a_field_that_is_kept_follows_the_network(examples):
     network, item = TINY.new_network(), examples[0][0]
-    kept = velocity_field(item, network, torch.device("cpu"))
+    kept = velocity_field(network, item.scan, item.initial)
     before = carried(item.coarse, kept, TINY.training).vertices
     with torch.no_grad():
         for parameter in network.parameters():
             parameter.add_(0.1)
     after = carried(item.coarse, kept, TINY.training).vertices
-    fresh = carried(item.coarse, velocity_field(item, network, torch.device("cpu")), TINY.training).vertices
+    fresh = carried(item.coarse, velocity_field(network, item.scan, item.initial), TINY.training).vertices
     assert torch.equal(after, fresh)
     assert not torch.equal(after, before)
 
@@ -216,6 +216,17 @@ def test_gain_and_offset_of_the_scanner_do_not_matter(whole, examples):
     assert float(values.std()) == pytest.approx(1, rel=1e-5)
     with pytest.raises(ValueError, match="at every vertex of the surface"):
         standardised(item.scan.with_data(0 * item.scan.data), item.initial)
+
+
+def test_the_coarse_surface_moves_as_in_the_training(whole, examples):
+    item, settings = examples[1][0], TINY.training
+    field = velocity_field(whole.network, item.scan, item.initial)
+    expected = carried(item.coarse, field, settings).vertices.detach()
+    flow = settings.n_flow_steps, settings.method
+    as_trained = deformed(item.coarse, item.scan, whole.network, *flow, standard=item.initial)
+    torch.testing.assert_close(as_trained.vertices, expected, rtol=0, atol=1e-4)
+    alone = deformed(item.coarse, item.scan, whole.network, *flow)
+    assert float((alone.vertices - expected).abs().max()) > 1e-3
 
 
 @pytest.mark.parametrize(

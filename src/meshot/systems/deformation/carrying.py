@@ -5,7 +5,7 @@ import torch
 
 from meshot.flow import integrate
 from meshot.mesh import Mesh
-from meshot.model import N_STEPS, DeformationNetwork
+from meshot.model import N_STEPS, DeformationNetwork, ImageVelocity
 from meshot.volume import Volume, sample_volume
 
 
@@ -35,9 +35,23 @@ def standardised(image: Volume, surface: Mesh) -> Volume:
     return image.with_data(((image.data - mean) / spread).astype(np.float32))
 
 
+def velocity_field(network: DeformationNetwork, image: Volume, surface: Mesh) -> ImageVelocity:
+    """The velocity field of a network in an image that is standardised over a surface.
+
+    It follows the network when its weights change.
+    """
+    path = "visited" if next(network.parameters()).device.type == "cpu" else "cut"
+    return network.velocity_in(standardised(image, surface), path)
+
+
 @torch.no_grad()
 def deformed(
-    initial: Mesh, image: Volume, network: DeformationNetwork, n_steps: int = N_STEPS, method: str = "euler"
+    initial: Mesh,
+    image: Volume,
+    network: DeformationNetwork,
+    n_steps: int = N_STEPS,
+    method: str = "euler",
+    standard: Mesh | None = None,
 ) -> Mesh:
     """Deform an initial surface by the flow of a network in an image.
 
@@ -50,6 +64,9 @@ def deformed(
     network : DeformationNetwork
     n_steps, method : int, str
         See :func:`meshot.integrate`.
+    standard : Mesh, optional
+        The image is standardised over the vertices of this surface, by default those of ``initial``. For the coarse
+        surface of a training it is the whole initial surface, as in the training.
 
     Returns
     -------
@@ -65,8 +82,8 @@ def deformed(
     parameter = next(network.parameters())
     start = initial.vertices.to(parameter)
     # Only the displacement is rounded to the network's precision, not the initial position.
-    path = "visited" if start.device.type == "cpu" else "cut"
-    moved = integrate(network.velocity_in(standardised(image, initial), path), start, n_steps, method) - start
+    field = velocity_field(network, image, initial if standard is None else standard)
+    moved = integrate(field, start, n_steps, method) - start
     if not bool(torch.isfinite(moved).all()):
         raise ValueError("the flow leads to vertices that are not finite: is the network trained?")
     return initial.with_vertices(initial.vertices + moved.to(initial.vertices))

@@ -9,8 +9,8 @@ import torch
 from meshot.flow import integrate
 from meshot.mesh import Mesh
 from meshot.metrics import Surface
-from meshot.model import DeformationNetwork, ImageVelocity
-from meshot.systems.deformation.carrying import deformed, standardised
+from meshot.model import ImageVelocity
+from meshot.systems.deformation.carrying import deformed, velocity_field
 from meshot.systems.deformation.data import DeformationExample, digest
 from meshot.systems.deformation.settings import DeformationConfig, DeformationSettings
 from meshot.systems.learning import mean_distances, train_on_subjects
@@ -55,7 +55,7 @@ def train_deformation(
     require_examples(training, validation)
     settings, device = config.training, device or chosen_device()
     network = config.new_network().to(device)
-    fields = [velocity_field(item, network, device) for item in training]
+    fields = [velocity_field(network, item.scan, item.initial) for item in training]
     targets = [Surface(item.target) for item in validation]
 
     def loss_of(index: int, done: float, draws: np.random.Generator) -> Tensor:
@@ -71,12 +71,6 @@ def train_deformation(
     names = [item.name for item in training]
     made_with = config.as_dict() | {"data": data_record(training, validation, digest)}
     return train_on_subjects(network, settings, names, loss_of, validate, made_with, folder, progress)
-
-
-def velocity_field(item: DeformationExample, network: DeformationNetwork, device: torch.device) -> ImageVelocity:
-    """The velocity field of a network in the scan of an example. It follows the network when its weights change."""
-    path = "visited" if device.type == "cpu" else "cut"
-    return network.velocity_in(standardised(item.scan, item.initial), path)
 
 
 def carried(mesh: Mesh, field: ImageVelocity, settings: DeformationSettings) -> Mesh:
