@@ -13,12 +13,14 @@ moves the stamps of results into ``standing.json``.
 """
 
 import argparse
+import contextlib
 import fcntl
 import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from standing import Standing
@@ -28,6 +30,8 @@ from meshot.files import whole_file
 
 ROOT = Path(__file__).resolve().parent.parent
 STARTED, LOCK = "started.txt", "lock"
+#: Ends a process group when its input ends without a line.
+GUARD = 'read line || kill -s TERM -- "-$0"'
 
 
 def opened(graph: str, root: Path = ROOT) -> Standing:
@@ -44,6 +48,9 @@ def _kept(graph: str, root: Path, state: Path) -> Path:
 def run(standing: Standing, task: Task, cores: int, planned: bool) -> None:
     """Run a task and write its stamp. Of two processes that run the same task, the second waits for the first.
 
+    If this process is ended, by whatever signal, its command is terminated. The command holds the lock of the task,
+    too: while it goes on, nobody starts it again.
+
     Raises
     ------
     ValueError
@@ -58,7 +65,7 @@ def run(standing: Standing, task: Task, cores: int, planned: bool) -> None:
         for other in stamp.parent.glob("*.json"):
             other.unlink()
         clear_other(standing, task, stamp)
-        _call(task, cores, standing.root)
+        _call(task, cores, standing.root, lock.fileno())
         for start, end in task.copies:
             with whole_file(standing.root / end) as temporary:
                 shutil.copyfile(standing.root / start, temporary)
@@ -84,15 +91,31 @@ def clear_other(standing: Standing, task: Task, stamp: Path) -> None:
         temporary.write_text(stamp.stem, encoding="utf-8")
 
 
-def _call(task: Task, cores: int, root: Path) -> None:
+def _call(task: Task, cores: int, root: Path, lock: int) -> None:
     threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), str(cores))
     tools = os.pathsep.join((str(Path(sys.executable).parent), os.environ.get("PATH", "")))
     environment = os.environ | threads | {"PATH": tools}
     command = task.command.replace("{cores}", str(cores))
     print(command, flush=True)
-    status = subprocess.run(command, shell=True, cwd=root, env=environment, check=False).returncode
+    running = subprocess.Popen(
+        command, shell=True, cwd=root, env=environment, pass_fds=[lock], start_new_session=True
+    )  # fmt: skip
+    with running, _ended_with_this_process(running.pid):
+        status = running.wait()
     if status:
         raise ValueError(f"{task.name} failed with exit status {status}; its output is above")
+
+
+@contextlib.contextmanager
+def _ended_with_this_process(group: int) -> Iterator[None]:
+    """Terminate a process group if the block raises, or if this process is killed in it."""
+    guard = subprocess.Popen(
+        ["sh", "-c", GUARD, str(group)], stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    with guard:  # closes its input
+        yield
+        guard.communicate(b"\n")
 
 
 def collect(standing: Standing, planned: bool) -> None:

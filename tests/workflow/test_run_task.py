@@ -1,6 +1,10 @@
 """One task: it runs once for its settings, goes on after a kill, and says what is wrong."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
 
 import pytest
 
@@ -73,6 +77,74 @@ def test_settings_that_change_meanwhile_are_refused(task, toy, capsys):
     assert task("run", "raw_a") == 1
     assert "the settings of raw_a changed while it ran" in capsys.readouterr().err
     assert task("run", "raw_a") == 0
+
+
+#: A command that writes its process to a file, and ends when the file ``go`` is there.
+SLOW = "echo $$ > pid.txt && echo begun >> log.txt && while test ! -e go; do sleep 0.05; done && echo {name} >>"
+
+
+def slow(toy, command=SLOW):
+    graph = toy / "workflow/experiments.yaml"
+    text = graph.read_text(encoding="utf-8")
+    graph.write_text(text.replace("echo {name} >>", command), encoding="utf-8")
+
+
+def started(toy):
+    command = [sys.executable, toy / "workflow/run_task.py", "run", "raw_a", "--root", toy]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def until(condition, seconds=30.0):
+    """Wait until a condition holds. Returns whether it did."""
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.02)
+    return condition()
+
+
+def lines(toy):
+    file = toy / "log.txt"
+    return file.read_text(encoding="utf-8").split() if file.is_file() else []
+
+
+def is_gone(pid):
+    """Whether a process has ended. One that its parent has not asked for yet is a zombie."""
+    found = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, encoding="utf-8", check=False)
+    return found.stdout.strip()[:1] in ("", "Z")
+
+
+@pytest.fixture
+def tidy(toy):
+    """Lets every command of the toy end."""
+    yield
+    (toy / "go").touch()
+
+
+@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_the_command_of_a_task_ends_with_it(toy, tidy, sign):
+    slow(toy)
+    first = started(toy)
+    assert until(lambda: lines(toy) == ["begun"])
+    first.send_signal(sign)
+    first.wait(timeout=30)
+    pid = int((toy / "pid.txt").read_text(encoding="utf-8"))
+    assert until(lambda: is_gone(pid), seconds=10)
+    (toy / "go").touch()
+    assert started(toy).wait(timeout=30) == 0
+    assert lines(toy) == ["begun", "begun", "a"]
+
+
+def test_a_command_that_goes_on_without_its_task_keeps_the_lock(toy, tidy):
+    slow(toy, "trap '' TERM && " + SLOW)
+    first = started(toy)
+    assert until(lambda: lines(toy) == ["begun"])
+    first.terminate()
+    first.wait(timeout=30)
+    second = started(toy)
+    assert not until(lambda: lines(toy) != ["begun"], seconds=2)
+    (toy / "go").touch()
+    assert second.wait(timeout=30) == 0
+    assert lines(toy) == ["begun", "a", "begun", "a"]
 
 
 def test_a_result_made_by_hand_stands_if_its_record_agrees(task, toy, capsys):
