@@ -97,6 +97,19 @@ def test_a_page_does_not_wait_for_a_planned_task_without_result(part, root):
         assert waited <= set(standing.stale()), name
 
 
+#: What a stage allows, at least, as a multiple of what its tasks took.
+MARGIN = 1.5
+
+
+def test_no_task_took_as_long_as_its_stage_allows(part, graphs, root):
+    scaling, graph = part("scaling"), graphs["experiments"]
+    results = [task for task in graph.tasks.values() if all((root / path).exists() for path in task.writes)]
+    took = {task.name: (task.stage, scaling.recorded(root, task) or 0.0) for task in results}
+    assert min(took[name][1] for name in ("readings", "comparison", "convergence", "segmentation_training")) > 1000
+    late = {n: s for n, (stage, s) in took.items() if MARGIN * s > 60 * graph.stages[stage]["minutes"]}
+    assert late == {}, "raise the minutes of the stage"
+
+
 ENTRY = "  b:\n    stage: s\n    command: x\n"
 STAGES = "stages:\n  s: {cores: 1, memory_mb: 1, minutes: 1, cuda: 0}\n"
 WRONG = [
