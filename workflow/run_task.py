@@ -14,7 +14,6 @@ moves the stamps of results into ``standing.json``.
 
 import argparse
 import contextlib
-import fcntl
 import json
 import os
 import shutil
@@ -23,13 +22,13 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from standing import Standing
+from standing import Standing, locked
 from tasks import Task, read_graph
 
 from meshot.files import whole_file
 
 ROOT = Path(__file__).resolve().parent.parent
-STARTED, LOCK = "started.txt", "lock"
+STARTED = "started.txt"
 #: Ends a process group when its input ends without a line.
 GUARD = 'read line || kill -s TERM -- "-$0"'
 
@@ -57,9 +56,7 @@ def run(standing: Standing, task: Task, cores: int, planned: bool) -> None:
         If the command fails, leaves no result, or its settings change meanwhile.
     """
     stamp = standing.stamp(task, planned)
-    stamp.parent.mkdir(parents=True, exist_ok=True)
-    with (stamp.parent / LOCK).open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with locked(stamp.parent) as lock:
         if stamp.is_file():
             return
         for other in stamp.parent.glob("*.json"):

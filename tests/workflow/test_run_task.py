@@ -67,6 +67,36 @@ def test_a_failure_leaves_no_stamp(task, toy, capsys):
     assert "no task is called nothing; there are raw_a" in capsys.readouterr().err
 
 
+@pytest.fixture
+def made(part, task, toy):
+    """A function that opens the toy workflow, whose results are there and not noted."""
+    assert task("run", "raw_a", "raw_b", "sum", "copy") == 0
+    return lambda: part("run_task").opened("experiments", toy)
+
+
+def noted(toy):
+    return set(json.loads((toy / "workflow" / "standing.json").read_text(encoding="utf-8")))
+
+
+def test_what_two_processes_note_at_the_same_moment_is_kept(part, toy, made):
+    first, second = made(), made()
+    assert first.entries == second.entries == {}
+    for standing, name in ((first, "sum"), (second, "copy")):
+        part("run_task").stands(standing, [name])
+    assert noted(toy) == {"sum", "copy"}
+
+
+def test_a_note_waits_until_no_other_process_writes_one(part, toy, made):
+    command = [sys.executable, toy / "workflow/run_task.py", "stands", "copy", "--root", toy]
+    with part("standing").locked(made().state):
+        waiting = subprocess.Popen(command)
+        with pytest.raises(subprocess.TimeoutExpired):
+            waiting.wait(timeout=2)
+        assert not (toy / "workflow" / "standing.json").exists()
+    assert waiting.wait(timeout=30) == 0
+    assert noted(toy) == {"copy"}
+
+
 def test_settings_that_change_meanwhile_are_refused(task, toy, capsys):
     graph = toy / "workflow/experiments.yaml"
     graph.write_text(
