@@ -44,6 +44,20 @@ def _kept(graph: str, root: Path, state: Path) -> Path:
     return root / "workflow" / "standing.json" if graph == "experiments" else state / "standing.json"
 
 
+def yes_or_no(name: str, value: object) -> bool:
+    """The value of a setting of Snakemake, which is a truth value or a text.
+
+    Raises
+    ------
+    ValueError
+        If it is anything but yes, no, true or false, in letters of either case.
+    """
+    found = {"yes": True, "true": True, "no": False, "false": False}.get(str(value).lower())
+    if found is None:
+        raise ValueError(f"{name} is {value}; it is yes, no, true or false: --config {name}=yes")
+    return found
+
+
 def run(standing: Standing, task: Task, cores: int, planned: bool) -> None:
     """Run a task and write its stamp. Of two processes that run the same task, the second waits for the first.
 

@@ -177,6 +177,20 @@ def test_a_command_that_goes_on_without_its_task_keeps_the_lock(toy, tidy):
     assert lines(toy) == ["begun", "a", "begun", "a"]
 
 
+@pytest.mark.parametrize(
+    ("value", "meaning"),
+    [("yes", True), ("true", True), ("True", True), (True, True), ("no", False), ("FALSE", False), (False, False)],
+)
+def test_a_setting_is_yes_or_no(part, value, meaning):
+    assert part("run_task").yes_or_no("planned", value) is meaning
+
+
+@pytest.mark.parametrize("value", ["", "nope", "1", 1, 0, None])
+def test_a_setting_that_is_neither_yes_nor_no_is_refused(part, value):
+    with pytest.raises(ValueError, match=f"planned is {value}; it is yes, no, true or false: --config planned=yes"):
+        part("run_task").yes_or_no("planned", value)
+
+
 def test_a_result_made_by_hand_stands_if_its_record_agrees(task, toy, capsys):
     graph, place = toy / "workflow/experiments.yaml", toy / "record.json"
     entry = "  hand:\n    stage: use\n    command: x\n    reads: [recipes/a.yaml]\n    writes: [record.json]\n"
