@@ -6,6 +6,7 @@ import shlex
 from pathlib import Path
 
 import pytest
+import yaml
 
 from meshot.cli import make_parser
 from meshot_book.claims import ledger_page
@@ -95,6 +96,19 @@ def test_a_page_does_not_wait_for_a_planned_task_without_result(part, root):
         assert not any(standing.is_planned(up) for up in standing.before(task))
         waited = {path.parent.name for path in standing.needed(task)}
         assert waited <= set(standing.stale()), name
+
+
+@pytest.mark.parametrize(
+    ("graph", "protocol"),
+    [("experiments", "experiments/comparison/config.yaml"), ("miniature", "workflow/miniature/comparison.yaml")],
+)
+def test_initial_surfaces_are_made_where_trainings_read_them(part, root, graph, protocol):
+    """Those of other scans, such as test-retest pairs, are made by the measurement, in a folder of its own."""
+    config = yaml.safe_load((root / protocol).read_text(encoding="utf-8"))
+    tasks = part("tasks").read_graph(root / "workflow" / f"{graph}.yaml", root).tasks.values()
+    commands = [shlex.split(task.command) for task in tasks if "initial_surfaces.py" in task.command]
+    assert {words[words.index("--into") + 1] for words in commands} == {config["initial"]}
+    assert sorted(words[2] for words in commands) == sorted(config["cohorts"].values())
 
 
 #: What a stage allows, at least, as a multiple of what its tasks took.
