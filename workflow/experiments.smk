@@ -6,7 +6,7 @@
 #
 # Settings (--config NAME=VALUE):
 #   graph    the name of a YAML file with tasks (default: experiments)
-#   planned  yes: also the tasks that have no result yet
+#   planned  yes: also the tasks that have no result yet; no (default): without them
 #
 # The tasks stand in GRAPH.yaml. standing.py says which results are out of date, from the content of their settings. A
 # task that has ended leaves a stamp in build/workflow, whose name is the fingerprint of its settings: Snakemake makes
@@ -20,7 +20,7 @@ os.environ["PATH"] = os.pathsep.join((os.path.dirname(sys.executable), os.enviro
 
 import run_task
 
-NAME, PLANNED = config.get("graph", "experiments"), bool(config.get("planned", False))
+NAME, PLANNED = config.get("graph", "experiments"), run_task.yes_or_no("planned", config.get("planned", False))
 STANDING = run_task.opened(NAME)
 STANDING.drop_false_stamps()
 TASKS, STALE = STANDING.graph.tasks, STANDING.stale(PLANNED)

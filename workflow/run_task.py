@@ -13,21 +13,24 @@ moves the stamps of results into ``standing.json``.
 """
 
 import argparse
-import fcntl
+import contextlib
 import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
-from standing import Standing
+from standing import Standing, locked
 from tasks import Task, read_graph
 
 from meshot.files import whole_file
 
 ROOT = Path(__file__).resolve().parent.parent
-STARTED, LOCK = "started.txt", "lock"
+STARTED = "started.txt"
+#: Ends a process group when its input ends without a line.
+GUARD = 'read line || kill -s TERM -- "-$0"'
 
 
 def opened(graph: str, root: Path = ROOT) -> Standing:
@@ -41,8 +44,25 @@ def _kept(graph: str, root: Path, state: Path) -> Path:
     return root / "workflow" / "standing.json" if graph == "experiments" else state / "standing.json"
 
 
+def yes_or_no(name: str, value: object) -> bool:
+    """The value of a setting of Snakemake, which is a truth value or a text.
+
+    Raises
+    ------
+    ValueError
+        If it is anything but yes, no, true or false, in letters of either case.
+    """
+    found = {"yes": True, "true": True, "no": False, "false": False}.get(str(value).lower())
+    if found is None:
+        raise ValueError(f"{name} is {value}; it is yes, no, true or false: --config {name}=yes")
+    return found
+
+
 def run(standing: Standing, task: Task, cores: int, planned: bool) -> None:
     """Run a task and write its stamp. Of two processes that run the same task, the second waits for the first.
+
+    If this process is ended, by whatever signal, its command is terminated. The command holds the lock of the task,
+    too: while it goes on, nobody starts it again.
 
     Raises
     ------
@@ -50,15 +70,13 @@ def run(standing: Standing, task: Task, cores: int, planned: bool) -> None:
         If the command fails, leaves no result, or its settings change meanwhile.
     """
     stamp = standing.stamp(task, planned)
-    stamp.parent.mkdir(parents=True, exist_ok=True)
-    with (stamp.parent / LOCK).open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with locked(stamp.parent) as lock:
         if stamp.is_file():
             return
         for other in stamp.parent.glob("*.json"):
             other.unlink()
         clear_other(standing, task, stamp)
-        _call(task, cores, standing.root)
+        _call(task, cores, standing.root, lock.fileno())
         for start, end in task.copies:
             with whole_file(standing.root / end) as temporary:
                 shutil.copyfile(standing.root / start, temporary)
@@ -84,15 +102,31 @@ def clear_other(standing: Standing, task: Task, stamp: Path) -> None:
         temporary.write_text(stamp.stem, encoding="utf-8")
 
 
-def _call(task: Task, cores: int, root: Path) -> None:
+def _call(task: Task, cores: int, root: Path, lock: int) -> None:
     threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), str(cores))
     tools = os.pathsep.join((str(Path(sys.executable).parent), os.environ.get("PATH", "")))
     environment = os.environ | threads | {"PATH": tools}
     command = task.command.replace("{cores}", str(cores))
     print(command, flush=True)
-    status = subprocess.run(command, shell=True, cwd=root, env=environment, check=False).returncode
+    running = subprocess.Popen(
+        command, shell=True, cwd=root, env=environment, pass_fds=[lock], start_new_session=True
+    )  # fmt: skip
+    with running, _ended_with_this_process(running.pid):
+        status = running.wait()
     if status:
         raise ValueError(f"{task.name} failed with exit status {status}; its output is above")
+
+
+@contextlib.contextmanager
+def _ended_with_this_process(group: int) -> Iterator[None]:
+    """Terminate a process group if the block raises, or if this process is killed in it."""
+    guard = subprocess.Popen(
+        ["sh", "-c", GUARD, str(group)], stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    with guard:  # closes its input
+        yield
+        guard.communicate(b"\n")
 
 
 def collect(standing: Standing, planned: bool) -> None:

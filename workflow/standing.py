@@ -6,17 +6,23 @@ settings and fingerprints with which it was made. A result is out of date if one
 missing. Where a record states the whole configuration, the record itself is compared.
 """
 
+import contextlib
 import dataclasses
+import fcntl
 import functools
 import hashlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TextIO
 
 from tasks import Graph, Task
 
 from meshot.files import whole_file
 from meshot.plain_yaml import read_yaml
 
+#: The file in a folder that one process at a time has locked.
+LOCK = "lock"
 #: Missing settings differ from all others.
 MISSING = "missing"
 DIGITS = 16
@@ -45,6 +51,9 @@ class Standing:
     @functools.cached_property
     def entries(self) -> dict[str, dict]:
         """The content of the file."""
+        return self._read_entries()
+
+    def _read_entries(self) -> dict[str, dict]:
         return json.loads(self.kept.read_text(encoding="utf-8")) if self.kept.is_file() else {}
 
     @functools.cache  # noqa: B019
@@ -132,10 +141,30 @@ class Standing:
                     stamp.unlink()
 
     def stand(self, names: dict[str, dict]) -> None:
-        """Note that results stand for these inputs. Entries of tasks that are gone are removed."""
-        found = {name: entry for name, entry in (self.entries | names).items() if name in self.graph.tasks}
-        with whole_file(self.kept) as temporary:
-            temporary.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        """Note that results stand for these inputs. Entries of tasks that are gone are removed.
+
+        What other processes have noted meanwhile is kept.
+        """
+        with locked(self.state):
+            entries = self._read_entries() | names
+            found = {name: entry for name, entry in entries.items() if name in self.graph.tasks}
+            with whole_file(self.kept) as temporary:
+                temporary.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[TextIO]:
+    """Lock a folder, which is created if it is missing. If another process has locked it, wait until it is free.
+
+    Yields
+    ------
+    text file
+        Its lock. A process that inherits its descriptor holds the lock, too.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / LOCK).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield lock
 
 
 def _digest(value: object) -> str:

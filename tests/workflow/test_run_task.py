@@ -1,6 +1,10 @@
 """One task: it runs once for its settings, goes on after a kill, and says what is wrong."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
 
 import pytest
 
@@ -63,6 +67,36 @@ def test_a_failure_leaves_no_stamp(task, toy, capsys):
     assert "no task is called nothing; there are raw_a" in capsys.readouterr().err
 
 
+@pytest.fixture
+def made(part, task, toy):
+    """A function that opens the toy workflow, whose results are there and not noted."""
+    assert task("run", "raw_a", "raw_b", "sum", "copy") == 0
+    return lambda: part("run_task").opened("experiments", toy)
+
+
+def noted(toy):
+    return set(json.loads((toy / "workflow" / "standing.json").read_text(encoding="utf-8")))
+
+
+def test_what_two_processes_note_at_the_same_moment_is_kept(part, toy, made):
+    first, second = made(), made()
+    assert first.entries == second.entries == {}
+    for standing, name in ((first, "sum"), (second, "copy")):
+        part("run_task").stands(standing, [name])
+    assert noted(toy) == {"sum", "copy"}
+
+
+def test_a_note_waits_until_no_other_process_writes_one(part, toy, made):
+    command = [sys.executable, toy / "workflow/run_task.py", "stands", "copy", "--root", toy]
+    with part("standing").locked(made().state):
+        waiting = subprocess.Popen(command)
+        with pytest.raises(subprocess.TimeoutExpired):
+            waiting.wait(timeout=2)
+        assert not (toy / "workflow" / "standing.json").exists()
+    assert waiting.wait(timeout=30) == 0
+    assert noted(toy) == {"copy"}
+
+
 def test_settings_that_change_meanwhile_are_refused(task, toy, capsys):
     graph = toy / "workflow/experiments.yaml"
     graph.write_text(
@@ -73,6 +107,88 @@ def test_settings_that_change_meanwhile_are_refused(task, toy, capsys):
     assert task("run", "raw_a") == 1
     assert "the settings of raw_a changed while it ran" in capsys.readouterr().err
     assert task("run", "raw_a") == 0
+
+
+#: A command that writes its process to a file, and ends when the file ``go`` is there.
+SLOW = "echo $$ > pid.txt && echo begun >> log.txt && while test ! -e go; do sleep 0.05; done && echo {name} >>"
+
+
+def slow(toy, command=SLOW):
+    graph = toy / "workflow/experiments.yaml"
+    text = graph.read_text(encoding="utf-8")
+    graph.write_text(text.replace("echo {name} >>", command), encoding="utf-8")
+
+
+def started(toy):
+    command = [sys.executable, toy / "workflow/run_task.py", "run", "raw_a", "--root", toy]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def until(condition, seconds=30.0):
+    """Wait until a condition holds. Returns whether it did."""
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.02)
+    return condition()
+
+
+def lines(toy):
+    file = toy / "log.txt"
+    return file.read_text(encoding="utf-8").split() if file.is_file() else []
+
+
+def is_gone(pid):
+    """Whether a process has ended. One that its parent has not asked for yet is a zombie."""
+    found = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, encoding="utf-8", check=False)
+    return found.stdout.strip()[:1] in ("", "Z")
+
+
+@pytest.fixture
+def tidy(toy):
+    """Lets every command of the toy end."""
+    yield
+    (toy / "go").touch()
+
+
+@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_the_command_of_a_task_ends_with_it(toy, tidy, sign):
+    slow(toy)
+    first = started(toy)
+    assert until(lambda: lines(toy) == ["begun"])
+    first.send_signal(sign)
+    first.wait(timeout=30)
+    pid = int((toy / "pid.txt").read_text(encoding="utf-8"))
+    assert until(lambda: is_gone(pid), seconds=10)
+    (toy / "go").touch()
+    assert started(toy).wait(timeout=30) == 0
+    assert lines(toy) == ["begun", "begun", "a"]
+
+
+def test_a_command_that_goes_on_without_its_task_keeps_the_lock(toy, tidy):
+    slow(toy, "trap '' TERM && " + SLOW)
+    first = started(toy)
+    assert until(lambda: lines(toy) == ["begun"])
+    first.terminate()
+    first.wait(timeout=30)
+    second = started(toy)
+    assert not until(lambda: lines(toy) != ["begun"], seconds=2)
+    (toy / "go").touch()
+    assert second.wait(timeout=30) == 0
+    assert lines(toy) == ["begun", "a", "begun", "a"]
+
+
+@pytest.mark.parametrize(
+    ("value", "meaning"),
+    [("yes", True), ("true", True), ("True", True), (True, True), ("no", False), ("FALSE", False), (False, False)],
+)
+def test_a_setting_is_yes_or_no(part, value, meaning):
+    assert part("run_task").yes_or_no("planned", value) is meaning
+
+
+@pytest.mark.parametrize("value", ["", "nope", "1", 1, 0, None])
+def test_a_setting_that_is_neither_yes_nor_no_is_refused(part, value):
+    with pytest.raises(ValueError, match=f"planned is {value}; it is yes, no, true or false: --config planned=yes"):
+        part("run_task").yes_or_no("planned", value)
 
 
 def test_a_result_made_by_hand_stands_if_its_record_agrees(task, toy, capsys):

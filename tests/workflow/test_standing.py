@@ -20,6 +20,7 @@ CHANGES = [
      f"|readings|candidates|controls|one_subject|comparison.*|{_SHIPPED}"),
     (f"{RECIPES}people_like.yaml", r"^seed: .*", "seed: 99",
      f"people_segmentation|{_SHIPPED}"),
+    ("experiments/ddot/readings.yaml", r"^rate_epochs: \d+", "rate_epochs: 7", "readings|candidates|controls"),
 ]  # fmt: skip
 
 

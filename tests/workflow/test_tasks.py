@@ -1,11 +1,17 @@
 """The graph of the experiments: nothing is left out, every command can start, and mistakes in a graph are named."""
 
+import builtins
+import io
 import shlex
 from pathlib import Path
 
 import pytest
+import yaml
 
 from meshot.cli import make_parser
+from meshot_book.claims import ledger_page
+from meshot_book.claims.rules import RULES
+from meshot_book.notebook import checksum_lines
 from scripts import scripts_in
 
 
@@ -40,6 +46,82 @@ def test_every_command_can_start_and_every_setting_is_there(graphs, root):
         assert all((root / read.partition("#")[0]).is_file() for read in task.reads if not task.planned), task.name
         assert set(task.after) <= set(graph.tasks)
         assert task.writes or task.makes or task.stage == "initial"
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """The files that are opened during a test, so far."""
+    found, usual = [], io.open
+
+    def noted(file, *words, **settings):
+        found.append(file)
+        return usual(file, *words, **settings)
+
+    for module in (io, builtins):
+        monkeypatch.setattr(module, "open", noted)
+    return lambda: {Path(file).resolve() for file in found if not isinstance(file, int)}
+
+
+def test_the_ledger_comes_after_every_task_whose_files_it_reads(graphs, root, opened):
+    tasks = graphs["experiments"].tasks
+    ledger_page(root / "book" / "claims.yaml", root / "experiments", RULES)
+    checksum_lines(root / "experiments")
+    read = [path for path in opened() if path.is_relative_to(root)]
+    makers = {
+        task.name
+        for task in tasks.values()
+        if any(path.is_relative_to(root / written) for written in task.writes for path in read)
+    }
+    assert {"readings", "controls", "ddot", "axioms", "ddot_oasis_like_left_ddot_0"} <= makers
+    assert makers - {*tasks["ledger"].after, "ledger"} == set()
+
+
+def test_the_page_of_costs_comes_after_every_task_whose_seconds_it_sums(part, graphs, root):
+    scaling, tasks = part("scaling"), graphs["experiments"].tasks
+    before, more = set(), {"scaling"}
+    while more:
+        before |= more
+        more = {up for name in more for up in tasks[name].after} - before
+    results = [task for task in tasks.values() if task.writes and all((root / path).exists() for path in task.writes)]
+    summed = {task.name for task in results if scaling.recorded(root, task) is not None}
+    assert {"readings", "comparison_rates", "people_segmentation", "cost"} <= summed
+    assert summed - before == set()
+
+
+def test_a_page_does_not_wait_for_a_planned_task_without_result(part, root):
+    standing = part("run_task").opened("experiments")
+    for name in ("ledger", "scaling"):
+        task = standing.graph.tasks[name]
+        assert "budget" in task.after
+        assert not any(standing.is_planned(up) for up in standing.before(task))
+        waited = {path.parent.name for path in standing.needed(task)}
+        assert waited <= set(standing.stale()), name
+
+
+@pytest.mark.parametrize(
+    ("graph", "protocol"),
+    [("experiments", "experiments/comparison/config.yaml"), ("miniature", "workflow/miniature/comparison.yaml")],
+)
+def test_initial_surfaces_are_made_where_trainings_read_them(part, root, graph, protocol):
+    """Those of other scans, such as test-retest pairs, are made by the measurement, in a folder of its own."""
+    config = yaml.safe_load((root / protocol).read_text(encoding="utf-8"))
+    tasks = part("tasks").read_graph(root / "workflow" / f"{graph}.yaml", root).tasks.values()
+    commands = [shlex.split(task.command) for task in tasks if "initial_surfaces.py" in task.command]
+    assert {words[words.index("--into") + 1] for words in commands} == {config["initial"]}
+    assert sorted(words[2] for words in commands) == sorted(config["cohorts"].values())
+
+
+#: What a stage allows, at least, as a multiple of what its tasks took.
+MARGIN = 1.5
+
+
+def test_no_task_took_as_long_as_its_stage_allows(part, graphs, root):
+    scaling, graph = part("scaling"), graphs["experiments"]
+    results = [task for task in graph.tasks.values() if all((root / path).exists() for path in task.writes)]
+    took = {task.name: (task.stage, scaling.recorded(root, task) or 0.0) for task in results}
+    assert min(took[name][1] for name in ("readings", "comparison", "convergence", "segmentation_training")) > 1000
+    late = {n: s for n, (stage, s) in took.items() if MARGIN * s > 60 * graph.stages[stage]["minutes"]}
+    assert late == {}, "raise the minutes of the stage"
 
 
 ENTRY = "  b:\n    stage: s\n    command: x\n"
