@@ -468,6 +468,24 @@ def test_tables_are_made_anew_from_the_rows(part, whole, results, tmp_path):
         part("tables").main([*words_of(whole), "-o", str(output)])
 
 
+def test_tables_state_only_settings_with_which_the_rows_were_measured(part, tmp_path):
+    tables, config = part("tables"), part("units").read_config()
+    output, words = tmp_path / "results.json", written(tmp_path, config)
+    for name in ("results.json", "subjects.csv", "pairs.csv"):
+        shutil.copy(FOLDER / name, tmp_path / name)
+    before = output.read_bytes()
+    assert tables.main([*words, "-o", str(output)]) == 0
+    assert output.read_bytes() == before
+    own = config["evaluation"]
+    written(tmp_path, config | {"evaluation": own | {"n_points": 1 + own["n_points"]}, "later": 1})
+    with pytest.raises(ValueError, match="were measured with other settings in evaluation, later; tables can be made"):
+        tables.main([*words, "-o", str(output)])
+    assert output.read_bytes() == before
+    written(tmp_path, config | {"comparison": config["comparison"] | {"direct": []}})
+    assert tables.main([*words, "-o", str(output)]) == 0
+    assert read_results(output)["config"]["comparison"]["direct"] == []
+
+
 def test_the_committed_tables_follow_from_the_committed_rows(part, record, config):
     tables = part("tables")
     assert (record["config"], record["results"]["missing"]) == (config, [])
