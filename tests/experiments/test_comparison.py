@@ -700,6 +700,10 @@ def test_rows_are_read_as_they_were_written(part, tmp_path):
     (tmp_path / "bad.csv").write_text("x\nhalf\n")
     with pytest.raises(ValueError, match=r"bad.csv is damaged \(could not convert"):
         rows.read_rows(tmp_path / "bad.csv")
+    for lines, n in (("1,a,2,3", 4), ("1,a", 2), ("1", 1)):
+        (tmp_path / "bad.csv").write_text(f"x,subject,y\n1,b,2\n{lines}\n")
+        with pytest.raises(ValueError, match=rf"damaged \(a line has {n} columns, and the first line 3: {lines}\)"):
+            rows.read_rows(tmp_path / "bad.csv")
     with pytest.raises(ValueError, match="does not exist; measure the trained systems"):
         rows.read_rows(tmp_path / "absent.csv")
 
