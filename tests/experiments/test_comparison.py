@@ -299,6 +299,50 @@ def test_systems_that_choose_their_rates_at_the_same_time_do_not_lose_any(part, 
     assert list(read(config)) == arms
 
 
+def test_rates_of_another_protocol_are_refused(part, place, capsys):
+    budgets, train, units = part("budgets"), part("train"), part("units")
+    config = units.read_config(place / "config.yaml")
+    assert budgets.choose(config, "ddot") == budgets.known_rates(config)
+    ddot = config["arms"]["ddot"]
+    others = {
+        "chosen from 0.01, 0.001; the protocol has 1e-05, 0.001: remove ddot from ":
+            {"arms": config["arms"] | {"ddot": ddot | {"rates": [1e-5, 1e-3]}}},
+        "other settings; the protocol asks for .*n_epochs=999 ": {"trials": config["trials"] | {"epochs": 999}},
+        "other settings; the protocol asks for .*width=5 ":
+            {"arms": config["arms"] | {"ddot": ddot | {"changes": [*SMALL_DDOT, "network.width=5"]}}},
+        "other settings; the protocol asks for .*seed=3: ": {"trials": config["trials"] | {"seed": 3}},
+    }  # fmt: skip
+    unit = units.unit_of("alpha", "left", "ddot", "steps", 0, config)
+    for message, change in others.items():
+        for ask in (lambda own: budgets.choose(own, "ddot"), lambda own: budgets.changes_of(unit, own)):
+            with pytest.raises(ValueError, match=f"the rate of ddot was .*{message}"):
+                ask(config | change)
+    words = written(place, config | {"trials": config["trials"] | {"epochs": 3}})
+    assert train.main([*words, "--only", unit.name]) == 1
+    said = capsys.readouterr().err
+    assert "remove ddot from " in said
+    assert f"waiting for trials of rates: {unit.name}" in said
+
+
+def test_trials_of_another_protocol_are_not_chosen_from(part, place):
+    budgets, units = part("budgets"), part("units")
+    config = units.read_config(place / "config.yaml")
+    (place / "rates.json").unlink()
+    own = config | {"trials": config["trials"] | {"epochs": 3}}
+    with pytest.raises(ValueError, match=r"_ddot_rate0.01_0 was made with other settings; .*n_epochs=3 .*: remove"):
+        budgets.choose(own, "ddot")
+    assert not (place / "rates.json").exists()
+    assert list(budgets.choose(config, "ddot")) == ["ddot"]
+
+
+def test_the_committed_rates_are_those_of_the_protocol(part, config, root):
+    budgets = part("budgets")
+    known = read_results(root / config["rates"])["results"]
+    assert known.keys() == {arm for arm, entry in config["arms"].items() if entry["rates"]}
+    for arm, entry in known.items():
+        budgets.require_rate_of_protocol(arm, entry, config)
+
+
 def test_weights_that_are_only_measured_take_half_the_space(part, whole):
     units, config = part("units"), part("units").read_config(whole / "config.yaml")
     those = [unit for unit in [*units.trials(config), *units.finals(config)] if unit.arm == "ddot"]
@@ -396,6 +440,9 @@ def test_a_trial_without_a_finite_loss_has_no_score(part, place, capsys):
     score = units.read_json(unit.kept(config) / "score.json")
     assert score["assd_mm"] is None
     assert "is not finite" in score["why"]
+    config["arms"]["cortexode"]["changes"].append("network.width=5")
+    with pytest.raises(ValueError, match=r"cortexode_rate0.01_0 was made with other settings; .*width=5 "):
+        part("budgets").choose(config, "cortexode")
     assert train.main([*words, "--only", "alpha_left_cortexode_steps_0"]) == 1
     assert "waiting for trials of rates: alpha_left_cortexode_steps_0" in capsys.readouterr().err
     with pytest.raises(ValueError, match="no training is called nobody; there are alpha_left_cortexode_rate"):
