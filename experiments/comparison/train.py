@@ -177,7 +177,8 @@ def train_all(units: list[Unit], config: dict, asked: argparse.Namespace) -> tup
     """
     rates, without = known_rates(config), set()
     failed = trained([unit for unit in units if unit.is_trial and unit.arm not in rates], config, asked)
-    for arm in config["arms"]:
+    arms = {unit.arm for unit in units}.union(*(needed_rates(unit, config) for unit in units))
+    for arm in filter(arms.__contains__, config["arms"]):
         try:
             rates = choose(config, arm)
         except ValueError as error:

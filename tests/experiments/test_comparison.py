@@ -449,6 +449,24 @@ def test_a_trial_without_a_finite_loss_has_no_score(part, place, capsys):
         train.main([*words, "--only", "nobody"])
 
 
+def test_a_training_does_not_fail_because_of_the_trials_of_another_system(part, place, monkeypatch):
+    train, asked = part("train"), []
+    real = train.choose
+
+    def choose(config, arm):
+        asked.append(arm)
+        if arm == "corticalflow":
+            raise ValueError("corticalflow: no rate has a score")
+        return real(config, arm)
+
+    monkeypatch.setattr(train, "choose", choose)
+    assert train.main([*words_of(place), "--only", "*_ddot_steps_0"]) == 0
+    assert asked == ["ddot"]
+    assert train.main([*words_of(place), "--only", "*_vox2cortex_seconds_0"]) == 0
+    assert asked[1:] == ["vox2cortex", "ddot"]
+    assert train.main([*words_of(place), "--only", "*_corticalflow_*"]) == 1
+
+
 @pytest.fixture(scope="module")
 def results(whole):
     """What is measured of it, by one command."""
