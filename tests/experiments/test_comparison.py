@@ -751,6 +751,27 @@ def test_a_surface_that_is_not_found_is_counted(part, phantom_place):
     assert rows == [{"side": "right", "failed": why}]
 
 
+def test_the_seconds_of_an_initial_surface_are_kept_beside_it(part, phantom_place, tmp_path, monkeypatch):
+    measuring = part("measuring")
+    subject = scans(phantom_place / "alpha", "test")[0]
+    network = read_weights(phantom_place / "segmentation.safetensors", SegmentationNetwork)[0]
+    surfaces, stored = (InitialSurfaces(folder, network) for folder in (tmp_path, phantom_place / "initial"))
+
+    def computed(self, subject, side):
+        mesh = read_mesh(stored.path(subject, side, subject.standard()))
+        write_mesh(self.path(subject, side, subject.standard()), mesh)
+        return mesh
+
+    with monkeypatch.context() as patch:
+        patch.setattr(InitialSurfaces, "of", computed)
+        first = measuring.seen(subject, surfaces).seconds
+    assert first > 0
+    assert measuring.seen(subject, surfaces).seconds == first
+    (file,) = tmp_path.rglob("*.seconds")
+    file.unlink()
+    assert measuring.seen(subject, surfaces).seconds is None
+
+
 def test_rows_are_read_as_they_were_written(part, tmp_path):
     rows = part("rows")
     given = [
