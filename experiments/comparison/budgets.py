@@ -8,7 +8,7 @@ from units import SECONDS, Unit, has_sides, read_json, records_in, segmentation_
 
 from meshot.anatomy import HEMISPHERES
 from meshot.metrics import Surface, average_surface_distance, offsets_between
-from meshot.pipeline import InitialSurfaces
+from meshot.pipeline import RECORD, InitialSurfaces
 from meshot.provenance import read_results, rounded, write_results
 from meshot.synth.cohorts import scans
 from meshot_book.trainings import alone
@@ -23,7 +23,7 @@ def changes_of(unit: Unit, config: dict) -> list[str]:
     Raises
     ------
     ValueError
-        If they follow from trials that are not there.
+        If they follow from trials that are not there, or from those of another protocol.
     """
     entry = config["arms"][unit.arm]
     if entry["rates"] is None:
@@ -39,6 +39,8 @@ def changes_of(unit: Unit, config: dict) -> list[str]:
                 f"{unit.name} needs the rate of {' and '.join(missing)}, which is not chosen: train the trials first "
                 f"(train.py --only '*_rate*')"
             )
+        for arm in needed_rates(unit, config):
+            require_rate_of_protocol(arm, rates[arm], config)
         rate, epochs = rates[unit.arm]["rate"], _epochs(unit, config, rates)
     return [f"training.learning_rate={rate:.8f}".rstrip("0"), f"training.n_epochs={max(1, round(epochs / turns))}"]
 
@@ -61,6 +63,30 @@ def known_rates(config: dict) -> dict[str, dict]:
     """What is known of the chosen rates, by system."""
     path = Path(config["rates"])
     return read_results(path)["results"] if path.is_file() else {}
+
+
+def require_rate_of_protocol(arm: str, entry: dict, config: dict) -> None:
+    """Check that a rate was chosen by the trials of the present protocol. What an entry does not tell is not checked.
+
+    Raises
+    ------
+    ValueError
+        If it was chosen from other rates, or by trials with other settings.
+    """
+    own = {f"{unit.rate:g}": unit for unit in trials(config) if unit.arm == arm}
+    mend = f"remove {arm} from {config['rates']}, and run train.py --only '*_{arm}_rate*'"
+    scores, commands = entry.get("assd_mm", dict.fromkeys(own)), entry.get("commands", [])
+    if scores.keys() != own.keys():
+        raise ValueError(
+            f"the rate of {arm} was chosen from {', '.join(scores)}; the protocol has {', '.join(own)}: {mend}"
+        )
+    for rate, unit in own.items():
+        told = " ".join(unit.all_changes(config, changes_of(unit, config)))
+        made = any(unit.name in command and command.endswith(f" --set {told}") for command in commands)
+        if scores[rate] is not None and not made:
+            raise ValueError(
+                f"the rate of {arm} was chosen by trials with other settings; the protocol asks for {told}: {mend}"
+            )
 
 
 def score_of(folder: Path, unit: Unit, config: dict, device: torch.device | None = None) -> dict:
@@ -106,14 +132,32 @@ def choose(config: dict, arm: str) -> dict[str, dict]:
     Raises
     ------
     ValueError
-        If no rate of the system has a score.
+        If no rate of the system has a score, or its rate or a trial is that of another protocol.
     """
-    own = [unit for unit in trials(config) if unit.arm == arm]
-    if arm in known_rates(config) or not own or not all(unit.is_made(config) for unit in own):
-        return known_rates(config)
+    own, known = [unit for unit in trials(config) if unit.arm == arm], known_rates(config)
+    if arm in known:
+        require_rate_of_protocol(arm, known[arm], config)
+    if arm in known or not own or not all(unit.is_made(config) for unit in own):
+        return known
+    for unit in own:
+        _require_trial_of_protocol(unit, config)
     chosen = _choice(arm, {unit.rate: read_json(unit.kept(config) / SCORE) for unit in own}, own, config)
     with alone(Path(config["state"]) / "rates", wait=True):
         return _added({arm: chosen}, config)
+
+
+def _require_trial_of_protocol(unit: Unit, config: dict) -> None:
+    # A trial without a finite loss has no records; its score tells the changes.
+    changes = changes_of(unit, config)
+    wanted, told = unit.settings(config, changes), unit.all_changes(config, changes)
+    files = [unit.kept(config) / f"{part}{RECORD}" for part in unit.parts(config)]
+    records = [read_results(file) for file in files if file.is_file()]
+    same = read_json(unit.kept(config) / SCORE).get("changes", told) == told
+    if not same or any(unit.kind().complete(record["config"]) != wanted for record in records):
+        raise ValueError(
+            f"{unit.name} was made with other settings; the protocol asks for {' '.join(told)}: remove the folders "
+            f"{unit.kept(config)} and {unit.state(config)}, and run train.py again"
+        )
 
 
 def _added(chosen: dict[str, dict], config: dict) -> dict[str, dict]:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from meshot.anatomy import HEMISPHERES
+from meshot.files import whole_file
 from meshot.mesh import Mesh
 from meshot.metrics import Evaluation, evaluate, rigidly_aligned
 from meshot.pipeline import InitialSurfaces
@@ -44,11 +45,18 @@ class Seen:
 
 
 def seen(subject: Subject, surfaces: InitialSurfaces) -> Seen:
-    """Read one scan. Initial surfaces that do not exist are computed; their seconds are those of one side."""
+    """Read one scan. Initial surfaces that do not exist are computed; their seconds are those of one side.
+
+    The seconds are stored beside the surfaces. Without the file there are none for surfaces that exist.
+    """
     scan, started = subject.standard(), time.process_time()
-    there = surfaces.path(subject, "left", scan).is_file()
+    surface = surfaces.path(subject, "left", scan)
+    there, file = surface.is_file(), surface.with_name(f"{surface.name}.seconds")
     initial = {side: surfaces.of(subject, side) for side in HEMISPHERES}
-    seconds = None if there else (time.process_time() - started) / len(HEMISPHERES)
+    if not there:
+        with whole_file(file) as temporary:
+            temporary.write_text(repr((time.process_time() - started) / len(HEMISPHERES)), encoding="utf-8")
+    seconds = float(file.read_text(encoding="utf-8")) if file.is_file() else None
     return Seen(scan, initial, {side: subject.surface("white", side) for side in HEMISPHERES}, seconds)
 
 

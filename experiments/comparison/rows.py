@@ -24,16 +24,22 @@ def read_rows(path: Path) -> list[dict]:
     Raises
     ------
     ValueError
-        If the file is missing, or a number is damaged.
+        If the file is missing, a line has too few or too many columns, or a number is damaged.
     """
     if not path.is_file():
         raise ValueError(f"{path} does not exist; measure the trained systems with run.py")
     with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+        names, *lines = [line for line in csv.reader(file) if line] or [[]]
     try:
-        return [{name: _value(name, text) for name, text in row.items()} for row in rows]
-    except (TypeError, ValueError) as error:
+        return [_row(names, line) for line in lines]
+    except ValueError as error:
         raise ValueError(f"{path} is damaged ({error}); take the committed file, or run run.py again") from error
+
+
+def _row(names: list[str], line: list[str]) -> dict:
+    if len(line) != len(names):
+        raise ValueError(f"a line has {len(line)} columns, and the first line {len(names)}: {','.join(line)[:60]}")
+    return {name: _value(name, text) for name, text in zip(names, line, strict=True)}
 
 
 def _value(name: str, text: str) -> str | int | float | None:

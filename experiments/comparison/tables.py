@@ -208,13 +208,30 @@ def row_digests(output: Path) -> dict[str, str]:
     return {name: file_digest(output.with_name(name)) for name in (SUBJECTS, PAIRS)}
 
 
+def require_measured_by(measured_by: dict, config: dict, output: Path) -> None:
+    """Check that the rows were measured by the present protocol. Its group ``comparison`` is used by the tables only.
+
+    Raises
+    ------
+    ValueError
+        If another group differs.
+    """
+    names = [name for name in {**measured_by, **config} if name != "comparison"]
+    other = [name for name in names if measured_by.get(name) != config.get(name)]
+    if other:
+        raise ValueError(
+            f"the rows beside {output} were measured with other settings in {', '.join(other)}; tables can be made "
+            f"anew only if no more than the group comparison has changed: take these groups back, or run run.py again"
+        )
+
+
 def main(words: list[str] | None = None) -> int:
     """Make the tables of the results anew.
 
     Raises
     ------
     ValueError
-        If the rows are missing, or are not those of the results.
+        If the rows are missing, or are not those of the results, or were measured by another protocol.
     """
     parser = arguments(__doc__)
     parser.add_argument("-o", "--output", type=Path, default=HERE / RESULTS, help="the file for the result")
@@ -222,6 +239,7 @@ def main(words: list[str] | None = None) -> int:
     record, config = read_results(asked.output), read_config(asked.config)
     if record["results"]["rows_sha256"] != row_digests(asked.output):
         raise ValueError(f"the rows beside {asked.output} are not those that were measured with it: run run.py again")
+    require_measured_by(record["config"], config, asked.output)
     results = record["results"] | rounded(tables(*rows_beside(asked.output), config))
     made = {name: value for name, value in record.items() if name not in FIELDS[:5]}
     write_results(asked.output, results, config, record["command"], record["data"], record["seconds"], made)

@@ -60,7 +60,7 @@ def made(unit: Unit, config: dict, device: torch.device | None = None) -> None:
             if not unit.is_trial:
                 raise
             with whole_folder(unit.kept(config)) as place:
-                _write(place / SCORE, {"assd_mm": None, "why": str(error)})
+                _write(place / SCORE, {"assd_mm": None, "why": str(error), "changes": changes})
             return
         keep(unit, config, device)
 
@@ -175,15 +175,18 @@ def train_all(units: list[Unit], config: dict, asked: argparse.Namespace) -> tup
 
     A training waits if it needs a rate whose trials are not all there.
     """
-    rates = known_rates(config)
+    rates, without = known_rates(config), set()
     failed = trained([unit for unit in units if unit.is_trial and unit.arm not in rates], config, asked)
-    for arm in config["arms"]:
+    arms = {unit.arm for unit in units}.union(*(needed_rates(unit, config) for unit in units))
+    for arm in filter(arms.__contains__, config["arms"]):
         try:
             rates = choose(config, arm)
         except ValueError as error:
             print(error, file=sys.stderr)
-            failed.append(arm)
-    ready = [unit for unit in units if not unit.is_trial and needed_rates(unit, config) <= rates.keys()]
+            without.add(arm)
+    failed += sorted(without)
+    known = rates.keys() - without
+    ready = [unit for unit in units if not unit.is_trial and needed_rates(unit, config) <= known]
     waiting = [unit.name for unit in units if not unit.is_trial and unit not in ready]
     failed += trained(ready, config, asked)
     return failed, waiting

@@ -299,6 +299,50 @@ def test_systems_that_choose_their_rates_at_the_same_time_do_not_lose_any(part, 
     assert list(read(config)) == arms
 
 
+def test_rates_of_another_protocol_are_refused(part, place, capsys):
+    budgets, train, units = part("budgets"), part("train"), part("units")
+    config = units.read_config(place / "config.yaml")
+    assert budgets.choose(config, "ddot") == budgets.known_rates(config)
+    ddot = config["arms"]["ddot"]
+    others = {
+        "chosen from 0.01, 0.001; the protocol has 1e-05, 0.001: remove ddot from ":
+            {"arms": config["arms"] | {"ddot": ddot | {"rates": [1e-5, 1e-3]}}},
+        "other settings; the protocol asks for .*n_epochs=999 ": {"trials": config["trials"] | {"epochs": 999}},
+        "other settings; the protocol asks for .*width=5 ":
+            {"arms": config["arms"] | {"ddot": ddot | {"changes": [*SMALL_DDOT, "network.width=5"]}}},
+        "other settings; the protocol asks for .*seed=3: ": {"trials": config["trials"] | {"seed": 3}},
+    }  # fmt: skip
+    unit = units.unit_of("alpha", "left", "ddot", "steps", 0, config)
+    for message, change in others.items():
+        for ask in (lambda own: budgets.choose(own, "ddot"), lambda own: budgets.changes_of(unit, own)):
+            with pytest.raises(ValueError, match=f"the rate of ddot was .*{message}"):
+                ask(config | change)
+    words = written(place, config | {"trials": config["trials"] | {"epochs": 3}})
+    assert train.main([*words, "--only", unit.name]) == 1
+    said = capsys.readouterr().err
+    assert "remove ddot from " in said
+    assert f"waiting for trials of rates: {unit.name}" in said
+
+
+def test_trials_of_another_protocol_are_not_chosen_from(part, place):
+    budgets, units = part("budgets"), part("units")
+    config = units.read_config(place / "config.yaml")
+    (place / "rates.json").unlink()
+    own = config | {"trials": config["trials"] | {"epochs": 3}}
+    with pytest.raises(ValueError, match=r"_ddot_rate0.01_0 was made with other settings; .*n_epochs=3 .*: remove"):
+        budgets.choose(own, "ddot")
+    assert not (place / "rates.json").exists()
+    assert list(budgets.choose(config, "ddot")) == ["ddot"]
+
+
+def test_the_committed_rates_are_those_of_the_protocol(part, config, root):
+    budgets = part("budgets")
+    known = read_results(root / config["rates"])["results"]
+    assert known.keys() == {arm for arm, entry in config["arms"].items() if entry["rates"]}
+    for arm, entry in known.items():
+        budgets.require_rate_of_protocol(arm, entry, config)
+
+
 def test_weights_that_are_only_measured_take_half_the_space(part, whole):
     units, config = part("units"), part("units").read_config(whole / "config.yaml")
     those = [unit for unit in [*units.trials(config), *units.finals(config)] if unit.arm == "ddot"]
@@ -396,10 +440,31 @@ def test_a_trial_without_a_finite_loss_has_no_score(part, place, capsys):
     score = units.read_json(unit.kept(config) / "score.json")
     assert score["assd_mm"] is None
     assert "is not finite" in score["why"]
+    config["arms"]["cortexode"]["changes"].append("network.width=5")
+    with pytest.raises(ValueError, match=r"cortexode_rate0.01_0 was made with other settings; .*width=5 "):
+        part("budgets").choose(config, "cortexode")
     assert train.main([*words, "--only", "alpha_left_cortexode_steps_0"]) == 1
     assert "waiting for trials of rates: alpha_left_cortexode_steps_0" in capsys.readouterr().err
     with pytest.raises(ValueError, match="no training is called nobody; there are alpha_left_cortexode_rate"):
         train.main([*words, "--only", "nobody"])
+
+
+def test_a_training_does_not_fail_because_of_the_trials_of_another_system(part, place, monkeypatch):
+    train, asked = part("train"), []
+    real = train.choose
+
+    def choose(config, arm):
+        asked.append(arm)
+        if arm == "corticalflow":
+            raise ValueError("corticalflow: no rate has a score")
+        return real(config, arm)
+
+    monkeypatch.setattr(train, "choose", choose)
+    assert train.main([*words_of(place), "--only", "*_ddot_steps_0"]) == 0
+    assert asked == ["ddot"]
+    assert train.main([*words_of(place), "--only", "*_vox2cortex_seconds_0"]) == 0
+    assert asked[1:] == ["vox2cortex", "ddot"]
+    assert train.main([*words_of(place), "--only", "*_corticalflow_*"]) == 1
 
 
 @pytest.fixture(scope="module")
@@ -466,6 +531,24 @@ def test_tables_are_made_anew_from_the_rows(part, whole, results, tmp_path):
         file.write("\n")
     with pytest.raises(ValueError, match=r"the rows beside .* are not those that were measured with it"):
         part("tables").main([*words_of(whole), "-o", str(output)])
+
+
+def test_tables_state_only_settings_with_which_the_rows_were_measured(part, tmp_path):
+    tables, config = part("tables"), part("units").read_config()
+    output, words = tmp_path / "results.json", written(tmp_path, config)
+    for name in ("results.json", "subjects.csv", "pairs.csv"):
+        shutil.copy(FOLDER / name, tmp_path / name)
+    before = output.read_bytes()
+    assert tables.main([*words, "-o", str(output)]) == 0
+    assert output.read_bytes() == before
+    own = config["evaluation"]
+    written(tmp_path, config | {"evaluation": own | {"n_points": 1 + own["n_points"]}, "later": 1})
+    with pytest.raises(ValueError, match="were measured with other settings in evaluation, later; tables can be made"):
+        tables.main([*words, "-o", str(output)])
+    assert output.read_bytes() == before
+    written(tmp_path, config | {"comparison": config["comparison"] | {"direct": []}})
+    assert tables.main([*words, "-o", str(output)]) == 0
+    assert read_results(output)["config"]["comparison"]["direct"] == []
 
 
 def test_the_committed_tables_follow_from_the_committed_rows(part, record, config):
@@ -668,6 +751,27 @@ def test_a_surface_that_is_not_found_is_counted(part, phantom_place):
     assert rows == [{"side": "right", "failed": why}]
 
 
+def test_the_seconds_of_an_initial_surface_are_kept_beside_it(part, phantom_place, tmp_path, monkeypatch):
+    measuring = part("measuring")
+    subject = scans(phantom_place / "alpha", "test")[0]
+    network = read_weights(phantom_place / "segmentation.safetensors", SegmentationNetwork)[0]
+    surfaces, stored = (InitialSurfaces(folder, network) for folder in (tmp_path, phantom_place / "initial"))
+
+    def computed(self, subject, side):
+        mesh = read_mesh(stored.path(subject, side, subject.standard()))
+        write_mesh(self.path(subject, side, subject.standard()), mesh)
+        return mesh
+
+    with monkeypatch.context() as patch:
+        patch.setattr(InitialSurfaces, "of", computed)
+        first = measuring.seen(subject, surfaces).seconds
+    assert first > 0
+    assert measuring.seen(subject, surfaces).seconds == first
+    (file,) = tmp_path.rglob("*.seconds")
+    file.unlink()
+    assert measuring.seen(subject, surfaces).seconds is None
+
+
 def test_rows_are_read_as_they_were_written(part, tmp_path):
     rows = part("rows")
     given = [
@@ -682,6 +786,10 @@ def test_rows_are_read_as_they_were_written(part, tmp_path):
     (tmp_path / "bad.csv").write_text("x\nhalf\n")
     with pytest.raises(ValueError, match=r"bad.csv is damaged \(could not convert"):
         rows.read_rows(tmp_path / "bad.csv")
+    for lines, n in (("1,a,2,3", 4), ("1,a", 2), ("1", 1)):
+        (tmp_path / "bad.csv").write_text(f"x,subject,y\n1,b,2\n{lines}\n")
+        with pytest.raises(ValueError, match=rf"damaged \(a line has {n} columns, and the first line 3: {lines}\)"):
+            rows.read_rows(tmp_path / "bad.csv")
     with pytest.raises(ValueError, match="does not exist; measure the trained systems"):
         rows.read_rows(tmp_path / "absent.csv")
 
