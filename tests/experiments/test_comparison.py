@@ -621,7 +621,7 @@ def test_a_system_that_joins_later_leaves_measured_rows_as_they_are(part, place,
     monkeypatch.setattr(run, "lines_of", lambda *a: ([], [], {}))
     run.main([*words_of(place), *output])
     first = list(calls)
-    later = {"windows_many": config["arms"]["ddot"] | {"title": "many windows"}}
+    later = {"windows_many": config["arms"]["ddot"] | {"title": "many windows", "system": "ddot"}}
     written(place, config | {"arms": config["arms"] | later})
     run.main([*words_of(place), *output])
     assert calls == first

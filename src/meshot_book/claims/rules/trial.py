@@ -25,7 +25,7 @@ def exchanges_verdict(controls: dict, readings: dict, candidates: dict, budget: 
     exchanged = [arm for arm, each in controls["config"]["readings"].items() if "changes" in each]
     nearer = [arm for arm in exchanged if _decided(controls, arm, "beats")]
     in_swd = [_rival_gap(controls, arm, "swd_mm") for arm in exchanged]
-    smaller, larger = (sum(sign * gap[end] > 0 for gap in in_swd if gap) for sign, end in ((-1, "high"), (1, "low")))
+    smaller = sum(gap["high"] < 0 for gap in in_swd if gap)
     own = [arm for arm, each in readings["config"]["readings"].items() if each["system"] == "ddot"]
     helps, beats = ([arm for arm in own if _decided(readings, arm, name)] for name in ("helps", "beats"))
     supported = set(helps) & set(beats)
@@ -33,11 +33,9 @@ def exchanges_verdict(controls: dict, readings: dict, candidates: dict, budget: 
     return Verdict(
         status=IN_PART if supported and not nearer else AT_THIS_BUDGET,
         says=(
-            f"At a small budget, {len(nearer)} of {len(exchanged)} exchanges, each with its own learning rate, end "
-            f"nearer to the truth than DDOT in ASSD. In SWD {smaller} of them are better than DDOT and {larger} worse. "
-            f"In ASSD DDOT ends nearer than it begins in {len(helps)} of {len(own)} readings of the paper, and nearer "
-            f"than the same network trained with Chamfer in {len(beats)}. In SWD it ends nearer than it begins in "
-            f"{len(shorter)}."
+            f"At a small budget, {len(nearer)} of {len(exchanged)} exchanges end nearer to the truth than DDOT in "
+            f"ASSD, and {smaller} in SWD. DDOT ends nearer than it begins in {len(helps)} of {len(own)} readings of "
+            f"the paper in ASSD, and in {len(shorter)} in SWD."
         ),
         headline=(f"{len(supported)} of {len(own)}", "readings in which DDOT helps and is nearer than Chamfer"),
         ours=". ".join([_sentence(controls, readings, nearer), *([_budgets(budget)] if budget else [])]),
