@@ -1,6 +1,7 @@
 """The whole graph in small: one command makes heads, trains every system, measures all, and does so after a kill."""
 
 import csv
+import json
 import os
 import shutil
 import signal
@@ -65,7 +66,10 @@ def forget(clone: Path, system: str) -> None:
     for folder in (STATES, *KEPT):
         for place in (clone / folder).glob(f"*_{system}_*"):
             shutil.rmtree(place)
-    (clone / "build/miniature/rates.json").unlink()
+    rates = clone / "build/miniature/rates.json"
+    record = json.loads(rates.read_text(encoding="utf-8"))
+    record["results"].pop(system, None)  # a system without rates has no entry
+    rates.write_text(json.dumps(record), encoding="utf-8")
     shutil.rmtree(clone / "build/miniature/results")
     for place in (clone / STAMPS / "training" / f"training_{system}", clone / STAMPS / "evaluation"):
         shutil.rmtree(place)
