@@ -116,7 +116,7 @@ ledger: $(READY)
 	@$(RUN) tools/readme_numbers.py
 
 experiments: $(READY)
-	@$(RUN) -m snakemake --profile workflow/profiles/laptop --nolock $(if $(PLANNED),--config planned=yes)
+	@$(RUN) -m snakemake --profile workflow/profiles/laptop --nolock $(if $(filter-out no,$(PLANNED)),--config planned=yes)
 
 test: $(READY)
 	@$(RUN) $(PREFLIGHT)

@@ -20,7 +20,10 @@ RANKS = {
     "cli": 9,
 }  # fmt: skip
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.
-BOOK_RANKS = {"notebook": 0, "examples": 0, "figures": 1, "exercises": 1, "claims": 1, "trainings": 1}
+BOOK_RANKS = {
+    "notebook": 0, "examples": 0, "measurements": 0,
+    "figures": 1, "exercises": 1, "claims": 1, "trainings": 1,
+}  # fmt: skip
 
 #: Where a folder may import less than its rank allows.
 NARROWER = {"metrics": {"mesh", "volume"} | {name for name, rank in RANKS.items() if rank == 0}}

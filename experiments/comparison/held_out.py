@@ -2,12 +2,10 @@
 
 import dataclasses
 import functools
-import hashlib
 from pathlib import Path
 
 from measuring import (
     INITIAL,
-    METRICS,
     PERFECT,
     Found,
     Seen,
@@ -26,6 +24,7 @@ from meshot.model import SegmentationNetwork, network_digest
 from meshot.pipeline import WEIGHTS, InitialSurfaces
 from meshot.synth.cohorts import Subject, scans
 from meshot.systems import SurfaceSystem
+from meshot_book.measurements import METRICS, digest_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -91,14 +90,6 @@ def tasks_of(setting: Setting) -> list[dict]:
         subject = next(iter(setting.subjects[unit.cohort]))
         found.append({"what": "memory", "of": unit.name, "subject": subject, "digest": digests[unit.name]})
     return found
-
-
-def digest_of(paths: list[Path]) -> str:
-    """Twelve digits that depend on the names and contents of files."""
-    total = hashlib.sha256()
-    for path in paths:
-        total.update(path.name.encode() + path.read_bytes())
-    return total.hexdigest()[:12]
 
 
 def rows_of(task: dict, setting: Setting) -> list[dict]:

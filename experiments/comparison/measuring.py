@@ -16,12 +16,8 @@ from meshot.pipeline.segmentation import in_scanner
 from meshot.synth.cohorts import Subject
 from meshot.systems import Scan, SurfaceSystem
 from meshot.volume import StandardScan
+from meshot_book.measurements import metric_values
 
-#: Names in the results, and in an evaluation.
-METRICS = {
-    "emd_mm": "emd", "swd_mm": "swd", "assd_mm": "assd", "hausdorff90_mm": "hausdorff", "normals": "normals",
-    "crossing_faces": "intersecting_faces", "crossing_percent": "intersecting_share", "euler_number": "euler_number",
-}  # fmt: skip
 PAIR_METRICS = ("emd_mm", "swd_mm", "assd_mm")
 #: The arm of the initial surface, and that of a perfect surface: the floors of the metrics.
 INITIAL, PERFECT = "initial", "perfect"
@@ -80,7 +76,7 @@ def subject_rows(scan: Seen, found: Found, sides: tuple[str, ...], settings: dic
     if isinstance(surfaces, str):
         return [{"side": side, "failed": surfaces} for side in sides]
     return [
-        {"side": side, "cpu_seconds": seconds} | _numbers(_evaluated(surfaces[side], scan.truths[side], settings))
+        {"side": side, "cpu_seconds": seconds} | metric_values(_evaluated(surfaces[side], scan.truths[side], settings))
         for side in sides
     ]
 
@@ -88,7 +84,7 @@ def subject_rows(scan: Seen, found: Found, sides: tuple[str, ...], settings: dic
 def floor_rows(scan: Seen, settings: dict) -> list[dict]:
     """What a perfect surface scores: the floors of the metrics, and the crossing faces of the true surface."""
     evaluations = {side: _evaluated(truth, truth, settings, floors=True) for side, truth in scan.truths.items()}
-    return [{"side": side} | _numbers(found, "floor") for side, found in evaluations.items()]
+    return [{"side": side} | metric_values(found, "floor") for side, found in evaluations.items()]
 
 
 def pair_rows(pair: tuple[Seen, Seen], found: Callable[[Seen], Found], sides: tuple[str, ...], config: dict) -> list:
@@ -108,7 +104,7 @@ def pair_rows(pair: tuple[Seen, Seen], found: Callable[[Seen], Found], sides: tu
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "the points still move")  # the number of steps tells it
             moved = rigidly_aligned(second, first, config["consistency"]["n_points"], settings["seed"])
-        numbers = _numbers(_evaluated(moved.mesh, first, settings))
+        numbers = metric_values(_evaluated(moved.mesh, first, settings))
         here, there = (scan.truths[side].vertices.double().numpy() for scan in pair)
         apart = there @ moved.rotation.T + moved.translation - here
         residues = {"icp_residue_mm": moved.residue, "rigid_residue_mm": float(np.sqrt((apart**2).sum(1).mean()))}
@@ -124,7 +120,3 @@ def true_surfaces(scan: Seen) -> Found:
 
 def _evaluated(mesh: Mesh, truth: Mesh, settings: dict, floors: bool = False) -> Evaluation:
     return evaluate(mesh, truth, settings["n_points"], settings["seed"], settings["n_emd_points"], floors=floors)
-
-
-def _numbers(evaluation: Evaluation, what: str = "value") -> dict[str, float]:
-    return {key: getattr(getattr(evaluation, name), what) for key, name in METRICS.items()}

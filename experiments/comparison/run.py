@@ -13,7 +13,7 @@ from pathlib import Path
 
 import torch
 from budgets import changes_of
-from held_out import Setting, digest_of, lines_of, rows_of, setting_of, tasks_of
+from held_out import Setting, lines_of, rows_of, setting_of, tasks_of
 from rows import write_rows
 from tables import MAIN, PAIRS, RESULTS, SUBJECTS, row_digests, rows_beside, tables
 from units import HERE, Unit, arguments, finals, read_config, records_in
@@ -22,6 +22,7 @@ from meshot.jobs import run_jobs
 from meshot.model import network_digest
 from meshot.pipeline import WEIGHTS
 from meshot.provenance import provenance, rounded, write_results
+from meshot_book.measurements import digest_of
 
 
 def described(unit: Unit, setting: Setting) -> dict:

@@ -14,13 +14,11 @@ from rows import read_rows
 from units import FIRST_SEED, HERE, SECONDS, STEPS, arguments, read_config
 
 from meshot.provenance import FIELDS, file_digest, read_results, rounded, write_results
-from meshot.statistics import paired_interval
+from meshot_book.measurements import COMPARED, MAIN, grouped, paired_gaps, spread
 
-MAIN = "template"  # the kind of the training subjects; procedural subjects are reported apart
 SUBJECTS, PAIRS, RESULTS = "subjects.csv", "pairs.csv", "results.json"
 #: Metrics of which a larger value is better.
 LARGER = {"normals"}
-COMPARED = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm", "normals", "crossing_percent")
 CLAIMED = ("emd_mm", "swd_mm", "assd_mm")
 RESIDUES = ("icp_residue_mm", "rigid_residue_mm")
 #: The parts of the results that follow from the rows.
@@ -46,25 +44,9 @@ def tables(subjects: list[dict], pairs: list[dict], config: dict) -> dict:
 COLUMN = ("cohort", "side", "kind", "arm", "budget")
 
 
-def grouped(rows: list[dict], keys: Iterable[str]) -> list[list[dict]]:
-    """The rows grouped by the values of ``keys``, in order of first occurrence."""
-    found: dict[tuple, list[dict]] = {}
-    for row in rows:
-        found.setdefault(tuple(row[key] for key in keys), []).append(row)
-    return list(found.values())
-
-
 def measured(rows: list[dict]) -> list[dict]:
     """The rows of surfaces that were found."""
     return [row for row in rows if not row.get("failed")]
-
-
-def spread(values: list[float]) -> dict[str, float | None]:
-    """Mean and standard deviation."""
-    return {
-        "mean": float(np.mean(values)) if values else None,
-        "sd": float(np.std(values, ddof=1)) if len(values) > 1 else None,
-    }
 
 
 def _line(rows: list[dict], keys: Iterable[str]) -> dict:
@@ -79,14 +61,11 @@ def _line(rows: list[dict], keys: Iterable[str]) -> dict:
 
 def _gap(ours: dict[object, dict], other: dict[object, dict], metrics: Iterable[str]) -> dict:
     """Ours minus the other, paired, with Student's interval of 95 % for every metric."""
-    shared = [key for key in ours if key in other]
-    if len(shared) < 2:
+    gaps = paired_gaps(ours, other, metrics)
+    if not gaps:
         return {}
-    found = {"n_shared": len(shared)}
-    for metric in metrics:
-        gap, low, high = paired_interval([ours[k][metric] for k in shared], [other[k][metric] for k in shared])
-        found[metric] = {"gap": gap, "low": low, "high": high, "better": better(low, high, metric)}
-    return found
+    found = {key: gap | {"better": better(gap["low"], gap["high"], key)} for key, gap in gaps.items()}
+    return {"n_shared": len(ours.keys() & other.keys())} | found
 
 
 def better(low: float, high: float, metric: str) -> str:

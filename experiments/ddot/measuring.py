@@ -15,12 +15,8 @@ from meshot.pipeline.segmentation import in_scanner
 from meshot.synth.cohorts import Subject
 from meshot.systems.deformation import deformed
 from meshot.volume import StandardScan
+from meshot_book.measurements import METRICS, metric_values
 
-#: Names in the results, and in an evaluation.
-METRICS = {
-    "emd_mm": "emd", "swd_mm": "swd", "assd_mm": "assd", "hausdorff90_mm": "hausdorff", "normals": "normals",
-    "crossing_faces": "intersecting_faces", "crossing_percent": "intersecting_share", "euler_number": "euler_number",
-}  # fmt: skip
 FLOORS = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm", "normals")
 
 
@@ -43,7 +39,7 @@ def initial_row(found: Seen, settings: dict) -> dict:
     """Metrics of the initial surface, floors of the metrics, and the fraction of the area in each bin."""
     evaluation = evaluated(found.initial, found, settings)
     floors = {key: getattr(evaluation, METRICS[key]).floor for key in FLOORS}
-    measured = numbers(evaluation) | found.truth.errors(in_scanner(found.initial, found.scan))
+    measured = metric_values(evaluation) | found.truth.errors(in_scanner(found.initial, found.scan))
     return {"measured": measured, "floors": floors, "share": found.truth.shares(), "n_faces": len(found.initial.faces)}
 
 
@@ -54,9 +50,9 @@ def flow_row(found: Seen, network: DeformationNetwork, training: dict, settings:
     flowed = time.process_time()
     result = repair_crossings(found.initial, carried)
     seconds = {"cpu_seconds_flow": flowed - started, "cpu_seconds_repair": time.process_time() - flowed}
-    last = numbers(evaluated(result.mesh, found, settings))
+    last = metric_values(evaluated(result.mesh, found, settings))
     return {
-        "flow": numbers(evaluated(carried, found, settings)) if result.n_crossing else last,
+        "flow": metric_values(evaluated(carried, found, settings)) if result.n_crossing else last,
         "repaired": last | found.truth.errors(in_scanner(result.mesh, found.scan)),
         "n_backtracks": result.n_backtracks,
         "largest_move_mm": result.largest_move,
@@ -69,8 +65,3 @@ def evaluated(mesh: Mesh, found: Seen, settings: dict) -> Evaluation:
         in_scanner(mesh, found.scan), found.truth.mesh, settings["n_points"], settings["seed"],
         settings["n_emd_points"],
     )  # fmt: skip
-
-
-def numbers(evaluation: Evaluation) -> dict[str, float]:
-    """The values of the metrics that are stored."""
-    return {key: getattr(evaluation, name).value for key, name in METRICS.items()}

@@ -9,10 +9,8 @@ import functools
 import hashlib
 import json
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
-from measuring import numbers
 from trainings import LAST, Wanted
 
 from meshot.anatomy import Hemisphere
@@ -31,6 +29,7 @@ from meshot.systems.deformation import (
     hemisphere_example,
 )
 from meshot.volume import StandardScan
+from meshot_book.measurements import digest_of, metric_values
 
 #: The two kinds of weights of a network, with the endings of their files.
 WHICH = {"best": WEIGHTS, "last": LAST}
@@ -89,7 +88,7 @@ def seen(subject: Subject, side: Hemisphere, surfaces: InitialSurfaces, n_faces:
 def measured(found: Seen, mesh: Mesh, settings: dict) -> dict[str, float]:
     """The metrics of a mesh of the standard space."""
     points = settings["n_points"], settings["seed"], settings["n_emd_points"]
-    return numbers(evaluate(in_scanner(mesh, found.scan), found.truth, *points, floors=False))
+    return metric_values(evaluate(in_scanner(mesh, found.scan), found.truth, *points, floors=False))
 
 
 def network_row(found: Seen, network: DeformationNetwork, config: DeformationConfig, settings: dict) -> dict:
@@ -115,19 +114,15 @@ def tasks_of(setting: Setting) -> Iterator[dict]:
     """All tasks: for every subject and start the initial surface, and both kinds of weights of every network."""
     for split, those in setting.subjects.items():
         for subject, scan in those.items():
-            place = {"split": split, "subject": subject, "data": _digest(scan.files())}
+            place = {"split": split, "subject": subject, "data": digest_of(scan.files())}
             for start, networks in setting.there.items():
                 own = place | {"start": start, "digest": network_digest(setting.segmentation)[:12]}
                 yield own | {"arm": START, "weights": None}
                 for each in networks:
                     settings = {"settings": _short(json.dumps(each.settings(setting.configs[start])).encode())}
                     for which, ending in WHICH.items():
-                        digest = _digest([each.kept(setting.configs[start], ending)])
+                        digest = digest_of([each.kept(setting.configs[start], ending)])
                         yield own | {"arm": each.arm, "weights": which, "digest": digest} | settings
-
-
-def _digest(paths: list[Path]) -> str:
-    return _short(b"".join(path.name.encode() + path.read_bytes() for path in paths))
 
 
 def _short(data: bytes) -> str:

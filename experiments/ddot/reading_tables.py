@@ -1,16 +1,10 @@
 """Tables of a protocol of readings: means, paired differences over held-out subjects, and which losses help."""
 
-from collections.abc import Iterable
-
-import numpy as np
-from measuring import METRICS
 from reading_rows import START, WHICH
 
-from meshot.statistics import paired_interval
+from meshot_book.measurements import COMPARED, MAIN, METRICS, grouped, paired_gaps, spread
 
-MAIN = "template"  # the kind of the training subjects; procedural subjects are reported apart
 LOSSES = ("loss_before", "loss_after")
-COMPARED = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm", "normals", "crossing_percent")
 
 
 def tables(rows: list[dict], readings: dict[str, dict], rival: str) -> dict:
@@ -22,14 +16,7 @@ def tables(rows: list[dict], readings: dict[str, dict], rival: str) -> dict:
     held_out = [row for row in rows if (row["split"], row["kind"]) == ("test", MAIN)]
     gaps = differences(held_out, rivals)
     found = decided(gaps, {(row["arm"], row["weights"]) for row in held_out if "failed" in row})
-    return {"means": [_mean(part) for part in _grouped(rows)], "differences": gaps, "decided": found}
-
-
-def _grouped(rows: list[dict]) -> list[list[dict]]:
-    found: dict[tuple, list[dict]] = {}
-    for row in rows:
-        found.setdefault(tuple(row[key] for key in _PLACE), []).append(row)
-    return list(found.values())
+    return {"means": [_mean(part) for part in grouped(rows, _PLACE)], "differences": gaps, "decided": found}
 
 
 _PLACE = ("start", "arm", "weights", "split", "kind")
@@ -39,11 +26,7 @@ def _mean(rows: list[dict]) -> dict:
     there = [row for row in rows if "failed" not in row]
     about = {key: rows[0][key] for key in _PLACE} | {"n_subjects": len(there), "n_failed": len(rows) - len(there)}
     names = [key for key in (*METRICS, *LOSSES) if there and key in there[0]]
-    return about | {key: _spread([row[key] for row in there]) for key in names}
-
-
-def _spread(values: list[float]) -> dict[str, float | None]:
-    return {"mean": float(np.mean(values)), "sd": float(np.std(values, ddof=1)) if len(values) > 1 else None}
+    return about | {key: spread([row[key] for row in there]) for key in names}
 
 
 def differences(rows: list[dict], rivals: dict[str, str]) -> list[dict]:
@@ -64,15 +47,9 @@ def differences(rows: list[dict], rivals: dict[str, str]) -> list[dict]:
     return found
 
 
-def _gap(own: dict[str, dict], other: dict[str, dict], metrics: Iterable[str] = COMPARED) -> dict:
-    shared = [subject for subject in own if subject in other]
-    if len(shared) < 2:
-        return {}
-    found: dict = {"n_subjects": len(shared)}
-    for metric in metrics:
-        gap, low, high = paired_interval([own[s][metric] for s in shared], [other[s][metric] for s in shared])
-        found[metric] = {"gap": gap, "low": low, "high": high}
-    return found
+def _gap(own: dict[str, dict], other: dict[str, dict]) -> dict:
+    gaps = paired_gaps(own, other, COMPARED)
+    return {"n_subjects": len(own.keys() & other.keys())} | gaps if gaps else {}
 
 
 def decided(gaps: list[dict], failed: set[tuple]) -> dict[str, dict[str, dict[str, bool]]]:

@@ -23,6 +23,7 @@ from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest
 from meshot.pipeline import InitialSurfaces
 from meshot.provenance import provenance, rounded, write_results
 from meshot.synth.cohorts import Subject, scans
+from meshot_book.measurements import digest_of
 
 INITIAL = "initial"
 
@@ -43,14 +44,10 @@ def tasks_of(
 
 def data_digests(subjects: dict[str, dict[str, Subject]]) -> dict[str, dict[str, str]]:
     """A digest of all files of each subject, by cohort and subject, so that regenerated cohorts are measured again."""
-    return {cohort: {name: _digest(subject) for name, subject in those.items()} for cohort, those in subjects.items()}
-
-
-def _digest(subject: Subject) -> str:
-    total = hashlib.sha256()
-    for path in subject.files():
-        total.update(path.name.encode() + path.read_bytes())
-    return total.hexdigest()[:12]
+    return {
+        cohort: {name: digest_of(subject.files()) for name, subject in those.items()}
+        for cohort, those in subjects.items()
+    }
 
 
 def digests_of(there: list[Wanted], config: dict, segmentation: str) -> dict[str, str]:

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from meshot.statistics import bootstrap_interval, paired_interval
+from meshot_book.measurements import MAIN, grouped, spread
 
 INITIAL = "initial"
-MAIN = "template"  # the kind of the training subjects; procedural subjects are reported separately
 DISTANCES = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm")
 COMPARED = (*DISTANCES, "normals", "flow_crossing_percent")
 FIRST_SEED = 0
@@ -27,14 +27,6 @@ def summarised(rows: list[dict], settings: dict, comparison: dict) -> dict:
     }
 
 
-def grouped(rows: list[dict], keys: Iterable[str]) -> list[list[dict]]:
-    """The rows grouped by the values of ``keys``, in order of first occurrence."""
-    found: dict[tuple, list[dict]] = {}
-    for row in rows:
-        found.setdefault(tuple(row[key] for key in keys), []).append(row)
-    return list(found.values())
-
-
 def numbers(row: dict) -> dict[str, float]:
     """The compared numbers: metrics of the repaired surface, and the share of intersecting faces before repair."""
     if row["arm"] == INITIAL:
@@ -46,7 +38,7 @@ def _group(rows: list[dict]) -> dict:
     """Mean and standard deviation over subjects, for one arm, seed and kind."""
     first, values = rows[0], [numbers(row) for row in rows]
     found = {key: first[key] for key in ("cohort", "side", "arm", "seed", "kind")} | {"n_subjects": len(rows)}
-    found |= {key: _spread([value[key] for value in values]) for key in COMPARED}
+    found |= {key: spread([value[key] for value in values]) for key in COMPARED}
     found["n_subjects_crossing"] = sum(value["crossing_faces"] > 0 for value in values)
     found["n_subjects_no_sphere"] = sum(value["euler_number"] != 2 for value in values)
     found |= {key: _means([value[key] for value in values]) for key in ("by_depth", "by_curvature")}
@@ -55,13 +47,9 @@ def _group(rows: list[dict]) -> dict:
         floors = {key: float(np.mean([row["floors"][key] for row in rows])) for key in first["floors"]}
         return found | {"floors": floors, "share_of_area": share}
     found["n_subjects_crossing_before"] = sum(row["flow"]["crossing_faces"] > 0 for row in rows)
-    found["assd_before_repair_mm"] = _spread([row["flow"]["assd_mm"] for row in rows])
+    found["assd_before_repair_mm"] = spread([row["flow"]["assd_mm"] for row in rows])
     found["largest_move_mm"] = max(row["largest_move_mm"] for row in rows)
     return found | {key: float(np.mean([row[key] for row in rows])) for key in SECONDS}
-
-
-def _spread(values: list[float]) -> dict[str, float | None]:
-    return {"mean": float(np.mean(values)), "sd": float(np.std(values, ddof=1)) if len(values) > 1 else None}
 
 
 def _means(lists: list[list[float | None]]) -> list[float | None]:
@@ -147,7 +135,7 @@ def _mean_of_seeds(rows: list[dict], arm: str) -> dict[int, dict[str, float]]:
 def _over_seeds(means: dict[str, dict[int, dict[str, float]]], shared: list[int], key: str) -> dict:
     values = {arm: [found[seed][key] for seed in shared] for arm, found in means.items()}
     gap, low, high = paired_interval(*values.values())
-    return {arm: _spread(found) for arm, found in values.items()} | {"gap": gap, "low": low, "high": high}
+    return {arm: spread(found) for arm, found in values.items()} | {"gap": gap, "low": low, "high": high}
 
 
 def targets(rows: list[dict], wanted: dict, comparison: dict) -> list[dict]:
