@@ -1,15 +1,28 @@
-"""The error bar from the directions: unbiased, as wide as it should be, and honest about what it does not know."""
+"""Error bars from directions and from windows: unbiased, as wide as they should be, and clear about what is missing."""
 
 import math
 
 import numpy as np
 import pytest
+import torch
 
 import problems
-from meshot import DiscreteMeasure, sliced_wasserstein, sliced_wasserstein_estimate, surface
-from meshot.loss import error_bar
+from meshot import (
+    DiscreteMeasure,
+    sliced_wasserstein,
+    sliced_wasserstein_estimate,
+    surface,
+    windowed_sliced_wasserstein,
+)
+from meshot.loss import error_bar, windowed
 from meshot.loss.directions import random_directions
-from meshot.loss.error_bar import SlicedEstimate, directions_for_translation, translation_spread
+from meshot.loss.error_bar import (
+    SlicedEstimate,
+    WindowedEstimate,
+    directions_for_translation,
+    translation_spread,
+    windowed_sliced_wasserstein_estimate,
+)
 from meshot.mesh.shapes.solids import icosphere
 
 SETTINGS = [("random", 40), ("orthogonal", 42), ("quasi", 40)]
@@ -114,6 +127,84 @@ def test_intervals_widen_with_doubt_and_stop_at_zero():
     assert many.interval()[1] == pytest.approx(1 + 1.968 * 0.1, abs=1e-4)
     assert few.interval()[1] == pytest.approx(1 + 4.302653 * 0.1, abs=1e-6)  # two degrees of freedom
     assert few.interval(0.999)[0] == 0
+
+
+def windowed_pair(seed=0):
+    source, target = problems.cloud(seed, 60, 3, True), problems.cloud(seed + 1, 45, 3, True)
+    return source, target
+
+
+def windowed_truth(source, target, radius, n_directions, p):
+    """The mean over all centres, by mass: one window at a time, with many directions for each."""
+    lines, costs, masses = random_directions(n_directions, 3, 5)[None], [], []
+    for place, mass in zip(target.points, target.weights):
+        try:
+            costs.append(float(windowed_sliced_wasserstein(source, target, place[None], radius, lines, p)))
+        except ValueError:  # no mass of the source
+            continue
+        masses.append(float(mass))
+    return np.average(costs, weights=masses), len(costs)
+
+
+@pytest.mark.parametrize(("radius", "p"), [(0.6, 1), (0.15, 2)])
+def test_windows_unbiased_and_covering(radius, p):
+    """Over 200 draws: the mean is that over all centres, the variance as stated, and 95 % intervals hold it."""
+    source, target = windowed_pair()
+    truth, n_counted = windowed_truth(source, target, radius, 4000, p)
+    assert (n_counted < 45) == (radius == 0.15)  # small windows may miss the source
+    generator = np.random.default_rng(3)
+    draw = lambda: windowed_sliced_wasserstein_estimate(source, target, 60, radius, generator, 8, p)  # noqa: E731
+    found = [draw() for _ in range(200)]
+    values, errors = np.array([e.value for e in found]), np.array([e.standard_error for e in found])
+    spread = values.std(ddof=1)
+    assert values.mean() == pytest.approx(truth, abs=4 * spread / 200**0.5 + 0.01 * truth)
+    assert np.square(errors).mean() == pytest.approx(spread**2, rel=0.3)
+    covered = np.mean([low <= truth <= high for low, high in (e.interval() for e in found)])
+    assert 0.89 < covered < 0.99
+    assert {e.n_windows for e in found} == {60}
+    assert all(e.n_replicates == 60 for e in found) == (radius == 0.6)
+
+
+def test_the_value_is_that_of_the_loss_in_the_same_windows(monkeypatch):
+    source, target = windowed_pair()
+    kept = {}
+
+    def drawn(*arguments):
+        kept["windows"] = windowed.drawn_windows(*arguments)
+        return kept["windows"]
+
+    monkeypatch.setattr(error_bar, "drawn_windows", drawn)
+    for dtype, tolerance in ((torch.float64, 1e-12), (torch.float32, 1e-6)):
+        pair = [DiscreteMeasure(m.points.to(dtype).requires_grad_(), m.weights.to(dtype)) for m in (source, target)]
+        estimate = windowed_sliced_wasserstein_estimate(*pair, 30, 0.6, 2, 5, 1)
+        centres, sets = kept["windows"]
+        loss = windowed_sliced_wasserstein(*pair, centres, 0.6, sets, 1)
+        assert estimate.value == pytest.approx(float(loss.detach()), rel=tolerance)
+
+
+def test_more_windows_for_a_smaller_error():
+    source, target = windowed_pair()
+    few, many = (windowed_sliced_wasserstein_estimate(source, target, n, 0.6, 0) for n in (200, 800))
+    assert few.windows_needed(many.relative_error) == pytest.approx(800, rel=0.4)
+    assert WindowedEstimate(2.0, 0.2, 100, 90).windows_needed(0.05) == 400
+    assert WindowedEstimate(1.0, 0.1, 100, 3).interval()[1] == pytest.approx(1 + 4.302653 * 0.1, abs=1e-6)
+
+
+def test_doors_of_windows(unchecked):
+    source, target = windowed_pair()
+    far = DiscreteMeasure(target.points + 100)
+    with pytest.raises(ValueError, match="n_windows is 0"):
+        windowed_sliced_wasserstein_estimate(source, target, 0, 0.6, 0)
+    with pytest.raises(ValueError, match="n_directions is 0"):
+        windowed_sliced_wasserstein_estimate(source, target, 5, 0.6, 0, n_directions=0)
+    with pytest.raises(ValueError, match="1 of 1 windows holds mass of both measures; an error bar needs at least two"):
+        windowed_sliced_wasserstein_estimate(source, target, 1, 0.6, 0)
+    with pytest.raises(ValueError, match=r"none of 5 windows of radius 0\.6 holds mass of both measures"):
+        windowed_sliced_wasserstein_estimate(source, far, 5, 0.6, 0)
+    with pytest.raises(ValueError, match="radius is -1"):
+        windowed_sliced_wasserstein_estimate(source, target, 5, -1, 0)
+    with pytest.raises(ValueError, match="relative_error is 0"):
+        WindowedEstimate(1.0, 0.1, 3, 3).windows_needed(0)
 
 
 def test_doors(unchecked):

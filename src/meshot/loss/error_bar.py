@@ -1,4 +1,4 @@
-"""Standard error of a sliced Wasserstein loss that uses finitely many directions."""
+"""Standard errors of sliced Wasserstein losses that draw finitely many directions, or windows."""
 
 import dataclasses
 import math
@@ -10,15 +10,46 @@ from scipy import stats
 from meshot.errors import require_choice, require_positive_integer
 from meshot.loss.directions import orthogonal_directions, quasi_directions, random_directions
 from meshot.loss.sliced import slice_costs
-from meshot.measure import MeasureLike, as_measures
+from meshot.loss.windowed import drawn_windows, window_costs
+from meshot.measure import MeasureLike, as_measures, as_point_measures
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Tensor
 
 SAMPLINGS = ("random", "orthogonal", "quasi")
 
 
+class _Estimate:
+    """What an estimate with a standard error says."""
+
+    value: float
+    standard_error: float
+    n_replicates: int
+
+    @property
+    def relative_error(self) -> float:
+        """Standard error divided by value; zero if both are zero."""
+        return self.standard_error / self.value if self.value else 0.0
+
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """The confidence interval of the mean over all draws, by Student's t distribution, cut off at zero.
+
+        Raises
+        ------
+        ValueError
+            If ``level`` is not between zero and one.
+        """
+        if not 0 < level < 1:
+            raise ValueError(f"level is {level!r}; a share between 0 and 1 is needed, such as 0.95")
+        half = float(stats.t.ppf((1 + level) / 2, self.n_replicates - 1)) * self.standard_error
+        return max(self.value - half, 0.0), self.value + half
+
+    def _needed(self, n: int, relative_error: float) -> int:
+        _require_wanted(relative_error)
+        return max(1, math.ceil(n * (self.relative_error / relative_error) ** 2))
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
-class SlicedEstimate:
+class SlicedEstimate(_Estimate):
     """An estimate of SW_p^p over all directions, with its standard error.
 
     Parameters
@@ -48,24 +79,6 @@ class SlicedEstimate:
     n_directions: int
     n_replicates: int
 
-    @property
-    def relative_error(self) -> float:
-        """Standard error divided by value; zero if both are zero."""
-        return self.standard_error / self.value if self.value else 0.0
-
-    def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """The confidence interval for SW_p^p over all directions, by Student's t distribution, cut off at zero.
-
-        Raises
-        ------
-        ValueError
-            If ``level`` is not between zero and one.
-        """
-        if not 0 < level < 1:
-            raise ValueError(f"level is {level!r}; a share between 0 and 1 is needed, such as 0.95")
-        half = float(stats.t.ppf((1 + level) / 2, self.n_replicates - 1)) * self.standard_error
-        return max(self.value - half, 0.0), self.value + half
-
     def directions_needed(self, relative_error: float) -> int:
         """The number of directions for a relative standard error of ``relative_error``, which decreases as 1/√L.
 
@@ -76,8 +89,40 @@ class SlicedEstimate:
         ValueError
             If ``relative_error`` is not above zero.
         """
-        _require_wanted(relative_error)
-        return max(1, math.ceil(self.n_directions * (self.relative_error / relative_error) ** 2))
+        return self._needed(self.n_directions, relative_error)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class WindowedEstimate(_Estimate):
+    """An estimate of the windowed loss over all windows and directions, with its standard error.
+
+    Parameters
+    ----------
+    value : float
+        The mean over the drawn windows that hold mass of both measures: unbiased for the mean over all such windows, in
+        (units of the points)^p.
+    standard_error : float
+        The root of an unbiased estimate of the variance of ``value``.
+    n_windows : int
+        The number of drawn windows.
+    n_replicates : int
+        The number of those that hold mass of both measures. Each is a replicate.
+    """
+
+    value: float
+    standard_error: float
+    n_windows: int
+    n_replicates: int
+
+    def windows_needed(self, relative_error: float) -> int:
+        """The number of windows for a relative standard error of ``relative_error``, which decreases as 1/√K.
+
+        Raises
+        ------
+        ValueError
+            If ``relative_error`` is not above zero.
+        """
+        return self._needed(self.n_windows, relative_error)
 
 
 def sliced_wasserstein_estimate(
@@ -146,6 +191,68 @@ def sliced_wasserstein_estimate(
         costs = slice_costs(source, target, directions.to(source.places), p)
     means = costs.double().cpu().view(count, block).mean(dim=1).numpy()
     return SlicedEstimate(float(means.mean()), float(means.std(ddof=1)) / math.sqrt(count), count * block, count)
+
+
+def windowed_sliced_wasserstein_estimate(
+    source: MeasureLike,
+    target: MeasureLike,
+    n_windows: int,
+    radius: float,
+    generator: Generator,
+    n_directions: int = 16,
+    p: float = 2,
+) -> WindowedEstimate:
+    """Estimate the windowed loss over all windows without bias, with a standard error for the choice of K.
+
+    Windows are drawn as in a training: centres at positions of the target, by mass, each with random directions of its
+    own. They are therefore independent replicates.
+
+    Parameters
+    ----------
+    source, target : measure of points, Mesh, Contour, array or tensor
+        As for :func:`meshot.windowed_sliced_wasserstein`.
+    n_windows : int
+        The number K of windows.
+    radius : float
+        Standard deviation of the windows, in the units of the points.
+    generator : numpy.random.Generator, torch.Generator or int
+        Random number generator; an integer is a seed.
+    n_directions : int
+        Directions in each window. Few of them suffice: the mean over windows is a mean over their directions, too.
+    p : float
+        The exponent.
+
+    Raises
+    ------
+    ValueError
+        If fewer than two windows hold mass of both measures, from which no standard error can be computed; otherwise as
+        :func:`meshot.windowed_sliced_wasserstein`.
+
+    Notes
+    -----
+    Values only, without gradients. The standard error concerns the draw of windows and directions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from meshot.loss import windowed_sliced_wasserstein_estimate
+    >>> points = np.random.default_rng(0).uniform(size=(500, 3))
+    >>> estimate = windowed_sliced_wasserstein_estimate(points, points + 0.01, 40, 0.2, generator=0)
+    >>> estimate.relative_error < 0.2
+    True
+    """
+    require_positive_integer(n_windows, "n_windows")
+    require_positive_integer(n_directions, "n_directions")
+    source, target = as_point_measures(source, target)
+    centres, sets = drawn_windows(target, n_windows, n_directions, numpy_generator(generator))
+    costs = window_costs(source, target, centres, radius, sets, p)
+    count = len(costs)
+    if count < 2:
+        raise ValueError(
+            f"{count} of {n_windows} windows holds mass of both measures; an error bar needs at least two: draw more "
+            "windows, or take a larger radius"
+        )
+    return WindowedEstimate(float(costs.mean()), float(costs.std(ddof=1)) / math.sqrt(count), n_windows, count)
 
 
 def _replicates(sampling: str, count: int, block: int, d: int, generator: np.random.Generator) -> Tensor:

@@ -3,16 +3,19 @@
 This loss is our addition. The paper compares the whole measures.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import torch
 
 from meshot.errors import as_floating, require_positive, require_positive_integer, require_shape
-from meshot.loss.directions import Directions, quasi_directions
-from meshot.loss.fused_windows import REACH, mean_of_windows
+from meshot.loss.directions import Directions, quasi_directions, random_directions
+from meshot.loss.fused_windows import REACH, fused_windows, mean_of_windows
 from meshot.loss.plain import checked_lines
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.measure import DiscreteMeasure, Measure, MeasureLike, as_point_measures
-from meshot.types import Float, Tensor
+from meshot.rng import Generator, numpy_generator
+from meshot.types import Array, Float, Tensor
 
 
 def windowed_sliced_wasserstein(
@@ -84,6 +87,72 @@ def windowed_sliced_wasserstein(
     >>> round(float(meshot.windowed_sliced_wasserstein(points, points, centres, radius=1.0)), 9)
     0.0
     """
+    pair = _checked(source, target, centres, radius, directions, p)
+    if pair.source.places.dtype in (torch.float32, torch.float64) and not pair.lines.requires_grad:
+        value, n_counted = mean_of_windows(*pair.on_cpu(), float(p))
+        value = value.to(pair.source.places.device)
+    else:
+        value, n_counted = _window_by_window(*pair, p)
+    _require_counted(n_counted, pair)
+    return value
+
+
+def window_costs(
+    source: MeasureLike,
+    target: MeasureLike,
+    centres: Float[Tensor, "K k"],
+    radius: float,
+    directions: Directions = 100,
+    p: float = 2,
+) -> Float[Array, " n"]:
+    """SW_p^p in every window that holds mass of both measures, whose mean is the windowed loss. Without gradients.
+
+    The arguments, and the errors, are those of :func:`meshot.windowed_sliced_wasserstein`.
+    """
+    pair = _checked(source, target, centres, radius, directions, p)
+    costs, _ = fused_windows(*pair.on_cpu(), float(p), [False] * 4)
+    _require_counted(len(costs), pair)
+    return costs
+
+
+def drawn_windows(
+    target: Measure, n_windows: int, n_directions: int, generator: Generator
+) -> tuple[Float[Tensor, "K k"], Float[Tensor, "K L d"]]:
+    """Centres at positions of the target, drawn by mass, and random directions for every window.
+
+    Positions are the first three coordinates of a place, or all if there are fewer.
+    """
+    places, draw = target.places, numpy_generator(generator)
+    lines = random_directions(n_windows * n_directions, places.shape[1], draw).to(places)
+    shares = target.weights.detach().double().cpu().numpy()
+    drawn = draw.choice(len(shares), n_windows, p=shares / shares.sum())
+    centres = places.detach()[torch.from_numpy(drawn).to(places.device), :3]
+    return centres, lines.reshape(n_windows, n_directions, -1)
+
+
+class _Pair(NamedTuple):
+    """Two measures, and the windows in which they are compared."""
+
+    source: Measure
+    target: Measure
+    centres: Float[Tensor, "K k"]
+    radius: float
+    lines: Float[Tensor, "K L d"]
+
+    def on_cpu(self) -> tuple[list[Tensor], Tensor, float, Tensor]:
+        """The measures as tensors, and the windows, in the format of the kernels."""
+        tensors = (self.source.places, self.source.weights, self.target.places, self.target.weights)
+        return [tensor.cpu() for tensor in tensors], self.centres.cpu(), float(self.radius), self.lines.cpu()
+
+
+def _checked(
+    source: MeasureLike,
+    target: MeasureLike,
+    centres: Float[Tensor, "K k"],
+    radius: float,
+    directions: Directions,
+    p: float,
+) -> _Pair:
     source, target = as_point_measures(source, target)
     centres = as_floating(centres, "centres")
     require_shape(centres, "centres", None)
@@ -95,19 +164,15 @@ def windowed_sliced_wasserstein(
     directions = _sets(directions, n_windows, source.places)
     require_positive(radius, "radius", "the units of the points")
     lines = checked_lines(source, directions.flatten(0, 1), p).reshape(directions.shape)
-    if source.places.dtype in (torch.float32, torch.float64) and not lines.requires_grad:
-        tensors = (source.places, source.weights, target.places, target.weights, centres, lines)
-        *measures, centres, lines = (tensor.cpu() for tensor in tensors)
-        value, n_counted = mean_of_windows(measures, centres, float(radius), lines, float(p))
-        value = value.to(source.places.device)
-    else:
-        value, n_counted = _window_by_window(source, target, centres, radius, lines, p)
+    return _Pair(source, target, centres, radius, lines)
+
+
+def _require_counted(n_counted: int, pair: _Pair) -> None:
     if not n_counted:
         raise ValueError(
-            f"none of {n_windows} windows of radius {radius:g} holds mass of both measures: they may lie in different "
-            "places, or take a larger radius"
+            f"none of {len(pair.centres)} windows of radius {pair.radius:g} holds mass of both measures: they may lie "
+            "in different places, or take a larger radius"
         )
-    return value
 
 
 def _window_by_window(

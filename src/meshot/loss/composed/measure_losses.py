@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
-import torch
 
 from meshot.errors import require_choice, require_positive, require_positive_integer
 from meshot.loss.directions import random_directions
@@ -15,7 +14,7 @@ from meshot.loss.nearest import chamfer
 from meshot.loss.sinkhorn import sinkhorn_divergence
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced
-from meshot.loss.windowed import windowed_sliced_wasserstein
+from meshot.loss.windowed import drawn_windows, windowed_sliced_wasserstein
 from meshot.measure import Measure
 from meshot.types import Float, Tensor
 
@@ -110,12 +109,7 @@ class WindowedLoss(MeasureLoss):
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss in newly drawn windows, each with its own directions."""
-        n_lines, d = self.n_windows * self.n_directions, source.places.shape[1]
-        lines = random_directions(n_lines, d, generator).to(source.places)
-        shares = target.weights.double().cpu().numpy()
-        drawn = generator.choice(len(shares), self.n_windows, p=shares / shares.sum())
-        centres = target.places[torch.from_numpy(drawn).to(lines.device), :3]
-        sets = lines.reshape(self.n_windows, self.n_directions, -1)
+        centres, sets = drawn_windows(target, self.n_windows, self.n_directions, generator)
         return windowed_sliced_wasserstein(source, target, centres, self.window, sets, self.p)
 
     def at(self, done: float) -> "WindowedLoss":
