@@ -166,6 +166,7 @@ benchmark: $(READY)
 	@$(PIP) --no-deps --upgrade --target build/peers -r benchmarks/requirements.txt
 	$(RUN) benchmarks/losses.py
 	$(RUN) benchmarks/ruler.py
+	$(RUN) benchmarks/windows.py
 	$(RUN) benchmarks/reconstruction.py
 	$(RUN) benchmarks/study_cost.py
 	@$(RUN) benchmarks/speed_page.py

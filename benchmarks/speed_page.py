@@ -44,6 +44,14 @@ def reconstruction_block(record: dict) -> str:
     return parts_block(what, record)
 
 
+def windows_block(record: dict) -> str:
+    """The time of the windowed loss beside that of a plain computation, and of the sliced loss."""
+    config = record["config"]
+    what = f"{config['windows']} windows with {config['directions']} directions each and their gradient, between two "
+    what += f"cortical surfaces of {config['faces'][0]} and {config['faces'][1]} faces, as varifolds"
+    return parts_block(what, record)
+
+
 def study_block(record: dict) -> str:
     """The measured cost of a scan, and what studies of several sizes cost at that rate."""
     config, scan = record["config"], record["results"]["scan"]
@@ -99,6 +107,7 @@ STUDY_SIZES, LAPTOP_CORES, CLUSTER_CORES = (1000, 100_000), 8, 512
 BLOCKS = {
     "benchmark": (COST / "results.json", losses_block),
     "ruler": (COST / "ruler.json", ruler_block),
+    "windows": (COST / "windows.json", windows_block),
     "reconstruction": (COST / "reconstruction.json", reconstruction_block),
     "study": (COST / "study.json", study_block),
 }

@@ -3,7 +3,9 @@
 Run as ``python experiments/ddot/run.py`` when some of the networks exist (see ``train.py``). Missing networks are
 listed in the results, and are measured when the command is run again. Every finished hemisphere is stored in a file
 beside the output, so that the run can be resumed or extended. ``commits`` in the results lists the commits that
-measured. If the measuring code changes, everything is measured again.
+measured. If the measuring code changes, everything is measured again. With ``--all`` the tables of the four protocols
+(``readings.yaml`` and others, see ``readings.py``) are made from their committed weights, too; this takes some
+three hours of one core.
 """
 
 import functools
@@ -13,6 +15,7 @@ import sys
 import time
 from pathlib import Path
 
+import readings
 import torch
 from measuring import flow_row, initial_row, seen
 from summary import summarised
@@ -121,15 +124,21 @@ def require_fair(trainings: list[dict]) -> None:
             raise ValueError(f"{each['name']} learned from other data than {first['name']}: train one of them anew")
 
 
+#: In this order, since the later ones share trainings with the first.
+PROTOCOLS = ("readings", "candidates", "controls", "budget")
+
+
 def main(words: list[str] | None = None) -> None:
-    """Measure the existing networks, then write the results.
+    """Measure the existing networks and write the results; with ``--all``, those of all protocols, too.
 
     Raises
     ------
     ValueError
         If no network exists.
     """
-    asked = arguments(__doc__, HERE / "results.json").parse_args(words)
+    parser = arguments(__doc__, HERE / "results.json")
+    parser.add_argument("--all", action="store_true", help="then measure the networks of all protocols, too")
+    asked = parser.parse_args(words)
     config = read_config(asked.config)
     torch.set_num_threads(config["evaluation"]["n_threads"])
     planned = wanted(config)
@@ -156,6 +165,9 @@ def main(words: list[str] | None = None) -> None:
     write_results(asked.output, rounded(results), config, "python experiments/ddot/run.py", stands_on, seconds)
     if not missing:
         partial.unlink()
+    for name in PROTOCOLS if asked.all else ():
+        place = asked.output.with_name(name) / "results.json"
+        readings.main(["--config", str(HERE / f"{name}.yaml"), "-o", str(place)])
 
 
 def _row(line: dict, by_name: dict[str, Wanted], subjects: dict[str, dict[str, Subject]]) -> dict:

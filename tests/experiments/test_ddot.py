@@ -260,6 +260,16 @@ def test_what_is_there_is_measured_once_and_what_is_missing_named(part, place, m
     for each in second["trainings"]:
         content = (place / "weights" / f"{each['name']}.safetensors").read_bytes()
         assert each["weights_sha256"] == hashlib.sha256(content).hexdigest()
+    protocols = []
+    monkeypatch.setattr(run.readings, "main", lambda words: protocols.append((words[1], words[3])))
+    run.main([*words, *output])
+    assert protocols == []
+    run.main([*words, *output, "--all"])
+    assert all(Path(config).is_file() for config, _ in protocols)
+    assert [Path(file).relative_to(place / "out").as_posix() for _, file in protocols] == [
+        f"{Path(config).stem}/results.json" for config, _ in protocols
+    ]
+    assert {Path(config).stem for config, _ in protocols} == {"readings", "candidates", "controls", "budget"}
     assert not (place / "out" / "partial.jsonl").exists()
 
 

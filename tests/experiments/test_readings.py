@@ -81,7 +81,9 @@ def test_every_reading_has_three_rates_and_its_own_settings(part, protocol, root
     assert seen["ddot_binary_0.002"][1] == protocol["binary"]
 
 
-@pytest.mark.parametrize(("name", "n_short"), [("candidates", 45), ("controls", 18), ("budget", 0)])
+@pytest.mark.parametrize(
+    ("name", "n_short"), [("candidates", 45), ("controls", 18), ("budget", 0), ("paper_budget", 0)]
+)
 def test_every_reading_of_the_other_protocols_has_settings_of_its_own(part, root, monkeypatch, name, n_short):
     monkeypatch.chdir(root)
     readings, trainings = part("readings"), part("trainings")
@@ -134,6 +136,21 @@ def test_the_known_rates_are_those_of_the_comparison(root):
     chosen = read_results(root / "experiments" / "comparison" / "rates.json")["results"]
     for arm in ("ddot", "cortexode"):
         assert own["rates"][arm] == [chosen[arm]["rate"]]
+
+
+def test_the_budget_of_the_paper_differs_from_the_wide_networks_in_the_number_of_steps(part, root, monkeypatch):
+    monkeypatch.chdir(root)
+    readings, trainings = part("readings"), part("trainings")
+    wide, paper = (readings.read_config(FOLDER / f"{name}.yaml") for name in ("budget", "paper_budget"))
+    for system in ("ddot", "cortexode"):
+        arms = {
+            name: readings.arm_of(own["readings"][name], 1e-4, 7)
+            for own, name in ((wide, f"{system}_wide"), (paper, f"{system}_paper"))
+        }
+        config = readings.configuration(paper, "initial", arms, Path("a"), Path("b"))
+        first, second = (each.settings(config) for each in trainings.wanted(config))
+        assert first == second
+    assert round(paper["epochs"] * 28, -2) == 90_000
 
 
 def test_finalists_are_the_best_and_those_that_always_are(part, protocol):
