@@ -41,7 +41,9 @@ def test_seconds_are_those_of_the_records(scaling, part, root):
     grows = ("cohort_adni_like", "held_out_adni_like", "segmentation_training", "ddot")
     assert all(found[name].grows for name in grows)
     assert not any(found[name].grows for name in ("cohort_test_retest", "study", "cost"))
-    assert "budget" not in found
+    planned = part("run_task").opened("experiments")
+    assert not any(planned.is_planned(job.task) for job in found.values())
+    assert "ddot_adni_like_left_sliced_surface_0" not in found
     assert {"ledger", "held_out"} <= set(unknown)
     twice = scaling.scaled(found, 2.0)
     assert twice["ddot"].seconds == 2 * found["ddot"].seconds

@@ -89,6 +89,13 @@ def test_one_exception_changes_the_status(given, status):
     assert systems_verdict(record(rows(**given))).status == status
 
 
+def test_the_distances_are_counted_apart():
+    # One rival of four is nearer in every column and distance.
+    verdict = systems_verdict(record(rows(changes={(c, "cortexode"): 0.01 for c in COLUMNS})))
+    assert "in 36 of 48 comparisons and worse in 12 (EMD: 12, 4). In ASSD" in verdict.says
+    assert "The same by distance: EMD 12 : 4, SWD 12 : 4, ASSD 12 : 4. EMD has 2000 points" in verdict.ours
+
+
 def test_nearness_to_the_start_is_counted():
     verdict = systems_verdict(record(rows(initial=0.1)))
     assert "In ASSD it ends farther from the truth than the initial surface in 4 of 4 columns, and in" in verdict.says

@@ -10,6 +10,7 @@ from meshot_book.claims.rules.deforming import evenness_verdict, supports_verdic
 from meshot_book.claims.rules.encodings import continuous_verdict, normal_scale_verdict, sample_gradient_verdict
 from meshot_book.claims.rules.ground_cost import ground_cost_verdict
 from meshot_book.claims.rules.local import local_verdict
+from meshot_book.claims.rules.own_loss import own_loss_verdict
 from meshot_book.claims.rules.rates import chamfer_rate_verdict, transport_rate_verdict
 from meshot_book.claims.rules.ruler import floor_verdict, table_verdict
 from meshot_book.claims.rules.self_intersection import self_intersection_verdict
@@ -45,4 +46,5 @@ RULES: dict[int, Rule] = {
     23: sample_gradient_verdict,
     24: ground_cost_verdict,
     25: local_verdict,
+    26: own_loss_verdict,
 }

@@ -34,8 +34,9 @@ def systems_verdict(record: dict) -> Verdict:
         status=status,
         says=(
             f"At a small budget, DDOT is better than another system of the paper in {won} of {n_cells} comparisons and "
-            f"worse in {lost}. In ASSD it ends farther from the truth than the initial surface in {farther} of "
-            f"{len(nearer)} columns, and in SWD nearer in {in_swd.count('ours')} of {len(in_swd)}."
+            f"worse in {lost} (EMD: {_counts(cells, 'emd_mm', ', ')}). In ASSD it ends farther from the truth "
+            f"than the initial surface in {farther} of {len(nearer)} columns, and in SWD nearer in "
+            f"{in_swd.count('ours')} of {len(in_swd)}."
             if not missing
             else f"Not all systems are measured in every column yet: {missing}."
         ),
@@ -60,6 +61,12 @@ def _systems_status(won: int, lost: int, n_cells: int, nearer: list[str], agrees
 
 def _count(cells: Iterable[dict], who: str) -> int:
     return sum(len(cell[who]) for cell in cells)
+
+
+def _counts(cells: list[dict], metric: str, between: str) -> str:
+    """How often our system is better in a distance, and how often worse."""
+    own = [cell for cell in cells if cell["metric"] == metric]
+    return f"{_count(own, 'ours')}{between}{_count(own, 'other')}"
 
 
 def _seconds_agree(results: dict, plan: dict) -> bool:
@@ -133,6 +140,8 @@ def _systems_sentence(record: dict, cells: list[dict]) -> str:
         f"{names[arm]} {sum(arm in cell['ours'] for cell in cells)} : {sum(arm in cell['other'] for cell in cells)}"
         for arm in plan["rivals"]
     ]
+    n_points = record["config"]["evaluation"]["n_emd_points"]
+    by_metric = ", ".join(f"{title.split()[0]} {_counts(cells, key, ' : ')}" for key, title in DISTANCES.items())
     shown = (INITIAL, plan["ours"], *plan["rivals"], *plan["also"])
     near = []
     for column in columns_of(results):
@@ -140,7 +149,8 @@ def _systems_sentence(record: dict, cells: list[dict]) -> str:
         near.append(f"{named(column)}: " + ", ".join(f"{names[a]} {digits(means[a], 3)}" for a in shown if a in means))
     return (
         f"better : worse, over {len(cells)} pairs of a column and a distance, {names[plan['ours']]} against "
-        f"{', '.join(each)}. ASSD in mm: {'; '.join(near)}"
+        f"{', '.join(each)}. The same by distance: {by_metric}. EMD has {n_points} points, and most of its "
+        f"value is its floor (chapter 38). ASSD in mm: {'; '.join(near)}"
     )
 
 
