@@ -4,13 +4,12 @@ from .directions import (
     random_directions as random_directions,
 )
 from .error_bar import (
-    SlicedEstimate as SlicedEstimate,
-    WindowedEstimate as WindowedEstimate,
     directions_for_translation as directions_for_translation,
     sliced_wasserstein_estimate as sliced_wasserstein_estimate,
     translation_spread as translation_spread,
     windowed_sliced_wasserstein_estimate as windowed_sliced_wasserstein_estimate,
 )
+from .estimates import SlicedEstimate as SlicedEstimate, WindowedEstimate as WindowedEstimate
 from .kernel_norm import varifold_kernel as varifold_kernel
 from .linear_program import wasserstein as wasserstein
 from .nearest import chamfer as chamfer, nearest_neighbours as nearest_neighbours
