@@ -1,20 +1,13 @@
 """The benchmark of the ruler, on surfaces small enough to be quick."""
 
-from pathlib import Path
-
 import pytest
 
 from meshot.provenance import read_results
-from scripts import scripts_in
-
-BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
 
 @pytest.fixture
-def ruler():
-    """The benchmark's module."""
-    with scripts_in(BENCHMARKS) as load:
-        yield load("ruler")
+def ruler(load):
+    return load("ruler")
 
 
 def test_every_part_is_timed_and_kept(ruler, tmp_path):

@@ -1,19 +1,13 @@
 """The benchmark of the windowed loss, on surfaces small enough to be quick."""
 
-from pathlib import Path
-
 import pytest
 
 from meshot.provenance import read_results
-from scripts import scripts_in
-
-FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
 
 
 @pytest.fixture
-def windows():
-    with scripts_in(FOLDER) as load:
-        yield load("windows")
+def windows(load):
+    return load("windows")
 
 
 def test_both_ways_are_timed_and_give_the_same_gradient(windows, tmp_path):

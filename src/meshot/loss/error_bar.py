@@ -136,8 +136,8 @@ def windowed_sliced_wasserstein_estimate(
     require_positive_integer(n_windows, "n_windows")
     require_positive_integer(n_directions, "n_directions")
     source, target = as_point_measures(source, target)
-    centres, sets = drawn_windows(target, n_windows, n_directions, numpy_generator(generator))
-    costs = window_costs(source, target, centres, radius, sets, p)
+    windows = drawn_windows(target, n_windows, n_directions, generator)
+    costs = window_costs(source, target, windows, radius, p)
     count = len(costs)
     if count < 2:
         raise ValueError(

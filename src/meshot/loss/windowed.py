@@ -17,6 +17,9 @@ from meshot.measure import DiscreteMeasure, Measure, MeasureLike, as_point_measu
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Array, Float, Tensor
 
+#: The centres of windows, and a set of directions for each.
+Windows = tuple[Float[Tensor, "K k"], Float[Tensor, "K L d"]]
+
 
 def windowed_sliced_wasserstein(
     source: MeasureLike,
@@ -97,27 +100,20 @@ def windowed_sliced_wasserstein(
     return value
 
 
-def window_costs(
-    source: MeasureLike,
-    target: MeasureLike,
-    centres: Float[Tensor, "K k"],
-    radius: float,
-    directions: Directions = 100,
-    p: float = 2,
-) -> Float[Array, " n"]:
+def window_costs(source: Measure, target: Measure, windows: Windows, radius: float, p: float) -> Float[Array, " n"]:
     """SW_p^p in every window that holds mass of both measures, whose mean is the windowed loss. Without gradients.
 
-    The arguments, and the errors, are those of :func:`meshot.windowed_sliced_wasserstein`.
+    The windows are those of :func:`drawn_windows`. The other arguments, and the errors, are those of
+    :func:`meshot.windowed_sliced_wasserstein`.
     """
+    centres, directions = windows
     pair = _checked(source, target, centres, radius, directions, p)
     costs, _ = fused_windows(*pair.on_cpu(), float(p), [False] * 4)
     _require_counted(len(costs), pair)
     return costs
 
 
-def drawn_windows(
-    target: Measure, n_windows: int, n_directions: int, generator: Generator
-) -> tuple[Float[Tensor, "K k"], Float[Tensor, "K L d"]]:
+def drawn_windows(target: Measure, n_windows: int, n_directions: int, generator: Generator) -> Windows:
     """Centres at positions of the target, drawn by mass, and random directions for every window.
 
     Positions are the first three coordinates of a place, or all if there are fewer.
