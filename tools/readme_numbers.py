@@ -69,10 +69,10 @@ def direct(root: Path) -> str:
     measures = ("assd_mm", "hausdorff90_mm", "swd_mm", "normals", "crossing_percent")
     found = [gap[measure]["better"] for gap in gaps for measure in measures]
     won, open_, lost = (found.count(who) for who in ("ours", "undecided", "other"))
-    return f"""Over both budgets, all columns and three seeds, the last loss is better than CortexODE's in {won} of
-{len(found)} comparisons, undecided in {open_} and worse in {lost} ([ledger](book/ledger.md), row 25). Measured are the
-weights of the best check in validation. For DDOT this is an early one: in validation, its last weights are farther from
-the truth."""
+    return f"""In {len(gaps)} pairs of trainings (four columns at two budgets, and further seeds in one column), the
+last loss is better than CortexODE's in {won} of {len(found)} comparisons of a measure, undecided in {open_} and worse
+in {lost} ([ledger](book/ledger.md), row 25). Measured are the weights of the best check in validation. For DDOT this is
+an early one: in validation, its last weights are farther from the truth."""
 
 
 LOSSES = """

@@ -15,7 +15,7 @@ _PAPER = """## What the paper claims
 """
 _OURS = """## Questions of ours
 
-The paper does not make these claims. They follow from what it uses, or from what it leaves open. The last one
+The paper does not make these claims. They follow from what it uses, or from what it leaves open. Row 25
 is about a loss of this book.
 """
 

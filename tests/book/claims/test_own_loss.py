@@ -25,6 +25,14 @@ def record(arms):
     return {"results": {"means": means, "differences": differences, "trainings": trainings}, "config": config}
 
 
+def on_one_subject():
+    rows = {"initial": (1.0, 0.3), "a": (0.1, 0.35), "b": (0.05, 0.25), "c": (0.01, 0.1)}
+    surfaces = [{"arm": arm, "sliced_20": loss, "assd_mm": distance} for arm, (loss, distance) in rows.items()]
+    systems = {"a": "ddot", "b": "ddot", "c": "windows"}
+    config = {"arms": {arm: {"system": system} for arm, system in systems.items()}}
+    return {"results": {"surfaces": surfaces}, "config": config}
+
+
 @pytest.mark.parametrize(
     ("arms", "status"),
     [
@@ -37,13 +45,13 @@ def record(arms):
     ],
 )
 def test_one_training_refutes_it(arms, status):
-    assert own_loss_verdict(record(arms), record({})).status == status
-    assert own_loss_verdict(record({}), record(arms)).status == status
+    assert own_loss_verdict(record(arms), record({}), on_one_subject()).status == status
+    assert own_loss_verdict(record({}), record(arms), on_one_subject()).status == status
 
 
 def test_it_counts_and_lists_the_trainings_of_both_protocols():
     readings = record({"a": ("ddot", 0.5, FARTHER), "b": ("cortexode", 0.4, NEARER), "c": ("ddot", 1.5, OPEN)})
-    found = own_loss_verdict(readings, record({"long": ("ddot", 0.25, NEARER)}))
+    found = own_loss_verdict(readings, record({"long": ("ddot", 0.25, NEARER)}), on_one_subject())
     assert found.says == (
         "The loss of DDOT falls on new subjects in 2 of 3 trainings. In 1 of these the surfaces end farther from the "
         "truth in ASSD than they begin, and in 1 nearer."
@@ -51,5 +59,6 @@ def test_it_counts_and_lists_the_trainings_of_both_protocols():
     assert found.headline[0] == "1 of 2"
     assert "the long, 1680 steps: loss × 0.25, ASSD -0.1 [-0.2, -0.05] mm" in found.ours
     assert "the b" not in found.ours
+    assert found.ours.endswith("1 of 2 trainings end nearer than they begin, with loss × 0.05 to 0.1")
     assert found.numbers.split("\n")[2] == "| the a | 1680 | 0.5 | +0.1 [+0.05, +0.2] |"
     assert len(found.numbers.split("\n")) == 2 + 3

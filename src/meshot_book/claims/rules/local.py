@@ -59,7 +59,7 @@ def _sentence(record: dict) -> str:
             found.append(f"{named(column)}: {digits(means[OURS], 3)} against {digits(means[RIVAL], 3)}")
     return (
         f"ASSD in mm, the winning loss against Chamfer: {'; '.join(found) or '–'}. Only the winning loss has averaged "
-        "weights, which may explain a part of the gain, and at equal seconds it had some more time (chapter 39)"
+        "weights, which may explain a part of the gain (chapter 39)"
     )
 
 

@@ -69,7 +69,8 @@ def _sentence(controls: dict, readings: dict, nearer: list[str]) -> str:
     listed = ", ".join(title_of(controls, arm) for arm in nearer) or "none"
     return (
         f"{column}. ASSD in mm: initially {_mean(controls, START, 'assd_mm')}; {ends}. Nearer than DDOT: {listed}. "
-        f"DDOT minus the initial surface: {first} mm. The readings have {_steps(readings)} steps"
+        f"DDOT minus the initial surface: {first} mm. The readings have {_steps(readings)} steps. "
+        "Both kinds of samples are compared with DDOT with smaller rates"
     )
 
 
