@@ -70,7 +70,7 @@ def windowed_sliced_wasserstein(
 
     *Axioms.* Windows without mass of one measure are left out. If all windows hold mass of all measures, the p-th root
     is a pseudo-metric for fixed windows and directions: it is a mean of powers of distances between normalised
-    restrictions, so that the triangle inequality holds. It does not hold if windows are left out. The loss is zero
+    restrictions, so that the triangle inequality holds. It can fail if windows are left out. The loss is zero
     between measures that are proportional in every window. Even with windows around all points of space, parts that are
     more than 5 radii apart may therefore exchange mass unseen. If the points of both measures are linked by steps
     shorter than 5 radii and one window holds mass of both, all windows together are zero between equal measures only:
