@@ -1,4 +1,4 @@
-"""Rebuild every number and figure of chapters 11, 13 and 14: run four experiments, the ledger and the chapters.
+"""Rebuild chapters 11 and 13, and the rates of chapter 14: run four experiments, the ledger and the chapters.
 
 Run as ``python experiments/rebuild_theorem.py``, on one thread. The recorded time of every part and their sum
 are printed first. They were measured on a busy machine: ``convergence`` alone takes thirteen minutes on an idle core.

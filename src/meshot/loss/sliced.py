@@ -54,9 +54,10 @@ def sliced_wasserstein(
     Notes
     -----
     On a CPU, a compiled kernel processes the directions on ``torch.get_num_threads()`` threads: O(L (n + m)) time for
-    spread-out points, and memory for one direction per thread. The result is the same in every run with the same number
-    of threads. Only first derivatives are available. On other devices PyTorch processes the directions in chunks, with
-    the memory of one chunk. If the directions require a gradient, :func:`meshot.loss.plain_sliced_wasserstein` is used.
+    spread-out points, and memory for a limited group of directions per thread. The result is the same in every run with
+    the same number of threads. Only first derivatives are available. On other devices PyTorch processes the directions
+    in chunks, with the memory of one chunk. If the directions require a gradient,
+    :func:`meshot.loss.plain_sliced_wasserstein` is used.
 
     References
     ----------

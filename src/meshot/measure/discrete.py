@@ -102,10 +102,9 @@ def empirical(
     features, face_features, feature_scale
         As :func:`meshot.surface`, interpolated at the drawn points.
     detach_weights : bool
-        Whether to stop the gradient through the areas, so that it flows only through the points, as in the paper and in
-        most implementations. By default the gradient includes the areas: each mass has the value 1/m, and its
-        derivative is that of the probability of its face, relative to the other drawn faces. The gradient of the
-        expectation is then correct up to O(1/m).
+        Whether to stop the gradient through the areas, so that it flows only through the points. By default the
+        gradient includes the areas: each mass has the value 1/m, and its derivative is that of the probability of its
+        face, relative to the other drawn faces. The gradient of the expectation is then correct up to O(1/m).
 
     Raises
     ------
@@ -157,7 +156,8 @@ def varifold(
         The length of a scaled unit normal, in units of the vertices. With vertices in mm and a scale of 10, reversing
         a face costs as much as moving it by 20 mm. With 0, the default of every encoding, normals are not part of the
         coordinates, because no single length suits meshes of every size; the measure then consists of barycentres
-        weighted by area. The paper uses 1.
+        weighted by area. The paper has unit normals, and does not state the unit of
+        its coordinates.
     features, face_features, feature_scale
         As :func:`meshot.surface`; features of vertices are averaged over the corners of the face.
     detach_weights : bool

@@ -23,9 +23,9 @@ def axioms_verdict(record: dict) -> ledger.Verdict:
     return ledger.Verdict(
         status=status,
         says=(
-            f"Over {found['SW₂']['n_triples']} triples SW and W satisfy the triangle inequality, and Sinkhorn and "
-            "Chamfer violate it; with finitely many directions, however, SW is zero between different measures in "
-            f"{len(ghosts)} of {len(results['ghosts'])} constructions."
+            f"Over {found['SW₂']['n_triples']} triples and a search SW and W satisfy the triangle inequality, and "
+            "Sinkhorn and Chamfer violate it; with finitely many directions, however, SW is zero between different "
+            f"measures in {len(ghosts)} of {len(results['ghosts'])} constructions."
         ),
         headline=(
             f"{len(ghosts)} of {len(results['ghosts'])}",

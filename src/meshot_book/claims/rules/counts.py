@@ -31,7 +31,7 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
     return Verdict(
         status=status if flows else NOT_TESTED,
         says=(
-            f"In our trained flows, at a small budget, both statements hold in {sum(holds)} of {len(holds)} columns; "
+            f"In the trainings of chapter 38, at a small budget, both statements hold in {sum(holds)} of {len(holds)} columns; "
             f"in the paper's own table the factor {wanted} over CortexODE is reached in {sum(enough)} of "
             f"{len(factors)}."
         ),

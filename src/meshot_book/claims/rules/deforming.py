@@ -32,7 +32,7 @@ def evenness_verdict(record: dict) -> Verdict:
             f"{close['chamfer']}{_identical(close)}. The paper does not say which it compares."
         ),
         headline=(f"{close['sliced']} of {close['all']}", "comparisons at equal closeness with more even triangles"),
-        ours=_evenness_sentence(rows, tallies),
+        ours=_evenness_sentence(rows, tallies) + _by_rate(record["results"]),
         tolerance=(
             "a comparison (surface × start × encoding × supports) is decided for a loss if the 95 % intervals over "
             "seeds of the differences in the variation of edge lengths and of face areas both have the sign that "
@@ -79,6 +79,16 @@ def _evenness_sentence(rows: list[dict], tallies: dict[str, dict[str, int]]) -> 
         f"of {cortex['all']}. After equal steps or seconds sliced Wasserstein ends nearer in {nearer} and farther in "
         f"{farther} of {len(ended)}"
     )
+
+
+def _by_rate(results: dict) -> str:
+    """What the trials of learning rates found, on one seed."""
+    tried = [row for row in results.get("rates", []) if (row["encoding"], row["supports"]) == ("varifold", "full")]
+    each = [
+        f"{row['loss']} {row['learning_rate']:g}: {digits(row['assd'], 3)} mm, {digits(row['edge_variation'], 3)}"
+        for row in tried
+    ]
+    return f". ASSD and edge length variation by learning rate (varifold, one seed): {'; '.join(each)}" if each else ""
 
 
 def _name(row: dict) -> str:

@@ -99,7 +99,7 @@ def _sentence(
     )
     parts = [
         f"with h·Lip < 1 and no flip, faces cross in {len(crossed)} of {len(safe)} carried meshes",
-        f"fits by flows that cross: {by_fineness}",
+        f"fits by flows that cross, at the end or on the way: {by_fineness}",
     ]
     if others:
         parts.append(f"{_count(others)} in the fits of chapter 21 (up to {max(others)} faces)")

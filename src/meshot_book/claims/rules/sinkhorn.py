@@ -26,7 +26,7 @@ def blur_verdict(record: dict) -> Verdict:
         status=status,
         says=(
             f"It depends on the blur, which the paper does not state: Sinkhorn is weaker at {_blurs(weaker) or 'no'} "
-            f"mm, better at {_blurs(better) or 'no'} mm, and not distinguishable at the others."
+            f"mm, better at {_blurs(better) or 'no'} mm, and neither in both measures at the others."
         ),
         headline=(f"{len(weaker)} of {len(tried)}", "blurs at which Sinkhorn ends farther from the target"),
         ours=_sentence(results, tried, weaker, better),
