@@ -31,9 +31,9 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
     return Verdict(
         status=status if flows else NOT_TESTED,
         says=(
-            f"In the trainings of chapter 38, at a small budget, both statements hold in {sum(holds)} of {len(holds)} columns; "
-            f"in the paper's own table the factor {wanted} over CortexODE is reached in {sum(enough)} of "
-            f"{len(factors)}."
+            "In the trainings of chapter 38, at a small budget, both statements hold in "
+            f"{sum(holds)} of {len(holds)} columns; in the paper's own table the factor {wanted} "
+            f"over CortexODE is reached in {sum(enough)} of {len(factors)}."
         ),
         headline=(f"{sum(holds)} of {len(holds)}", "columns of our trained flows in which both statements hold"),
         ours=(
