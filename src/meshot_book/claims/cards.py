@@ -1,5 +1,6 @@
 """The ledger as a page: a card for each claim, with folded details."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from meshot_book.claims.ledger import STATUSES, Entry, Rule, read_entries
@@ -54,20 +55,24 @@ def _card(entry: Entry) -> str:
         f":::::{{div}} claim-words\n**{claim['id']}. {claim['claim']}**\n",
         f"[{verdict.status.capitalize()}.]{{.claim-status}} {verdict.says}\n",
     ]
-    lines += [_details(entry)] if entry.record else []
+    lines += [_details(entry)] if entry.records else []
     return "\n".join([*lines, ":::::", "::::::", ""])
 
 
 def _details(entry: Entry) -> str:
-    claim, verdict, record = entry.claim, entry.verdict, entry.record
+    claim, verdict = entry.claim, entry.verdict
+
+    def of_each(written: Callable[[dict], str]) -> str:
+        return "; ".join(dict.fromkeys(map(written, entry.records)))
+
     found = {
         "The paper": f"{claim['paper']} ({claim['where']})",
         "Ours": verdict.ours,
         "Rule": verdict.tolerance,
         "Chapter": f"[](<project:{claim['chapter']}.ipynb>)",
-        "Data": record["data"],
-        "Command": f"`{record['command']}` ({record['seconds']:.0f} s on {record['machine']})",
-        "Commit": f"`{record['commit']}`, {record['date']}",
+        "Data": claim.get("data") or of_each(lambda record: record["data"]),
+        "Command": of_each(lambda each: f"`{each['command']}` ({each['seconds']:.0f} s on {each['machine']})"),
+        "Commit": of_each(lambda record: f"`{record['commit']}`, {record['date']}"),
     }
     lines = ["::::{dropdown} Numbers, rule and provenance"]
     lines += [f"{name}\n: {text}\n" for name, text in found.items()]

@@ -63,11 +63,11 @@ Rule = Callable[..., Verdict]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Entry:
-    """A claim, its verdict, and the record of its experiment, if there is one."""
+    """A claim, its verdict, and the records of the experiments that its rule reads; none if it is not tested."""
 
     claim: dict
     verdict: Verdict
-    record: dict | None
+    records: tuple[dict, ...]
 
 
 def read_entries(claims: Path, experiments: Path, rules: dict[int, Rule]) -> list[Entry]:
@@ -77,7 +77,8 @@ def read_entries(claims: Path, experiments: Path, rules: dict[int, Rule]) -> lis
     ----------
     claims : path
         The YAML list of claims: id, claim, where, paper; ``ours`` for claims that the paper does not make; experiment
-        and chapter for claims that are tested; ``also`` lists further experiments that the rule reads.
+        and chapter for claims that are tested; ``also`` lists further experiments that the rule reads, and ``data``
+        says what the claim is tested on if it is a part of what the experiment measures.
     experiments : path
         The folder of experiments, each with its ``results.json``.
     rules : dict
@@ -95,11 +96,11 @@ def read_entries(claims: Path, experiments: Path, rules: dict[int, Rule]) -> lis
 def _entry(row: dict, experiments: Path, rules: dict[int, Rule]) -> Entry:
     if "experiment" not in row:
         waiting = Verdict(NOT_TESTED, "No experiment has tested this yet.", ("–", "no result"), "–", "–")
-        return Entry(row, waiting, None)
+        return Entry(row, waiting, ())
     if row["id"] not in rules:
         raise ValueError(
             f"claim {row['id']} names the experiment {row['experiment']!r}, but there is no rule for it: add one"
         )
     names = [row["experiment"], *row.get("also", [])]
-    record, *further = (read_results(experiments / name / "results.json") for name in names)
-    return Entry(row, rules[row["id"]](record, *further), record)
+    records = tuple(read_results(experiments / name / "results.json") for name in names)
+    return Entry(row, rules[row["id"]](*records), records)
