@@ -68,8 +68,8 @@ def row(subject, networks, distance, ventricles=1.0, voxel=1.0, skull=0):
 def rows(config):
     """Two people, and two heads of each other cohort.
 
-    The package's networks are .03 mm better than windows alone on the people, and .01 mm worse on the other cohorts.
-    There they are .04 and .08 mm worse than the first networks.
+    The package's networks are .03 mm better than windows alone on the people. On the other cohorts they are .04 and .08
+    mm worse than the first networks.
     """
     found = [
         row("people_like/sub-004", networks, distance, 0.95, 0.8)
@@ -83,7 +83,7 @@ def rows(config):
         for number, distance in ((1, 0.2), (2, 0.3)):
             found += [
                 row(f"{cohort}/{number}", networks, distance + more)
-                for networks, more in (("earlier", 0), ("package", gap), ("windows alone", gap - 0.01))
+                for networks, more in (("earlier", 0), ("package", gap))
             ]
     return found
 
@@ -108,8 +108,6 @@ def test_summary_groups_people_and_pairs_the_networks(part, config):
     }
     assert gaps == {
         ("windows alone", "people_like"): (pytest.approx(-0.03), True),
-        ("windows alone", "oasis_like"): (pytest.approx(0.01), False),
-        ("windows alone", "adni_like"): (pytest.approx(0.01), False),
         ("earlier", "oasis_like"): (pytest.approx(0.04), True),
         ("earlier", "adni_like"): (pytest.approx(0.08), False),
     }
