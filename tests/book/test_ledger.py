@@ -73,6 +73,20 @@ def test_status_follows_the_results(house):
     assert "python experiments/x/run.py" in page(house, {7: judge})
 
 
+def test_the_data_of_every_experiment_are_named_unless_the_claim_says_them(house):
+    (house / "y").mkdir()
+    other = RECORD | {"data": "another set", "command": "python experiments/y/run.py"}
+    (house / "y" / "results.json").write_text(json.dumps(other))
+    claims = house / "claims.yaml"
+    claims.write_text(claims.read_text().replace("experiment: x", "experiment: x, also: [y]"))
+    found = page(house, {7: lambda first, second: judge(first)})
+    assert "Data\n: synthetic; another set\n" in found
+    assert "`python experiments/x/run.py` (1 s on x86_64); `python experiments/y/run.py` (1 s on x86_64)" in found
+    assert "Commit\n: `abc`, 2026-01-01\n" in found  # of both
+    claims.write_text(claims.read_text().replace("experiment: x", "experiment: x, data: a part of it"))
+    assert "Data\n: a part of it\n" in page(house, {7: lambda first, second: judge(first)})
+
+
 def test_a_claim_without_results_or_judge_is_an_error(house):
     with pytest.raises(ValueError, match="no rule for it"):
         page(house, {})

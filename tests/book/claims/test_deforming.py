@@ -16,7 +16,17 @@ def difference(at, low, high, encoding="varifold", target="folded", assd=(0.1, 0
 
 
 def of_differences(*rows):
-    return {"results": {"differences": list(rows)}}
+    tried = [
+        {"loss": "sliced", "encoding": encoding, "supports": "full", "learning_rate": rate, "assd": assd,
+         "edge_variation": 0.2}
+        for encoding, rate, assd in (("varifold", 0.3, 0.05), ("varifold", 0.1, 0.07), ("samples", 0.3, 0.9))
+    ]  # fmt: skip
+    return {"results": {"differences": list(rows), "rates": tried}}
+
+
+def test_trials_of_learning_rates_are_listed():
+    verdict = evenness_verdict(of_differences(*at_every_clock(0.1, 0.2)))
+    assert verdict.ours.endswith("(varifold, one seed): sliced 0.3: 0.05 mm, 0.2; sliced 0.1: 0.07 mm, 0.2")
 
 
 def at_every_clock(low, high, **options):

@@ -26,9 +26,9 @@ def record(arms):
 
 
 def on_one_subject():
-    rows = {"initial": (1.0, 0.3), "a": (0.1, 0.35), "b": (0.05, 0.25), "c": (0.01, 0.1)}
+    rows = {"initial": (1.0, 0.3), "a": (0.1, 0.35), "b": (0.05, 0.25), "c": (0.01, 0.1), "d": (0.06, 0.2)}
     surfaces = [{"arm": arm, "sliced_20": loss, "assd_mm": distance} for arm, (loss, distance) in rows.items()]
-    systems = {"a": "ddot", "b": "ddot", "c": "windows"}
+    systems = {"a": "ddot", "b": "ddot", "c": "windows", "d": "ddot"}
     config = {"arms": {arm: {"system": system} for arm, system in systems.items()}}
     return {"results": {"surfaces": surfaces}, "config": config}
 
@@ -59,6 +59,6 @@ def test_it_counts_and_lists_the_trainings_of_both_protocols():
     assert found.headline[0] == "1 of 2"
     assert "the long, 1680 steps: loss × 0.25, ASSD -0.1 [-0.2, -0.05] mm" in found.ours
     assert "the b" not in found.ours
-    assert found.ours.endswith("1 of 2 trainings end nearer than they begin, with loss × 0.05 to 0.1")
+    assert found.ours.endswith("2 of 3 trainings end nearer than they begin, with loss × 0.05 to 0.1")
     assert found.numbers.split("\n")[2] == "| the a | 1680 | 0.5 | +0.1 [+0.05, +0.2] |"
     assert len(found.numbers.split("\n")) == 2 + 3

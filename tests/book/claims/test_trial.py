@@ -88,7 +88,8 @@ def test_it_says_what_was_found():
     assert "adni like, left. ASSD in mm: initially 0.3; DDOT 0.31; DDOT, smaller rates 0.32" in found.ours
     assert "Nearer than DDOT: Chamfer, varifolds. DDOT minus the initial surface: +0.1 [+0.05, +0.2] mm" in found.ours
     assert found.ours.endswith(
-        "have 1680 steps. Both kinds of samples are compared with DDOT with smaller rates. Longer and wider trainings: "
+        "have 1680 steps. Compared with another rival than DDOT: sliced, samples with DDOT, smaller rates; sliced, "
+        "samples, gradient of masses with DDOT, smaller rates. Longer and wider trainings: "
         "DDOT 0.31 after 1680 steps; CortexODE 0.32 after 1680 steps; "
         "DDOT, wide 0.33 after 700 steps; CortexODE, wide 0.34 after 700 steps"
     )

@@ -83,12 +83,12 @@ def _evenness_sentence(rows: list[dict], tallies: dict[str, dict[str, int]]) -> 
 
 def _by_rate(results: dict) -> str:
     """What the trials of learning rates found, on one seed."""
-    tried = [row for row in results.get("rates", []) if (row["encoding"], row["supports"]) == ("varifold", "full")]
+    tried = [row for row in results["rates"] if (row["encoding"], row["supports"]) == ("varifold", "full")]
     each = [
         f"{row['loss']} {row['learning_rate']:g}: {digits(row['assd'], 3)} mm, {digits(row['edge_variation'], 3)}"
         for row in tried
     ]
-    return f". ASSD and edge length variation by learning rate (varifold, one seed): {'; '.join(each)}" if each else ""
+    return f". ASSD and edge length variation by learning rate (varifold, one seed): {'; '.join(each)}"
 
 
 def _name(row: dict) -> str:

@@ -67,10 +67,12 @@ def _sentence(controls: dict, readings: dict, nearer: list[str]) -> str:
     first = written(gap_of(controls, OURS, START))
     ends = "; ".join(f"{title_of(controls, arm)} {_mean(controls, arm, 'assd_mm')}" for arm in arms_of(controls))
     listed = ", ".join(title_of(controls, arm) for arm in nearer) or "none"
+    rivals = {arm: controls["config"]["readings"][arm].get("rival") for arm in arms_of(controls)}
+    others = [f"{title_of(controls, arm)} with {title_of(controls, rival)}" for arm, rival in rivals.items() if rival]
     return (
         f"{column}. ASSD in mm: initially {_mean(controls, START, 'assd_mm')}; {ends}. Nearer than DDOT: {listed}. "
         f"DDOT minus the initial surface: {first} mm. The readings have {_steps(readings)} steps. "
-        "Both kinds of samples are compared with DDOT with smaller rates"
+        f"Compared with another rival than DDOT: {'; '.join(others) or 'none'}"
     )
 
 
