@@ -53,7 +53,8 @@ def recorded(root: Path, task: Task) -> float | None:
         return None if seconds is None else _scans(made[1], int(made[2] or 0)) * sum(seconds.values())
     if task.stage == "initial":
         parts = _results(root, "cost/reconstruction.json")["parts"]
-        return _scans(task.name.partition("_")[2]) * sum(part["CPU s"] for part in parts if part["part"] in INITIAL)
+        seconds = sum(part["CPU s"] for part in parts if part["part"] in INITIAL)
+        return _scans(task.name.rpartition("initial_")[2]) * seconds
     for path in task.writes:
         records = sorted((root / path).glob("*.json")) if (root / path).is_dir() else [root / path]
         if records[0].suffix == ".json":

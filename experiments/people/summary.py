@@ -1,4 +1,4 @@
-"""Summary over held-out scans: means by cohort and group, and paired differences between two sets of networks."""
+"""Summary over held-out scans: means by cohort and group, and paired differences between sets of networks."""
 
 from collections.abc import Callable
 
@@ -12,8 +12,8 @@ OWN = ("dice", "given_up_percent")
 
 
 def summarised(scans: list[dict], config: dict) -> dict:
-    """Rows by cohort and networks, rows by group of the people, and differences on the other cohorts."""
-    plan, (first, second) = config["plan"], config["networks"]
+    """Rows by cohort and networks, rows by group of the people, and the first networks against the others."""
+    plan, (first, *others) = config["plan"], config["networks"]
     people = _of(scans, "people_like", first)
     grouped = {name: [scan for scan in people if _belongs(scan, limits)] for name, limits in config["groups"].items()}
     return {
@@ -24,9 +24,11 @@ def summarised(scans: list[dict], config: dict) -> dict:
         ],
         "groups": [{"group": name} | averaged(part) for name, part in grouped.items() if part],
         "differences": [
-            {"cohort": cohort} | difference(_of(scans, cohort, first), _of(scans, cohort, second), config["allowed_mm"])
+            {"cohort": cohort, "against": other}
+            | difference(_of(scans, cohort, first), _of(scans, cohort, other), config["allowed_mm"][other])
+            for other in others
             for cohort, names in plan.items()
-            if {first, second} <= set(names)
+            if {first, other} <= set(names)
         ],
     }
 

@@ -463,15 +463,20 @@ def test_the_kept_hemisphere_is_the_first_of_the_test_split(part, place):
     assert np.abs(truth.offsets(Surface(example.target).sample(500, 0)).distances).max() < 0.05
 
 
-def test_shipped_flows_are_trained_as_the_windowed_arm_but_on_other_heads(part, config):
-    trainings = part("trainings")
-    (each,) = trainings.wanted(config, ["oasis_like_left_windowed_0"])
-    found, arm = read_settings(get_system("windows"), "shipped", ["training.side=left"]), each.settings(config)
-    assert (found["network"], found["loss"]) == (arm["network"], arm["loss"])
+@pytest.mark.parametrize("settings", ["shipped", "windows alone"])
+def test_flows_of_the_package_are_trained_as_the_compared_ones_but_on_other_heads(part, config, root, settings):
+    system, left = get_system("windows"), ["training.side=left"]
+    (arm,) = part("trainings").wanted(config, ["oasis_like_left_windowed_0"])
+    file, compared = {
+        "shipped": ("shipped", read_settings(system, "combined", left)),
+        "windows alone": (root / "experiments" / "people" / "windows_alone.yaml", arm.settings(config)),
+    }[settings]
+    found = read_settings(system, file, left)
+    assert (found["network"], found["loss"]) == (compared["network"], compared["loss"])
     # There are more of these heads, so that fewer epochs are needed.
     other = ("n_epochs", "validate_every")
-    assert found["training"] == arm["training"] | {name: found["training"][name] for name in other}
-    assert all(found["training"][name] < arm["training"][name] for name in other)
+    assert found["training"] == compared["training"] | {name: found["training"][name] for name in other}
+    assert all(found["training"][name] < compared["training"][name] for name in other)
 
 
 def test_every_record_that_is_kept_was_trained_as_the_configuration_says(part, config, root, monkeypatch):

@@ -3,7 +3,6 @@
 import pytest
 import torch
 
-from meshot.flow.crossings import repair
 from meshot.flow.crossings.repair import repair_crossings
 from meshot.mesh.shapes.solids import folded_sphere, icosphere
 from meshot.mesh.topology.intersection import self_intersecting_faces
@@ -38,16 +37,26 @@ def with_pole_pushed_through(depth: float) -> torch.Tensor:
     return torch.cat([BALL.vertices[:, :2], z - depth * cap], dim=1)
 
 
-def test_what_smoothing_cannot_mend_goes_back_in_places(monkeypatch):
-    monkeypatch.setattr(repair, "_SMOOTHING_ROUNDS", 3)
+def test_what_smoothing_cannot_mend_goes_back_in_places():
     carried = BALL.with_vertices(with_pole_pushed_through(25.0) + torch.tensor([1.0, 0, 0]))
-    found = repair_crossings(BALL, carried)
+    found = repair_crossings(BALL, carried, max_rounds=3)
     assert found.n_crossing > 0
     assert found.n_backtracks > 0
     assert len(self_intersecting_faces(found.mesh)) == 0
     equator = (BALL.vertices[:, 2].abs() < 1).nonzero()[:, 0]
     torch.testing.assert_close(found.mesh.vertices[equator], carried.vertices[equator])
     assert float((found.mesh.vertices - BALL.vertices).norm(dim=1).max()) > 0.5
+
+
+def test_more_than_the_largest_share_is_not_smoothed_alone():
+    """The same defect goes back when fewer faces may cross, and is smoothed away when as many may."""
+    carried = BALL.vertices.clone()
+    edge = BALL.faces[2000, :2]
+    carried[edge] = carried[edge].flip(0) * 1.05
+    crossed = BALL.with_vertices(carried)
+    share = len(self_intersecting_faces(crossed)) / len(BALL.faces)
+    assert repair_crossings(BALL, crossed, largest_share=share).n_backtracks == 0
+    assert repair_crossings(BALL, crossed, largest_share=0.9 * share).n_backtracks > 0
 
 
 def test_in_the_end_the_initial_surface_is_what_is_left():
@@ -64,6 +73,11 @@ def test_doors():
         repair_crossings(BALL, icosphere(3, 10.0))
     with pytest.raises(ValueError, match="max_backtracks is 0"):
         repair_crossings(BALL, BALL, 0)
+    with pytest.raises(ValueError, match="max_rounds is 0"):
+        repair_crossings(BALL, BALL, max_rounds=0)
+    for share in (0, 1.5, float("nan")):
+        with pytest.raises(ValueError, match="largest_share is"):
+            repair_crossings(BALL, BALL, largest_share=share)
     crossed = BALL.with_vertices(with_pole_pushed_through(25.0))
     with pytest.raises(ValueError, match="initial surface has self-intersecting faces"):
         repair_crossings(crossed, crossed)

@@ -250,5 +250,5 @@ def test_doubts_about_surfaces():
     (moved_back,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 2, 3.0))
     assert "2 backtracks" in moved_back
     assert surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 3.0)) == []
-    (far,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 7.5))
-    assert "moved vertices by up to 7.5 mm" in far
+    (far,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 8.5))
+    assert "moved vertices by up to 8.5 mm" in far

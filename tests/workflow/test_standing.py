@@ -5,7 +5,7 @@ import re
 import pytest
 
 RECIPES = "src/meshot/synth/cohorts/"
-_SHIPPED = "people|people_adaptation|shipped_.*|study|cost_reconstruction|cost_study|speed_page|person"
+_SHIPPED = "people|people_adaptation|(shipped|windows_alone)_.*|study|cost_reconstruction|cost_study|speed_page|person"
 #: A file, an edit of a value in it, and the tasks that are then out of date, besides the ledger and the page of costs.
 CHANGES = [
     (f"{RECIPES}test_retest.yaml", r"^seed: .*", "seed: 99",

@@ -107,8 +107,21 @@ def test_initial_surfaces_are_made_where_trainings_read_them(part, root, graph, 
     config = yaml.safe_load((root / protocol).read_text(encoding="utf-8"))
     tasks = part("tasks").read_graph(root / "workflow" / f"{graph}.yaml", root).tasks.values()
     commands = [shlex.split(task.command) for task in tasks if "initial_surfaces.py" in task.command]
-    assert {words[words.index("--into") + 1] for words in commands} == {config["initial"]}
-    assert sorted(words[2] for words in commands) == sorted(config["cohorts"].values())
+    own = [words for words in commands if words[words.index("--into") + 1] == config["initial"]]
+    assert sorted(words[2] for words in own) == sorted(config["cohorts"].values())
+
+
+def test_surfaces_from_which_the_flows_of_the_package_start_are_made_once(graphs):
+    tasks = graphs["experiments"].tasks
+    makers = [task for name, task in tasks.items() if name.startswith("people_initial_")]
+    commands = [shlex.split(task.command) for task in makers]
+    ((into, segmentation),) = {(words[words.index("--into") + 1], words[-1]) for words in commands}
+    for name in ("shipped_left", "shipped_right", "windows_alone_left", "windows_alone_right"):
+        own = shlex.split(tasks[name].command)
+        assert own[own.index("--initial") + 1] == into
+        assert own[own.index("--segmentation") + 1] == segmentation
+        assert sorted(own[own.index("--data") + 1 : own.index("-o")]) == sorted(words[2] for words in commands)
+        assert set(tasks[name].after) == {task.name for task in makers}
 
 
 #: What a stage allows, at least, as a multiple of what its tasks took.

@@ -17,6 +17,9 @@ from meshot.systems import Scan, SurfaceKey, SurfaceSystem
 from meshot.volume import StandardScan, Volume, standard_scan
 
 _WHITE = tuple((side, "white") for side in HEMISPHERES)
+# The package's flows leave up to 2 % of the faces crossing on heads for validation. With these settings smoothing alone
+# repaired the 25 surfaces that were tried. Moving such surfaces back adds up to .03 mm to their ASSD.
+_REPAIR = {"max_rounds": 40, "largest_share": 0.03}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -148,7 +151,7 @@ def reconstruct(
             initial = {key: segmented[key[0]].mesh for key in system.needs}
             found = system.reconstruct(Scan(standard.volume, initial))
         with clock.stage("crossing faces"):
-            settlement = {key: repair_crossings(mesh, found[key]) for key, mesh in initial.items()}
+            settlement = {key: repair_crossings(mesh, found[key], **_REPAIR) for key, mesh in initial.items()}
     final = found | {key: repaired.mesh for key, repaired in settlement.items()}
     carried = {}
     for key in _WHITE if correspondence else ():

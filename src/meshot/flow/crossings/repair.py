@@ -9,8 +9,6 @@ from meshot.mesh import Mesh
 from meshot.mesh.editing import neighbour_means, smooth_crossings
 from meshot.mesh.topology import self_intersecting_faces
 
-_SMOOTHING_ROUNDS = 25
-_LARGEST_SHARE = 0.01  # of the faces: with more, smoothing is not tried
 _PART_KEPT = 0.5  # factor on the displacement in each backtrack
 _BLUR_STEPS = 4
 
@@ -37,27 +35,37 @@ class RepairedSurface:
     largest_move: float
 
 
-def repair_crossings(initial: Mesh, carried: Mesh, max_backtracks: int = 8) -> RepairedSurface:
+def repair_crossings(
+    initial: Mesh, carried: Mesh, max_backtracks: int = 8, max_rounds: int = 25, largest_share: float = 0.01
+) -> RepairedSurface:
     """Repair the self-intersections of a moved surface by smoothing, and by moving it back where smoothing fails.
 
-    The first attempt is :func:`meshot.mesh.editing.smooth_crossings`. If it fails, or if more than 1 % of the faces
-    intersect, the displacement from the initial surface is halved around these faces and the result is smoothed again.
-    This is repeated in growing neighbourhoods, at most ``max_backtracks`` times. If intersections remain, the result is
-    the initial surface.
+    The first attempt is :func:`meshot.mesh.editing.smooth_crossings`. If it fails, or if too many
+    faces intersect, the displacement from the initial surface is halved around these faces and the result is smoothed
+    again. This is repeated in growing neighbourhoods, at most ``max_backtracks`` times. If intersections remain, the
+    result is the initial surface.
 
     Parameters
     ----------
     initial, carried : Mesh
         The surface before and after the flow, with the same faces.
     max_backtracks : int
+    max_rounds : int
+        Maximum number of rounds of each smoothing. More rounds need fewer backtracks.
+    largest_share : float
+        Smoothing is tried if at most this share of the faces intersect. The smoothing of larger shares
+        also removes folds.
 
     Raises
     ------
     ValueError
-        If the meshes have different faces, the initial surface has self-intersections, or ``max_backtracks`` is not a
-        positive integer.
+        If the meshes have different faces, the initial surface has self-intersections, ``max_backtracks`` or
+        ``max_rounds`` is not a positive integer, or ``largest_share`` is not a share.
     """
     require_positive_integer(max_backtracks, "max_backtracks")
+    require_positive_integer(max_rounds, "max_rounds")
+    if not 0 < largest_share <= 1:
+        raise ValueError(f"largest_share is {largest_share!r}; a share of the faces is needed, above 0 and at most 1")
     if carried.faces.shape != initial.faces.shape or not bool((carried.faces == initial.faces).all()):
         raise ValueError(
             "the carried mesh has other faces than the initial one; pass the initial mesh, moved by the flow"
@@ -69,7 +77,7 @@ def repair_crossings(initial: Mesh, carried: Mesh, max_backtracks: int = 8) -> R
         raise ValueError("the initial surface has self-intersecting faces; it must have none: repair it first")
     way, share, mesh = carried.vertices - initial.vertices, torch.ones_like(initial.vertices[:, 0]), carried
     for n_backtracks in range(max_backtracks + 1):
-        found = _mended(mesh)
+        found = _mended(mesh, max_rounds, largest_share)
         if found is not None:
             break
         share = _lowered(share, initial, mesh, 2 + 2 * n_backtracks)
@@ -79,12 +87,12 @@ def repair_crossings(initial: Mesh, carried: Mesh, max_backtracks: int = 8) -> R
     return RepairedSurface(mesh, n_crossing, n_backtracks, largest_move)
 
 
-def _mended(mesh: Mesh) -> Mesh | None:
+def _mended(mesh: Mesh, max_rounds: int, largest_share: float) -> Mesh | None:
     """The mesh with its few defects smoothed; None if there are many, since smoothing would also remove the folds."""
-    if len(self_intersecting_faces(mesh)) > _LARGEST_SHARE * len(mesh.faces):
+    if len(self_intersecting_faces(mesh)) > largest_share * len(mesh.faces):
         return None
     try:
-        return smooth_crossings(mesh, _SMOOTHING_ROUNDS)
+        return smooth_crossings(mesh, max_rounds)
     except ValueError:
         return None
 
