@@ -211,7 +211,7 @@ def one_subject(run, work):
 
 def people(run, work):
     replace(run, measured=work.of({}, told_by=lambda scan, networks, config: (scan.name, networks)), scans=scans_of)
-    replace(run, load_networks=lambda **chosen: str(chosen["segmentation"]))
+    replace(run, load_networks=lambda **chosen: str(chosen))
     quiet(run, "digests", "summarised", "measured_average")
 
 
