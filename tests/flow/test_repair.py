@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from meshot.flow.crossings.repair import repair_crossings
+from meshot.mesh import Mesh
 from meshot.mesh.shapes.solids import folded_sphere, icosphere
 from meshot.mesh.topology.intersection import self_intersecting_faces
 
@@ -17,17 +18,22 @@ def test_what_does_not_cross_is_left_alone():
     assert (found.n_crossing, found.n_backtracks, found.largest_move) == (0, 0, 0.0)
 
 
-def test_a_small_defect_is_smoothed_and_the_rest_stays():
+def with_an_edge_turned() -> Mesh:
+    """The ends of one edge change places, a little outside: a few faces cross."""
     carried = BALL.vertices.clone()
     edge = BALL.faces[2000, :2]
     carried[edge] = carried[edge].flip(0) * 1.05
-    crossed = BALL.with_vertices(carried)
+    return BALL.with_vertices(carried)
+
+
+def test_a_small_defect_is_smoothed_and_the_rest_stays():
+    crossed = with_an_edge_turned()
     found = repair_crossings(BALL, crossed)
     assert found.n_crossing == len(self_intersecting_faces(crossed)) > 0
     assert len(self_intersecting_faces(found.mesh)) == 0
     assert found.n_backtracks == 0
-    assert int((found.mesh.vertices != carried).any(dim=1).sum()) < 60
-    assert found.largest_move == float((found.mesh.vertices - carried).norm(dim=1).max()) > 0
+    assert int((found.mesh.vertices != crossed.vertices).any(dim=1).sum()) < 60
+    assert found.largest_move == float((found.mesh.vertices - crossed.vertices).norm(dim=1).max()) > 0
 
 
 def with_pole_pushed_through(depth: float) -> torch.Tensor:
@@ -50,13 +56,16 @@ def test_what_smoothing_cannot_mend_goes_back_in_places():
 
 def test_more_than_the_largest_share_is_not_smoothed_alone():
     """The same defect goes back when fewer faces may cross, and is smoothed away when as many may."""
-    carried = BALL.vertices.clone()
-    edge = BALL.faces[2000, :2]
-    carried[edge] = carried[edge].flip(0) * 1.05
-    crossed = BALL.with_vertices(carried)
+    crossed = with_an_edge_turned()
     share = len(self_intersecting_faces(crossed)) / len(BALL.faces)
     assert repair_crossings(BALL, crossed, largest_share=share).n_backtracks == 0
     assert repair_crossings(BALL, crossed, largest_share=0.9 * share).n_backtracks > 0
+
+
+def test_more_rounds_need_fewer_backtracks():
+    crossed = BALL.with_vertices(with_pole_pushed_through(21.0) + torch.tensor([1.0, 0, 0]))
+    few, many = (repair_crossings(BALL, crossed, max_rounds=n, largest_share=1.0) for n in (3, 40))
+    assert (few.n_backtracks, many.n_backtracks) == (1, 0)
 
 
 def test_in_the_end_the_initial_surface_is_what_is_left():

@@ -247,6 +247,7 @@ def test_doubts_about_surfaces():
     (crossed,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 64, 0, 0.31))
     assert "64 faces (5 %) of the left surface crossed after the flow" in crossed
     assert "backtracks" not in crossed
+    assert surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 25, 0, 0.31)) == []  # 2 %
     (moved_back,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 2, 3.0))
     assert "2 backtracks" in moved_back
     assert surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 3.0)) == []

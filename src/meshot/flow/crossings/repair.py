@@ -40,10 +40,10 @@ def repair_crossings(
 ) -> RepairedSurface:
     """Repair the self-intersections of a moved surface by smoothing, and by moving it back where smoothing fails.
 
-    The first attempt is :func:`meshot.mesh.editing.smooth_crossings`. If it fails, or if too many
-    faces intersect, the displacement from the initial surface is halved around these faces and the result is smoothed
-    again. This is repeated in growing neighbourhoods, at most ``max_backtracks`` times. If intersections remain, the
-    result is the initial surface.
+    The first attempt is :func:`meshot.mesh.editing.smooth_crossings`. If it fails, or if too many faces
+    intersect, the displacement from the initial surface is halved around these faces and the result is smoothed again.
+    This is repeated in growing neighbourhoods, at most ``max_backtracks`` times. If intersections remain, the result is
+    the initial surface.
 
     Parameters
     ----------
@@ -53,8 +53,7 @@ def repair_crossings(
     max_rounds : int
         Maximum number of rounds of each smoothing. More rounds need fewer backtracks.
     largest_share : float
-        Smoothing is tried if at most this share of the faces intersect. The smoothing of larger shares
-        also removes folds.
+        Smoothing is tried if at most this share of the faces intersect. Smoothing a large share also removes folds.
 
     Raises
     ------
