@@ -145,6 +145,30 @@ def test_a_system_without_initial_surfaces_is_not_repaired(networks):
         assert vertex_distances(surface.final, surface.initial).mean() < 0.6
 
 
+class TurnedEdges(FixedBalls):
+    """The initial surfaces, with the ends of every 400th edge exchanged: some faces cross there."""
+
+    needs = FixedBalls.surfaces
+
+    def find_surfaces(self, scan):
+        found = {}
+        for key, mesh in scan.initial.items():
+            ends = mesh.faces[::400, :2]
+            turned = mesh.vertices.clone()
+            turned[ends] = turned[ends].flip(1) * 1.01
+            found[key] = mesh.with_vertices(turned)
+        return found
+
+
+def test_two_hundredths_of_crossing_faces_are_smoothed(networks):
+    """The defaults of the repair would move these surfaces back towards the initial ones."""
+    found = reconstruct(bright_template(), networks[0], TurnedEdges({}), template=bright_template())
+    for surface in found.surfaces.values():
+        assert 0.012 < surface.repaired.n_crossing / len(surface.final.faces) < 0.028
+        assert surface.repaired.n_backtracks == 0
+        assert len(self_intersecting_faces(surface.final)) == 0
+
+
 def place(matrix: np.ndarray) -> StandardScan:
     return place_on_grid(bright_template(), matrix, np.array([0.0, -12, 9]))
 
