@@ -20,6 +20,7 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 from tqdm import tqdm
 
+from kernels import SeparateKernelManager
 from meshot.files import whole_file
 from meshot_book.notebook import KERNEL_ENVIRONMENT, stated_seconds
 
@@ -51,6 +52,7 @@ def run_notebook(source: Path, bar: tqdm) -> nbformat.NotebookNode:
         notebook,
         timeout=CELL_TIMEOUT,
         kernel_name="python3",
+        kernel_manager_class=SeparateKernelManager,
         extra_arguments=["--log-level=40"],
         record_timing=False,
         coalesce_streams=True,  # a busy machine may hand over one print in two pieces

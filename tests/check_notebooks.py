@@ -17,16 +17,15 @@ OLDER_CPU = {"ATEN_CPU_CAPABILITY": "default"}
 ON_AN_OLDER_CPU = ("01_circle_to_polygon", "10_mesh_as_measure", "36_a_real_scan")
 
 
-def compare(name: str, extra: dict[str, str]) -> tuple[int, str]:
-    """Run nbval on a chapter; the exit status, and what it printed."""
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull]
-    command += ["--rootdir", str(NOTEBOOKS), "--nbval", "--nbval-current-env", "--nbval-cell-timeout=600"]
-    done = subprocess.run(
-        [*command, str(NOTEBOOKS / f"{name}.ipynb")],
-        env=os.environ | KERNEL_ENVIRONMENT | extra, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        encoding="utf-8", check=False,
-    )  # fmt: skip
-    return done.returncode, done.stdout
+def run_nbval(path: Path, **extra: str) -> subprocess.CompletedProcess:
+    """Run nbval on a notebook, with additions to the environment, each kernel on sockets of its own."""
+    # Without --capture=sys, pytest would keep what a dying kernel says.
+    command = [sys.executable, "-m", "pytest", "-q", "--capture=sys", "-p", "kernels", "-p", "no:cacheprovider"]
+    command += ["-c", os.devnull, "--rootdir", str(path.parent)]
+    command += ["--nbval", "--nbval-current-env", "--nbval-cell-timeout=600", str(path)]
+    environment = os.environ | KERNEL_ENVIRONMENT | {"PYTHONPATH": str(NOTEBOOKS.parent / "book")} | extra
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "encoding": "utf-8"}
+    return subprocess.run(command, env=environment, cwd=path.parent, check=False, **pipes)
 
 
 def seconds_of(name: str) -> int:
@@ -42,12 +41,12 @@ def main(names: list[str]) -> int:
     print(f"comparing {len(every)} notebooks with their stored outputs, {len(runs) - len(every)} of them twice")
     failed = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        waiting = {pool.submit(compare, *run): run for run in runs}
+        waiting = {pool.submit(run_nbval, NOTEBOOKS / f"{name}.ipynb", **extra): (name, extra) for name, extra in runs}
         for done in as_completed(waiting):
             name, extra = waiting[done]
-            status, said = done.result()
-            print(f"\n{name}{', as on an older CPU' if extra else ''}\n{said}", flush=True)
-            failed += [name] if status else []
+            ended = done.result()
+            print(f"\n{name}{', as on an older CPU' if extra else ''}\n{ended.stdout}", flush=True)
+            failed += [name] if ended.returncode else []
     print(f"{len(runs) - len(failed)} passed, {len(failed)} failed")
     return 1 if failed else 0
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from meshot_book.notebook.environment import KERNEL_ENVIRONMENT
+from check_notebooks import run_nbval
+from kernels import SeparateKernelManager
 from reader_extension import FOLDED
 from run_notebooks import source_notebook
 
@@ -183,15 +184,6 @@ def test_a_figure_that_is_not_mentioned_is_seen(text, bare):
     assert unmentioned_figures(nbformat.v4.new_notebook(cells=[words, cell])) == bare
 
 
-def run_nbval(path: Path) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--nbval", "--nbval-current-env"]
-    environment = os.environ | KERNEL_ENVIRONMENT
-    return subprocess.run(
-        [*command, "-c", os.devnull, "--rootdir", str(path.parent), "--nbval-cell-timeout=120", str(path)],
-        capture_output=True, encoding="utf-8", env=environment, cwd=path.parent, check=False,
-    )  # fmt: skip
-
-
 @pytest.fixture(scope="module")
 def opening(tmp_path_factory) -> Path:
     """A copy of chapter 01 up to its first printed number."""
@@ -221,3 +213,26 @@ def test_nbval_sees_one_altered_number(opening):
     result = run_nbval(altered)
     assert result.returncode == 1
     assert "mismatch" in result.stdout
+
+
+def test_no_two_kernels_share_a_socket():
+    first, second = SeparateKernelManager(), SeparateKernelManager()
+    assert first.transport == second.transport == "ipc"
+    assert Path(first.ip).parent != Path(second.ip).parent
+    assert first.connection_file != second.connection_file
+
+
+def start_in_a_process(n_starts: int, **extra: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(Path(__file__).with_name("start_kernels.py")), str(n_starts)]
+    return subprocess.run(command, env=os.environ | extra, capture_output=True, encoding="utf-8", check=False)
+
+
+def test_error_output_of_a_kernel_is_kept():
+    ended = start_in_a_process(1, IPYTHONDIR=f"{__file__}/nowhere")
+    assert "not a writable location" in ended.stderr
+
+
+def test_kernels_that_start_side_by_side_answer():
+    ended = start_in_a_process(6)
+    assert ended.returncode == 0
+    assert "{'answered': 6}" in ended.stdout
