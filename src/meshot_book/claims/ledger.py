@@ -215,9 +215,9 @@ def ends(values: Iterable[float]) -> list[float]:
 _HEAD = """# Claims ledger
 
 This page has a verdict on each claim of the paper {cite:p}`le2024ddot`, and on questions of our own that the paper
-leaves open. Every sentence and number is computed from the result files in `experiments/`, and a test compares them.
-The data sets of the paper are under data-use agreements. Its tables are therefore rebuilt on other data, which the
-details of each claim name.
+leaves open. Every number and status is computed from the result files in `experiments/`. The sentences are written by
+people, and a test fails where the results no longer support one. The data sets of the paper are under data-use
+agreements. Its tables are therefore rebuilt on other data, which the details of each claim name.
 """
 _PAPER = """## What the paper claims
 """
