@@ -131,7 +131,8 @@ fuzz: $(READY)
 
 audit: $(READY)
 	@$(PIP) --upgrade --target build/audit pip-audit==2.10.1
-	PYTHONPATH=$(CURDIR)/build/audit $(RUN) tools/audit.py
+	@PYTHONPATH=$(CURDIR)/build/audit $(RUN) -m pip_audit -s osv -r requirements.lock --no-deps --disable-pip --strict || { \
+	  echo "A table above lists known vulnerabilities. An error above means that osv.dev could not be asked: nothing is known."; exit 1; }
 
 test-everywhere: $(READY)
 	$(RUN) tests/everywhere/run.py $(TESTS)
@@ -144,10 +145,14 @@ kill: $(READY)
 	$(RUN) tests/kills/run.py $(WRITERS) --kills $(KILLS)
 
 sbom: $(READY)
-	@$(RUN) tools/sbom.py build/sbom.json
+	@$(PIP) --upgrade --target build/cyclonedx cyclonedx-bom==7.5.0
+	PYTHONPATH=$(CURDIR)/build/cyclonedx $(RUN) -m cyclonedx_py requirements requirements.lock --pyproject pyproject.toml --output-reproducible -o build/sbom.json
 
+# The head of the page is kept, and the table below it written anew.
 licences: $(READY)
-	@$(RUN) tools/licences.py
+	@$(PIP) --upgrade --no-deps --target build/licences pip-licenses==5.5.5 prettytable==3.18.0
+	@sed -i.before '/^| *Name /,$$d' THIRD_PARTY.md && rm THIRD_PARTY.md.before
+	PYTHONPATH=$(CURDIR)/build/licences $(RUN) -m piplicenses --with-system --format=markdown --packages $$(sed 's/[= ].*//' requirements.lock) >> THIRD_PARTY.md
 
 test-wheel: $(READY)
 	$(RUN) tests/check_wheel.py
@@ -175,9 +180,12 @@ cohorts: $(READY)
 	@for name in $(COHORTS); do \
 	  $(BIN)meshot make-cohort $$name build/cohorts/$$name --jobs $(JOBS) || exit 1; done
 
+# One lock for all platforms, without torch's CUDA packages: pip takes those from the metadata of the CUDA build.
 lock:
-	@$(PIP) uv
-	$(RUN) tools/solve_lock.py
+	@mkdir -p build && $(PIP) uv
+	echo torch==2.13.0 | $(RUN) -m uv pip compile --universal --fork-strategy fewest --quiet --python-version 3.11 --extra book --extra test \
+	  --extra workflow --no-header --no-annotate --constraint - pyproject.toml > build/solved.lock
+	grep -vE '^(nvidia-|cuda-|triton)' build/solved.lock > requirements.lock
 	@echo "install the new lock, then write its licences: make licences"
 
 clean:
