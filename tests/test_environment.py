@@ -73,7 +73,7 @@ def test_lock_names_no_host_and_no_cuda(root):
 
 
 def unlisted(lock: str, table: str) -> set[str]:
-    """Packages that the table of licences lacks or has in another version; those for some systems only may be absent."""
+    """Packages that the table of licences lacks (unless only some systems need them) or has in another version."""
     rows = dict(re.findall(r"^\| (\S+) +\| (\S+) ", table, re.MULTILINE))
     del rows["Name"]
     listed = {canonicalize_name(name): version.partition("+")[0] for name, version in rows.items()}
