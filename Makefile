@@ -37,7 +37,7 @@ PREFLIGHT = tools/preflight.py $(NEEDS)
 # A worker on every core, one thread in each; a file stays in one worker, since its tests share what they build.
 PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
 
-.PHONY: help book test experiments test-everywhere test-wheel fuzz kill mutation html slides pdf editions reading notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test experiments test-everywhere test-wheel fuzz kill mutation html slides pdf editions notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -53,7 +53,6 @@ help:
 	@echo "make slides     slides of every chapter in build/html/slides, from the rendered book"
 	@echo "make pdf        the whole book as build/meshes_as_measures.pdf, from the rendered book"
 	@echo "make editions   notebooks for students (no solutions) and instructors (board notes) in build/editions"
-	@echo "make reading    words, minutes and cells of every chapter"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make experiments  run every experiment that is out of date (PLANNED=1: those without a result, too)"
@@ -98,9 +97,6 @@ pdf: build/html/index.html
 
 editions: $(READY)
 	@$(RUN) book/editions.py
-
-reading: $(READY)
-	@$(RUN) book/reading.py
 
 notebooks: $(READY)
 	@$(RUN) $(PREFLIGHT)
