@@ -45,7 +45,7 @@ help:
 	@echo "make fuzz       read 5000 damaged files, solve 20000 drawn problems of every loss (FILES=500 for fewer)"
 	@echo "make kill       kill everything that writes at 20 random moments each (WRITERS='fit files' KILLS=5 for less)"
 	@echo "make mutation   try 600 mutants of the library, and print those that no test sees (MUTANTS=20 for fewer)"
-	@echo "make test-everywhere  the numerical tests as on other processors and in other places (TESTS=loss for a folder of them)"
+	@echo "make test-everywhere  the numerical tests as on other processors (TESTS=loss for a folder of them)"
 	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
 	@echo "make audit      look the locked packages up in a database of vulnerabilities (needs a network)"
 	@echo "make sbom       write the bill of materials of the lock to build/sbom.json"
