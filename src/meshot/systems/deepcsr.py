@@ -218,7 +218,7 @@ def distance_grids(network: DistanceNetwork, image: Volume, splits: int = 1, eve
     network : DistanceNetwork
     image : Volume
     splits : int
-        See :class:`SurfaceSettings`.
+        See ``SurfaceSettings``.
     every : int
         In place of 2. With 1, the network is evaluated in every voxel.
     """
