@@ -33,7 +33,7 @@ LONG_FILES = (
     "pipeline/test_report.py",
     "fuzz/test_fuzz.py",
     "pipeline/test_initial_surface.py",
-    "synth/test_cohort.py",
+    "synth/test_cohorts.py",
     "experiments/test_ddot.py",
     "experiments/test_comparison.py",
     "loss/test_exact.py",

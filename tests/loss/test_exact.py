@@ -1,19 +1,30 @@
-"""The exact sliced loss of surfaces: slow twins, closed forms, invariances, faces seen edge-on, gradients, doors."""
+"""The exact sliced loss and its projected laws: closed forms, slow twins, degenerate faces, gradients, doors."""
 
 import math
 
 import numpy as np
 import pytest
 import torch
+from scipy import stats
 
 import oracles
 import oracles_exact
 import problems
-from meshot import Mesh, random_directions, sliced_wasserstein, surface, varifold
-from meshot.loss.exact import exact_sliced_wasserstein
+from meshot import (
+    DiscreteMeasure,
+    Mesh,
+    empirical,
+    random_directions,
+    sliced_wasserstein,
+    surface,
+    triangulate,
+    varifold,
+)
+from meshot.loss import _kernel_exact as _kernel_exact_law, _kernel_exact as _kernel_exact_walk
+from meshot.loss.exact import exact_sliced_wasserstein, projected_law
 from meshot.measure.continuous import SurfaceMeasure
-from meshot.mesh.mesh import closed_contour
-from meshot.mesh.shapes import cube, folded_sphere, icosphere, split_in_four, tetrahedron
+from meshot.mesh.mesh import Contour, closed_contour
+from meshot.mesh.shapes import cube, folded_sphere, icosphere, letter_e, split_in_four, tetrahedron
 
 both = pytest.mark.parametrize("p", [1, 2])
 
@@ -361,3 +372,203 @@ def test_the_sliced_loss_takes_continuous_measures():
         assert torch.equal(sliced_wasserstein(*pair, directions, 1), exact_sliced_wasserstein(*pair, directions, 1))
     with pytest.raises(ValueError, match=r"p is 1.5; .* p = 1 and 2"):
         sliced_wasserstein(points, sphere, directions, 1.5)
+
+
+both_of_exact_degenerate = pytest.mark.parametrize("p", [1, 2])
+CORNERS = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]], dtype=torch.float64)
+#: Two coincident corners, three corners on a line, three coincident corners.
+COLLAPSED = {
+    "two corners": CORNERS,
+    "a line": torch.cat([CORNERS[:3], torch.tensor([[0.5, 0, 0]], dtype=torch.float64)]),
+    "a point": torch.cat([CORNERS, CORNERS[:1]]),
+}
+FACES = {"two corners": [[0, 1, 2], [0, 3, 1]], "a line": [[0, 1, 2], [0, 3, 1]], "a point": [[0, 1, 2], [0, 3, 4]]}
+
+
+def directions() -> torch.Tensor:
+    """Random ones and the axes, to which edges of the triangle are perpendicular."""
+    return torch.cat([random_directions(6, 3, 0), torch.eye(3, dtype=torch.float64)])
+
+
+@both_of_exact_degenerate
+@pytest.mark.parametrize("name", COLLAPSED)
+def test_a_collapsed_face_weighs_nothing(name, p):
+    """The value, and the gradient of the vertices that are not its own, are those without the face."""
+    values, gradients = [], []
+    target = surface(cube(1.3))
+    for faces in (FACES[name], FACES[name][:1]):
+        vertices = COLLAPSED[name].clone().requires_grad_()
+        values.append(sliced_wasserstein(surface(Mesh(vertices, torch.tensor(faces))), target, directions(), p))
+        values[-1].backward()
+        gradients.append(vertices.grad[:3])
+    twin = surface(Mesh(COLLAPSED[name], torch.tensor(FACES[name][:1])))
+    expected = oracles_exact.sliced_cost(twin, target, directions(), p)
+    assert float(values[0].detach()) == pytest.approx(expected, rel=1e-12, abs=0)
+    # Both sum the same few numbers; a face without mass adds breakpoints, at which cells are cut.
+    torch.testing.assert_close(gradients[0], gradients[1], rtol=1e-9, atol=1e-12)
+
+
+@both_of_exact_degenerate
+def test_it_is_the_limit_of_faces_that_collapse(p):
+    def value(gap: float) -> float:
+        vertices = CORNERS + gap * torch.tensor([[0.0], [0], [0], [1]], dtype=torch.float64)
+        return float(sliced_wasserstein(surface(Mesh(vertices, torch.tensor(FACES["two corners"]))), other, rows, p))
+
+    other, rows = surface(icosphere(0)), directions()
+    # The weight of the face, and with it the change of the cost, is at most proportional to the gap.
+    assert [abs(value(gap) - value(0.0)) <= 10 * gap for gap in (1e-3, 1e-6, 1e-9)] == [True] * 3
+
+
+def test_a_face_of_weight_zero_edge_on():
+    """Perpendicular edges without a collapse: the weight is given, and the edge x = 0 has no extent along x."""
+    measure = SurfaceMeasure(CORNERS[:3], torch.tensor([[0, 1, 2], [1, 2, 0]]), torch.tensor([1.0, 0]).double())
+    alone = SurfaceMeasure(CORNERS[:3], torch.tensor([[0, 1, 2]]), torch.ones(1).double())
+    assert float(exact_sliced_wasserstein(measure, alone, torch.eye(3).double())) == 0
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_law_without_numbers_is_refused_and_not_walked_for_ever(side):
+    law = (np.array([0.0, 1, 1]), np.array([1.0, 0, 0]), np.array([1.0, 0, np.inf]), np.zeros(3))
+    broken = (law[0], law[1], np.array([np.nan, np.nan, np.inf]), law[3])
+    pair = (broken, law) if side == 0 else (law, broken)
+    with pytest.raises(ValueError, match="did not reach their ends"):
+        _kernel_exact_walk.walk(2, *pair, (False, False), np.zeros((3, 3)), np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("mass", [np.nan, np.inf, 0.0])
+def test_masses_that_are_no_numbers_are_refused(mass):
+    law = tuple(np.empty(5) for _ in range(4))
+    with pytest.raises(ValueError, match="NaN, infinite or zero"):
+        _kernel_exact_law.lay_points(np.array([0.0, 1]), np.array([0, 1]), np.array([mass, mass]), *law)
+
+
+@both_of_exact_degenerate
+@pytest.mark.parametrize("scale", [1e-150, 1e-120, 1e-12, 1e12, 1e90, 1e150])
+def test_the_scale_does_not_matter(p, scale):
+    """The coordinates are scaled by a power of two, so that only their own rounding under ``scale`` is left."""
+
+    def measure(mesh: Mesh, factor: float) -> SurfaceMeasure:
+        shares = surface(mesh).weights
+        return SurfaceMeasure((mesh.vertices * factor).requires_grad_(), mesh.faces, shares)
+
+    found = []
+    for factor in (1.0, scale):
+        pair = measure(icosphere(1), factor), measure(cube(1.3), factor)
+        value = exact_sliced_wasserstein(*pair, random_directions(4, 3, 0), p)
+        value.backward()
+        found.append((float(value.detach()) / factor**p, pair[0].vertices.grad / factor ** (p - 1)))
+    assert found[1][0] == pytest.approx(found[0][0], rel=1e-12)
+    torch.testing.assert_close(found[1][1], found[0][1], rtol=1e-9, atol=1e-12)
+
+
+def test_a_cost_beyond_float64_is_refused():
+    vertices = torch.eye(3, dtype=torch.float64) * 1e160
+    measure = SurfaceMeasure(vertices, torch.tensor([[0, 1, 2]]), torch.ones(1).double())
+    with pytest.raises(ValueError, match="exceeds float64"):
+        exact_sliced_wasserstein(measure, measure, torch.eye(3).double())
+
+
+X, Y = (torch.eye(3, dtype=torch.float64)[k] for k in (0, 1))
+
+
+def triangle(*corners: tuple[float, float, float]) -> Mesh:
+    return Mesh(torch.tensor(corners, dtype=torch.float64), torch.tensor([[0, 1, 2]]))
+
+
+def test_a_triangle_is_a_tent():
+    """Corners at 0, 1 and 4: the peak 2/(4 − 0) at the middle one."""
+    law = projected_law(surface(triangle((1, 5, 0), (4, 0, 1), (0, 0, 0))), X)
+    x = np.array([-1.0, 0, 0.5, 1, 2.5, 4, 5])
+    assert np.allclose(law.density(x), [0, 0, 0.25, 0.5, 0.25, 0, 0])
+    assert np.allclose(law.distribution(x), [0, 0, 1 / 16, 0.25, 1 - 0.25 * 1.5 / 2, 1, 1])
+    assert len(law.atoms[0]) == 0
+
+
+def test_two_corners_at_one_end_make_a_slope():
+    law = projected_law(surface(triangle((0, 0, 0), (0, 3, 0), (2, 1, 0))), X)
+    assert np.allclose(law.density(np.array([1e-9, 1.0, 2.0])), [1, 0.5, 0], atol=1e-8)
+
+
+def test_a_cube_along_its_axis_is_two_atoms_and_a_box():
+    law = projected_law(surface(cube(2.0)), X)
+    places, masses = law.atoms
+    assert np.allclose(places, [-1, 1])
+    assert np.allclose(masses, [1 / 6, 1 / 6])
+    assert np.allclose(law.density(np.array([-0.99, 0.1, 0.99])), 1 / 3)
+    assert np.allclose(law.distribution(np.array([-1.1, -1, 0, 0.999999999999, 1])), [0, 1 / 6, 0.5, 5 / 6, 1])
+
+
+def test_a_face_seen_edge_on_is_an_atom():
+    law = projected_law(surface(triangle((1, 0, 0), (1, 1, 0), (1, 0, 3))), X)
+    assert law.atoms[0].tolist() == [1.0]
+    assert law.atoms[1].tolist() == [1.0]
+    assert law.distribution(np.array([0.9, 1.0])).tolist() == [0.0, 1.0]
+    assert law.density(np.array([1.0])).tolist() == [0.0]
+
+
+def test_a_sphere_is_nearly_uniform():
+    """Archimedes: the area between parallel planes depends on their distance alone."""
+    law = projected_law(surface(icosphere(4)), random_directions(1, 3, 0)[0])
+    x = np.linspace(-1, 1, 41)
+    assert np.abs(law.distribution(x) - (x + 1) / 2).max() < 2e-3
+
+
+def test_an_edge_is_a_box():
+    law = projected_law(surface(Contour(torch.tensor([[0.0, 0], [3, 4]]).double(), torch.tensor([[0, 1]]))), X[:2])
+    assert np.allclose(law.density(np.array([-0.1, 0.1, 2.9, 3.1])), [0, 1 / 3, 1 / 3, 0])
+
+
+@pytest.mark.parametrize(
+    "measure",
+    [
+        surface(tetrahedron()),
+        surface(folded_sphere(2, 1.0, 0.3)),
+        surface(letter_e()),
+        surface(icosphere(1), normal_scale=0.7),
+    ],
+    ids=repr,
+)
+def test_the_slow_twin_agrees(measure):
+    d = measure.vertices.shape[1]
+    for theta in [*random_directions(3, d, 0), torch.eye(d, dtype=torch.float64)[0]]:
+        law = projected_law(measure, theta)
+        places = (measure.vertices @ theta).numpy()
+        x = np.linspace(places.min() - 0.1, places.max() + 0.1, 301)
+        expected = oracles_exact.share_below(places, measure.cells.numpy(), measure.weights.numpy(), x)
+        assert np.allclose(law.distribution(x), expected, rtol=0, atol=1e-13)
+        assert law.masses.sum() == pytest.approx(1, abs=1e-14)
+
+
+@pytest.mark.parametrize("shape", [tetrahedron(), folded_sphere(3, 1.0, 0.3), letter_e()], ids=repr)
+def test_a_million_points_follow_the_law(shape):
+    """Kolmogorov and Smirnov: the largest gap of 10⁶ honest points exceeds 1.95/√n once in a thousand samples."""
+    d = shape.vertices.shape[1]
+    theta = random_directions(1, d, 3)[0]
+    points = (empirical(shape, 1_000_000, 5).points @ theta).numpy()
+    law = projected_law(surface(shape), theta)
+    assert stats.kstest(points, law.distribution).statistic < 1.95 / math.sqrt(len(points))
+
+
+def test_points_are_atoms():
+    points = torch.tensor([[0.0], [2.0], [2.0], [5.0]], dtype=torch.float64)
+    weights = torch.tensor([0.1, 0.2, 0.3, 0.4], dtype=torch.float64)
+    law = projected_law(DiscreteMeasure(points, weights), torch.ones(1, dtype=torch.float64))
+    assert np.allclose(law.atoms, [[0, 2, 5], [0.1, 0.5, 0.4]])
+    assert np.allclose(law.distribution(np.array([-1.0, 0, 1, 2, 4.9, 5])), [0, 0.1, 0.1, 0.6, 0.6, 1])
+    assert not law.density(np.array([0.0, 1, 2])).any()
+
+
+def test_faces_with_more_corners_have_the_law_of_their_triangles():
+    """A convex and a notched pentagon, against the area of the part below x by clipping."""
+    outline = torch.tensor([[0.0, 0, 0], [4, 0, 0], [4, 3, 0], [2, 1, 0], [0, 3, 0]]).double()
+    law = projected_law(surface(triangulate(outline, [[0, 1, 2, 3, 4]])), X)
+    x = np.array([1.0, 2, 3])
+    # Left half: heights fall from 3 to 1 on [0, 2], then rise again; total area 8.
+    assert np.allclose(law.distribution(x), [2.5 / 8, 0.5, 5.5 / 8])
+
+
+def test_doors_of_projection(unchecked):
+    with pytest.raises(ValueError, match="unit rows"):
+        projected_law(surface(cube()), 2 * X)
+    with pytest.raises(ValueError, match="3"):
+        projected_law(varifold(cube(), normal_scale=1.0), X)

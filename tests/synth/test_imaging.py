@@ -1,4 +1,4 @@
-"""Images made from spheres, whose tissue is known in closed form."""
+"""Images made from spheres and ellipsoids, whose tissue is known, and their blemishes."""
 
 import dataclasses
 import functools
@@ -6,13 +6,22 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from meshot.mesh.shapes import icosphere
 from meshot.synth.imaging import (
+    DEPTH_MM,
     TISSUES,
     Appearance,
+    Blemishes,
+    Structure,
+    add_structures,
+    blemished,
+    moved_structure,
     rician_noise,
     smooth_noise,
+    structure_fraction,
+    structures_of,
     t1_image,
     tissue_fractions,
     with_motion,
@@ -171,3 +180,153 @@ def test_white_matter_is_darker_only_right_below_the_cortex():
     assert change.max() <= 0
     with pytest.raises(ValueError, match="white_gradient is between 0 and 1"):
         dataclasses.replace(PLAIN, white_gradient=1.5)
+
+
+N = 64
+BLEMISHES_GRID = Volume(np.zeros((N, N, N), dtype=np.uint8), np.diag([1.5, 1.5, 1.5, 1.0]))
+RADIUS = np.linalg.norm(1.5 * (np.stack(np.meshgrid(*(np.arange(N),) * 3, indexing="ij"), axis=-1) - N / 2), axis=-1)
+
+
+def head() -> dict[str, np.ndarray]:
+    """White matter within 25 mm, grey matter to 30, fluid to 33."""
+    found = {tissue: np.zeros((N, N, N)) for tissue in TISSUES}
+    found["white"][RADIUS < 25] = 1
+    found["grey"][(RADIUS >= 25) & (RADIUS < 30)] = 1
+    found["fluid"][(RADIUS >= 30) & (RADIUS < 33)] = 1
+    return found
+
+
+def changed(blemishes: Blemishes, seed: int = 0) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    before, after = head(), blemished(head(), BLEMISHES_GRID, blemishes, seed)
+    assert all(part.min() >= -1e-9 and part.max() <= 1 + 1e-9 for part in after.values())
+    assert sum(after.values()).max() <= 1 + 1e-9
+    return after, sum(np.abs(after[name] - before[name]) for name in before) > 0.1
+
+
+def test_a_perfect_scan_has_none():
+    assert not changed(Blemishes())[1].any()
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4])
+def test_dura_covers_its_share_of_the_outer_surface(share):
+    after, where = changed(Blemishes(dura=share, dura_mm=4.0))
+    assert where[(RADIUS > 34) & (RADIUS < 36)].mean() == pytest.approx(share, abs=0.12)
+    assert not where[(RADIUS < 33) | (RADIUS > 39)].any()
+    assert after["scalp"][where].min() == 1
+
+
+def test_cuts_remove_everything_to_their_depth():
+    after, where = changed(Blemishes(cut=0.3, cut_mm=6.0))
+    assert sum(after.values())[where].max() == 0
+    assert where[(RADIUS > 29) & (RADIUS < 32)].mean() == pytest.approx(0.3, abs=0.12)
+    assert not where[RADIUS < 25].any()
+
+
+def test_lesions_lie_deep_in_white_matter_with_their_share():
+    after, where = changed(Blemishes(lesions=0.1))
+    assert not where[RADIUS > 23.5].any()
+    assert after["deep grey"][RADIUS < 20].mean() == pytest.approx(0.1, abs=0.05)
+
+
+def test_vessels_stay_near_the_surface_and_are_thin():
+    after, where = changed(Blemishes(vessels=5))
+    assert not where[(RADIUS < 28) | (RADIUS > 43)].any()
+    volume = after["scalp"].sum() * 1.5**3
+    assert 5 * 60 * np.pi * 0.5**2 / 2 < volume < 5 * 60 * np.pi * 1.5**2 * 2.5
+
+
+def test_the_seed_decides():
+    kinds = Blemishes(dura=0.2, cut=0.2, vessels=2, lesions=0.1)
+    one, other, third = (changed(kinds, seed)[1] for seed in (1, 1, 2))
+    assert np.array_equal(one, other)
+    assert not np.array_equal(one, third)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "words"),
+    [({"dura": 1.5}, "dura is 1.5; a share"), ({"cut": -0.1}, "cut is -0.1"), ({"vessels": -1}, "not possible")],
+)
+def test_impossible_sizes_are_refused(sizes, words):
+    with pytest.raises(ValueError, match=words):
+        Blemishes(**sizes)
+
+
+def test_an_empty_scan_is_refused():
+    with pytest.raises(ValueError, match="contain no brain"):
+        blemished({tissue: np.zeros((4, 4, 4)) for tissue in TISSUES}, BLEMISHES_GRID, Blemishes(dura=0.1), 0)
+
+
+STRUCTURES_GRID = Volume(
+    np.zeros((60, 56, 50)), np.array([[-1.0, 0, 0, 30], [0, 1, 0, -28], [0, 0, 1.2, -30], [0, 0, 0, 1]])
+)
+TURN = np.eye(4)
+TURN[:3, :3] = Rotation.from_euler("xyz", [20, -30, 40], degrees=True).as_matrix()
+TURN[:3, 3] = [3.0, -2.0, 4.0]
+
+
+def places():
+    index = np.stack(np.meshgrid(*map(np.arange, STRUCTURES_GRID.data.shape), indexing="ij"), axis=-1)
+    return index @ STRUCTURES_GRID.affine[:3, :3].T + STRUCTURES_GRID.affine[:3, 3]
+
+
+def test_an_ellipsoid_has_its_volume_and_its_place():
+    upright = Structure("fluid", np.zeros(3), np.diag([6.0, 9.0, 12.0]), True)
+    for structure in (upright, moved_structure(upright, TURN)):
+        box, part = structure_fraction(structure, STRUCTURES_GRID)
+        assert part.sum() * 1.2 == pytest.approx(4 / 3 * np.pi * 6 * 9 * 12, rel=0.02)
+        inside = np.linalg.norm((places()[box] - structure.centre_mm) @ np.linalg.inv(structure.axes_mm).T, axis=-1) < 1
+        assert (part[inside] > 0.5 - 1e-9).all()
+        assert (part[~inside] < 0.5 + 1e-9).all()
+    np.testing.assert_allclose(moved_structure(upright, TURN).centre_mm, TURN[:3, 3])
+
+
+def test_an_ellipsoid_beyond_the_grid_fills_nothing():
+    box, part = structure_fraction(Structure("fluid", np.full(3, 500.0), np.eye(3), True), STRUCTURES_GRID)
+    assert part.size == 0 or part.max() == 0
+    assert np.zeros(STRUCTURES_GRID.data.shape)[box].shape == part.shape
+
+
+def test_inner_structures_stay_below_the_surface_and_outer_ones_outside():
+    radius = np.linalg.norm(places(), axis=-1)
+    white, pial = (np.clip(r + 0.5 - radius, 0, 1) for r in (15.0, 18.0))
+    inner = Structure("deep grey", np.array([12.0, 0, 0]), 6 * np.eye(3), True)
+    outer = Structure("hindbrain", np.array([0, 0, -18.0]), 8 * np.eye(3), False)
+    found = add_structures({"white": white, "grey": pial - white}, pial, STRUCTURES_GRID, [inner, outer])
+    total = sum(found.values())
+    np.testing.assert_allclose(total[radius < 17], 1, atol=1e-12)
+    assert total.max() <= 1 + 1e-12
+    deep = found["deep grey"] > 0.5
+    assert deep.any()
+    assert radius[deep].max() < 15 - DEPTH_MM + 1.5
+    assert radius[found["hindbrain"] > 0.5].min() > 17.4
+    assert found["hindbrain"].sum() > 0
+
+
+def test_later_structures_replace_earlier_ones():
+    white = np.ones(STRUCTURES_GRID.data.shape)
+    first, second = (Structure(t, np.zeros(3), r * np.eye(3), True) for t, r in (("deep grey", 8), ("fluid", 4)))
+    found = add_structures({"white": white, "grey": 0 * white}, white, STRUCTURES_GRID, [first, second])
+    middle = np.linalg.norm(places(), axis=-1) < 3
+    assert (found["fluid"][middle] == 1).all()
+    assert (found["deep grey"][middle] == 0).all()
+
+
+def test_both_sides_are_mirror_images_and_multiples_scale():
+    white = {"left": icosphere(2, 30.0, (-31.0, 0, 0)), "right": icosphere(2, 30.0, (31.0, 0, 0))}
+    left, right = structures_of(white)[:2]
+    np.testing.assert_allclose(left.centre_mm * [-1, 1, 1], right.centre_mm, atol=1e-9)
+    assert left.centre_mm[0] > -31  # nearer to the middle of the head than the middle of its hemisphere
+
+    def ventricles(scale):
+        return sum(np.linalg.det(s.axes_mm) for s in structures_of(white, ventricles=scale) if s.tissue == "fluid")
+
+    assert ventricles(2.0) == pytest.approx(8 * ventricles(1.0))
+    assert ventricles(0.0) == 0
+    assert all(s.inside_white for s in structures_of(white, below=0.0))
+
+
+def test_doors_of_structures():
+    with pytest.raises(ValueError, match="multiples from 0"):
+        structures_of({"left": icosphere(1)}, ventricles=-1.0)
+    with pytest.raises(ValueError, match="multiples from 0"):
+        structures_of({"left": icosphere(1)}, below=4.0)

@@ -1,11 +1,13 @@
-"""A simulated scan against the surfaces that it was made from, and the way to the standard grid and back."""
+"""A simulated scan against its surfaces, its position in the scanner, and the way to the standard grid and back."""
 
 import dataclasses
 import functools
 
+import nibabel
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from meshot.anatomy import templates as placement
 from meshot.anatomy.templates import ENLARGEMENT, _template_moments, in_mni152, moments_of
@@ -14,10 +16,19 @@ from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import icosphere
 from meshot.synth.cohorts import LABELS
 from meshot.synth.imaging import Appearance
-from meshot.synth.scanning import Anatomy, Position, rounded, simulated_scan, standardised, surface_facts
+from meshot.synth.scanning import (
+    Anatomy,
+    Position,
+    head_position,
+    rounded,
+    scanner_grid,
+    simulated_scan,
+    standardised,
+    surface_facts,
+)
 from meshot.synth.subject import CorticalSurfaces
 from meshot.volume.registration import SHAPE
-from meshot.volume.volume import sample_volume, transform_points
+from meshot.volume.volume import mm_to_voxel, sample_volume, transform_points, voxel_sizes
 
 SIGNAL = {"white": 440.0, "grey": 310.0, "deep grey": 360.0, "hindbrain": 365.0, "fluid": 110.0} | {
     "skull": 60.0,
@@ -121,7 +132,7 @@ def test_surfaces_go_to_the_standard_grid_and_come_back(position):
 
 
 def test_the_true_white_matter_may_place_a_scan_on_the_standard_grid(monkeypatch):
-    monkeypatch.setattr(placement, "PLAUSIBLE", (0.1, 9.0))  # two balls have not the shape of white matter
+    monkeypatch.setattr(placement, "PLAUSIBLE_SCALES", (0.1, 9.0))  # two balls have not the shape of white matter
     found = scan(OBLIQUE)
     before, _ = standardised(found, 8)
     placed, labels = standardised(found, 8, by_white_matter=True)
@@ -144,3 +155,55 @@ def test_facts_of_spheres():
 def test_numbers_are_rounded_wherever_they_are():
     assert rounded({"a": [1 / 3, (2 / 3, "x", 7)], "b": True}) == {"a": [0.333333, [0.666667, "x", 7]], "b": True}
     assert rounded(float("nan")) is None
+
+
+def test_the_motion_is_rigid_and_within_its_bounds():
+    position, centre = Position(rotation_degrees=10, translation_mm=5), np.array([0.0, -20.0, 15.0])
+    for seed in range(20):
+        motion = head_position(position, centre, seed)
+        np.testing.assert_allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(motion[:3, :3]) == pytest.approx(1)
+        shift = motion[:3, :3] @ centre + motion[:3, 3] - centre
+        assert np.abs(shift).max() <= 5
+        assert np.abs(Rotation.from_matrix(motion[:3, :3]).as_euler("xyz", degrees=True)).max() <= 10 + 1e-9
+    np.testing.assert_array_equal(head_position(position, centre, 3), head_position(position, centre, 3))
+    assert not np.allclose(head_position(position, centre, 3), head_position(position, centre, 4))
+    still = head_position(Position(rotation_degrees=0, translation_mm=0), centre, 0)
+    np.testing.assert_allclose(still, np.eye(4), atol=1e-12)
+
+
+@pytest.mark.parametrize("letters", ["RAS", "LAS", "PSR", "AIL", "SRP"])
+@pytest.mark.parametrize("oblique", [0.0, 15.0])
+def test_the_grid_holds_everything_and_points_where_its_letters_say(letters, oblique):
+    points = torch.from_numpy(np.random.default_rng(0).uniform([-60, -90, -40], [70, 70, 80], (500, 3)))
+    position = Position(oblique_degrees=oblique, voxel_mm=(1.0, 1.5, 2.0), orientation=letters, margin_mm=7.0)
+    grid = scanner_grid(position, points, 1)
+    np.testing.assert_allclose(voxel_sizes(grid), [1.0, 1.5, 2.0], rtol=1e-6)
+    places = mm_to_voxel(grid, points).numpy() * voxel_sizes(grid)
+    ends = (np.array(grid.data.shape) - 1) * voxel_sizes(grid)
+    assert (places > 7 - 1e-3).all()
+    assert (places < ends - 7 + 1e-3).all()
+    assert (places.min(axis=0) < 7 + 2.01).all()  # and not much more than that
+    assert "".join(nibabel.aff2axcodes(grid.affine)) == letters
+    if oblique:
+        assert np.count_nonzero(np.abs(grid.affine[:3, :3]) > 1e-3) == 9
+    assert (grid.affine == grid.affine.astype(np.float32)).all()  # a header keeps no more
+
+
+@pytest.mark.parametrize(
+    ("knobs", "words"),
+    [
+        ({"rotation_degrees": 45.0}, "0 to 30"),
+        ({"oblique_degrees": -1.0}, "0 to 30"),
+        ({"translation_mm": 1e6}, "0 to 100 mm"),
+        ({"voxel_mm": (1.0, 1.0)}, "three sizes"),
+        ({"voxel_mm": (1.0, 1.0, 0.0)}, "three sizes"),
+        ({"margin_mm": -1.0}, "margin_mm"),
+        ({"orientation": "RAP"}, "one letter of each"),
+        ({"orientation": "RA"}, "one letter of each"),
+        ({"orientation": "RASX"}, "one letter of each"),
+    ],
+)
+def test_doors(unchecked, knobs, words):
+    with pytest.raises(ValueError, match=words):
+        Position(**knobs)

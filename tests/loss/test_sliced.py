@@ -1,16 +1,20 @@
-"""The fused kernel against its plain twin, and its sort against NumPy's."""
+"""The sliced loss: the fused kernel against its plain twin, the cost along every direction, and POT."""
 
 import math
 
 import numpy as np
+import ot
 import pytest
 import torch
 
+import problems
+from meshot import slice_costs, surface
 from meshot.loss import sliced as fused
 from meshot.loss._kernel_sliced import SMALL, sort, sort_scratch
 from meshot.loss.directions import random_directions
 from meshot.loss.sliced import plain_sliced_wasserstein, sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
+from meshot.mesh.shapes import icosphere
 
 
 def weighted(rng, n, zeros=0):
@@ -201,3 +205,132 @@ def test_translation_of_a_large_cloud():
     )
     assert value == pytest.approx(float((lines @ torch.from_numpy(shift)).square().mean()), rel=1e-12)
     assert math.isfinite(value)
+
+
+LINES = random_directions(9, 3, 0)
+
+
+def measures(kind):
+    solid = icosphere(1)
+    continuous = surface(solid), surface(solid.with_vertices(1.3 * solid.vertices + 0.2))
+    points = problems.cloud(0, 30, 3, True), problems.cloud(1, 21, 3, True)
+    equal = problems.cloud(0, 30, 3), problems.cloud(1, 30, 3)
+    return {
+        "discrete": points,
+        "equal masses": equal,
+        "continuous": continuous,
+        "mixed": (continuous[0], points[1]),
+        "mixed, turned round": (points[0], continuous[1]),
+    }[kind]
+
+
+@pytest.mark.parametrize("p", [1, 2])
+@pytest.mark.parametrize("kind", ["discrete", "equal masses", "continuous", "mixed", "mixed, turned round"])
+def test_their_mean_is_the_loss(kind, p):
+    source, target = measures(kind)
+    costs = slice_costs(source, target, LINES, p)
+    assert costs.shape == (9,)
+    assert costs.dtype == torch.float64
+    assert not costs.requires_grad
+    assert float(costs.mean()) == pytest.approx(float(sliced_wasserstein(source, target, LINES, p)), rel=1e-13)
+    one_by_one = [float(sliced_wasserstein(source, target, line[None], p)) for line in LINES]
+    assert costs.tolist() == pytest.approx(one_by_one, rel=1e-13)
+
+
+@pytest.mark.parametrize("kind", ["discrete", "equal masses"])
+def test_a_gradient_that_is_wanted_is_that_of_the_plain_path(kind):
+    source, target = measures(kind)
+    points = source.points.clone().requires_grad_()
+    moved = DiscreteMeasure(points, source.weights)
+    upstream = torch.from_numpy(np.random.default_rng(0).normal(size=9))
+    costs = slice_costs(moved, target, LINES)
+    (found,) = torch.autograd.grad(costs @ upstream, points)
+    losses = torch.stack([plain_sliced_wasserstein(moved, target, line[None]) for line in LINES])
+    (expected,) = torch.autograd.grad(losses @ upstream, points)
+    torch.testing.assert_close(found, expected, rtol=1e-10, atol=1e-14)
+    torch.testing.assert_close(costs.detach(), slice_costs(source, target, LINES), rtol=1e-12, atol=0)
+    with torch.no_grad():
+        assert not slice_costs(moved, target, LINES).requires_grad
+
+
+def test_with_a_continuous_measure_they_are_values():
+    solid = icosphere(1)
+    moving = surface(solid.with_vertices(solid.vertices.clone().requires_grad_()))
+    assert not slice_costs(moving, measures("discrete")[1], LINES).requires_grad
+
+
+def test_single_precision_and_doors(unchecked):
+    source, target = (DiscreteMeasure(m.points.float(), m.weights.float()) for m in measures("discrete"))
+    assert slice_costs(source, target, LINES).dtype == torch.float32
+    with pytest.raises(ValueError, match=r"p is 0.5"):
+        slice_costs(source, target, LINES, 0.5)
+    with pytest.raises(ValueError, match="p is 3"):
+        slice_costs(measures("continuous")[0], measures("discrete")[1], LINES, 3)
+    with pytest.raises(ValueError, match="unit rows"):
+        slice_costs(source, target, 2 * LINES)
+    with pytest.raises(ValueError, match="same space"):
+        slice_costs(source, problems.cloud(0, 3, 2, dtype=torch.float32), LINES)
+
+
+both_of_pot_properties = pytest.mark.parametrize("loss", [sliced_wasserstein, plain_sliced_wasserstein])
+
+
+def pot_distance(source, target, directions, p):
+    """POT's sliced distance over the same directions (columns there), to the power p."""
+    arrays = [m.points.numpy() for m in (source, target)] + [m.weights.numpy() for m in (source, target)]
+    return ot.sliced_wasserstein_distance(*arrays, projections=directions.numpy().T, p=p) ** p
+
+
+@both_of_pot_properties
+@pytest.mark.parametrize(("m", "weighted"), [(100, False), (200, False), (200, True)])
+@pytest.mark.parametrize("p", [1, 2, 3])
+def test_the_value_of_pot(loss, p, m, weighted):
+    source, target = problems.cloud(0, 100, 4, weighted), problems.cloud(1, m, 4, weighted)
+    directions = random_directions(20, 4, 0)
+    value = loss(source, target, directions, p)
+    assert float(value) == pytest.approx(pot_distance(source, target, directions, p), rel=1e-10)
+    assert float(value) > 0
+
+
+@both_of_pot_properties
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_type_and_device_follow_the_input(loss, dtype):
+    source, target = problems.cloud(0, 100, 2, dtype=dtype), problems.cloud(1, 200, 2, dtype=dtype)
+    value = loss(source, target, random_directions(20, 2, 0, dtype))
+    assert value.dtype == dtype
+    assert value.device == source.points.device
+    exact = [
+        DiscreteMeasure(m.points.double(), m.weights.double() / m.weights.double().sum()) for m in (source, target)
+    ]
+    expected = pot_distance(*exact, random_directions(20, 2, 0), 2)
+    assert float(value) == pytest.approx(expected, rel={torch.float32: 1e-4, torch.float64: 1e-10}[dtype])
+
+
+@both_of_pot_properties
+@pytest.mark.parametrize("p", [1, 2, 3])
+@pytest.mark.parametrize("weighted", [True, False])
+def test_gradients_of_pot(loss, p, weighted):
+    """Where POT differentiates by torch, ours agrees, in points of equal and of unequal masses."""
+    directions, found = random_directions(15, 3, 0), []
+    clouds = problems.cloud(0, 30, 3, weighted), problems.cloud(1, 30, 3, weighted)
+
+    def by_pot(source, target):
+        points = source.points, target.points, source.weights, target.weights
+        return ot.sliced_wasserstein_distance(*points, projections=directions.T.contiguous(), p=p) ** p
+
+    for compute in (lambda *pair: loss(*pair, directions, p), by_pot):
+        points = [m.points.clone().requires_grad_() for m in clouds]
+        value = compute(*(DiscreteMeasure(x, m.weights) for x, m in zip(points, clouds, strict=True)))
+        found.append(torch.autograd.grad(value, points))
+    for ours, theirs in zip(*found, strict=True):
+        assert bool(torch.isfinite(ours).all())
+        torch.testing.assert_close(ours, theirs, rtol=1e-9, atol=1e-12)
+
+
+@both_of_pot_properties
+def test_gradients_are_finite_where_measures_agree(loss):
+    points = problems.cloud(0, 20, 3).points.requires_grad_()
+    for p in (1, 1.5, 2, 3):
+        value = loss(DiscreteMeasure(points), DiscreteMeasure(points.detach().clone()), random_directions(9, 3, 0), p)
+        (gradient,) = torch.autograd.grad(value, points)
+        assert float(gradient.abs().max()) == 0

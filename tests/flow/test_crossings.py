@@ -1,0 +1,188 @@
+"""What the guard sees, and faces that cross after a flow: mended, or brought back, and never left."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from meshot.flow.crossings import crossings_along, inspect_paths, point_jacobians, repair_crossings, steps_below
+from meshot.flow.integration import METHODS, trajectory
+from meshot.mesh import Mesh
+from meshot.mesh.connectivity import self_intersecting_faces
+from meshot.mesh.shapes import folded_sphere, icosphere
+from meshot_book.examples.counterexample import crossing_time, tip_over_face
+from meshot_book.examples.unsteady import Accelerated
+from meshot_book.flows import Push, Vortex, rotation, spiral
+
+POINTS = torch.from_numpy(np.random.default_rng(0).uniform(-1, 1, (30, 2)))
+
+PAIR = tip_over_face(0.3)
+
+
+def test_jacobians_of_a_known_map():
+    found = point_jacobians(lambda x: torch.stack([x[:, 0] * x[:, 1], x[:, 1] ** 2], dim=1), POINTS)
+    x, y = POINTS.unbind(dim=1)
+    torch.testing.assert_close(found, torch.stack([torch.stack([y, x], dim=1), torch.stack([0 * y, 2 * y], dim=1)], 1))
+    assert not point_jacobians(lambda x: torch.ones_like(x), POINTS).any()
+
+
+def test_rotation_by_euler_steps():
+    report = inspect_paths(rotation(2.0), POINTS, 5)
+    np.testing.assert_allclose(report.norms, 2.0)
+    np.testing.assert_allclose(report.determinants, 1 + (2 / 5) ** 2)
+    np.testing.assert_allclose(report.volume_factors, (1 + (2 / 5) ** 2) ** 5)
+    assert report.step_times_lipschitz == pytest.approx(0.4)
+    assert report.safe_steps == 3
+    assert report.n_flips == 0
+    assert torch.equal(report.positions, trajectory(rotation(2.0), POINTS, 5))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_growth_of_a_volume_is_that_of_the_exact_flow(method):
+    field = Accelerated(spiral(1.0, 0.4), 0.5)
+    factors = inspect_paths(field, POINTS, 64, method).volume_factors
+    assert float((factors - math.exp(0.8 * 1.25)).abs().max()) < (0.06 if method == "euler" else 1e-3)
+
+
+def test_steps_too_long_flip():
+    field = spiral(0.0, -3.0)  # x ↦ (1 − 3h) x
+    assert inspect_paths(field, POINTS, 4).n_flips == 0
+    # In the plane both axes turn round and the determinant is positive again; on a line it is not.
+    assert inspect_paths(field, POINTS, 2).n_flips == 0
+
+    def along_x(time, points):
+        return -3 * points * torch.tensor([1.0, 0.0], dtype=points.dtype)
+
+    report = inspect_paths(along_x, POINTS, 2)
+    assert report.n_flips == 2 * len(POINTS)
+    assert report.safe_steps == 4
+
+
+@pytest.mark.parametrize(("lipschitz", "share", "steps"), [(0.0, 1, 1), (3.0, 1, 4), (2.9, 1, 3), (3.0, 0.5, 7)])
+def test_steps_below(lipschitz, share, steps):
+    assert steps_below(lipschitz, share) == steps
+    assert lipschitz / steps < share
+    assert steps == 1 or lipschitz / (steps - 1) >= share
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"), [((math.inf,), "no step"), ((-1.0,), "no step"), ((1.0, 0.0), "share is 0.0")]
+)
+def test_doors(arguments, words):
+    with pytest.raises(ValueError, match=words):
+        steps_below(*arguments)
+
+
+def test_doors_of_the_counterexample():
+    with pytest.raises(ValueError, match="gap is 0"):
+        tip_over_face(0.0)
+    with pytest.raises(ValueError, match=r"strength is 1\.0"):
+        crossing_time(0.3, Push(1.0, 0.3))
+
+
+def test_a_diffeomorphism_of_points_lets_triangles_cross():
+    field = Push(-1.0, 0.3)
+    assert crossings_along(field, PAIR, 10) == [0, 0, 0, 0, *[2] * 7]
+    report = inspect_paths(field, PAIR.vertices, 10)
+    assert report.n_flips == 0
+    np.testing.assert_allclose(report.determinants, 1)
+    assert float(field.lipschitz_bound()) / 10 < 1
+
+
+@pytest.mark.parametrize(("gap", "strength", "width"), [(0.3, -1.0, 0.3), (0.5, -0.9, 0.5)])
+def test_the_moment_of_crossing(gap, strength, width):
+    pair, field = tip_over_face(gap), Push(strength, width)
+    moment = crossing_time(gap, field)
+    for time, n_faces in ((moment - 1e-9, 0), (moment + 1e-9, 2)):
+        assert len(self_intersecting_faces(pair.with_vertices(field.flow(pair.vertices, 0.0, time)))) == n_faces
+
+
+def test_far_points_of_the_vortex_feel_nothing():
+    report = inspect_paths(Vortex(5.0, 0.1), POINTS + 10, 3)
+    assert report.steepest < 1e-12
+    assert report.safe_steps == 1
+
+
+BALL = icosphere(4, 10.0)
+
+
+def test_what_does_not_cross_is_left_alone():
+    carried = BALL.with_vertices(BALL.vertices * 1.3 + 5)
+    found = repair_crossings(BALL, carried)
+    assert found.mesh is carried
+    assert (found.n_crossing, found.n_backtracks, found.largest_move) == (0, 0, 0.0)
+
+
+def with_an_edge_turned() -> Mesh:
+    """The ends of one edge change places, a little outside: a few faces cross."""
+    carried = BALL.vertices.clone()
+    edge = BALL.faces[2000, :2]
+    carried[edge] = carried[edge].flip(0) * 1.05
+    return BALL.with_vertices(carried)
+
+
+def test_a_small_defect_is_smoothed_and_the_rest_stays():
+    crossed = with_an_edge_turned()
+    found = repair_crossings(BALL, crossed)
+    assert found.n_crossing == len(self_intersecting_faces(crossed)) > 0
+    assert len(self_intersecting_faces(found.mesh)) == 0
+    assert found.n_backtracks == 0
+    assert int((found.mesh.vertices != crossed.vertices).any(dim=1).sum()) < 60
+    assert found.largest_move == float((found.mesh.vertices - crossed.vertices).norm(dim=1).max()) > 0
+
+
+def with_pole_pushed_through(depth: float) -> torch.Tensor:
+    """The northern cap goes down, through the southern one."""
+    z = BALL.vertices[:, 2:]
+    cap = ((z - 7.0) / 3).clamp(min=0)
+    return torch.cat([BALL.vertices[:, :2], z - depth * cap], dim=1)
+
+
+def test_what_smoothing_cannot_mend_goes_back_in_places():
+    carried = BALL.with_vertices(with_pole_pushed_through(25.0) + torch.tensor([1.0, 0, 0]))
+    found = repair_crossings(BALL, carried, max_rounds=3)
+    assert found.n_crossing > 0
+    assert found.n_backtracks > 0
+    assert len(self_intersecting_faces(found.mesh)) == 0
+    equator = (BALL.vertices[:, 2].abs() < 1).nonzero()[:, 0]
+    torch.testing.assert_close(found.mesh.vertices[equator], carried.vertices[equator])
+    assert float((found.mesh.vertices - BALL.vertices).norm(dim=1).max()) > 0.5
+
+
+def test_more_than_the_largest_share_is_not_smoothed_alone():
+    """The same defect goes back when fewer faces may cross, and is smoothed away when as many may."""
+    crossed = with_an_edge_turned()
+    share = len(self_intersecting_faces(crossed)) / len(BALL.faces)
+    assert repair_crossings(BALL, crossed, largest_share=share).n_backtracks == 0
+    assert repair_crossings(BALL, crossed, largest_share=0.9 * share).n_backtracks > 0
+
+
+def test_more_rounds_need_fewer_backtracks():
+    crossed = BALL.with_vertices(with_pole_pushed_through(21.0) + torch.tensor([1.0, 0, 0]))
+    few, many = (repair_crossings(BALL, crossed, max_rounds=n, largest_share=1.0) for n in (3, 40))
+    assert (few.n_backtracks, many.n_backtracks) == (1, 0)
+
+
+def test_in_the_end_the_initial_surface_is_what_is_left():
+    """Smoothed until nothing crosses it would be a ball, and no folds left."""
+    initial = folded_sphere(3)
+    wild = initial.vertices + 20 * torch.randn(initial.vertices.shape, generator=torch.Generator().manual_seed(0))
+    found = repair_crossings(initial, initial.with_vertices(wild), max_backtracks=1)
+    assert len(self_intersecting_faces(found.mesh)) == 0
+    assert torch.equal(found.mesh.vertices, initial.vertices)
+
+
+def test_doors_of_repair():
+    with pytest.raises(ValueError, match="other faces"):
+        repair_crossings(BALL, icosphere(3, 10.0))
+    with pytest.raises(ValueError, match="max_backtracks is 0"):
+        repair_crossings(BALL, BALL, 0)
+    with pytest.raises(ValueError, match="max_rounds is 0"):
+        repair_crossings(BALL, BALL, max_rounds=0)
+    for share in (0, 1.5, float("nan")):
+        with pytest.raises(ValueError, match="largest_share is"):
+            repair_crossings(BALL, BALL, largest_share=share)
+    crossed = BALL.with_vertices(with_pole_pushed_through(25.0))
+    with pytest.raises(ValueError, match="initial surface has self-intersecting faces"):
+        repair_crossings(crossed, crossed)
