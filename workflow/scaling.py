@@ -18,7 +18,7 @@ from standing import Standing
 from tasks import Task
 
 from meshot.files import whole_file
-from meshot.synth.cohorts import read_recipe, visits
+from meshot.synth import read_recipe, visits
 from meshot_book.notebook import digits, markdown_table
 
 PAGE, MARKERS = "book/speed.md", ("<!-- workflow -->", "<!-- /workflow -->")

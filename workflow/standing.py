@@ -19,7 +19,7 @@ from typing import TextIO
 from tasks import Graph, Task
 
 from meshot.files import whole_file
-from meshot.plain_yaml import read_yaml
+from meshot.settings import read_yaml
 
 #: The file in a folder that one process at a time has locked.
 LOCK = "lock"

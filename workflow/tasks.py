@@ -6,7 +6,7 @@ import itertools
 import re
 from pathlib import Path
 
-from meshot.plain_yaml import read_yaml
+from meshot.settings import read_yaml
 
 LISTS = ("reads", "after", "writes", "makes", "clears")
 KEYS = {"stage", "each", "networks_of", "trainings_of", "command", "copies", "record", "planned", "derived", *LISTS}

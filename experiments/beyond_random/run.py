@@ -17,8 +17,7 @@ from meshot import DiscreteMeasure, Mesh, varifold
 from meshot.anatomy import fsaverage5_surface
 from meshot.jobs import run_jobs
 from meshot.loss import slice_costs
-from meshot.mesh.editing import decimated
-from meshot.mesh.shapes import ellipsoid, folded_sphere
+from meshot.mesh import decimated, ellipsoid, folded_sphere
 from meshot.provenance import write_results
 
 HERE = Path(__file__).parent

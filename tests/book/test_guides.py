@@ -10,7 +10,7 @@ import pytest
 import meshot
 from commands_extension import command_page
 from meshot.cli import make_parser
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import icosphere
 from meshot.provenance import read_results
 from scripts import scripts_in
 from shown_extension import shown_html

@@ -9,10 +9,10 @@ import warnings
 from collections.abc import Sequence
 
 import meshot
-from meshot.cli import evaluate, make_cohort, quality, reconstruct, table, train, train_segmentation, warmup
-from meshot.cli.note import NOTE
+from meshot.cli import evaluate, make_cohort, quality, reconstruct, table, train, warmup
+from meshot.cli.common import NOTE
 
-COMMANDS = (evaluate, reconstruct, quality, table, make_cohort, train, train_segmentation, warmup)
+COMMANDS = (evaluate, reconstruct, quality, table, make_cohort, train, warmup)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from meshot.flow.fitting import forces
 from meshot.loss import chamfer, wasserstein
 from meshot.measure import DiscreteMeasure
 from meshot.types import Float, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, as_points, check_answer
+from meshot_book.flows import forces
 
 
 def blur_in_coordinates(function: object) -> None:

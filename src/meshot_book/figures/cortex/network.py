@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from meshot.model import DeformationNetwork
-from meshot.view.style import BLUE, GREEN, ORANGE, WIDTH
+from meshot.view import BLUE, GREEN, ORANGE, WIDTH
 
 _Box = tuple[str, str, int]  # what it is, the shape of what comes out, how many numbers it learns
 

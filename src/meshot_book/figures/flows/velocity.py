@@ -9,12 +9,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from meshot.errors import require_choice, require_positive_integer
-from meshot.flow.fields import VelocityField
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import plane_section
+from meshot.flow import VelocityField
+from meshot.mesh import Mesh, plane_section
 from meshot.types import Array, Float, Tensor
-from meshot.view import LINE_COLOURS, PLANES, slice_image
-from meshot.view.style import WIDTH
+from meshot.view import LINE_COLOURS, PLANES, WIDTH, slice_image
 from meshot.volume import Volume
 
 

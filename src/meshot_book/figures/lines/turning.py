@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from meshot.types import Array, Float, Tensor
-from meshot.view.style import BLACK, BLUE, GREY, ORANGE, WIDTH
+from meshot.view import BLACK, BLUE, GREY, ORANGE, WIDTH
 
 #: Distances of the two rows of projections from the middle, in radii of the clouds.
 ROWS = (1.25, 1.5)
