@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from check_notebooks import run_nbval
 from kernels import SeparateKernelManager
 from reader_extension import FOLDED
 from run_notebooks import lighten_pictures, source_notebook
+from stored_notebooks import run_nbval
 
 ROOT = Path(__file__).resolve().parent.parent
 STORED = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))

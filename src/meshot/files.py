@@ -26,23 +26,7 @@ def printable_name(path: str | os.PathLike) -> str:
 
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a temporary path beside ``path`` that is renamed to ``path`` if the block ends without an error.
-
-    Parameters
-    ----------
-    path : path
-        The final path. Its folder is created if it is missing.
-
-    Yields
-    ------
-    pathlib.Path
-        The path to write to. It has the same suffixes as ``path``.
-
-    Raises
-    ------
-    OSError
-        If the disk is full. The message names the path.
-    """
+    """Yield a temporary path beside ``path`` that is renamed to ``path`` if the block ends without an error."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with naming_a_full_disk(path), scratch_folder(path.parent) as folder:
@@ -60,26 +44,6 @@ def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Pat
 
     If something else appears at ``path`` while the block runs, it is left as it is, and this call raises. Of two runs
     that write the same folder, the first to end therefore succeeds.
-
-    Parameters
-    ----------
-    path : path
-        The final folder. Its parent is created if it is missing. A link is followed.
-    replace : bool
-        Whether an existing folder that is not empty is replaced. It stays unchanged until the block has ended.
-
-    Yields
-    ------
-    pathlib.Path
-        The folder to write into.
-
-    Raises
-    ------
-    ValueError
-        If ``path`` is a file, or a folder that is not empty while ``replace`` is false, or the working folder, or a
-        mount point, or if it changed while the block ran.
-    OSError
-        If the disk is full. The message names the path.
     """
     path = Path(path)
     if path.exists() and not path.is_dir():
@@ -148,13 +112,7 @@ def _changed(path: Path) -> str:
 
 @contextlib.contextmanager
 def naming_a_full_disk(path: Path) -> Iterator[None]:
-    """Name the disk when it is full: writers say that no space is left, but not where.
-
-    Raises
-    ------
-    OSError
-        In place of an error that says that no space is left.
-    """
+    """Name the disk when it is full: writers say that no space is left, but not where."""
     try:
         yield
     except Exception as error:
@@ -165,20 +123,7 @@ def naming_a_full_disk(path: Path) -> Iterator[None]:
 
 
 def named_file(name: str | os.PathLike, folder: Path) -> Path:
-    """The path of a YAML file: ``name`` itself if it is a path, or the file of that name in a folder of the package.
-
-    Parameters
-    ----------
-    name : path or str
-        A path, or a single word without suffix.
-    folder : path
-        The folder of the package where words are looked up.
-
-    Raises
-    ------
-    ValueError
-        If ``name`` is a single word and there is no file of that name.
-    """
+    """The path of a YAML file: ``name`` itself if it is a path, or the file of that name in a folder of the package."""
     path = Path(name)
     if path.suffix or len(path.parts) != 1:
         return path
@@ -197,19 +142,7 @@ _OPENERS = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open}
 
 
 def unpacked(path: str | os.PathLike, largest: int) -> bytes:
-    """The content of a file, decompressed if its first bytes mark it as gzip or bzip2.
-
-    Parameters
-    ----------
-    path : path
-    largest : int
-        Maximum size of the decompressed content, in bytes.
-
-    Raises
-    ------
-    ValueError
-        If the content is larger, or the compressed stream is truncated or does not match its checksum.
-    """
+    """The content of a file, decompressed if its first bytes mark it as gzip or bzip2."""
     return b"".join(_blocks(Path(path), largest))
 
 
@@ -261,16 +194,6 @@ def scratch_folder(parent: Path) -> Iterator[Path]:
 
     The folder is locked (flock) while its process lives, and its name contains the name of the machine. A folder is
     removed only if it was made on this machine and its lock is free. On file systems without locks nothing is removed.
-
-    Parameters
-    ----------
-    parent : path
-        An existing folder.
-
-    Yields
-    ------
-    pathlib.Path
-        The folder, empty.
     """
     remove_abandoned(parent)
     folder, lock = _made(parent)

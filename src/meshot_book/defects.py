@@ -39,33 +39,14 @@ def inflated(mesh: Mesh, distance: float) -> Mesh:
 
 
 def noisy(mesh: Mesh, deviation: float, generator: Generator) -> Mesh:
-    """Every vertex moved along its normal by an independent Gaussian distance.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    deviation : float
-        Standard deviation of the distances.
-    generator : numpy.random.Generator, torch.Generator or int
-
-    Raises
-    ------
-    ValueError
-        If the deviation is not positive.
-    """
+    """Every vertex moved along its normal by an independent Gaussian distance."""
     require_positive(deviation, "deviation", "units of the vertices")
     amounts = deviation * numpy_generator(generator).standard_normal(len(mesh.vertices))
     return mesh.with_vertices(mesh.vertices + mesh.vertices.new_tensor(amounts)[:, None] * vertex_normals(mesh))
 
 
 def with_hole(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float) -> Mesh:
-    """The surface without the faces whose barycentre lies in a ball. The result is open.
-
-    Raises
-    ------
-    ValueError
-        If the radius is not positive, no face lies in the ball, or all do.
-    """
+    """The surface without the faces whose barycentre lies in a ball. The result is open."""
     require_positive(radius, "radius", "units of the vertices")
     gone = _near(face_barycentres(mesh), centre, radius)
     if not bool(gone.any()) or bool(gone.all()):
@@ -77,13 +58,7 @@ def with_hole(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float) -> Mesh:
 
 
 def with_spike(mesh: Mesh, vertex: int, height: float) -> Mesh:
-    """The surface with one vertex moved outwards along its normal (inwards if ``height`` < 0).
-
-    Raises
-    ------
-    ValueError
-        If there is no such vertex.
-    """
+    """The surface with one vertex moved outwards along its normal (inwards if ``height`` < 0)."""
     if not 0 <= vertex < len(mesh.vertices):
         raise ValueError(f"vertex is {vertex}; an index from 0 to {len(mesh.vertices) - 1} is needed")
     moved = mesh.vertices.clone()
@@ -92,22 +67,7 @@ def with_spike(mesh: Mesh, vertex: int, height: float) -> Mesh:
 
 
 def with_blurred_folds(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float, n_steps: int) -> Mesh:
-    """The surface with the folds in a ball smoothed, as if a gyrus or sulcus had been missed.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    centre : tensor
-    radius : float
-        Vertices within it move. The displacement decreases to zero at the boundary of the ball.
-    n_steps : int
-        Number of steps of Laplacian smoothing.
-
-    Raises
-    ------
-    ValueError
-        If the radius is not positive, or ``n_steps`` is not a positive integer.
-    """
+    """The surface with the folds in a ball smoothed, as if a gyrus or sulcus had been missed."""
     require_positive(radius, "radius", "units of the vertices")
     require_positive_integer(n_steps, "n_steps")
     away = (mesh.vertices - centre).norm(dim=1) / radius
@@ -121,11 +81,6 @@ def unevenly_sampled(mesh: Mesh, inside: Bool[Tensor, " F"], n_rounds: int) -> M
 
     Each chosen face is divided into three at its barycentre, ``n_rounds`` times. Neighbouring faces do not change and
     the mesh stays closed. The set of points of the surface does not change; the triangles become less regular.
-
-    Raises
-    ------
-    ValueError
-        If ``inside`` does not have one entry per face, or ``n_rounds`` is not a positive integer.
     """
     require_positive_integer(n_rounds, "n_rounds")
     if inside.shape != mesh.faces.shape[:1]:
@@ -140,20 +95,7 @@ def unevenly_sampled(mesh: Mesh, inside: Bool[Tensor, " F"], n_rounds: int) -> M
 
 
 def with_flipped_faces(mesh: Mesh, share: float, generator: Generator) -> Mesh:
-    """The surface with randomly chosen faces reversed: the same positions, inconsistent orientation.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    share : float
-        Fraction of the faces, in (0, 1]. With 1 the whole surface is inside out.
-    generator : numpy.random.Generator, torch.Generator or int
-
-    Raises
-    ------
-    ValueError
-        If ``share`` is not in (0, 1].
-    """
+    """The surface with randomly chosen faces reversed: the same positions, inconsistent orientation."""
     if not 0 < share <= 1:
         raise ValueError(f"share is {share!r}; a number in (0, 1] is needed, the part of the faces that is turned")
     n_turned = max(1, round(share * len(mesh.faces)))
@@ -194,13 +136,7 @@ class SulcalWalls:
 
 
 def facing_walls(mesh: Mesh, narrowest: float, widest: float) -> SulcalWalls:
-    """Pairs of faces whose outward normals point at each other, at distances from ``narrowest`` to ``widest``.
-
-    Raises
-    ------
-    ValueError
-        If 0 < narrowest < widest does not hold, or there is no such pair.
-    """
+    """Pairs of faces whose outward normals point at each other, at distances from ``narrowest`` to ``widest``."""
     if not 0 < narrowest < widest:
         raise ValueError(f"narrowest is {narrowest!r}, widest {widest!r}; 0 < narrowest < widest is needed")
     middles, normals = (x.detach().double().cpu().numpy() for x in (face_barycentres(mesh), face_normals(mesh)))
@@ -222,11 +158,6 @@ def with_bridge(mesh: Mesh, narrowest: float = 2.0, widest: float = 8.0) -> Mesh
     """The surface with a handle across a sulcus: two opposite faces are replaced by a tube between them.
 
     χ decreases by two. The pair with the widest gap is used whose tube does not intersect the surface.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot_book.defects.facing_walls`, or if every tube would intersect the surface.
     """
     banks = facing_walls(mesh, narrowest, widest)
     n_crossing, wanted = len(self_intersecting_faces(mesh)), euler_number(mesh) - 2
@@ -256,11 +187,6 @@ def with_crossing(mesh: Mesh, depth: float, narrowest: float = 1.0, widest: floa
     """The surface with one wall of a narrow sulcus moved through the other: same topology, self-intersections.
 
     The three corners of a face are moved across the narrowest gap and by ``depth`` beyond it.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot_book.defects.facing_walls`, or if ``depth`` is not positive.
     """
     if not depth > 0:
         raise ValueError(f"depth is {depth!r}; a length > 0 is needed, how far beyond the other bank")

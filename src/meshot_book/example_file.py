@@ -24,25 +24,7 @@ _MARGIN, _BLOCK = 12, 4
 def write_example(
     path: str | os.PathLike, example: DeformationExample, record: dict, n_target_faces: int = 30_000
 ) -> None:
-    """Write a hemisphere with at most 65 536 vertices, completely or not at all.
-
-    Parameters
-    ----------
-    path : path
-    example : DeformationExample
-        The scan must be in [0, 1]. It is cropped to a box around the surfaces and stored with 256 grey levels. The box
-        starts at a multiple of four voxels, so that the coarser scales of a network do not change. Vertices are stored
-        with a resolution of 1/65535 of their bounding box.
-    record : dict
-        JSON values: the subject, and the code that made the example.
-    n_target_faces : int
-        The true surface is simplified to this number of faces.
-
-    Raises
-    ------
-    ValueError
-        If a mesh has too many vertices, the scan is outside [0, 1], or the file would exceed 1.5 MB.
-    """
+    """Write a hemisphere with at most 65 536 vertices, completely or not at all."""
     scan = _box(example)
     if scan.data.min() < 0 or scan.data.max() > 1:
         raise ValueError(f"the scan ranges from {scan.data.min():.4g} to {scan.data.max():.4g}; [0, 1] is needed")
@@ -66,13 +48,7 @@ def write_example(
 
 
 def read_example(path: str | os.PathLike) -> tuple[DeformationExample, dict]:
-    """Read a hemisphere and its record. ``coarse`` is the same mesh as ``initial``.
-
-    Raises
-    ------
-    ValueError
-        If the file is missing, truncated, or of another kind.
-    """
+    """Read a hemisphere and its record. ``coarse`` is the same mesh as ``initial``."""
     try:
         with safetensors.safe_open(path, framework="numpy") as file:
             record = json.loads((file.metadata() or {})["DeformationExample"])

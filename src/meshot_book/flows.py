@@ -281,26 +281,14 @@ class Leg:
 
 
 def chain_end(legs: Sequence[Leg], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
-    """Positions of the points after all flows, applied in order. Without flows, the points. Differentiable.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.integrate`.
-    """
+    """Positions of the points after all flows, applied in order. Without flows, the points. Differentiable."""
     for leg in legs:
         points = integrate(leg.field, points, leg.n_steps, leg.method)
     return points
 
 
 def chain_trajectory(legs: Sequence[Leg], points: Float[Tensor, "n d"]) -> Float[Tensor, "k n d"]:
-    """Positions of the points before the first step of the first flow and after each step of each flow.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.integrate`.
-    """
+    """Positions of the points before the first step of the first flow and after each step of each flow."""
     positions = points[None]
     for leg in legs:
         after = trajectory(leg.field, positions[-1], leg.n_steps, leg.method)[1:]
@@ -309,13 +297,7 @@ def chain_trajectory(legs: Sequence[Leg], points: Float[Tensor, "n d"]) -> Float
 
 
 def chain_reports(legs: Sequence[Leg], points: Float[Tensor, "n d"]) -> list[PathReport]:
-    """The report of :func:`meshot.flow.inspect_paths` for every flow, along the paths of the points.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.integrate`.
-    """
+    """The report of :func:`meshot.flow.inspect_paths` for every flow, along the paths of the points."""
     reports = []
     for leg in legs:
         reports.append(inspect_paths(leg.field, points, leg.n_steps, leg.method))
@@ -352,13 +334,7 @@ class Descent:
         return self.snapshots[-1]
 
     def at(self, step: int) -> Float[Tensor, "n d"]:
-        """The points after ``step`` steps.
-
-        Raises
-        ------
-        ValueError
-            If the points were not stored after that step.
-        """
+        """The points after ``step`` steps."""
         if step not in self.steps:
             raise ValueError(f"step is {step}; points were kept only after {self.steps}: ask for it in `keep`")
         return self.snapshots[self.steps.index(step)]
@@ -377,28 +353,6 @@ def descend(
     This is the toy experiment of the paper. The step is v ← momentum · v + ∇loss(x), then x ← x − learning_rate · v,
     from v = 0, as in ``torch.optim.SGD``. Along a direction of curvature c (loss = c x² / 2) it is stable if and only
     if 0 < learning_rate · c < 2 (1 + momentum).
-
-    Parameters
-    ----------
-    loss : callable
-        Takes the points and returns one number. It may draw new random directions at each call, from a generator of its
-        own.
-    points : tensor
-        The initial positions. They are not modified.
-    n_steps : int
-    learning_rate, momentum : float
-        ``learning_rate`` > 0, 0 <= ``momentum`` < 1.
-    keep : sequence of int, optional
-        Numbers of steps after which to store the points. The last step is always stored, and by default it alone.
-
-    Raises
-    ------
-    ValueError
-        If an argument is outside its range, or the points become infinite or NaN (the learning rate is too large).
-
-    References
-    ----------
-    Polyak, *Some methods of speeding up the convergence of iteration methods*, 1964.
     """
     points = as_floating(points, "points")
     require_shape(points, "points", None)
@@ -442,17 +396,6 @@ def forces(loss: PointLoss, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"
 
     The factor cancels the mean over n points and the factor 2 of a squared distance. For the mean of the squared
     distances ‖xᵢ − yᵢ‖², the force on xᵢ is yᵢ − xᵢ, in units of the points.
-
-    Parameters
-    ----------
-    loss : callable
-        Takes the points and returns one number.
-    points : tensor
-
-    Raises
-    ------
-    ValueError
-        If the points are not a finite, floating-point matrix.
     """
     points = as_floating(points, "points")
     require_shape(points, "points", None)
@@ -465,11 +408,6 @@ def probe_forces(loss: PointLoss, points: Float[Tensor, "n d"], probes: Float[Te
     """The force on an additional point at each probe position: one probe at a time is appended to the points.
 
     Needs one evaluation of the loss per probe.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot_book.flows.forces`.
     """
     return torch.stack([forces(loss, torch.cat([points, probe[None]]))[-1] for probe in probes])
 
@@ -483,20 +421,6 @@ def damped(field: GridVelocity, places: Float[Tensor, "n 3"], radius: float) -> 
 
     Coefficients at most ``radius`` from a position become zero. Between ``radius`` and twice ``radius`` they are scaled
     by a factor that rises linearly from 0 to 1. The result is a spline, so the field stays as smooth as before.
-
-    Parameters
-    ----------
-    field : GridVelocity
-    places : tensor
-        The positions, in mm.
-    radius : float
-        In mm. With cubic splines, the velocity at a position is exactly zero if ``radius`` is more than 3.5 times the
-        finest spacing, and small otherwise.
-
-    Raises
-    ------
-    ValueError
-        If the positions are not a finite, floating-point matrix with three columns, or ``radius`` is not positive.
     """
     places = as_floating(places, "places")
     require_shape(places, "places", 3)
@@ -522,30 +446,6 @@ def without_crossings(
     vertices. The radius grows by ``radius`` after every third round. The
     field does not change elsewhere, and its flow remains that of a smooth field. Near the damped faces the mesh is
     less close to the target. :class:`meshot.flow.Guard` instead changes the fit as a whole.
-
-    Parameters
-    ----------
-    field : GridVelocity
-    mesh : Mesh
-        Without self-intersections.
-    n_steps, method
-        As in :func:`meshot.integrate`.
-    radius : float
-        In mm. With cubic splines, the velocity at a position is exactly zero if ``radius`` is more than 3.5 times the
-        finest spacing, and small otherwise.
-    max_rounds : int
-        Maximum number of rounds.
-
-    Returns
-    -------
-    GridVelocity
-        The field itself if no faces intersect.
-
-    Raises
-    ------
-    ValueError
-        If the mesh has self-intersections before it is moved or after ``max_rounds`` rounds, or ``radius`` is not
-        positive.
     """
     require_positive_integer(max_rounds, "max_rounds")
     if len(self_intersecting_faces(mesh)):

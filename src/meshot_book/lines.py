@@ -37,19 +37,6 @@ def monotone_plan(
     Mass is transported from the smallest remaining source point to the smallest remaining target point, until one of
     the two is exhausted. At most n + m − 1 cells have mass, and only these are returned. The masses are differentiable
     with respect to the weights, if no weight is zero and no two steps end at the same value.
-
-    Raises
-    ------
-    ValueError
-        If positions are not finite numbers on a line, or weights are not those of a probability measure on them.
-
-    Notes
-    -----
-    O(n log n + m log m) time. ``meshot.loss.quantile_cost`` computes the cost of this plan without storing it.
-
-    References
-    ----------
-    Peyré and Cuturi, *Computational Optimal Transport*, 2019, Section 2.6.
     """
     sides = []
     for name, positions, weights in (("source", source, source_weights), ("target", target, target_weights)):

@@ -16,26 +16,7 @@ from meshot.types import Array
 def arm_differences(
     first: Mapping[str, Values], second: Mapping[str, Values], centre: str = "gap"
 ) -> dict[str, float | None]:
-    """The paired difference, first minus second arm, of every measure, as entries of a table row.
-
-    Parameters
-    ----------
-    first, second : mapping
-        The values of every measure, in the same order of seeds or subjects in both arms.
-    centre : str
-        The suffix for the mean difference.
-
-    Returns
-    -------
-    dict
-        ``NAME_gap`` (or another ``centre``), ``NAME_low`` and ``NAME_high``, see
-        :func:`meshot.statistics.paired_interval`. For a single pair, low and high are None.
-
-    Raises
-    ------
-    ValueError
-        If the arms have different measures; otherwise as :func:`meshot.statistics.paired_interval`.
-    """
+    """The paired difference, first minus second arm, of every measure, as entries of a table row."""
     if set(first) != set(second):
         odd = ", ".join(sorted(set(first) ^ set(second)))
         raise ValueError(f"{odd}: measured in one arm only; give both arms the same measures")
@@ -81,24 +62,6 @@ def fitted_slope(
     repetitions. The interval is that of the percentile bootstrap: repetitions are resampled at every x, and the line is
     fitted again. It measures the effect of chance on the fit, not whether a power law is the right model. If there is
     only one error at every x, the interval is Student's, from the residuals of the fit.
-
-    Parameters
-    ----------
-    x : sequence of float
-        Sizes, positive, with at least two different values (three if errors are single).
-    errors : sequence of sequences
-        The repetitions at each x, signed or not, in any number.
-    statistic : str
-        "mean" for the mean absolute error, "rms" for the root of the mean square.
-    n_draws : int
-        Number of resamplings.
-    generator : numpy.random.Generator, torch.Generator or int
-        Random number generator of the resampling; an integer is a seed.
-
-    Raises
-    ------
-    ValueError
-        If the lengths do not match, an x or a mean error is not positive, or the statistic is unknown.
     """
     rows = [np.abs(np.asarray(row, dtype=np.float64)).reshape(-1) for row in errors]
     _require_fit(x, rows, statistic)
@@ -160,24 +123,6 @@ def intraclass_correlation(values: Array | Sequence, groups: Sequence | None = N
     independent. The intraclass correlation is var(b) / (var(b) + var(e)). It is estimated from the mean squares
     between and within people, and may be negative. The interval is exact under the model: the ratio of the mean
     squares has an F distribution.
-
-    Parameters
-    ----------
-    values : array or nested sequence
-        A row for each person and a column for each visit.
-    groups : sequence, optional
-        The group of each person. Then μ is the mean of the group, so that a difference between groups is no variance
-        between people.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two visits, a value is not finite, the groups do not fit the rows, there are not more
-        people than groups, or all values are equal.
-
-    References
-    ----------
-    Shrout and Fleiss, *Intraclass correlations: uses in assessing rater reliability*, Psychological Bulletin 1979.
     """
     numbers = _repeated(values)
     between, within, n_between, n_within = _mean_squares(numbers, groups)
@@ -190,18 +135,7 @@ def intraclass_correlation(values: Array | Sequence, groups: Sequence | None = N
 
 
 def within_deviation(values: Array | Sequence) -> Interval:
-    """The standard deviation of the error of one visit, with its 95 % interval by the χ² distribution.
-
-    Parameters
-    ----------
-    values : array or nested sequence
-        A row for each person and a column for each visit.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two visits or no person, or a value is not finite.
-    """
+    """The standard deviation of the error of one visit, with its 95 % interval by the χ² distribution."""
     numbers = _repeated(values)
     n_within = numbers.shape[0] * (numbers.shape[1] - 1)
     total = float(((numbers - numbers.mean(axis=1, keepdims=True)) ** 2).sum())
@@ -211,20 +145,7 @@ def within_deviation(values: Array | Sequence) -> Interval:
 
 
 def power_of_groups(effect: float, n_people: int) -> float:
-    """The probability that a two-sided t-test at 5 % finds a difference of two groups of normal values.
-
-    Parameters
-    ----------
-    effect : float
-        The difference of the means over the standard deviation within a group.
-    n_people : int
-        In each group, at least two.
-
-    Raises
-    ------
-    ValueError
-        If the effect is not finite or there are fewer than two people.
-    """
+    """The probability that a two-sided t-test at 5 % finds a difference of two groups of normal values."""
     if not math.isfinite(effect) or n_people < 2:
         raise ValueError(
             f"the effect is {effect} and a group has {n_people} people; a finite number and at least two "
@@ -240,20 +161,6 @@ def people_needed(effect: float, reliability: float = 1.0, power: float = 0.8) -
 
     An error of measurement widens both groups. With reliability ρ, the effect that is seen is √ρ times the true one
     (attenuation), and about 1 / ρ times as many people are needed.
-
-    Parameters
-    ----------
-    effect : float
-        The true difference of the means over the true standard deviation between people.
-    reliability : float
-        The intraclass correlation of the measurement, above 0 and at most 1.
-    power : float
-        Between 0.05 and 1.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range, or ten million people are too few.
     """
     if not (0 < reliability <= 1 and 1 - LEVEL < power < 1):
         raise ValueError(

@@ -108,13 +108,7 @@ class Moments:
 
 
 def moments_of(mask: Volume) -> Moments:
-    """The moments of the voxels of a mask.
-
-    Raises
-    ------
-    ValueError
-        If the mask has fewer than 1000 voxels.
-    """
+    """The moments of the voxels of a mask."""
     places = np.argwhere(mask.data) @ mask.affine[:3, :3].T + mask.affine[:3, 3]
     if len(places) < _FEWEST_VOXELS:
         raise ValueError(f"the mask has {len(places)} voxels; {_FEWEST_VOXELS} or more are needed for its moments")
@@ -125,15 +119,6 @@ def gaussian_transport(source: Moments, target: Moments) -> Float[Array, "4 4"]:
     """The affine map that is the optimal transport between the normal distributions with these moments.
 
     Its linear part is symmetric and positive definite: it scales along three orthogonal axes and turns nothing.
-
-    Raises
-    ------
-    ValueError
-        If a covariance is singular.
-
-    References
-    ----------
-    Peyré and Cuturi, *Computational optimal transport*, 2019, remark 2.31.
     """
     root = _root(source.covariance)
     if np.linalg.cond(root) > 1e6:

@@ -19,11 +19,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status is 0, or 2 where the input will not do (one line on stderr says why).
 
     ``meshot reconstruct --strict`` exits with 3 where the result would come with a warning.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Those of the process if left out.
     """
     chosen = make_parser().parse_args(arguments)
     try:

@@ -26,23 +26,7 @@ class HelpParagraphs(argparse.HelpFormatter):
 def add_command(
     commands: Commands, name: str, summary: str, description: str, examples: str, more: str = "", usage: str = ""
 ) -> argparse.ArgumentParser:
-    """Add a command whose help ends with examples.
-
-    Parameters
-    ----------
-    commands : Commands
-    name : str
-    summary : str
-        One line for the list of all commands.
-    description : str
-        What the command does, in sentences.
-    examples : str
-        One command on each line.
-    more : str
-        What stands between the arguments and the examples.
-    usage : str
-        In place of the usage that argparse would print.
-    """
+    """Add a command whose help ends with examples."""
     lines = [f"  {line.strip()}" for line in examples.strip().splitlines()]
     heading = "Example:" if len(lines) == 1 else "Examples:"
     return commands.add_parser(
@@ -62,13 +46,7 @@ if TYPE_CHECKING:  # for annotations only: importing torch would delay --help
 
 
 def device_of(chosen: argparse.Namespace) -> "torch.device | None":
-    """The device given by ``--device``, or None if the option was not given.
-
-    Raises
-    ------
-    ValueError
-        If torch does not know the device, or it cannot compute here.
-    """
+    """The device given by ``--device``, or None if the option was not given."""
     import torch
 
     if chosen.device is None:
@@ -93,13 +71,7 @@ def _refusal(name: str, reason: str) -> str:
 
 @contextlib.contextmanager
 def device_errors() -> Iterator[None]:
-    """Within the block, a failure of a GPU becomes a ValueError that says what to do.
-
-    Raises
-    ------
-    ValueError
-        If the memory of a GPU is full, or a GPU reports an error.
-    """
+    """Within the block, a failure of a GPU becomes a ValueError that says what to do."""
     import torch
 
     try:

@@ -183,12 +183,7 @@ def _visits(chosen: argparse.Namespace, inputs: list[Path], level: str | None) -
 
 
 def add_reconstruction_arguments(command: argparse.ArgumentParser) -> None:
-    """Add the scans, the folder of the results, and all options.
-
-    Parameters
-    ----------
-    command : argparse.ArgumentParser
-    """
+    """Add the scans, the folder of the results, and all options."""
     command.add_argument(
         "scan", type=Path, nargs="+", help="A T1-weighted scan, several scans, a folder of scans, or a BIDS data set."
     )

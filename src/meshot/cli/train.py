@@ -100,14 +100,7 @@ Trained = TypeVar("Trained")
 
 
 def add_training_arguments(command: argparse.ArgumentParser, change: str) -> None:
-    """Add the arguments for configuration, cohorts, output, changed settings, threads and device.
-
-    Parameters
-    ----------
-    command : argparse.ArgumentParser
-    change : str
-        An example of a changed setting, for the help text.
-    """
+    """Add the arguments for configuration, cohorts, output, changed settings, threads and device."""
     command.add_argument("config", type=Path, help="The settings of network and training: a name, or a YAML file.")
     command.add_argument(
         "--data", type=Path, nargs="+", required=True, metavar="COHORT", help="Train on the cohorts in these folders."
@@ -132,13 +125,7 @@ def add_training_arguments(command: argparse.ArgumentParser, change: str) -> Non
 
 
 def run_training(chosen: argparse.Namespace, train: Callable[[], Trained]) -> Trained:
-    """Call ``train`` with the number of threads given by ``--threads``.
-
-    Raises
-    ------
-    ValueError
-        If the number of threads is not a positive integer, a loss or gradient was not finite, or the device failed.
-    """
+    """Call ``train`` with the number of threads given by ``--threads``."""
     import torch
 
     from meshot.errors import require_positive_integer

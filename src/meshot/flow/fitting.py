@@ -206,13 +206,7 @@ def carried(state: FitState, mesh: Mesh, settings: FitSettings) -> Mesh:
 
 
 def require_no_crossings(mesh: Mesh, guard: Guard) -> None:
-    """Check that the mesh at the start of a fit has no more self-intersections than the guard allows.
-
-    Raises
-    ------
-    ValueError
-        If it has more: there would be no valid state to return to.
-    """
+    """Check that the mesh at the start of a fit has no more self-intersections than the guard allows."""
     n_crossings = len(self_intersecting_faces(mesh))
     if n_crossings > guard.max_crossings:
         raise ValueError(

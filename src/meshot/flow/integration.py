@@ -104,21 +104,7 @@ def trajectory(
 def step_maps(
     velocity: Velocity, points: Float[Tensor, "n d"], n_steps: int, method: str
 ) -> list[tuple[Tensor, Callable[[Tensor], Tensor]]]:
-    """The steps of :func:`trajectory`: for each, its start time and the map that it applies to points.
-
-    Parameters
-    ----------
-    velocity : callable of (time, points)
-    points : tensor
-        Determines the dtype and the device of the times.
-    n_steps, method : int, str
-        As in :func:`meshot.integrate`.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.integrate`.
-    """
+    """The steps of :func:`trajectory`: for each, its start time and the map that it applies to points."""
     grid = _time_grid(points, n_steps, inverse=False)
 
     def step(ends: Tensor) -> Callable[[Tensor], Tensor]:

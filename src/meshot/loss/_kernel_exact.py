@@ -402,11 +402,6 @@ def walk(power, source, target, wanted, moments, moments_target):
     """W_p^p between two distributions (x, extent, mass, change), and the moments of φ′ over the cells if ``wanted``.
 
     The moments are ∫φ′ξᵏ dx for k = 0, 1, 2, where ξ goes from 0 to 1 across the cell. At an atom the first is ∫φ′ dz.
-
-    Raises
-    ------
-    ValueError
-        If a mass is NaN, so that the pass does not reach the end of both distributions.
     """
     x, dx, mass, change = source
     y, dy, mass_target, change_target = target

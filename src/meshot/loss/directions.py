@@ -42,13 +42,7 @@ def _spiral(height: Array) -> Array:
 
 
 def kronecker_lattice(n: int, d: int, seed: int) -> Float[Array, "n d"]:
-    """A shifted rank-1 lattice with d − 1 irrational steps, mapped to the half sphere by an area-preserving map.
-
-    References
-    ----------
-    Roberts, *The Unreasonable Effectiveness of Quasirandom Sequences*, 2018 (steps: powers of the root of
-    x^d = x + 1).
-    """
+    """A shifted rank-1 lattice with d − 1 irrational steps, mapped to the half sphere by an area-preserving map."""
     growth = 2.0
     for _ in range(64):
         growth = (1 + growth) ** (1 / d)
@@ -92,12 +86,7 @@ def _sobol_gaussian(n: int, d: int, seed: int) -> Array:
 
 
 def orthonormal_blocks(gaussian: Float[Array, "k d d"]) -> Float[Array, "k d d"]:
-    """Orthonormal rows from Gaussian ones, with signs chosen such that they are uniform on the orthogonal group.
-
-    References
-    ----------
-    Mezzadri, *How to generate random matrices from the classical compact groups*, Notices of the AMS, 2007.
-    """
+    """Orthonormal rows from Gaussian ones, with signs chosen such that they are uniform on the orthogonal group."""
     basis, triangular = np.linalg.qr(gaussian)
     signs = np.sign(np.diagonal(triangular, axis1=1, axis2=2))
     return np.swapaxes(basis * signs[:, None, :], 1, 2)
@@ -302,20 +291,7 @@ def _construction(method: str | None, d: int) -> Construction:
 
 
 def require_directions(directions: Directions, like: Tensor) -> Tensor:
-    """Directions as unit rows in the space of ``like``, with its dtype and device.
-
-    Parameters
-    ----------
-    directions : tensor, array or int
-        Unit rows; or their number, for the deterministic set :func:`meshot.quasi_directions` with seed 0.
-    like : tensor
-        Points of the space.
-
-    Raises
-    ------
-    ValueError
-        If the number is not a positive integer, the shape does not fit, or a row does not have unit length.
-    """
+    """Directions as unit rows in the space of ``like``, with its dtype and device."""
     if isinstance(directions, int | np.integer):
         n = require_positive_integer(directions, "directions")
         return quasi_directions(n, like.shape[-1], dtype=like.dtype, device=like.device)

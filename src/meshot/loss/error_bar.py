@@ -31,13 +31,7 @@ class _Estimate:
         return self.standard_error / self.value if self.value else 0.0
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """The confidence interval of the mean over all draws, by Student's t distribution, cut off at zero.
-
-        Raises
-        ------
-        ValueError
-            If ``level`` is not between zero and one.
-        """
+        """The confidence interval of the mean over all draws, by Student's t distribution, cut off at zero."""
         if not 0 < level < 1:
             raise ValueError(f"level is {level!r}; a share between 0 and 1 is needed, such as 0.95")
         half = float(stats.t.ppf((1 + level) / 2, self.n_replicates - 1)) * self.standard_error
@@ -126,13 +120,7 @@ class WindowedEstimate(_Estimate):
 
 
 def require_relative_error(relative_error: float) -> None:
-    """Check a relative standard error that is asked for.
-
-    Raises
-    ------
-    ValueError
-        If it is not above zero.
-    """
+    """Check a relative standard error that is asked for."""
     if not relative_error > 0:
         raise ValueError(f"relative_error is {relative_error!r}; a share above 0 is needed, such as 0.01 for 1 %")
 

@@ -27,32 +27,6 @@ def exact_sliced_wasserstein(
     It is the mean over ``directions`` of the 1D transport cost between the projected measures. Each cost is exact up to
     roundoff, also for faces perpendicular to a direction. Differentiable with respect to the vertices (or points) and
     the weights, but not the directions.
-
-    Parameters
-    ----------
-    source, target : Measure
-        Of points or of cells, also one of each.
-    directions : tensor or int
-        Unit rows, or their number: as :func:`meshot.sliced_wasserstein`.
-    p : float
-        The exponent, 1 or 2.
-
-    Returns
-    -------
-    tensor
-        SW_p^p, in (units of the vertices)^p.
-
-    Raises
-    ------
-    ValueError
-        If the measures are in different spaces, the directions do not fit or require a gradient, ``p`` is neither 1
-        nor 2, or the cost would exceed the range of float64.
-
-    Notes
-    -----
-    O(L (F + V) log V) time, and memory for one direction per thread. Computed in float64 on the CPU, for all inputs.
-    If a face is exactly perpendicular to a direction, its projected mass is an atom, at which the cost has a kink. The
-    gradient is then a value between the one-sided derivatives. For p = 1, the sign of x − y = 0 is taken as 0.
     """
     directions = _checked(source, target, directions, p)
     cells = [source.cells, target.cells]

@@ -169,15 +169,7 @@ class _FusedNorm(torch.autograd.Function):
 def fused_norm(
     first: Sequence[Tensor], second: Sequence[Tensor], angular: tuple[float, float, float, float]
 ) -> Float[Tensor, ""]:
-    """The squared kernel norm of the difference of two varifolds, differentiable once.
-
-    Parameters
-    ----------
-    first, second : three tensors
-        Positions in widths of the kernel, unit normals, and masses.
-    angular : four floats
-        The kernel of two normals, see :mod:`meshot.loss._kernel_pairs`.
-    """
+    """The squared kernel norm of the difference of two varifolds, differentiable once."""
     return _FusedNorm.apply(*first, *second, angular)
 
 

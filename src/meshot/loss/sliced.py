@@ -184,29 +184,7 @@ def fused_slices(
     n_threads: int | None = None,
     walk: Callable = walk_lines,
 ) -> tuple[Float[Array, " L"], list[Array | None]]:
-    """The transport cost along every direction, and the gradients of the mean cost.
-
-    Parameters
-    ----------
-    measures : tensors
-        Points and weights of the source, then of the target.
-    directions : tensor
-        Unit rows.
-    p : float
-        The exponent, at least 1; or what ``walk`` takes in its place.
-    wanted : four bools
-        Which gradients to compute. The others are returned as None.
-    n_threads : int, optional
-        By default up to ``torch.get_num_threads()``, fewer for small measures.
-    walk : callable
-        The kernel that computes the cost and the gradients along some directions.
-
-    Notes
-    -----
-    Every thread processes some directions and writes the gradients in the points to rows, one per direction. Then every
-    thread sums all rows for some of the points, in the order of the directions. The gradient is therefore the same bit
-    for bit for any number of threads.
-    """
+    """The transport cost along every direction, and the gradients of the mean cost."""
     lines = _array(directions)
     sides = [_side(*measures[k : k + 2], *wanted[k : k + 2]) for k in (0, 2)]
     size = max(side.n for side in sides)
@@ -394,13 +372,7 @@ def plain_sliced_wasserstein(
 
 
 def checked_lines(source: Measure, directions: Directions, p: float) -> Float[Tensor, "L d"]:
-    """The directions as unit rows in the space of ``source``, after a check of the exponent.
-
-    Raises
-    ------
-    ValueError
-        If ``p`` is not a finite number >= 1, or the directions do not fit.
-    """
+    """The directions as unit rows in the space of ``source``, after a check of the exponent."""
     if not 1 <= p < math.inf:
         raise ValueError(f"p is {p!r}; a finite number >= 1 is needed (below one, sorting is not optimal)")
     return require_directions(directions, source.places)

@@ -310,11 +310,5 @@ def _along_lines(
 
 
 def require_reach(reach: float) -> None:
-    """Check that a reach is a positive length.
-
-    Raises
-    ------
-    ValueError
-        If it is not a finite number > 0.
-    """
+    """Check that a reach is a positive length."""
     require_positive(reach, "reach", "the units of the points")

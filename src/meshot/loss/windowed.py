@@ -269,22 +269,7 @@ def fused_windows(
     p: float,
     wanted: Sequence[bool],
 ) -> tuple[Float[Array, " n"], list[Array | None]]:
-    """The cost in every window that holds mass of both measures, and the gradients of the mean of these costs.
-
-    Parameters
-    ----------
-    measures : tensors
-        Points and weights of the source, then of the target.
-    centres, radius, directions, p
-        As in :func:`meshot.windowed_sliced_wasserstein`; the directions as unit rows.
-    wanted : four bools
-        Which gradients to compute. The others are returned as None.
-
-    Notes
-    -----
-    A window is computed by one thread, and the gradients of the windows are added in their order. The result is
-    therefore the same bit for bit for any number of threads.
-    """
+    """The cost in every window that holds mass of both measures, and the gradients of the mean of these costs."""
     places = centres.detach().double().numpy()
     sides = [_side(*measures[k : k + 2], places.shape[1]) for k in (0, 2)]
     lines = directions.detach().double()

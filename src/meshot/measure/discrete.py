@@ -291,17 +291,7 @@ class Extras:
                 object.__setattr__(self, name, _fitting(getattr(self, name), name, vertices, n_rows, kind))
 
     def at(self, interpolate: Interpolation, cells: Int64[Tensor, " k"], with_normals: bool) -> Float[Tensor, "n d"]:
-        """The coordinates of positions on known cells.
-
-        Parameters
-        ----------
-        interpolate : callable
-            Maps values at the vertices, one row each, to values at the positions.
-        cells : tensor
-            The face or edge of every position. Used only for normals and for features of faces.
-        with_normals : bool
-            Whether the normal is one of the coordinates.
-        """
+        """The coordinates of positions on known cells."""
         parts = [interpolate(self.shape.vertices)]
         if with_normals:
             is_contour = isinstance(self.shape, Contour)
@@ -320,13 +310,7 @@ def cells_of(shape: Mesh | Contour) -> Int64[Tensor, "F corners"]:
 
 
 def cell_shares(shape: Mesh | Contour) -> Float[Tensor, " F"]:
-    """The area of every face (or length of every edge) divided by the total: the probability of the cell.
-
-    Raises
-    ------
-    ValueError
-        If the total is zero.
-    """
+    """The area of every face (or length of every edge) divided by the total: the probability of the cell."""
     sizes = edge_lengths(shape) if isinstance(shape, Contour) else face_areas(shape)
     total = sizes.sum()
     if not float(total.detach()) > 0:

@@ -238,20 +238,7 @@ SECONDARY = ("GrayWhite", "MidThickness", "Pial")
 
 
 def gifti_image(vertices: Array, faces: Array, structure: tuple[str, str] | None = None) -> nibabel.GiftiImage:
-    """A closed surface in scanner RAS as a GIfTI image.
-
-    Parameters
-    ----------
-    vertices, faces : array
-        In mm; of scanner RAS.
-    structure : two str, optional
-        ``AnatomicalStructurePrimary`` and ``AnatomicalStructureSecondary``, for example CortexLeft and GrayWhite.
-
-    Raises
-    ------
-    ValueError
-        If Connectome Workbench does not know one of the names.
-    """
+    """A closed surface in scanner RAS as a GIfTI image."""
     points, triangles = {}, {}
     if structure is not None:
         if len(structure) != 2 or structure[0] not in PRIMARY or structure[1] not in SECONDARY:
@@ -283,13 +270,7 @@ _Property = tuple[str, bool]  # name, and whether it is a list
 
 
 def require_whole_text(content: bytes, kind: str) -> tuple[int, int] | None:
-    """The numbers of vertices and faces that an ASCII PLY or OFF file declares; None for other files.
-
-    Raises
-    ------
-    ValueError
-        If the file has fewer lines than declared, its last line is incomplete, or an ASCII STL has no end.
-    """
+    """The numbers of vertices and faces that an ASCII PLY or OFF file declares; None for other files."""
     if kind == "stl" and content.lstrip()[:5].lower() == b"solid" and b"facet" in content[:1024]:
         if b"endsolid" not in content[-1024:].lower():
             raise ValueError("it does not end with endsolid: it is cut short")
@@ -301,13 +282,7 @@ def require_whole_text(content: bytes, kind: str) -> tuple[int, int] | None:
 
 
 def require_all_read(declared: tuple[int, int] | None, vertices: Array, faces: Array) -> None:
-    """Check that a file has the declared number of vertices, and at least one triangle for every declared face.
-
-    Raises
-    ------
-    ValueError
-        If some are missing.
-    """
+    """Check that a file has the declared number of vertices, and at least one triangle for every declared face."""
     if declared is not None and (len(vertices) != declared[0] or len(faces) < declared[1]):
         raise ValueError(
             f"it declares {declared[0]} vertices and {declared[1]} faces; {len(vertices)} and {len(faces)} are in it"
@@ -315,13 +290,7 @@ def require_all_read(declared: tuple[int, int] | None, vertices: Array, faces: A
 
 
 def require_room_in_freesurfer(content: bytes) -> None:
-    """Check that a FreeSurfer surface file is long enough for the vertices and faces it declares.
-
-    Raises
-    ------
-    ValueError
-        If it is not.
-    """
+    """Check that a FreeSurfer surface file is long enough for the vertices and faces it declares."""
     if content[:3] in _TRIANGLES:
         start = content.find(b"\n", content.find(b"\n") + 1) + 1  # after two lines of text
         n_vertices, n_faces = (int.from_bytes(content[start + k : start + k + 4], "big", signed=True) for k in (0, 4))
@@ -336,13 +305,7 @@ def require_room_in_freesurfer(content: bytes) -> None:
 
 
 def require_room_in_gifti(content: bytes) -> None:
-    """Check that every array of a GIfTI file is as long as declared, and below the maximum size after decompression.
-
-    Raises
-    ------
-    ValueError
-        If one is not, or the file is not XML.
-    """
+    """Check that every array of a GIfTI file is as long as declared, and below the maximum size after decompression."""
     parser, check = xml.parsers.expat.ParserCreate(), _GiftiArrays()
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler = check.start, check.end

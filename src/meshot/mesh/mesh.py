@@ -33,13 +33,7 @@ class _Shape:
     """Common methods of meshes and contours."""
 
     def with_vertices(self, vertices: Tensor):
-        """The same connectivity with other vertices. Only the array's shape is checked.
-
-        Raises
-        ------
-        ValueError
-            If the number or the dimension of the vertices differs.
-        """
+        """The same connectivity with other vertices. Only the array's shape is checked."""
         if vertices.shape != self.vertices.shape:
             raise ValueError(
                 f"vertices has shape {tuple(vertices.shape)}; {tuple(self.vertices.shape)} is needed, one row for each "
@@ -196,13 +190,7 @@ EXCHANGED = ("vtp", "vtk", "glb")
 
 
 def trimesh_arrays(other: Any) -> tuple[Array, Array]:
-    """Vertices and faces of a ``trimesh.Trimesh``, or of all meshes in a ``trimesh.Scene`` after its transforms.
-
-    Raises
-    ------
-    ValueError
-        If ``other`` is of another class, or has no triangles.
-    """
+    """Vertices and faces of a ``trimesh.Trimesh``, or of all meshes in a ``trimesh.Scene`` after its transforms."""
     import trimesh
 
     if isinstance(other, trimesh.Scene):
@@ -222,13 +210,7 @@ def as_trimesh(vertices: Array, faces: Array) -> "trimesh.Trimesh":
 
 
 def pyvista_arrays(other: Any) -> tuple[Array, Array]:
-    """Vertices and faces of a ``pyvista.PolyData``. Strips and faces with more than three corners are triangulated.
-
-    Raises
-    ------
-    ValueError
-        If ``other`` is of another class, or has no triangles.
-    """
+    """Vertices and faces of a ``pyvista.PolyData``. Strips and faces with more than three corners are triangulated."""
     import pyvista
 
     if not isinstance(other, pyvista.PolyData):
@@ -254,11 +236,6 @@ def read_exchanged(path: Path, kind: str) -> tuple[Array, Array]:
 
     A GLB file contains a scene. All its meshes are transformed as the scene says and joined, whatever their materials.
     Vertices at the same position, such as those along seams of materials or normals, are merged.
-
-    Raises
-    ------
-    ValueError
-        If the file has no triangles.
     """
     if kind != "glb":
         import pyvista

@@ -358,18 +358,7 @@ UNLIKE, ANOTHER_UNIT = 2, 10
 
 
 def require_same_space(predicted: Surface, target: Surface) -> None:
-    """Check that two surfaces overlap and have similar sizes. Otherwise the metrics would be meaningless.
-
-    Raises
-    ------
-    ValueError
-        If the bounding boxes (with a margin of 5 %) do not overlap, or one diagonal is ten times the other.
-
-    Warns
-    -----
-    UserWarning
-        If the boxes share less than half of the smaller one, or one diagonal is twice the other.
-    """
+    """Check that two surfaces overlap and have similar sizes. Otherwise the metrics would be meaningless."""
     boxes = [(s.vertices.min(axis=0), s.vertices.max(axis=0)) for s in (predicted, target)]
     sizes = [float(np.linalg.norm(high - low)) for low, high in boxes]
     boxes = [(low - 0.05 * max(sizes), high + 0.05 * max(sizes)) for low, high in boxes]

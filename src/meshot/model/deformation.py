@@ -302,13 +302,7 @@ class CubeConvolution(nn.Module):
         return volume_pyramid(volume, self.weight.shape[1])
 
     def maps(self, images: tuple[Volume, ...]) -> tuple[FeatureMap, ...]:
-        """The convolution of every image, as input of :meth:`at`.
-
-        Raises
-        ------
-        ValueError
-            If the number of images differs from the number of scales.
-        """
+        """The convolution of every image, as input of :meth:`at`."""
         self._require_scales(images)
         half = self.weight.shape[-1] // 2
         padding = 2 * half + 1  # all positions where a cube overlaps the image, and one layer of zeros around them
@@ -324,13 +318,7 @@ class CubeConvolution(nn.Module):
         return self.bias + sum(level.at(points) for level in maps)
 
     def stacked(self, images: tuple[Volume, ...]) -> StackedImages:
-        """The images on the device of the layer, as input of :meth:`cut`.
-
-        Raises
-        ------
-        ValueError
-            If the number of images differs from the number of scales.
-        """
+        """The images on the device of the layer, as input of :meth:`cut`."""
         self._require_scales(images)
         return StackedImages(images, self.weight.shape[-1], self.weight)
 

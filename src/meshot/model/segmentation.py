@@ -103,13 +103,7 @@ class SegmentationNetwork(nn.Module):
 
 
 def require_levels(width: int, depth: int, fold: int) -> None:
-    """Check the size of a U-Net. The limits are far above what can be stored, and prevent excessive memory use.
-
-    Raises
-    ------
-    ValueError
-        If a count is not a positive integer, or the last level would have more than 512 channels.
-    """
+    """Check the size of a U-Net. The limits are far above what can be stored, and prevent excessive memory use."""
     for name, count, most in (("width", width, 512), ("depth", depth, 10), ("fold", fold, 8)):
         require_positive_integer(count, name, most)
     require_positive_integer(width * 2 ** (depth - 1), "the width of the last level", 512)

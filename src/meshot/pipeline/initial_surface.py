@@ -150,11 +150,6 @@ def sphere_like_mesh(mesh: Mesh, n_faces: int) -> Mesh:
     """The mesh after smoothing and decimation, with as few smoothing steps as give no self-intersections.
 
     If every number of steps that is tried gives self-intersections, the mesh is returned unchanged.
-
-    Raises
-    ------
-    ValueError
-        If the mesh is not a topological sphere.
     """
     found = topology(mesh)
     if found != SPHERE:

@@ -47,19 +47,7 @@ def slice_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
 
 
 def layer_picture(scan: Volume, meshes: dict[str, Mesh], plane: str, through: Float[Array, " 3"], what: str) -> Picture:
-    """One slice of the original scan around some surfaces.
-
-    Parameters
-    ----------
-    scan : Volume
-    meshes : dict
-        Surfaces by name, in scanner RAS.
-    plane : str
-    through : array
-        A point of the slice, in scanner RAS, in mm.
-    what : str
-        What the slice goes through, for the alternative text.
-    """
+    """One slice of the original scan around some surfaces."""
     vertices = torch.cat([mesh.vertices for mesh in meshes.values()]).numpy()
     box = vertices.min(axis=0), vertices.max(axis=0)
     slab = _slab(scan, box, PLANES[plane][0], float(through[PLANES[plane][0]]))
@@ -125,19 +113,7 @@ def _slab(scan: Volume, box: tuple[np.ndarray, np.ndarray], axis: int, position:
 
 
 def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]) -> str:
-    """The final surfaces, coloured by their distance from the initial ones, as HTML.
-
-    Parameters
-    ----------
-    found : Reconstruction
-    distances : dict
-        The distance of every vertex in mm, by side.
-
-    Returns
-    -------
-    str
-        If no OpenGL is available, a paragraph that says so.
-    """
+    """The final surfaces, coloured by their distance from the initial ones, as HTML."""
     meshes = {side: surface.final for side, surface in found.surfaces.items()}
     alt = "The white surfaces of the left and the right hemisphere"
     try:
@@ -162,17 +138,7 @@ Rows = list[tuple]
 
 
 def reconstruction_page(report: dict, slices: Sequence[Picture], given_up: Sequence[Picture], view: str) -> str:
-    """The page as HTML.
-
-    Parameters
-    ----------
-    report : dict
-        As :func:`meshot.pipeline.write_reconstruction` writes it to ``report.json``.
-    slices, given_up : sequence of Picture
-        Of the surfaces, and of the white matter that was given up.
-    view : str
-        HTML of the surfaces.
-    """
+    """The page as HTML."""
     return filled(
         "meshot/pipeline/assets/report.html",
         report=report,

@@ -55,25 +55,13 @@ class DoubtfulScanError(ValueError):
 
 
 def require_no_warnings(found: list[str]) -> None:
-    """Stop a strict reconstruction.
-
-    Raises
-    ------
-    DoubtfulScanError
-        With every warning, if there is one.
-    """
+    """Stop a strict reconstruction."""
     if found:
         raise DoubtfulScanError("; ".join(found) + ". Without --strict (strict=False) this is a warning only")
 
 
 def volume_warnings(scan: Volume) -> list[str]:
-    """Whether a scan, before it is registered, holds an image of about the volume of an adult's brain.
-
-    Parameters
-    ----------
-    scan : Volume
-        Not constant.
-    """
+    """Whether a scan, before it is registered, holds an image of about the volume of an adult's brain."""
     found = []
     n_values = len(np.unique(scan.data[::2, ::2, ::2]))
     if n_values < FEWEST_VALUES:
@@ -90,13 +78,7 @@ def volume_warnings(scan: Volume) -> list[str]:
 
 
 def scan_warnings(scan: StandardScan, template: Volume) -> list[str]:
-    """Whether the registered scan looks like the template and has about its size.
-
-    Parameters
-    ----------
-    scan : StandardScan
-    template : Volume
-    """
+    """Whether the registered scan looks like the template and has about its size."""
     found = []
     agreement = agreement_with(scan.volume, template)
     if agreement < LOWEST_AGREEMENT:
@@ -135,13 +117,7 @@ def scan_warnings(scan: StandardScan, template: Volume) -> list[str]:
 
 
 def agreement_with(image: Volume, template: Volume) -> float:
-    """The correlation of an image with a template over the grid of the image, in [−1, 1].
-
-    Parameters
-    ----------
-    image, template : Volume
-        In the same space; beyond the template its least value counts.
-    """
+    """The correlation of an image with a template over the grid of the image, in [−1, 1]."""
     return _correlation(image.data, _on_grid(image, template))
 
 
@@ -149,11 +125,6 @@ def contrast_with(image: Volume, template: Volume) -> float:
     """The correlation of an image with a template inside the brain of the template, in [−1, 1]; 0 if one is constant.
 
     The outline of the head does not count, in contrast to :func:`agreement_with`.
-
-    Parameters
-    ----------
-    image, template : Volume
-        In the same space.
     """
     there = _on_grid(image, template)
     brain = _inner_brain(there)
@@ -161,13 +132,7 @@ def contrast_with(image: Volume, template: Volume) -> float:
 
 
 def gap_in(image: Volume, template: Volume) -> float:
-    """The volume of the largest connected part of the template's brain in which an image is empty, in mm³.
-
-    Parameters
-    ----------
-    image, template : Volume
-        In the same space.
-    """
+    """The volume of the largest connected part of the template's brain in which an image is empty, in mm³."""
     brain = _inner_brain(_on_grid(image, template))
     if not brain.any():
         return 0.0
@@ -199,16 +164,7 @@ def _on_grid(image: Volume, template: Volume) -> Float[Array, "x y z"]:
 def surface_warnings(
     side: str, final: Mesh, segmented: SegmentedSurface, repaired: RepairedSurface | None
 ) -> list[str]:
-    """Whether one hemisphere has a plausible volume, and how much of it had to be mended.
-
-    Parameters
-    ----------
-    side : str
-    final : Mesh
-        In mm of the scanner.
-    segmented : SegmentedSurface
-    repaired : RepairedSurface or None
-    """
+    """Whether one hemisphere has a plausible volume, and how much of it had to be mended."""
     found = []
     volume = float(signed_volume(final)) / 1000
     if not VOLUMES_CM3[0] < volume < VOLUMES_CM3[1]:

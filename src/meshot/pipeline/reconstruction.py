@@ -273,11 +273,6 @@ def require_placement(segmentation: SegmentationNetwork, placement: Placement, w
     """Check that a segmentation network can place scans as they are needed.
 
     A network that learned from scans placed by their white matter knows the other placement, too.
-
-    Raises
-    ------
-    ValueError
-        If the network knows scans by their grey values only, and the other placement is needed.
     """
     if placement != PLACEMENTS[0] and segmentation.placement == PLACEMENTS[0]:
         raise ValueError(
@@ -338,22 +333,7 @@ def load_networks(
 def placed_white_matter(
     scan: Volume, first: StandardScan, network: SegmentationNetwork, placement: Placement
 ) -> tuple[StandardScan, dict[Hemisphere, Volume], list[str]]:
-    """A registered scan in the place that is needed, the probability of white matter there, and warnings.
-
-    Parameters
-    ----------
-    scan : Volume
-    first : StandardScan
-        The scan, registered by its grey values.
-    network : SegmentationNetwork
-    placement : str
-        The one that is needed.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.pipeline.segmentation.white_matter`.
-    """
+    """A registered scan in the place that is needed, the probability of white matter there, and warnings."""
     found = white_matter(first, network)
     if placement == PLACEMENTS[0]:
         return first, found, []

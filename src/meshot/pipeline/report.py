@@ -223,14 +223,7 @@ def _rounded(seconds: dict[str, float]) -> dict[str, float]:
 
 
 def numbers_of_scan(scan: Volume, name: str) -> dict:
-    """Name, size, value range and affine of a scan.
-
-    Parameters
-    ----------
-    scan : Volume
-    name : str
-        The name of its file.
-    """
+    """Name, size, value range and affine of a scan."""
     return {
         "name": name,
         "n_voxels": list(scan.data.shape),
@@ -242,14 +235,7 @@ def numbers_of_scan(scan: Volume, name: str) -> dict:
 
 
 def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]) -> dict:
-    """Statistics of one hemisphere: all meshes, distances between them, and the repair.
-
-    Parameters
-    ----------
-    surface : HemisphereSurface
-    distances : array
-        Distance of every vertex of the final surface from the initial one, in mm.
-    """
+    """Statistics of one hemisphere: all meshes, distances between them, and the repair."""
     n_lost, share = voxels_given_up(surface.segmented)
     repaired = surface.repaired
     return {

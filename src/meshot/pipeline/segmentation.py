@@ -283,20 +283,7 @@ class SegmentationConfig:
 
 
 def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = ()) -> SegmentationConfig:
-    """Read a configuration. Missing settings have the paper's value, if the paper gives one.
-
-    Parameters
-    ----------
-    path : path
-        A YAML file, or the name of a configuration in the package: tiny, small, people, paper.
-    changes : sequence of str
-        Settings that replace those of the file, such as ``training.precision=bfloat16``.
-
-    Raises
-    ------
-    ValueError
-        If the file is missing or not YAML, a setting is unknown, or a value is invalid.
-    """
+    """Read a configuration. Missing settings have the paper's value, if the paper gives one."""
     return segmentation_config(changed_groups(read_groups(named_file(path, SETTINGS)), changes), os.fspath(path))
 
 
@@ -387,13 +374,7 @@ def example(name: str, scan: Volume, white: Mapping[str, Mesh], reduction: int =
 
 
 def block_means(data: Array, reduction: int) -> Float[Array, "i j k"]:
-    """The means over blocks of ``reduction³`` voxels.
-
-    Raises
-    ------
-    ValueError
-        If the size of an axis is not a multiple of ``reduction``.
-    """
+    """The means over blocks of ``reduction³`` voxels."""
     require_positive_integer(reduction, "reduction")
     if any(n % reduction for n in data.shape):
         raise ValueError(f"the volume has {data.shape} voxels; every axis must be a multiple of {reduction}")
@@ -416,23 +397,7 @@ def read_examples(
     reduction: int = 1,
     progress: Callable[[list], Iterable] = iter,
 ) -> list[Example]:
-    """Read the examples of all scans of a split, from one or more cohorts on disk.
-
-    Parameters
-    ----------
-    cohorts : sequence of path
-        Folders in the format described in ``meshot.synth.cohorts``.
-    split : str
-        "train", "validation" or "test".
-    reduction : int
-    progress : callable
-        Wraps the list of scans, for example tqdm.
-
-    Raises
-    ------
-    ValueError
-        If a folder is not a cohort, or no cohort has a scan in the split.
-    """
+    """Read the examples of all scans of a split, from one or more cohorts on disk."""
     return [
         example(
             f"{subject.cohort.name}/{subject.name}",
@@ -515,13 +480,7 @@ def train_segmentation(
 
 
 def first_network(config: SegmentationConfig, start: SegmentationNetwork | None) -> SegmentationNetwork:
-    """The network before the first step: untrained, or a copy of ``start``.
-
-    Raises
-    ------
-    ValueError
-        If ``start`` has another architecture than the configuration, or its training scans were placed otherwise.
-    """
+    """The network before the first step: untrained, or a copy of ``start``."""
     network = config.new_network()
     if start is None:
         return network
@@ -676,13 +635,7 @@ def segment(scan: Volume, network: SegmentationNetwork) -> dict[Hemisphere, Volu
 
 
 def white_matter(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemisphere, Volume]:
-    """The probability of white matter of each side, after a check that some was found on both sides.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.pipeline.segment`, or if the network finds no white matter on a side.
-    """
+    """The probability of white matter of each side, after a check that some was found on both sides."""
     found = segment(scan.volume, network)
     for side, probability in found.items():
         if not (probability.data > 0.5).any():
@@ -694,13 +647,7 @@ def white_matter(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemis
 
 
 def initial_surfaces(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemisphere, SegmentedSurface]:
-    """The initial white surfaces of both hemispheres in the standard space, with intermediate results.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.pipeline.segmentation.white_matter`.
-    """
+    """The initial white surfaces of both hemispheres in the standard space, with intermediate results."""
     found = white_matter(scan, network)
     return {side: segmented_surface(probability) for side, probability in found.items()}
 

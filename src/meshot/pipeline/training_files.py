@@ -54,19 +54,6 @@ def whole_record(folder: Path, config: dict, results: dict, command: str, cohort
 
     The provenance is that of the last session in which a step was taken. ``commits`` in the results lists those of all
     sessions.
-
-    Parameters
-    ----------
-    folder : path
-        The folder in which :func:`run_watched_training` recorded the sessions.
-    config : dict
-        All settings, as JSON values.
-    results : dict
-        See :meth:`meshot.train.Training.results`.
-    command : str
-        The command that repeats the training.
-    cohorts : sequence of str
-        The names of the cohorts.
     """
     sessions = read_log(folder / SESSIONS) if (folder / SESSIONS).is_file() else [provenance()]
     commits = list(dict.fromkeys(session["commit"] for session in sessions))
@@ -77,11 +64,6 @@ def write_record(folder: Path, name: str, record: dict, log: list[dict]) -> None
     """Write the record of a trained network with its provenance, its log, and a picture of the log.
 
     The files in ``folder`` are ``NAME.json``, ``NAME.log.jsonl`` and ``NAME.png``.
-
-    Raises
-    ------
-    ValueError
-        If the record cannot be written as JSON.
     """
     made = {key: record[key] for key in provenance() if key in record}
     config = {key: value for key, value in record.items() if key not in (*made, "results", "command", "cohorts")}
@@ -121,13 +103,7 @@ def _shown(path: str | os.PathLike) -> str:
 
 
 def scans_of(cohorts: Sequence[str | os.PathLike], split: str) -> list[Subject]:
-    """All finished scans of a split, in the order of the cohorts.
-
-    Raises
-    ------
-    ValueError
-        If a folder is not a cohort, or no cohort has a scan in the split.
-    """
+    """All finished scans of a split, in the order of the cohorts."""
     found = [subject for cohort in cohorts for subject in scans(cohort, split)]
     if not found:
         raise ValueError(f"no scan of the split {split!r} in {', '.join(map(str, cohorts)) or 'no cohort'}: make one")
@@ -135,13 +111,7 @@ def scans_of(cohorts: Sequence[str | os.PathLike], split: str) -> list[Subject]:
 
 
 def placement_of(cohorts: Sequence[str | os.PathLike]) -> Placement:
-    """What placed the scans of cohorts on the standard grid. Without a recipe, it was the registration of grey values.
-
-    Raises
-    ------
-    ValueError
-        If the cohorts differ in it.
-    """
+    """What placed the scans of cohorts on the standard grid; without a recipe, the registration of grey values."""
     recipes = {str(cohort): Path(cohort) / "recipe.yaml" for cohort in cohorts}
     found = {name: read_recipe(path).standard if path.is_file() else PLACEMENTS[0] for name, path in recipes.items()}
     if len(set(found.values())) > 1:

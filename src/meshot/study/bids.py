@@ -65,31 +65,13 @@ class Visit:
 
 
 def entities_of(name: str) -> dict[str, str]:
-    """The entities in the name of a file, such as ``{"sub": "01", "run": "1"}``; without those that are none.
-
-    Parameters
-    ----------
-    name : str
-        Such as ``sub-01_run-1_T1w.nii.gz``.
-    """
+    """The entities in the name of a file, such as ``{"sub": "01", "run": "1"}``; without those that are none."""
     found = [_ENTITY.fullmatch(part) for part in name.split(".")[0].split("_")]
     return {match[1]: match[2] for match in found if match}
 
 
 def bare_label(label: str, kind: str) -> str:
-    """A label as it stands in names: ``01`` for ``01`` and for ``sub-01``.
-
-    Parameters
-    ----------
-    label : str
-    kind : str
-        "sub" or "ses".
-
-    Raises
-    ------
-    ValueError
-        If it has other characters than letters, digits and +.
-    """
+    """A label as it stands in names: ``01`` for ``01`` and for ``sub-01``."""
     bare = label.removeprefix(f"{kind}-")
     if not re.fullmatch(r"[0-9a-zA-Z+]+", bare):
         raise ValueError(f"{label!r} is no label; letters and digits are needed, such as 01 or {kind}-01")
@@ -152,17 +134,7 @@ def _stem(name: str) -> str:
 
 
 def json_of(file: Path) -> dict:
-    """The JSON object in a file.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-
-    Raises
-    ------
-    ValueError
-        If it is not UTF-8, not JSON, or no object.
-    """
+    """The JSON object in a file."""
     try:
         found = json.loads(file.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:
@@ -202,17 +174,7 @@ class Ignored:
 
 
 def description_of(dataset: Path) -> dict:
-    """What ``dataset_description.json`` of a data set holds.
-
-    Parameters
-    ----------
-    dataset : pathlib.Path
-
-    Raises
-    ------
-    ValueError
-        If the folder or the file is missing, or the file is not a JSON object with Name and BIDSVersion.
-    """
+    """What ``dataset_description.json`` of a data set holds."""
     if not dataset.is_dir():
         raise ValueError(f"{dataset} is no folder; name the top folder of a BIDS data set")
     file = dataset / DESCRIPTION
@@ -229,17 +191,7 @@ def description_of(dataset: Path) -> dict:
 
 
 def sidecar_of(dataset: Path, scan: Path) -> dict:
-    """The facts about a scan in its sidecars; those nearer to the scan count more (the inheritance principle).
-
-    Parameters
-    ----------
-    dataset, scan : pathlib.Path
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.study.bids.json_of`.
-    """
+    """The facts about a scan in its sidecars; those nearer to the scan count more (the inheritance principle)."""
     entities, facts = entities_of(scan.name).items(), {}
     suffix = scan.name.split(".")[0].split("_")[-1]
     folders = [folder for folder in (scan.parent, *scan.parent.parents) if folder.is_relative_to(dataset)]
@@ -481,17 +433,6 @@ def brain_mask_of(derivatives: Path, visit: Visit) -> Path:
     """The brain mask of a visit: a name such as ``sub-01_ses-02_desc-brain_mask.nii.gz``, on the grid of the scan.
 
     The mask may leave out entities of the scan, but may not contradict them. The one with the most entities counts.
-
-    Parameters
-    ----------
-    derivatives : pathlib.Path
-        The top folder of the derivatives.
-    visit : Visit
-
-    Raises
-    ------
-    ValueError
-        If there is none, or two fit equally well.
     """
     scan = entities_of(visit.scans[0].name)
     folders = [derivatives.joinpath(*visit.parts, "anat"), derivatives / visit.parts[0] / "anat"]

@@ -101,13 +101,7 @@ def _place(path: Path, stem: str, surface: str) -> Place | None:
 
 
 def _only(place: Place, paths: list[Path]) -> Path:
-    """The one file of a subject and side: formats of one surface, in one folder, are the same surface.
-
-    Raises
-    ------
-    ValueError
-        If there are two.
-    """
+    """The one file of a subject and side: formats of one surface, in one folder, are the same surface."""
     # BIDS: a description marks a variant, such as desc-initial, beside the result, which has none.
     paths = [path for path in paths if "_desc-" not in path.name] or paths
     by_suffix = {next(s for s in reversed(_SUFFIXES) if path.name.endswith(s)): path for path in paths}
@@ -173,29 +167,7 @@ def compared_pairs(
     progress: Callable[[Iterable], Iterable] = iter,
     align: bool = False,
 ) -> dict[Place, Compared]:
-    """Evaluate every pair of surfaces, see :func:`meshot.evaluate`.
-
-    Parameters
-    ----------
-    pairs : mapping
-        Reconstructed and reference file, by participant, session and side.
-    n_points, seed, n_emd_points : int
-        As in :func:`meshot.evaluate`.
-    progress : callable
-        Wraps the pairs, as ``tqdm`` does.
-    align : bool
-        Whether each surface is first aligned with its reference, see :func:`meshot.metrics.rigidly_aligned`.
-
-    Raises
-    ------
-    ValueError
-        If two surfaces are in different spaces or a file cannot be read. The message names the subject.
-
-    Warns
-    -----
-    UserWarning
-        As :func:`meshot.evaluate`, with the name of the subject.
-    """
+    """Evaluate every pair of surfaces, see :func:`meshot.evaluate`."""
     found = {}
     for place, paths in progress(pairs.items()):
         with warnings.catch_warnings(record=True) as said:
@@ -219,11 +191,6 @@ def summary_rows(found: Mapping[Place, Compared]) -> list[dict]:
     once. The difference is paired: value minus floor of the same participant. For distances it is what is more than
     sampling error; for area, volume and Euler number it is reconstructed minus reference. Intervals are Student's; with
     one participant they are None.
-
-    Parameters
-    ----------
-    found : mapping
-        As :func:`compared_pairs` returns it.
     """
     rows = []
     for side in SIDES:

@@ -90,10 +90,6 @@ def conformed_scan(scan: Volume) -> Volume:
     """A scan on FreeSurfer's conformed grid, linearly interpolated, with 8 bits.
 
     Its smallest value becomes 0, and the value below which 99.9 % of the voxels lie becomes 255.
-
-    Parameters
-    ----------
-    scan : Volume
     """
     affine = np.eye(4)
     affine[:3, :3] = _AXES
@@ -175,14 +171,7 @@ def finish_bids(folder: Path, visit: Visit, report: dict) -> None:
 
 
 def begin_bids(study: Path, dataset: Path | None) -> None:
-    """Write the description of the derivatives, ``.bidsignore`` and a README, unless they are there.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-    dataset : pathlib.Path or None
-        The BIDS data set that the scans come from.
-    """
+    """Write the description of the derivatives, ``.bidsignore`` and a README, unless they are there."""
     description = {
         "Name": "White surfaces by meshot"
         + ("" if dataset is None else f" of {printable_name(dataset.resolve().name)}"),

@@ -86,27 +86,7 @@ def _networks(settings: StudySettings) -> TrainedNetworks:
 
 
 def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progress: Progress | None = None) -> dict:
-    """Reconstruct a visit into its folder, or find that this was done before from the same scans and settings.
-
-    Parameters
-    ----------
-    visit : Visit
-    study : pathlib.Path
-        The folder of the study.
-    settings : StudySettings
-    progress : callable, optional
-        As in :func:`meshot.pipeline.reconstruct`.
-
-    Returns
-    -------
-    dict
-        What ``report.json`` holds.
-
-    Raises
-    ------
-    ValueError
-        If the visit has no scan, a file cannot be read, the reconstruction fails, or the folder holds something else.
-    """
+    """Reconstruct a visit into its folder, or find that this was done before from the same scans and settings."""
     if visit.trouble or not visit.scans:
         raise ValueError(visit.trouble or f"{visit.label} has no scan; at least one is needed")
     if settings.threads is not None:
@@ -423,13 +403,6 @@ def add_to_log(study: Path, text: str) -> None:
     """Append a line with the time (UTC) to the log of a study.
 
     Several processes may append at the same time: each line is written at once.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-        The folder of the study.
-    text : str
-        Line breaks become spaces.
     """
     place = study / LOGS / LOG
     place.parent.mkdir(exist_ok=True)
@@ -439,33 +412,13 @@ def add_to_log(study: Path, text: str) -> None:
 
 
 def when_written(study: Path, visit: Visit, layout: str) -> int | None:
-    """When the report of a visit was written, in ns; None if there is none.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-    visit : Visit
-    layout : str
-        "flat", "freesurfer" or "bids".
-    """
+    """When the report of a visit was written, in ns; None if there is none."""
     file = _report_file(study, visit, layout)
     return file.stat().st_mtime_ns if file.is_file() else None
 
 
 def visit_lines(study: Path, visit: Visit, layout: str, error: str | None, earlier: int | None) -> tuple[str, str]:
-    """What became of a visit, and the seconds of its stages if they were run now.
-
-    Parameters
-    ----------
-    study : pathlib.Path
-    visit : Visit
-    layout : str
-        "flat", "freesurfer" or "bids".
-    error : str or None
-        The reason of a failure.
-    earlier : int or None
-        What ``when_written`` gave before the run.
-    """
+    """What became of a visit, and the seconds of its stages if they were run now."""
     if error is not None:
         return f"{visit.label}: failed: {error}", ""
     if when_written(study, visit, layout) == earlier:

@@ -81,13 +81,7 @@ def data_dictionary() -> dict[str, dict]:
 
 
 def numbers_of_report(report: Mapping) -> dict[str, float]:
-    """The numbers of the surfaces, the time and the warnings of one reconstruction, by column.
-
-    Parameters
-    ----------
-    report : mapping
-        What ``report.json`` of the reconstruction holds.
-    """
+    """The numbers of the surfaces, the time and the warnings of one reconstruction, by column."""
     row = {}
     for side in HEMISPHERES:
         for name, (keys, factor, _, _) in _SURFACE_COLUMNS.items():
@@ -223,13 +217,7 @@ class QualityColumn:
 
 
 def quality_columns(subjects: list[dict]) -> list[QualityColumn]:
-    """All columns of the page: the name, the largest score, status, every number, and the verdict, which is empty.
-
-    Parameters
-    ----------
-    subjects : list of dict
-        As :func:`meshot.study.read_subjects` returns them.
-    """
+    """All columns of the page: the name, the largest score, status, every number, and the verdict, which is empty."""
     known = data_dictionary()
     numbers = {
         name: np.array([np.nan if row.get(name) is None else row[name] for row in subjects], dtype=np.float64)

@@ -230,13 +230,7 @@ _MADE_BY = ("numpy", "scipy", "torch", "SimpleITK", "nilearn", "libigl")
 
 
 def content_hash(path: str | os.PathLike) -> str:
-    """The SHA-256 of a file's content: voxels and affine, or vertices and faces, or otherwise its bytes.
-
-    Raises
-    ------
-    ValueError
-        If an image or a mesh cannot be read.
-    """
+    """The SHA-256 of a file's content: voxels and affine, or vertices and faces, or otherwise its bytes."""
     path = Path(path)
     if path.name.endswith(".nii.gz"):
         volume = read_volume(path)

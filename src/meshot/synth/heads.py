@@ -103,22 +103,7 @@ def template_tissue() -> TemplateTissue:
 def hindbrain_region(
     pial: Bool[Array, "X Y Z"], white: Bool[Array, "X Y Z"], brain: Bool[Array, "X Y Z"], tissue: Float[Array, "X Y Z"]
 ) -> Bool[Array, "X Y Z"]:
-    """The voxels of cerebellum and brainstem, and of the fluid around them within the brain mask.
-
-    Parameters
-    ----------
-    pial, white : array
-        The voxels inside the surfaces of the cerebrum. The third axis points upwards.
-    brain : array
-        The brain mask.
-    tissue : array
-        The fraction of grey and white matter.
-
-    Raises
-    ------
-    ValueError
-        If no part of the brain lies deep enough below the cerebrum.
-    """
+    """The voxels of cerebellum and brainstem, and of the fluid around them within the brain mask."""
     cerebrum = pial | white
     below = brain & (np.cumsum(cerebrum, axis=2) == 0) & ~scipy.ndimage.binary_dilation(cerebrum)
     core = scipy.ndimage.binary_erosion(below, iterations=_CORE_MM)
@@ -201,20 +186,7 @@ class Leaves:
 def leaf_fractions(
     places: Float[Array, "n 3"], depths: Float[Array, " n"], leaves: Leaves, voxel_mm: float, generator: Generator
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """The shares of fluid and of white matter at positions in the cortex of the cerebellum. The rest is grey.
-
-    Parameters
-    ----------
-    places : array
-        In mm of MNI152.
-    depths : array
-        The distance to the surface of the hindbrain, in mm.
-    leaves : Leaves
-    voxel_mm : float
-        The width over which borders are blurred, since a voxel may contain several tissues.
-    generator : generator or int
-        Source of the position of the first fissure, and of the waves of the leaves.
-    """
+    """The shares of fluid and of white matter at positions in the cortex of the cerebellum. The rest is grey."""
     rng = numpy_generator(generator)
     x, y, z = (places - np.array(FAN_MM)).T
     radius = np.maximum(np.hypot(y, z), 1.0)

@@ -203,13 +203,6 @@ def with_motion(
 
     The planes of its Fourier transform along the second axis are measured one after the other. A displacement
     multiplies the later ones by a phase. The head is in its place when the middle plane is measured.
-
-    Parameters
-    ----------
-    signal : array
-    spread : array
-        Standard deviation of each displacement, in voxels.
-    generator : generator or int
     """
     rng = numpy_generator(generator)
     frequencies = [np.fft.fftfreq(n) for n in signal.shape]
@@ -228,10 +221,6 @@ def rician_noise(signal: Float[Array, "*shape"], sigma: float, generator: Genera
     """The magnitude of a signal with normal noise of standard deviation ``sigma`` in both channels of the receiver.
 
     Without signal the values follow a Rayleigh distribution with mean σ √(π/2).
-
-    References
-    ----------
-    Gudbjartsson and Patz, *The Rician distribution of noisy MRI data*, Magnetic Resonance in Medicine, 1995.
     """
     rng = numpy_generator(generator)
     real = signal + sigma * rng.standard_normal(signal.shape)
@@ -294,22 +283,7 @@ Fractions = dict[str, Float[Array, "X Y Z"]]
 def blemished(
     fractions: Mapping[str, Float[Array, "X Y Z"]], grid: Volume, blemishes: Blemishes, generator: Generator
 ) -> Fractions:
-    """Tissue fractions after lesions, vessels, leftovers and cuts, in this order.
-
-    Parameters
-    ----------
-    fractions : mapping
-        See :func:`meshot.synth.tissue_fractions`. Dura, marrow and vessels become "scalp".
-    grid : Volume
-        The grid they are on.
-    blemishes : Blemishes
-    generator : generator or int
-
-    Raises
-    ------
-    ValueError
-        If there is no brain.
-    """
+    """Tissue fractions after lesions, vessels, leftovers and cuts, in this order."""
     rng, sizes, found = numpy_generator(generator), voxel_sizes(grid), dict(fractions)
     bare = 1 - sum(found[name] for name in ("skull", "scalp")) - _air(found)
     if not (bare > 0.5).any():
@@ -407,15 +381,7 @@ GRADIENT_MM = 1.0
 def share_near_grey(
     white: Float[Array, "X Y Z"], grey: Float[Array, "X Y Z"], sizes: Float[Array, " 3"]
 ) -> Float[Array, "X Y Z"]:
-    """The white matter of every voxel, weighted by its nearness to grey matter: 1 at a flat border, 0 in the depth.
-
-    Parameters
-    ----------
-    white, grey : array
-        The fractions of every voxel.
-    sizes : array
-        Of the voxels, in mm.
-    """
+    """The white matter of every voxel, weighted by its nearness to grey matter: 1 at a flat border, 0 in the depth."""
     # At a flat border half of the surroundings are grey matter.
     return white * np.minimum(2 * scipy.ndimage.gaussian_filter(grey, GRADIENT_MM / sizes), 1)
 
@@ -465,22 +431,7 @@ class Structure:
 
 
 def structures_of(white: Mapping[str, Mesh], ventricles: float = 1.0, below: float = 1.0) -> list[Structure]:
-    """The structures scaled to the bounding boxes of the two white surfaces, in the order in which they are added.
-
-    Parameters
-    ----------
-    white : mapping
-        By hemisphere, "left" and "right", in head coordinates: x increases from left to right and z upwards.
-    ventricles : float
-        Half axes of the ventricles, relative to those of a young adult; 0 for none.
-    below : float
-        The same for cerebellum and brainstem.
-
-    Raises
-    ------
-    ValueError
-        If a factor is negative or above 3.
-    """
+    """The structures scaled to the bounding boxes of the two white surfaces, in the order in which they are added."""
     if not (0 <= ventricles <= 3 and 0 <= below <= 3):
         raise ValueError(f"ventricles is {ventricles} and below {below}; multiples from 0 (none) to 3 are needed")
     found = []
@@ -550,17 +501,7 @@ def add_structures(
     grid: Volume,
     structures: Sequence[Structure],
 ) -> dict[str, Float[Array, "X Y Z"]]:
-    """Tissue fractions after structures have replaced other tissue, one after another.
-
-    Parameters
-    ----------
-    fractions : mapping
-        Fractions of "white" and "grey".
-    inside_pial : array
-        The fraction of every voxel inside the pial surfaces.
-    grid : Volume
-    structures : sequence of Structure
-    """
+    """Tissue fractions after structures have replaced other tissue, one after another."""
     empty = {tissue: np.zeros(grid.data.shape) for tissue in ("deep grey", "hindbrain", "fluid")}
     fractions = {tissue: values.copy() for tissue, values in fractions.items()} | empty
     depth = white_depth(fractions["white"], voxel_sizes(grid)) if any(s.inside_white for s in structures) else None

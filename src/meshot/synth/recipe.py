@@ -91,13 +91,7 @@ class People:
 
 
 def people(entries: Mapping[str, object]) -> People:
-    """The variation from the entries of a recipe.
-
-    Raises
-    ------
-    ValueError
-        If an entry is unknown or has another structure.
-    """
+    """The variation from the entries of a recipe."""
     known = {field.name for field in dataclasses.fields(People)}
     unknown = sorted(str(key) for key in entries if key not in known)
     if unknown:
@@ -109,15 +103,7 @@ def people(entries: Mapping[str, object]) -> People:
 
 
 def drawn_person(variation: People, shape: Shape, position: Position, seed: int) -> tuple[Shape, Anatomy, Position]:
-    """One person: the anatomy of the cortex, that of the rest of the head, and the parameters of the position.
-
-    Parameters
-    ----------
-    variation : People
-    shape, position : Shape, Position
-        Of the recipe. What varies between people is replaced.
-    seed : int
-    """
+    """One person: the anatomy of the cortex, that of the rest of the head, and the parameters of the position."""
     rng = np.random.default_rng([seed, 5])
     age = rng.uniform()
 

@@ -109,16 +109,7 @@ def head_position(position: Position, centre_mm: Float[Array, " 3"], generator: 
 
 
 def scanner_grid(position: Position, points_mm: Float[Tensor, "n 3"], generator: Generator) -> Volume:
-    """An empty volume that contains all points with a margin, in the orientation of ``position``.
-
-    Parameters
-    ----------
-    position : Position
-    points_mm : tensor
-        The points in scanner RAS.
-    generator : generator or int
-        Source of the random oblique rotation.
-    """
+    """An empty volume that contains all points with a margin, in the orientation of ``position``."""
     axes = np.zeros((3, 3))
     for column, letter in enumerate(position.orientation):
         axis, sign = _AXES[letter]

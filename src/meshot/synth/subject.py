@@ -41,21 +41,7 @@ VARIATION_MM = 30.0  # length scale of the variation of folding depth and cortic
 
 
 def random_velocity(*points: Float[Tensor, "_ 3"], warp_mm: tuple[float, ...], generator: Generator) -> GridVelocity:
-    """A smooth random velocity field around the points, constant in time. Its flow is a random diffeomorphism.
-
-    Parameters
-    ----------
-    points : tensor
-    warp_mm : tuple
-        Standard deviation of the velocity along each axis, in mm per unit of time, on grids with nodes 48, 24, 12, …
-        mm apart.
-    generator : generator or int
-
-    Raises
-    ------
-    ValueError
-        If there is no scale, or a standard deviation is negative.
-    """
+    """A smooth random velocity field around the points, constant in time. Its flow is a random diffeomorphism."""
     if not warp_mm or not all(math.isfinite(size) and size >= 0 for size in warp_mm):
         raise ValueError(f"warp_mm is {warp_mm}; one number >= 0 for each scale is needed, coarse to fine, in mm")
     rng = numpy_generator(generator)
@@ -108,21 +94,6 @@ def random_warp(meshes: list[Mesh], size_sd: float, warp_mm: tuple[float, ...], 
     The steps of the flow (Runge–Kutta of order four) are short enough that each is injective: h·L ≤ ½ for the bound L
     of the Lipschitz constant, and a step reduces no distance by more than the factor 2 − e^(h·L) > 0. Triangles between
     moving vertices may intersect where surfaces nearly touch.
-
-    Parameters
-    ----------
-    meshes : list of Mesh
-        In the space of the template.
-    size_sd : float
-        Standard deviation of the logarithm of the sizes: see :func:`meshot.synth.subject.random_sizes`.
-    warp_mm : tuple
-        See :func:`meshot.synth.subject.random_velocity`. Empty for no flow.
-    generator : generator or int
-
-    Raises
-    ------
-    ValueError
-        If the Lipschitz bound of the velocity is above 12.
     """
     rng = numpy_generator(generator)
     sizes = random_sizes(size_sd, rng)
@@ -148,23 +119,7 @@ def _injective_flow(
 def smooth_variation(
     points: Float[Tensor, "n 3"], length: float, generator: Generator, n_fields: int = 1
 ) -> Float[Tensor, "n k"]:
-    """Smooth random fields at the points, each with mean 0 and standard deviation 1 in space, clipped to ± 2.5.
-
-    Parameters
-    ----------
-    points : tensor
-        In mm.
-    length : float
-        Length scale of the fields in mm: the distance between the nodes of a cubic spline.
-    generator : generator or int
-    n_fields : int
-        Number of independent fields, at most 3.
-
-    Raises
-    ------
-    ValueError
-        If ``length`` is not positive, or ``n_fields`` is not 1, 2 or 3.
-    """
+    """Smooth random fields at the points, each with mean 0 and standard deviation 1 in space, clipped to ± 2.5."""
     if not length > 0 or n_fields not in (1, 2, 3):
         raise ValueError(f"length is {length!r} and n_fields {n_fields!r}; a length > 0 and 1, 2 or 3 are needed")
     rng = numpy_generator(generator)
@@ -438,19 +393,6 @@ def procedural_cortex(
     different depths are nested, so the surface does not intersect itself. Vertices are redistributed so that faces have
     similar areas. The surface is moved inwards by ``atrophy``. The pial surface is the white one offset outwards by the
     thickness, or by less where a sulcus is too narrow.
-
-    Parameters
-    ----------
-    side : "left" or "right"
-    subdivisions : int
-        Number of subdivisions of an icosahedron.
-    folding : float
-        Depth of the sulci, where 1 means 16 mm.
-    thickness, thickness_variation : float
-        Thickness of the cortex in mm, and its relative standard deviation over the surface.
-    atrophy : float
-        In mm.
-    generator : generator or int
     """
     rng = numpy_generator(generator)
     body = _Body(side, min(folding * _DEPTH, _DEEPEST), _noise(rng))
@@ -543,16 +485,6 @@ def template_cortex(
     surface is S + α (W − S), moved inwards by ``atrophy``. The vectors P − W to the pial surface P are scaled by s. On
     the medial wall the surfaces are kept .1 mm apart. Folds are changed on the vertices of fsaverage5. The result is
     then refined smoothly.
-
-    Parameters
-    ----------
-    side : "left" or "right"
-    subdivisions : int
-        With 5 the vertices are those of fsaverage5. Each further subdivision multiplies the number of faces by four.
-    folding, thickness : tensor
-        α and s for each vertex of fsaverage5, or one value for all.
-    atrophy : float
-        Distance by which the white surface is moved inwards, in mm.
     """
     white, pial = (fsaverage5_surface(kind, side) for kind in ("white", "pial"))
     smooth = laplacian_smoothing(white, _FOLD_SMOOTHINGS).vertices
@@ -601,23 +533,6 @@ def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
     function, blurred by 1.3 mm, scaled to unit speed. Where walls face each other, the gradient vanishes and the
     velocity is lower. Trajectories do not meet, so that the walls of a sulcus approach each other and stop. A vertex
     stops when its distance from the start is the requested one, or after twice the time for the largest distance.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed, with outward normals.
-    distances : tensor
-        All of one sign.
-
-    Raises
-    ------
-    ValueError
-        If the distances have different signs, their number is not that of the vertices, or the mesh is open or inside
-        out.
-
-    Notes
-    -----
-    Vertices do not meet, but faces between them may intersect in gaps narrower than an edge. Check the result.
     """
     if len(distances) != len(mesh.vertices) or float(distances.min()) * float(distances.max()) < 0:
         raise ValueError(
@@ -681,13 +596,7 @@ def on_lattice(points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
 
 
 def united(meshes: list[Mesh]) -> Mesh:
-    """Several meshes joined to one, with vertices and faces in their order.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
+    """Several meshes joined to one, with vertices and faces in their order."""
     if not meshes:
         raise ValueError("meshes is empty; at least one is needed")
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])]).tolist()
@@ -699,11 +608,6 @@ def crossing_faces(meshes: list[Mesh]) -> Int64[Tensor, " n"]:
     """The faces that intersect another face of the same or another mesh, as indices into the joined meshes.
 
     If there are none, and the meshes are closed, any two of them are nested or disjoint.
-
-    Raises
-    ------
-    ValueError
-        If there is no mesh.
     """
     return self_intersecting_faces(united(meshes))
 
@@ -712,16 +616,6 @@ def kept_apart(meshes: list[Mesh]) -> list[Mesh] | None:
     """The meshes rounded to multiples of 2⁻¹³ mm, and smoothed near intersecting faces until no faces intersect.
 
     Each round smooths and checks only the neighbourhood of intersecting faces, and then checks all meshes again.
-
-    Returns
-    -------
-    list of Mesh, or None
-        None if faces still intersect after five rounds.
-
-    Raises
-    ------
-    ValueError
-        If there is no mesh.
     """
     whole = united(meshes)
     whole = whole.with_vertices(on_lattice(whole.vertices))
@@ -774,17 +668,7 @@ def loop_subdivided(mesh: Mesh) -> Mesh:
 
 
 def smoothly_refined(mesh: Mesh, n_rounds: int = 1, n_corrections: int = 3) -> Mesh:
-    """Loop subdivision of a closed mesh whose vertices are first moved outwards to compensate for the shrinkage.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    n_rounds : int
-        Number of subdivisions. Each multiplies the number of faces by four.
-    n_corrections : int
-        Number of times that, before each subdivision, vertices are moved by the displacement it would cause. Old
-        vertices then stay nearly in place (.007 mm away on average for fsaverage5).
-    """
+    """Loop subdivision of a closed mesh whose vertices are first moved outwards to compensate for the shrinkage."""
     for _ in range(n_rounds):
         sharpened = mesh
         for _ in range(n_corrections):

@@ -88,13 +88,7 @@ class Atlas(nn.Module):
         return {"shape": list(self.shape), "reduction": self.reduction}
 
     def on_grid(self, image: Volume) -> Float[Array, "2 x y z"]:
-        """The mean fractions of left and right at every voxel of a scan, by trilinear interpolation.
-
-        Raises
-        ------
-        ValueError
-            If the scan has another number of voxels than the scans of the training.
-        """
+        """The mean fractions of left and right at every voxel of a scan, by trilinear interpolation."""
         if image.data.shape != self.shape:
             raise ValueError(
                 f"the scan has {image.data.shape} voxels, those of the training {self.shape}; bring it to the standard "
@@ -126,18 +120,7 @@ def _nearer_to_first(masks: list[Bool[Array, "x y z"]]) -> Bool[Array, "x y z"]:
 
 
 def mean_fractions(subjects: Sequence[tuple[Sequence[Mesh], Volume]], reduction: int) -> Float[Array, "2 i j k"]:
-    """The mean over subjects of the fractions that their surfaces of left and right enclose, over blocks of voxels.
-
-    Parameters
-    ----------
-    subjects : sequence of (surfaces of left and right, scan)
-    reduction : int
-
-    Raises
-    ------
-    ValueError
-        If a surface is not closed, its normals point inwards, or an axis is not a multiple of ``reduction``.
-    """
+    """The mean over subjects of the fractions that their surfaces of left and right enclose, over blocks of voxels."""
     total = [
         np.stack([_blocks(enclosed_fractions(mesh, image), reduction) for mesh in both]) for both, image in subjects
     ]
@@ -156,22 +139,6 @@ def whiteness(image: Volume, deep: Bool[Array, "x y z"], width: float, n_rounds:
 
     In every round, bright voxels (above .85) count as white matter. The mean of their logarithms under a Gaussian is
     the logarithm of the gain. The method is a simple form of bias correction; N4 and FreeSurfer do more.
-
-    Parameters
-    ----------
-    image : Volume
-        In [0, 1].
-    deep : array
-        Boolean: deep white matter.
-    width : float
-        Standard deviation of the Gaussian, in mm.
-    n_rounds : int
-        With 0, only the scale changes.
-
-    Raises
-    ------
-    ValueError
-        If the scan is dark where deep white matter is expected.
     """
     middle = float(np.median(image.data[deep])) if deep.any() else 0.0
     if not middle > 0 or not math.isfinite(middle):
@@ -252,22 +219,7 @@ class SurfaceSettings:
 def thresholded_surface(
     white: Volume, level: float, allowed: Bool[Array, "x y z"], deep: Bool[Array, "x y z"], name: str
 ) -> Mesh:
-    """The closed surface where the whiteness takes a level, within a region, with the topology of a sphere.
-
-    Parameters
-    ----------
-    white : Volume
-    level : float
-    allowed, deep : array
-        Boolean: where the inside may lie, and what belongs to it whatever its intensity.
-    name : str
-        Of the surface, for the message.
-
-    Raises
-    ------
-    ValueError
-        If no voxel of the region is above the level.
-    """
+    """The closed surface where the whiteness takes a level, within a region, with the topology of a sphere."""
     inside = (white.data > level) & allowed | deep
     if not inside.any():
         raise ValueError(f"no voxel is as bright as white matter for the surface {name}; is the scan a T1?")
@@ -288,16 +240,6 @@ def moved_to_edges(mesh: Mesh, white: Volume, level: float, settings: SurfaceSet
     """The surface after rounds of a move to the steepest outward decrease of intensity, each with light smoothing.
 
     Vertices that see no edge within their reach only take part in the smoothing.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    white : Volume
-    level : float
-        The whiteness that is expected at the edge.
-    settings : SurfaceSettings
-    n_offsets : int
-        Number of positions along the normal, at least 3.
     """
     offsets = torch.linspace(-settings.reach, settings.reach, n_offsets, dtype=torch.float64)
     between = (offsets[1:] + offsets[:-1]) / 2
@@ -355,13 +297,7 @@ class System(SurfaceSystem):
         return {"atlas": train_part(atlas, training, examples, loss_of, validate, made_with, place, progress)}
 
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
-        """The surfaces at the steepest decrease of intensity near the threshold.
-
-        Raises
-        ------
-        ValueError
-            If the scan is on another grid than those of the training, or has no bright voxel in a region.
-        """
+        """The surfaces at the steepest decrease of intensity near the threshold."""
         part = self.parts["atlas"]
         atlas, settings = part.network, SurfaceSettings(**part.record.get("surface", {}))
         allowed, deep = atlas.allowed(scan.image, settings.margin), atlas.deep(scan.image)

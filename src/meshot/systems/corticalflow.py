@@ -159,46 +159,17 @@ class FlowBlock(nn.Module):
         return self.arguments | {"velocity_unit": self.velocity_unit, "template": template}
 
     def forward(self, image: Float[Tensor, "1 1 x y z"], before: Tensor | None = None) -> Float[Tensor, "1 3 i j k"]:
-        """The velocity grid, in units of ``velocity_unit``.
-
-        Parameters
-        ----------
-        image : tensor
-            See :func:`meshot.systems.scaled_image`.
-        before : tensor, optional
-            The velocity grids of the blocks before, stacked as channels.
-        """
+        """The velocity grid, in units of ``velocity_unit``."""
         return self.to_flow(self.features(image, before)[-1])
 
     def velocity(self, grid: Float[Tensor, "1 3 i j k"], image: Volume) -> Velocity:
-        """The velocity field of a grid, in mm per unit of time: trilinear, and constant beyond the border.
-
-        Parameters
-        ----------
-        grid : tensor
-            A result of :meth:`forward`.
-        image : Volume
-            The scan, whose affine places the grid.
-        """
+        """The velocity field of a grid, in mm per unit of time: trilinear, and constant beyond the border."""
         return lambda _, points: self.velocity_unit * sample_features([grid], image, points)
 
     def carry(
         self, mesh: Mesh, image: Volume, values: Tensor, before: Tensor | None, n_steps: int, method: str
     ) -> tuple[Mesh, Tensor]:
-        """A mesh after the flow of this block, and all velocity grids up to this one, stacked as channels.
-
-        Parameters
-        ----------
-        mesh : Mesh
-            In mm, in the dtype of the block.
-        image : Volume
-        values : tensor
-            The same image as input of the network.
-        before : tensor or None
-            The grids of the blocks before.
-        n_steps, method : int, str
-            See :func:`meshot.integrate`.
-        """
+        """A mesh after the flow of this block, and all velocity grids up to this one, stacked as channels."""
         grid = self(values, before)
         moved = mesh.with_vertices(integrate(self.velocity(grid, image), mesh.vertices, n_steps, method))
         return moved, grid if before is None else torch.cat([before, grid], dim=1)
@@ -235,23 +206,6 @@ def train_block(
     The cascade leads from the template to the white surface; or, behind the blocks ``white``, from the surface that
     these find to the pial surface. The loss is the squared Chamfer distance between random points of both surfaces plus
     ``edge_weight`` times the mean squared edge length.
-
-    Parameters
-    ----------
-    earlier : sequence of FlowBlock
-    side : str
-    examples : ExampleSets
-    settings : dict
-        Complete: the groups ``network``, ``template`` and ``training``.
-    folder, progress, device
-        As :meth:`meshot.systems.SurfaceSystem.train`.
-    white : sequence of FlowBlock
-        The whole cascade of the white surface, which stays as it is, if this block is for the pial surface.
-
-    Raises
-    ------
-    ValueError, FloatingPointError
-        As :func:`meshot.systems.train_part`.
     """
     training, key = ChainSettings(**settings["training"]), (side, "pial" if white else "white")
     device = device or chosen_device()
@@ -361,11 +315,6 @@ class System(SurfaceSystem):
         """The templates carried by the blocks of the white surfaces, and these by the blocks of the pial ones.
 
         The flows are integrated with the settings of the training.
-
-        Raises
-        ------
-        ValueError
-            If a flow gives positions that are not finite.
         """
         values, found = scaled_image(scan.image), {}
         for key in self.surfaces:

@@ -133,17 +133,7 @@ class DistanceNetwork(nn.Module):
     def forward(
         self, maps: list[Tensor], whole: Float[Tensor, "1 g"], image: Volume, points: Float[Tensor, "n 3"]
     ) -> Float[Tensor, "n s"]:
-        """The distances of points, in mm.
-
-        Parameters
-        ----------
-        maps, whole
-            The result of :meth:`encode`.
-        image : Volume
-            The scan, whose affine places the maps.
-        points : tensor
-            In mm.
-        """
+        """The distances of points, in mm."""
         features = torch.cat([whole.expand(len(points), -1), sample_features(maps, image, points)], dim=1)
         places = 2 * (mm_to_voxel(image, points) + 0.5) / points.new_tensor(image.data.shape) - 1
         values = self.of_position(places)
@@ -262,19 +252,6 @@ def closed_surface(distance: Volume, name: str, settings: SurfaceSettings) -> Me
 
     Steps: smoothing, the largest component of the inside, filled cavities, genus-0 correction by depth, marching cubes,
     light smoothing.
-
-    Parameters
-    ----------
-    distance : Volume
-        In mm, negative inside.
-    name : str
-        Of the surface, for the message.
-    settings : SurfaceSettings
-
-    Raises
-    ------
-    ValueError
-        If the distance is nowhere negative.
     """
     smooth = scipy.ndimage.gaussian_filter(distance.data, settings.blur) if settings.blur else distance.data
     depth = distance.with_data(-smooth)
@@ -342,11 +319,6 @@ def distance_pool(
     """Random points near the surfaces and in the image, with their true distances.
 
     The distance to the faces is exact. Its sign is that of the enclosed fraction of the voxels, interpolated, minus ½.
-
-    Raises
-    ------
-    ValueError
-        If a true surface is not closed.
     """
     image, surfaces = example.scan.image, [Surface(example.targets[key]) for key in keys]
     n_near = int(0.9 * settings.n_pool) // len(keys)
@@ -374,23 +346,7 @@ def train_distances(
     progress: Progress | None = None,
     device: torch.device | None = None,
 ) -> Part:
-    """Train the network on the mean absolute error of the distances. It is validated on points of its own (mm).
-
-    Parameters
-    ----------
-    keys : sequence of keys
-        The surfaces, in the order of the network's outputs.
-    examples : ExampleSets
-    settings : dict
-        Complete: the groups ``network``, ``surface`` and ``training``.
-    folder, progress, device
-        As :meth:`meshot.systems.SurfaceSystem.train`.
-
-    Raises
-    ------
-    ValueError, FloatingPointError
-        As :func:`meshot.systems.train_part`.
-    """
+    """Train the network on the mean absolute error of the distances. It is validated on points of its own (mm)."""
     training, device = DistanceSettings(**settings["training"]), device or chosen_device()
     network = DistanceNetwork(len(keys), **settings["network"], generator=training.seed).to(device)
     items = (*examples.training, *examples.validation)
@@ -465,13 +421,7 @@ class System(SurfaceSystem):
         return {"distances": train_distances(cls.surfaces_of(settings), examples, settings, place, progress, device)}
 
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
-        """The zero level sets of the predicted distances, after a correction of their topology.
-
-        Raises
-        ------
-        ValueError
-            If the network finds no inside of a surface.
-        """
+        """The zero level sets of the predicted distances, after a correction of their topology."""
         part = self.parts["distances"]
         settings = SurfaceSettings(**part.record.get("surface", {}))
         grids = distance_grids(part.network, scan.image, settings.splits)

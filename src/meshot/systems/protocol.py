@@ -98,23 +98,7 @@ class Part:
 
 
 def read_part(path: Path, kind: type[nn.Module], system: str, needed: Sequence[str]) -> Part:
-    """Read ``PART.safetensors``.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    kind : type
-        The class of the network.
-    system : str
-        The name of the system to which it must belong.
-    needed : sequence of str
-        The names of all parts of the system, for the message.
-
-    Raises
-    ------
-    ValueError
-        If the file is missing, damaged, or belongs to another system or part.
-    """
+    """Read ``PART.safetensors``."""
     if not path.is_file():
         raise ValueError(
             f"{path} is missing; {system} needs {', '.join(needed)}: name a folder that holds them (--weights), or "

@@ -161,19 +161,7 @@ class MeshNetwork(nn.Module):
         return [found["white"] for found in self.surfaces_after(maps, image, mesh, side)]
 
     def surfaces_after(self, maps: list[Tensor], image: Volume, mesh: Mesh, side: Hemisphere) -> list[dict[str, Mesh]]:
-        """The surfaces of one side after each of the four stages, by kind.
-
-        Parameters
-        ----------
-        maps : list of tensor
-            The maps of the U-Net.
-        image : Volume
-            The scan, whose affine places the maps.
-        mesh : Mesh
-            The white template of the side, in mm; any number of faces. The pial surface begins as the same mesh in the
-            box of the pial template.
-        side : str
-        """
+        """The surfaces of one side after each of the four stages, by kind."""
         n, box, found = len(mesh.vertices), self.templates[side].box, []
         edges, numbers = mesh_edges(mesh), self._numbers(mesh, side)
         edges = torch.cat([edges + k * n for k in range(len(self.kinds))])
@@ -256,26 +244,6 @@ def chamfer_and_normals(
 
     Every pair of nearest neighbours has the weight min(1 + κ, ``most``), where κ is the curvature of the target at its
     point of the pair. Both directions are means, and are added.
-
-    Parameters
-    ----------
-    found : Mesh
-    target : CurvedTarget
-    n_points : int
-        Number of random points on each surface.
-    most : float
-        The largest weight.
-    generator : numpy.random.Generator
-
-    Raises
-    ------
-    ValueError
-        If a mesh has no area.
-
-    References
-    ----------
-    Bongratz et al., *Vox2Cortex: fast explicit reconstruction of cortical surfaces from 3D MRI scans with geometric
-    deep neural networks*, CVPR 2022.
     """
     points, normals, _ = _sampled(found, n_points, generator)
     truths, true_normals, corners = _sampled(target.mesh, n_points, generator)
@@ -391,21 +359,7 @@ def train_meshes(
     progress: Progress | None = None,
     device: torch.device | None = None,
 ) -> Part:
-    """Train the network of all surfaces. It is validated on the meshes of the last stage.
-
-    Parameters
-    ----------
-    examples : ExampleSets
-    settings : dict
-        Complete: the groups ``network``, ``template``, ``loss`` and ``training``.
-    folder, progress, device
-        As :meth:`meshot.systems.SurfaceSystem.train`.
-
-    Raises
-    ------
-    ValueError, FloatingPointError
-        As :func:`meshot.systems.train_part`.
-    """
+    """Train the network of all surfaces. It is validated on the meshes of the last stage."""
     training, weights = MeshSettings(**settings["training"]), MeshWeights(**settings["loss"])
     device = device or chosen_device()
     keys = surfaces_of_sides(settings.get("template", {}))
@@ -458,13 +412,7 @@ def coarse_template(network: MeshNetwork, side: Hemisphere, n_faces: int) -> Mes
 
 
 def true_fractions(example: Example) -> Float[Tensor, "1 2 x y z"]:
-    """The fractions of every voxel that the true white surfaces of left and right enclose, in float32.
-
-    Raises
-    ------
-    ValueError
-        If a surface is not closed, or its normals point inwards.
-    """
+    """The fractions of every voxel that the true white surfaces of left and right enclose, in float32."""
     found = [enclosed_fractions(example.targets[side, "white"], example.scan.image) for side in HEMISPHERES]
     return torch.from_numpy(np.stack(found).astype(np.float32))[None]
 
@@ -516,13 +464,7 @@ class System(SurfaceSystem):
 
     @torch.no_grad()
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
-        """The templates after the last stage.
-
-        Raises
-        ------
-        ValueError
-            If a vertex is moved to a position that is not finite.
-        """
+        """The templates after the last stage."""
         network, found = self.parts["meshes"].network, {}
         device = next(network.parameters()).device
         maps = network.unet(scaled_image(scan.image).to(device))

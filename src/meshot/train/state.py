@@ -92,15 +92,7 @@ def _copied(network: nn.Module) -> dict[str, Tensor]:
 
 
 def write_training(path: str | os.PathLike, state: TrainingState, made_with: dict) -> None:
-    """Write the state of a training, completely or not at all.
-
-    Parameters
-    ----------
-    path : path
-    state : TrainingState
-    made_with : dict
-        Settings and data. The state can be read only with the same ones.
-    """
+    """Write the state of a training, completely or not at all."""
     tensors = {f"network/{name}": value for name, value in state.network.state_dict().items()}
     tensors |= {f"best/{name}": value for name, value in state.best.items()}
     for index, moments in state.optimiser.state_dict()["state"].items():
@@ -116,13 +108,7 @@ def write_training(path: str | os.PathLike, state: TrainingState, made_with: dic
 
 
 def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict) -> None:
-    """Read a state written by :func:`meshot.train.state.write_training` into ``state``.
-
-    Raises
-    ------
-    ValueError
-        If the file is not such a state, or was written with other settings, data or another kind of network.
-    """
+    """Read a state written by :func:`meshot.train.state.write_training` into ``state``."""
     header, tensors = _read(path)
     now = json.loads(json.dumps(made_with))
     changed = sorted(k for k in now.keys() | header["made_with"] if header["made_with"].get(k) != now.get(k))
@@ -178,13 +164,7 @@ _MOMENTS = {"step", "exp_avg", "exp_avg_sq"}
 
 
 def read_tensors(path: str | os.PathLike, name: str, entry: str) -> tuple[dict, dict[str, Tensor]]:
-    """The JSON header ``name`` of a safetensors file, in which ``entry`` is a mapping, and its tensors.
-
-    Raises
-    ------
-    ValueError
-        If the file is missing, is not a complete safetensors file, or has another header.
-    """
+    """The JSON header ``name`` of a safetensors file, in which ``entry`` is a mapping, and its tensors."""
     try:
         with safetensors.safe_open(path, framework="pt") as file:
             header = json.loads((file.metadata() or {})[name])
@@ -199,21 +179,7 @@ def read_tensors(path: str | os.PathLike, name: str, entry: str) -> tuple[dict, 
 def stored_parts(
     tensors: dict[str, Tensor], module: nn.Module, optimiser: torch.optim.Adam
 ) -> tuple[dict[str, Tensor], dict[str, Tensor], dict[int, dict[str, Tensor]]]:
-    """The weights of a module, the best weights, and the moments of the optimiser by index of the parameter.
-
-    Parameters
-    ----------
-    tensors : dict
-        Named ``network/...``, ``best/...`` and ``adam/INDEX/...``.
-    module : nn.Module
-    optimiser : torch.optim.Adam
-        The optimiser of the parameters of the module.
-
-    Raises
-    ------
-    ValueError
-        If a tensor is missing or unknown, or has another shape or dtype than required.
-    """
+    """The weights of a module, the best weights, and the moments of the optimiser by index of the parameter."""
     parts: dict[str, dict[str, Tensor]] = {part: {} for part in ("network", "best", "adam")}
     for name, value in tensors.items():
         part, _, key = name.partition("/")

@@ -62,21 +62,7 @@ class View:
 
 
 def view_from(name: str, hemisphere: str | None = None) -> View:
-    """The view with a name.
-
-    Parameters
-    ----------
-    name : str
-        Position of the camera: "left", "right", "anterior", "posterior", "superior", "inferior"; or, for a hemisphere
-        of a brain, "lateral" (from outside) or "medial" (from the other hemisphere).
-    hemisphere : str, optional
-        "left" or "right", required for the last two.
-
-    Raises
-    ------
-    ValueError
-        If the name is unknown, or "lateral" or "medial" is given without a hemisphere.
-    """
+    """The view with a name."""
     if name in ("lateral", "medial") and hemisphere not in ("left", "right"):
         raise ValueError(f"view is {name!r} and hemisphere {hemisphere!r}; say hemisphere='left' or 'right'")
     direction = _SIDES.get((name, hemisphere), name)
@@ -95,13 +81,7 @@ Values = Sequence[float] | np.ndarray | torch.Tensor
 def named(
     meshes: Mesh | Mapping[str, Mesh], values: Values | Mapping[str, Values] | None
 ) -> tuple[dict[str, Mesh], dict[str, np.ndarray]]:
-    """Meshes and their values by name, with values as float64 arrays. A single mesh has the empty name.
-
-    Raises
-    ------
-    ValueError
-        If there is no mesh, or values have no mesh, another number than its vertices, or no finite entry.
-    """
+    """Meshes and their values by name, with values as float64 arrays. A single mesh has the empty name."""
     if isinstance(meshes, Mesh):
         meshes, values = {"": meshes}, None if values is None else {"": values}
     if not meshes:
@@ -127,13 +107,7 @@ def _checked(numbers: Values, name: str, n_vertices: int) -> np.ndarray:
 
 
 def colour_limits(values: Mapping[str, np.ndarray], limits: tuple[float, float] | None) -> tuple[float, float]:
-    """The values at the ends of the colour map: as given, or the range of all finite values.
-
-    Raises
-    ------
-    ValueError
-        If the limits are not two increasing, finite numbers.
-    """
+    """The values at the ends of the colour map: as given, or the range of all finite values."""
     if limits is not None:
         if not (np.isfinite(limits).all() and limits[0] < limits[1]):
             raise ValueError(f"limits are {limits!r}; two finite, increasing numbers are needed")
@@ -174,35 +148,7 @@ def surface_image(
     centre: Float[Array, " 3"] | None = None,
     half_height: float | None = None,
 ) -> np.ndarray:
-    """A picture of a surface in parallel projection, on a transparent background.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    view : View
-    values : array, optional
-        One per vertex. NaN is drawn in the plain colour.
-    limits : tuple
-        The values at the ends of the colour map.
-    colour_map : str
-        A colour map of matplotlib.
-    size : tuple
-        Width and height in pixels.
-    centre : array, optional
-        The point at the centre of the picture. By default the centre of the surface's bounding box.
-    half_height : float, optional
-        Half of the height shown by the picture, in units of the vertices. By default the whole surface is shown.
-
-    Returns
-    -------
-    numpy.ndarray
-        Red, green, blue and opacity in 0 … 255, shape (height, width, 4).
-
-    Raises
-    ------
-    RuntimeError
-        If there is no OpenGL.
-    """
+    """A picture of a surface in parallel projection, on a transparent background."""
     pyvista = _drawing_library()
     if centre is None or half_height is None:
         centre, half_height = framing([mesh], [view], size[0] / size[1])

@@ -12,12 +12,7 @@ from meshot._kernels import INNER, kernel
 @no_type_check
 @njit(**INNER)
 def nearest_on_triangle(p, a, b, c):
-    """The point of a triangle nearest to ``p``.
-
-    References
-    ----------
-    Ericson, *Real-Time Collision Detection*, 2005, section 5.1.5.
-    """
+    """The point of a triangle nearest to ``p``."""
     ab, ac, ap = b - a, c - a, p - a
     d1, d2 = np.dot(ab, ap), np.dot(ac, ap)
     if d1 <= 0 and d2 <= 0:
@@ -74,12 +69,7 @@ def nearest_in_band(corners, sizes, shape, band):
 @no_type_check
 @kernel("distances to a surface", 5)
 def spread_nearest(squared, foot, sizes, n_rounds):
-    """Propagate nearest points between the 26 neighbours to voxels outside the band, forward and backward, in place.
-
-    References
-    ----------
-    Danielsson, *Euclidean distance mapping*, 1980.
-    """
+    """Propagate nearest points between the 26 neighbours to voxels outside the band, forward and backward, in place."""
     shape = squared.shape
     far = np.isinf(squared)
     for sweep in range(2 * n_rounds):

@@ -88,16 +88,7 @@ class UnfitImageError(ValueError):
 
 
 def checked_image(path: Path) -> nibabel.spatialimages.SpatialImage:
-    """Open an image, check its header, and return it with its voxels not yet read.
-
-    Raises
-    ------
-    ValueError
-        If a compressed stream is damaged or unpacks to more than 512 MiB, or more voxels are declared than fit into the
-        file.
-    UnfitImageError
-        If there are more than 512³ voxels, it is a surface or a series, or it contains colours or complex numbers.
-    """
+    """Open an image, check its header, and return it with its voxels not yet read."""
     n_bytes = unpacked_size(path, LARGEST_BYTES)
     _require_room_for_extensions(path, n_bytes)
     image = nibabel.load(path)
@@ -145,13 +136,7 @@ def _require_room_for_extensions(path: Path, n_bytes: int) -> None:
 
 
 def affine_mm(image: nibabel.spatialimages.SpatialImage) -> Float[Array, "4 4"]:
-    """The affine from voxels to scanner RAS in mm. NIfTI files may use metres or micrometres, which are converted.
-
-    Raises
-    ------
-    UnfitImageError
-        If a NIfTI file does not specify its position, or its unit.
-    """
+    """The affine from voxels to scanner RAS in mm. NIfTI files may use metres or micrometres, which are converted."""
     header = image.header
     if not isinstance(header, nibabel.Nifti1Header):
         return image.affine

@@ -88,16 +88,6 @@ def register_rigid(moving: Volume, fixed: Volume, seed: int = 0) -> Float[Array,
     """The rotation and translation that take scanner RAS of ``moving`` to scanner RAS of ``fixed``, in mm.
 
     For two scans of one person: the head is rigid. Otherwise as :func:`register_affine`.
-
-    Parameters
-    ----------
-    moving, fixed : Volume
-    seed : int
-
-    Raises
-    ------
-    ValueError
-        As :func:`register_affine`.
     """
     found = _registered(moving, fixed, seed, THOROUGH, _rigid)
     return np.linalg.inv(LPS @ _as_matrix(found) @ LPS)

@@ -19,13 +19,7 @@ from meshot.volume.volume import Volume, mm_to_voxel, voxel_sizes, voxel_to_mm
 
 
 def enclosed_voxels(mesh: Mesh, grid: Volume) -> Bool[Array, "X Y Z"]:
-    """Which voxel centres are inside a closed mesh, by the parity of intersections along the last axis of the grid.
-
-    Raises
-    ------
-    ValueError
-        If a line intersects the mesh an odd number of times, so that it is not closed.
-    """
+    """Which voxel centres are inside a closed mesh, by the parity of intersections along the last axis of the grid."""
     column, height, _ = _crossings(_corners(mesh, grid), grid.data.shape)
     n_columns, depth = grid.data.shape[0] * grid.data.shape[1], grid.data.shape[2]
     if (np.bincount(column, minlength=n_columns) % 2).any():

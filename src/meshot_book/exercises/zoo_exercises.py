@@ -133,13 +133,7 @@ def trap(function: object) -> None:
 
 
 def _rest_and_distance(points: object, target: Float[Tensor, "n d"]) -> Float[Tensor, " 2"]:
-    """One if every point is at rest under Chamfer, and one if W₂ to the target is above zero.
-
-    Raises
-    ------
-    ValueError
-        If the points are not of the target's shape, or not real and finite.
-    """
+    """One if every point is at rest under Chamfer, and one if W₂ to the target is above zero."""
     points = as_points(points)
     if points.shape != target.shape:
         raise ValueError(

@@ -12,12 +12,7 @@ _Box = tuple[str, str, int]  # what it is, the shape of what comes out, how many
 
 
 def network_boxes(network: DeformationNetwork) -> dict[str, list[_Box]]:
-    """The layers by the branch they are in, each with the shape that leaves it and the numbers it learns.
-
-    Parameters
-    ----------
-    network : DeformationNetwork
-    """
+    """The layers by the branch they are in, each with the shape that leaves it and the numbers it learns."""
 
     def learned(layer: object) -> int:
         return sum(parameter.numel() for parameter in layer.parameters())

@@ -56,11 +56,6 @@ def crossing_figure(field: AnalyticField, gap: float, time: float, n_steps: int,
     """Two triangles moved for some time, a panel for every number of pieces that their sides are cut into.
 
     Dotted: where the flow takes the sides themselves.
-
-    Raises
-    ------
-    ValueError
-        As :func:`two_triangles` and :func:`outlines`.
     """
     corners = two_triangles(gap)
     curves = outlines(field, corners, time, n_steps, 64)
