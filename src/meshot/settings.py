@@ -13,7 +13,13 @@ Groups = dict[str, dict]
 
 
 def read_groups(path: str | os.PathLike | Traversable) -> Groups:
-    """Read the groups of settings in a YAML file, with any names: see :func:`meshot.settings.checked_groups`."""
+    """Read the groups of settings in a YAML file, with any names: see :func:`meshot.settings.checked_groups`.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, is not YAML, or has another structure.
+    """
     file = path if isinstance(path, Traversable) else Path(path)
     if not file.is_file():
         raise ValueError(f"{path} does not exist; a YAML file with groups of settings is needed")
@@ -21,7 +27,13 @@ def read_groups(path: str | os.PathLike | Traversable) -> Groups:
 
 
 def checked_groups(content: object, known: Mapping[str, set[str]], name: str) -> Groups:
-    """The groups of settings, checked against the known names. Missing groups are added empty."""
+    """The groups of settings, checked against the known names. Missing groups are added empty.
+
+    Raises
+    ------
+    ValueError
+        If the content does not consist of groups, or a name is unknown.
+    """
     content = _require_groups(content, name)
     strange = [str(key) for key in content if key not in known]
     strange += [f"{group}.{key}" for group in known for key in content.get(group, {}) if key not in known[group]]
@@ -54,7 +66,13 @@ def _is_number(text: str) -> bool:
 
 
 def changed_groups(groups: Groups, changes: Sequence[str]) -> Groups:
-    """The groups with some settings changed. A change has the form ``group.setting=value``, with a value in YAML."""
+    """The groups with some settings changed. A change has the form ``group.setting=value``, with a value in YAML.
+
+    Raises
+    ------
+    ValueError
+        If a change does not have this form.
+    """
     found = {group: dict(settings) for group, settings in groups.items()}
     for change in changes:
         key, equals, value = change.partition("=")
@@ -85,7 +103,13 @@ LONGEST = 1 << 20
 
 
 def read_yaml(path: str | os.PathLike | Traversable) -> object:
-    """The content of a YAML file."""
+    """The content of a YAML file.
+
+    Raises
+    ------
+    ValueError
+        As :func:`parsed_yaml`, or if the file is not text.
+    """
     try:
         file = path if isinstance(path, Traversable) else Path(path)
         return parsed_yaml(file.read_text(encoding="utf-8"))
@@ -94,7 +118,14 @@ def read_yaml(path: str | os.PathLike | Traversable) -> object:
 
 
 def parsed_yaml(text: str) -> object:
-    """The content of a YAML text: numbers, strings, lists and mappings."""
+    """The content of a YAML text: numbers, strings, lists and mappings.
+
+    Raises
+    ------
+    ValueError
+        If the text is not YAML, longer than 1 MiB, nested too deeply, or uses aliases (``*name``). Nested aliases can
+        expand to more values than fit into memory.
+    """
     if len(text) > LONGEST:
         raise ValueError(f"it has {len(text)} characters; at most {LONGEST} are read")
     try:

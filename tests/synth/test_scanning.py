@@ -121,7 +121,7 @@ def test_surfaces_go_to_the_standard_grid_and_come_back(position):
 
 
 def test_the_true_white_matter_may_place_a_scan_on_the_standard_grid(monkeypatch):
-    monkeypatch.setattr(placement, "PLAUSIBLE", (0.1, 9.0))  # two balls have not the shape of white matter
+    monkeypatch.setattr(placement, "PLAUSIBLE_SCALES", (0.1, 9.0))  # two balls have not the shape of white matter
     found = scan(OBLIQUE)
     before, _ = standardised(found, 8)
     placed, labels = standardised(found, 8, by_white_matter=True)

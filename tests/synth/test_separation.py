@@ -23,7 +23,7 @@ def test_two_balls_that_overlap_are_smoothed_apart():
 
 
 def test_what_cannot_be_kept_apart_is_said(unchecked, monkeypatch):
-    monkeypatch.setattr(meshot.synth.subject, "_SMOOTHINGS", 2)
+    monkeypatch.setattr(meshot.synth.subject, "_CROSSING_SMOOTHINGS", 2)
     ball = icosphere(3, radius=10.0)
     shifted = ball.with_vertices(ball.vertices + torch.tensor([10.0, 0, 0], dtype=torch.float64))
     assert kept_apart([ball, shifted]) is None

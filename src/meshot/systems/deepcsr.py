@@ -218,7 +218,7 @@ def distance_grids(network: DistanceNetwork, image: Volume, splits: int = 1, eve
     network : DistanceNetwork
     image : Volume
     splits : int
-        See :class:`SurfaceSettings`.
+        Into how many parts the spacing of the image is divided along each axis.
     every : int
         In place of 2. With 1, the network is evaluated in every voxel.
     """

@@ -244,9 +244,6 @@ def masked_scan(scan: Volume, mask: Volume) -> Volume:
 
 # Tissue probabilities from intensities, and overlap of masks.
 
-with needing("cortex"):
-    import skimage.filters
-
 
 def bright_volume(scan: Volume) -> float:
     """The volume of the brighter of two classes of voxels, in mm³: that of a brain on a dark background.
@@ -258,7 +255,9 @@ def bright_volume(scan: Volume) -> float:
     scan : Volume
         Not constant.
     """
-    n_bright = int((scan.data > skimage.filters.threshold_otsu(scan.data)).sum())
+    with needing("cortex"):
+        from skimage.filters import threshold_otsu
+    n_bright = int((scan.data > threshold_otsu(scan.data)).sum())
     return n_bright * abs(float(np.linalg.det(scan.affine[:3, :3])))
 
 
@@ -292,7 +291,9 @@ def white_matter_probability(t1: Volume, brain: Volume) -> Volume:
         raise ValueError(
             f"the brain mask holds {len(values)} voxels of fewer than three intensities; at least three are needed"
         )
-    lower, upper = skimage.filters.threshold_multiotsu(values, classes=3, nbins=128)
+    with needing("cortex"):
+        from skimage.filters import threshold_multiotsu
+    lower, upper = threshold_multiotsu(values, classes=3, nbins=128)
     grey = values[(values > lower) & (values <= upper)].mean(dtype=np.float64)
     white = values[values > upper].mean(dtype=np.float64)
     scaled = np.interp(t1.data, [grey, upper, white], [0.0, 0.5, 1.0])

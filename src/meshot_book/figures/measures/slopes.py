@@ -25,7 +25,7 @@ def draw_slopes(ax: Axes, curves: Mapping[str, Curve]) -> None:
     ax : Axes
         Both axes become logarithmic; the labels are the caller's.
     curves : mapping
-        Name → (x, y, (slope, low, high)), as :func:`meshot_book.statistics.fitted_slope` returns the last; None in its
+        Name → (x, y, (slope, low, high)), as ``meshot_book.statistics.fitted_slope`` returns the last; None in its
         place draws a grey line without points, for a bound or a closed form.
     """
     ax.set(xscale="log", yscale="log")
