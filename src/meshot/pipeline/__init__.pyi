@@ -12,8 +12,9 @@ from .initial_surface import (
     tissue_surface as tissue_surface,
 )
 from .quality import (
+    QualityWarning as QualityWarning,
     average_warnings as average_warnings,
-    warning_names as warning_names,
+    require_no_warnings as require_no_warnings,
 )
 from .reconstruction import (
     SEGMENTATION as SEGMENTATION,

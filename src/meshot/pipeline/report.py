@@ -16,7 +16,7 @@ from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume
 from meshot.metrics import vertex_distances
 from meshot.pipeline.correspondence import CarriedTemplate
 from meshot.pipeline.page import given_up_pictures, overview, reconstruction_page, slice_pictures, surface_view
-from meshot.pipeline.quality import voxels_given_up, warning_names
+from meshot.pipeline.quality import voxels_given_up
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction, StageClock, TrainedNetworks, reconstruct
 from meshot.provenance import provenance
 from meshot.types import Array, Float
@@ -194,8 +194,9 @@ def _report(
 ) -> dict:
     return {
         "scan": numbers_of_scan(scan, name),
-        "warnings": list(found.warnings),
-        "warning_names": warning_names(found.warnings),
+        "warnings": [warning.text for warning in found.warnings],
+        "warning_names": [warning.name for warning in found.warnings],
+        "warning_values": [warning.value for warning in found.warnings],
         "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
         "system": found.system,
         "to_standard": found.registered.to_standard.tolist(),
