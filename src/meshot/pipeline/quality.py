@@ -10,13 +10,13 @@ from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
-from scipy.ndimage import affine_transform, binary_erosion, label
+from scipy.ndimage import binary_erosion, label
 
 from meshot.flow import RepairedSurface
 from meshot.mesh import Mesh, signed_volume
 from meshot.pipeline.initial_surface import SegmentedSurface
 from meshot.types import Array, Bool, Float
-from meshot.volume import StandardScan, Volume, bright_volume, voxel_sizes
+from meshot.volume import StandardScan, Volume, bright_volume, resample, voxel_sizes
 
 #: Scans of the synthetic cohorts reach .79 to .84; upside down, back to front or with inverted contrast, .71.
 LOWEST_AGREEMENT = 0.75
@@ -234,11 +234,7 @@ def _correlation(first: Array, second: Array) -> float:
 
 def _on_grid(image: Volume, template: Volume) -> Float[Array, "x y z"]:
     """The template at the voxels of the image; beyond it, its least value."""
-    to_voxel = np.linalg.inv(template.affine) @ image.affine
-    low = float(template.data.min())
-    return affine_transform(
-        template.data.astype(np.float32), to_voxel[:3, :3], to_voxel[:3, 3], image.data.shape, order=1, cval=low
-    )
+    return resample(template, image.data.shape, image.affine, outside="lowest").data
 
 
 def surface_warnings(
