@@ -38,6 +38,12 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
         os.replace(temporary, path)
 
 
+def write_whole(path: str | os.PathLike, text: str) -> None:
+    """Write a text in UTF-8, completely or not at all."""
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 @contextlib.contextmanager
 def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Path]:
     """Yield a temporary folder beside ``path`` that is renamed to ``path`` if the block ends without an error.

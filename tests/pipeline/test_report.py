@@ -189,7 +189,7 @@ def test_warnings_stand_out_and_reach_the_command_line(place, made, monkeypatch,
     said = capsys.readouterr()
     assert "meshot: warning: it <looks> odd" in said.err
     report = json.loads((place / "odd" / "report.json").read_text(encoding="utf-8"))
-    assert [report[f"warning_{key}"][0] for key in ("names", "values")] == ["scale", 2.5]
+    assert dict(zip(report["warning_names"], report["warning_values"], strict=True))["scale"] == 2.5
     assert "Not for clinical use" in said.out
     page = (place / "odd" / "report.html").read_text(encoding="utf-8")
     assert "it &lt;looks&gt; odd" in page

@@ -10,7 +10,7 @@ import numpy as np
 
 import meshot
 from meshot.anatomy import HEMISPHERES, mni152_t1
-from meshot.files import printable_name, whole_file
+from meshot.files import printable_name, write_whole
 from meshot.mesh import write_mesh
 from meshot.pipeline import (
     SHORT,
@@ -183,8 +183,7 @@ def begin_bids(study: Path, dataset: Path | None) -> None:
         ("README.md", f"# {description['Name']}\n\nWritten by `meshot reconstruct`. Not for clinical use.\n"),
     ):
         if not (study / name).exists():
-            with whole_file(study / name) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+            write_whole(study / name, text)
 
 
 def _source(visit: Visit, path: Path) -> str:

@@ -21,7 +21,7 @@ from tqdm import tqdm
 import meshot
 from meshot.anatomy import mni152_t1
 from meshot.errors import require_positive_integer
-from meshot.files import printable_name, whole_file, whole_folder
+from meshot.files import printable_name, whole_folder, write_whole
 from meshot.pipeline import (
     PAGE,
     REPORT,
@@ -328,8 +328,7 @@ def _record(study: Path, visit: Visit, error: str | None) -> None:
         "error": error,
         "scans": " ".join(printable_name(path.name) for path in visit.scans),
     }
-    with whole_file(file) as temporary:
-        temporary.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_whole(file, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
 
 
 def _outcomes(
