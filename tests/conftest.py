@@ -31,7 +31,7 @@ LONG_FILES = (
     "experiments/test_runs.py",
     "pipeline/test_report.py",
     "fuzz/test_fuzz.py",
-    "pipeline/test_initial_surface.py",
+    "book/test_tissue.py",
     "synth/test_cohort.py",
     "experiments/test_ddot.py",
     "experiments/test_comparison.py",

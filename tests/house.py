@@ -22,7 +22,7 @@ RANKS = {
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.
 BOOK_RANKS = {
     "notebook": 0, "examples": 0, "measurements": 0, "statistics": 0, "lines": 0,
-    "flows": 0, "defects": 0, "example_file": 0,
+    "flows": 0, "defects": 0, "example_file": 0, "tissue": 0,
     "figures": 1, "exercises": 1, "claims": 1, "trainings": 1,
 }  # fmt: skip
 
@@ -46,6 +46,8 @@ HOMES = {
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),
     "bidsschematools": ("meshot/study/bids",),
     "pathspec": ("meshot/study/bids",),
+    "filelock": ("meshot/files", "meshot_book/trainings/"),
+    "pooch": ("meshot_book/notebook/",),
     "IPython": ("meshot_book/figures/",),
     "jinja2": ("meshot/view/page",),
     "yaml": ("meshot/settings", "meshot/synth/recipe", "meshot_book/claims/"),

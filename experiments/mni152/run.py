@@ -32,9 +32,9 @@ from meshot.jobs import fingerprint, run_jobs
 from meshot.measure import varifold
 from meshot.mesh import Mesh, decimated, face_areas, topology
 from meshot.metrics import evaluate
-from meshot.pipeline import TissueSurface, hemisphere_region, restricted, tissue_surface
 from meshot.provenance import write_results
 from meshot.volume import dice, isosurface, white_matter_probability
+from meshot_book.tissue import TissueSurface, hemisphere_region, restricted, tissue_surface
 
 HERE = Path(__file__).parent
 PARTIAL = HERE / "partial"

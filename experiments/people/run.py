@@ -23,7 +23,7 @@ from meshot.jobs import run_jobs
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
 from meshot.model import network_digest
-from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct, warning_names
+from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct
 from meshot.provenance import rounded, write_results
 from meshot.synth import Subject, scans
 from meshot.volume import Volume, dice, enclosed_fractions, transform_points
@@ -89,7 +89,8 @@ def about(subject: Subject) -> dict:
 
 def how_it_went(made: Reconstruction) -> dict:
     """Warnings of a reconstruction, and its seconds of processor time."""
-    return {"warning_names": warning_names(made.warnings), "cpu_seconds": sum(made.cpu_seconds.values())}
+    names = [warning.name for warning in made.warnings]
+    return {"warning_names": names, "cpu_seconds": sum(made.cpu_seconds.values())}
 
 
 def digests(networks: TrainedNetworks) -> dict[str, str]:

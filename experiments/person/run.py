@@ -25,7 +25,7 @@ from meshot.jobs import fingerprint, run_jobs
 from meshot.mesh import Mesh, signed_volume
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
 from meshot.model import network_digest
-from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct, warning_names
+from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct
 from meshot.provenance import file_digest, rounded, write_results
 from meshot.volume import Volume, read_volume, transform_points
 
@@ -90,8 +90,8 @@ def compared(name: str, asked: argparse.Namespace, networks: TrainedNetworks, co
 def how_it_went(made: Reconstruction) -> dict:
     """Warnings of a reconstruction, and the seconds of its stages."""
     return {
-        "warnings": list(made.warnings),
-        "warning_names": warning_names(made.warnings),
+        "warnings": [warning.text for warning in made.warnings],
+        "warning_names": [warning.name for warning in made.warnings],
         "seconds": {"clock": made.wall_seconds, "processor": made.cpu_seconds},
     }
 

@@ -268,7 +268,8 @@ def balls(to_scanner=None):
 def made_of(meshes, mask, to_standard):
     segmented = SimpleNamespace(mask=mask, genus_zero_mask=mask)
     return SimpleNamespace(
-        scan=SimpleNamespace(to_standard=to_standard), warnings=("it is odd",), wall_seconds={}, cpu_seconds={},
+        scan=SimpleNamespace(to_standard=to_standard), wall_seconds={}, cpu_seconds={},
+        warnings=(SimpleNamespace(name="odd", text="it is odd"),),
         surfaces={side: SimpleNamespace(final=mesh, segmented=segmented) for side, mesh in meshes.items()},
     )  # fmt: skip
 
@@ -293,7 +294,7 @@ def test_a_change_is_measured_where_the_person_is(part, config, asked, tmp_path,
         monkeypatch.setattr(run, "reconstruct", lambda *a, seen=seen: made_of(seen, None, np.eye(4)))
         found = run.compared(name, asked, networks, config | {"n_points": 1000}, tmp_path)
         assert max(each["assd"] for each in found["change_mm"].values()) < 1e-6
-        assert found["warning_names"] == ["other"]
+        assert found["warning_names"] == ["odd"]
     larger = {side: mesh.with_vertices(mesh.vertices * 1.1) for side, mesh in balls().items()}
     monkeypatch.setattr(run, "reconstruct", lambda *a: made_of(larger, None, np.eye(4)))
     found = run.compared("bias", asked, networks, config | {"n_points": 1000}, tmp_path)

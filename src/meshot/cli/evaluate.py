@@ -169,7 +169,6 @@ def _write(place: str, text: str) -> None:
     if place == "-":
         print(text, end="")
         return
-    from meshot.files import whole_file
+    from meshot.files import write_whole
 
-    with whole_file(place) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_whole(place, text)

@@ -3,17 +3,13 @@ from .correspondence import (
     carry_template as carry_template,
 )
 from .initial_surface import (
-    DEPTH_WEIGHT as DEPTH_WEIGHT,
     PROBABILITY_WEIGHT_MM as PROBABILITY_WEIGHT_MM,
-    TissueSurface as TissueSurface,
-    hemisphere_region as hemisphere_region,
-    restricted as restricted,
     segmented_surface as segmented_surface,
-    tissue_surface as tissue_surface,
 )
 from .quality import (
+    QualityWarning as QualityWarning,
     average_warnings as average_warnings,
-    warning_names as warning_names,
+    require_no_warnings as require_no_warnings,
 )
 from .reconstruction import (
     SEGMENTATION as SEGMENTATION,

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from meshot.errors import require_positive_integer
-from meshot.files import scratch_folder, whole_file
+from meshot.files import scratch_folder, write_whole
 from meshot.mesh import read_mesh
 from meshot.provenance import processor
 from meshot.synth import cohorts as cohort
@@ -91,13 +91,13 @@ def open_cohort(recipe: Recipe, folder: str | os.PathLike) -> list[Visit]:
             )
     elif folder.exists() and any(folder.iterdir()):
         raise ValueError(f"{folder} is not empty and holds no cohort; choose another folder")
-    _write(kept, recipe_text(recipe))
+    write_whole(kept, recipe_text(recipe))
     rows = ["participant_id\tsplit\tkind\tseed"]
     rows += ["\t".join(map(str, dataclasses.astuple(participant))) for participant in plan(recipe)]
-    _write(folder / "participants.tsv", "\n".join(rows) + "\n")
-    _write(folder / "dseg.tsv", "index\tname\n" + "".join(f"{i}\t{name}\n" for name, i in cohort.LABELS.items()))
+    write_whole(folder / "participants.tsv", "\n".join(rows) + "\n")
+    write_whole(folder / "dseg.tsv", "index\tname\n" + "".join(f"{i}\t{name}\n" for name, i in cohort.LABELS.items()))
     for place, kind in ((folder, "raw"), (folder / "derivatives" / "standard", "derivative")):
-        _write(place / "dataset_description.json", _description(recipe, kind))
+        write_whole(place / "dataset_description.json", _description(recipe, kind))
     return [visit for visit in visits(recipe) if not (folder / visit.folder).is_dir()]
 
 
@@ -167,7 +167,7 @@ def make_visit(recipe: Recipe, folder: Path, visit: Visit) -> str:
             shutil.rmtree(target, ignore_errors=True)
             target.parent.mkdir(parents=True, exist_ok=True)
             if target == place:
-                _write(folder / "logs" / f"{'_'.join(visit.folder.parts)}.json", json.dumps(log, indent=1) + "\n")
+                write_whole(folder / "logs" / f"{'_'.join(visit.folder.parts)}.json", json.dumps(log, indent=1) + "\n")
             os.replace(source, target)
     return str(visit.folder)
 
@@ -215,11 +215,6 @@ def _drawn(recipe: Recipe, participant: Participant) -> tuple[Shape, Anatomy, Po
 def _given(knobs: object) -> dict:
     """The parameters that are not None, so that those that are introduced later do not change the files of before."""
     return {name: value for name, value in dataclasses.asdict(knobs).items() if value is not None}
-
-
-def _write(path: Path, text: str) -> None:
-    with whole_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 # Hashes of the content of a cohort: of the numbers in the files, independent of their compression.
@@ -277,8 +272,7 @@ def write_manifest(recipe: Recipe, folder: str | os.PathLike) -> None:
         "processors": sorted({log["processor"] for log in logs if "processor" in log}),
         "scans": found,
     }
-    with whole_file(folder / "manifest.json") as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_whole(folder / "manifest.json", json.dumps(content, indent=1) + "\n")
 
 
 def keep_digests(path: str | os.PathLike, folder: str | os.PathLike) -> None:
@@ -293,8 +287,7 @@ def keep_digests(path: str | os.PathLike, folder: str | os.PathLike) -> None:
     known = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     brief = [{key: entry[key] for key in ("split", "seed", "digest")} for entry in manifest["scans"].values()]
     known[manifest["recipe"]] = manifest | {"scans": dict(zip(manifest["scans"], brief, strict=True))}
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(dict(sorted(known.items())), indent=1) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(dict(sorted(known.items())), indent=1) + "\n")
 
 
 def _manifest(folder: Path) -> dict:

@@ -11,7 +11,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from meshot.anatomy import mni152_t1, placed_by_white_matter
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume, write_mesh
 from meshot.rng import Generator, numpy_generator
 from meshot.synth import cohorts as cohort
@@ -349,5 +349,4 @@ def write_scan(place: cohort.Subject, scan: Scan, standard: tuple[StandardScan, 
 
 
 def _write_json(path: object, content: dict) -> None:
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")

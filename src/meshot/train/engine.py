@@ -13,7 +13,7 @@ import torch
 from torch import nn
 
 from meshot.errors import require_choice, require_positive, require_positive_integer
-from meshot.files import naming_a_full_disk, whole_file
+from meshot.files import naming_a_full_disk, write_whole
 from meshot.train.state import STATE, TrainingState, read_training, write_training
 from meshot.types import Tensor
 
@@ -315,8 +315,7 @@ class TrainingLog:
     def __init__(self, path: Path | None, lines: list[dict]):
         self.path = path
         if path is not None:
-            with whole_file(path) as temporary:
-                temporary.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+            write_whole(path, "".join(json.dumps(line) + "\n" for line in lines))
 
     def add(self, line: dict) -> None:
         """Append a line to the file immediately."""

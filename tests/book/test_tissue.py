@@ -12,9 +12,9 @@ from meshot.mesh.geometry import signed_volume
 from meshot.mesh.io import read_mesh, write_mesh
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import icosphere
-from meshot.pipeline.initial_surface import hemisphere_region, restricted, sphere_like_mesh, tissue_surface
 from meshot.volume.surfaces import isosurface
 from meshot.volume.volume import Volume, centre_ras, sample_volume, voxel_to_mm, white_matter_probability
+from meshot_book.tissue import hemisphere_region, restricted, sphere_like_mesh, tissue_surface
 
 
 def ball_with_defects(affine: np.ndarray) -> Volume:
