@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import torch
 
-from meshot.errors import as_floating, require_shape
+from meshot.errors import as_floating, as_points
 from meshot.mesh import Contour, Mesh, edge_lengths, edge_normals, face_areas, face_normals, sample_locations
 from meshot.rng import Generator
 from meshot.types import Float, Int64, Tensor
@@ -42,8 +42,7 @@ class DiscreteMeasure:
     weights: Float[Tensor, " n"] | None = None
 
     def __post_init__(self):
-        points = as_floating(self.points, "points")
-        require_shape(points, "points", None)
+        points = as_points(self.points, "points")
         weights = points.new_full((len(points),), 1 / len(points)) if self.weights is None else self.weights
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "weights", as_probabilities(weights, points, len(points)))
