@@ -48,9 +48,15 @@ class FeatureNetwork(nn.Module):
     """
 
     def __init__(
-        self, width: int = 8, depth: int = 3, fold: int = 2, n_more: int = 0, residual: bool = False,
-        decoder: bool = True, generator: Generator = 0,
-    ):  # fmt: skip
+        self,
+        width: int = 8,
+        depth: int = 3,
+        fold: int = 2,
+        n_more: int = 0,
+        residual: bool = False,
+        decoder: bool = True,
+        generator: Generator = 0,
+    ):
         super().__init__()
         require_levels(width, depth, fold)
         self.fold, self.depth = fold, depth
