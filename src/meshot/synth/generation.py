@@ -97,14 +97,11 @@ def open_cohort(recipe: Recipe, folder: str | os.PathLike) -> list[Visit]:
     _write(folder / "participants.tsv", "\n".join(rows) + "\n")
     _write(folder / "dseg.tsv", "index\tname\n" + "".join(f"{i}\t{name}\n" for name, i in cohort.LABELS.items()))
     for place, kind in ((folder, "raw"), (folder / "derivatives" / "standard", "derivative")):
-        _write(place / "dataset_description.json", _description(recipe, kind))
+        content = {"Name": recipe.name, "BIDSVersion": "1.10.0", "DatasetType": kind}
+        content["License"] = "see data_synth/README.md"
+        content["GeneratedBy"] = [{"Name": "meshot", "Description": "synthetic: no person was scanned"}]
+        _write(place / "dataset_description.json", json.dumps(content, indent=1) + "\n")
     return [visit for visit in visits(recipe) if not (folder / visit.folder).is_dir()]
-
-
-def _description(recipe: Recipe, kind: str) -> str:
-    content = {"Name": recipe.name, "BIDSVersion": "1.10.0", "DatasetType": kind, "License": "see data_synth/README.md"}
-    content["GeneratedBy"] = [{"Name": "meshot", "Description": "synthetic: no person was scanned"}]
-    return json.dumps(content, indent=1) + "\n"
 
 
 def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Iterator[str]:
@@ -193,7 +190,11 @@ def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     facts = {
         "participant": dataclasses.asdict(place.participant),
         "scan_seed": scan_seed,
-        "knobs": {name: rounded(_given(value)) for name, value in knobs.items()},
+        # Without those that are None, so that parameters of later versions do not change the files of before.
+        "knobs": {
+            name: rounded({key: each for key, each in dataclasses.asdict(value).items() if each is not None})
+            for name, value in knobs.items()
+        },
         "head_to_scanner": rounded(scan.head_to_scanner.tolist()),
         "deformation_strength": rounded(surfaces.strength),
         "surfaces": surface_facts(scan, surfaces),
@@ -210,11 +211,6 @@ def _drawn(recipe: Recipe, participant: Participant) -> tuple[Shape, Anatomy, Po
         return drawn_person(people(recipe.people), shape, position, participant.seed)
     fixed = {"head_mm": recipe.head_mm, "n_lines": recipe.n_lines, "leaf_mm": recipe.leaf_mm}
     return shape, Anatomy(**drawn_structures(recipe, participant.seed), **fixed), position
-
-
-def _given(knobs: object) -> dict:
-    """The parameters that are not None, so that those that are introduced later do not change the files of before."""
-    return {name: value for name, value in dataclasses.asdict(knobs).items() if value is not None}
 
 
 def _write(path: Path, text: str) -> None:
@@ -277,8 +273,7 @@ def write_manifest(recipe: Recipe, folder: str | os.PathLike) -> None:
         "processors": sorted({log["processor"] for log in logs if "processor" in log}),
         "scans": found,
     }
-    with whole_file(folder / "manifest.json") as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    _write(folder / "manifest.json", json.dumps(content, indent=1) + "\n")
 
 
 def keep_digests(path: str | os.PathLike, folder: str | os.PathLike) -> None:
@@ -293,8 +288,7 @@ def keep_digests(path: str | os.PathLike, folder: str | os.PathLike) -> None:
     known = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     brief = [{key: entry[key] for key in ("split", "seed", "digest")} for entry in manifest["scans"].values()]
     known[manifest["recipe"]] = manifest | {"scans": dict(zip(manifest["scans"], brief, strict=True))}
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(dict(sorted(known.items())), indent=1) + "\n", encoding="utf-8")
+    _write(path, json.dumps(dict(sorted(known.items())), indent=1) + "\n")
 
 
 def _manifest(folder: Path) -> dict:
