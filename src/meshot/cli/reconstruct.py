@@ -90,22 +90,9 @@ def add_to(commands: Commands) -> None:
     words.add_argument("--verbose", action="store_true", help="Also print how long each stage of a scan took.")
     words.add_argument("--quiet", action="store_true", help="Print warnings and errors only, and no progress bar.")
     group = command.add_argument_group("of a BIDS data set")
-    group.add_argument(
-        "--participant-label",
-        "--participant_label",
-        nargs="+",
-        default=[],
-        metavar="LABEL",
-        help="Reconstruct these participants (default: all).",
-    )
-    group.add_argument(
-        "--session-label",
-        "--session_label",
-        nargs="+",
-        default=[],
-        metavar="LABEL",
-        help="Reconstruct these sessions (default: all).",
-    )
+    for one in ("participant", "session"):
+        names, what = (f"--{one}-label", f"--{one}_label"), f"Reconstruct these {one}s (default: all)."
+        group.add_argument(*names, nargs="+", default=[], metavar="LABEL", help=what)
     group.add_argument("--acquisition", metavar="LABEL", help="Use only scans with this value of acq.")
     group.add_argument("--run", metavar="NUMBER", dest="run_number", help="Use only scans with this value of run.")
     group.add_argument(

@@ -147,15 +147,7 @@ class Guard:
 
 
 class FitState(TrainingState):
-    """The state of a fit: the field, its optimiser, the progress, and the best field so far.
-
-    Parameters
-    ----------
-    field : LearnedVelocity
-    learning_rate : float
-    n_steps : int
-        Initial number of integration steps.
-    """
+    """The state of a fit: the field, its optimiser, the progress, and the best field so far."""
 
     def __init__(self, field: LearnedVelocity, learning_rate: float, n_steps: int):
         super().__init__(field, learning_rate, extras={"n_steps": n_steps})

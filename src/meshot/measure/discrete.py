@@ -252,28 +252,13 @@ class Extras:
 
     Every encoding orders its coordinates in the same way: position ‖ ``normal_scale`` · unit normal ‖
     ``feature_scale`` · features of the vertices ‖ ``feature_scale`` · features of the faces.
-
-    Parameters
-    ----------
-    shape : Mesh or Contour
-    normal_scale : float
-        The length of a scaled unit normal, in units of the vertices.
-    features, face_features : tensor, optional
-        One row per vertex, and one row per face (or edge of a contour).
-    feature_scale : float
-        The length that corresponds to a feature difference of one, in units of the vertices per unit of the feature.
-
-    Raises
-    ------
-    ValueError
-        If a scale is negative or not finite, or features do not fit the shape.
     """
 
     shape: Mesh | Contour
-    normal_scale: float
-    features: Float[Tensor, "V k"] | None
-    face_features: Float[Tensor, "F j"] | None
-    feature_scale: float
+    normal_scale: float  # length of a scaled unit normal, in units of the vertices
+    features: Float[Tensor, "V k"] | None  # one row per vertex
+    face_features: Float[Tensor, "F j"] | None  # one row per face, or edge of a contour
+    feature_scale: float  # length that corresponds to a difference of one, per unit of the feature
 
     def __post_init__(self):
         for name, scale in (("normal_scale", self.normal_scale), ("feature_scale", self.feature_scale)):

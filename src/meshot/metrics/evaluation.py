@@ -369,14 +369,7 @@ def require_same_space(predicted: Surface, target: Surface) -> None:
 
 
 def warn_of_defects(mesh: Mesh, name: str, volume: float) -> None:
-    """Warn if a mesh is not a closed surface with outward normals, and say which metrics are affected.
-
-    Warns
-    -----
-    UserWarning
-        If the mesh is open, has non-manifold edges, is not consistently oriented, or is inside out. All defects are in
-        one warning.
-    """
+    """Warn if a mesh is not a closed surface with outward normals, and say which metrics are affected."""
     n_open, n_many = len(boundary_edges(mesh)), len(nonmanifold_edges(mesh))
     oriented = is_consistently_oriented(mesh)
     found = []

@@ -202,24 +202,12 @@ def _linear(n_in: int, n_out: int, generator: np.random.Generator) -> nn.Linear:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FeatureMap:
-    """Features at the voxels of an image.
+    """Features at the voxels of an image."""
 
-    Parameters
-    ----------
-    values : tensor
-        One row of features per voxel, the last axis varying fastest. The outermost voxels are zero.
-    shape : tuple of int
-        Number of voxels along the three axes.
-    image : Volume
-        The image that the features belong to.
-    margin : int
-        Number of voxels by which the map exceeds the image on each side.
-    """
-
-    values: Float[Tensor, "voxels features"]
-    shape: tuple[int, int, int]
-    image: Volume
-    margin: int
+    values: Float[Tensor, "voxels features"]  # a row per voxel, the last axis fastest; the outermost are zero
+    shape: tuple[int, int, int]  # number of voxels along the three axes
+    image: Volume  # to which the features belong
+    margin: int  # number of voxels by which the map exceeds the image on each side
 
     def at(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
         """Features at points in mm, by trilinear interpolation, zero outside the map. Differentiable in both."""
@@ -346,12 +334,6 @@ class VisitedFeatures:
 
     A surface is near only about a tenth of the voxels in its bounding box. Rows of features for all scales are kept in
     one table, so that each voxel is convolved once. Runs on a CPU. Only first derivatives are available.
-
-    Parameters
-    ----------
-    cubes : CubeConvolution
-    images : tuple of Volume
-        One per scale, see :meth:`meshot.model.deformation.CubeConvolution.images`.
     """
 
     def __init__(self, cubes: CubeConvolution, images: tuple[Volume, ...]):

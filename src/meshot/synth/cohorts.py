@@ -33,24 +33,12 @@ _STANDARD = Path("derivatives") / "standard"
 
 @dataclasses.dataclass(frozen=True)
 class Participant:
-    """One row of ``participants.tsv``.
+    """One row of ``participants.tsv``."""
 
-    Parameters
-    ----------
-    participant_id : str
-        For example ``sub-001``.
-    split : str
-        One of ``SPLITS``.
-    kind : str
-        "template" (made from fsaverage5) or "procedural" (made without it).
-    seed : int
-        Seed of the anatomy.
-    """
-
-    participant_id: str
-    split: str
-    kind: str
-    seed: int
+    participant_id: str  # such as sub-001
+    split: str  # one of SPLITS
+    kind: str  # "template" (made from fsaverage5) or "procedural" (made without it)
+    seed: int  # of the anatomy
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -46,17 +46,10 @@ _GROWING = ("subjects", "procedural_subjects", "held_out_subjects", "days")
 
 @dataclasses.dataclass(frozen=True)
 class Visit:
-    """One participant on one day. All scans of a visit are made together and appear on disk together.
-
-    Parameters
-    ----------
-    participant : Participant
-    session : str, optional
-        For example "01". None if each participant is scanned only once.
-    """
+    """One participant on one day. All scans of a visit are made together and appear on disk together."""
 
     participant: Participant
-    session: str | None
+    session: str | None  # such as "01"; None if each participant is scanned only once
 
     @property
     def folder(self) -> Path:

@@ -387,25 +387,12 @@ _VENTRICLES, _BELOW = ("ventricle", "posterior horn"), ("cerebellum", "brainstem
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Structure:
-    """An ellipsoid of tissue.
+    """An ellipsoid of tissue."""
 
-    Parameters
-    ----------
-    tissue : str
-        "deep grey", "fluid" or "hindbrain".
-    centre_mm : array
-        In head coordinates.
-    axes_mm : array
-        The half axes, as columns.
-    inside_white : bool
-        Whether it lies inside the white surfaces, and is cut off at depth ``DEPTH_MM``. Otherwise it lies outside the
-        pial surfaces, and is cut off there.
-    """
-
-    tissue: str
-    centre_mm: Float[Array, " 3"]
-    axes_mm: Float[Array, "3 3"]
-    inside_white: bool
+    tissue: str  # "deep grey", "fluid" or "hindbrain"
+    centre_mm: Float[Array, " 3"]  # in head coordinates
+    axes_mm: Float[Array, "3 3"]  # the half axes, as columns
+    inside_white: bool  # it is cut off at the depth DEPTH_MM; if not, it is cut off at the pial surfaces, outside them
 
 
 def structures_of(white: Mapping[str, Mesh], ventricles: float = 1.0, below: float = 1.0) -> list[Structure]:
@@ -428,15 +415,9 @@ def structures_of(white: Mapping[str, Mesh], ventricles: float = 1.0, below: flo
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Ellipsoids:
-    """Simple structures as the inside of a head, see :class:`meshot.synth.imaging.Interior`.
+    """Simple structures as the inside of a head, see :class:`meshot.synth.imaging.Interior`."""
 
-    Parameters
-    ----------
-    structures : sequence of Structure
-        In the order in which they are added.
-    """
-
-    structures: Sequence[Structure]
+    structures: Sequence[Structure]  # in the order in which they are added
 
     def ends(self) -> Float[Tensor, "n 3"]:
         """The ends of all half axes, in mm."""

@@ -178,24 +178,12 @@ class Anatomy:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scan:
-    """A scan and its ground truth, in scanner RAS.
+    """A scan and its ground truth, in scanner RAS."""
 
-    Parameters
-    ----------
-    image : Volume
-        T1-weighted, integers in arbitrary units.
-    tissue : Volume
-        See :data:`meshot.synth.LABELS`.
-    surfaces : mapping
-        By ("white" or "pial", "left" or "right").
-    head_to_scanner : array
-        The rigid motion from head coordinates to scanner RAS.
-    """
-
-    image: Volume
-    tissue: Volume
-    surfaces: Mapping[tuple[str, str], Mesh]
-    head_to_scanner: Float[Array, "4 4"]
+    image: Volume  # T1-weighted, integers in arbitrary units
+    tissue: Volume  # see meshot.synth.LABELS
+    surfaces: Mapping[tuple[str, str], Mesh]  # by ("white" or "pial", "left" or "right")
+    head_to_scanner: Float[Array, "4 4"]  # the rigid motion from head coordinates to scanner RAS
 
 
 def simulated_scan(

@@ -54,21 +54,11 @@ def random_velocity(*points: Float[Tensor, "_ 3"], warp_mm: tuple[float, ...], g
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HeadWarp:
-    """The deformation of a whole head: other sizes along the axes, then the flow of a velocity.
+    """The deformation of a whole head: other sizes along the axes, then the flow of a velocity."""
 
-    Parameters
-    ----------
-    sizes : tensor
-        Factors along x, y and z.
-    field : GridVelocity, optional
-        None for no flow.
-    n_steps : int
-        Number of Runge–Kutta steps of the flow.
-    """
-
-    sizes: Float[Tensor, " 3"]
-    field: GridVelocity | None
-    n_steps: int = 1
+    sizes: Float[Tensor, " 3"]  # factors along x, y and z
+    field: GridVelocity | None  # None for no flow
+    n_steps: int = 1  # Runge–Kutta steps of the flow
 
     def forward(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
         """Positions in the deformed head of points of the template head, in mm."""

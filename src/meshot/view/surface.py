@@ -38,18 +38,10 @@ _LETTERS = ("LR", "PA", "IS")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """A direction of view.
+    """A direction of view."""
 
-    Parameters
-    ----------
-    name : str
-        The requested name, such as "lateral".
-    axes : array
-        Orthonormal rows: right and up in the picture, and towards the camera.
-    """
-
-    name: str
-    axes: Float[Array, "3 3"]
+    name: str  # as requested, such as "lateral"
+    axes: Float[Array, "3 3"]  # orthonormal rows: right and up in the picture, and towards the camera
 
     def letters(self) -> tuple[str, str, str, str]:
         """The anatomical letters at the left, right, bottom and top edges of the picture, such as A, P, I, S."""
