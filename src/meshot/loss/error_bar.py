@@ -66,7 +66,13 @@ class SlicedEstimate:
         return self.standard_error / self.value if self.value else 0.0
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """The confidence interval of the mean over all draws, by Student's t distribution, cut off at zero."""
+        """The confidence interval of the mean over all draws, by Student's t distribution, cut off at zero.
+
+        Raises
+        ------
+        ValueError
+            If ``level`` is not between 0 and 1.
+        """
         if not 0 < level < 1:
             raise ValueError(f"level is {level!r}; a share between 0 and 1 is needed, such as 0.95")
         half = float(stats.t.ppf((1 + level) / 2, self.n_replicates - 1)) * self.standard_error

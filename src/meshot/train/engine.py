@@ -73,7 +73,13 @@ def plan_of_epochs(settings: object, n_examples: int) -> Plan:
 
 
 def require_plan_settings(settings: object) -> None:
-    """Check the settings that all trainings have: epochs, learning rate, patience, averaging, seed."""
+    """Check the settings that all trainings have: epochs, learning rate, patience, averaging, seed.
+
+    Raises
+    ------
+    ValueError
+        If one is outside its range.
+    """
     for name in ("n_epochs", "batch_size", "validate_every", "save_every"):
         require_positive_integer(getattr(settings, name, 1), name)
     if settings.patience is not None:
