@@ -52,7 +52,7 @@ def test_the_package_keeps_its_habits(root):
     [
         ("def f(): ...", "no docstring"),
         ('"""d"""\ndef f(x): """d"""', "x has no annotation"),
-        ('"""d"""\ndef f():\n    """d"""\n    raise ValueError("no")', "does not say so"),
+        ('"""d"""\ndef f():\n    """d\n\n    Parameters"""\n    raise ValueError("no")', "does not say so"),
         ('"""d"""\nclass A:\n    pass', "A: no docstring"),
     ],
 )

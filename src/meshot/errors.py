@@ -51,6 +51,13 @@ def require_shape(tensor: Tensor, name: str, columns: int | None) -> None:
         raise ValueError(f"{name} is empty (shape {tuple(tensor.shape)}); at least one row and one column are needed")
 
 
+def as_points(values: object, name: str, columns: int | None = None) -> Tensor:
+    """A matrix of finite floating-point numbers, one row per point; with that many columns, unless it is None."""
+    points = as_floating(values, name)
+    require_shape(points, name, columns)
+    return points
+
+
 def require_finite(tensor: Tensor, name: str) -> None:
     """Check that no entry is NaN or infinite."""
     bad = ~torch.isfinite(tensor.detach())
@@ -83,6 +90,12 @@ def require_positive_integer(value: object, name: str, most: int | None = None) 
     if most is not None and value > most:
         raise ValueError(f"{name} is {value!r}; at most {most} is possible")
     return int(value)
+
+
+def require_natural(value: object, name: str) -> None:
+    """Check that a value is an integer >= 0."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ValueError(f"{name} is {value!r}; an integer >= 0 is needed")
 
 
 def require_positive(value: object, name: str, unit: str = "") -> None:

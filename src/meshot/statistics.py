@@ -110,10 +110,11 @@ def bootstrap_interval(
     if paired and len({len(sample) for sample in numbers}) > 1:
         lengths = ", ".join(str(len(sample)) for sample in numbers)
         raise ValueError(f"paired samples have {lengths} values; equally many are needed, in the same order")
-    found = stats.bootstrap(
-        numbers, statistic, n_resamples=n_draws, vectorized=True, paired=paired, confidence_level=LEVEL,
-        method="percentile", rng=numpy_generator(generator),
-    ).confidence_interval  # fmt: skip
+    options = {"method": "percentile", "vectorized": True, "confidence_level": LEVEL}
+    drawn = stats.bootstrap(
+        numbers, statistic, paired=paired, n_resamples=n_draws, rng=numpy_generator(generator), **options
+    )
+    found = drawn.confidence_interval
     return Interval(float(statistic(*numbers, axis=-1)), float(found.low), float(found.high))
 
 

@@ -56,11 +56,6 @@ class VarifoldEncoding(Encoding):
         paper uses 1 and states no unit.
     detach_weights : bool
         Whether to stop the gradient through the areas. By default, as in every encoding, it includes them.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
     n_supports: int | None = None
@@ -134,8 +129,10 @@ def _require_supports(n_supports: int | None) -> None:
 
 #: The encodings by name.
 ENCODINGS: dict[str, type[Encoding]] = {
-    "varifold": VarifoldEncoding, "samples": SampleEncoding, "surface": SurfaceEncoding,
-}  # fmt: skip
+    "varifold": VarifoldEncoding,
+    "samples": SampleEncoding,
+    "surface": SurfaceEncoding,
+}
 
 
 # Losses between two measures, selected by name, with their settings.
@@ -171,11 +168,6 @@ class SlicedLoss(MeasureLoss):
         Number of directions, drawn in every call.
     p : int
         The exponent: 1 or 2.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
     takes_continuous: ClassVar[bool] = True
@@ -208,11 +200,6 @@ class WindowedLoss(MeasureLoss):
         The exponent: 1 or 2.
     last_window : float, optional
         Standard deviation at the end of a training. It changes by the same factor in every step. Default: no change.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
     window: float = 6.0
@@ -261,11 +248,6 @@ class SinkhornLoss(MeasureLoss):
         In mm.
     scaling : float
         In (0, 1). Values closer to one are slower and more accurate.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
     p: int = 2
@@ -322,11 +304,6 @@ class SlicedPartialLoss(MeasureLoss):
         The length beyond which nothing is transported along a direction, in mm.
     n_directions : int
         Number of directions, drawn in every call.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
     solve: ClassVar[Callable] = staticmethod(sliced_partial)
@@ -360,10 +337,14 @@ def _require_exponent(p: int) -> None:
 
 #: The losses by name.
 LOSSES: dict[str, type[MeasureLoss]] = {
-    "sliced": SlicedLoss, "windowed": WindowedLoss, "chamfer": ChamferLoss, "sinkhorn": SinkhornLoss,
-    "varifold_kernel": VarifoldKernelLoss, "sliced_partial": SlicedPartialLoss,
+    "sliced": SlicedLoss,
+    "windowed": WindowedLoss,
+    "chamfer": ChamferLoss,
+    "sinkhorn": SinkhornLoss,
+    "varifold_kernel": VarifoldKernelLoss,
+    "sliced_partial": SlicedPartialLoss,
     "sliced_unbalanced": SlicedUnbalancedLoss,
-}  # fmt: skip
+}
 
 
 # Losses between two surfaces: a loss of measures applied to an encoding, and sums of such losses.
@@ -431,11 +412,6 @@ class SummedLoss:
     ----------
     terms : tuple of SurfaceLoss
         At least one.
-
-    Raises
-    ------
-    ValueError
-        If there is no term.
     """
 
     terms: tuple[SurfaceLoss, ...]
@@ -473,9 +449,16 @@ def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss | SummedLoss:
     """
     given = {name: value for name, value in settings.items() if value is not None}
     if "terms" in given:
-        return _summed(given)
+        terms = given.pop("terms")
+        if given:
+            raise ValueError(f"{', '.join(given)} stands beside terms; write it into the term that it belongs to")
+        if not isinstance(terms, Sequence) or not all(isinstance(t, Mapping) and "terms" not in t for t in terms):
+            raise ValueError(f"terms is {terms!r}; a list of settings of losses is needed, such as [{{loss: chamfer}}]")
+        return SummedLoss(tuple(surface_loss(term) for term in terms))
     loss, encoding = str(given.pop("loss", "sliced")), str(given.pop("encoding", "varifold"))
-    kinds = {"encoding": _kind_of(ENCODINGS, encoding, "encoding"), "loss": _kind_of(LOSSES, loss, "loss")}
+    require_choice(encoding, "encoding", ENCODINGS)
+    require_choice(loss, "loss", LOSSES)
+    kinds = {"encoding": ENCODINGS[encoding], "loss": LOSSES[loss]}
     factor, parts = given.pop("factor", 1.0), {}
     for part, kind in kinds.items():
         own = _field_names(kind) & given.keys()
@@ -489,15 +472,6 @@ def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss | SummedLoss:
     return SurfaceLoss(**parts, factor=factor)
 
 
-def _summed(given: dict) -> SummedLoss:
-    terms = given.pop("terms")
-    if given:
-        raise ValueError(f"{', '.join(given)} stands beside terms; write it into the term that it belongs to")
-    if not isinstance(terms, Sequence) or not all(isinstance(term, Mapping) and "terms" not in term for term in terms):
-        raise ValueError(f"terms is {terms!r}; a list of settings of losses is needed, such as [{{loss: chamfer}}]")
-    return SummedLoss(tuple(surface_loss(term) for term in terms))
-
-
 def loss_setting_names(loss: str | None = None, encoding: str | None = None) -> set[str]:
     """The settings that a loss and an encoding use. For a missing or unknown name, the settings of all of its kind."""
     kinds = [LOSSES[loss]] if loss in LOSSES else LOSSES.values()
@@ -507,11 +481,6 @@ def loss_setting_names(loss: str | None = None, encoding: str | None = None) -> 
 
 def _field_names(kind: type) -> set[str]:
     return {field.name for field in dataclasses.fields(kind)}
-
-
-def _kind_of(table: Mapping[str, type], name: str, what: str) -> type:
-    require_choice(name, what, table)
-    return table[name]
 
 
 def _name_of(table: Mapping[str, type], part: object) -> str:

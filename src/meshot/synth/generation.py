@@ -46,17 +46,10 @@ _GROWING = ("subjects", "procedural_subjects", "held_out_subjects", "days")
 
 @dataclasses.dataclass(frozen=True)
 class Visit:
-    """One participant on one day. All scans of a visit are made together and appear on disk together.
-
-    Parameters
-    ----------
-    participant : Participant
-    session : str, optional
-        For example "01". None if each participant is scanned only once.
-    """
+    """One participant on one day. All scans of a visit are made together and appear on disk together."""
 
     participant: Participant
-    session: str | None
+    session: str | None  # such as "01"; None if each participant is scanned only once
 
     @property
     def folder(self) -> Path:
@@ -97,14 +90,11 @@ def open_cohort(recipe: Recipe, folder: str | os.PathLike) -> list[Visit]:
     write_whole(folder / "participants.tsv", "\n".join(rows) + "\n")
     write_whole(folder / "dseg.tsv", "index\tname\n" + "".join(f"{i}\t{name}\n" for name, i in cohort.LABELS.items()))
     for place, kind in ((folder, "raw"), (folder / "derivatives" / "standard", "derivative")):
-        write_whole(place / "dataset_description.json", _description(recipe, kind))
+        content = {"Name": recipe.name, "BIDSVersion": "1.10.0", "DatasetType": kind}
+        content["License"] = "see data_synth/README.md"
+        content["GeneratedBy"] = [{"Name": "meshot", "Description": "synthetic: no person was scanned"}]
+        write_whole(place / "dataset_description.json", json.dumps(content, indent=1) + "\n")
     return [visit for visit in visits(recipe) if not (folder / visit.folder).is_dir()]
-
-
-def _description(recipe: Recipe, kind: str) -> str:
-    content = {"Name": recipe.name, "BIDSVersion": "1.10.0", "DatasetType": kind, "License": "see data_synth/README.md"}
-    content["GeneratedBy"] = [{"Name": "meshot", "Description": "synthetic: no person was scanned"}]
-    return json.dumps(content, indent=1) + "\n"
 
 
 def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Iterator[str]:
@@ -193,7 +183,11 @@ def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     facts = {
         "participant": dataclasses.asdict(place.participant),
         "scan_seed": scan_seed,
-        "knobs": {name: rounded(_given(value)) for name, value in knobs.items()},
+        # Without those that are None, so that parameters of later versions do not change the files of before.
+        "knobs": {
+            name: rounded({key: each for key, each in dataclasses.asdict(value).items() if each is not None})
+            for name, value in knobs.items()
+        },
         "head_to_scanner": rounded(scan.head_to_scanner.tolist()),
         "deformation_strength": rounded(surfaces.strength),
         "surfaces": surface_facts(scan, surfaces),
@@ -210,11 +204,6 @@ def _drawn(recipe: Recipe, participant: Participant) -> tuple[Shape, Anatomy, Po
         return drawn_person(people(recipe.people), shape, position, participant.seed)
     fixed = {"head_mm": recipe.head_mm, "n_lines": recipe.n_lines, "leaf_mm": recipe.leaf_mm}
     return shape, Anatomy(**drawn_structures(recipe, participant.seed), **fixed), position
-
-
-def _given(knobs: object) -> dict:
-    """The parameters that are not None, so that those that are introduced later do not change the files of before."""
-    return {name: value for name, value in dataclasses.asdict(knobs).items() if value is not None}
 
 
 # Hashes of the content of a cohort: of the numbers in the files, independent of their compression.

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from meshot.errors import require_choice, require_positive, require_positive_integer
+from meshot.errors import require_choice, require_natural, require_positive, require_positive_integer
 from meshot.files import naming_a_full_disk, write_whole
 from meshot.train.state import STATE, TrainingState, read_training, write_training
 from meshot.types import Tensor
@@ -68,10 +68,8 @@ def plan_of_epochs(settings: object, n_examples: int) -> Plan:
     n_examples : int
     """
     per_epoch = -(-n_examples // getattr(settings, "batch_size", 1))
-    return Plan(
-        settings.n_epochs * per_epoch, settings.validate_every * per_epoch, settings.save_every, settings.patience,
-        settings.learning_rate, settings.schedule, settings.averaging,
-    )  # fmt: skip
+    counts = settings.n_epochs * per_epoch, settings.validate_every * per_epoch, settings.save_every, settings.patience
+    return Plan(*counts, settings.learning_rate, settings.schedule, settings.averaging)
 
 
 def require_plan_settings(settings: object) -> None:
@@ -89,8 +87,7 @@ def require_plan_settings(settings: object) -> None:
     require_positive(settings.learning_rate, "learning_rate")
     if not 0 <= settings.averaging < 1:
         raise ValueError(f"averaging is {settings.averaging!r}; a share in [0, 1) is needed, 0 for none")
-    if isinstance(settings.seed, bool) or not isinstance(settings.seed, int) or settings.seed < 0:
-        raise ValueError(f"seed is {settings.seed!r}; an integer >= 0 is needed")
+    require_natural(settings.seed, "seed")
     require_choice(settings.schedule, "schedule", SCHEDULES)
 
 
@@ -229,11 +226,6 @@ def train(
     -------
     dict
         The last weights.
-
-    Raises
-    ------
-    ValueError, FloatingPointError
-        As :func:`meshot.train.train_network`.
     """
     if saved is not None and os.path.exists(saved):
         read_training(saved, state, made_with)
@@ -241,7 +233,10 @@ def train(
     while not _is_done(state, plan, task):
         made = [_step(state, plan, task)]
         if state.step % plan.validate_every == 0 or state.step == plan.n_steps:
-            found = _validated(state, task)
+            with state.averaged():
+                found = task.validate(state.step)
+                if found["validation_loss"] is not None and found["validation_loss"] < state.best_loss:
+                    state.keep_as_best(found["validation_loss"])
             state.seconds, clock = state.seconds + time.process_time() - clock, time.process_time()
             made.append({"step": state.step} | found | {"cpu_seconds": round(state.seconds, 1)})
         state.lines.extend(made)
@@ -261,14 +256,6 @@ def _is_done(state: TrainingState, plan: Plan, task: Task) -> bool:
     fruitless = sum("validation_loss" in line and line["step"] > state.best_step for line in state.lines)
     out_of_patience = plan.patience is not None and fruitless >= plan.patience
     return state.step >= plan.n_steps or out_of_patience or task.is_given_up()
-
-
-def _validated(state: TrainingState, task: Task) -> dict:
-    with state.averaged():
-        found = task.validate(state.step)
-        if found["validation_loss"] is not None and found["validation_loss"] < state.best_loss:
-            state.keep_as_best(found["validation_loss"])
-    return found
 
 
 def _step(state: TrainingState, plan: Plan, task: Task) -> dict:
