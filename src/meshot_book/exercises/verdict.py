@@ -10,7 +10,7 @@ import copy
 import dataclasses
 import io
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -22,73 +22,89 @@ UNWRITTEN = "nothing is written yet; replace `raise NotImplementedError`"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Case:
-    """Arguments to try, and in words what is special about them.
+class Exercise:
+    """What is right, where an answer is tried, and what many write first.
 
     Parameters
     ----------
-    name : str
-        Ends the sentence "wrong on …".
-    arguments : tuple
-        Handed over as copies.
+    truth : callable
+        The solution.
+    cases : dict of tuples
+        In words what is special about a case (it ends the sentence "wrong on …") -> arguments, handed over as copies.
+    mistakes : dict of callables, or of tuples of them
+        A hint that leads on without giving the answer away -> the function that gets it, or several ways to write it.
+    properties : callable, optional
+        ``properties(answer, *arguments)``: what is compared, where many answers are right.
     """
 
-    name: str
-    arguments: tuple
+    truth: Callable
+    cases: dict[str, tuple]
+    mistakes: dict[str, Callable | tuple[Callable, ...]]
+    properties: Callable | None = None
+
+    def complaint(self, function: object) -> str | None:
+        """What to tell the author of a function; None if it is right."""
+        if not callable(function):
+            came = type(function).__name__
+            return f"a function is needed, but a {came} came; hand over the function without calling it"
+        tried, trouble = [], None
+        for name, arguments in self.cases.items():
+            answer, trouble = _try(self._compared(function), arguments)
+            if trouble is None:
+                trouble = _wrong_form(answer, self._compared(self.truth)(*arguments))
+            if trouble is not None:
+                trouble = trouble if trouble == UNWRITTEN else f"{trouble} (on {name})"
+                break
+            tried.append((name, arguments, _as_tensor(answer)))
+        wrong = [name for name, arguments, answer in tried if not self._close(answer, self.truth, arguments)]
+        if not wrong:
+            return trouble
+        for hint, functions in self.mistakes.items():
+            for mistake in functions if isinstance(functions, tuple) else (functions,):
+                if all(self._close(answer, mistake, arguments) for _, arguments, answer in tried):
+                    return hint
+        n_cases = len(self.cases)
+        return (
+            trouble or f"wrong on {len(wrong)} of {n_cases} cases, the first is {wrong[0]}; compute that case by hand"
+        )
+
+    def _compared(self, function: Callable) -> Callable:
+        if self.properties is None:
+            return function
+
+        def compared(*arguments: object) -> object:
+            answer = function(*arguments)
+            return None if answer is None else self.properties(answer, *arguments)
+
+        return compared
+
+    def _close(self, answer: Tensor, function: Callable, arguments: tuple) -> bool:
+        """Whether the answer is that of a function of ours, which may not be able to take the case at all."""
+        try:
+            wanted = _as_tensor(self._compared(function)(*arguments))
+        except (RuntimeError, IndexError, ZeroDivisionError):
+            return False
+        if wanted.shape != answer.shape:
+            return False
+        return bool(torch.allclose(answer, wanted, rtol=TOLERANCE, atol=TOLERANCE))
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Mistake:
-    """A function that many write first, and what to tell them.
+def exercise(build: Callable[[], Exercise]) -> Callable[[object], None]:
+    """Turn what builds an exercise into its checker: a function with the same name that prints one line, ✓ or ✗."""
 
-    Parameters
-    ----------
-    function : callable
-        Takes the arguments of a case.
-    hint : str
-        A sentence that leads on without giving the answer away.
-    """
+    def check(function: object) -> None:
+        found = build()
+        complaint = found.complaint(function)
+        print(f"✓ {name}: right on all {len(found.cases)} cases" if complaint is None else f"✗ {name}: {complaint}")
 
-    function: Callable
-    hint: str
+    name = check.__name__ = check.__qualname__ = build.__name__
+    check.__doc__, check.__module__, check.exercise = build.__doc__, build.__module__, build
+    return check
 
 
-def check_answer(
-    function: object, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake], name: str
-) -> None:
-    """Print one line that begins with ✓ or ✗."""
-    complaint = _complaint(function, truth, cases, mistakes)
-    print(f"✓ {name}: right on all {len(cases)} cases" if complaint is None else f"✗ {name}: {complaint}")
-
-
-def _complaint(function: object, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake]) -> str | None:
-    if not callable(function):
-        return f"a function is needed, but a {type(function).__name__} came; hand over the function without calling it"
-    answers, trouble = [], None
-    for case in cases:
-        answer, trouble = _try(function, case)
-        if trouble is None:
-            trouble = _wrong_form(answer, truth(*case.arguments))
-        if trouble is not None:
-            trouble = trouble if trouble == UNWRITTEN else f"{trouble} (on {case.name})"
-            break
-        answers.append(_as_tensor(answer))
-    tried = list(zip(cases, answers))
-    wrong = [case for case, answer in tried if not _close(answer, truth, case)]
-    if not wrong:
-        return trouble
-    for mistake in mistakes:
-        if all(_close(answer, mistake.function, case) for case, answer in tried):
-            return mistake.hint
-    return (
-        trouble
-        or f"wrong on {len(wrong)} of {len(cases)} cases, the first is {wrong[0].name}; compute that case by hand"
-    )
-
-
-def _try(function: Callable, case: Case) -> tuple[object, str | None]:
+def _try(function: Callable, arguments: tuple) -> tuple[object, str | None]:
     """The answer, or why there is none."""
-    given = copy.deepcopy(case.arguments)
+    given = copy.deepcopy(arguments)
     silent = io.StringIO()
     try:
         with warnings.catch_warnings(), contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent):
@@ -99,7 +115,7 @@ def _try(function: Callable, case: Case) -> tuple[object, str | None]:
     except (Exception, SystemExit) as error:
         said = str(error).strip().splitlines()
         return None, f"it raised {type(error).__name__}{': ' + said[0][:100] if said else ''}"
-    if any(not _same(before, after) for before, after in zip(case.arguments, given)):
+    if any(not _same(before, after) for before, after in zip(arguments, given)):
         return None, "it changes its arguments; work on copies (no item assignment, no functions that end in _)"
     return answer, None
 
@@ -151,14 +167,3 @@ def as_points(values: object) -> Tensor:
 
 def _as_tensor(values: object) -> Tensor:
     return torch.as_tensor(values).detach().double()
-
-
-def _close(answer: Tensor, function: Callable, case: Case) -> bool:
-    """Whether the answer is that of a function of ours, which may not be able to take the case at all."""
-    try:
-        wanted = _as_tensor(function(*case.arguments))
-    except (RuntimeError, IndexError, ZeroDivisionError):
-        return False
-    if wanted.shape != answer.shape:
-        return False
-    return bool(torch.allclose(answer, wanted, rtol=TOLERANCE, atol=TOLERANCE))
