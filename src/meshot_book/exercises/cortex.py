@@ -1,4 +1,4 @@
-"""Exercises of part IV, chapters 30 to 36, from a scan to a surface: truths, cases, and usual mistakes with their hints."""
+"""Exercises of chapters 30 to 36, from a scan to a surface: truths, cases, and the usual mistakes with their hints."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Exercises of part III, flows: what is right, where it is tried, and the usual mistakes with their hints."""
+"""Exercises of part III, flows: truths, cases, and the usual mistakes with their hints."""
 
 import math
 

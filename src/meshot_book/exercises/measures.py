@@ -1,4 +1,4 @@
-"""Exercises of part II, meshes as measures: what is right, where it is tried, and the usual mistakes with their hints."""
+"""Exercises of part II, meshes as measures: truths, cases, and the usual mistakes with their hints."""
 
 import math
 from collections.abc import Callable, Sequence

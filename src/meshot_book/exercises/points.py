@@ -1,4 +1,4 @@
-"""Exercises of part I, losses on points: what is right, where it is tried, and the usual mistakes with their hints."""
+"""Exercises of part I, losses on points: truths, cases, and the usual mistakes with their hints."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Exercises of part IV, chapters 37 to 40, studies and trials: truths, cases, and usual mistakes with their hints."""
+"""Exercises of chapters 37 to 40, studies and trials: truths, cases, and the usual mistakes with their hints."""
 
 import functools
 import itertools

@@ -50,18 +50,18 @@ class Exercise:
         tried, trouble = [], None
         for name, arguments in self.cases.items():
             answer, trouble = _try(self._compared(function), arguments)
-            if trouble is None:
-                trouble = _wrong_form(answer, self._compared(self.truth)(*arguments))
+            right = _as_tensor(self._compared(self.truth)(*arguments))
+            trouble = trouble or _wrong_form(answer, right)
             if trouble is not None:
                 trouble = trouble if trouble == UNWRITTEN else f"{trouble} (on {name})"
                 break
-            tried.append((name, arguments, _as_tensor(answer)))
-        wrong = [name for name, arguments, answer in tried if not self._close(answer, self.truth, arguments)]
+            tried.append((arguments, _as_tensor(answer), name, right))
+        wrong = [name for _, answer, name, right in tried if not _close(answer, right)]
         if not wrong:
             return trouble
         for hint, functions in self.mistakes.items():
             for mistake in functions if isinstance(functions, tuple) else (functions,):
-                if all(self._close(answer, mistake, arguments) for _, arguments, answer in tried):
+                if self._agrees(mistake, tried):
                     return hint
         n_cases = len(self.cases)
         return (
@@ -78,15 +78,12 @@ class Exercise:
 
         return compared
 
-    def _close(self, answer: Tensor, function: Callable, arguments: tuple) -> bool:
-        """Whether the answer is that of a function of ours, which may not be able to take the case at all."""
+    def _agrees(self, mistake: Callable, tried: list[tuple]) -> bool:
+        """Whether a mistake gives all these answers; it may not be able to take a case at all."""
         try:
-            wanted = _as_tensor(self._compared(function)(*arguments))
+            return all(_close(answer, _as_tensor(self._compared(mistake)(*given))) for given, answer, *_ in tried)
         except (RuntimeError, IndexError, ZeroDivisionError):
             return False
-        if wanted.shape != answer.shape:
-            return False
-        return bool(torch.allclose(answer, wanted, rtol=TOLERANCE, atol=TOLERANCE))
 
 
 def exercise(build: Callable[[], Exercise]) -> Callable[[object], None]:
@@ -138,7 +135,7 @@ def _same(before: object, after: object) -> bool:
     return before == after
 
 
-def _wrong_form(answer: object, right: object) -> str | None:
+def _wrong_form(answer: object, right: Tensor) -> str | None:
     if answer is None:
         return "it returns None; end it with a return statement"
     try:
@@ -147,9 +144,8 @@ def _wrong_form(answer: object, right: object) -> str | None:
         tensor = _as_tensor(answer)
     except (TypeError, ValueError, RuntimeError, OverflowError):
         return f"it returns a {type(answer).__name__}, which cannot be read as numbers"
-    wanted = _as_tensor(right)
-    if tensor.shape != wanted.shape:
-        return f"it returns shape {tuple(tensor.shape)}, but {tuple(wanted.shape)} is needed"
+    if tensor.shape != right.shape:
+        return f"it returns shape {tuple(tensor.shape)}, but {tuple(right.shape)} is needed"
     if not bool(torch.isfinite(tensor).all()):
         return "it returns numbers that are infinite or not a number; look for a division by zero"
     return None
@@ -167,3 +163,7 @@ def as_points(values: object) -> Tensor:
 
 def _as_tensor(values: object) -> Tensor:
     return torch.as_tensor(values).detach().double()
+
+
+def _close(answer: Tensor, wanted: Tensor) -> bool:
+    return wanted.shape == answer.shape and torch.allclose(answer, wanted, rtol=TOLERANCE, atol=TOLERANCE)
