@@ -100,15 +100,13 @@ SPOILED = {
 
 @pytest.fixture
 def said(capsys):
-    """What a checker says: one line, and the same when it is asked again."""
+    """What a checker says."""
 
     def ask(name, function):
-        for _ in range(2):
-            EXERCISES[name](function)
-        (out, err), n = capsys.readouterr(), 2
-        lines = out.splitlines(keepends=True)
-        assert (len(lines), len(set(lines)), err) == (n, 1, "")
-        return lines[0]
+        EXERCISES[name](function)
+        out, err = capsys.readouterr()
+        assert err == ""
+        return out
 
     return ask
 
@@ -128,29 +126,18 @@ def test_the_solution_passes(said, name):
 
 
 @pytest.mark.parametrize(("name", "hint", "mistake"), MISTAKES)
-def test_each_mistake_gets_its_own_hint(said, name, hint, mistake):
-    assert said(name, mistake) == f"✗ {name}: {hint}\n"
+def test_each_mistake_gets_its_own_hint_again_and_again(said, name, hint, mistake):
+    assert said(name, mistake) == said(name, mistake) == f"✗ {name}: {hint}\n"
 
 
 @exercises
-@pytest.mark.parametrize("wrong", NEVER_RIGHT)
-def test_what_is_right_nowhere_is_refused(said, name, wrong):
-    assert said(name, NEVER_RIGHT[wrong]).startswith(f"✗ {name}: ")
-
-
-@exercises
-@pytest.mark.parametrize("kind", SPOILED)
-def test_a_spoiled_right_answer_is_refused(said, name, kind):
-    assert said(name, SPOILED[kind](EXERCISES[name].exercise().truth)).startswith(f"✗ {name}: ")
-
-
-@exercises
-def test_the_right_answer_cut_to_whole_numbers_is_refused(said, name):
+def test_what_is_right_nowhere_is_refused(name):
     found = EXERCISES[name].exercise()
-    cut = spoil(lambda values: values.long())(found.truth)
-    answers = [found.truth(*arguments) for arguments in found.cases.values()]
-    if found.properties or any(bool((values != values.trunc()).any()) for values in map(as_tensor, answers)):
-        assert said(name, cut).startswith(f"✗ {name}: ")
+    answers = [as_tensor(found.truth(*given)) for given in found.cases.values()] if not found.properties else []
+    wrong = NEVER_RIGHT | {kind: spoiled(found.truth) for kind, spoiled in SPOILED.items()}
+    if found.properties or any(bool((values != values.trunc()).any()) for values in answers):
+        wrong["the right answer cut to whole numbers"] = spoil(lambda values: values.long())(found.truth)
+    assert [kind for kind, function in wrong.items() if found.complaint(function) is None] == []
 
 
 def spoil_argument(value):
@@ -169,7 +156,7 @@ def spoil_argument(value):
 
 
 @exercises
-def test_the_right_answer_with_changed_arguments_is_refused(said, name):
+def test_the_right_answer_with_changed_arguments_is_refused(name):
     found = EXERCISES[name].exercise()
     first = next(iter(found.cases.values()))
     for position in (k for k, value in enumerate(first) if spoil_argument(copy.deepcopy(value))):
@@ -179,16 +166,12 @@ def test_the_right_answer_with_changed_arguments_is_refused(said, name):
             spoil_argument(given[position])
             return answer
 
-        line = said(name, meddling)
-        assert line.startswith(f"✗ {name}: ")
-        assert "changes its arguments" in line
+        assert "changes its arguments" in found.complaint(meddling)
 
 
 def test_a_zero_whose_sign_is_turned_counts_as_changed(said):
     def meddling(points, target, direction):
-        answer = EXERCISES["line_arrows"].exercise().truth(points, target, direction)
         direction[direction == 0] = -0.0
-        return answer
 
     assert "changes its arguments" in said("line_arrows", meddling)
 
@@ -211,6 +194,4 @@ def divided_tent(corners, x):
     ],
 )
 def test_a_near_miss_is_refused_with_its_reason(said, name, wrong, words):
-    line = said(name, wrong)
-    assert line.startswith("✗")
-    assert words in line
+    assert re.match(f"✗ {name}: .*{words}", said(name, wrong))
