@@ -1,10 +1,10 @@
 """The code that a script or a function reaches, and a digest of it.
 
-From a script, names are followed to the functions, classes and constants that they mean, through imports and through the
-lazy doors (``__init__.pyi``), and from these to further ones. Only definitions in the script's folder and in ``src`` count.
-The digest is that of their syntax trees. It does not depend on comments, docstrings, type hints of arguments, imports and
-files: code that is moved keeps its digest. What is named by a text only, such as a system of surfaces, is not found; a
-task names it under ``code``.
+From a script, names are followed to the functions, classes and constants that they mean, through imports and through
+the lazy doors (``__init__.pyi``), and from these to further ones. Only definitions in the script's folder and in
+``src`` count. The digest is that of their syntax trees. It does not depend on comments, docstrings, type hints of
+arguments, imports and files: code that is moved keeps its digest. What is named by a text only, such as a system of
+surfaces, is not found; a task names it under ``code``.
 """
 
 import ast

@@ -7,8 +7,8 @@ import pytest
 from scripts import scripts_in
 
 PACKAGE = {
-    "pack/__init__.py": "import lazy_loader\n__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)\n",
-    "pack/__init__.pyi": "from .inner.affine import register as register\nfrom .shapes import ball as ball, Ball as Ball\n",
+    "pack/__init__.py": "import lazy_loader\n__getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)\n",
+    "pack/__init__.pyi": "from .inner.affine import register as register\nfrom .shapes import ball as ball, Ball as Ball",
     "pack/inner/__init__.py": "",
     "pack/inner/affine.py": (
         '"""Affine maps."""\nfrom pack.inner import steps\n\nSTEPS = {"x": 3}\n\n\n'
@@ -18,7 +18,8 @@ PACKAGE = {
         "TABLE = []\nTABLE.append(1)\n\n\ndef taken(x, n):\n    return x * n\n\n\ndef unused(x):\n    return x\n"
     ),
     "pack/shapes.py": (
-        "class Base:\n    def grow(self):\n        from pack.inner.steps import taken as grown\n\n        return grown(1, 2)\n"
+        "class Base:\n    def grow(self):\n        from pack.inner.steps import taken as grown\n"
+        "\n        return grown(1, 2)\n"
         "\n\nclass Ball(Base):\n    pass\n\n\ndef ball():\n    return 1\n"
     ),
     "affine_run.py": "import numpy as np\nfrom pack import register as registered\n\nprint(registered(np.ones(1)))\n",
