@@ -41,9 +41,10 @@ class Module:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Code:
-    """The code that can be imported from these folders, the first ones first."""
+    """The code that can be imported from a folder, and from what lies below it."""
 
-    folders: tuple[Path, ...]
+    folder: Path
+    below: "Code | None" = None
 
     def digest(self, starts: Iterable[str]) -> str:
         """The digest of all that is reached from these modules and dotted names.
@@ -80,14 +81,15 @@ class Code:
     @functools.cache  # noqa: B019
     def module(self, name: str) -> Module | None:
         """A module by its dotted name, or nothing if it is none of ours."""
-        for folder in self.folders:
-            path = folder.joinpath(*name.split("."))
-            files = [path / "__init__.py", path / "__init__.pyi"] if path.is_dir() else [path.with_suffix(".py")]
-            if files[0].is_file():
-                trees = [ast.parse(file.read_bytes()) for file in files if file.is_file()]
-                return _module([line for tree in trees for line in tree.body], name, path.is_dir())
-        return None
+        path = self.folder.joinpath(*name.split("."))
+        package = (path / "__init__.py").is_file()
+        files = [path / "__init__.py", path / "__init__.pyi"] if package else [path.with_suffix(".py")]
+        if not files[0].is_file():
+            return self.below.module(name) if self.below else None
+        lines = [line for file in files if file.is_file() for line in ast.parse(file.read_bytes()).body]
+        return _module(lines, name, package)
 
+    @functools.cache  # noqa: B019
     def find(self, module: str, name: str) -> Place | None:
         """The definition or module that a name in a module means, if it is one of ours."""
         known = self.module(module)
@@ -108,6 +110,8 @@ class Code:
     def _read(self, place: Place) -> tuple[str, list[Place]]:
         """The syntax tree of a definition as a text, and what it refers to."""
         module = self.module(place.module)
+        if self.below and module is self.below.module(place.module):
+            return self.below._read(place)
         assert module is not None
         nodes = module.definitions[place.name] if place.name else module.others
         local = _imported([line for node in nodes for line in ast.walk(node)], place.module, package=False)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from meshot.plain_yaml import read_yaml
 
-LISTS = ("reads", "after", "writes", "makes", "clears")
-KEYS = {"stage", "each", "networks_of", "trainings_of", "command", "copies", "record", "planned", "derived", *LISTS}
+LISTS = ("reads", "after", "writes", "makes", "clears", "code")
+KEYS = {"stage", "each", "networks_of", "trainings_of", "command", "copies", "planned", "derived", *LISTS}
 RESOURCES = ("cores", "memory_mb", "minutes", "cuda")
 
 
@@ -33,8 +33,8 @@ class Task:
         Files and folders that are removed before the task starts with other settings than before.
     copies : tuple of pairs of str
         Files that are copied to their place in the repository when the command has ended.
-    record : str, optional
-        A file of results that states the settings, if these are the whole first entry of ``reads``.
+    code : tuple of str
+        Functions and classes that the command uses and no script names, such as ``meshot.systems.ddot.System``.
     planned : bool
         Whether the result may be missing. Such tasks run on request only.
     derived : bool
@@ -50,9 +50,14 @@ class Task:
     makes: tuple[str, ...] = ()
     clears: tuple[str, ...] = ()
     copies: tuple[tuple[str, str], ...] = ()
-    record: str | None = None
+    code: tuple[str, ...] = ()
     planned: bool = False
     derived: bool = False
+
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """Where its code begins: the scripts of its command, and what its entry names."""
+        return (*(word for word in self.command.split() if word.endswith(".py")), *self.code)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,10 +142,9 @@ def _task(pattern: str, entry: dict, values: dict[str, str]) -> Task:
 
     lists = {key: tuple(map(filled, entry.get(key, ()))) for key in LISTS}
     copies = tuple((filled(start), filled(end)) for start, end in entry.get("copies", ()))
-    record = filled(entry["record"]) if "record" in entry else None
     command = " ".join(filled(entry["command"]).split())
     kind = {key: entry.get(key, False) for key in ("planned", "derived")}
-    return Task(filled(pattern), entry["stage"], command, copies=copies, record=record, **kind, **lists)
+    return Task(filled(pattern), entry["stage"], command, copies=copies, **kind, **lists)
 
 
 def _resolved(task: Task, tasks: dict[str, Task], path: Path) -> Task:

@@ -39,7 +39,7 @@ def place(tmp_path):
 
 @pytest.fixture
 def digests(part, place):
-    return lambda: {name: part("reached").Code((place,)).digest([name]) for name in RUNS}
+    return lambda: {name: part("reached").Code(place).digest([name]) for name in RUNS}
 
 
 def edit(place, name, old, new):
@@ -102,7 +102,7 @@ def test_code_that_moves_keeps_its_digest(place, digests):
 
 
 def test_a_name_that_is_none_is_refused(part, place):
-    code = part("reached").Code((place,))
+    code = part("reached").Code(place)
     assert code.digest(["pack.inner.affine.register"]) == code.digest(["pack.register"])
     for name in ("pack.nothing", "numpy.ones", "nothing"):
         with pytest.raises(ValueError, match=f"there is no code {name}; name a module, or what a door shows"):
@@ -127,10 +127,9 @@ def test_all_that_runs_is_in_the_digest(part, root, tmp_path):
             run.row_of(2, 0, config | {"n_turns": 1})
         finally:
             sys.setprofile(None)
-    found = {
-        (place.module.rpartition(".")[2], place.name)
-        for place in part("reached").Code((folder, root / "src")).reached(["run"])
-    }
+    code = part("reached").Code
+    reached = code(folder, code(root / "src")).reached(["run"])
+    found = {(place.module.rpartition(".")[2], place.name) for place in reached}
     ours = {(file.rpartition("/")[2].removesuffix(".py"), name) for file, name in called}
     assert len(ours) > 5
     assert ours - found == set()

@@ -44,6 +44,7 @@ def test_every_command_can_start_and_every_setting_is_there(graphs, root):
             assert words[0] == "python"
             assert words[1] == "-m" or (root / words[1]).is_file(), task.command
         assert all((root / read.partition("#")[0]).is_file() for read in task.reads if not task.planned), task.name
+        assert task.starts or task.stage == "tool", f"{task.name} needs a script, or an entry under code"
         assert set(task.after) <= set(graph.tasks)
         assert task.writes or task.makes or task.stage == "initial"
 
@@ -89,13 +90,13 @@ def test_the_page_of_costs_comes_after_every_task_whose_seconds_it_sums(part, gr
 
 
 def test_a_page_does_not_wait_for_a_planned_task_without_result(part, root):
-    standing = part("run_task").opened("experiments")
+    results = part("stale").opened()
     for name in ("ledger", "scaling"):
-        task = standing.graph.tasks[name]
-        assert any(standing.is_planned(standing.graph.tasks[up]) for up in task.after)
-        assert not any(standing.is_planned(up) for up in standing.before(task))
-        waited = {path.parent.name for path in standing.needed(task)}
-        assert waited <= set(standing.stale()), name
+        task = results.graph.tasks[name]
+        assert any(results.is_planned(results.graph.tasks[up]) for up in task.after)
+        assert not any(results.is_planned(up) for up in results.before(task))
+        waited = {path.parent.name for path in results.needed(task)}
+        assert waited <= set(results.stale()), name
 
 
 @pytest.mark.parametrize(
