@@ -6,14 +6,14 @@
     python workflow/stale.py vouch blur --reason "solver moved to another file"
     python workflow/stale.py update
 
-A result is out of date if its settings, its inputs or its code are not those that it was made with. Settings are compared
-by value, and code by what a run reaches: comments, docstrings and moves between files do not count. The digests stand
-beside the result, in ``digests.json``.
+A result is out of date if its settings, its inputs or its code are not those that it was made with. Settings are
+compared by value, and code by what a run reaches: comments, docstrings and moves between files do not count. The
+digests stand beside the result, in ``digests.json``.
 
-``vouch`` is for an edit that changes no number. It runs a small part with the code of then and with that of now, compares
-all numbers to six digits, and notes the new digests. The reason is logged in ``experiments/vouched.jsonl``. ``update``
-writes everything that is made from results: the chapters that read the changed ones, the ledger, README and the pages on
-cost. ``update --list`` only says what it would write.
+``vouch`` is for an edit that changes no number. It runs a small part with the code of then and with that of now,
+compares all numbers to six digits, and notes the new digests. The reason is logged in ``experiments/vouched.jsonl``.
+``update`` writes everything that is made from results: the chapters that read the changed ones, the ledger, README and
+the pages on cost. ``update --list`` only says what it would write.
 """
 
 import argparse
@@ -195,19 +195,13 @@ class Results:
 
     def vouch(self, tasks: Iterable[Task]) -> None:
         """Note the present digests of tasks whose numbers are those of before, so that nothing after them changes."""
-        # Once they are noted, these tasks have the versions that they were made with.
+        # With the versions that they were made with, also where one of them is the input of another.
         made = {task: self.entries.get(task.name, {}).get("made", self.version(task)) for task in tasks}
         versions = {task.name: version for task, version in made.items()}
-        self._write(
-            {
-                task: (now := self.now(task))
-                | {
-                    "inputs": {name: versions.get(name, version) for name, version in now["inputs"].items()},
-                    "made": version,
-                }
-                for task, version in made.items()
-            }
-        )
+        entries = {task: self.now(task) | {"made": version} for task, version in made.items()}
+        for entry in entries.values():
+            entry["inputs"] = {name: versions.get(name, version) for name, version in entry["inputs"].items()}
+        self._write(entries)
 
     def _write(self, entries: dict[Task, dict]) -> None:
         with locked(self.state):
@@ -232,6 +226,13 @@ def note_written(path: Path, root: Path = ROOT) -> None:
     if name.startswith("experiments/") and NOTES not in os.environ:
         results = opened(root=root)
         results.note([task for task in results.graph.tasks.values() if name in task.writes and not task.derived])
+
+
+def code_of_script(script: Path, root: Path = ROOT) -> str:
+    """The digest of the code that a script reaches, with what the tasks that call it name."""
+    results, name = opened(root=root), os.path.relpath(script.resolve(), root).replace(os.sep, "/")
+    more = [start for task in results.graph.tasks.values() if name in task.starts for start in task.code]
+    return results._code((str(script.resolve()), *sorted(set(more))))
 
 
 @contextlib.contextmanager
@@ -321,10 +322,13 @@ def compared(results: Results, task: Task, small: str) -> str:
                 environment = os.environ | {"PYTHONPATH": paths, "PATH": tools}
                 if subprocess.run(words, cwd=root, env=environment, check=False).returncode:
                     raise ValueError(f"{small} failed in {root}; name another part: --small 'COMMAND -o {{out}}/NAME'")
-            then, now = ({file.name: numbers_of(file) for file in sorted(out.iterdir())} for out in outs)
+            then, now = (
+                {f"{f.name}{key}": value for f in sorted(out.iterdir()) for key, value in numbers_of(f).items()}
+                for out in outs
+            )
         finally:
             subprocess.run([*git, "worktree", "remove", "--force", str(old)], check=True)
-    count = sum(len(values) for values in then.values())
+    count = len(then)
     if other := [
         f"{name} {key}" for name in then for key in then[name] if then[name][key] != now.get(name, {}).get(key)
     ]:
@@ -339,9 +343,9 @@ def numbers_of(file: Path) -> dict[str, object]:
     if file.suffix == ".safetensors":
         from safetensors.numpy import load_file
 
-        return {name: value.tobytes() for name, value in load_file(file).items()}
+        return {f"/{name}": value.tobytes() for name, value in load_file(file).items()}
     if file.suffix not in (".json", ".jsonl"):
-        return {"content": file.read_bytes()}
+        return {"": file.read_bytes()}
 
     def walked(value: object, place: str) -> Iterator[tuple[str, object]]:
         if isinstance(value, dict | list):
@@ -361,8 +365,9 @@ def behind(root: Path) -> tuple[list[str], list[str]]:
     """The experiments whose files have changed since the ledger was written, and the chapters that read them."""
     from meshot_book.notebook import CHECKSUMS, checksum_lines
 
-    old, new = (set(text.splitlines()) for text in (CHECKSUMS.read_text("utf-8"), checksum_lines(root / "experiments")))
-    changed = sorted({line.split("  ", 1)[1].partition("/")[0] for line in old ^ new})
+    stated, found = CHECKSUMS.read_text(encoding="utf-8"), checksum_lines(root / "experiments")
+    different = set(stated.splitlines()) ^ set(found.splitlines())
+    changed = sorted({line.split("  ", 1)[1].partition("/")[0] for line in different})
     sources = sorted((root / "notebooks").glob("*.md"))
     texts = {source.stem: source.read_text(encoding="utf-8") for source in sources}
     texts = {name: text for name, text in texts.items() if "experiment_folder(" in text}

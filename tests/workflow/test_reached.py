@@ -8,7 +8,8 @@ from scripts import scripts_in
 
 PACKAGE = {
     "pack/__init__.py": "import lazy_loader\n__getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)\n",
-    "pack/__init__.pyi": "from .inner.affine import register as register\nfrom .shapes import ball as ball, Ball as Ball",
+    "pack/__init__.pyi": "from .inner.affine import register as register\n"
+    "from .shapes import ball as ball, Ball as Ball",
     "pack/inner/__init__.py": "",
     "pack/inner/affine.py": (
         '"""Affine maps."""\nfrom pack.inner import steps\n\nSTEPS = {"x": 3}\n\n\n'
