@@ -4,9 +4,7 @@ import numpy as np
 import torch
 
 from meshot import DiscreteMeasure, Mesh, SurfaceMeasure, random_directions, surface
-from meshot.mesh import sample_locations
-from meshot.mesh.geometry import face_normals
-from meshot.mesh.shapes import folded_sphere
+from meshot.mesh import face_normals, folded_sphere, sample_locations
 
 DEPTHS = (4.0, 8.0)  # depth of the folds of source and target, in mm
 NORMAL_SCALE = 10.0  # length of a scaled unit normal, in mm

@@ -13,9 +13,8 @@ import ot
 import torch
 
 from meshot import DiscreteMeasure, chamfer, sliced_wasserstein
-from meshot.loss import plain_sliced_wasserstein
-from meshot.loss.regularity import normal_inconsistency, squared_edge_length, squared_laplacian
-from meshot.threads import in_chunks
+from meshot.loss import normal_inconsistency, plain_sliced_wasserstein, squared_edge_length, squared_laplacian
+from meshot.workers import in_chunks
 
 Call = Callable[[], object]
 OURS, PLAIN, EXACT = "sliced, fused", "sliced, plain torch", "sliced, exact continuous"

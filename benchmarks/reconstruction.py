@@ -19,8 +19,7 @@ from meshot.model import N_STEPS
 from meshot.pipeline import load_networks, reconstruct
 from meshot.provenance import write_results
 from meshot.synth import loop_subdivided
-from meshot.systems import get_system, read_settings
-from meshot.systems.deformation import deformed
+from meshot.systems import deformed, get_system, read_settings
 from meshot.volume import standard_scan
 from meshot_book.notebook import table
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import torch
 
-from meshot.mesh.shapes import folded_sphere
+from meshot.mesh import folded_sphere
 from meshot.metrics import Surface, earth_movers_distance, evaluate, mesh_properties, sliced_distance
 from meshot.provenance import write_results
 from meshot_book.notebook import table

@@ -18,7 +18,7 @@ import torch
 
 from meshot import Mesh, random_directions, sliced_wasserstein, varifold, windowed_sliced_wasserstein
 from meshot.anatomy import fsaverage5_surface
-from meshot.mesh.editing import laplacian_smoothing, simplified, with_edges_split
+from meshot.mesh import laplacian_smoothing, simplified, with_edges_split
 from meshot.provenance import write_results
 from meshot_book.notebook import table
 

@@ -18,8 +18,7 @@ from sphinx.application import Sphinx
 from sphinx.errors import SphinxError
 from sphinx.util.docutils import docutils_namespace, patch_docutils
 
-from meshot.files import whole_folder
-from meshot.scratch import scratch_folder
+from meshot.files import scratch_folder, whole_folder
 from meshot.workers import begin_worker
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -6,6 +6,8 @@
 """
 
 import argparse
+import base64
+import io
 import os
 import subprocess
 import sys
@@ -16,8 +18,10 @@ from pathlib import Path
 
 import jupytext
 import nbformat
+import numpy as np
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
+from PIL import Image
 from tqdm import tqdm
 
 from kernels import SeparateKernelManager
@@ -29,6 +33,8 @@ NOTEBOOKS = ROOT / "notebooks"
 CELL_TIMEOUT = 600
 #: Notebooks that run at a time, of up to one and a half gigabytes each.
 MOST_AT_ONCE = 4
+#: Mean difference, in levels of 256, that 256 colours may make in a picture. Colour bars show bands from about .7 on.
+MOST_DIFFERENCE = 0.5
 
 
 def source_notebook(source: Path) -> nbformat.NotebookNode:
@@ -72,6 +78,28 @@ def _drop_traces(notebook: nbformat.NotebookNode) -> None:
         cell.metadata.pop("execution", None)
 
 
+def lighten_pictures(notebook: nbformat.NotebookNode, refinements: int = 1) -> None:
+    """Store the opaque PNG pictures among the outputs with 256 colours where no bands show, and none with transparency.
+
+    A picture that would not become smaller stays as it is. ``refinements`` is the threshold of Pillow's k-means; with 0
+    the colours are chosen fast and less well.
+    """
+    for output in (output for cell in notebook.cells for output in cell.get("outputs", [])):
+        if "image/png" not in output.get("data", {}):
+            continue
+        before = base64.b64decode(output.data["image/png"])
+        with Image.open(io.BytesIO(before)) as image:
+            if image.mode == "P" or image.convert("RGBA").getextrema()[3][0] < 255:
+                continue
+            colours, dpi = image.convert("RGB"), image.info.get("dpi")
+        palette = colours.quantize(256, Image.Quantize.MEDIANCUT, refinements, dither=Image.Dither.NONE)
+        difference = np.abs(np.asarray(colours, float) - np.asarray(palette.convert("RGB"))).mean()
+        after = io.BytesIO()
+        (palette if difference <= MOST_DIFFERENCE else colours).save(after, "PNG", optimize=True, dpi=dpi)
+        if len(after.getvalue()) < len(before):
+            output.data["image/png"] = base64.b64encode(after.getvalue()).decode()
+
+
 def retold_notebook(source: Path) -> nbformat.NotebookNode:
     """A text source with the outputs that are stored beside it.
 
@@ -98,6 +126,8 @@ def write_run(source: Path, into: Path) -> None:
     started = time.perf_counter()
     with tqdm(total=n_code, desc=source.stem, unit="cell", file=sys.stdout, mininterval=1) as bar:
         notebook = run_notebook(source, bar)
+    if into == NOTEBOOKS:
+        lighten_pictures(notebook)
     with whole_file(into / f"{source.stem}.ipynb") as temporary:
         nbformat.write(notebook, temporary)
     print(f"{source.stem}: {time.perf_counter() - started:.0f} s", flush=True)

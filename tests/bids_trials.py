@@ -8,7 +8,7 @@ import nibabel
 import numpy as np
 
 from meshot.study import StudySettings
-from meshot.study.visits import Visit
+from meshot.study.bids import Visit
 
 #: A sagittal scan of 4 mm voxels, turned: its axes point to the back, to the top, and to the right.
 TURNED = np.array([[0, 0, 4.0, -96], [-4.2, 0, 0, 76], [0, 4.1, 0, -72], [0, 0, 0, 1]])

@@ -6,12 +6,12 @@ import numpy as np
 import torch
 
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import write_weights
-from meshot.volume.standard import standard_scan
-from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.volume.registration import standard_scan
+from meshot.volume.surfaces import enclosed_fractions
 from meshot.volume.volume import Volume, transform_points
 
 RADIUS = 32.0

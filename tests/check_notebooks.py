@@ -23,7 +23,8 @@ def run_nbval(path: Path, **extra: str) -> subprocess.CompletedProcess:
     command = [sys.executable, "-m", "pytest", "-q", "--capture=sys", "-p", "kernels", "-p", "no:cacheprovider"]
     command += ["-c", os.devnull, "--rootdir", str(path.parent)]
     command += ["--nbval", "--nbval-current-env", "--nbval-cell-timeout=600", str(path)]
-    environment = os.environ | KERNEL_ENVIRONMENT | {"PYTHONPATH": str(NOTEBOOKS.parent / "book")} | extra
+    paths = [str(NOTEBOOKS.parent / "book"), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | KERNEL_ENVIRONMENT | {"PYTHONPATH": os.pathsep.join(paths)} | extra
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "encoding": "utf-8"}
     return subprocess.run(command, env=environment, cwd=path.parent, check=False, **pipes)
 

@@ -24,10 +24,10 @@ open("pairs.tsv", "w").write("predicted\\ttarget\\npredicted.ply\\tlh.white.surf
 """
 COHORT = """
 from importlib.resources import files
-text = (files("meshot.synth.cohorts") / "tiny.yaml").read_text(encoding="utf-8")
+text = (files("meshot.synth") / "recipes" / "tiny.yaml").read_text(encoding="utf-8")
 assert "split: {train: 0.5, test: 0.5}" in text
 open("two.yaml", "w").write(text.replace("test: 0.5", "validation: 0.5").replace("procedural_subjects: 1", ""))
-from meshot.synth.cohorts import read_recipe
+from meshot.synth import read_recipe
 assert [read_recipe(name).name for name in ("oasis_like", "adni_like", "test_retest", "tiny")]
 """
 LOSSES = (

@@ -6,8 +6,8 @@ from pathlib import Path
 
 #: Folder or module of ``meshot`` -> rank; imports point to lower ranks only.
 RANKS = {
-    "_kernels": 0, "extras": 0, "types": 0, "rng": 0, "errors": 0, "files": 0, "threads": 0, "compressed": 0,
-    "plain_yaml": 0, "scratch": 0, "workers": 0, "provenance": 0, "statistics": 0, "jobs": 0,
+    "_kernels": 0, "extras": 0, "types": 0, "rng": 0, "errors": 0, "files": 0, "workers": 0, "settings": 0,
+    "provenance": 0, "statistics": 0, "jobs": 0,
     "mesh": 1,
     "volume": 2, "measure": 2,
     "metrics": 3, "loss": 3, "train": 3,
@@ -21,7 +21,8 @@ RANKS = {
 }  # fmt: skip
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.
 BOOK_RANKS = {
-    "notebook": 0, "examples": 0, "measurements": 0,
+    "notebook": 0, "examples": 0, "measurements": 0, "statistics": 0, "lines": 0,
+    "flows": 0, "defects": 0, "example_file": 0,
     "figures": 1, "exercises": 1, "claims": 1, "trainings": 1,
 }  # fmt: skip
 
@@ -30,7 +31,7 @@ NARROWER = {"metrics": {"mesh", "volume"} | {name for name, rank in RANKS.items(
 
 #: Library -> the folders or modules (prefixes, relative to src) that may import it.
 HOMES = {
-    "trimesh": ("meshot/mesh/io", "meshot/mesh/convert", "meshot/mesh/mesh"),
+    "trimesh": ("meshot/mesh/io", "meshot/mesh/mesh"),
     "nibabel": ("meshot/mesh/io", "meshot/volume/io"),
     "SimpleITK": ("meshot/volume/registration",),
     "skimage": ("meshot/volume/",),
@@ -39,7 +40,7 @@ HOMES = {
     "geomloss": ("meshot/loss/", "meshot/metrics/"),
     "torchdiffeq": ("meshot/flow/integration",),
     "nilearn": ("meshot/anatomy/",),
-    "pyvista": ("meshot/mesh/convert", "meshot/mesh/mesh", "meshot/view/", "meshot_book/figures/"),
+    "pyvista": ("meshot/mesh/mesh", "meshot/view/", "meshot_book/figures/"),
     "vtk": ("meshot/view/", "meshot_book/figures/"),
     "vtkmodules": ("meshot/view/", "meshot_book/figures/"),
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),
@@ -47,9 +48,8 @@ HOMES = {
     "pathspec": ("meshot/study/bids",),
     "IPython": ("meshot_book/figures/",),
     "jinja2": ("meshot/view/page",),
-    "yaml": ("meshot/plain_yaml", "meshot/synth/cohorts/recipe", "meshot_book/claims/"),
+    "yaml": ("meshot/settings", "meshot/synth/recipe", "meshot_book/claims/"),
 }
-MOST_NAMES = 20
 
 
 def imports(source: str) -> list[tuple[str, str]]:

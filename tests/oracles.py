@@ -4,7 +4,7 @@ import numpy as np
 import ot
 import torch
 
-from meshot.loss.plain import plain_sliced_wasserstein
+from meshot.loss.sliced import plain_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
 
 

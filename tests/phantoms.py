@@ -8,18 +8,17 @@ import numpy as np
 import torch
 
 from meshot.anatomy import HEMISPHERES
-from meshot.mesh.editing.decimation import simplified
-from meshot.mesh.editing.smoothing import laplacian_smoothing
-from meshot.mesh.geometry.areas import vertex_normals
+from meshot.mesh.editing import laplacian_smoothing, simplified
+from meshot.mesh.geometry import vertex_normals
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.pipeline.segmentation.data import Example as SegmentationExample, example
-from meshot.systems.deformation.data import DeformationExample
-from meshot.systems.examples import Example, Scan, SurfaceKey
+from meshot.mesh.shapes import icosphere
+from meshot.pipeline.segmentation import Example as SegmentationExample, example
+from meshot.systems.flows import DeformationExample
+from meshot.systems.protocol import Example, Scan, SurfaceKey
 from meshot.volume.io import write_volume
-from meshot.volume.standard import StandardScan
-from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.volume.registration import StandardScan
+from meshot.volume.surfaces import enclosed_fractions
 from meshot.volume.volume import Volume
 
 SHAPE, SIZES = (32, 24, 24), np.array([1.5, 208 / 144, 1.5])
@@ -89,7 +88,7 @@ def phantom_subjects(n: int, needs: Sequence[SurfaceKey], seed: int = 0, pial: b
 
 
 def write_phantom_cohort(folder: Path, splits: Sequence[str]) -> Path:
-    """A cohort on disk, one phantom for each split named, laid out as meshot.synth.cohorts.cohort reads it."""
+    """A cohort on disk, one phantom for each split named, laid out as meshot.synth.cohorts reads it."""
     rows = ["participant_id\tsplit\tkind\tseed"]
     for i, split in enumerate(splits):
         name = f"sub-{i + 1:03d}"

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import meshot
 from meshot import evaluate, read_mesh, write_mesh
 from meshot.cli import main, make_parser
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 FEW = ["--points", "2000", "--emd-points", "200"]
 

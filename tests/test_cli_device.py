@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from meshot.cli import reconstruct
-from meshot.cli.device import device_errors, device_of
-from meshot.cli.training import run_training
+from meshot.cli.common import device_errors, device_of
+from meshot.cli.train import run_training
 
 #: PyTorch tries to start CUDA once in a process: the pretended device of other tests may have answered for it.
 NO_CUDA = "Torch not compiled with CUDA enabled|driver|No CUDA|Could not run"

@@ -20,9 +20,8 @@ from meshot import (
     varifold,
 )
 from meshot.files import whole_file
-from meshot.flow.fields import grid_around
-from meshot.flow.fitting import FitSettings, fit_flow, sliced_loss
-from meshot.loss.composed import SlicedLoss, SurfaceLoss, VarifoldEncoding
+from meshot.flow import FitSettings, fit_flow, grid_around, sliced_loss
+from meshot.loss import SlicedLoss, SurfaceLoss, VarifoldEncoding
 from meshot.mesh import shapes
 from meshot.mesh.mesh import closed_contour
 from meshot.rng import numpy_generator

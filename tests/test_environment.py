@@ -132,9 +132,9 @@ for place in {places}:
 #: A library of the extra, and what needs it.
 NEEDED = {
     "SimpleITK": "meshot.volume.register_affine",
-    "skimage": "meshot.volume.surfaces.isosurface",
+    "skimage": "meshot.volume.isosurface",
     "nilearn": "meshot.anatomy.mni152_t1",
-    "yaml": "meshot.train.read_groups",
+    "yaml": "meshot.settings.read_groups",
     "matplotlib": "meshot.view.style",
     "pathspec": "meshot.study.visits_of_bids",
 }

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from meshot.files import whole_file, whole_folder
-from meshot.scratch import remove_abandoned
+from meshot.files import remove_abandoned, whole_file, whole_folder
 
 
 def fill(path, replace=False, error=None):

@@ -1,6 +1,8 @@
 """What the stored notebooks must be: run, paired, described, and watched by nbval."""
 
 import ast
+import base64
+import io
 import json
 import os
 import re
@@ -10,12 +12,14 @@ import warnings
 from pathlib import Path
 
 import nbformat
+import numpy as np
 import pytest
+from PIL import Image
 
 from check_notebooks import run_nbval
 from kernels import SeparateKernelManager
 from reader_extension import FOLDED
-from run_notebooks import source_notebook
+from run_notebooks import lighten_pictures, source_notebook
 
 ROOT = Path(__file__).resolve().parent.parent
 STORED = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
@@ -141,6 +145,33 @@ def test_no_cell_ends_with_a_semicolon(path):
 @chapters
 def test_pictures_have_words(path):
     assert pictures_without_words(read(path)) == []
+
+
+def pictures_of(notebook: nbformat.NotebookNode) -> list[str]:
+    return [o.data["image/png"] for c in code_cells(notebook) for o in c.outputs if "image/png" in o.get("data", {})]
+
+
+@chapters
+def test_pictures_are_light(path):
+    notebook = read(path)
+    before = [len(picture) for picture in pictures_of(notebook)]
+    lighten_pictures(notebook, refinements=0)
+    # Another version of Pillow may need a few bytes less.
+    assert [old for old, new in zip(before, map(len, pictures_of(notebook)), strict=True) if new < 0.9 * old] == []
+
+
+@pytest.mark.parametrize(("n_colours", "alpha", "mode"), [(200, 255, "P"), (9000, 255, "RGB"), (200, 90, "RGBA")])
+def test_a_picture_gets_a_palette_unless_that_changes_it(n_colours, alpha, mode):
+    places = np.random.default_rng(0).integers(n_colours, size=(100, 100)) * (2**24 // n_colours)
+    pixels = np.stack([places >> 16, places >> 8 & 255, places & 255, np.full_like(places, alpha)], -1)
+    image, file = Image.fromarray(pixels.astype(np.uint8)), io.BytesIO()
+    image.save(file, "PNG", dpi=(90, 90), compress_level=1)
+    data = {"image/png": base64.b64encode(file.getvalue()).decode()}
+    cell = nbformat.v4.new_code_cell(outputs=[nbformat.v4.new_output("display_data", data)])
+    lighten_pictures(nbformat.v4.new_notebook(cells=[cell, nbformat.v4.new_markdown_cell("See it.")]))
+    stored = Image.open(io.BytesIO(base64.b64decode(cell.outputs[0].data["image/png"])))
+    assert (stored.mode, round(stored.info["dpi"][0])) == (mode, 90)
+    assert np.array_equal(stored.convert("RGBA"), image)
 
 
 @chapters

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from meshot.statistics import intraclass_correlation, people_needed, power_of_groups, within_deviation
+from meshot_book.statistics import intraclass_correlation, people_needed, power_of_groups, within_deviation
 
 
 def drawn(generator, n_people, n_visits, reliability, shape=()):

@@ -6,15 +6,13 @@ from scipy import stats
 
 from meshot.statistics import (
     Interval,
-    arm_differences,
-    averages,
     bootstrap_interval,
-    fitted_slope,
     mean_interval,
     paired_interval,
     percentile_interval,
     robust_scores,
 )
+from meshot_book.statistics import arm_differences, averages, fitted_slope
 
 SIZES = [100, 1000, 10_000, 100_000]
 

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from meshot.anatomy import HEMISPHERES
 from meshot.model import SegmentationNetwork, read_weights
 from meshot.pipeline import InitialSurfaces, segmentation_weights
-from meshot.synth.cohorts import scans
+from meshot.synth import scans
 
 
 def main(words: list[str] | None = None) -> int:

@@ -17,7 +17,7 @@ from stale import ROOT, Results, opened
 from tasks import Task
 
 from meshot.files import whole_file
-from meshot.synth.cohorts import read_recipe, visits
+from meshot.synth import read_recipe, visits
 from meshot_book.notebook import digits, markdown_table
 
 PAGE, MARKERS = "book/speed.md", ("<!-- workflow -->", "<!-- /workflow -->")

@@ -37,7 +37,7 @@ from reached import DIGITS, Code
 from tasks import Graph, Task, read_graph
 
 from meshot.files import whole_file
-from meshot.plain_yaml import read_yaml
+from meshot.settings import read_yaml
 from meshot.provenance import provenance, rounded
 
 ROOT = Path(__file__).resolve().parent.parent

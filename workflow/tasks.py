@@ -6,7 +6,7 @@ import itertools
 import re
 from pathlib import Path
 
-from meshot.plain_yaml import read_yaml
+from meshot.settings import read_yaml
 
 LISTS = ("reads", "after", "writes", "makes", "clears", "code")
 KEYS = {"stage", "each", "networks_of", "trainings_of", "command", "copies", "planned", "derived", *LISTS}
@@ -34,7 +34,8 @@ class Task:
     copies : tuple of pairs of str
         Files that are copied to their place in the repository when the command has ended.
     code : tuple of str
-        Functions and classes that the command uses and no script names, such as ``meshot.systems.ddot.System``.
+        Functions and classes that the command uses and no script names, such as ``meshot.pipeline.reconstruct``,
+        or short names for them that the YAML file lists.
     planned : bool
         Whether the result may be missing. Such tasks run on request only.
     derived : bool
@@ -94,7 +95,7 @@ def read_graph(path: Path, root: Path) -> Graph:
         if entry["stage"] not in content["stages"]:
             raise ValueError(f"{path}: {pattern} has the unknown stage {entry['stage']}; add it to the stages")
         for values in _values(entry, root):
-            task = _task(pattern, entry, values)
+            task = _task(pattern, entry, values, content.get("code", {}))
             if task.name in tasks:
                 raise ValueError(f"{path}: there are two tasks {task.name}; give one another name")
             tasks[task.name] = task
@@ -136,11 +137,12 @@ def _trainings(config: dict) -> list[dict[str, str]]:
     return list(found.values())
 
 
-def _task(pattern: str, entry: dict, values: dict[str, str]) -> Task:
+def _task(pattern: str, entry: dict, values: dict[str, str], code: dict[str, str]) -> Task:
     def filled(text: str) -> str:
         return re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], found[0]), text)
 
     lists = {key: tuple(map(filled, entry.get(key, ()))) for key in LISTS}
+    lists["code"] = tuple(code.get(name, name) for name in lists["code"])
     copies = tuple((filled(start), filled(end)) for start, end in entry.get("copies", ()))
     command = " ".join(filled(entry["command"]).split())
     kind = {key: entry.get(key, False) for key in ("planned", "derived")}

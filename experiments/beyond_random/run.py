@@ -15,8 +15,7 @@ from summary import summarise
 from meshot import DiscreteMeasure, Mesh, varifold
 from meshot.anatomy import fsaverage5_surface
 from meshot.loss import slice_costs
-from meshot.mesh.editing import decimated
-from meshot.mesh.shapes import ellipsoid, folded_sphere
+from meshot.mesh import decimated, ellipsoid, folded_sphere
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment

@@ -3,8 +3,9 @@
 import numpy as np
 from estimators import METHODS
 
-from meshot.statistics import bootstrap_interval, fitted_slope
+from meshot.statistics import bootstrap_interval
 from meshot.types import Array
+from meshot_book.statistics import fitted_slope
 
 
 def summarise(rows: list[dict], config: dict) -> dict:

@@ -18,8 +18,7 @@ from meshot import (
     varifold,
     wasserstein,
 )
-from meshot.mesh import sample_points
-from meshot.mesh.shapes import folded_sphere, icosphere
+from meshot.mesh import folded_sphere, icosphere, sample_points
 from meshot.metrics import Surface, average_surface_distance, earth_movers_distance
 
 VarifoldLoss = Callable[[DiscreteMeasure], torch.Tensor]

@@ -14,9 +14,9 @@ from fitting import judged, make_pair, run_once
 from limits import limit_rows
 
 from meshot.jobs import run_jobs
-from meshot.mesh.geometry import face_areas
+from meshot.mesh import face_areas
 from meshot.provenance import rounded, write_results
-from meshot.statistics import arm_differences
+from meshot_book.statistics import arm_differences
 
 HERE = Path(__file__).resolve().parent
 MEASURED = ("w2_varifold", "sw2_surface", "assd", "emd")

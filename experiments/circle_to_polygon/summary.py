@@ -5,7 +5,7 @@ from toy import draw_points, judged, polygon
 
 from meshot import DiscreteMeasure
 from meshot.provenance import rounded
-from meshot.statistics import arm_differences
+from meshot_book.statistics import arm_differences
 
 MEASURED = ("w2", "coverage", "coverage_3", "evenness", "off_contour", "chamfer", "sw")
 

@@ -4,19 +4,19 @@ from collections.abc import Callable
 
 import numpy as np
 
+import meshot.loss
+import meshot.mesh
 from meshot import DiscreteMeasure, chamfer, quasi_directions, random_directions, sliced_wasserstein
-from meshot.flow.fitting import descend
-from meshot.loss import regularity
-from meshot.mesh import Contour, closed_contour, even_points, sample_points, shapes as contours
-from meshot.mesh.geometry import edge_lengths
+from meshot.mesh import Contour, circle, closed_contour, edge_lengths, even_points, sample_points
 from meshot.types import Tensor
 from meshot_book.examples import coverage, distance_to_contour, evenness, exact_distance
+from meshot_book.flows import descend
 
 
 def polygon(settings: dict) -> Contour:
     """The polygon described by an entry of the configuration."""
     settings = dict(settings)
-    return getattr(contours, settings.pop("shape"))(**settings)
+    return getattr(meshot.mesh, settings.pop("shape"))(**settings)
 
 
 def draw_points(contour: Contour, n_points: int, sampling: str, generator: np.random.Generator) -> Tensor:
@@ -31,7 +31,7 @@ def run_once(run: dict, seed: int, config: dict) -> dict:
     shape = polygon(config["polygons"][run["polygon"]])
     # All variants of one seed have the same initial points and target, so that differences are paired.
     place = np.random.default_rng([seed, 0])
-    start = draw_points(contours.circle(), run["n_points"], run["sampling"], place)
+    start = draw_points(circle(), run["n_points"], run["sampling"], place)
     target = DiscreteMeasure(draw_points(shape, run["n_points"], run["sampling"], place))
     loss = make_loss(run, target, config["n_directions"], np.random.default_rng([seed, 1]))
     end = descend(loss, start, config["n_steps"], run["learning_rate"], config["momentum"]).points
@@ -51,7 +51,7 @@ def make_loss(run: dict, target: DiscreteMeasure, n_directions: int, generator: 
         return loss
     if "regulariser" not in run:
         return lambda points: factor * chamfer(DiscreteMeasure(points), target)
-    penalty = getattr(regularity, run["regulariser"])
+    penalty = getattr(meshot.loss, run["regulariser"])
     return lambda points: chamfer(DiscreteMeasure(points), target) + run["weight"] * penalty(closed_contour(points))
 
 

@@ -16,7 +16,7 @@ import yaml
 
 from meshot.jobs import run_jobs
 from meshot.provenance import write_results
-from meshot.synth.cohorts import LABELS, Subject, read_subject, scans
+from meshot.synth import LABELS, Subject, read_subject, scans
 
 HERE = Path(__file__).resolve().parent
 COHORTS = HERE.parents[1] / "build" / "cohorts"

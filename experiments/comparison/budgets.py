@@ -10,7 +10,7 @@ from meshot.anatomy import HEMISPHERES
 from meshot.metrics import Surface, average_surface_distance, offsets_between
 from meshot.pipeline import RECORD, InitialSurfaces
 from meshot.provenance import read_results, rounded, write_results
-from meshot.synth.cohorts import scans
+from meshot.synth import scans
 from meshot_book.trainings import alone
 
 #: What a trial says of itself, in the folder in which it is kept.

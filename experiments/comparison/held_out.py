@@ -22,7 +22,7 @@ from units import Unit, segmentation_network, system_in
 from meshot.anatomy import HEMISPHERES
 from meshot.model import SegmentationNetwork, network_digest
 from meshot.pipeline import WEIGHTS, InitialSurfaces
-from meshot.synth.cohorts import Subject, scans
+from meshot.synth import Subject, scans
 from meshot.systems import SurfaceSystem
 from meshot_book.measurements import METRICS, digest_of
 

@@ -11,9 +11,8 @@ from meshot.anatomy import HEMISPHERES
 from meshot.files import whole_file
 from meshot.mesh import Mesh
 from meshot.metrics import Evaluation, evaluate, rigidly_aligned
-from meshot.pipeline import InitialSurfaces
-from meshot.pipeline.segmentation import in_scanner
-from meshot.synth.cohorts import Subject
+from meshot.pipeline import InitialSurfaces, in_scanner
+from meshot.synth import Subject
 from meshot.systems import Scan, SurfaceSystem
 from meshot.volume import StandardScan
 from meshot_book.measurements import metric_values

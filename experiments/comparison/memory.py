@@ -16,7 +16,7 @@ from measuring import seen
 from units import Unit, arguments, finals, read_config, segmentation_network, system_in
 
 from meshot.pipeline import InitialSurfaces
-from meshot.synth.cohorts import read_subject
+from meshot.synth import read_subject
 
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 

@@ -17,8 +17,7 @@ from scipy.spatial import cKDTree
 from tables import MAIN, SUBJECTS, measured
 from units import FIRST_SEED, HERE, STEPS, arguments, finals, read_config
 
-from meshot.mesh import Mesh
-from meshot.mesh.editing import simplified
+from meshot.mesh import Mesh, simplified
 from meshot.metrics import vertex_distances
 from meshot_book.notebook import write_meshes
 

@@ -26,7 +26,7 @@ from units import Unit, arguments, chosen, finals, read_config, segmentation_net
 from meshot.files import whole_folder
 from meshot.model import halve_weights
 from meshot.pipeline import LOG, RECORD, WEIGHTS, InitialSurfaces, run_system_training, segmentation_weights
-from meshot.synth.cohorts import scans
+from meshot.synth import scans
 from meshot.train import TrainingLog, read_log
 from meshot_book.trainings import OUTPUT, alone, require_device, thinned, train_in_processes, train_in_turn
 

@@ -15,8 +15,8 @@ from meshot.anatomy import HEMISPHERES
 from meshot.model import SegmentationNetwork, read_weights
 from meshot.pipeline import RECORD, segmentation_weights
 from meshot.provenance import read_results
+from meshot.settings import Groups
 from meshot.systems import SurfaceSystem, get_system, read_settings
-from meshot.train import Groups
 
 HERE = Path(__file__).parent
 BOTH, STEPS, SECONDS, RATE = "both", "steps", "seconds", "rate"

@@ -8,7 +8,7 @@ from pairs import Pair, frames, make_pair, sampled_costs
 from sizes import short
 
 from meshot import DiscreteMeasure, slice_costs
-from meshot.loss.lines import projected_law
+from meshot.loss import projected_law
 from meshot.types import Array, Float
 
 

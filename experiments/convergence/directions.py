@@ -6,8 +6,9 @@ from scipy.special import gammaln
 from sizes import named_slope, short
 
 from meshot import random_directions
-from meshot.statistics import bootstrap_interval, fitted_slope
+from meshot.statistics import bootstrap_interval
 from meshot.types import Array, Float, Tensor
+from meshot_book.statistics import fitted_slope
 
 #: Length of the translation in the case "translation", along one axis, in mm.
 SHIFT_MM = 12.0

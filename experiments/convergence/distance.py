@@ -4,7 +4,8 @@ import numpy as np
 from pairs import frames, sampled_costs, spheres
 from sizes import named_slope, short
 
-from meshot.statistics import averages, fitted_slope, percentile_interval
+from meshot.statistics import percentile_interval
+from meshot_book.statistics import averages, fitted_slope
 
 
 def distance_runs(config: dict) -> list[dict]:

@@ -9,8 +9,7 @@ import numpy as np
 import torch
 
 from meshot import Contour, Mesh, SurfaceMeasure, quasi_directions, slice_costs, surface
-from meshot.mesh import sample_locations
-from meshot.mesh.shapes import circle, ellipsoid, folded_sphere, icosphere, star
+from meshot.mesh import circle, ellipsoid, folded_sphere, icosphere, sample_locations, star
 from meshot.types import Array, Float, Tensor
 
 #: Length of a scaled unit normal in mm. Colours and features have the same range.

@@ -5,8 +5,8 @@ import functools
 import numpy as np
 from pairs import frames, make_pair, sampled_costs
 
-from meshot.statistics import averages, fitted_slope
 from meshot.types import Array
+from meshot_book.statistics import averages, fitted_slope
 
 
 def size_runs(config: dict) -> list[dict]:

@@ -15,9 +15,9 @@ import yaml
 from meshot.anatomy import fsaverage5_surface
 from meshot.jobs import run_jobs
 from meshot.mesh import Mesh
-from meshot.pipeline.correspondence import carry_template
+from meshot.pipeline import carry_template
 from meshot.provenance import rounded, write_results
-from meshot.synth.cohorts import participants, read_subject
+from meshot.synth import participants, read_subject
 from meshot.types import Array, Float
 
 HERE = Path(__file__).resolve().parent

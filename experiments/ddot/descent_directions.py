@@ -13,14 +13,13 @@ import torch
 from tqdm import tqdm
 from trainings import HERE, arguments, read_config, segmentation_network
 
-from meshot.loss.composed import SurfaceLoss, surface_loss
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import face_areas, vertex_areas, vertex_normals
+from meshot.loss import SurfaceLoss, surface_loss
+from meshot.mesh import Mesh, face_areas, vertex_areas, vertex_normals
 from meshot.metrics import Surface, average_surface_distance, offsets_between
 from meshot.pipeline import InitialSurfaces
 from meshot.provenance import rounded, write_results
-from meshot.synth.cohorts import scans
-from meshot.systems.deformation import DeformationExample, hemisphere_example
+from meshot.synth import scans
+from meshot.systems import DeformationExample, hemisphere_example
 from meshot.types import Float, Tensor
 
 Arrows = Float[Tensor, "vertex 3"]

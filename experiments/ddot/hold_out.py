@@ -9,12 +9,13 @@ import sys
 
 from trainings import HERE, arguments, read_config, segmentation_network
 
-from meshot.mesh.editing import smooth_crossings
+from meshot.mesh import smooth_crossings
 from meshot.model import network_digest
 from meshot.pipeline import InitialSurfaces
 from meshot.provenance import provenance
-from meshot.synth.cohorts import scans
-from meshot.systems.deformation import hemisphere_example, write_example
+from meshot.synth import scans
+from meshot.systems import hemisphere_example
+from meshot_book.example_file import write_example
 
 COHORT, SIDE = "oasis_like", "left"
 INITIAL_FACES, TARGET_FACES = 30_000, 30_000

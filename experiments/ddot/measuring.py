@@ -6,14 +6,13 @@ import time
 from places import Places, places
 
 from meshot.anatomy import Hemisphere
-from meshot.flow.crossings import repair_crossings
+from meshot.flow import repair_crossings
 from meshot.mesh import Mesh
 from meshot.metrics import Evaluation, evaluate
 from meshot.model import DeformationNetwork
-from meshot.pipeline import InitialSurfaces
-from meshot.pipeline.segmentation import in_scanner
-from meshot.synth.cohorts import Subject
-from meshot.systems.deformation import deformed
+from meshot.pipeline import InitialSurfaces, in_scanner
+from meshot.synth import Subject
+from meshot.systems import deformed
 from meshot.volume import StandardScan
 from meshot_book.measurements import METRICS, metric_values
 

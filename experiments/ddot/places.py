@@ -5,13 +5,10 @@ import dataclasses
 import numpy as np
 import torch
 
-from meshot.mesh import Mesh
-from meshot.mesh.editing import neighbour_means
-from meshot.mesh.geometry import cotangent_vectors, vertex_areas, vertex_normals
+from meshot.mesh import Mesh, cotangent_vectors, neighbour_means, vertex_areas, vertex_normals
 from meshot.metrics import vertex_distances
 from meshot.types import Array, Float, Int64, Tensor
-from meshot.volume import Volume, sample_volume
-from meshot.volume.surfaces import signed_distance, voxel_distance
+from meshot.volume import Volume, sample_volume, signed_distance, voxel_distance
 
 CURVATURE_ROUNDS = 3  # of averaging over neighbours, since values at single vertices are noisy
 

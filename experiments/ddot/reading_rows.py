@@ -17,17 +17,10 @@ from meshot.anatomy import Hemisphere
 from meshot.mesh import Mesh
 from meshot.metrics import evaluate
 from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest, read_weights
-from meshot.pipeline import RECORD, WEIGHTS, InitialSurfaces
-from meshot.pipeline.segmentation import in_scanner
+from meshot.pipeline import RECORD, WEIGHTS, InitialSurfaces, in_scanner
 from meshot.provenance import read_results
-from meshot.synth.cohorts import Subject, scans
-from meshot.systems.deformation import (
-    DeformationConfig,
-    DeformationExample,
-    deformation_config,
-    deformed,
-    hemisphere_example,
-)
+from meshot.synth import Subject, scans
+from meshot.systems import DeformationConfig, DeformationExample, deformation_config, deformed, hemisphere_example
 from meshot.volume import StandardScan
 from meshot_book.measurements import digest_of, metric_values
 

@@ -27,10 +27,9 @@ import train
 from meshot.files import whole_file
 from meshot.jobs import run_jobs
 from meshot.mesh import write_mesh
-from meshot.pipeline import InitialSurfaces
-from meshot.pipeline.segmentation import segment, segmented_surface
+from meshot.pipeline import InitialSurfaces, segment, segmented_surface
 from meshot.provenance import read_results, rounded, write_results
-from meshot.synth.cohorts import Subject, scans
+from meshot.synth import Subject, scans
 from meshot_book.trainings import alone
 
 SPLITS = ("train", "validation", "test")

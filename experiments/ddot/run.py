@@ -25,7 +25,7 @@ from meshot.jobs import run_jobs
 from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline import InitialSurfaces
 from meshot.provenance import provenance, rounded, write_results
-from meshot.synth.cohorts import Subject, scans
+from meshot.synth import Subject, scans
 from meshot_book.measurements import digest_of
 
 INITIAL = "initial"

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from trainings import Wanted, arguments, keep, read_config, segmentation_network, wanted
 
 from meshot.pipeline import InitialSurfaces, run_system_training, segmentation_weights
-from meshot.synth.cohorts import scans
+from meshot.synth import scans
 from meshot_book.trainings import OUTPUT, alone, require_device, train_in_processes, train_in_turn
 
 

@@ -12,8 +12,9 @@ from meshot.files import whole_file
 from meshot.model import DeformationNetwork, SegmentationNetwork, read_weights, write_weights
 from meshot.pipeline import LOG, RECORD, STATE_FOLDER, WEIGHTS, segmentation_weights
 from meshot.provenance import read_results
+from meshot.settings import Groups
 from meshot.systems import SurfaceSystem, get_system, read_settings
-from meshot.train import Groups, TrainingLog, TrainingState, read_log
+from meshot.train import TrainingLog, TrainingState, read_log
 from meshot_book.trainings import thinned
 
 HERE = Path(__file__).parent

@@ -3,8 +3,8 @@
 import numpy as np
 
 from meshot import Mesh, quasi_directions, sliced_wasserstein
-from meshot.flow.fitting import FitLoss
-from meshot.loss.composed import ENCODINGS, LOSSES, Encoding, MeasureLoss
+from meshot.flow import FitLoss
+from meshot.loss import ENCODINGS, LOSSES, Encoding, MeasureLoss
 from meshot.types import Tensor
 
 

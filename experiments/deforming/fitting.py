@@ -9,10 +9,8 @@ from arms import arm_loss
 from meshes import start_mesh, target_mesh
 
 from meshot import Mesh, evaluate
-from meshot.flow import trajectory
-from meshot.flow.fields import grid_around
-from meshot.flow.fitting import FitLoss, FitSettings, fit_flow
-from meshot.mesh.topology import self_intersecting_faces
+from meshot.flow import FitLoss, FitSettings, fit_flow, grid_around, trajectory
+from meshot.mesh import self_intersecting_faces
 from meshot.metrics import (
     Surface,
     average_surface_distance,

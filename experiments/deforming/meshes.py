@@ -7,9 +7,7 @@ import torch
 
 from meshot import Mesh
 from meshot.anatomy import fsaverage5_surface
-from meshot.mesh.editing import laplacian_smoothing, smooth_crossings
-from meshot.mesh.geometry import signed_volume
-from meshot.mesh.shapes import folded_sphere, icosphere
+from meshot.mesh import folded_sphere, icosphere, laplacian_smoothing, signed_volume, smooth_crossings
 from meshot_book.notebook import read_meshes as read_meshes, write_meshes as write_meshes
 
 

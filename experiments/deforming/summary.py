@@ -6,7 +6,7 @@ import numpy as np
 from fitting import CURVES, short
 
 from meshot.provenance import rounded
-from meshot.statistics import arm_differences
+from meshot_book.statistics import arm_differences
 
 READ = ("seconds", "iteration", *CURVES)
 

@@ -18,8 +18,7 @@ from meshot import (
 )
 from meshot.loss import CONSTRUCTIONS
 from meshot.measure import SurfaceMeasure
-from meshot.mesh import Contour
-from meshot.mesh.shapes import circle, ellipsoid, folded_sphere, icosphere, letter_e, star
+from meshot.mesh import Contour, circle, ellipsoid, folded_sphere, icosphere, letter_e, star
 
 Measure = SurfaceMeasure | DiscreteMeasure
 Cost = Callable[[torch.Tensor], np.ndarray]

@@ -10,7 +10,7 @@ from stand_ins import atoms, sample
 
 from meshot import DiscreteMeasure, Mesh, quasi_directions, sliced_wasserstein, surface
 from meshot.anatomy import fsaverage5_surface
-from meshot.mesh.editing import decimated
+from meshot.mesh import decimated
 from meshot.types import Tensor
 
 

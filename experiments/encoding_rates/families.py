@@ -6,9 +6,7 @@ import math
 import torch
 
 from meshot.anatomy import fsaverage5_surface
-from meshot.mesh import Mesh
-from meshot.mesh.editing import decimated
-from meshot.mesh.shapes import cube, ellipsoid, folded_sphere, icosphere, split_in_four
+from meshot.mesh import Mesh, cube, decimated, ellipsoid, folded_sphere, icosphere, split_in_four
 
 
 def pair_of_meshes(family: str, level: int, config: dict) -> tuple[Mesh, Mesh]:

@@ -5,7 +5,7 @@ from families import pair_of_meshes
 from stand_ins import atoms, continuous, sample
 
 from meshot import DiscreteMeasure, Mesh, SurfaceMeasure, quasi_directions, sliced_wasserstein
-from meshot.mesh.geometry import edge_lengths
+from meshot.mesh import edge_lengths
 from meshot.types import Tensor
 
 

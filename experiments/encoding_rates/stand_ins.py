@@ -4,8 +4,7 @@ import numpy as np
 import torch
 
 from meshot import DiscreteMeasure, Mesh, SurfaceMeasure, surface, varifold
-from meshot.mesh import sample_locations
-from meshot.mesh.geometry import face_areas, face_normals
+from meshot.mesh import face_areas, face_normals, sample_locations
 
 
 def continuous(mesh: Mesh, normal_scale: float) -> SurfaceMeasure:

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from meshot.statistics import bootstrap_interval, fitted_slope
+from meshot.statistics import bootstrap_interval
 from meshot.types import Array
+from meshot_book.statistics import fitted_slope
 
 QUANTITIES = ("other", "own")
 

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from meshot import Mesh, SurfaceMeasure, random_directions, sliced_wasserstein, surface
-from meshot.mesh.shapes import cube, folded_sphere, icosphere, tetrahedron
+from meshot.mesh import cube, folded_sphere, icosphere, tetrahedron
 from meshot.types import Tensor
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))

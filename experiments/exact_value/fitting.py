@@ -4,8 +4,7 @@ import numpy as np
 import torch
 
 from meshot import DiscreteMeasure, Mesh, empirical, quasi_directions, random_directions, sliced_wasserstein, surface
-from meshot.mesh.geometry import face_areas, face_barycentres
-from meshot.mesh.shapes import folded_sphere, icosphere
+from meshot.mesh import face_areas, face_barycentres, folded_sphere, icosphere
 from meshot.metrics import Surface, average_surface_distance
 from meshot.types import Tensor
 

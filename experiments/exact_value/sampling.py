@@ -9,8 +9,7 @@ import torch
 
 from meshot import DiscreteMeasure, Mesh, empirical, quasi_directions, sliced_wasserstein, surface
 from meshot.anatomy import fsaverage5_surface
-from meshot.mesh.geometry import face_areas, face_barycentres, face_corners
-from meshot.mesh.shapes import folded_sphere, icosphere
+from meshot.mesh import face_areas, face_barycentres, face_corners, folded_sphere, icosphere
 from meshot.types import Tensor
 
 

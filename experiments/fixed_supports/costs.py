@@ -6,8 +6,7 @@ import numpy as np
 from variants import compare, drawn_part, pair_of_meshes, reweighted
 
 from meshot import Mesh, varifold
-from meshot.flow import integrate
-from meshot.flow.fields import LearnedVelocity, grid_around
+from meshot.flow import LearnedVelocity, grid_around, integrate
 from meshot.measure import varifold_sample
 from meshot_book.examples import peak_saved_bytes
 

@@ -25,11 +25,10 @@ from costs import cost_rows
 from variants import fit_loss, pair_of_meshes
 
 from meshot import evaluate
-from meshot.flow.fields import grid_around
-from meshot.flow.fitting import FitSettings, fit_flow
+from meshot.flow import FitSettings, fit_flow, grid_around
 from meshot.jobs import run_jobs
 from meshot.provenance import rounded, write_results
-from meshot.statistics import arm_differences
+from meshot_book.statistics import arm_differences
 
 HERE = Path(__file__).parent
 MEASURED = ("assd", "edge_variation", "intersecting_faces")

@@ -16,8 +16,7 @@ from run import MEASURED, short
 from variants import fit_loss, pair_of_meshes
 
 from meshot import evaluate
-from meshot.flow.fields import grid_around
-from meshot.flow.fitting import FitSettings, fit_flow
+from meshot.flow import FitSettings, fit_flow, grid_around
 from meshot.provenance import write_results
 
 HERE = Path(__file__).parent

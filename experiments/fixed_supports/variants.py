@@ -8,9 +8,7 @@ import torch
 
 from meshot import DiscreteMeasure, Mesh, chamfer, quasi_directions, sliced_wasserstein, varifold
 from meshot.measure import varifold_sample
-from meshot.mesh import sample_locations
-from meshot.mesh.geometry import face_areas, signed_volume
-from meshot.mesh.shapes import folded_sphere, icosphere
+from meshot.mesh import face_areas, folded_sphere, icosphere, sample_locations, signed_volume
 from meshot.types import Tensor
 
 

@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from meshot.statistics import fitted_slope, percentile_interval
+from meshot.statistics import percentile_interval
+from meshot_book.statistics import fitted_slope
 
 Groups = dict[int, list[float]]
 

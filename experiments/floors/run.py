@@ -14,7 +14,7 @@ from readings import emd_readings, paper_number
 from samples import measured, surface_of
 
 from meshot.jobs import run_jobs
-from meshot.mesh.geometry import face_areas
+from meshot.mesh import face_areas
 from meshot.provenance import rounded, write_results
 
 HERE = Path(__file__).resolve().parent

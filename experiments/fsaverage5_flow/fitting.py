@@ -9,8 +9,7 @@ import torch
 from tqdm import tqdm
 
 from meshot.files import whole_file
-from meshot.flow.fields import grid_around
-from meshot.flow.fitting import Fit, FitLoss, FitSettings, Guard, fit_flow, sliced_loss
+from meshot.flow import Fit, FitLoss, FitSettings, Guard, fit_flow, grid_around, sliced_loss
 from meshot.loss import chamfer
 from meshot.measure import empirical, varifold
 from meshot.mesh import Mesh

@@ -3,10 +3,10 @@
 import numpy as np
 import torch
 
-from meshot.flow.fitting import Fit, Leg, chain_reports, chain_trajectory
-from meshot.mesh import Mesh
-from meshot.mesh.topology import self_intersecting_faces
+from meshot.flow import Fit
+from meshot.mesh import Mesh, self_intersecting_faces
 from meshot.metrics import evaluate, smallest_angles
+from meshot_book.flows import Leg, chain_reports, chain_trajectory
 
 LOSS_STRIDE = 10  # iterations whose losses are averaged in the record
 

@@ -4,10 +4,8 @@ import time
 
 from surfaces import carried, cut_where_stretched
 
-from meshot.flow.crossings import without_crossings
-from meshot.flow.fitting import Leg
-from meshot.mesh import Mesh
-from meshot.mesh.topology import self_intersecting_faces
+from meshot.mesh import Mesh, self_intersecting_faces
+from meshot_book.flows import Leg, without_crossings
 
 
 def mended_chain(leg: dict, legs: list[Leg], start: Mesh) -> tuple[list[Leg], Mesh, dict]:

@@ -6,7 +6,7 @@ first.
 
 Three *tasks* for each hemisphere, see ``config.yaml``: ``sliced``, from the slightly smoothed target, by sliced
 Wasserstein on varifolds alone; ``mixture``, which continues with Chamfer on a finer grid; ``far``, from a surface
-without the folds and with another connectivity. Each gives a sequence of flows (:mod:`meshot.flow.fitting.chain`).
+without the folds and with another connectivity. Each gives a sequence of flows (:mod:`meshot_book.flows`).
 
 ``results.json`` has, under "results" → hemisphere → task (lengths in mm):
 
@@ -25,7 +25,7 @@ without the folds and with another connectivity. Each gives a sequence of flows 
 - ``stored`` (if the flow is stored): ``files``, and ``assd`` and ``intersecting_faces`` of the rounded flow in them.
 
 The stored flows are read by ``stored.stored_flow(hemisphere, task)``: the start, and the legs of the sequence, for
-:func:`meshot.flow.fitting.chain_trajectory`.
+:func:`meshot_book.flows.chain_trajectory`.
 """
 
 import argparse
@@ -42,11 +42,10 @@ from stored import read_flow, write_flow
 from surfaces import carried, start_surface, target_surface
 
 from meshot.anatomy import HEMISPHERES
-from meshot.flow.fitting import Leg
 from meshot.jobs import fingerprint, run_jobs
-from meshot.mesh import Mesh
-from meshot.mesh.topology import self_intersecting_faces
+from meshot.mesh import Mesh, self_intersecting_faces
 from meshot.provenance import write_results
+from meshot_book.flows import Leg
 
 HERE = Path(__file__).parent
 PARTIAL = HERE / "partial"

@@ -4,10 +4,10 @@ from pathlib import Path
 
 from surfaces import start_surface
 
-from meshot.flow.fields import read_velocity, write_velocity
-from meshot.flow.fitting import Leg
+from meshot.flow import read_velocity, write_velocity
 from meshot.mesh import Mesh
 from meshot.provenance import read_results
+from meshot_book.flows import Leg
 
 HERE = Path(__file__).parent
 
@@ -28,7 +28,7 @@ def read_flow(names: list[str], n_steps: list[int]) -> list[Leg]:
 def stored_flow(side: str, task: str) -> tuple[Mesh, list[Leg]]:
     """The start of a task, and the legs of its stored flow to the white surface.
 
-    ``meshot.flow.fitting.chain_trajectory(legs, start.vertices)`` moves it, step by step.
+    ``meshot_book.flows.chain_trajectory(legs, start.vertices)`` moves it, step by step.
 
     Raises
     ------

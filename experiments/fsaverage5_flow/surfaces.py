@@ -4,12 +4,17 @@ import numpy as np
 import torch
 
 from meshot.anatomy import Hemisphere, fsaverage5_surface
-from meshot.flow.fitting import Leg, chain_end
-from meshot.mesh import Mesh
-from meshot.mesh.editing import decimated, laplacian_smoothing, smooth_crossings, with_edges_split
-from meshot.mesh.geometry import edge_lengths, mesh_edges
-from meshot.volume import Volume
-from meshot.volume.surfaces import enclosed_fractions, isosurface
+from meshot.mesh import (
+    Mesh,
+    decimated,
+    edge_lengths,
+    laplacian_smoothing,
+    mesh_edges,
+    smooth_crossings,
+    with_edges_split,
+)
+from meshot.volume import Volume, enclosed_fractions, isosurface
+from meshot_book.flows import Leg, chain_end
 
 MOST_CUTS = 8  # maximum number of divisions; an edge is then 1/256 of its length
 

@@ -14,14 +14,12 @@ import torch
 import yaml
 
 from meshot.jobs import run_jobs
-from meshot.mesh import Mesh
-from meshot.mesh.topology import topology
+from meshot.mesh import Mesh, topology
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
-from meshot.pipeline.segmentation import segmented_surface
+from meshot.pipeline import segmented_surface
 from meshot.provenance import rounded, write_results
-from meshot.synth.cohorts import Subject, scans
-from meshot.volume import Volume
-from meshot.volume.surfaces import enclosed_fractions
+from meshot.synth import Subject, scans
+from meshot.volume import Volume, enclosed_fractions
 
 HERE = Path(__file__).resolve().parent
 COHORTS = HERE.parents[1] / "build" / "cohorts"

@@ -9,8 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from meshot import DiscreteMeasure, chamfer, quasi_directions, sinkhorn_divergence, sliced_wasserstein, wasserstein
-from meshot.mesh import sample_points
-from meshot.mesh.shapes import ellipsoid, folded_sphere
+from meshot.mesh import ellipsoid, folded_sphere, sample_points
 from meshot.metrics import earth_movers_distance, sliced_distance
 from meshot.types import Array
 

@@ -18,20 +18,23 @@ from tqdm import tqdm
 
 from meshot.anatomy import HEMISPHERES, fsaverage5_surface, mni152_brain_mask, mni152_t1, mni152_white_matter
 from meshot.files import whole_file
-from meshot.flow import integrate
-from meshot.flow.fields import GridVelocity, grid_around, read_velocity, write_velocity
-from meshot.flow.fitting import FitSettings, fit_flow, sliced_loss
+from meshot.flow import (
+    FitSettings,
+    GridVelocity,
+    fit_flow,
+    grid_around,
+    integrate,
+    read_velocity,
+    sliced_loss,
+    write_velocity,
+)
 from meshot.jobs import fingerprint, run_jobs
 from meshot.measure import varifold
-from meshot.mesh import Mesh
-from meshot.mesh.editing import decimated
-from meshot.mesh.geometry import face_areas
-from meshot.mesh.topology import topology
+from meshot.mesh import Mesh, decimated, face_areas, topology
 from meshot.metrics import evaluate
 from meshot.pipeline import TissueSurface, hemisphere_region, restricted, tissue_surface
 from meshot.provenance import write_results
-from meshot.volume import dice, white_matter_probability
-from meshot.volume.surfaces import isosurface
+from meshot.volume import dice, isosurface, white_matter_probability
 
 HERE = Path(__file__).parent
 PARTIAL = HERE / "partial"

@@ -8,8 +8,7 @@ import torch
 
 from meshot import DiscreteMeasure, Mesh, quasi_directions, sliced_wasserstein, varifold
 from meshot.anatomy import fsaverage5_surface
-from meshot.mesh.editing import laplacian_smoothing
-from meshot.mesh.shapes import folded_sphere
+from meshot.mesh import folded_sphere, laplacian_smoothing
 from meshot.types import Tensor
 
 

@@ -26,9 +26,9 @@ from meshot.loss import quasi_directions, sliced_wasserstein
 from meshot.measure import varifold
 from meshot.mesh import Mesh
 from meshot.provenance import rounded, write_results
-from meshot.systems import get_system, read_settings
-from meshot.systems.deformation import DeformationExample, deformed, read_example, train_deformation
+from meshot.systems import DeformationExample, deformed, get_system, read_settings, train_deformation
 from meshot.train import Progress, Training
+from meshot_book.example_file import read_example
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

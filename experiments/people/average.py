@@ -6,8 +6,7 @@ The row is not independent: everything outside the cortex of the training heads 
 import numpy as np
 
 from meshot.anatomy import HEMISPHERES, Hemisphere, fsaverage5_surface, mni152_t1, mni152_white_matter
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import face_areas
+from meshot.mesh import Mesh, face_areas
 from meshot.metrics import Surface, average_surface_distance, offsets_between
 from meshot.pipeline import TrainedNetworks, hemisphere_region, reconstruct, restricted, tissue_surface
 

@@ -20,16 +20,13 @@ from summary import summarised
 
 from meshot.anatomy import HEMISPHERES, Hemisphere
 from meshot.jobs import run_jobs
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import face_areas
-from meshot.mesh.topology import self_intersecting_faces
+from meshot.mesh import Mesh, face_areas, self_intersecting_faces
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
 from meshot.model import network_digest
 from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct, warning_names
 from meshot.provenance import rounded, write_results
-from meshot.synth.cohorts import Subject, scans
-from meshot.volume import Volume, dice, transform_points
-from meshot.volume.surfaces import enclosed_fractions
+from meshot.synth import Subject, scans
+from meshot.volume import Volume, dice, enclosed_fractions, transform_points
 
 HERE = Path(__file__).resolve().parent
 COMMAND = "python experiments/people/run.py"

@@ -8,8 +8,7 @@ import torch
 
 from meshot.mesh import Mesh
 from meshot.types import Array, Bool, Float
-from meshot.volume import Volume, read_volume, voxel_to_mm
-from meshot.volume.surfaces import isosurface, largest_component
+from meshot.volume import Volume, isosurface, largest_component, read_volume, voxel_to_mm
 
 GREY, WHITE = 1, 2
 

@@ -6,8 +6,7 @@ import torch
 from estimate import Estimate, border_squares, square_centres
 from regions import CORTEX, NAMES, labels_at
 
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import face_areas, face_barycentres
+from meshot.mesh import Mesh, face_areas, face_barycentres
 from meshot.metrics import Surface, SurfaceSample
 from meshot.types import Array, Bool, Float
 from meshot.volume import Volume, voxel_to_mm

@@ -12,10 +12,9 @@ import scipy.ndimage
 import torch
 
 from meshot.anatomy import HEMISPHERES, fsaverage5_surface, mni152_t1
-from meshot.synth.heads import TemplateTissue, template_tissue
+from meshot.synth import TemplateTissue, template_tissue
 from meshot.types import Array, Bool, Float
-from meshot.volume import Volume, mm_to_voxel, register_affine, transform_points, voxel_sizes
-from meshot.volume.surfaces import watershed_regions
+from meshot.volume import Volume, mm_to_voxel, register_affine, transform_points, voxel_sizes, watershed_regions
 
 #: Labels. Results are compared in CORTEX alone.
 CORTEX, HINDBRAIN, DEEP, WALL = range(4)

@@ -22,8 +22,7 @@ from variants import changed_scan
 from meshot.anatomy import HEMISPHERES
 from meshot.files import whole_file
 from meshot.jobs import fingerprint, run_jobs
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import signed_volume
+from meshot.mesh import Mesh, signed_volume
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
 from meshot.model import network_digest
 from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct, warning_names

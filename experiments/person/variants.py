@@ -7,8 +7,7 @@ import numpy as np
 import scipy.ndimage
 
 from meshot.types import Array, Float
-from meshot.volume import Volume, centre_of_mass, voxel_sizes
-from meshot.volume.surfaces import largest_component
+from meshot.volume import Volume, centre_of_mass, largest_component, voxel_sizes
 
 _FWHM = 2.3548  # full width at half maximum over standard deviation
 _MARGIN_VOXELS = 8  # by which the grid of a turned head grows on each side

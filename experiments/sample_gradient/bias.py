@@ -15,7 +15,7 @@ from meshot import (
     sliced_wasserstein,
     surface,
 )
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import icosphere
 from meshot.types import Tensor
 
 Family = Callable[[Tensor], Contour | Mesh]

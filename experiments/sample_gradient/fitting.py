@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from meshot import Contour, empirical, quasi_directions, random_directions, sliced_wasserstein, surface
-from meshot.mesh.shapes import regular_polygon, star
+from meshot.mesh import regular_polygon, star
 
 KINDS: dict[str, Callable] = {
     "continuous": lambda contour, n, generator: surface(contour),

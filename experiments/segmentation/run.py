@@ -18,14 +18,13 @@ from summary import summary
 
 from meshot.anatomy import HEMISPHERES
 from meshot.jobs import run_jobs
-from meshot.mesh.topology import self_intersecting_faces, topology
+from meshot.mesh import self_intersecting_faces, topology
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
 from meshot.model import SegmentationNetwork, network_digest, read_weights
-from meshot.pipeline.segmentation import in_scanner, segment, segmented_surface
+from meshot.pipeline import in_scanner, segment, segmented_surface
 from meshot.provenance import write_results
-from meshot.synth.cohorts import Subject, scans
-from meshot.volume import Volume, dice
-from meshot.volume.surfaces import enclosed_fractions, isosurface
+from meshot.synth import Subject, scans
+from meshot.volume import Volume, dice, enclosed_fractions, isosurface
 
 HERE = Path(__file__).parent
 

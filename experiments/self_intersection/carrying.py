@@ -4,11 +4,9 @@ import torch
 from fitting import fitted_flow, turned_sphere
 
 from meshot import Mesh
-from meshot.flow import integrate, trajectory
-from meshot.flow.crossings import inspect_paths
-from meshot.flow.fields import Velocity, Vortex
-from meshot.mesh.shapes import icosphere
-from meshot.mesh.topology import self_intersecting_faces
+from meshot.flow import Velocity, inspect_paths, integrate, trajectory
+from meshot.mesh import icosphere, self_intersecting_faces
+from meshot_book.flows import Vortex
 
 
 def ways(config: dict) -> list[tuple[str, int]]:

@@ -7,12 +7,17 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from meshot import DiscreteMeasure, Mesh, chamfer, varifold
-from meshot.flow.crossings import crossings_along, inspect_paths
-from meshot.flow.fields import GridVelocity, grid_around
-from meshot.flow.fitting import FitLoss, FitSettings, fit_flow, sliced_loss
-from meshot.mesh.geometry import face_corners
-from meshot.mesh.shapes import folded_sphere, icosphere
-from meshot.mesh.topology import self_intersecting_faces
+from meshot.flow import (
+    FitLoss,
+    FitSettings,
+    GridVelocity,
+    crossings_along,
+    fit_flow,
+    grid_around,
+    inspect_paths,
+    sliced_loss,
+)
+from meshot.mesh import face_corners, folded_sphere, icosphere, self_intersecting_faces
 from meshot.metrics import Surface, average_surface_distance
 
 

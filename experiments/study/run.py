@@ -15,13 +15,21 @@ import yaml
 
 from meshot.anatomy import HEMISPHERES
 from meshot.jobs import run_jobs
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import face_areas, signed_volume
-from meshot.mesh.topology import euler_number
+from meshot.mesh import Mesh, euler_number, face_areas, signed_volume
 from meshot.pipeline import TrainedNetworks, load_networks, reconstruct
 from meshot.provenance import rounded, write_results
-from meshot.synth import Anatomy, CorticalSurfaces, Position, Shape, simulated_scan, synthetic_subject
-from meshot.synth.cohorts import Recipe, drawn_appearance, drawn_shape, read_recipe
+from meshot.synth import (
+    Anatomy,
+    CorticalSurfaces,
+    Position,
+    Recipe,
+    Shape,
+    drawn_appearance,
+    drawn_shape,
+    read_recipe,
+    simulated_scan,
+    synthetic_subject,
+)
 
 HERE = Path(__file__).resolve().parent
 

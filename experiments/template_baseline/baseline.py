@@ -5,9 +5,18 @@ import dataclasses
 import numpy as np
 
 from meshot.mesh import Mesh
-from meshot.pipeline.segmentation import segmented_surface
-from meshot.synth import Anatomy, Position, mean_surfaces, simulated_scan, standardised
-from meshot.synth.cohorts import Recipe, Subject, drawn_appearance, drawn_shape
+from meshot.pipeline import segmented_surface
+from meshot.synth import (
+    Anatomy,
+    Position,
+    Recipe,
+    Subject,
+    drawn_appearance,
+    drawn_shape,
+    mean_surfaces,
+    simulated_scan,
+    standardised,
+)
 from meshot.volume import transform_points
 
 LABEL = {"left": 1, "right": 2}

@@ -18,7 +18,7 @@ from meshot.anatomy import HEMISPHERES
 from meshot.jobs import run_jobs
 from meshot.metrics import evaluate
 from meshot.provenance import write_results
-from meshot.synth.cohorts import participants, read_recipe, read_subject
+from meshot.synth import participants, read_recipe, read_subject
 
 HERE = Path(__file__).resolve().parent
 COHORTS = HERE.parents[1] / "build" / "cohorts"

@@ -5,9 +5,7 @@ import itertools
 import numpy as np
 from pairs import MESHES, translation
 
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import face_areas, face_barycentres
-from meshot.mesh.shapes import cube, split_in_four
+from meshot.mesh import Mesh, cube, face_areas, face_barycentres, split_in_four
 from meshot.metrics import Surface, SurfaceSample
 
 

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from meshot.mesh import Mesh, sample_points
-from meshot.mesh.shapes import folded_sphere, icosphere
+from meshot.mesh import Mesh, folded_sphere, icosphere, sample_points
 
 ELLIPSOID = np.array([1.0, 0.7, 0.5])
 

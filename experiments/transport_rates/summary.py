@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshot.statistics import fitted_slope
+from meshot_book.statistics import fitted_slope
 
 #: Shapes whose intrinsic dimension is that of the space.
 SOLID = ("cube", "two_cubes")

@@ -9,8 +9,7 @@ from scipy import stats
 
 from meshot import Mesh, quasi_directions, sliced_wasserstein
 from meshot.loss import quantile_cost
-from meshot.mesh.geometry import face_areas
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import face_areas, icosphere
 
 
 def drawn_case(settings: dict, generator: np.random.Generator) -> tuple[np.ndarray, ...]:

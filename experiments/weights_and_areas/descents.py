@@ -16,10 +16,10 @@ from meshot import (
     surface,
     varifold,
 )
-from meshot.flow.fitting import descend
-from meshot.mesh.geometry import edge_lengths, face_area_vectors
+from meshot.mesh import edge_lengths, face_area_vectors
 from meshot.metrics import Surface, average_surface_distance
 from meshot.types import Tensor
+from meshot_book.flows import descend
 
 DIMENSIONS = {"surface": 3, "varifold": 6}
 

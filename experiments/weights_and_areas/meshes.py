@@ -4,8 +4,9 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
+import meshot.mesh
 from meshot import Mesh
-from meshot.mesh import shapes
+from meshot.mesh import icosphere, split_in_four
 from meshot.types import Tensor
 
 
@@ -13,16 +14,16 @@ def target_mesh(settings: dict) -> Mesh:
     """The mesh described by an entry of ``targets``."""
     settings = dict(settings)
     n_splits = settings.pop("splits", 0)
-    mesh = getattr(shapes, settings.pop("shape"))(**settings)
+    mesh = getattr(meshot.mesh, settings.pop("shape"))(**settings)
     vertices, faces = mesh.vertices, mesh.faces
     for _ in range(n_splits):
-        vertices, faces = shapes.split_in_four(vertices, faces)
+        vertices, faces = split_in_four(vertices, faces)
     return Mesh(vertices, faces)
 
 
 def start_mesh(settings: dict, generator: np.random.Generator) -> Mesh:
     """A triangulated sphere with random rotation and jitter."""
-    sphere = shapes.icosphere(settings["subdivisions"])
+    sphere = icosphere(settings["subdivisions"])
     turn = torch.from_numpy(Rotation.random(rng=generator).as_matrix().copy())
     jitter = torch.from_numpy(generator.standard_normal(sphere.vertices.shape))
     return sphere.with_vertices(sphere.vertices @ turn.T + settings["jitter"] * jitter)

@@ -4,7 +4,7 @@ import numpy as np
 from descents import gradients_at_start, short
 
 from meshot.provenance import rounded
-from meshot.statistics import arm_differences
+from meshot_book.statistics import arm_differences
 
 MEASURED = ("sw_surface", "sw_varifold", "assd", "edge_variation")
 

@@ -1,5 +1,4 @@
-from .flow import integrate as integrate
-from .flow.fitting import Deformation as Deformation, deform as deform
+from .flow import Deformation as Deformation, deform as deform, integrate as integrate
 from .loss import (
     SlicedEstimate as SlicedEstimate,
     chamfer as chamfer,

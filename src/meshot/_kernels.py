@@ -22,15 +22,6 @@ def kernel(purpose: str, seconds: int, **options: Any) -> Callable[[Callable], A
     The cache is in ``__pycache__`` beside the source file, or in the user's cache if the package folder is not
     writable, or in ``NUMBA_CACHE_DIR``. If none of these is writable, every process compiles the function again. The
     compiled function releases the GIL.
-
-    Parameters
-    ----------
-    purpose : str
-        The feature that needs the kernels, such as "the sliced loss". A process announces each purpose once, on stderr.
-    seconds : int
-        Approximate time to compile all kernels of that purpose, in seconds.
-    options
-        Options of ``numba.njit``.
     """
     options = {"nogil": True} | options
 
@@ -48,13 +39,7 @@ def kernel(purpose: str, seconds: int, **options: Any) -> Callable[[Callable], A
 
 
 def require_kept() -> None:
-    """Check that all kernels imported so far can be cached on disk.
-
-    Raises
-    ------
-    ValueError
-        If no cache folder is writable.
-    """
+    """Check that all kernels imported so far can be cached on disk."""
     if _lost:
         raise ValueError(f"compiled kernels are lost when the process ends; {_NOWHERE}")
 

@@ -10,13 +10,7 @@ from meshot.types import Tensor
 
 
 def as_floating(values: object, name: str) -> Tensor:
-    """A finite floating-point tensor, from anything that ``torch.as_tensor`` accepts.
-
-    Raises
-    ------
-    ValueError
-        If the values are not numbers, not floating point, or not finite.
-    """
+    """A finite floating-point tensor, from anything that ``torch.as_tensor`` accepts."""
     try:
         tensor = torch.as_tensor(values)
     except (TypeError, ValueError, RuntimeError) as error:
@@ -32,13 +26,7 @@ def as_floating(values: object, name: str) -> Tensor:
 
 
 def as_indices(values: object, name: str, n_items: int) -> Tensor:
-    """An int64 tensor of indices in ``[0, n_items)``.
-
-    Raises
-    ------
-    ValueError
-        If the values are not integers or lie outside the range.
-    """
+    """An int64 tensor of indices in ``[0, n_items)``."""
     try:
         tensor = torch.as_tensor(values)
     except (TypeError, ValueError, RuntimeError) as error:
@@ -55,13 +43,7 @@ def as_indices(values: object, name: str, n_items: int) -> Tensor:
 
 
 def require_shape(tensor: Tensor, name: str, columns: int | None) -> None:
-    """Check that a tensor is a matrix with at least one row and, unless ``columns`` is None, that many columns.
-
-    Raises
-    ------
-    ValueError
-        If the tensor has another shape or no rows.
-    """
+    """Check that a tensor is a matrix with at least one row and, unless ``columns`` is None, that many columns."""
     wanted = f"(n, {columns if columns is not None else 'd'})"
     if tensor.ndim != 2 or (columns is not None and tensor.shape[1] != columns):
         raise ValueError(f"{name} has shape {tuple(tensor.shape)}; {wanted} is needed: one row per item")
@@ -70,13 +52,7 @@ def require_shape(tensor: Tensor, name: str, columns: int | None) -> None:
 
 
 def require_finite(tensor: Tensor, name: str) -> None:
-    """Check that no entry is NaN or infinite.
-
-    Raises
-    ------
-    ValueError
-        If one is. The message has the number of such entries and the index of the first.
-    """
+    """Check that no entry is NaN or infinite."""
     bad = ~torch.isfinite(tensor.detach())
     if bool(bad.any()):
         first = tuple(int(i) for i in bad.nonzero()[0])
@@ -87,13 +63,7 @@ def require_finite(tensor: Tensor, name: str) -> None:
 
 
 def require_same_space(source: Tensor, target: Tensor) -> None:
-    """Check that two point sets have the same dimension, dtype and device.
-
-    Raises
-    ------
-    ValueError
-        If one of these differs.
-    """
+    """Check that two point sets have the same dimension, dtype and device."""
     if source.shape[-1] != target.shape[-1]:
         raise ValueError(
             f"source lives in R^{source.shape[-1]} and target in R^{target.shape[-1]}; both must live in the "
@@ -107,13 +77,7 @@ def require_same_space(source: Tensor, target: Tensor) -> None:
 
 
 def require_positive_integer(value: object, name: str, most: int | None = None) -> int:
-    """The value as a Python int, after checking that it is an integer (Python's or NumPy's) in [1, ``most``].
-
-    Raises
-    ------
-    ValueError
-        If it is not.
-    """
+    """The value as a Python int, after checking that it is an integer (Python's or NumPy's) in [1, ``most``]."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ValueError(f"{name} is {value!r}; an integer >= 1 is needed")
     if most is not None and value > most:
@@ -122,13 +86,7 @@ def require_positive_integer(value: object, name: str, most: int | None = None) 
 
 
 def require_positive(value: object, name: str, unit: str = "") -> None:
-    """Check that a value is a finite number > 0. The message names the unit, if it is given.
-
-    Raises
-    ------
-    ValueError
-        If it is not.
-    """
+    """Check that a value is a finite number > 0. The message names the unit, if it is given."""
     try:
         positive = bool(0 < value < math.inf)
     except TypeError:
@@ -138,13 +96,7 @@ def require_positive(value: object, name: str, unit: str = "") -> None:
 
 
 def require_choice(value: object, name: str, known: Iterable[str]) -> None:
-    """Check that a value is one of the known names.
-
-    Raises
-    ------
-    ValueError
-        If it is not. The message lists them.
-    """
+    """Check that a value is one of the known names."""
     known = list(known)
     if value not in known:
         raise ValueError(f"{name} is {value!r}; one of {', '.join(known)} is needed")

@@ -7,13 +7,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def needing(extra: str) -> Iterator[None]:
-    """Wrap the import of an optional library, so that the error says which extra to install.
-
-    Raises
-    ------
-    ImportError
-        If the library is not installed.
-    """
+    """Wrap the import of an optional library, so that the error says which extra to install."""
     try:
         yield
     except ModuleNotFoundError as error:

@@ -1,14 +1,18 @@
 """Files and folders that are written completely or not at all: first under a temporary name, then renamed."""
 
+import bz2
 import contextlib
 import errno
+import gzip
+import io
 import os
+import platform
 import re
+import shutil
 import tempfile
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
-
-from meshot.scratch import OLD, scratch_folder
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _SAID = re.compile(r"No space left on device|\d+ requested and \d+ written")  # messages of safetensors and numpy
@@ -22,23 +26,7 @@ def printable_name(path: str | os.PathLike) -> str:
 
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a temporary path beside ``path`` that is renamed to ``path`` if the block ends without an error.
-
-    Parameters
-    ----------
-    path : path
-        The final path. Its folder is created if it is missing.
-
-    Yields
-    ------
-    pathlib.Path
-        The path to write to. It has the same suffixes as ``path``.
-
-    Raises
-    ------
-    OSError
-        If the disk is full. The message names the path.
-    """
+    """Yield a temporary path beside ``path`` that is renamed to ``path`` if the block ends without an error."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with naming_a_full_disk(path), scratch_folder(path.parent) as folder:
@@ -56,26 +44,6 @@ def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Pat
 
     If something else appears at ``path`` while the block runs, it is left as it is, and this call raises. Of two runs
     that write the same folder, the first to end therefore succeeds.
-
-    Parameters
-    ----------
-    path : path
-        The final folder. Its parent is created if it is missing. A link is followed.
-    replace : bool
-        Whether an existing folder that is not empty is replaced. It stays unchanged until the block has ended.
-
-    Yields
-    ------
-    pathlib.Path
-        The folder to write into.
-
-    Raises
-    ------
-    ValueError
-        If ``path`` is a file, or a folder that is not empty while ``replace`` is false, or the working folder, or a
-        mount point, or if it changed while the block ran.
-    OSError
-        If the disk is full. The message names the path.
     """
     path = Path(path)
     if path.exists() and not path.is_dir():
@@ -144,13 +112,7 @@ def _changed(path: Path) -> str:
 
 @contextlib.contextmanager
 def naming_a_full_disk(path: Path) -> Iterator[None]:
-    """Name the disk when it is full: writers say that no space is left, but not where.
-
-    Raises
-    ------
-    OSError
-        In place of an error that says that no space is left.
-    """
+    """Name the disk when it is full: writers say that no space is left, but not where."""
     try:
         yield
     except Exception as error:
@@ -161,20 +123,7 @@ def naming_a_full_disk(path: Path) -> Iterator[None]:
 
 
 def named_file(name: str | os.PathLike, folder: Path) -> Path:
-    """The path of a YAML file: ``name`` itself if it is a path, or the file of that name in a folder of the package.
-
-    Parameters
-    ----------
-    name : path or str
-        A path, or a single word without suffix.
-    folder : path
-        The folder of the package where words are looked up.
-
-    Raises
-    ------
-    ValueError
-        If ``name`` is a single word and there is no file of that name.
-    """
+    """The path of a YAML file: ``name`` itself if it is a path, or the file of that name in a folder of the package."""
     path = Path(name)
     if path.suffix or len(path.parts) != 1:
         return path
@@ -184,3 +133,118 @@ def named_file(name: str | os.PathLike, folder: Path) -> Path:
             f"{path.name} is not known; the package has {', '.join(known)}, or name a file: {path.name}.yaml"
         )
     return folder / f"{path.name}.yaml"
+
+
+# Reading of gzip and bzip2 files to the end, so that the checksum is verified, up to a maximum size.
+
+_BLOCK = 1 << 20
+_OPENERS = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open}
+
+
+def unpacked(path: str | os.PathLike, largest: int) -> bytes:
+    """The content of a file, decompressed if its first bytes mark it as gzip or bzip2."""
+    return b"".join(_blocks(Path(path), largest))
+
+
+def unpacked_size(path: str | os.PathLike, largest: int) -> int:
+    """The size in bytes of what :func:`unpacked` returns, without holding it in memory. Raises the same errors."""
+    path = Path(path)
+    return path.stat().st_size if _opener(path) is open else sum(len(block) for block in _blocks(path, largest))
+
+
+def _blocks(path: Path, largest: int) -> Iterator[bytes]:
+    n_bytes = 0
+    try:
+        with opened(path) as file:
+            while block := file.read(_BLOCK):
+                n_bytes += len(block)
+                if n_bytes > largest:
+                    raise ValueError(f"{path} holds more than {largest >> 20} MiB unpacked; at most so much is read")
+                yield block
+    except (OSError, EOFError, zlib.error) as error:
+        raise ValueError(f"{path} is cut short or damaged: {error}; get the file again") from error
+
+
+def opened(path: str | os.PathLike) -> io.BufferedIOBase:
+    """Open a file for reading, with decompression if its first bytes mark it as gzip or bzip2."""
+    path = Path(path)
+    return _opener(path)(path, "rb")
+
+
+def _opener(path: Path) -> Callable[..., io.BufferedIOBase]:
+    with path.open("rb") as file:
+        head = file.read(3)
+    return next((opener for mark, opener in _OPENERS.items() if head.startswith(mark)), open)
+
+
+# Temporary folders beside the output. Those that killed runs left are removed by later runs.
+
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks: folders of killed runs are not removed there
+    fcntl = None
+
+#: Subfolder in which :func:`meshot.files.whole_folder` keeps a replaced folder during the exchange.
+OLD = "old"
+
+
+@contextlib.contextmanager
+def scratch_folder(parent: Path) -> Iterator[Path]:
+    """Yield a temporary folder in ``parent`` and remove it at the end. Folders left by killed runs are removed first.
+
+    The folder is locked (flock) while its process lives, and its name contains the name of the machine. A folder is
+    removed only if it was made on this machine and its lock is free. On file systems without locks nothing is removed.
+    """
+    remove_abandoned(parent)
+    folder, lock = _made(parent)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+def remove_abandoned(parent: Path) -> None:
+    """Remove the temporary folders in ``parent`` whose process has ended. Folders set aside in them are restored."""
+    for folder in parent.glob(f"{_prefix()}*"):
+        lock = _locked(folder, wait=False)
+        if lock is None:
+            continue
+        for old in (folder / OLD).glob("*"):  # the process was killed between two renames
+            if not (parent / old.name).exists():
+                old.rename(parent / old.name)
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(lock)
+
+
+def _made(parent: Path) -> tuple[Path, int | None]:
+    """A new folder and its lock. Repeated if another run removed the folder before it was locked."""
+    folder, lock = _new(parent)
+    while not folder.is_dir():
+        if lock is not None:
+            os.close(lock)
+        folder, lock = _new(parent)
+    return folder, lock
+
+
+def _new(parent: Path) -> tuple[Path, int | None]:
+    folder = Path(tempfile.mkdtemp(prefix=_prefix(), dir=parent))
+    return folder, _locked(folder, wait=True)  # another run that is removing the folder holds the lock until then
+
+
+def _locked(folder: Path, wait: bool) -> int | None:
+    """The descriptor of the folder, now locked; None if it is gone, locked by another process, or cannot be locked."""
+    descriptor = None
+    if fcntl is not None:
+        with contextlib.suppress(OSError):
+            descriptor = os.open(folder, os.O_RDONLY)
+            fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return descriptor
+    if descriptor is not None:
+        os.close(descriptor)
+    return None
+
+
+def _prefix() -> str:
+    return f".writing-{re.sub(r'[^A-Za-z0-9]', '', platform.node())}-"

@@ -28,31 +28,6 @@ def run_jobs(
     the Python files in the experiment's folder, and the Python files of the package. Other inputs, such as weights or
     scans, are not checked: put a digest of them into the task or the configuration. Stored results that do not match
     stay in the file, and are used again if configuration and code are changed back.
-
-    Parameters
-    ----------
-    tasks : iterable
-        Descriptions of the tasks, as JSON values. They identify the stored results.
-    work : callable
-        Maps a task to its result, a JSON value. New and stored results have the same form.
-    partial : path
-        The file of finished tasks, one per line. Its folder is created. Remove the file once the results are written.
-    folder : path
-        The folder with the experiment's scripts.
-    config : JSON
-        Every setting that the work depends on.
-    clock : callable
-        Returns seconds: wall-clock time, or ``time.process_time``.
-
-    Returns
-    -------
-    list of dict
-        ``task``, ``found`` (the result) and ``seconds`` of each task.
-
-    Raises
-    ------
-    TypeError
-        If a task, the configuration or a result cannot be written as JSON.
     """
     stamp = fingerprint(folder, config)
     lines = _read(partial)
@@ -90,11 +65,6 @@ def fingerprint(folder: Path, config: object) -> str:
 
     They are the start of the SHA-256 of the configuration and of the names and contents of all ``.py`` files. A changed
     comment therefore changes the result. Versions of other packages and the state of git do not matter.
-
-    Raises
-    ------
-    TypeError
-        If the configuration cannot be written as JSON.
     """
     total = hashlib.sha256(_key(config).encode())
     for root in (folder, PACKAGE):

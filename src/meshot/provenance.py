@@ -30,30 +30,7 @@ def write_results(
     seconds: float,
     made: dict | None = None,
 ) -> None:
-    """Write a results file (JSON) with its provenance, completely or not at all.
-
-    Parameters
-    ----------
-    path : path
-        Usually ``experiments/NAME/results.json``.
-    results : dict
-        The measured results: numbers, strings, lists and dicts.
-    config : dict
-        Every setting, including seeds.
-    command : str
-        The command that reproduces the file.
-    data : str
-        The data used, such as "synthetic polygons" or "MNI152 group average".
-    seconds : float
-        Duration of the run, in seconds.
-    made : dict, optional
-        The return value of :func:`meshot.provenance.provenance` at the start of the run. By default, it is called now.
-
-    Raises
-    ------
-    ValueError
-        If something in ``results`` or ``config`` cannot be written as JSON, or is not finite.
-    """
+    """Write a results file (JSON) with its provenance, completely or not at all."""
     record = {
         "results": results,
         "config": config,
@@ -101,13 +78,7 @@ def processor() -> str:
 
 
 def read_results(path: str | Path) -> dict:
-    """Read a results file and check that its provenance is complete.
-
-    Raises
-    ------
-    ValueError
-        If the file is missing, truncated, not JSON, or lacks a field of the provenance.
-    """
+    """Read a results file and check that its provenance is complete."""
     path = Path(path)
     if not path.is_file():
         raise ValueError(

@@ -11,23 +11,7 @@ Generator = np.random.Generator | torch.Generator | int
 
 
 def numpy_generator(generator: Generator) -> np.random.Generator:
-    """A NumPy generator from a seed, a NumPy generator, or a torch generator.
-
-    Parameters
-    ----------
-    generator : numpy.random.Generator, torch.Generator or int
-        A NumPy generator is returned unchanged, so that its stream continues. A torch generator provides the seed
-        and advances by one draw. An integer is a seed.
-
-    Returns
-    -------
-    numpy.random.Generator
-
-    Raises
-    ------
-    ValueError
-        For anything else, including ``None``: without a seed, results cannot be repeated.
-    """
+    """A NumPy generator from a seed, a NumPy generator, or a torch generator."""
     if isinstance(generator, np.random.Generator):
         return generator
     if isinstance(generator, torch.Generator):

@@ -3,6 +3,9 @@
 import multiprocessing
 import os
 import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 import torch
 
@@ -21,3 +24,22 @@ def begin_worker() -> None:
 def _end_after(parent: multiprocessing.process.BaseProcess) -> None:
     parent.join()
     os._exit(1)
+
+
+# Division of work into chunks, one per thread, for kernels that release the GIL.
+
+Result = TypeVar("Result")
+
+
+def in_chunks(work: Callable[[int, int], Result], n_items: int, smallest: int = 1) -> list[Result]:
+    """The results of ``work(start, stop)`` on contiguous chunks that cover ``range(n_items)``, in order.
+
+    There are ``torch.get_num_threads()`` chunks, or fewer so that each has at least ``smallest`` items. The number
+    depends on nothing else. Sums over chunks are therefore the same in every run with the same number of threads.
+    """
+    n_chunks = max(1, min(torch.get_num_threads(), n_items // smallest))
+    bounds = [n_items * i // n_chunks for i in range(n_chunks + 1)]
+    if n_chunks == 1:
+        return [work(0, n_items)]
+    with ThreadPoolExecutor(n_chunks) as pool:
+        return list(pool.map(work, bounds[:-1], bounds[1:]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshot.anatomy.contrast import GREY, WHITE, contrast_by_white_matter
+from meshot.anatomy.templates import GREY, WHITE, contrast_by_white_matter
 from meshot.volume.volume import Volume
 
 SHAPE = (64, 60, 62)

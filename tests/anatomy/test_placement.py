@@ -6,18 +6,19 @@ import torch
 from scipy.linalg import sqrtm
 from scipy.spatial.transform import Rotation
 
-from meshot.anatomy.placement import (
+from meshot.anatomy.templates import (
     ENLARGEMENT,
+    HEMISPHERES,
     Moments,
     from_mni152,
+    fsaverage5_surface,
     gaussian_transport,
     in_mni152,
     moments_of,
     placed_by_white_matter,
 )
-from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
-from meshot.volume.standard import EXTENT_MM, SHAPE, place_on_grid
-from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.volume.registration import EXTENT_MM, SHAPE, place_on_grid
+from meshot.volume.surfaces import enclosed_fractions
 from meshot.volume.volume import Volume, transform_points
 
 

@@ -12,8 +12,8 @@ from meshot.anatomy.templates import (
     mni152_t1,
     mni152_white_matter,
 )
-from meshot.mesh.geometry.areas import signed_volume
-from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.geometry import signed_volume
 from meshot.volume.volume import voxel_sizes
 
 

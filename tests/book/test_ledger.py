@@ -6,8 +6,7 @@ import re
 import pytest
 
 from make_ledger import PAGE, ledger_page
-from meshot_book.claims import cards, ledger
-from meshot_book.claims.rules import RULES
+from meshot_book.claims import ledger
 
 #: Of the page with all details folded, and of one verdict.
 MOST_WORDS, LONGEST_SENTENCE = 3000, 50
@@ -42,35 +41,54 @@ RECORD = {
 }  # fmt: skip
 
 
+CLAIM = """- {id: 7, claim: a gain, where: Fig. 9, paper: '3', experiment: x, chapter: 01_a, status: reproduced,
+   number: '{gain:.1f}', meaning: gain, says: It gains., found: 'gain {gain}', rule: gain > 1,
+   tables: [{gain: '{gain:.2f}'}]}
+"""
+
+
 def judge(record: dict) -> ledger.Verdict:
     gain = record["results"]["gain"]
-    return ledger.Verdict(
-        ledger.REPRODUCED if gain > 1 else ledger.NOT_REPRODUCED,
-        "It gains.",
-        (f"{gain}", "gain"),
-        f"gain {gain}",
-        "gain > 1",
-    )
+    return ledger.Verdict(ledger.REPRODUCED if gain > 1 else ledger.NOT_REPRODUCED, {"gain": gain}, ([{"gain": gain}],))
 
 
 @pytest.fixture
 def house(tmp_path):
-    claims = tmp_path / "claims.yaml"
-    claims.write_text("- {id: 7, claim: a gain, where: Fig. 9, paper: '3', experiment: x, chapter: 01_a}\n")
+    (tmp_path / "claims.yaml").write_text(CLAIM)
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "results.json").write_text(json.dumps(RECORD))
     return tmp_path
 
 
 def page(house, judges):
-    return cards.ledger_page(house / "claims.yaml", house, judges)
+    return ledger.ledger_page(house / "claims.yaml", house, judges)
 
 
-def test_status_follows_the_results(house):
-    assert "[Reproduced.]{.claim-status} It gains." in page(house, {7: judge})
+def test_the_words_have_the_numbers_of_the_results(house):
+    found = page(house, {7: judge})
+    assert "[Reproduced.]{.claim-status} It gains." in found
+    assert "[2.0]{.claim-number}\ngain\n" in found
+    assert "Ours\n: gain 2.0\n" in found
+    assert "| gain |\n| --- |\n| 2.00 |" in found
+    assert "python experiments/x/run.py" in found
+
+
+def test_other_results_ask_for_other_words(house):
     (house / "x" / "results.json").write_text(json.dumps(RECORD | {"results": {"gain": 0.5}}))
-    assert "[Not reproduced.]{.claim-status}" in page(house, {7: judge})
-    assert "python experiments/x/run.py" in page(house, {7: judge})
+    asked = r"claim 7 \(a gain\): its words were written for 'reproduced', but the results now say 'not reproduced'"
+    with pytest.raises(ValueError, match=asked):
+        page(house, {7: judge})
+
+
+def test_a_claim_that_is_not_tested_has_no_details(house):
+    claims = house / "claims.yaml"
+    claims.write_text(CLAIM.replace("experiment: x, ", ""))
+    with pytest.raises(ValueError, match="now say 'not yet tested'"):
+        page(house, {})
+    claims.write_text(
+        "- {id: 7, claim: a gain, status: not yet tested, number: –, meaning: no result, says: Nobody has tested it.}"
+    )
+    assert "[Not yet tested.]{.claim-status} Nobody has tested it.\n\n:::::" in page(house, {})
 
 
 def test_the_data_of_every_experiment_are_named_unless_the_claim_says_them(house):
@@ -97,9 +115,30 @@ def test_a_claim_without_results_or_judge_is_an_error(house):
 
 def test_a_status_must_be_one_of_the_eight():
     with pytest.raises(ValueError, match="splendid"):
-        ledger.Verdict("splendid", "", ("", ""), "", "")
+        ledger.Verdict("splendid", {})
 
 
-def test_every_judge_has_a_claim(root):
-    claims = (root / "book" / "claims.yaml").read_text(encoding="utf-8")
-    assert all(f"- id: {number}\n" in claims for number in RULES)
+@pytest.mark.parametrize(
+    ("template", "text"),
+    [
+        ("{slopes:to −.2f}", "−0.50 to −0.25"),
+        ("{slopes:.1f}", "-0.5, -0.2, -0.3"),
+        ("{names:and}; {names:| words}; {nothing:;}", "a_b and c; a b | c; none"),
+        ("{missing:.2f} {gap:interval} {one:interval}", "– +0.1 [-0.2, +0.3] +0.1"),
+        ("{mean:spread} {only:spread} {no:spread}", "1.5 ± 0.25 1.5 –"),
+        ("{share:percent} {many:percent} {none:percent}", "25 % 51.3 times 0 %"),
+        ("{truth:yes} $m^{{-1/2}}$ {gap[low]:+.2f}", "yes $m^{-1/2}$ -0.20"),
+    ],
+)
+def test_the_forms_of_numbers(template, text):
+    values = {"slopes": [-0.5, -0.25, -0.3], "names": ["a_b", "c"], "nothing": [], "missing": None, "truth": True}
+    values |= {"gap": {"gap": 0.1, "low": -0.2, "high": 0.3}, "one": {"gap": 0.1, "low": None, "high": None}}
+    values |= {"mean": {"mean": 1.5, "sd": 0.25}, "only": {"mean": 1.5, "sd": None}, "no": {"mean": None, "sd": None}}
+    assert ledger.fill(template, values | {"share": 0.25, "many": 51.3, "none": 1e-12}) == text
+
+
+def test_rows_share_a_line_if_their_heads_differ():
+    rows = [{"peer": peer, "m": m, "s": s} for peer, m, s in (("a", 10, 1.0), ("a", 20, 2.0), ("b", 20, 3.0))]
+    lines = ledger.table(rows, {"peer": "{peer}", "m = {m}": "{s:.1f}"}).split("\n")
+    assert lines == ["| peer | m = 10 | m = 20 |", "| --- | --- | --- |", "| a | 1.0 | 2.0 |", "| b | – | 3.0 |"]
+    assert ledger.table(rows, {"peer": "{peer}"}).count("| a |") == 2

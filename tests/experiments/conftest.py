@@ -6,13 +6,13 @@ import pytest
 import torch
 import yaml
 
-from meshot.mesh.editing.smoothing import laplacian_smoothing
+from meshot.mesh.editing import laplacian_smoothing
 from meshot.mesh.io import write_mesh
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import write_weights
-from meshot.pipeline.examples import InitialSurfaces
+from meshot.pipeline.training import InitialSurfaces
 from meshot.provenance import read_results
-from meshot.synth.cohorts.cohort import scans
+from meshot.synth.cohorts import scans
 from phantoms import write_phantom_cohort
 from scripts import scripts_in
 

@@ -20,9 +20,9 @@ from meshot.mesh.io import read_mesh, write_mesh
 from meshot.metrics.distances import Surface
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights
-from meshot.pipeline.examples import InitialSurfaces
+from meshot.pipeline.training import InitialSurfaces
 from meshot.provenance import read_results, write_results
-from meshot.synth.cohorts.cohort import scans
+from meshot.synth.cohorts import scans
 from meshot.systems import Scan, get_system, read_settings, system_names
 from meshot.train import engine
 from meshot_book.notebook import read_meshes, read_vertex_values

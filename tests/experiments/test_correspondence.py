@@ -7,7 +7,7 @@ import pytest
 import torch
 import yaml
 
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "correspondence"
 

@@ -12,21 +12,21 @@ import torch
 import yaml
 from scipy import stats
 
-from meshot.loss.composed import surface_loss
-from meshot.mesh.geometry.areas import vertex_areas
+from meshot.loss import surface_loss
+from meshot.mesh.connectivity import self_intersecting_faces
+from meshot.mesh.geometry import vertex_areas
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import Surface, vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.weights import read_weights
 from meshot.provenance import read_results
-from meshot.synth.cohorts.cohort import scans
+from meshot.synth.cohorts import scans
 from meshot.systems import get_system, read_settings
-from meshot.systems.deformation.data import DeformationExample
-from meshot.systems.deformation.example_file import read_example
+from meshot.systems.flows import DeformationExample
 from meshot.train import engine as training
 from meshot.volume.volume import Volume
+from meshot_book.example_file import read_example
 from meshot_book.trainings import processes
 from nested import require_equal
 

@@ -8,8 +8,8 @@ import pytest
 import torch
 from scipy import stats
 
-from meshot.mesh.geometry.areas import signed_volume
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.connectivity import self_intersecting_faces
+from meshot.mesh.geometry import signed_volume
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "deforming"
 ARM = ("loss", "encoding", "supports")

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshot.mesh.geometry.areas import face_areas
-from meshot.mesh.shapes.solids import cube
+from meshot.mesh.geometry import face_areas
+from meshot.mesh.shapes import cube
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "encoding_rates"
 

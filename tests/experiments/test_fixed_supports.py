@@ -9,7 +9,7 @@ from scipy import stats
 
 from meshot import Mesh, varifold
 from meshot.measure.discrete import varifold_sample
-from meshot.mesh.sampling import sample_locations
+from meshot.mesh.geometry import sample_locations
 from meshot.provenance import read_results
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fixed_supports"

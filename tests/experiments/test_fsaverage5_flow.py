@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.fields.analytic import Affine
-from meshot.flow.fields.grid import grid_around
-from meshot.flow.fitting.chain import Leg, chain_trajectory
-from meshot.mesh.geometry.areas import edge_lengths
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.flow.fields import grid_around
+from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
+from meshot.mesh.geometry import edge_lengths
+from meshot.mesh.shapes import icosphere
+from meshot_book.flows import Affine, Leg, chain_trajectory
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fsaverage5_flow"
 

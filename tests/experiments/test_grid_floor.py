@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import icosphere
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "grid_floor"
 pytestmark = pytest.mark.usefixtures("one_thread")

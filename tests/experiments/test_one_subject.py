@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from meshot.systems.deformation.example_file import read_example
+from meshot_book.example_file import read_example
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "experiments" / "one_subject"

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from meshot.anatomy import HEMISPHERES
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.provenance import read_results
 from meshot.systems import get_system, read_settings
-from meshot.volume.standard import StandardScan
-from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.volume.registration import StandardScan
+from meshot.volume.surfaces import enclosed_fractions
 from meshot.volume.volume import Volume, transform_points
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "people"

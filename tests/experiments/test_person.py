@@ -8,12 +8,12 @@ import pytest
 import torch
 from scipy.spatial import cKDTree
 
-from meshot.mesh.geometry.areas import face_areas
+from meshot.mesh.geometry import face_areas
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.provenance import read_results
 from meshot.volume.io import write_volume
-from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.volume.surfaces import enclosed_fractions
 from meshot.volume.volume import Volume, transform_points, voxel_to_mm
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "person"

@@ -12,16 +12,15 @@ import torch
 import yaml
 
 from meshot.flow import integrate
-from meshot.loss.composed import surface_loss
-from meshot.mesh.topology.counts import euler_number
+from meshot.loss import surface_loss
+from meshot.mesh.connectivity import euler_number
 from meshot.metrics import evaluate
 from meshot.model import DeformationNetwork, read_weights
-from meshot.pipeline import InitialSurfaces
-from meshot.pipeline.segmentation import in_scanner
-from meshot.pipeline.segmentation.surface import segmented_surface
+from meshot.pipeline import InitialSurfaces, in_scanner
+from meshot.pipeline.initial_surface import segmented_surface
 from meshot.provenance import read_results, write_results
-from meshot.synth.cohorts.cohort import scans
-from meshot.systems.deformation import deformed, hemisphere_example, standardised
+from meshot.synth.cohorts import scans
+from meshot.systems import deformed, hemisphere_example, standardised
 from meshot.train import TrainingState
 from meshot_book.trainings import processes
 

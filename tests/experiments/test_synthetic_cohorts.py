@@ -6,8 +6,8 @@ import yaml
 
 from meshot.metrics.distances import Surface, average_surface_distance
 from meshot.provenance import read_results
-from meshot.synth.cohorts.cohort import read_subject
-from meshot.synth.cohorts.recipe import read_recipe
+from meshot.synth.cohorts import read_subject
+from meshot.synth.recipe import read_recipe
 
 
 @pytest.mark.parametrize("name", ["cohorts", "template_baseline"])

@@ -79,7 +79,7 @@ def test_chamfer_limits(part, config):
     concentric = limits.chamfer_limit(pair_of("sphere", 3, "concentric"), config)["limit"]
     assert concentric == pytest.approx(2 * 0.3**2)
     # One way by quadrature, on a pair where every distance is known: parallel sides of two cubes in one place.
-    cube = part("meshot.mesh.shapes.solids").cube
+    cube = part("meshot.mesh.shapes").cube
     assert limits.one_way(cube(), cube(2.0), 2) == pytest.approx(0.25, rel=1e-12)
     shifted = part("pairs").draw_pair(pair_of("cube", 3, "translated"), 200_000, config, np.random.default_rng(5))
     beyond = np.maximum(part("pairs").translation(pair_of("cube", 3, "translated"), config) - shifted[0], 0)

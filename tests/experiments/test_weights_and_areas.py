@@ -8,8 +8,8 @@ import pytest
 import torch
 from scipy import stats
 
-from meshot.mesh.geometry.areas import face_areas
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.geometry import face_areas
+from meshot.mesh.shapes import icosphere
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "weights_and_areas"
 

@@ -7,9 +7,9 @@ import pytest
 import torch
 from scipy.integrate import solve_ivp
 
-from meshot.flow.crossings.jacobian import sampled_lipschitz
-from meshot.flow.fields.analytic import Affine, Push, Vortex, rotation, shear, spiral
+from meshot.flow.crossings import sampled_lipschitz
 from meshot_book.examples.unsteady import Accelerated, Drifting, RootSink
+from meshot_book.flows import Affine, Push, Vortex, rotation, shear, spiral
 
 DRIFT = torch.tensor([0.7, -0.4], dtype=torch.float64)
 FIELDS = {

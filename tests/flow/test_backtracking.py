@@ -5,14 +5,10 @@ import dataclasses
 import pytest
 import torch
 
-from meshot.flow.crossings.guard import crossings_along
-from meshot.flow.fields.grid import grid_around
-from meshot.flow.fitting.backtracking import backtrack
-from meshot.flow.fitting.fit import Fit, fit_flow
-from meshot.flow.fitting.progress import fit_progress
-from meshot.flow.fitting.settings import FitSettings, Guard
-from meshot.flow.fitting.state import FitState
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.flow.crossings import crossings_along
+from meshot.flow.fields import grid_around
+from meshot.flow.fitting import Fit, FitSettings, FitState, Guard, backtrack, fit_flow, fit_progress
+from meshot.mesh.connectivity import self_intersecting_faces
 from meshot_book.examples.counterexample import tip_over_face
 
 PAIR = tip_over_face(0.3)

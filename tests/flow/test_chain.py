@@ -3,10 +3,9 @@
 import pytest
 import torch
 
-from meshot.flow.crossings.guard import inspect_paths
-from meshot.flow.fields.analytic import Affine, rotation, shear
-from meshot.flow.fitting.chain import Leg, chain_end, chain_reports, chain_trajectory
+from meshot.flow.crossings import inspect_paths
 from meshot.flow.integration import integrate, trajectory
+from meshot_book.flows import Affine, Leg, chain_end, chain_reports, chain_trajectory, rotation, shear
 
 POINTS = torch.tensor([[1.0, 2.0], [-0.5, 0.3], [0.0, -1.0]], dtype=torch.float64)
 

@@ -3,15 +3,15 @@
 import pytest
 import torch
 
-from meshot.flow.crossings import damping
-from meshot.flow.crossings.damping import damped, without_crossings
-from meshot.flow.fields.grid import GridVelocity, grid_around
+from meshot.flow.fields import GridVelocity, grid_around
 from meshot.flow.integration import integrate
-from meshot.mesh.editing.subdivision import with_edges_split
-from meshot.mesh.geometry.areas import mesh_edges
+from meshot.mesh.connectivity import self_intersecting_faces
+from meshot.mesh.editing import with_edges_split
+from meshot.mesh.geometry import mesh_edges
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.shapes import icosphere
+from meshot_book import flows as damping
+from meshot_book.flows import damped, without_crossings
 
 
 def uniform(interpolation: str = "cubic") -> GridVelocity:

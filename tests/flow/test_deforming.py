@@ -7,9 +7,9 @@ import trimesh
 
 import meshot
 from meshot import Mesh, deform, integrate
-from meshot.flow.fields.grid import grid_around
-from meshot.mesh.shapes.solids import cube, folded_sphere, icosphere
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.flow.fields import grid_around
+from meshot.mesh.connectivity import self_intersecting_faces
+from meshot.mesh.shapes import cube, folded_sphere, icosphere
 from meshot.metrics.distances import Surface, average_surface_distance, offsets_between
 
 QUICK = {"n_iterations": 60, "detail": 0.15, "progress": False}

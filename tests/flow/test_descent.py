@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.fitting.descent import descend
+from meshot_book.flows import descend
 
 
 def quadratic(curvature):

@@ -5,11 +5,11 @@ import math
 import pytest
 import torch
 
-from meshot.flow.fields.grid import grid_around
-from meshot.flow.fitting.fit import FitSettings, fit_flow, sliced_loss
-from meshot.loss.nearest import chamfer
+from meshot.flow.fields import grid_around
+from meshot.flow.fitting import FitSettings, fit_flow, sliced_loss
+from meshot.loss.transport import chamfer
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
-from meshot.mesh.shapes.solids import ellipsoid, icosphere
+from meshot.mesh.shapes import ellipsoid, icosphere
 
 SOURCE, TARGET = icosphere(2, 10.0), ellipsoid(2, (11.0, 9.0, 10.0))
 QUICK = FitSettings(n_iterations=12, n_steps=4, n_directions=(4, 8), check_every=5, save_every=4)

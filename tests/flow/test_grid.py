@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.crossings.jacobian import sampled_lipschitz
-from meshot.flow.fields.field import euler_is_injective
-from meshot.flow.fields.grid import GridVelocity, grid_around
-from meshot.flow.fields.spline import spline_values
+from meshot.flow.crossings import sampled_lipschitz
+from meshot.flow.fields import GridVelocity, euler_is_injective, grid_around, spline_values
 from meshot.flow.integration import integrate
 
 

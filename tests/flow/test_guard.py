@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.crossings.guard import crossings_along, inspect_paths, steps_below
-from meshot.flow.crossings.jacobian import point_jacobians
-from meshot.flow.fields.analytic import Push, Vortex, rotation, spiral
+from meshot.flow.crossings import crossings_along, inspect_paths, point_jacobians, steps_below
 from meshot.flow.integration import METHODS, trajectory
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.connectivity import self_intersecting_faces
 from meshot_book.examples.counterexample import crossing_time, tip_over_face
 from meshot_book.examples.unsteady import Accelerated
+from meshot_book.flows import Push, Vortex, rotation, spiral
 
 POINTS = torch.from_numpy(np.random.default_rng(0).uniform(-1, 1, (30, 2)))
 

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.fields.analytic import Vortex, spiral
-from meshot.flow.fields.grid import grid_around
-from meshot.flow.fields.network import NetworkVelocity
+from meshot.flow.fields import grid_around
 from meshot.flow.integration import flow_meshes, integrate, trajectory
-from meshot.mesh.shapes.solids import cube, icosphere
+from meshot.mesh.shapes import cube, icosphere
 from meshot_book.examples.memory import peak_saved_bytes
 from meshot_book.examples.unsteady import Accelerated, Drifting
+from meshot_book.flows import NetworkVelocity, Vortex, spiral
 
 FIELDS = {
     "spiral, faster and faster": Accelerated(spiral(1.2, 0.3), 1.0),

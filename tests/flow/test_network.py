@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.crossings.jacobian import sampled_lipschitz
-from meshot.flow.fields.network import NetworkVelocity
+from meshot.flow.crossings import sampled_lipschitz
 from meshot.flow.integration import integrate
+from meshot_book.flows import NetworkVelocity
 
 POINTS = torch.from_numpy(np.random.default_rng(0).normal(size=(300, 2)))
 

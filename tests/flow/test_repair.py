@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-from meshot.flow.crossings.repair import repair_crossings
+from meshot.flow.crossings import repair_crossings
 from meshot.mesh import Mesh
-from meshot.mesh.shapes.solids import folded_sphere, icosphere
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.connectivity import self_intersecting_faces
+from meshot.mesh.shapes import folded_sphere, icosphere
 
 BALL = icosphere(4, 10.0)
 

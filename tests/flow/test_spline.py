@@ -3,7 +3,7 @@ import pytest
 import torch
 from scipy.interpolate import BSpline, RegularGridInterpolator
 
-from meshot.flow.fields.spline import plain_spline_values, refined, spline_values, spline_weights
+from meshot.flow.fields import plain_spline_values, refined, spline_values, spline_weights
 
 
 def lattice(*shape, seed=0, dtype=torch.float64):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.fields.grid import GridVelocity
-from meshot.flow.fields.storage import quantised_velocity, read_velocity, write_velocity
+from meshot.flow.fields import GridVelocity, quantised_velocity, read_velocity, write_velocity
 from meshot.flow.integration import integrate
 
 

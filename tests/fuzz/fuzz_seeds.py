@@ -12,16 +12,16 @@ import nibabel
 import numpy as np
 import torch
 
-from meshot.flow.fields import GridVelocity, read_velocity, write_velocity
-from meshot.flow.fitting.state import FitState
-from meshot.mesh import read_mesh, write_mesh
-from meshot.mesh.shapes import icosphere
+from meshot.flow import GridVelocity, read_velocity, write_velocity
+from meshot.flow.fitting import FitState
+from meshot.mesh import icosphere, read_mesh, write_mesh
 from meshot.model import SegmentationNetwork, read_weights, write_weights
-from meshot.pipeline.segmentation.settings import read_segmentation_config
+from meshot.pipeline.segmentation import read_segmentation_config
 from meshot.provenance import FIELDS, read_results
-from meshot.synth.cohorts import read_recipe
-from meshot.systems.deformation.settings import deformation_config
-from meshot.train import TrainingState, read_groups, read_log
+from meshot.settings import read_groups
+from meshot.synth import read_recipe
+from meshot.systems.flows import deformation_config
+from meshot.train import TrainingState, read_log
 from meshot.train.state import read_training, write_training
 from meshot.volume import read_volume
 
@@ -97,11 +97,11 @@ KINDS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
     "a.mgh": (lambda: _image(nibabel.MGHImage, False), read_volume),
     "a.mgz": (lambda: _image(nibabel.MGHImage, True), read_volume),
     "ddot.yaml": (
-        lambda: (PACKAGE / "systems/ddot/tiny.yaml").read_bytes(),
+        lambda: (PACKAGE / "systems/settings/ddot/tiny.yaml").read_bytes(),
         lambda path: deformation_config(read_groups(path)),
     ),
-    "segmentation.yaml": (lambda: (PACKAGE / "pipeline/segmentation/tiny.yaml").read_bytes(), read_segmentation_config),
-    "recipe.yaml": (lambda: (PACKAGE / "synth/cohorts/tiny.yaml").read_bytes(), read_recipe),
+    "segmentation.yaml": (lambda: (PACKAGE / "pipeline/settings/tiny.yaml").read_bytes(), read_segmentation_config),
+    "recipe.yaml": (lambda: (PACKAGE / "synth/recipes/tiny.yaml").read_bytes(), read_recipe),
     "weights.safetensors": (
         lambda: _written("w.safetensors", lambda path: write_weights(path, SegmentationNetwork(2, 2), {"seed": 1})),
         lambda path: read_weights(path, SegmentationNetwork),

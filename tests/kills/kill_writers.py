@@ -11,17 +11,15 @@ from kill_trials import Writer
 
 from meshot.cli import main as meshot
 from meshot.files import whole_file
-from meshot.flow.fields import grid_around, write_velocity
-from meshot.flow.fitting import FitSettings, fit_flow, sliced_loss
+from meshot.flow import FitSettings, fit_flow, grid_around, sliced_loss, write_velocity
 from meshot.jobs import run_jobs
 from meshot.loss import random_directions, sliced_wasserstein
 from meshot.measure import varifold
-from meshot.mesh import write_mesh
-from meshot.mesh.shapes import ellipsoid, icosphere
+from meshot.mesh import ellipsoid, icosphere, write_mesh
 from meshot.provenance import write_results
 from meshot.study import write_subjects
-from meshot.synth.cohorts import read_recipe
-from meshot.synth.cohorts.recipe import recipe_text
+from meshot.synth import read_recipe
+from meshot.synth.recipe import recipe_text
 from meshot.volume import Volume, write_volume
 
 NOTEBOOK = "# A title\n\n```python\nprint(sum(range(10)))\n```\n\n```python\nlist(range(3))\n```\n"

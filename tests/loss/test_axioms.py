@@ -19,7 +19,7 @@ from meshot import (
     sliced_wasserstein,
     wasserstein,
 )
-from meshot.loss.plain import plain_sliced_wasserstein
+from meshot.loss.sliced import plain_sliced_wasserstein
 
 EXPONENTS = st.sampled_from([1, 1.5, 2, 3])
 SEEDS = st.integers(0, 2**20)

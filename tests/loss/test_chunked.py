@@ -6,8 +6,8 @@ import torch
 
 import problems
 from meshot import DiscreteMeasure, quasi_directions, slice_costs, sliced_wasserstein
-from meshot.loss import chunked
-from meshot.loss.plain import plain_costs, plain_sliced_wasserstein
+from meshot.loss import sliced as chunked
+from meshot.loss.sliced import plain_costs, plain_sliced_wasserstein
 from meshot_book.examples.memory import peak_saved_bytes
 
 LINES = quasi_directions(64, 3)

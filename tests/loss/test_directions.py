@@ -8,7 +8,7 @@ import torch
 from scipy import optimize, stats
 
 from meshot import orthogonal_directions, quasi_directions, random_directions
-from meshot.loss import quasi_sets
+from meshot.loss import directions as quasi_sets
 from meshot.loss.directions import require_directions
 
 EYE = {d: torch.eye(d, dtype=torch.float64) for d in (2, 3, 5, 6)}

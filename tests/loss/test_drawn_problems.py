@@ -24,7 +24,7 @@ from meshot import (
     wasserstein,
     windowed_sliced_wasserstein,
 )
-from meshot.loss.plain import plain_sliced_wasserstein
+from meshot.loss.sliced import plain_sliced_wasserstein
 
 #: Checks of annotations cost ten times what such small problems do; other tests have them.
 pytestmark = pytest.mark.usefixtures("unchecked")

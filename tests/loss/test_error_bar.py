@@ -23,7 +23,7 @@ from meshot.loss.error_bar import (
     translation_spread,
     windowed_sliced_wasserstein_estimate,
 )
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 SETTINGS = [("random", 40), ("orthogonal", 42), ("quasi", 40)]
 settings = pytest.mark.parametrize(("sampling", "n_directions"), SETTINGS)

@@ -13,7 +13,7 @@ from meshot import Mesh, random_directions, sliced_wasserstein, surface, varifol
 from meshot.loss.exact import exact_sliced_wasserstein
 from meshot.measure.continuous import SurfaceMeasure
 from meshot.mesh.mesh import closed_contour
-from meshot.mesh.shapes.solids import cube, folded_sphere, icosphere, split_in_four, tetrahedron
+from meshot.mesh.shapes import cube, folded_sphere, icosphere, split_in_four, tetrahedron
 
 both = pytest.mark.parametrize("p", [1, 2])
 

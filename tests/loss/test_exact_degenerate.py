@@ -6,10 +6,10 @@ import torch
 
 import oracles_exact
 from meshot import Mesh, random_directions, sliced_wasserstein, surface
-from meshot.loss import _kernel_exact_law, _kernel_exact_walk
+from meshot.loss import _kernel_exact as _kernel_exact_law, _kernel_exact as _kernel_exact_walk
 from meshot.loss.exact import exact_sliced_wasserstein
 from meshot.measure.continuous import SurfaceMeasure
-from meshot.mesh.shapes.solids import cube, icosphere
+from meshot.mesh.shapes import cube, icosphere
 
 both = pytest.mark.parametrize("p", [1, 2])
 CORNERS = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]], dtype=torch.float64)

@@ -5,12 +5,11 @@ import pytest
 import torch
 
 import oracles
-from meshot.loss import fused_windows
-from meshot.loss.composed import surface_loss
+from meshot.loss import surface_loss, windowed as fused_windows
 from meshot.loss.directions import random_directions
 from meshot.loss.windowed import windowed_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure, varifold
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 CASES = ("generic", "zero weights", "ties", "one point", "a window of one side only", "a window for all")
 

@@ -9,10 +9,9 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from meshot import DiscreteMeasure, varifold
-from meshot.loss import varifold_kernel
-from meshot.loss.composed import surface_loss
+from meshot.loss import surface_loss, varifold_kernel
 from meshot.loss.kernel_norm import ANGULAR
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import icosphere
 
 
 def oriented(seed, n, scale=1.0, dtype=torch.float64):

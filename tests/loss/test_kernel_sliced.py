@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.loss import fused
-from meshot.loss._kernel_sort import SMALL, sort, sort_scratch
+from meshot.loss import sliced as fused
+from meshot.loss._kernel_sliced import SMALL, sort, sort_scratch
 from meshot.loss.directions import random_directions
-from meshot.loss.plain import plain_sliced_wasserstein
-from meshot.loss.sliced import sliced_wasserstein
+from meshot.loss.sliced import plain_sliced_wasserstein, sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
 
 

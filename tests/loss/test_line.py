@@ -6,8 +6,8 @@ import pytest
 import torch
 from hypothesis import given, settings, strategies as st
 
-from meshot.loss.lines.plan import monotone_plan
-from meshot.loss.plain import quantile_cost
+from meshot.loss.sliced import quantile_cost
+from meshot_book.lines import monotone_plan
 
 
 def drawn(seed, n):

@@ -7,7 +7,7 @@ import torch
 import oracles
 import problems
 from meshot import DiscreteMeasure, chamfer
-from meshot.loss.nearest import nearest_neighbours
+from meshot.loss.transport import nearest_neighbours
 
 
 @pytest.mark.parametrize(("n", "m", "d"), [(30, 21, 3), (1, 9, 2), (9, 1, 6), (200, 300, 6)])
@@ -34,8 +34,8 @@ def test_blocks_hold_what_they_are_allowed_and_lose_nothing(monkeypatch):
         seen.append(len(points) * len(candidates))
         return torch.cdist(points, candidates)
 
-    monkeypatch.setattr("meshot.loss.nearest._BLOCK", 100)
-    monkeypatch.setattr("meshot.loss.nearest._distances", recorded)
+    monkeypatch.setattr("meshot.loss.transport._BLOCK", 100)
+    monkeypatch.setattr("meshot.loss.transport._distances", recorded)
     points, others = problems.cloud(0, 50, 3).points, problems.cloud(1, 30, 3).points
     assert torch.equal(nearest_neighbours(points, others, "brute"), nearest_neighbours(points, others))
     assert len(seen) == 17

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.loss.composed.encodings import ENCODINGS, Encoding
-from meshot.loss.composed.measure_losses import LOSSES, MeasureLoss
-from meshot.loss.composed.surfaces import surface_loss
+from meshot.loss.composed import ENCODINGS, LOSSES, Encoding, MeasureLoss, surface_loss
 from meshot.measure.discrete import DiscreteMeasure
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.systems import get_system
 
 SOURCE, TARGET = icosphere(1, 10.0), icosphere(2, 10.0, centre=(3.0, 4.0, 0.0))

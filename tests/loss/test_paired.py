@@ -5,8 +5,7 @@ import pytest
 import torch
 
 from meshot.loss.directions import random_directions
-from meshot.loss.plain import paired_cost, quantile_cost
-from meshot.loss.sliced import sliced_wasserstein
+from meshot.loss.sliced import paired_cost, quantile_cost, sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
 
 

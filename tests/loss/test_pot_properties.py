@@ -17,7 +17,7 @@ from meshot import (
     slice_costs,
     sliced_wasserstein,
 )
-from meshot.loss.plain import plain_sliced_wasserstein
+from meshot.loss.sliced import plain_sliced_wasserstein
 
 both = pytest.mark.parametrize("loss", [sliced_wasserstein, plain_sliced_wasserstein])
 

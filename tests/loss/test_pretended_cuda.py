@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.loss.composed import surface_loss
-from meshot.mesh.shapes.solids import icosphere
+from meshot.loss import surface_loss
+from meshot.mesh.shapes import icosphere
 from pretended_cuda import pretended_cuda
 
 LOSSES = {

@@ -9,10 +9,9 @@ from scipy import stats
 
 import oracles_exact
 from meshot import DiscreteMeasure, Mesh, empirical, random_directions, surface, triangulate, varifold
-from meshot.loss.lines.projection import projected_law
+from meshot.loss.exact import projected_law
 from meshot.mesh.mesh import Contour
-from meshot.mesh.shapes.contours import letter_e
-from meshot.mesh.shapes.solids import cube, folded_sphere, icosphere, tetrahedron
+from meshot.mesh.shapes import cube, folded_sphere, icosphere, letter_e, tetrahedron
 
 X, Y = (torch.eye(3, dtype=torch.float64)[k] for k in (0, 1))
 

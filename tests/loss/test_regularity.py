@@ -9,17 +9,16 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from meshot.loss.regularity.penalties import (
+from meshot.loss.penalties import (
     cotangent_laplacian_length,
     laplacian_length,
     normal_inconsistency,
     squared_edge_length,
     squared_laplacian,
 )
-from meshot.mesh.geometry.areas import face_normals, mesh_edges
+from meshot.mesh.geometry import face_normals, mesh_edges
 from meshot.mesh.mesh import Contour, Mesh, closed_contour
-from meshot.mesh.shapes.contours import regular_polygon, star
-from meshot.mesh.shapes.solids import cube, folded_sphere, icosphere, tetrahedron
+from meshot.mesh.shapes import cube, folded_sphere, icosphere, regular_polygon, star, tetrahedron
 
 OF_BOTH = [squared_edge_length, squared_laplacian, laplacian_length, normal_inconsistency]
 OF_MESHES = [*OF_BOTH, cotangent_laplacian_length]

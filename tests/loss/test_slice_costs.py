@@ -7,9 +7,9 @@ import torch
 
 import problems
 from meshot import random_directions, slice_costs, sliced_wasserstein, surface
-from meshot.loss.plain import plain_sliced_wasserstein
+from meshot.loss.sliced import plain_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 LINES = random_directions(9, 3, 0)
 

@@ -15,12 +15,24 @@ from meshot import (
     varifold,
     windowed_sliced_wasserstein,
 )
-from meshot.loss.composed.encodings import ENCODINGS, SampleEncoding, SurfaceEncoding, VarifoldEncoding
-from meshot.loss.composed.measure_losses import LOSSES, ChamferLoss, SinkhornLoss, SlicedLoss, WindowedLoss
-from meshot.loss.composed.surfaces import SummedLoss, SurfaceLoss, loss_setting_names, surface_loss
+from meshot.loss.composed import (
+    ENCODINGS,
+    LOSSES,
+    ChamferLoss,
+    SampleEncoding,
+    SinkhornLoss,
+    SlicedLoss,
+    SummedLoss,
+    SurfaceEncoding,
+    SurfaceLoss,
+    VarifoldEncoding,
+    WindowedLoss,
+    loss_setting_names,
+    surface_loss,
+)
 from meshot.loss.directions import random_directions
 from meshot.measure.discrete import varifold_sample
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 SOURCE, TARGET = icosphere(2, 10.0), icosphere(3, 12.0, centre=(1.0, 0.0, 0.0))
 

@@ -10,11 +10,10 @@ import torch
 
 import problems
 from meshot import quasi_directions, sliced_wasserstein
-from meshot.loss.composed import surface_loss
+from meshot.loss import sliced_partial, sliced_unbalanced, surface_loss, unbalanced_sliced
 from meshot.loss.directions import random_directions
-from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced, unbalanced_sliced
 from meshot.measure.discrete import DiscreteMeasure, varifold
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 LINE = torch.ones(1, 1, dtype=torch.float64)
 CASES = ("generic", "zero weights", "ties", "identical", "one point", "lattice masses")
@@ -248,7 +247,7 @@ def test_the_square_root_is_needed():
 
 @BOTH
 def test_threads_change_nothing_to_the_bit(loss, monkeypatch):
-    monkeypatch.setattr("meshot.loss.fused._ALONE", 1)
+    monkeypatch.setattr("meshot.loss.sliced._ALONE", 1)
     source, target = problems.cloud(0, 60, 3, True), problems.cloud(1, 45, 3, True)
     threads, found = torch.get_num_threads(), []
     try:

@@ -21,10 +21,8 @@ from meshot import (
     windowed_sliced_wasserstein,
 )
 from meshot.loss.error_bar import translation_spread
-from meshot.loss.plain import plain_sliced_wasserstein
-from meshot.loss.sliced import slice_costs
-from meshot.loss.unbalanced.frank_wolfe import unbalanced_sliced
-from meshot.loss.unbalanced.line_by_line import sliced_partial, sliced_unbalanced
+from meshot.loss.sliced import plain_sliced_wasserstein, slice_costs
+from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced, unbalanced_sliced
 
 CASES = [
     problems.translation(0, 40, 2),

@@ -7,7 +7,7 @@ import torch
 
 import problems
 from meshot import random_directions, sliced_wasserstein
-from meshot.loss.plain import plain_sliced_wasserstein
+from meshot.loss.sliced import plain_sliced_wasserstein
 from meshot.loss.windowed import windowed_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
 

@@ -14,8 +14,7 @@ import problems
 from meshot import DiscreteMeasure, SurfaceMeasure, quasi_directions, random_directions, surface, varifold
 from meshot.measure import Measure
 from meshot.mesh.mesh import closed_contour
-from meshot.mesh.shapes.contours import star
-from meshot.mesh.shapes.solids import cube, icosphere
+from meshot.mesh.shapes import cube, icosphere, star
 
 LINES = random_directions(20, 3, 0)
 CENTRES = torch.zeros(1, 3, dtype=torch.float64)

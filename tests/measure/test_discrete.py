@@ -9,7 +9,7 @@ import torch
 from meshot import Contour, DiscreteMeasure, Mesh, empirical, random_directions, sliced_wasserstein, varifold
 from meshot.measure.discrete import varifold_sample
 from meshot.mesh.mesh import closed_contour
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot_book.examples.memory import peak_saved_bytes
 
 

@@ -9,12 +9,12 @@ import pytest
 import torch
 
 from meshot import Contour, Mesh, empirical, sliced_wasserstein, surface, triangulate, varifold
-from meshot.loss.composed import VarifoldEncoding
-from meshot.loss.linear_program import wasserstein
+from meshot.loss import VarifoldEncoding
+from meshot.loss.transport import wasserstein
 from meshot.measure.discrete import varifold_sample
-from meshot.mesh.geometry.areas import face_normals
+from meshot.mesh.geometry import face_normals
 from meshot.mesh.mesh import closed_contour
-from meshot.mesh.shapes.solids import cube, folded_sphere, icosphere, tetrahedron
+from meshot.mesh.shapes import cube, folded_sphere, icosphere, tetrahedron
 
 ENCODINGS = {
     "surface": surface,

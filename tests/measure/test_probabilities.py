@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from meshot import DiscreteMeasure, SurfaceMeasure, sliced_wasserstein
-from meshot.loss.lines.plan import monotone_plan
-from meshot.mesh.shapes.solids import cube
+from meshot.mesh.shapes import cube
+from meshot_book.lines import monotone_plan
 
 
 def test_equal_weights_made_in_single_precision_are_taken():

@@ -5,7 +5,7 @@ import torch
 
 from meshot import Contour, Mesh, SurfaceMeasure, surface
 from meshot.mesh.mesh import closed_contour
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 
 def two_triangles() -> Mesh:

@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
-from meshot.mesh.geometry.areas import edge_lengths, edge_midpoints, edge_normals
-from meshot.mesh.shapes.contours import circle, letter_e, near_regular_polygon, regular_polygon, star
+from meshot.mesh.geometry import edge_lengths, edge_midpoints, edge_normals
+from meshot.mesh.shapes import circle, letter_e, near_regular_polygon, regular_polygon, star
 
 
 def signed_area(contour):

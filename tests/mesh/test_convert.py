@@ -8,8 +8,8 @@ import trimesh
 
 import meshot
 from meshot import Mesh, read_mesh, write_mesh
-from meshot.mesh.geometry.areas import face_areas, signed_volume
-from meshot.mesh.shapes.solids import cube, folded_sphere
+from meshot.mesh.geometry import face_areas, signed_volume
+from meshot.mesh.shapes import cube, folded_sphere
 
 
 def same(mesh: Mesh, other: Mesh) -> bool:

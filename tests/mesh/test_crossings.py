@@ -5,10 +5,10 @@ import pytest
 import torch
 
 from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
-from meshot.mesh.editing.crossings import _ring_around, smooth_crossings
+from meshot.mesh.connectivity import self_intersecting_faces
+from meshot.mesh.editing import _ring_around, smooth_crossings
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import folded_sphere, icosphere, tetrahedron
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.shapes import folded_sphere, icosphere, tetrahedron
 
 
 @pytest.fixture

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from meshot.mesh.editing.decimation import decimated, simplified
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.editing import decimated, simplified
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
 
 

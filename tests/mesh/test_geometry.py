@@ -9,9 +9,9 @@ import torch
 import trimesh
 
 from meshot import Mesh
-from meshot.mesh.geometry import areas as geometry
+from meshot.mesh import geometry
 from meshot.mesh.mesh import closed_contour
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 SQUARE = closed_contour(torch.tensor([[0.0, 0], [2, 0], [2, 2], [0, 2]], dtype=torch.float64))
 

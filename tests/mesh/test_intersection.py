@@ -4,9 +4,9 @@ import igl.copyleft.cgal
 import numpy as np
 import torch
 
+from meshot.mesh.connectivity import self_intersecting_faces
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.shapes import icosphere
 
 FLAT = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=torch.float64)
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.geometry.areas import signed_volume
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.geometry import signed_volume
 from meshot.mesh.io import read_mesh, write_mesh
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.shapes import icosphere
 
 NAMES = ("a.ply", "a.obj", "a.off", "a.stl", "a.gii", "a.gii.gz", "lh.white", "a.pial")
 

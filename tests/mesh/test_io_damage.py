@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh import io_checks
+from meshot.mesh import io as io_checks
 from meshot.mesh.io import read_mesh, write_mesh
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 PLY = """ply
 format ascii 1.0

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.geometry.areas import face_areas
-from meshot.mesh.geometry.laplacian import cotangent_vectors, cotangents, mean_curvatures, umbrella_vectors
+from meshot.mesh.geometry import cotangent_vectors, cotangents, face_areas, mean_curvatures, umbrella_vectors
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import cube, ellipsoid, folded_sphere, icosphere, tetrahedron
+from meshot.mesh.shapes import cube, ellipsoid, folded_sphere, icosphere, tetrahedron
 
 
 def ridge() -> Mesh:

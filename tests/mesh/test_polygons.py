@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from meshot import random_directions, sliced_wasserstein, surface, triangulate
-from meshot.mesh.geometry.areas import face_area_vectors, signed_volume
-from meshot.mesh.shapes.solids import cube
+from meshot.mesh.geometry import face_area_vectors, signed_volume
+from meshot.mesh.shapes import cube
 
 STAR = [(math.cos(a) * r, math.sin(a) * r) for a, r in zip(np.arange(10) * math.pi / 5, [3, 1] * 5, strict=True)]
 COMB = [(0, 0), (6, 0), (6, 3), (5, 3), (5, 1), (4, 1), (4, 3), (3, 3), (3, 1), (1, 1), (1, 3), (0, 3)]

@@ -8,9 +8,8 @@ import torch
 from scipy import stats
 
 from meshot import Mesh
-from meshot.mesh.geometry.areas import face_areas
+from meshot.mesh.geometry import even_points, face_areas, sample_locations, sample_points
 from meshot.mesh.mesh import Contour, closed_contour
-from meshot.mesh.sampling import even_points, sample_locations, sample_points
 
 SQUARE = closed_contour(torch.tensor([[0.0, 0], [2, 0], [2, 2], [0, 2]], dtype=torch.float64))
 

@@ -6,8 +6,8 @@ import pytest
 import torch
 from hypothesis import given, settings, strategies as st
 
-from meshot.mesh.geometry.section import plane_section
-from meshot.mesh.shapes.solids import cube, icosphere
+from meshot.mesh.geometry import plane_section
+from meshot.mesh.shapes import cube, icosphere
 
 DOUBLE = torch.float64
 

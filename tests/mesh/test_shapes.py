@@ -3,8 +3,8 @@ import math
 import pytest
 import torch
 
-from meshot.mesh.geometry.areas import face_areas, face_barycentres, face_normals, mesh_edges, signed_volume
-from meshot.mesh.shapes.solids import cube, ellipsoid, folded_sphere, icosphere, split_in_four, tetrahedron
+from meshot.mesh.geometry import face_areas, face_barycentres, face_normals, mesh_edges, signed_volume
+from meshot.mesh.shapes import cube, ellipsoid, folded_sphere, icosphere, split_in_four, tetrahedron
 
 SHAPES = {
     "icosphere": lambda: icosphere(2, 3.0),

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.editing.decimation import decimated
-from meshot.mesh.editing.smoothing import laplacian_smoothing, neighbour_means, taubin_smoothing
-from meshot.mesh.geometry.areas import signed_volume
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.editing import decimated, laplacian_smoothing, neighbour_means, taubin_smoothing
+from meshot.mesh.geometry import signed_volume
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.shapes import icosphere
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ import pytest
 import torch
 import trimesh
 
-from meshot.mesh.geometry.solid import solid_moments
+from meshot.mesh.geometry import solid_moments
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 
 
 def box(lengths, corner):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.editing.subdivision import with_edges_split
-from meshot.mesh.geometry.areas import edge_lengths, face_areas, face_normals, mesh_edges, signed_volume
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.editing import with_edges_split
+from meshot.mesh.geometry import edge_lengths, face_areas, face_normals, mesh_edges, signed_volume
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import cube, icosphere, split_in_four
-from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.shapes import cube, icosphere, split_in_four
 
 TRIANGLE = Mesh(torch.tensor([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), torch.tensor([[0, 1, 2]]))
 

@@ -3,9 +3,7 @@
 import pytest
 import torch
 
-from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import (
+from meshot.mesh.connectivity import (
     SPHERE,
     boundary_edges,
     component_labels,
@@ -14,6 +12,8 @@ from meshot.mesh.topology.counts import (
     nonmanifold_edges,
     topology,
 )
+from meshot.mesh.mesh import Mesh
+from meshot.mesh.shapes import icosphere
 
 
 def joined(first: Mesh, second: Mesh) -> Mesh:

@@ -8,8 +8,8 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from meshot.anatomy.templates import fsaverage5_surface
-from meshot.mesh.shapes.solids import ellipsoid, folded_sphere
-from meshot.metrics.alignment import rigidly_aligned
+from meshot.mesh.shapes import ellipsoid, folded_sphere
+from meshot.metrics.distances import rigidly_aligned
 
 TURN = Rotation.from_rotvec(np.radians([4.0, -6.0, 8.0]))
 SHIFT = np.array([3.0, -2.0, 4.0])

@@ -6,7 +6,7 @@ import trimesh
 from scipy.optimize import nnls
 
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import cube, folded_sphere, icosphere
+from meshot.mesh.shapes import cube, folded_sphere, icosphere
 from meshot.metrics.distances import (
     Surface,
     average_surface_distance,

@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import Surface, vertex_distances
-from meshot.metrics.table import evaluate
-from meshot.systems.learning.training import mean_distances
+from meshot.metrics.evaluation import evaluate
+from meshot.systems.learning import mean_distances
 from pretended_cuda import pretended_cuda
 
 MESHES = icosphere(2, 10.0), icosphere(2, 11.0)

@@ -9,11 +9,15 @@ import torch
 
 from meshot import evaluate
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import cube, folded_sphere, icosphere
+from meshot.mesh.shapes import cube, folded_sphere, icosphere
 from meshot.metrics.distances import Surface
-from meshot.metrics.evaluation import Metric
-from meshot.metrics.input_checks import require_same_space
-from meshot.metrics.triangles import edge_length_variation, face_area_variation, smallest_angles
+from meshot.metrics.evaluation import (
+    Metric,
+    edge_length_variation,
+    face_area_variation,
+    require_same_space,
+    smallest_angles,
+)
 
 FEW = {"n_points": 4000, "n_emd_points": 300}
 

@@ -6,7 +6,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from meshot.metrics.transport import earth_movers_distance, half_sphere, sinkhorn_distance, sliced_distance
+from meshot.metrics.distances import earth_movers_distance, half_sphere, sinkhorn_distance, sliced_distance
 
 
 def cloud(seed, n=200):

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import cube, icosphere, tetrahedron
-from meshot.metrics.triangles import edge_length_variation, face_area_variation, smallest_angles
+from meshot.mesh.shapes import cube, icosphere, tetrahedron
+from meshot.metrics.evaluation import edge_length_variation, face_area_variation, smallest_angles
 
 
 def triangle(a, b, c):

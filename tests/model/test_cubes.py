@@ -9,8 +9,7 @@ import scipy.ndimage
 import torch
 
 from affines import FLIPPED, OBLIQUE
-from meshot.model.cubes import CubeConvolution
-from meshot.model.visited import VisitedFeatures
+from meshot.model.deformation import CubeConvolution, VisitedFeatures
 from meshot.volume.volume import Volume, voxel_to_mm
 
 SHAPE = (9, 7, 8)

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from affines import OBLIQUE
-from meshot.flow.crossings.jacobian import sampled_lipschitz
+from meshot.flow.crossings import sampled_lipschitz
 from meshot.flow.integration import integrate
 from meshot.model.deformation import DeformationNetwork
 from meshot.volume.volume import Volume, voxel_to_mm

@@ -2,9 +2,9 @@
 
 import torch
 
-from meshot.mesh.geometry.areas import mesh_edges
-from meshot.mesh.shapes.solids import icosphere, tetrahedron
-from meshot.model.graph import GraphConvolution, ResidualGraphBlock
+from meshot.mesh.geometry import mesh_edges
+from meshot.mesh.shapes import icosphere, tetrahedron
+from meshot.model.features import GraphConvolution, ResidualGraphBlock
 
 
 def test_a_vertex_hears_the_mean_of_its_neighbours():

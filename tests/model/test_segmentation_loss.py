@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.model.overlap import segmentation_loss, soft_dice
-from meshot.volume.tissue import dice
+from meshot.model.segmentation import segmentation_loss, soft_dice
+from meshot.volume.volume import dice
 
 
 def test_dice_of_two_boxes():

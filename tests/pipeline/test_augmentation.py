@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.pipeline.segmentation.augmentation import Augmentation, augmented
+from meshot.pipeline.segmentation import Augmentation, augmented
 from phantoms import phantom_examples
 
 STILL = {"flip": 0.0, "shift": 0, "intensity": 0.0}
@@ -54,7 +54,7 @@ def cube(n: int = 9) -> torch.Tensor:
 
 def test_turning_by_right_angles_is_an_exchange_of_axes(monkeypatch):
     image = cube()
-    monkeypatch.setattr("meshot.pipeline.segmentation.augmentation.Rotation", _QuarterTurn)
+    monkeypatch.setattr("meshot.pipeline.segmentation.Rotation", _QuarterTurn)
     turned, truth = augmented(image, torch.cat([image, image]), 0, Augmentation(**STILL, turn=90.0))
     torch.testing.assert_close(turned, image.rot90(1, (1, 2)), rtol=0, atol=1e-5)
     assert torch.equal(turned[0], truth[1])

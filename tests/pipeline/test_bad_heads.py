@@ -7,10 +7,9 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from bright_head import write_bright_weights
 from meshot.cli import main
 from meshot.pipeline import reconstruction
-from meshot.pipeline.quality_warnings import gap_in, scan_warnings, volume_warnings
-from meshot.pipeline.warning_table import warning_names
+from meshot.pipeline.quality import gap_in, scan_warnings, volume_warnings, warning_names
 from meshot.volume.io import write_volume
-from meshot.volume.standard import centre_of_mass, place_on_grid, standard_scan
+from meshot.volume.registration import centre_of_mass, place_on_grid, standard_scan
 from meshot.volume.volume import Volume
 
 SIZE, SHAPE = 6.0, (34, 40, 32)

@@ -5,13 +5,12 @@ import base64
 import numpy as np
 import pytest
 
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
+from meshot.pipeline import page as given_up
+from meshot.pipeline.initial_surface import SegmentedSurface
+from meshot.pipeline.page import Picture, given_up_pictures
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction
-from meshot.pipeline.report import given_up
-from meshot.pipeline.report.given_up import given_up_pictures
-from meshot.pipeline.report.pictures import Picture
-from meshot.pipeline.segmentation.surface import SegmentedSurface
-from meshot.volume.standard import StandardScan
+from meshot.volume.registration import StandardScan
 from meshot.volume.volume import Volume, transform_points
 
 SHIFT = np.array([5.0, -3.0, 2.0])

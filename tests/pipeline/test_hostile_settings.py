@@ -4,14 +4,12 @@ import os
 
 import pytest
 
-from meshot.pipeline.segmentation.augmentation import Augmentation
-from meshot.pipeline.segmentation.settings import read_segmentation_config, segmentation_config
+from meshot.pipeline.segmentation import Augmentation, read_segmentation_config, segmentation_config
 from meshot.pipeline.training_files import shown_command
-from meshot.plain_yaml import parsed_yaml, read_yaml
-from meshot.synth.cohorts.recipe import read_recipe
+from meshot.settings import changed_groups, checked_groups, parsed_yaml, read_groups, read_yaml
+from meshot.synth.recipe import read_recipe
 from meshot.systems import get_system, read_settings
-from meshot.systems.deformation.settings import deformation_config
-from meshot.train.configuration import changed_groups, checked_groups, read_groups
+from meshot.systems.flows import deformation_config
 
 #: Nine levels, ten aliases each: 10⁹ values in 300 characters.
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(

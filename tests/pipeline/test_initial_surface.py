@@ -7,18 +7,14 @@ import torch
 
 from affines import FLIPPED, OBLIQUE
 from meshot.anatomy.templates import fsaverage5_surface, mni152_brain_mask, mni152_t1, mni152_white_matter
-from meshot.mesh.geometry.areas import signed_volume
+from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
+from meshot.mesh.geometry import signed_volume
 from meshot.mesh.io import read_mesh, write_mesh
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.mesh.topology.intersection import self_intersecting_faces
-from meshot.pipeline.hemisphere import hemisphere_region, restricted
-from meshot.pipeline.initial_surface import sphere_like_mesh, tissue_surface
-from meshot.volume.sampling import sample_volume
-from meshot.volume.surfaces.marching_cubes import isosurface
-from meshot.volume.tissue import white_matter_probability
-from meshot.volume.volume import Volume, centre_ras, voxel_to_mm
+from meshot.mesh.shapes import icosphere
+from meshot.pipeline.initial_surface import hemisphere_region, restricted, sphere_like_mesh, tissue_surface
+from meshot.volume.surfaces import isosurface
+from meshot.volume.volume import Volume, centre_ras, sample_volume, voxel_to_mm, white_matter_probability
 
 
 def ball_with_defects(affine: np.ndarray) -> Volume:

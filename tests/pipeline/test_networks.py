@@ -8,10 +8,10 @@ from bright_head import write_bright_weights
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import network_digest, read_weights, write_weights
-from meshot.pipeline import networks
-from meshot.pipeline.networks import SEGMENTATION, load_networks, segmentation_weights
+from meshot.pipeline import reconstruction as networks
+from meshot.pipeline.reconstruction import SEGMENTATION, load_networks, segmentation_weights
 from meshot.provenance import read_results
-from meshot.systems import default_system, get_system, read_settings, shipped, system_names
+from meshot.systems import default_system, get_system, protocol as shipped, read_settings, system_names
 
 PARTS = ["left_white", "right_white"]
 

@@ -5,20 +5,18 @@ import pytest
 import torch
 
 from bright_head import write_bright_weights
-from meshot.anatomy.placement import ENLARGEMENT, from_mni152
-from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
+from meshot.anatomy.templates import ENLARGEMENT, HEMISPHERES, from_mni152, fsaverage5_surface
 from meshot.cli import main
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import read_weights, write_weights
-from meshot.pipeline import placing
-from meshot.pipeline.correspondence.carrying import CarriedTemplate
-from meshot.pipeline.networks import SEGMENTATION, load_networks
-from meshot.pipeline.placing import carried_in_place, placed_white_matter
-from meshot.pipeline.splits import placement_of
-from meshot.synth.cohorts.recipe import read_recipe, recipe_text
-from meshot.volume.standard import place_on_grid
-from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.pipeline import reconstruction as placing
+from meshot.pipeline.correspondence import CarriedTemplate
+from meshot.pipeline.reconstruction import SEGMENTATION, carried_in_place, load_networks, placed_white_matter
+from meshot.pipeline.training_files import placement_of
+from meshot.synth.recipe import read_recipe, recipe_text
+from meshot.volume.registration import place_on_grid
+from meshot.volume.surfaces import enclosed_fractions
 from meshot.volume.volume import Volume
 from phantoms import write_phantom_cohort
 

@@ -15,10 +15,9 @@ from bids_trials import SHAPE, TURNED, add_scan, network_words, new_dataset
 from bright_head import balls, bright_head, bright_template, write_bright_weights
 from meshot import read_mesh
 from meshot.cli import main
-from meshot.pipeline import load_networks, reconstruct, reconstruction
-from meshot.pipeline.report import files as report_files, pictures
-from meshot.study import StudySettings, one_visit
-from meshot.study.subjects_table import read_subjects
+from meshot.pipeline import load_networks, page as pictures, reconstruct, reconstruction, report as report_files
+from meshot.study import StudySettings, many_visits as one_visit
+from meshot.study.quality import read_subjects
 from meshot.systems import Example, ExampleSets, Scan, get_system, read_settings, system_names
 from meshot.volume import standard_scan
 from meshot.volume.io import write_volume

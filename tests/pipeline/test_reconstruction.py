@@ -6,23 +6,16 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from bright_head import balls, bright_head, bright_template, brightness_network, shifting_network
-from meshot.flow.crossings.repair import RepairedSurface
-from meshot.mesh.geometry.areas import signed_volume
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.flow.crossings import RepairedSurface
+from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
+from meshot.mesh.geometry import signed_volume
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
-from meshot.pipeline.quality_warnings import (
-    agreement_with,
-    contrast_with,
-    scan_warnings,
-    surface_warnings,
-    volume_warnings,
-)
+from meshot.pipeline.initial_surface import SegmentedSurface
+from meshot.pipeline.quality import agreement_with, contrast_with, scan_warnings, surface_warnings, volume_warnings
 from meshot.pipeline.reconstruction import reconstruct
-from meshot.pipeline.segmentation.surface import SegmentedSurface
 from meshot.systems import Part, SurfaceSystem, get_system
-from meshot.volume.standard import StandardScan, place_on_grid
+from meshot.volume.registration import StandardScan, place_on_grid
 from meshot.volume.volume import Volume
 
 SHIFTS = {"left": (0.0, 1.5, 2.0), "right": (1.0, 0.0, -1.0)}

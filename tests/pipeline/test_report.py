@@ -14,9 +14,8 @@ from browser import offline_browser, watched_page
 from meshot.cli import main
 from meshot.mesh.io import read_mesh
 from meshot.metrics.distances import vertex_distances
-from meshot.pipeline import reconstruction
-from meshot.pipeline.report import files as written, pictures as reconstruction_pictures
-from meshot.pipeline.report.page import _cell
+from meshot.pipeline import page as reconstruction_pictures, reconstruction, report as written
+from meshot.pipeline.page import _cell
 from meshot.view import display
 from meshot.volume.io import write_volume
 from meshot.volume.volume import centre_ras

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.pipeline.segmentation.data import block_means, digest, example, read_examples, reduced_volume
-from meshot.volume.sampling import sample_volume
-from meshot.volume.surfaces.voxelise import enclosed_fractions
-from meshot.volume.volume import Volume
+from meshot.pipeline.segmentation import block_means, digest, example, read_examples, reduced_volume
+from meshot.volume.surfaces import enclosed_fractions
+from meshot.volume.volume import Volume, sample_volume
 from phantoms import AFFINE, SHAPE, phantom_examples, phantom_scan, phantom_surfaces
 
 

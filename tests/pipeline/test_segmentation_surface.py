@@ -6,18 +6,16 @@ import torch
 
 from affines import FLIPPED
 from meshot.anatomy.templates import fsaverage5_surface
-from meshot.mesh.geometry.areas import signed_volume
+from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
+from meshot.mesh.geometry import signed_volume
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.pipeline.segmentation.segmenting import in_scanner, initial_surfaces, segment
-from meshot.pipeline.segmentation.surface import segmented_surface
-from meshot.volume.standard import EXTENT_MM, SHAPE, StandardScan
-from meshot.volume.surfaces.marching_cubes import isosurface
-from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.pipeline.initial_surface import segmented_surface
+from meshot.pipeline.segmentation import in_scanner, initial_surfaces, segment
+from meshot.volume.registration import EXTENT_MM, SHAPE, StandardScan
+from meshot.volume.surfaces import enclosed_fractions, isosurface
 from meshot.volume.volume import Volume
 from phantoms import AFFINE, phantom_scan, phantom_surfaces
 

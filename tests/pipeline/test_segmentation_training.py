@@ -13,16 +13,18 @@ import torch
 
 from killing import killed_after_its_first_state, same, without_seconds
 from meshot.model import SegmentationNetwork
-from meshot.pipeline.segmentation.data import Example
-from meshot.pipeline.segmentation.segmenting import initial_surfaces, segment
-from meshot.pipeline.segmentation.settings import (
+from meshot.pipeline.segmentation import (
+    Example,
     SegmentationConfig,
     SegmentationSettings,
+    _batch,
+    initial_surfaces,
     read_segmentation_config,
+    segment,
     segmentation_config,
+    train_segmentation,
 )
-from meshot.pipeline.segmentation.training import _batch, train_segmentation
-from meshot.train.log import read_log
+from meshot.train.engine import read_log
 from meshot.train.state import TrainingState, read_training, write_training
 from phantoms import phantom_examples, phantom_scan, phantom_surfaces
 
@@ -86,7 +88,7 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, whole, examples,
 VICTIM = """
 from pipeline.test_segmentation_training import TINY
 from phantoms import phantom_examples
-from meshot.pipeline.segmentation.training import _batch, train_segmentation
+from meshot.pipeline.segmentation import _batch, train_segmentation
 train_segmentation(TINY, phantom_examples(3), phantom_examples(2, seed=50), folder={folder!r})
 """
 

@@ -8,7 +8,7 @@ from meshot.cli import main
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import network_digest, read_weights
 from meshot.provenance import read_results
-from meshot.train.log import read_log
+from meshot.train.engine import read_log
 from phantoms import write_phantom_cohort
 
 CONFIG = """

@@ -4,10 +4,13 @@ import pytest
 
 from bids_trials import SHAPE, TURNED, add_scan, new_dataset
 from bright_head import bright_head, bright_template, write_bright_weights
-from meshot.pipeline import load_networks, reconstruct
-from meshot.pipeline.report import files as report_files, pictures
-from meshot.study import StudySettings, one_visit
-from meshot.study.layouts import bids_derivatives, freesurfer_subject
+from meshot.pipeline import load_networks, page as pictures, reconstruct, report as report_files
+from meshot.study import (
+    StudySettings,
+    layouts as bids_derivatives,
+    layouts as freesurfer_subject,
+    many_visits as one_visit,
+)
 from meshot.volume.io import write_volume
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from meshot.study.bids import Choice, missing_participants, visits_of_bids
-from meshot.study.bids_files import sidecar_of
+from meshot.study.bids import Choice, missing_participants, sidecar_of, visits_of_bids
 
 
 @pytest.fixture

@@ -7,9 +7,8 @@ import torch
 
 from meshot.anatomy.templates import fsaverage5_surface
 from meshot.mesh.io import read_mesh
-from meshot.pipeline.correspondence import CarriedTemplate
-from meshot.study import one_visit, visits_of_files
-from meshot.study.layouts import layout_named
+from meshot.pipeline import CarriedTemplate
+from meshot.study import layout_named, many_visits as one_visit, visits_of_files
 from meshot.volume.io import read_volume
 
 

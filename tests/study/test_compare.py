@@ -11,11 +11,9 @@ from scipy.spatial.transform import Rotation
 from browser import barriers, offline_browser, watched_page
 from meshot import write_mesh
 from meshot.cli import main
-from meshot.mesh.geometry import face_areas
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import face_areas, icosphere
 from meshot.study import find_surfaces
-from meshot.study.compare_files import Place, paired_surfaces
-from meshot.study.compare_output import _cell
+from meshot.study.comparison import Place, _cell, paired_surfaces
 from preflight import browser as browser_path
 
 FEW = ["--points", "2000", "--emd-points", "100"]

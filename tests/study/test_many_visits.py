@@ -10,11 +10,10 @@ import pytest
 
 from bids_trials import DeadlyVisit, add_scan, network_words
 from meshot.cli import main
-from meshot.study import many_visits, one_visit
-from meshot.study.bids import visits_of_bids
+from meshot.study import many_visits, many_visits as one_visit
+from meshot.study.bids import Visit, visits_of_bids
 from meshot.study.many_visits import reconstruct_study, write_table
-from meshot.study.subjects_table import read_subjects
-from meshot.study.visits import Visit
+from meshot.study.quality import read_subjects
 
 
 def statuses(study):

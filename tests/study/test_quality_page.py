@@ -11,7 +11,7 @@ from PIL import Image
 from browser import barriers, offline_browser, watched_page
 from meshot.cli import main
 from meshot.study import read_subjects, write_quality_page, write_subjects
-from meshot.study.quality_numbers import quality_columns, row_key
+from meshot.study.quality import quality_columns, row_key
 from preflight import browser as browser_path
 
 HOSTILE = "sub-<img src=x onerror=alert(1)>"

@@ -6,8 +6,7 @@ import pytest
 
 from bids_trials import network_words
 from meshot.cli import main
-from meshot.pipeline import load_networks
-from meshot.pipeline.report import files as report_files, seconds_by_stage
+from meshot.pipeline import load_networks, report as report_files, seconds_by_stage
 from meshot.study.bids import visits_of_bids
 from meshot.study.many_visits import reconstruct_study
 

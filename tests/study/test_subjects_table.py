@@ -5,8 +5,8 @@ import json
 
 import pytest
 
-from meshot.study import subjects_table
-from meshot.study.subjects_table import DICTIONARY, TABLE, columns, numbers_of_report, read_subjects, write_subjects
+from meshot.study import quality as subjects_table
+from meshot.study.quality import DICTIONARY, TABLE, columns, numbers_of_report, read_subjects, write_subjects
 
 NUMBERS = {
     "final": {

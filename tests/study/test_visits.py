@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from meshot.study.visits import Visit, bare_label, entities_of, visits_of_files, visits_of_folder
+from meshot.study.bids import Visit, bare_label, entities_of, visits_of_files, visits_of_folder
 
 
 def test_the_names_of_a_visit():

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from meshot.synth.blemishes import Blemishes, blemished
-from meshot.synth.imaging import TISSUES
+from meshot.synth.imaging import TISSUES, Blemishes, blemished
 from meshot.volume.volume import Volume
 
 N = 64

@@ -17,19 +17,16 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
+from meshot.mesh.shapes import icosphere
 from meshot.provenance import processor
-from meshot.synth import scanning
-from meshot.synth.cohorts import generation
-from meshot.synth.cohorts.cohort import LABELS, participants, read_subject, scans
-from meshot.synth.cohorts.generation import make_cohort, open_cohort, visits
-from meshot.synth.cohorts.manifest import changed_files, content_hash, keep_digests
-from meshot.synth.cohorts.recipe import Recipe, plan
+from meshot.synth import generation, scanning
+from meshot.synth.cohorts import LABELS, participants, read_subject, scans
+from meshot.synth.generation import changed_files, content_hash, keep_digests, make_cohort, open_cohort, visits
+from meshot.synth.recipe import Recipe, plan
 from meshot.synth.subject import CorticalSurfaces
 from meshot.volume.io import read_volume, write_volume
-from meshot.volume.standard import SHAPE, place_on_grid
+from meshot.volume.registration import SHAPE, place_on_grid
 from meshot.volume.volume import transform_points, voxel_sizes
 
 SIGNAL = {"white": 440, "grey": 310, "deep grey": 360, "hindbrain": 365, "fluid": 110, "skull": 60, "scalp": 480}
@@ -291,8 +288,8 @@ def test_the_committed_subject_is_made_again_as_on_an_older_cpu(root, tmp_path):
     features = [name for name in OLD_CPU["NPY_DISABLE_CPU_FEATURES"].split() if name in known]
     old = os.environ | OLD_CPU | {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}
     code = (
-        "import sys; from pathlib import Path; from meshot.synth.cohorts.recipe import read_recipe;"
-        "from meshot.synth.cohorts.generation import make_visit, visits; recipe = read_recipe(sys.argv[1]);"
+        "import sys; from pathlib import Path; from meshot.synth.recipe import read_recipe;"
+        "from meshot.synth.generation import make_visit, visits; recipe = read_recipe(sys.argv[1]);"
         "make_visit(recipe, Path(sys.argv[2]), visits(recipe)[0])"
     )
     done = subprocess.run(

@@ -6,23 +6,24 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.geometry.areas import edge_lengths, face_areas, face_normals, mesh_edges, signed_volume
+from meshot.mesh.connectivity import SPHERE, boundary_edges, euler_number, self_intersecting_faces, topology
+from meshot.mesh.geometry import edge_lengths, face_areas, face_normals, mesh_edges, signed_volume
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import folded_sphere, icosphere
-from meshot.mesh.topology.counts import SPHERE, boundary_edges, euler_number, topology
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.shapes import folded_sphere, icosphere
 from meshot.metrics.distances import vertex_distances
-from meshot.synth.defects.planted import (
+from meshot_book.defects import (
+    facing_walls,
     inflated,
     noisy,
     shifted,
     unevenly_sampled,
     with_blurred_folds,
+    with_bridge,
+    with_crossing,
     with_flipped_faces,
     with_hole,
     with_spike,
 )
-from meshot.synth.defects.sulcal_walls import facing_walls, with_bridge, with_crossing
 
 SPHERE_MESH = icosphere(3, 10.0)
 TOP = torch.tensor([0.0, 0.0, 10.0], dtype=torch.float64)

@@ -5,15 +5,11 @@ import pytest
 import torch
 
 from meshot.anatomy.templates import MNI305_TO_MNI152
-from meshot.mesh.shapes.solids import icosphere
-from meshot.synth.heads.carried import CarriedHead
-from meshot.synth.heads.leaves import Leaves
-from meshot.synth.heads.template import hindbrain_region, template_tissue
+from meshot.mesh.shapes import icosphere
+from meshot.synth.heads import CarriedHead, Leaves, hindbrain_region, template_tissue
 from meshot.synth.imaging import TISSUES, Appearance
-from meshot.synth.position import Position
-from meshot.synth.scanning import Anatomy, simulated_scan
-from meshot.synth.subject import CorticalSurfaces
-from meshot.synth.warp import HeadWarp
+from meshot.synth.scanning import Anatomy, Position, simulated_scan
+from meshot.synth.subject import CorticalSurfaces, HeadWarp
 from meshot.volume.volume import Volume
 
 STILL = HeadWarp(torch.ones(3, dtype=torch.float64), None)

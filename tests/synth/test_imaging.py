@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.synth.imaging import (
     TISSUES,
     Appearance,

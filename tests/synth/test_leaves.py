@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from meshot.synth.heads import leaves as module
-from meshot.synth.heads.leaves import FAN_MM, Leaves, leaf_fractions
+from meshot.synth import heads as module
+from meshot.synth.heads import FAN_MM, Leaves, leaf_fractions
 
 
 def arc(radius: float, degrees: float, n: int) -> np.ndarray:

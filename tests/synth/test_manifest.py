@@ -8,8 +8,8 @@ import pytest
 
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.synth.cohorts.manifest import content_hash
+from meshot.mesh.shapes import icosphere
+from meshot.synth.generation import content_hash
 from meshot.volume.io import write_volume
 from meshot.volume.volume import Volume
 

@@ -4,9 +4,8 @@ import pytest
 import torch
 
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.synth.offset import offset_surface
-from meshot.synth.separation import united
+from meshot.mesh.shapes import icosphere
+from meshot.synth.subject import offset_surface, united
 
 
 @pytest.mark.parametrize("distance", [2.5, -2.0])

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from meshot.synth.cohorts.generation import _drawn
-from meshot.synth.cohorts.people import People, drawn_person, people
-from meshot.synth.cohorts.recipe import plan, read_recipe
-from meshot.synth.position import Position
+from meshot.synth.generation import _drawn
+from meshot.synth.recipe import People, drawn_person, people, plan, read_recipe
+from meshot.synth.scanning import Position
 from meshot.synth.subject import Shape
 
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from meshot.synth.position import Position, head_position, scanner_grid
+from meshot.synth.scanning import Position, head_position, scanner_grid
 from meshot.volume.volume import mm_to_voxel, voxel_sizes
 
 

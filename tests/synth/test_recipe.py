@@ -6,7 +6,7 @@ import dataclasses
 import pytest
 import yaml
 
-from meshot.synth.cohorts.recipe import (
+from meshot.synth.recipe import (
     Recipe,
     drawn_appearance,
     drawn_position,
@@ -63,7 +63,7 @@ def test_held_out_subjects_leave_all_others_as_they_are():
 
 
 def test_the_paper_has_120_scans():
-    from meshot.synth.cohorts.generation import visits
+    from meshot.synth.generation import visits
 
     found = read_recipe("test_retest", days=20)
     assert len(visits(found)) * found.scans_per_day == 120

@@ -2,9 +2,9 @@
 
 import torch
 
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.synth.refinement import loop_subdivided, smoothly_refined
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.shapes import icosphere
+from meshot.synth.subject import loop_subdivided, smoothly_refined
 
 
 def test_refinement_leaves_a_ball_round_and_old_vertices_where_they_were():

@@ -7,19 +7,17 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.anatomy import placement
-from meshot.anatomy.placement import ENLARGEMENT, _template_moments, in_mni152, moments_of
-from meshot.mesh.geometry.areas import face_normals
+from meshot.anatomy import templates as placement
+from meshot.anatomy.templates import ENLARGEMENT, _template_moments, in_mni152, moments_of
+from meshot.mesh.geometry import face_normals
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.synth.cohorts.cohort import LABELS
+from meshot.mesh.shapes import icosphere
+from meshot.synth.cohorts import LABELS
 from meshot.synth.imaging import Appearance
-from meshot.synth.position import Position
-from meshot.synth.scanning import Anatomy, rounded, simulated_scan, standardised, surface_facts
+from meshot.synth.scanning import Anatomy, Position, rounded, simulated_scan, standardised, surface_facts
 from meshot.synth.subject import CorticalSurfaces
-from meshot.volume.sampling import sample_volume
-from meshot.volume.standard import SHAPE
-from meshot.volume.volume import transform_points
+from meshot.volume.registration import SHAPE
+from meshot.volume.volume import sample_volume, transform_points
 
 SIGNAL = {"white": 440.0, "grey": 310.0, "deep grey": 360.0, "hindbrain": 365.0, "fluid": 110.0} | {
     "skull": 60.0,

@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-import meshot.synth.separation
-from meshot.mesh.geometry.areas import signed_volume
-from meshot.mesh.shapes.solids import icosphere
-from meshot.synth.separation import crossing_faces, kept_apart, on_lattice, united
+import meshot.synth.subject
+from meshot.mesh.geometry import signed_volume
+from meshot.mesh.shapes import icosphere
+from meshot.synth.subject import crossing_faces, kept_apart, on_lattice, united
 
 
 def test_two_balls_that_overlap_are_smoothed_apart():
@@ -23,11 +23,11 @@ def test_two_balls_that_overlap_are_smoothed_apart():
 
 
 def test_what_cannot_be_kept_apart_is_said(unchecked, monkeypatch):
-    monkeypatch.setattr(meshot.synth.separation, "_SMOOTHINGS", 2)
+    monkeypatch.setattr(meshot.synth.subject, "_SMOOTHINGS", 2)
     ball = icosphere(3, radius=10.0)
     shifted = ball.with_vertices(ball.vertices + torch.tensor([10.0, 0, 0], dtype=torch.float64))
     assert kept_apart([ball, shifted]) is None
-    monkeypatch.setattr(meshot.synth.separation, "_ROUNDS", 0)
+    monkeypatch.setattr(meshot.synth.subject, "_ROUNDS", 0)
     assert kept_apart([ball]) is None
     with pytest.raises(ValueError, match="meshes is empty"):
         kept_apart([])

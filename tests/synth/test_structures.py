@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from meshot.mesh.shapes.solids import icosphere
-from meshot.synth.structures import (
-    DEPTH_MM,
-    Structure,
-    add_structures,
-    moved_structure,
-    structure_fraction,
-    structures_of,
-)
+from meshot.mesh.shapes import icosphere
+from meshot.synth.imaging import DEPTH_MM, Structure, add_structures, moved_structure, structure_fraction, structures_of
 from meshot.volume.volume import Volume
 
 GRID = Volume(np.zeros((60, 56, 50)), np.array([[-1.0, 0, 0, 30], [0, 1, 0, -28], [0, 0, 1.2, -30], [0, 0, 0, 1]]))

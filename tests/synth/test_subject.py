@@ -6,18 +6,19 @@ import torch
 
 import meshot.synth.subject
 from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
-from meshot.mesh.geometry.areas import face_areas, signed_volume
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.geometry import face_areas, signed_volume
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
-from meshot.synth.folding import template_cortex
-from meshot.synth.separation import LATTICE, crossing_faces
 from meshot.synth.subject import (
+    LATTICE,
     CorticalSurfaces,
     Shape,
+    crossing_faces,
     mean_surfaces,
     procedural_subject,
     synthetic_subject,
+    template_cortex,
     template_subject,
 )
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.crossings.jacobian import sampled_lipschitz
-from meshot.mesh.shapes.solids import icosphere
-from meshot.synth.separation import crossing_faces
-from meshot.synth.warp import random_velocity, random_warp, smooth_variation
+from meshot.flow.crossings import sampled_lipschitz
+from meshot.mesh.shapes import icosphere
+from meshot.synth.subject import crossing_faces, random_velocity, random_warp, smooth_variation
 
 
 def test_velocities_have_the_size_asked_for():

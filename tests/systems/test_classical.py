@@ -5,12 +5,19 @@ import pytest
 import scipy.ndimage
 import torch
 
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
 from meshot.systems import ExampleSets, Scan, get_system, read_settings
-from meshot.systems.classical.atlas import Atlas, mean_fractions, misfit, whiteness
-from meshot.systems.classical.surface import SurfaceSettings, moved_to_edges, thresholded_surface
-from meshot.volume.surfaces.voxelise import enclosed_fractions, winding_numbers
+from meshot.systems.classical import (
+    Atlas,
+    SurfaceSettings,
+    mean_fractions,
+    misfit,
+    moved_to_edges,
+    thresholded_surface,
+    whiteness,
+)
+from meshot.volume.surfaces import enclosed_fractions, winding_numbers
 from meshot.volume.volume import Volume
 from phantoms import AFFINE, SHAPE, phantom_subjects
 

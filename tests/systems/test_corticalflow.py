@@ -4,13 +4,11 @@ import pytest
 import torch
 
 from meshot.flow.integration import integrate
-from meshot.mesh.editing.decimation import simplified
+from meshot.mesh.editing import simplified
 from meshot.metrics.distances import Surface
 from meshot.systems import ExampleSets, Scan, get_system, read_settings
-from meshot.systems.corticalflow.blocks import FlowBlock, carried_through
-from meshot.systems.corticalflow.training import train_block
-from meshot.systems.learning.scans import scaled_image
-from meshot.systems.learning.training import mean_distances
+from meshot.systems.corticalflow import FlowBlock, carried_through, train_block
+from meshot.systems.learning import mean_distances, scaled_image
 from phantoms import phantom_subjects
 
 SMALL = {"width": 2, "depth": 2, "template": {"shape": "sphere"}, "box": torch.tensor([[-18.0, -8, -8], [-2, 8, 8]])}

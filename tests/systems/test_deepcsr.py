@@ -4,13 +4,18 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.shapes import icosphere
 from meshot.systems import Example, ExampleSets, Scan, get_system, read_settings
-from meshot.systems.deepcsr.network import DistanceNetwork
-from meshot.systems.deepcsr.surface import SurfaceSettings, closed_surface, distance_grids
-from meshot.systems.deepcsr.training import DistanceSettings, distance_pool
-from meshot.systems.learning.scans import scaled_image
+from meshot.systems.deepcsr import (
+    DistanceNetwork,
+    DistanceSettings,
+    SurfaceSettings,
+    closed_surface,
+    distance_grids,
+    distance_pool,
+)
+from meshot.systems.learning import scaled_image
 from meshot.volume.volume import Volume, voxel_to_mm
 from phantoms import AFFINE, SHAPE, phantom_subjects
 

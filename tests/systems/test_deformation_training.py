@@ -17,16 +17,21 @@ from meshot.metrics.distances import vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import write_weights
-from meshot.pipeline.examples import InitialSurfaces
-from meshot.pipeline.system_training import run_system_training
+from meshot.pipeline.training import InitialSurfaces, run_system_training
 from meshot.provenance import read_results
-from meshot.synth.cohorts.cohort import scans
+from meshot.synth.cohorts import scans
 from meshot.systems import get_system, read_settings
-from meshot.systems.deformation.carrying import deformed, standardised, velocity_field
-from meshot.systems.deformation.data import hemisphere_example
-from meshot.systems.deformation.settings import DeformationConfig, deformation_config
-from meshot.systems.deformation.training import carried, train_deformation
-from meshot.volume.sampling import sample_volume
+from meshot.systems.flows import (
+    DeformationConfig,
+    carried,
+    deformation_config,
+    deformed,
+    hemisphere_example,
+    standardised,
+    train_deformation,
+    velocity_field,
+)
+from meshot.volume.volume import sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
 
 TINY = deformation_config(
@@ -148,7 +153,7 @@ def test_a_stopped_training_ends_with_the_same_weights(tmp_path, whole, examples
 VICTIM = """
 from systems.test_deformation_training import TINY
 from phantoms import phantom_deformations
-from meshot.systems.deformation import train_deformation
+from meshot.systems import train_deformation
 train_deformation(TINY, phantom_deformations(3), phantom_deformations(1, seed=50), folder={folder!r})
 """
 
@@ -253,7 +258,7 @@ def test_a_configuration_that_will_not_do(tmp_path, text, words):
 @pytest.fixture
 def cohort(tmp_path, monkeypatch):
     """Phantoms on disk, and a segmentation that finds what is bright on either side, without being trained."""
-    import meshot.pipeline.segmentation.segmenting as segmenting
+    import meshot.pipeline.segmentation as segmenting
 
     def bright(scan, network):
         left = np.arange(scan.data.shape[0])[:, None, None] < scan.data.shape[0] // 2
@@ -273,7 +278,7 @@ def test_initial_surfaces_are_made_once_for_each_network(tmp_path, cohort, monke
     assert [item.name for item in first] == ["phantoms/sub-001", "phantoms/sub-002"]
     assert len(first[0].coarse.faces) == 500 < len(first[0].initial.faces)
     assert float(vertex_distances(first[0].initial, first[0].target).mean()) < 1.5
-    monkeypatch.setattr("meshot.pipeline.examples.initial_surfaces", None)
+    monkeypatch.setattr("meshot.pipeline.training.initial_surfaces", None)
     again = InitialSurfaces(tmp_path / "initial", network).examples([cohort], "train", RIGHT, RIGHT)
     assert torch.equal(again[1].scan.initial["right", "white"].vertices.float(), first[1].initial.vertices)
     with pytest.raises(TypeError):  # another network has surfaces of its own
@@ -359,7 +364,7 @@ def test_a_training_is_of_the_code_that_it_began_with(tmp_path, cohort, monkeypa
 
     monkeypatch.setattr(InitialSurfaces, "examples", examples)
     with monkeypatch.context() as patch:
-        patch.setattr("meshot.systems.deformation.training.mean_distances", stop)
+        patch.setattr("meshot.systems.flows.mean_distances", stop)
         monkeypatch.setattr(results, "commit_of", lambda _: "first")
         with pytest.raises(Kill):
             run_system_training(*words)

@@ -9,12 +9,12 @@ import safetensors
 import safetensors.numpy
 import torch
 
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.model.deformation import DeformationNetwork
-from meshot.systems.deformation import example_file as deformation_file
-from meshot.systems.deformation.carrying import deformed
-from meshot.systems.deformation.example_file import read_example, write_example
+from meshot.systems.flows import deformed
 from meshot.volume.volume import Volume
+from meshot_book import example_file as deformation_file
+from meshot_book.example_file import read_example, write_example
 from phantoms import phantom_deformations
 
 

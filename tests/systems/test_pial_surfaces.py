@@ -3,18 +3,13 @@
 import pytest
 import torch
 
-from meshot.mesh.editing.decimation import simplified
+from meshot.mesh.editing import simplified
 from meshot.metrics.distances import Surface, vertex_distances
-from meshot.model.overlap import segmentation_loss
+from meshot.model.segmentation import segmentation_loss
 from meshot.systems import ExampleSets, Part, get_system, read_settings
-from meshot.systems.corticalflow.blocks import FlowBlock, carried_through
-from meshot.systems.corticalflow.training import train_block
-from meshot.systems.learning.scans import scaled_image
-from meshot.systems.learning.template import Template, TemplateSettings, mean_box
-from meshot.systems.learning.training import mean_distances
-from meshot.systems.vox2cortex.losses import MeshWeights
-from meshot.systems.vox2cortex.network import N_STAGES, MeshNetwork, template_name
-from meshot.systems.vox2cortex.training import true_fractions
+from meshot.systems.corticalflow import FlowBlock, carried_through, train_block
+from meshot.systems.learning import Template, TemplateSettings, mean_box, mean_distances, scaled_image
+from meshot.systems.vox2cortex import N_STAGES, MeshNetwork, MeshWeights, template_name, true_fractions
 from phantoms import phantom_subjects
 
 BOTH = {"shape": "sphere", "surfaces": ["white", "pial"]}

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from killing import same, without_seconds
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
 from meshot.systems import Example, ExampleSets, Part, Scan, get_system
 from phantoms import phantom_subjects

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from meshot.systems.registry import get_system, read_settings, system_names
+from meshot.systems.protocol import get_system, read_settings, system_names
 
 PACKAGE = '''
 from meshot.systems.template import System as Template

@@ -10,7 +10,7 @@ from meshot.anatomy import HEMISPHERES
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.weights import LARGEST_BYTES
 from meshot.systems import Part, Scan, get_system, read_settings, system_names
-from meshot.systems.deformation.system import DeformationSystem
+from meshot.systems.flows import DeformationSystem
 from phantoms import phantom_subjects
 
 OURS = [name for name in system_names() if issubclass(get_system(name), DeformationSystem)]

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.loss.nearest import chamfer
-from meshot.loss.regularity.penalties import laplacian_length, normal_inconsistency, squared_edge_length
-from meshot.mesh.editing.decimation import simplified
-from meshot.mesh.sampling import sample_points
-from meshot.mesh.shapes.solids import icosphere
+from meshot.loss.penalties import laplacian_length, normal_inconsistency, squared_edge_length
+from meshot.loss.transport import chamfer
+from meshot.mesh.editing import simplified
+from meshot.mesh.geometry import sample_points
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import Surface
 from meshot.systems import ExampleSets, get_system, read_settings
-from meshot.systems.learning.scans import scaled_image
-from meshot.systems.learning.training import mean_distances
-from meshot.systems.vox2cortex.losses import MeshWeights, chamfer_and_normals, curved_target
-from meshot.systems.vox2cortex.network import N_STAGES, MeshNetwork
+from meshot.systems.learning import mean_distances, scaled_image
+from meshot.systems.vox2cortex import N_STAGES, MeshNetwork, MeshWeights, chamfer_and_normals, curved_target
 from phantoms import phantom_subjects
 
 BOXES = {"left": torch.tensor([[-18.0, -8, -8], [-2, 8, 8]]), "right": torch.tensor([[2.0, -8, -8], [18, 8, 8]])}

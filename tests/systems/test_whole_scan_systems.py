@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from killing import same, without_seconds
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
 from meshot.systems import Example, ExampleSets, Scan, get_system, read_settings
 from phantoms import phantom_subjects

@@ -15,8 +15,8 @@ from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import write_weights
 from meshot.pipeline import reconstruction
 from meshot.systems import Part, get_system
-from meshot.systems.learning.template import mean_box
-from meshot.systems.vox2cortex.network import MeshNetwork
+from meshot.systems.learning import mean_box
+from meshot.systems.vox2cortex import MeshNetwork
 from meshot.volume.io import write_volume
 from phantoms import pial_surfaces, write_phantom_cohort
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from meshot.train.configuration import changed_groups, checked_groups, read_groups
+from meshot.settings import changed_groups, checked_groups, read_groups
 
 KNOWN = {"a": {"one", "two"}, "b": {"three"}}
 

@@ -7,9 +7,7 @@ import pytest
 import torch
 
 from meshot.train import engine
-from meshot.train.engine import Task, train, train_network
-from meshot.train.log import read_log
-from meshot.train.plan import Plan
+from meshot.train.engine import Plan, Task, read_log, train, train_network
 from meshot.train.state import TrainingState
 
 PLAN = Plan(12, 3, 4, None, 0.1, "constant")

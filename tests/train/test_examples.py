@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshot.train.examples import data_record, examples_of_step, require_examples
+from meshot.train.engine import data_record, examples_of_step, require_examples
 
 
 @pytest.mark.parametrize("batch_size", [1, 2, 3, 7])

@@ -2,7 +2,7 @@
 
 import types
 
-from meshot.train.plan import plan_of_epochs
+from meshot.train.engine import plan_of_epochs
 
 SETTINGS = {
     "n_epochs": 10, "validate_every": 2, "save_every": 7, "patience": 3, "learning_rate": 0.1, "schedule": "cosine",

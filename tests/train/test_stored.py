@@ -7,10 +7,9 @@ import safetensors.torch
 import torch
 from torch import nn
 
-from meshot.flow.fields.grid import GridVelocity
-from meshot.flow.fitting.state import FitState
-from meshot.train.state import read_training, write_training
-from meshot.train.stored import read_tensors, stored_parts
+from meshot.flow.fields import GridVelocity
+from meshot.flow.fitting import FitState
+from meshot.train.state import read_tensors, read_training, stored_parts, write_training
 
 
 def trained(n_inputs: int = 3) -> tuple[nn.Module, torch.optim.Adam]:

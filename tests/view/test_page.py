@@ -7,7 +7,7 @@ import jinja2
 import pytest
 
 from browser import page_file, watched_page
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.view import page as pages
 from meshot.view.page import filled, joined, live_page
 from meshot.view.scene import interactive

@@ -15,7 +15,7 @@ import torch
 
 from browser import page_file, watched_page
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import folded_sphere, icosphere
+from meshot.mesh.shapes import folded_sphere, icosphere
 from meshot.view.scene import interactive
 
 ALT = "a sphere, coloured by height"
@@ -216,7 +216,7 @@ def test_a_surface_of_twenty_thousand_faces_takes_less_than_300_kb():
 
 def test_two_runs_give_the_same_page(height_scene):
     code = (
-        "from meshot.view.scene import interactive; from meshot.mesh.shapes.solids import icosphere; m = icosphere(2); "
+        "from meshot.view.scene import interactive; from meshot.mesh.shapes import icosphere; m = icosphere(2); "
         f"print(interactive(m, m.vertices[:, 2], alt={ALT!r}).html, end='')"
     )
     again = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True).stdout

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.backend_bases import MouseEvent
 from matplotlib.collections import LineCollection
 
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.view.slices import slice_figure, slice_image
 from meshot.volume.volume import Volume
 

@@ -11,9 +11,8 @@ import torch
 from matplotlib import colormaps
 
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import ellipsoid, icosphere
-from meshot.view.angles import view_from
-from meshot.view.surface import AMBIENT, surface_figure, surface_image
+from meshot.mesh.shapes import ellipsoid, icosphere
+from meshot.view.surface import AMBIENT, surface_figure, surface_image, view_from
 
 SIZE = (240, 180)
 SIDES = ("left", "right", "anterior", "posterior", "superior", "inferior")
@@ -206,8 +205,8 @@ def test_one_value_everywhere_still_makes_a_picture():
 def test_the_first_picture_in_a_notebook_brings_no_warning():
     code = (
         "from ipykernel.zmqshell import ZMQInteractiveShell; ZMQInteractiveShell.instance(); "
-        "from meshot.view.surface import surface_image; from meshot.view.angles import view_from; "
-        "from meshot.mesh.shapes.solids import icosphere; surface_image(icosphere(0), view_from('left'), size=(40, 30))"
+        "from meshot.view.surface import surface_image; from meshot.view.surface import view_from; "
+        "from meshot.mesh.shapes import icosphere; surface_image(icosphere(0), view_from('left'), size=(40, 30))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
     assert done.stderr == ""

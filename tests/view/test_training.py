@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from meshot.view.training import training_figure, write_training_figure
+from meshot.view.page import training_figure, write_training_figure
 
 LOG = [{"step": i, "loss": 1 / i, "learning_rate": 0.1} for i in range(1, 61)]
 CHECK = {"step": 60, "validation_loss": 0.2, "dice_left": 0.9, "dice_right": 0.8, "cpu_seconds": 1.0}

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from meshot.anatomy import mni152_t1
-from meshot.volume.averaging import averaged_scan
-from meshot.volume.pyramid import volume_pyramid
+from meshot.volume import averaged_scan
 from meshot.volume.registration import register_rigid
-from meshot.volume.sampling import sample_volume
-from meshot.volume.volume import Volume, transform_points, voxel_to_mm
+from meshot.volume.volume import Volume, sample_volume, transform_points, volume_pyramid, voxel_to_mm
 
 ANGLE = 0.06
 MOTION = np.array(

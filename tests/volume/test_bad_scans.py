@@ -7,9 +7,8 @@ import pytest
 from affines import FLIPPED, OBLIQUE
 from meshot.anatomy.templates import mni152_t1
 from meshot.volume.io import read_volume, write_volume
-from meshot.volume.pyramid import volume_pyramid
-from meshot.volume.standard import place_on_grid, standard_scan
-from meshot.volume.volume import Volume
+from meshot.volume.registration import place_on_grid, standard_scan
+from meshot.volume.volume import Volume, volume_pyramid
 
 GOOD = np.random.default_rng(0).normal(50, 5, (12, 13, 14)).astype(np.float32)
 PLACE = np.diag([4.0, 4.0, 4.0, 1.0])

@@ -6,12 +6,9 @@ import pytest
 import torch
 
 from affines import FLIPPED
-from meshot.mesh.shapes.solids import icosphere
-from meshot.volume.sampling import sample_volume
-from meshot.volume.surfaces.distance import signed_distance
-from meshot.volume.surfaces.marching_cubes import isosurface
-from meshot.volume.surfaces.voxelise import enclosed_fractions
-from meshot.volume.volume import Volume, voxel_to_mm
+from meshot.mesh.shapes import icosphere
+from meshot.volume.surfaces import enclosed_fractions, isosurface, signed_distance
+from meshot.volume.volume import Volume, sample_volume, voxel_to_mm
 
 TURNED = np.array([[0.8, -0.9, 0, -60], [0.6, 1.2, 0, 20], [0, 0, 2.0, -50], [0, 0, 0, 1]])  # rows of 1, 1.5, 2 mm
 STANDARD_SIZES = np.array([1.5, 208 / 144, 1.5])

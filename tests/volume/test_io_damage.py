@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from affines import OBLIQUE
-from meshot.volume import io_checks
+from meshot.volume import io as io_checks
 from meshot.volume.io import read_volume, write_volume
 from meshot.volume.volume import Volume
 

@@ -7,11 +7,10 @@ import pytest
 import torch
 
 from affines import FLIPPED, OBLIQUE
-from meshot.mesh.geometry.areas import face_areas, signed_volume
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.volume.sampling import sample_volume
-from meshot.volume.surfaces.marching_cubes import isosurface, separated_field
-from meshot.volume.volume import Volume
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.geometry import face_areas, signed_volume
+from meshot.volume.surfaces import isosurface, separated_field
+from meshot.volume.volume import Volume, sample_volume
 
 RADIUS = 9.0
 

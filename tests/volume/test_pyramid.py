@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from affines import OBLIQUE
-from meshot.volume.pyramid import volume_pyramid
-from meshot.volume.volume import Volume
+from meshot.volume.volume import Volume, volume_pyramid
 
 
 def test_every_level_is_the_mean_of_eight_voxels_of_the_one_before():

@@ -9,11 +9,8 @@ from scipy.ndimage import affine_transform, center_of_mass
 from scipy.spatial.transform import Rotation
 
 from meshot.anatomy.templates import mni152_t1
-from meshot.volume.pyramid import volume_pyramid
-from meshot.volume.registration import register_affine
-from meshot.volume.sampling import sample_volume
-from meshot.volume.standard import SHAPE, centre_of_mass, place_on_grid, standard_scan
-from meshot.volume.volume import Volume, transform_points, voxel_sizes, voxel_to_mm
+from meshot.volume.registration import SHAPE, centre_of_mass, place_on_grid, register_affine, standard_scan
+from meshot.volume.volume import Volume, sample_volume, transform_points, volume_pyramid, voxel_sizes, voxel_to_mm
 
 TO_STANDARD = np.eye(4)
 TO_STANDARD[:3, :3] = Rotation.from_euler("xyz", [-6, 7, 10], degrees=True).as_matrix() @ np.diag([1.06, 0.95, 1.03])

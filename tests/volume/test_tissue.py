@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from meshot.volume.tissue import dice, white_matter_probability
-from meshot.volume.volume import Volume
+from meshot.volume.volume import Volume, dice, white_matter_probability
 
 
 @pytest.fixture

@@ -7,10 +7,9 @@ import pytest
 import scipy.ndimage
 import skimage.measure
 
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.volume.surfaces._kernel_genus import is_simple, stays_well_composed
-from meshot.volume.surfaces.genus import filled_cavities, genus_zero, largest_component
-from meshot.volume.surfaces.marching_cubes import isosurface
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.volume._kernel_surfaces import is_simple, stays_well_composed
+from meshot.volume.surfaces import filled_cavities, genus_zero, isosurface, largest_component
 from meshot.volume.volume import Volume
 
 N26, N6 = np.ones((3, 3, 3), bool), scipy.ndimage.generate_binary_structure(3, 1)

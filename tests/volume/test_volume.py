@@ -5,8 +5,16 @@ import pytest
 import torch
 
 from affines import FLIPPED, OBLIQUE
-from meshot.volume.sampling import cropped, sample_volume
-from meshot.volume.volume import Volume, centre_ras, mm_to_voxel, transform_points, voxel_sizes, voxel_to_mm
+from meshot.volume.volume import (
+    Volume,
+    centre_ras,
+    cropped,
+    mm_to_voxel,
+    sample_volume,
+    transform_points,
+    voxel_sizes,
+    voxel_to_mm,
+)
 
 
 @pytest.fixture

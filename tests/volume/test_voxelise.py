@@ -5,10 +5,10 @@ import pytest
 import torch
 
 from affines import FLIPPED, OBLIQUE
-from meshot.mesh.geometry.areas import signed_volume
+from meshot.mesh.geometry import signed_volume
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes.solids import cube, icosphere
-from meshot.volume.surfaces.voxelise import enclosed_fractions, enclosed_voxels, voxel_distance, winding_numbers
+from meshot.mesh.shapes import cube, icosphere
+from meshot.volume.surfaces import enclosed_fractions, enclosed_voxels, voxel_distance, winding_numbers
 from meshot.volume.volume import Volume
 
 CENTRE = (13.0, 14.0, 15.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshot.volume.surfaces.watershed import watershed_regions
+from meshot.volume.surfaces import watershed_regions
 
 
 def test_two_markers_meet_at_the_ridge():

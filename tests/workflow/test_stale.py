@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-RECIPES = "src/meshot/synth/cohorts/"
+RECIPES = "src/meshot/synth/recipes/"
 _SHIPPED = "people|people_adaptation|(shipped|windows_alone)_.*|study|cost_reconstruction|cost_study|speed_page|person"
 #: A file, an edit of a value in it, and the tasks that are then out of date, besides the ledger and the page of costs.
 CHANGES = [
@@ -14,7 +14,7 @@ CHANGES = [
     ("experiments/normal_scale/config.yaml", r"^smoothing_steps: .*", "smoothing_steps: 31", "normal_scale"),
     ("experiments/ddot/config.yaml", r"n_resamples: \d+", "n_resamples: 7", "ddot"),
     ("experiments/ddot/config.yaml", r"system: windows", "system: ddot", "ddot|ddot_.*_windowed_0"),
-    ("src/meshot/systems/cortexode/small.yaml", r"n_epochs: \d+", "n_epochs: 7",
+    ("src/meshot/systems/settings/cortexode/small.yaml", r"n_epochs: \d+", "n_epochs: 7",
      "ddot|ddot_.*_(cortexode|chamfer_varifold)_[0-4]|readings|candidates|controls|budget|one_subject|comparison.*"),
     (f"{RECIPES}oasis_like.yaml", r"^seed: .*", "seed: 99",
      "segmentation(_training)?|cohorts|template_baseline|ddot|ddot_.*|earlier_.*|descent_directions|held_out"

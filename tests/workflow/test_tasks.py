@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from meshot.cli import make_parser
+from meshot.systems import get_system, system_names
 from meshot_book.claims import ledger_page
 from meshot_book.claims.rules import RULES
 from meshot_book.notebook import checksum_lines
@@ -47,6 +48,12 @@ def test_every_command_can_start_and_every_setting_is_there(graphs, root):
         assert task.starts or task.stage == "tool", f"{task.name} needs a script, or an entry under code"
         assert set(task.after) <= set(graph.tasks)
         assert task.writes or task.makes or task.stage == "initial"
+
+
+def test_the_short_names_of_systems_mean_their_classes(root):
+    short = yaml.safe_load((root / "workflow" / "experiments.yaml").read_text(encoding="utf-8"))["code"]
+    classes = {name: get_system(name) for name in system_names()}
+    assert short == {name: f"{kind.__module__}.{kind.__qualname__}" for name, kind in classes.items()}
 
 
 @pytest.fixture

@@ -9,21 +9,16 @@ import warnings
 from collections.abc import Sequence
 
 import meshot
-from meshot.cli import evaluate, make_cohort, quality, reconstruct, table, train, train_segmentation, warmup
-from meshot.cli.note import NOTE
+from meshot.cli import evaluate, make_cohort, quality, reconstruct, table, train, warmup
+from meshot.cli.common import NOTE
 
-COMMANDS = (evaluate, reconstruct, quality, table, make_cohort, train, train_segmentation, warmup)
+COMMANDS = (evaluate, reconstruct, quality, table, make_cohort, train, warmup)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status is 0, or 2 where the input will not do (one line on stderr says why).
 
     ``meshot reconstruct --strict`` exits with 3 where the result would come with a warning.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Those of the process if left out.
     """
     chosen = make_parser().parse_args(arguments)
     try:

@@ -9,8 +9,7 @@ import warnings
 from pathlib import Path
 
 import meshot
-from meshot.cli.comparing import SURFACE, add_choice, add_sampling, chosen_emd_points
-from meshot.cli.note import NOTE, Commands, add_command
+from meshot.cli.common import NOTE, SURFACE, Commands, add_choice, add_command, add_sampling, chosen_emd_points
 
 PAIR, RESIDUE = ("predicted", "target"), "icp_residue_mm"
 

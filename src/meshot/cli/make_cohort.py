@@ -4,7 +4,7 @@ import argparse
 import os
 from pathlib import Path
 
-from meshot.cli.note import NOTE, Commands, add_command
+from meshot.cli.common import NOTE, Commands, add_command
 
 
 def add_to(commands: Commands) -> None:
@@ -58,7 +58,7 @@ def _run(chosen: argparse.Namespace) -> int:
     import torch
     from tqdm import tqdm
 
-    from meshot.synth.cohorts import changed_files, keep_digests, make_cohort, open_cohort, read_recipe, visits
+    from meshot.synth import changed_files, keep_digests, make_cohort, open_cohort, read_recipe, visits
 
     torch.set_num_threads(1)
     given = {name: getattr(chosen, name) for name in ("subjects", "held_out_subjects", "days", "standard")}

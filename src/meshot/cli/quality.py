@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from meshot.cli.note import NOTE, Commands, add_command
+from meshot.cli.common import NOTE, Commands, add_command
 from meshot.files import printable_name
 
 

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from meshot.cli.comparing import add_choice, add_sampling, chosen_emd_points
-from meshot.cli.note import NOTE, Commands, add_command
+from meshot.cli.common import NOTE, Commands, add_choice, add_command, add_sampling, chosen_emd_points
 from meshot.files import printable_name
 
 

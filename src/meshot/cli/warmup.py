@@ -4,7 +4,7 @@ import argparse
 import contextlib
 import io
 
-from meshot.cli.note import Commands, add_command
+from meshot.cli.common import Commands, add_command
 
 
 def add_to(commands: Commands) -> None:
@@ -41,7 +41,7 @@ def _run(chosen: argparse.Namespace) -> None:
 
 def _sliced() -> None:
     import meshot
-    from meshot.mesh.shapes import icosphere
+    from meshot.mesh import icosphere
 
     sphere = icosphere(0)
     moving = meshot.Mesh(sphere.vertices.requires_grad_(), sphere.faces)
@@ -52,7 +52,7 @@ def _sliced() -> None:
 
 def _windowed() -> None:
     import meshot
-    from meshot.mesh.shapes import icosphere
+    from meshot.mesh import icosphere
 
     sphere = icosphere(0)
     meshot.windowed_sliced_wasserstein(sphere, sphere, sphere.vertices[:1], 1.0, 2)
@@ -60,8 +60,8 @@ def _windowed() -> None:
 
 def _partial_and_unbalanced() -> None:
     import meshot
-    from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced
-    from meshot.mesh.shapes import icosphere
+    from meshot.loss import sliced_partial, sliced_unbalanced
+    from meshot.mesh import icosphere
 
     sphere = meshot.varifold(icosphere(0))
     for loss in (sliced_partial, sliced_unbalanced):
@@ -71,7 +71,7 @@ def _partial_and_unbalanced() -> None:
 def _kernel_norm() -> None:
     import meshot
     from meshot.loss import varifold_kernel
-    from meshot.mesh.shapes import icosphere
+    from meshot.mesh import icosphere
 
     sphere = icosphere(0)
     moving = meshot.Mesh(sphere.vertices.requires_grad_(), sphere.faces)
@@ -80,7 +80,7 @@ def _kernel_norm() -> None:
 
 def _exact() -> None:
     import meshot
-    from meshot.mesh.shapes import icosphere
+    from meshot.mesh import icosphere
 
     sphere = icosphere(0)
     moving = meshot.Mesh(sphere.vertices.requires_grad_(), sphere.faces)
@@ -92,7 +92,7 @@ def _exact() -> None:
 def _grid_flow() -> None:
     import torch
 
-    from meshot.flow.fields import spline_values
+    from meshot.flow import spline_values
 
     for dtype in (torch.float32, torch.float64):
         lattice = torch.zeros(4, 4, 4, 3, dtype=dtype, requires_grad=True)
@@ -115,8 +115,7 @@ def _deformation_network() -> None:
 def _initial_surface() -> None:
     import numpy as np
 
-    from meshot.volume import Volume
-    from meshot.volume.surfaces import genus_zero, signed_distance
+    from meshot.volume import Volume, genus_zero, signed_distance
 
     ball = np.linalg.norm(np.indices((7, 7, 7)) - 3.0, axis=0) < 2.5
     genus_zero(ball, ball.astype(np.float64))

@@ -1,8 +1,8 @@
 """Flows of velocity fields, and the fitting of such fields.
 
-:func:`integrate` moves points along a velocity field, forwards or backwards in time. Subpackages: ``fields`` (velocity
-fields), ``fitting`` (fits a field whose flow deforms one mesh into another), ``crossings`` (detection and repair of
-self-intersections). Only this subpackage imports torchdiffeq.
+:func:`integrate` moves points along a velocity field, forwards or backwards in time.
+:func:`fit_flow` fits a field whose flow deforms one mesh into another; :func:`repair_crossings` mends
+self-intersections. Only this subpackage imports torchdiffeq.
 """
 
 import lazy_loader

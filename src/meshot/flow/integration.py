@@ -8,7 +8,7 @@ from torch import nn
 from torchdiffeq import odeint, odeint_adjoint
 
 from meshot.errors import as_floating, require_choice, require_positive_integer, require_shape
-from meshot.flow.fields.field import Prepared, Velocity, VelocityField
+from meshot.flow.fields import Prepared, Velocity, VelocityField
 from meshot.mesh import Mesh
 from meshot.types import Float, Tensor
 
@@ -42,7 +42,7 @@ def integrate(
     gradient : str
         "direct" differentiates through the steps: exact for the computed values, with memory proportional to the number
         of steps. "adjoint" integrates a second flow backwards in time: with constant memory, but with an error of the
-        order of the method. It gives gradients for the parameters of a :class:`meshot.flow.fields.VelocityField` or an
+        order of the method. It gives gradients for the parameters of a :class:`meshot.flow.VelocityField` or an
         ``nn.Module``; for any other callable, for the points only.
     tolerance : float, optional
         For dopri5 only: subdivide steps until the estimated error of each is below the tolerance, relative to the size
@@ -104,21 +104,7 @@ def trajectory(
 def step_maps(
     velocity: Velocity, points: Float[Tensor, "n d"], n_steps: int, method: str
 ) -> list[tuple[Tensor, Callable[[Tensor], Tensor]]]:
-    """The steps of :func:`trajectory`: for each, its start time and the map that it applies to points.
-
-    Parameters
-    ----------
-    velocity : callable of (time, points)
-    points : tensor
-        Determines the dtype and the device of the times.
-    n_steps, method : int, str
-        As in :func:`meshot.integrate`.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.integrate`.
-    """
+    """The steps of :func:`trajectory`: for each, its start time and the map that it applies to points."""
     grid = _time_grid(points, n_steps, inverse=False)
 
     def step(ends: Tensor) -> Callable[[Tensor], Tensor]:

@@ -1,8 +1,8 @@
 """Losses between measures, differentiable with respect to points and weights.
 
 Sliced Wasserstein and its windowed form, Chamfer, exact Wasserstein by linear programming, Sinkhorn divergence;
-directions for slicing, and error estimates. Subpackages: ``composed`` combines an encoding and a loss by name,
-``lines`` has transport in one dimension, ``regularity`` has penalties of a single mesh.
+directions for slicing, and error estimates. :func:`surface_loss` combines an encoding and a loss by name. Penalties
+of a single mesh, such as :func:`squared_edge_length`, regularise.
 """
 
 import lazy_loader

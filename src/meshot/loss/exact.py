@@ -9,11 +9,11 @@ import torch
 from torch.autograd.function import once_differentiable
 
 from meshot.errors import require_same_space
-from meshot.loss import _kernel_exact_gradient, _kernel_exact_law, _kernel_exact_walk
+from meshot.loss import _kernel_exact
 from meshot.loss.directions import Directions, require_directions
 from meshot.measure import Measure
-from meshot.threads import in_chunks
 from meshot.types import Array, Float, Tensor
+from meshot.workers import in_chunks
 
 
 def exact_sliced_wasserstein(
@@ -27,32 +27,6 @@ def exact_sliced_wasserstein(
     It is the mean over ``directions`` of the 1D transport cost between the projected measures. Each cost is exact up to
     roundoff, also for faces perpendicular to a direction. Differentiable with respect to the vertices (or points) and
     the weights, but not the directions.
-
-    Parameters
-    ----------
-    source, target : Measure
-        Of points or of cells, also one of each.
-    directions : tensor or int
-        Unit rows, or their number: as :func:`meshot.sliced_wasserstein`.
-    p : float
-        The exponent, 1 or 2.
-
-    Returns
-    -------
-    tensor
-        SW_p^p, in (units of the vertices)^p.
-
-    Raises
-    ------
-    ValueError
-        If the measures are in different spaces, the directions do not fit or require a gradient, ``p`` is neither 1
-        nor 2, or the cost would exceed the range of float64.
-
-    Notes
-    -----
-    O(L (F + V) log V) time, and memory for one direction per thread. Computed in float64 on the CPU, for all inputs.
-    If a face is exactly perpendicular to a direction, its projected mass is an atom, at which the cost has a kink. The
-    gradient is then a value between the one-sided derivatives. For p = 1, the sign of x − y = 0 is taken as 0.
     """
     directions = _checked(source, target, directions, p)
     cells = [source.cells, target.cells]
@@ -80,7 +54,7 @@ def exact_slice_costs(
 def laid_law(measure: Measure, direction: Float[Tensor, " d"]) -> tuple[Float[Array, " n"], ...]:
     """The cells of a projected measure in the format of the kernels: start, extent, mass, relative change of density.
 
-    The last cell is a sentinel. :func:`meshot.loss.lines.projected_law` returns a readable form.
+    The last cell is a sentinel. :func:`meshot.loss.projected_law` returns a readable form.
     """
     line = _Line(_side(measure.places, measure.weights, measure.cells, False))
     line.lay(_array(direction))
@@ -192,20 +166,20 @@ class _Line:
         self.order = np.argsort(projected)
         self.moments[:] = 0
         if self.side.cells is None:
-            _kernel_exact_law.lay_points(projected, self.order, self.side.weights, *self.law)
+            _kernel_exact.lay_points(projected, self.order, self.side.weights, *self.law)
         else:
-            _kernel_exact_law.lay_surface(
+            _kernel_exact.lay_surface(
                 projected, self.order, self.side.cells, self.side.weights, self.rank, self.tree, self.jumps, *self.law
             )
 
     def add_gradient(self, direction: Float[Array, " d"]) -> None:
         """Add the gradient for this direction."""
         if self.side.cells is None:
-            _kernel_exact_gradient.points_gradient(
+            _kernel_exact.points_gradient(
                 self.law, self.moments, self.order, self.side.weights, *self.work, self.to_projected, self.to_weights
             )
         else:
-            _kernel_exact_gradient.surface_gradient(
+            _kernel_exact.surface_gradient(
                 self.law, self.moments, self.side.cells, self.side.weights, self.rank, self.work,
                 self.to_projected, self.to_weights,
             )  # fmt: skip
@@ -229,8 +203,93 @@ def _costs(source: _Side, target: _Side, directions: Float[Array, "L d"], p: int
     for k, direction in enumerate(directions):
         for line in lines:
             line.lay(direction)
-        costs[k] = _kernel_exact_walk.walk(p, lines[0].law, lines[1].law, wanted, lines[0].moments, lines[1].moments)
+        costs[k] = _kernel_exact.walk(p, lines[0].law, lines[1].law, wanted, lines[0].moments, lines[1].moments)
         for line in lines:
             if line.side.wanted:
                 line.add_gradient(direction)
     return costs, *(part for line in lines for part in (line.to_places.T, line.to_weights))
+
+
+# The distribution of a measure projected on a line, as used by the exact loss, for plots and checks.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ProjectedLaw:
+    """A probability distribution on a line: intervals with linear density, and atoms.
+
+    Parameters
+    ----------
+    starts, extents : array
+        Start and length of the intervals, from left to right. An interval of length zero is an atom.
+    masses : array
+        Masses of the intervals and atoms, with sum one.
+    densities : array
+        Densities at the start and the end of every interval, in 1/(unit of length); zero at atoms.
+    """
+
+    starts: Float[Array, " n"]
+    extents: Float[Array, " n"]
+    masses: Float[Array, " n"]
+    densities: Float[Array, "n 2"]
+
+    @property
+    def atoms(self) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+        """Positions and masses of the atoms."""
+        chosen = (self.extents == 0) & (self.masses > 0)
+        places = np.unique(self.starts[chosen])
+        return places, np.array([self.masses[chosen & (self.starts == place)].sum() for place in places])
+
+    def density(self, x: Float[Array, " k"]) -> Float[Array, " k"]:
+        """The density at every x, without atoms; zero outside the support."""
+        wide = self.extents > 0
+        starts, extents, ends = self.starts[wide], self.extents[wide], self.densities[wide]
+        if len(starts) == 0:
+            return np.zeros_like(x)
+        at = np.maximum(np.searchsorted(starts, x, side="right") - 1, 0)
+        share = (x - starts[at]) / extents[at]
+        inside = (share >= 0) & (share <= 1)
+        return np.where(inside, ends[at, 0] + (ends[at, 1] - ends[at, 0]) * np.clip(share, 0, 1), 0.0)
+
+    def distribution(self, x: Float[Array, " k"]) -> Float[Array, " k"]:
+        """The distribution function F(x): the mass at or to the left of every x."""
+        below = np.concatenate([[0.0], np.cumsum(self.masses)])
+        at = np.searchsorted(self.starts, x, side="right") - 1
+        first = np.maximum(at, 0)
+        reach = np.clip(x - self.starts[first], 0, self.extents[first])
+        change = np.divide(
+            self.densities[first, 1] - self.densities[first, 0],
+            self.extents[first],
+            out=np.zeros_like(reach),
+            where=self.extents[first] > 0,
+        )
+        part = reach * (self.densities[first, 0] + change * reach / 2)
+        part = np.where(self.extents[first] > 0, np.minimum(part, self.masses[first]), self.masses[first])
+        return np.where(at >= 0, np.minimum(below[first] + part, 1.0), 0.0)
+
+
+def projected_law(measure: Measure, direction: Float[Tensor, " d"]) -> ProjectedLaw:
+    """The exact distribution of ⟨θ, X⟩ for X drawn from a measure, as used by :func:`meshot.sliced_wasserstein`.
+
+    The density of a triangle is piecewise linear, that of a segment is constant. A point, or a face perpendicular to
+    the direction, gives an atom. No sampling, no gradient.
+
+    Parameters
+    ----------
+    measure : Measure
+    direction : tensor
+        A unit vector θ.
+
+    Raises
+    ------
+    ValueError
+        If the direction does not fit the measure or does not have unit length.
+
+    Notes
+    -----
+    O((F + V) log V) time.
+    """
+    row = require_directions(torch.as_tensor(direction)[None], measure.places)
+    starts, extents, masses, changes = (values[:-1] for values in laid_law(measure, row[0]))
+    means = np.divide(masses, extents, out=np.zeros_like(masses), where=extents > 0)
+    densities = means[:, None] * (1 + changes[:, None] * np.array([-1.0, 1.0]))
+    return ProjectedLaw(starts, extents, masses, densities)

@@ -1,14 +1,22 @@
 """The sliced Wasserstein loss: 1D transport costs averaged over directions."""
 
-import torch
+import contextlib
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
-from meshot.loss.chunked import chunked_costs, chunked_sliced_wasserstein
-from meshot.loss.directions import Directions
+import numpy as np
+import torch
+from torch.autograd.function import once_differentiable
+
+from meshot.loss._kernel_sliced import SMALL, sort_scratch, spread, walk_lines
+from meshot.loss.directions import Directions, require_directions
 from meshot.loss.exact import exact_slice_costs, exact_sliced_wasserstein
-from meshot.loss.fused import fused_slices, mean_of_slices, takes_kernel
-from meshot.loss.plain import checked_lines, plain_costs
-from meshot.measure import MeasureLike, as_measures
-from meshot.types import Float, Tensor
+from meshot.measure import Measure, MeasureLike, as_measures, as_point_measures
+from meshot.types import Array, Float, Int64, Tensor
+from meshot.workers import in_chunks
 
 
 def sliced_wasserstein(
@@ -129,3 +137,433 @@ def slice_costs(
     if takes_kernel(source.places) and not wanted:
         return torch.from_numpy(fused_slices(tensors[:4], directions, float(p), (False,) * 4)[0]).to(source.places)
     return (plain_costs if wanted else chunked_costs)(source, target, directions, p)
+
+
+# The sliced loss computed by the kernels: division into threads, memory layout, order of the points.
+
+_GROUP = 1 << 19  # number of floats in the gradient rows that a thread fills before they are summed
+_ALONE = 1 << 16  # number of projected points below which a second thread does not pay off
+
+
+class _FusedSlices(torch.autograd.Function):
+    """The mean cost along the directions. Its gradient is computed with the value and stored for the backward pass."""
+
+    @staticmethod
+    def forward(ctx, source, source_weights, target, target_weights, directions, p, walk):
+        tensors = (source, source_weights, target, target_weights)
+        costs, gradients = fused_slices(tensors, directions, p, ctx.needs_input_grad[:4], walk=walk)
+        ctx.gradients = [None if g is None else torch.from_numpy(g).to(source) for g in gradients]
+        return source.new_tensor(costs.mean())
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, grad_output):
+        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None, None
+
+
+def mean_of_slices(
+    measures: Sequence[Tensor], directions: Float[Tensor, "L d"], p: float, walk: Callable = walk_lines
+) -> Float[Tensor, ""]:
+    """The mean of the costs along the directions, differentiable in points and weights once.
+
+    The arguments are those of :func:`meshot.loss.sliced.fused_slices`.
+    """
+    return _FusedSlices.apply(*measures, directions, p, walk)
+
+
+def takes_kernel(points: Tensor) -> bool:
+    """Whether the kernels can compute a loss of these points: in float32 or float64 on the CPU."""
+    return points.device.type == "cpu" and points.dtype in (torch.float32, torch.float64)
+
+
+def fused_slices(
+    measures: Sequence[Tensor],
+    directions: Float[Tensor, "L d"],
+    p: float,
+    wanted: Sequence[bool],
+    n_threads: int | None = None,
+    walk: Callable = walk_lines,
+) -> tuple[Float[Array, " L"], list[Array | None]]:
+    """The transport cost along every direction, and the gradients of the mean cost."""
+    lines = _array(directions)
+    sides = [_side(*measures[k : k + 2], *wanted[k : k + 2]) for k in (0, 2)]
+    size = max(side.n for side in sides)
+    n_threads = n_threads or max(1, min(torch.get_num_threads(), len(lines), len(lines) * size // _ALONE))
+    per_thread = -(-len(lines) // n_threads)
+    n_rounds = -(-per_thread // max(1, _GROUP // size))
+    group = -(-per_thread // n_rounds)
+    costs, tops = np.empty(len(lines)), np.zeros((len(lines), 2))
+    _run(walk, sides, lines, p, costs, tops, n_threads, group)
+    gradients = []
+    for side, top in zip(sides, tops.sum(axis=0)):
+        gradients += _finished(side, top, len(lines))
+    return costs, gradients
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Side:
+    """One measure in the format of the kernels, and buffers of its gradients, empty if not needed."""
+
+    columns: Float[Array, "d n"]
+    weights: Float[Array, " n"]
+    places: Array | None
+    to_columns: Array
+    to_weights: Array
+
+    @property
+    def n(self) -> int:
+        return len(self.weights)
+
+    @property
+    def wanted(self) -> bool:
+        return self.to_columns.size > 0 or self.to_weights.size > 0
+
+
+def _side(points: Tensor, weights: Tensor, wants_points: bool, wants_weights: bool) -> _Side:
+    rows, masses, places = _array(points), _array(weights), None
+    if len(rows) > SMALL:
+        # Points that are close in space have close projections. Storing them together improves cache use.
+        places = _along_a_curve(rows)
+        columns, masses = np.empty(rows.shape[::-1]), masses[places]
+        for column, values in zip(columns, rows.T):
+            np.take(values, places, out=column)
+    else:
+        columns = np.ascontiguousarray(rows.T)
+    to_columns = np.zeros(columns.shape if wants_points else (0, 0))
+    return _Side(columns, masses, places, to_columns, np.zeros(len(masses) if wants_weights else 0))
+
+
+def _array(values: Tensor) -> Array:
+    return np.ascontiguousarray(values.detach().double().cpu().numpy())
+
+
+def _along_a_curve(rows: Float[Array, "n d"]) -> Array:
+    """The order of the points along a Morton curve in the three coordinates of largest extent."""
+    spread_of = rows.max(axis=0) - rows.min(axis=0)
+    code = np.zeros(len(rows), np.int64)
+    for axis, k in enumerate(np.argsort(-spread_of)[:3]):
+        scale = 1023 / spread_of[k] if 0 < spread_of[k] < np.inf else 0.0
+        cells = ((rows[:, k] - rows[:, k].min()) * scale).astype(np.int64)
+        # Insert two zero bits between neighbouring bits of a ten-bit number.
+        for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
+            cells = (cells | cells << shift) & mask
+        code |= cells << axis
+    return np.argsort(code).astype(np.int32)
+
+
+def _run(
+    kernel: Callable,
+    sides: list[_Side],
+    lines: Float[Array, "L d"],
+    p: float,
+    costs: Float[Array, " L"],
+    tops: Float[Array, "L 2"],
+    n_threads: int,
+    group: int,
+) -> None:
+    """Process all directions in rounds of ``n_threads`` times ``group``: costs and gradient rows, then the sums."""
+    rows = [_rows(side, n_threads * group) for side in sides]
+    rooms = [_room(sides, group) for _ in range(n_threads)]
+    with _threads(n_threads) as each:
+        for start in range(0, len(lines), n_threads * group):
+            block = slice(start, start + n_threads * group)
+            n_lines = len(lines[block])
+
+            def walk(k: int, block: slice = block, n_lines: int = n_lines) -> None:
+                own = slice(n_lines * k // n_threads, n_lines * (k + 1) // n_threads)
+                laid = [_laid(*parts, own) for parts in zip(sides, rooms[k], rows)]
+                kernel(lines[block][own], p, *laid, costs[block][own], tops[block][own])
+
+            def add(k: int, block: slice = block) -> None:
+                for side, (gradients, drops) in zip(sides, rows):
+                    if side.wanted:
+                        bounds = side.n * k // n_threads, side.n * (k + 1) // n_threads
+                        spread(gradients, drops, lines[block], *bounds, side.to_columns, side.to_weights)
+
+            each(walk)
+            each(add)
+
+
+@contextlib.contextmanager
+def _threads(n_threads: int) -> Iterator[Callable[[Callable[[int], None]], object]]:
+    """Yield a function that calls ``work(0)``, ``work(1)``, ... on ``n_threads`` threads and waits for all."""
+    if n_threads == 1:
+        yield lambda work: work(0)
+        return
+    with ThreadPoolExecutor(n_threads) as pool:
+        yield lambda work: list(pool.map(work, range(n_threads)))
+
+
+def _rows(side: _Side, n_lines: int) -> tuple[Array, Array]:
+    """Buffers for gradients and drops along ``n_lines`` directions, with room for the additional step."""
+    shape = (n_lines, side.n + 1) if side.wanted else (0, 0)
+    return np.empty(shape), np.empty(shape)
+
+
+def _room(sides: list[_Side], group: int) -> list[tuple]:
+    """Buffers of one thread for both sides: steps, ends, order, values, and scratch memory of the sort."""
+    longest = max(side.n for side in sides)
+    shared, scratch = np.empty(longest + 1, np.uint32), sort_scratch(longest)
+    rooms = []
+    for side in sides:
+        steps, ends = np.empty(side.n + 1), np.empty(side.n + 1)
+        # The target is sorted first. If its order is not needed later, the source reuses the same buffer.
+        order = np.empty(side.n + 1, np.uint32) if side is sides[1] and side.wanted else shared[: side.n + 1]
+        values = ends[None] if group == 1 else np.empty((0 if side.wanted else group, side.n + 1))
+        rooms.append((steps, ends, order, values, scratch))
+    return rooms
+
+
+def _laid(side: _Side, room: tuple, rows: tuple[Array, Array], own: slice) -> tuple:
+    """One side in the format of the kernel. Projections are stored where the gradients are written later."""
+    steps, ends, order, values, scratch = room
+    gradients, drops = rows[0][own], rows[1][own]
+    return (
+        side.columns,
+        side.weights,
+        values if len(values) else gradients,
+        steps,
+        ends,
+        order,
+        gradients,
+        drops,
+        scratch,
+    )
+
+
+def _finished(side: _Side, top: float, n_lines: int) -> list[Array | None]:
+    """The mean gradients in points and weights, in the original order of the points."""
+    points = weights = None
+    if side.to_columns.size:
+        side.to_columns[:] /= n_lines
+        points = side.to_columns.T
+        if side.places is not None:
+            points = np.empty((side.n, len(side.columns)))
+            points[side.places] = side.to_columns.T
+    if side.to_weights.size:
+        weights = (top + side.to_weights) / n_lines
+        if side.places is not None:
+            weights[side.places] = weights.copy()
+    return [points, weights]
+
+
+# The sliced loss in PyTorch operations: transport on many lines at once, on any device.
+
+
+def plain_sliced_wasserstein(
+    source: MeasureLike, target: MeasureLike, directions: Directions = 100, p: float = 2
+) -> Float[Tensor, ""]:
+    """The value of :func:`meshot.sliced_wasserstein` between points, computed by PyTorch operations.
+
+    It runs on any device and has derivatives of any order. The arguments are the same, but a mesh means the barycentres
+    of its faces, weighted by area.
+
+    Raises
+    ------
+    ValueError
+        As :func:`meshot.sliced_wasserstein`, and for a continuous measure.
+
+    Notes
+    -----
+    O(L (n log n + m log m)) time, O(L (n + m)) memory.
+    """
+    source, target = as_point_measures(source, target)
+    return plain_costs(source, target, checked_lines(source, directions, p), p).mean()
+
+
+def checked_lines(source: Measure, directions: Directions, p: float) -> Float[Tensor, "L d"]:
+    """The directions as unit rows in the space of ``source``, after a check of the exponent."""
+    if not 1 <= p < math.inf:
+        raise ValueError(f"p is {p!r}; a finite number >= 1 is needed (below one, sorting is not optimal)")
+    return require_directions(directions, source.places)
+
+
+def plain_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, " L"]:
+    """W_p^p between two measures of points along every direction, differentiable with respect to all arguments."""
+    projected, projected_target = directions @ source.places.T, directions @ target.places.T
+    if same_equal_masses(source.weights, target.weights):
+        return paired_cost(projected, projected_target, p)
+    return quantile_cost(projected, source.weights, projected_target, target.weights, p)
+
+
+def same_equal_masses(weights: Tensor, others: Tensor) -> bool:
+    """Whether all points of both measures have the same constant mass, so that transport pairs the sorted points."""
+    if weights.shape != others.shape or weights.requires_grad or others.requires_grad:
+        return False
+    return bool((weights == weights[0]).all()) and bool((others == weights[0]).all())
+
+
+def paired_cost(source: Float[Tensor, "L n"], target: Float[Tensor, "L n"], p: float = 2) -> Float[Tensor, " L"]:
+    """W_p^p between equally many points of equal mass on a line, for every row: the mean over sorted pairs."""
+    gap = source.gather(1, row_order(source)) - target.gather(1, row_order(target))
+    return power(gap, p).mean(dim=1)
+
+
+def row_order(values: Float[Tensor, "L n"], kind: str = "quicksort") -> Int64[Tensor, "L n"]:
+    """The permutation that sorts every row."""
+    # On a CPU, NumPy sorts several times faster than torch. A stable sort merges rows that consist of sorted runs.
+    if values.device.type == "cpu" and values.dtype in (torch.float32, torch.float64):
+        rows = values.detach().numpy()
+        order = in_chunks(lambda i, j: np.argsort(rows[i:j], axis=1, kind=kind), len(rows))
+        return torch.from_numpy(np.concatenate(order))
+    return values.detach().argsort(dim=1, stable=kind == "stable")
+
+
+def quantile_cost(
+    source: Float[Tensor, "L n"],
+    source_weights: Float[Tensor, " n"],
+    target: Float[Tensor, "L m"],
+    target_weights: Float[Tensor, " m"],
+    p: float = 2,
+) -> Float[Tensor, " L"]:
+    r"""W_p^p between weighted points on a line, for every row.
+
+    .. math::
+
+        \W_p^p = \int_0^1 |F^{-1}(z) - G^{-1}(z)|^p \, dz
+
+    F and G are the distribution functions of the two sets of points.
+    """
+    cells = quantile_cells(source, source_weights, target, target_weights)
+    return (power(cells.gap, p) * cells.mass).sum(dim=1)
+
+
+class QuantileCells(NamedTuple):
+    """The cells of [0, 1] on which two quantile functions are constant, for every row.
+
+    Quantile functions of discrete measures are step functions. Their jumps divide [0, 1] into cells.
+    """
+
+    source_order: Int64[Tensor, "L n"]
+    target_order: Int64[Tensor, "L m"]
+    order: Int64[Tensor, "L k"]  # of the ends of the steps of both sides, the source first
+    source_step: Int64[Tensor, "L k"]  # which step of either side a cell lies in
+    target_step: Int64[Tensor, "L k"]
+    gap: Float[Tensor, "L k"]
+    mass: Float[Tensor, "L k"]
+
+
+def quantile_cells(source: Tensor, source_weights: Tensor, target: Tensor, target_weights: Tensor) -> QuantileCells:
+    """The cells of the quantile functions of weighted points on a line, for every row."""
+    source_order, target_order = row_order(source), row_order(target)
+    source, target = source.gather(1, source_order), target.gather(1, target_order)
+    source_mass = source_weights[source_order].cumsum(dim=1)  # (L, n): where each step of F⁻¹ ends
+    target_mass = target_weights[target_order].cumsum(dim=1)
+    ends = torch.cat([source_mass, target_mass], dim=1)
+    order = row_order(ends, "stable")
+    cell_ends = ends.gather(1, order)  # (L, n + m)
+    # The number of steps of either side that end before a cell is the index of its step.
+    of_source = (order < source.shape[1]).long()
+    ended = of_source.cumsum(dim=1) - of_source
+    source_step = ended.clamp(max=source.shape[1] - 1)
+    target_step = (torch.arange(ends.shape[1], device=ends.device) - ended).clamp(max=target.shape[1] - 1)
+    gap = source.gather(1, source_step) - target.gather(1, target_step)
+    mass = torch.diff(cell_ends, dim=1, prepend=torch.zeros_like(cell_ends[:, :1]))
+    return QuantileCells(source_order, target_order, order, source_step, target_step, gap, mass)
+
+
+def power(gap: Tensor, p: float) -> Tensor:
+    """|gap|^p. The square is computed without a root or logarithm, so that gradients are finite at zero."""
+    if p == 2:
+        return gap.square()
+    return gap.abs() if p == 1 else gap.abs().pow(p)
+
+
+# The sliced loss on devices other than the CPU: directions in chunks, each with its gradient, to limit memory.
+
+_CHUNK = 1 << 22  # projected points of both sides per chunk, each of which takes about ten numbers of memory
+
+
+def chunked_sliced_wasserstein(
+    source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float
+) -> Float[Tensor, ""]:
+    """The mean of :func:`meshot.loss.sliced.plain_costs` on any device, with the memory of one chunk of directions.
+
+    The gradient is computed together with the value, as in the CPU kernel. Second derivatives, and derivatives in the
+    directions, are not available.
+    """
+    return _Chunked.apply(source.places, source.weights, target.places, target.weights, directions, p)
+
+
+@torch.no_grad()
+def chunked_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, " L"]:
+    """The values of :func:`meshot.loss.sliced.plain_costs`, without gradient, with the memory of one chunk."""
+    chunks = _split(directions, len(source.places) + len(target.places))
+    return torch.cat([plain_costs(source, target, chunk, p) for chunk in chunks])
+
+
+def _split(directions: Tensor, n_points: int) -> tuple[Tensor, ...]:
+    return directions.split(max(1, _CHUNK // n_points))
+
+
+class _Chunked(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, x, a, y, b, directions, p):
+        wanted = ctx.needs_input_grad[:4]
+        sums = [torch.zeros_like(t) if w else None for t, w in zip((x, a, y, b), wanted)]
+        total = directions.new_zeros(())
+        paired = not (wanted[1] or wanted[3]) and same_equal_masses(a.detach(), b.detach())
+        for lines in _split(directions, len(x) + len(y)):
+            projected, other = lines @ x.T, lines @ y.T
+            costs, gradients = (
+                _paired(projected, other, p) if paired else _merged(projected, a, other, b, p, sums[1::2])
+            )
+            total += costs.sum()
+            for to_points, gradient in zip(sums[::2], gradients):
+                if to_points is not None:
+                    to_points += gradient.T @ lines
+        ctx.gradients = [None if g is None else g / len(directions) for g in sums]
+        return total / len(directions)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, grad_output):
+        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None
+
+
+def _paired(x: Tensor, y: Tensor, p: float) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+    """For equal masses: the cost of every row, and its gradients in the projected points."""
+    x_order, y_order = row_order(x), row_order(y)
+    gap = x.gather(1, x_order) - y.gather(1, y_order)
+    gradient = _slope(gap, p) / gap.shape[1]
+    return power(gap, p).mean(dim=1), (
+        torch.empty_like(x).scatter_(1, x_order, gradient),
+        torch.empty_like(y).scatter_(1, y_order, -gradient),
+    )
+
+
+def _merged(
+    x: Tensor, a: Tensor, y: Tensor, b: Tensor, p: float, to_weights: list[Tensor | None]
+) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+    """For any masses: the cost of every row and its gradients in the projected points; adds those in the weights.
+
+    The derivative in the end of a cell is its cost minus that of the next cell. Ends of steps are sums of weights.
+    """
+    cells = quantile_cells(x, a, y, b)
+    cost = power(cells.gap, p)
+    gradient = _slope(cells.gap, p) * cells.mass
+    gradients = (
+        _to_points(gradient, cells.source_step, cells.source_order),
+        _to_points(-gradient, cells.target_step, cells.target_order),
+    )
+    if any(sums is not None for sums in to_weights):
+        drops = -torch.diff(cost, dim=1, append=torch.zeros_like(cost[:, :1]))
+        of_ends = torch.empty_like(drops).scatter_(1, cells.order, drops).split([x.shape[1], y.shape[1]], dim=1)
+        for sums, ends, order in zip(to_weights, of_ends, (cells.source_order, cells.target_order)):
+            if sums is not None:
+                potential = ends.flip(1).cumsum(dim=1).flip(1)
+                sums.scatter_add_(0, order.flatten(), potential.flatten())
+    return (cost * cells.mass).sum(dim=1), gradients
+
+
+def _to_points(gradient: Tensor, step: Tensor, order: Tensor) -> Tensor:
+    """The sum of the gradients on the cells of each step, at the point of this step."""
+    of_steps = gradient.new_zeros(order.shape).scatter_add_(1, step, gradient)
+    return torch.empty_like(of_steps).scatter_(1, order, of_steps)
+
+
+def _slope(gap: Tensor, p: float) -> Tensor:
+    """The derivative of |gap|^p."""
+    if p == 2:
+        return 2 * gap
+    return gap.sign() if p == 1 else p * gap.abs().pow(p - 1) * gap.sign()

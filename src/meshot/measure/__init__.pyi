@@ -1,14 +1,15 @@
-from .continuous import SurfaceMeasure as SurfaceMeasure, surface as surface
-from .conversion import (
+from .continuous import (
     MeasureLike as MeasureLike,
+    SurfaceMeasure as SurfaceMeasure,
     as_measures as as_measures,
     as_point_measures as as_point_measures,
+    surface as surface,
 )
 from .discrete import (
     DiscreteMeasure as DiscreteMeasure,
+    Measure as Measure,
+    as_probabilities as as_probabilities,
     empirical as empirical,
     varifold as varifold,
     varifold_sample as varifold_sample,
 )
-from .probabilities import as_probabilities as as_probabilities
-from .protocol import Measure as Measure

@@ -1,15 +1,16 @@
 """Discrete probability measures, and the encodings of a mesh as such a measure."""
 
 import dataclasses
+import math
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
 
 import torch
 
 from meshot.errors import as_floating, require_shape
-from meshot.measure.coordinates import Extras, cell_shares, cells_of
-from meshot.measure.probabilities import as_probabilities
-from meshot.mesh import Contour, Mesh, sample_locations
+from meshot.mesh import Contour, Mesh, edge_lengths, edge_normals, face_areas, face_normals, sample_locations
 from meshot.rng import Generator
-from meshot.types import Float, Tensor
+from meshot.types import Float, Int64, Tensor
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -239,3 +240,164 @@ def _drawn_masses(shares: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
     """Equal masses whose derivatives are those of the logarithms of the drawn probabilities, with sum zero."""
     changes = shares / shares.detach()
     return changes / changes.sum()
+
+
+# Additional coordinates besides the position: unit normals, features of vertices, features of faces.
+
+Interpolation = Callable[[Tensor], Tensor]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Extras:
+    """Additional coordinates and their scales, validated against a shape.
+
+    Every encoding orders its coordinates in the same way: position ‖ ``normal_scale`` · unit normal ‖
+    ``feature_scale`` · features of the vertices ‖ ``feature_scale`` · features of the faces.
+
+    Parameters
+    ----------
+    shape : Mesh or Contour
+    normal_scale : float
+        The length of a scaled unit normal, in units of the vertices.
+    features, face_features : tensor, optional
+        One row per vertex, and one row per face (or edge of a contour).
+    feature_scale : float
+        The length that corresponds to a feature difference of one, in units of the vertices per unit of the feature.
+
+    Raises
+    ------
+    ValueError
+        If a scale is negative or not finite, or features do not fit the shape.
+    """
+
+    shape: Mesh | Contour
+    normal_scale: float
+    features: Float[Tensor, "V k"] | None
+    face_features: Float[Tensor, "F j"] | None
+    feature_scale: float
+
+    def __post_init__(self):
+        for name, scale in (("normal_scale", self.normal_scale), ("feature_scale", self.feature_scale)):
+            if not (scale >= 0 and math.isfinite(scale)):
+                raise ValueError(
+                    f"{name} is {scale!r}; a finite number >= 0 is needed, a length in units of the vertices"
+                )
+        vertices = self.shape.vertices
+        for name, n_rows, kind in (
+            ("features", len(vertices), "vertex"),
+            ("face_features", len(cells_of(self.shape)), "face or edge"),
+        ):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _fitting(getattr(self, name), name, vertices, n_rows, kind))
+
+    def at(self, interpolate: Interpolation, cells: Int64[Tensor, " k"], with_normals: bool) -> Float[Tensor, "n d"]:
+        """The coordinates of positions on known cells."""
+        parts = [interpolate(self.shape.vertices)]
+        if with_normals:
+            is_contour = isinstance(self.shape, Contour)
+            normals = edge_normals(self.shape) if is_contour else face_normals(self.shape)
+            parts.append(self.normal_scale * normals[cells])
+        if self.features is not None:
+            parts.append(self.feature_scale * interpolate(self.features))
+        if self.face_features is not None:
+            parts.append(self.feature_scale * self.face_features[cells])
+        return torch.cat(parts, dim=1)
+
+
+def cells_of(shape: Mesh | Contour) -> Int64[Tensor, "F corners"]:
+    """The faces of a mesh or the edges of a contour."""
+    return shape.edges if isinstance(shape, Contour) else shape.faces
+
+
+def cell_shares(shape: Mesh | Contour) -> Float[Tensor, " F"]:
+    """The area of every face (or length of every edge) divided by the total: the probability of the cell."""
+    sizes = edge_lengths(shape) if isinstance(shape, Contour) else face_areas(shape)
+    total = sizes.sum()
+    if not float(total.detach()) > 0:
+        raise ValueError(
+            f"the total area or length is {float(total.detach()):.3g}; a measure needs a shape of positive size"
+        )
+    return sizes / total
+
+
+def _fitting(features: object, name: str, vertices: Tensor, n_rows: int, kind: str) -> Tensor:
+    features = as_floating(features, name)
+    if features.ndim != 2 or len(features) != n_rows or features.shape[1] == 0:
+        raise ValueError(f"{name} has shape {tuple(features.shape)}; ({n_rows}, k) is needed, one row for each {kind}")
+    if features.dtype != vertices.dtype or features.device != vertices.device:
+        raise ValueError(
+            f"{name} is {features.dtype} on {features.device}, vertices {vertices.dtype} on {vertices.device}: "
+            "convert one with .to(...)"
+        )
+    return features
+
+
+# Validation of weights: non-negative masses that sum to one.
+
+_NEAR_ONE = 1e-5  # a sum within this of one is attributed to rounding, for example of single-precision weights
+# A pairwise sum of n numbers has an error of at most log2(n) units of rounding, below 32. Weights are divided by one
+# such sum and added up by another. Deviations up to twice that bound are therefore not corrected.
+_ROUNDING = 64
+
+
+def as_probabilities(weights: object, points: Tensor, n_items: int) -> Float[Tensor, " n"]:
+    """The weights as ``n_items`` masses that sum to one, in the dtype of the points.
+
+    Weights of another floating-point dtype are converted. If the sum is within 1e-5 of one, but not one up to rounding,
+    the weights are divided by it. In the gradient that sum is a constant.
+
+    Parameters
+    ----------
+    weights : tensor or array
+        Non-negative.
+    points : tensor
+        Determines the dtype of the weights, and the device on which they must be.
+    n_items : int
+        The required number of weights.
+
+    Raises
+    ------
+    ValueError
+        If the shape or the device does not fit, a weight is negative or not finite, or they do not sum to one.
+    """
+    weights = as_floating(weights, "weights")
+    if weights.shape != (n_items,):
+        raise ValueError(
+            f"weights has shape {tuple(weights.shape)}; ({n_items},) is needed, one for each point or cell"
+        )
+    if weights.device != points.device:
+        raise ValueError(f"weights is on {weights.device}, points on {points.device}: move one with .to(...)")
+    if float(weights.detach().min()) < 0:
+        raise ValueError(f"weights has a negative entry ({float(weights.detach().min()):.3g}); masses must be >= 0")
+    weights = weights.to(points.dtype)
+    total, rounding = float(weights.detach().double().sum()), _ROUNDING * torch.finfo(weights.dtype).eps
+    if abs(total - 1) > max(_NEAR_ONE, rounding):
+        raise ValueError(f"weights sum to {total:.9g}; a probability measure needs 1: divide by weights.sum()")
+    return weights if abs(total - 1) <= rounding else weights / total
+
+
+# The interface between measures and losses.
+
+
+@runtime_checkable
+class Measure(Protocol):
+    """A probability measure as the losses use it: weighted points, or mass distributed over triangles or segments.
+
+    :class:`meshot.DiscreteMeasure` and :class:`meshot.SurfaceMeasure` follow this protocol. Every loss that accepts
+    them accepts any other class with these three attributes. Such a class is not validated.
+    """
+
+    @property
+    def places(self) -> Float[Tensor, "n d"]:
+        """The positions that are projected, in units of the vertices: support points, or corners of the cells."""
+        ...
+
+    @property
+    def weights(self) -> Float[Tensor, " k"]:
+        """The masses of the cells, or of the points if there are no cells. Non-negative, with sum one."""
+        ...
+
+    @property
+    def cells(self) -> Int64[Tensor, "k corners"] | None:
+        """The indices of the corners of each triangle (three) or segment (two); None for a measure of points."""
+        ...

@@ -1,4 +1,66 @@
-from .io import read_mesh as read_mesh, write_mesh as write_mesh
-from .mesh import Contour as Contour, Mesh as Mesh, closed_contour as closed_contour
-from .polygons import triangulate as triangulate
-from .sampling import even_points as even_points, sample_locations as sample_locations, sample_points as sample_points
+from .connectivity import (
+    SPHERE as SPHERE,
+    Topology as Topology,
+    boundary_edges as boundary_edges,
+    component_labels as component_labels,
+    euler_number as euler_number,
+    is_consistently_oriented as is_consistently_oriented,
+    nonmanifold_edges as nonmanifold_edges,
+    self_intersecting_faces as self_intersecting_faces,
+    topology as topology,
+)
+from .editing import (
+    decimated as decimated,
+    laplacian_smoothing as laplacian_smoothing,
+    neighbour_means as neighbour_means,
+    simplified as simplified,
+    smooth_crossings as smooth_crossings,
+    taubin_smoothing as taubin_smoothing,
+    with_edges_split as with_edges_split,
+)
+from .geometry import (
+    cotangent_vectors as cotangent_vectors,
+    edge_lengths as edge_lengths,
+    edge_midpoints as edge_midpoints,
+    edge_normals as edge_normals,
+    even_points as even_points,
+    face_area_vectors as face_area_vectors,
+    face_areas as face_areas,
+    face_barycentres as face_barycentres,
+    face_corners as face_corners,
+    face_normals as face_normals,
+    mean_curvatures as mean_curvatures,
+    mesh_edges as mesh_edges,
+    plane_section as plane_section,
+    safe_norm as safe_norm,
+    sample_locations as sample_locations,
+    sample_points as sample_points,
+    signed_volume as signed_volume,
+    solid_moments as solid_moments,
+    triangulate as triangulate,
+    umbrella_vectors as umbrella_vectors,
+    vertex_areas as vertex_areas,
+    vertex_normals as vertex_normals,
+)
+from .io import (
+    read_mesh as read_mesh,
+    write_mesh as write_mesh,
+)
+from .mesh import (
+    Contour as Contour,
+    Mesh as Mesh,
+    closed_contour as closed_contour,
+)
+from .shapes import (
+    circle as circle,
+    cube as cube,
+    ellipsoid as ellipsoid,
+    folded_sphere as folded_sphere,
+    icosphere as icosphere,
+    letter_e as letter_e,
+    near_regular_polygon as near_regular_polygon,
+    regular_polygon as regular_polygon,
+    split_in_four as split_in_four,
+    star as star,
+    tetrahedron as tetrahedron,
+)

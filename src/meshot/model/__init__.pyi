@@ -1,12 +1,21 @@
-from .deformation import N_STEPS as N_STEPS, DeformationNetwork as DeformationNetwork, ImageVelocity as ImageVelocity
-from .features import FeatureNetwork as FeatureNetwork, sample_features as sample_features
-from .graph import GraphConvolution as GraphConvolution, ResidualGraphBlock as ResidualGraphBlock
-from .overlap import segmentation_loss as segmentation_loss, soft_dice as soft_dice
+from .deformation import (
+    N_STEPS as N_STEPS,
+    DeformationNetwork as DeformationNetwork,
+    ImageVelocity as ImageVelocity,
+)
+from .features import (
+    FeatureNetwork as FeatureNetwork,
+    GraphConvolution as GraphConvolution,
+    ResidualGraphBlock as ResidualGraphBlock,
+    sample_features as sample_features,
+)
 from .segmentation import (
     CLASSES as CLASSES,
     SegmentationNetwork as SegmentationNetwork,
     folded as folded,
     initialise as initialise,
+    segmentation_loss as segmentation_loss,
+    soft_dice as soft_dice,
     unfolded as unfolded,
 )
 from .weights import (

@@ -1,5 +1,6 @@
 """The deformation network: the velocity of a vertex from its position and from the image around it."""
 
+import dataclasses
 import itertools
 from collections.abc import Sequence
 from typing import Literal, get_args
@@ -7,15 +8,15 @@ from typing import Literal, get_args
 import numpy as np
 import torch
 from torch import nn
+from torch.autograd.function import once_differentiable
 
 from meshot.errors import require_choice, require_positive, require_positive_integer
-from meshot.flow.fields import LearnedVelocity, Prepared
-from meshot.model.cubes import CubeConvolution
-from meshot.model.stacked import StackedImages
-from meshot.model.visited import VisitedFeatures
+from meshot.flow import LearnedVelocity, Prepared
+from meshot.model import _kernel_cubes
+from meshot.model.features import StackedImages
 from meshot.rng import Generator, numpy_generator
-from meshot.types import Float, Tensor
-from meshot.volume import Volume
+from meshot.types import Array, Float, Int64, Tensor
+from meshot.volume import Volume, mm_to_voxel, volume_pyramid
 
 Path = Literal["convolved", "visited", "cut"]
 N_STEPS = 10  # Euler steps, as in the paper
@@ -199,3 +200,263 @@ def _linear(n_in: int, n_out: int, generator: np.random.Generator) -> nn.Linear:
         layer.weight.copy_(torch.from_numpy(generator.standard_normal((n_out, n_in)) / n_in**0.5))
         layer.bias.copy_(torch.from_numpy(generator.uniform(-1, 1, n_out) / n_in**0.5))
     return layer
+
+
+# Image features around a point: a convolution over cubes of voxels at several scales.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FeatureMap:
+    """Features at the voxels of an image.
+
+    Parameters
+    ----------
+    values : tensor
+        One row of features per voxel, the last axis varying fastest. The outermost voxels are zero.
+    shape : tuple of int
+        Number of voxels along the three axes.
+    image : Volume
+        The image that the features belong to.
+    margin : int
+        Number of voxels by which the map exceeds the image on each side.
+    """
+
+    values: Float[Tensor, "voxels features"]
+    shape: tuple[int, int, int]
+    image: Volume
+    margin: int
+
+    def at(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
+        """Features at points in mm, by trilinear interpolation, zero outside the map. Differentiable in both."""
+        rows, weights = corner_rows(mm_to_voxel(self.image, points) + self.margin, self.shape)
+        return nn.functional.embedding_bag(rows, self.values, per_sample_weights=weights, mode="sum")
+
+    @torch.no_grad()
+    def lipschitz_bound(self) -> Float[Tensor, ""]:
+        """An upper bound of the Lipschitz constant of the features, per mm, from differences of adjacent voxels."""
+        grid = self.values.unflatten(0, self.shape)
+        steps = torch.stack([grid.diff(dim=axis).norm(dim=-1).max() for axis in range(3)])
+        per_mm = np.linalg.norm(np.linalg.inv(self.image.affine[:3, :3]), ord=2)
+        return steps.norm() * float(per_mm)
+
+
+def corner_rows(
+    places: Float[Tensor, "n 3"], shape: tuple[int, int, int]
+) -> tuple[Int64[Tensor, "n 8"], Float[Tensor, "n 8"]]:
+    """The eight voxels around each position on a grid, as indices into the flat grid, and their trilinear weights."""
+    last = places.new_tensor(shape) - 1
+    places = torch.minimum(places.clamp(min=0), last)
+    lower = torch.minimum(places.detach().floor(), last - 1)
+    x, y, z = (torch.stack([1 - part, part], dim=1) for part in (places - lower).unbind(dim=1))  # (n, 2) each
+    weights = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).flatten(1)
+    _, ny, nz = shape
+    strides = torch.tensor([ny * nz, nz, 1], device=places.device)
+    corners = torch.tensor(list(np.ndindex(2, 2, 2)), device=places.device)
+    # Sums of products: a GPU has no matrix product of whole numbers.
+    first, steps = ((voxels * strides).sum(dim=1) for voxels in (lower.long(), corners))
+    return first[:, None] + steps, weights
+
+
+class CubeConvolution(nn.Module):
+    """A 3D convolution over the cubes of voxels around a point, with one cube for every scale of an image.
+
+    z(x) = b + Σ_s Σ_o w_s[o] · I_s(x + o). Here o runs over the size³ offsets by whole voxels of scale s, and I_s is
+    the image at scale s with trilinear interpolation, zero outside. Because the offsets are whole voxels, two
+    computations are equivalent: extracting the cubes at every point and convolving them (:meth:`cut`), and convolving
+    the image once and interpolating the result (:meth:`maps` and :meth:`at`). They agree up to rounding in values and
+    gradients, also in gradients with respect to the points.
+
+    Parameters
+    ----------
+    n_features : int
+    n_scales : int
+        Number of images, at 1, 2, 4, ... times the voxel size.
+    size : int
+        Number of voxels along each side of a cube, odd.
+    generator : generator or int
+        Source of the initial weights, normal with standard deviation 1/√(inputs). The bias is initially zero.
+
+    Raises
+    ------
+    ValueError
+        If a count is not a positive integer, or ``size`` is even.
+
+    References
+    ----------
+    Le et al., ICLR 2024, appendix (network architecture); Ma et al., *CortexODE*, IEEE TMI 2022.
+    """
+
+    def __init__(self, n_features: int = 128, n_scales: int = 3, size: int = 5, generator: Generator = 0):
+        super().__init__()
+        for name, count in (("n_features", n_features), ("n_scales", n_scales), ("size", size)):
+            require_positive_integer(count, name)
+        if size % 2 == 0:
+            raise ValueError(f"size is {size}; an odd number is needed, so that the cube has a voxel in its middle")
+        shape = (n_features, n_scales, size, size, size)
+        weight = numpy_generator(generator).standard_normal(shape) / np.sqrt(n_scales * size**3)
+        self.weight = nn.Parameter(torch.from_numpy(weight))
+        self.bias = nn.Parameter(torch.zeros(n_features, dtype=torch.float64))
+
+    def images(self, volume: Volume) -> tuple[Volume, ...]:
+        """The volume at each of the scales of the convolution."""
+        return volume_pyramid(volume, self.weight.shape[1])
+
+    def maps(self, images: tuple[Volume, ...]) -> tuple[FeatureMap, ...]:
+        """The convolution of every image, as input of :meth:`at`."""
+        self._require_scales(images)
+        half = self.weight.shape[-1] // 2
+        padding = 2 * half + 1  # all positions where a cube overlaps the image, and one layer of zeros around them
+        maps = []
+        for image, kernel in zip(images, self.weight.unbind(dim=1)):
+            data = torch.as_tensor(image.data).to(kernel)
+            values = nn.functional.conv3d(data[None, None], kernel[:, None], padding=padding)[0].permute(1, 2, 3, 0)
+            maps.append(FeatureMap(values.flatten(0, 2), tuple(values.shape[:3]), image, half + 1))
+        return tuple(maps)
+
+    def at(self, maps: tuple[FeatureMap, ...], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
+        """The features at points in mm, from the convolved images of :meth:`maps`."""
+        return self.bias + sum(level.at(points) for level in maps)
+
+    def stacked(self, images: tuple[Volume, ...]) -> StackedImages:
+        """The images on the device of the layer, as input of :meth:`cut`."""
+        self._require_scales(images)
+        return StackedImages(images, self.weight.shape[-1], self.weight)
+
+    def corner_kernels(self) -> Float[Tensor, "scales voxels columns"]:
+        """The kernel at each corner of a voxel, for the (size + 1)³ voxels around: input of :meth:`cut`."""
+        padded = [nn.functional.pad(self.weight, (z, 1 - z, y, 1 - y, x, 1 - x)) for x, y, z in np.ndindex(2, 2, 2)]
+        return torch.stack(padded).flatten(3).permute(2, 3, 0, 1).flatten(2)
+
+    def cut(self, images: StackedImages, kernels: Tensor, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
+        """The same features, from cubes extracted around every point. On a CPU slow for many points.
+
+        ``kernels`` are those of :meth:`corner_kernels`. They follow the weights, so they are made again in every step.
+        """
+        voxels, shares = images.corners(points)
+        at_corners = torch.bmm(voxels, kernels).unflatten(2, (8, -1))  # (scales, n, 8, features)
+        return self.bias + (at_corners * shares[..., None]).sum(dim=(0, 2))
+
+    def _require_scales(self, images: tuple[Volume, ...]) -> None:
+        if len(images) != self.weight.shape[1]:
+            raise ValueError(
+                f"{len(images)} images were given, {self.weight.shape[1]} are needed: see CubeConvolution.images"
+            )
+
+
+# Image features computed only at the voxels near points, each once, on first use.
+
+
+class VisitedFeatures:
+    """The features of :meth:`meshot.model.deformation.CubeConvolution.at`, convolved only at visited voxels.
+
+    A surface is near only about a tenth of the voxels in its bounding box. Rows of features for all scales are kept in
+    one table, so that each voxel is convolved once. Runs on a CPU. Only first derivatives are available.
+
+    Parameters
+    ----------
+    cubes : CubeConvolution
+    images : tuple of Volume
+        One per scale, see :meth:`meshot.model.deformation.CubeConvolution.images`.
+    """
+
+    def __init__(self, cubes: CubeConvolution, images: tuple[Volume, ...]):
+        self.cubes = cubes
+        self.levels = [_Level(image, cubes.weight.shape[-1], cubes.weight) for image in images]
+        self.rows = _Rows(cubes.weight)
+        self.values = cubes.weight.new_zeros((0, cubes.weight.shape[0]))
+
+    def at(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
+        """Features at points in mm, by trilinear interpolation, zero outside the image. Differentiable."""
+        places = [level.places(points) for level in self.levels]
+        found, self.values = _Interpolated.apply(self, self.cubes.weight, self.values, *places)
+        return self.cubes.bias + found
+
+
+class _Level:
+    """One scale: the image, padded so that every overlapping cube is inside, and the row of every visited voxel."""
+
+    def __init__(self, image: Volume, size: int, like: Tensor):
+        half = size // 2
+        self.image, self.size, self.margin = image, size, half + 1
+        self.shape = tuple(n + 2 * self.margin for n in image.data.shape)
+        self.padded = np.pad(image.data, self.margin + half).astype(_numpy_dtype(like))
+        self.row_of = np.full(np.prod(self.shape), -1, np.int32)
+
+    def places(self, points: Tensor) -> Tensor:
+        """Points in voxels of the padded grid. Those outside are clipped to its border, where features are zero."""
+        last = points.new_tensor(self.shape) - 1
+        return torch.minimum((mm_to_voxel(self.image, points) + self.margin).clamp(min=0), last)
+
+    def cubes(self, voxels: Int64[Array, " k"]) -> Float[Array, "k cube"]:
+        """The cubes of values around the given voxels."""
+        cubes = np.empty((len(voxels), self.size**3), self.padded.dtype)
+        _kernel_cubes.cut_cubes(self.padded, voxels, self.shape, self.size, cubes)
+        return cubes
+
+
+class _Rows:
+    """A growing buffer for rows of features, so that appending rarely copies."""
+
+    def __init__(self, like: Tensor):
+        self.room = like.detach().new_empty((0, like.shape[0]))
+
+    def with_rows(self, n_rows: int) -> Tensor:
+        """The first ``n_rows`` rows. Rows written before are kept."""
+        if n_rows > len(self.room):
+            larger = self.room.new_empty((max(n_rows, 3 * len(self.room) // 2), self.room.shape[1]))
+            larger[: len(self.room)] = self.room
+            self.room = larger
+        return self.room[:n_rows]
+
+
+class _Interpolated(torch.autograd.Function):
+    """Features at positions on every level, and the table of rows including the new ones.
+
+    The table is passed from call to call, and its gradient in the opposite order. Each call adds its own gradient to
+    it, uses the part of the rows that it made for the gradient of the weight, and passes on the rest.
+    """
+
+    @staticmethod
+    def forward(ctx, features, weight, before, *places):
+        ctx.set_materialize_grads(False)
+        ctx.levels, ctx.made, n_rows = features.levels, [], len(before)
+        kernels = weight.detach().flatten(2)  # (features, scales, size³)
+        # A position with NaN has no voxel. It is looked up at the first voxel, and its features are set to NaN.
+        lost = torch.stack([place.detach().isnan().any(dim=1) for place in places]).any(dim=0)
+        arrays = [np.ascontiguousarray(place.detach().nan_to_num().numpy()) for place in places]
+        for scale, (level, array) in enumerate(zip(features.levels, arrays, strict=True)):
+            new = _kernel_cubes.visit(array, level.shape, level.row_of, n_rows)
+            cubes = torch.from_numpy(level.cubes(new))
+            table = features.rows.with_rows(n_rows + len(new))
+            torch.mm(cubes, kernels[:, scale].T, out=table[n_rows:])
+            ctx.made.append((slice(n_rows, n_rows + len(new)), cubes))
+            n_rows += len(new)
+        found = weight.new_zeros((len(arrays[0]), weight.shape[0]))
+        for level, array in zip(features.levels, arrays, strict=True):
+            _kernel_cubes.interpolate(array, level.shape, level.row_of, table.numpy(), found.numpy())
+        found[lost] = torch.nan
+        # Keeping an output itself would keep the graph, and all its memory, alive.
+        ctx.arrays, ctx.table, ctx.n_before, ctx.weight_shape = arrays, table.detach(), len(before), weight.shape
+        return found, table
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, grad_output, table_gradient):
+        if table_gradient is None:
+            table_gradient = torch.zeros_like(ctx.table)
+        place_gradients = [np.zeros_like(array) for array in ctx.arrays]
+        if grad_output is not None:
+            given, into, values = grad_output.contiguous().numpy(), table_gradient.numpy(), ctx.table.numpy()
+            for level, array, place_gradient in zip(ctx.levels, ctx.arrays, place_gradients, strict=True):
+                _kernel_cubes.carry_back(array, level.shape, level.row_of, values, given, into, place_gradient)
+        weight_gradient = torch.stack([table_gradient[rows].T @ cubes for rows, cubes in ctx.made], dim=1)
+        return (
+            None,
+            weight_gradient.view(ctx.weight_shape),
+            table_gradient[: ctx.n_before],
+            *map(torch.from_numpy, place_gradients),
+        )
+
+
+def _numpy_dtype(tensor: Tensor) -> np.dtype:
+    return torch.empty(0, dtype=tensor.dtype).numpy().dtype

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import torch
 from torch import nn
 
 from meshot.model.segmentation import folded, initialise, require_levels
 from meshot.rng import Generator
-from meshot.types import Float, Tensor
+from meshot.types import Float, Int64, Tensor
 from meshot.volume import Volume, mm_to_voxel
 
 SLOPE = 0.2  # slope of the leaky ReLU for negative values
@@ -133,3 +134,121 @@ def sample_features(
         for each in maps
     ]
     return torch.cat(found, dim=1)
+
+
+# Convolutions on the graph of a mesh, and residual blocks of them.
+
+
+class GraphConvolution(nn.Module):
+    """For every vertex, one linear map of its own features plus the mean of another over its neighbours.
+
+    Parameters
+    ----------
+    n_in, n_out : int
+        Number of features.
+
+    References
+    ----------
+    Wang et al., *Pixel2Mesh*, ECCV 2018; the mean over neighbours as in Bongratz et al., *Vox2Cortex*, CVPR 2022.
+    """
+
+    def __init__(self, n_in: int, n_out: int):
+        super().__init__()
+        self.own, self.others = nn.Linear(n_in, n_out), nn.Linear(n_in, n_out, bias=False)
+
+    def forward(self, features: Float[Tensor, "v c"], edges: Int64[Tensor, "e 2"]) -> Float[Tensor, "v d"]:
+        """The new features.
+
+        Parameters
+        ----------
+        features : tensor
+        edges : tensor
+            Every edge once, as a pair of vertex indices.
+        """
+        sent, ends, starts = self.others(features), edges.flatten(), edges.flip(1).flatten()
+        n_neighbours = torch.bincount(ends, minlength=len(features)).clamp(min=1).to(sent)
+        return self.own(features) + torch.zeros_like(sent).index_add(0, ends, sent[starts]) / n_neighbours[:, None]
+
+
+class ResidualGraphBlock(nn.Module):
+    """Graph convolutions with ReLU, and the input added at the end, after a linear map if the widths differ.
+
+    Every convolution is followed by a normalisation over the features of each vertex.
+
+    Parameters
+    ----------
+    n_in, n_out : int
+    n_layers : int
+        Number of graph convolutions.
+    """
+
+    def __init__(self, n_in: int, n_out: int, n_layers: int = 2):
+        super().__init__()
+        self.layers = nn.ModuleList(GraphConvolution(n_in if k == 0 else n_out, n_out) for k in range(n_layers))
+        self.norms = nn.ModuleList(nn.LayerNorm(n_out) for _ in range(n_layers))
+        self.beside = nn.Linear(n_in, n_out) if n_in != n_out else nn.Identity()
+
+    def forward(self, features: Float[Tensor, "v c"], edges: Int64[Tensor, "e 2"]) -> Float[Tensor, "v d"]:
+        """The new features. The arguments are those of a graph convolution."""
+        values = features
+        for layer, norm in zip(self.layers, self.norms):
+            last = layer is self.layers[-1]
+            values = norm(layer(values, edges))
+            values = values if last else nn.functional.relu(values)
+        return nn.functional.relu(values + self.beside(features))
+
+
+# Images of several scales in one tensor, from which all cubes around points are cut at once.
+
+
+class StackedImages:
+    """Images of several scales on one device, each with a border of zeros, one after the other in a flat tensor.
+
+    A cube around a point needs the voxels at whole distances from it, each interpolated with the same weights. So the
+    (size + 1)³ voxels around are taken once. Interpolation and convolution are both linear. The convolution comes first
+    (:meth:`meshot.model.deformation.CubeConvolution.cut`), as one matrix product: interpolated cubes are never stored.
+
+    Parameters
+    ----------
+    images : sequence of Volume
+    size : int
+        Number of voxels along each side of a cube.
+    like : tensor
+        Its dtype and device are used.
+    """
+
+    def __init__(self, images: tuple[Volume, ...], size: int, like: Tensor):
+        half = size // 2
+        self.size, self.margin = size, half + 1
+        padded = [np.pad(image.data, self.margin + half) for image in images]
+        self.values = torch.cat([torch.from_numpy(np.ascontiguousarray(each)).to(like).flatten() for each in padded])
+        shapes = np.array([each.shape for each in padded])
+        strides = np.stack([shapes[:, 1] * shapes[:, 2], shapes[:, 2], np.ones(len(images), np.int64)], axis=1)
+        starts = np.cumsum([0, *(each.size for each in padded)])[:-1]
+        around = np.array(list(np.ndindex(*[size + 1] * 3)))
+        self.starts = torch.from_numpy(starts)[:, None].to(like.device)  # (scales, 1)
+        self.strides = torch.from_numpy(strides)[:, None].to(like.device)  # (scales, 1, 3)
+        self.around = torch.from_numpy(strides @ around.T)[:, None].to(like.device)  # (scales, 1, (size + 1)³)
+        #: The last place whose cubes are inside; a cube there has no voxel of the image.
+        self.last = torch.from_numpy(shapes - 2 * half - 1)[:, None].to(like)
+        to_voxels = np.stack([np.linalg.inv(image.affine) for image in images])
+        self.turn = torch.from_numpy(to_voxels[:, :3, :3].transpose(0, 2, 1).copy()).to(like)
+        self.shift = torch.from_numpy(to_voxels[:, None, :3, 3] + self.margin).to(like)
+
+    def corners(
+        self, points: Float[Tensor, "n 3"]
+    ) -> tuple[Float[Tensor, "scales n voxels"], Float[Tensor, "scales n 8"]]:
+        """The voxels around points in mm, zero outside the image, and the weights of the eight cubes among them.
+
+        A cube around a point is the weighted sum of the eight cubes of (size)³ voxels that begin at the corners of the
+        first voxel, in the order of ``np.ndindex(2, 2, 2)``. The weights are those of trilinear
+        interpolation, and differentiable in the points.
+        """
+        # Distant points are clipped to the border, where all cubes are zero.
+        places = torch.minimum((points @ self.turn + self.shift).clamp(min=0), self.last)
+        lower = torch.minimum(places.detach().nan_to_num().floor(), self.last - 1)
+        shares = torch.stack([lower + 1 - places, places - lower], dim=3)  # (scales, n, 3, 2)
+        x, y, z = shares.unbind(dim=2)
+        weights = x[..., :, None, None] * y[..., None, :, None] * z[..., None, None, :]
+        first = (lower.long() * self.strides).sum(dim=2) + self.starts
+        return self.values[first[..., None] + self.around], weights.flatten(2)

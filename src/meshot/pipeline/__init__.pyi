@@ -1,18 +1,60 @@
-from .examples import InitialSurfaces as InitialSurfaces
-from .hemisphere import hemisphere_region as hemisphere_region, restricted as restricted
+from .correspondence import (
+    CarriedTemplate as CarriedTemplate,
+    carry_template as carry_template,
+)
 from .initial_surface import (
     DEPTH_WEIGHT as DEPTH_WEIGHT,
+    PROBABILITY_WEIGHT_MM as PROBABILITY_WEIGHT_MM,
     TissueSurface as TissueSurface,
+    hemisphere_region as hemisphere_region,
+    restricted as restricted,
+    segmented_surface as segmented_surface,
     tissue_surface as tissue_surface,
 )
-from .networks import (
+from .quality import (
+    average_warnings as average_warnings,
+    warning_names as warning_names,
+)
+from .reconstruction import (
     SEGMENTATION as SEGMENTATION,
+    Progress as Progress,
+    Reconstruction as Reconstruction,
     TrainedNetworks as TrainedNetworks,
     load_networks as load_networks,
+    reconstruct as reconstruct,
     segmentation_weights as segmentation_weights,
 )
-from .reconstruction import Reconstruction as Reconstruction, reconstruct as reconstruct
-from .stages import Progress as Progress
-from .system_training import run_system_training as run_system_training
-from .training_files import LOG as LOG, RECORD as RECORD, STATE_FOLDER as STATE_FOLDER, WEIGHTS as WEIGHTS
-from .warning_table import average_warnings as average_warnings, warning_names as warning_names
+from .report import (
+    OVERVIEW as OVERVIEW,
+    PAGE as PAGE,
+    REPORT as REPORT,
+    SHORT as SHORT,
+    TEMPLATE as TEMPLATE,
+    itk_transform as itk_transform,
+    lta_transform as lta_transform,
+    seconds_by_stage as seconds_by_stage,
+    structure_of as structure_of,
+    white_matter_labels as white_matter_labels,
+    write_flat as write_flat,
+    write_found as write_found,
+    write_reconstruction as write_reconstruction,
+)
+from .segmentation import (
+    example as example,
+    in_scanner as in_scanner,
+    reduced_volume as reduced_volume,
+    run_segmentation_training as run_segmentation_training,
+    segment as segment,
+    segmentation_config as segmentation_config,
+    train_segmentation as train_segmentation,
+)
+from .training import (
+    InitialSurfaces as InitialSurfaces,
+    run_system_training as run_system_training,
+)
+from .training_files import (
+    LOG as LOG,
+    RECORD as RECORD,
+    STATE_FOLDER as STATE_FOLDER,
+    WEIGHTS as WEIGHTS,
+)

@@ -1,20 +1,62 @@
 """From one scan to the white surfaces, and perhaps pial ones, of both hemispheres, in the scanner's space."""
 
+import contextlib
 import dataclasses
-from collections.abc import Mapping
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 
-from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
-from meshot.flow.crossings import RepairedSurface, repair_crossings
+from meshot.anatomy import HEMISPHERES, Hemisphere, from_mni152, in_mni152, mni152_t1, placed_by_white_matter
+from meshot.flow import RepairedSurface, repair_crossings
 from meshot.mesh import Mesh
-from meshot.model import SegmentationNetwork
-from meshot.pipeline.correspondence import CarriedTemplate
-from meshot.pipeline.placing import carried_in_place, placed_white_matter
-from meshot.pipeline.quality_warnings import require_no_warnings, scan_warnings, surface_warnings, volume_warnings
-from meshot.pipeline.segmentation.segmenting import in_scanner
-from meshot.pipeline.segmentation.surface import SegmentedSurface, segmented_surface
-from meshot.pipeline.stages import Progress, StageClock
-from meshot.systems import Scan, SurfaceKey, SurfaceSystem
-from meshot.volume import StandardScan, Volume, standard_scan
+from meshot.model import SegmentationNetwork, network_digest, read_weights
+from meshot.pipeline.correspondence import CarriedTemplate, carry_template
+from meshot.pipeline.initial_surface import SegmentedSurface, segmented_surface
+from meshot.pipeline.quality import require_no_warnings, scan_warnings, surface_warnings, volume_warnings
+from meshot.pipeline.segmentation import in_scanner, white_matter
+from meshot.systems import SHIPPED, Scan, SurfaceKey, SurfaceSystem, load_system
+from meshot.types import PLACEMENTS, Placement
+from meshot.volume import StandardScan, Volume, largest_component, standard_scan
+
+# Timing and progress reports of computations that consist of stages.
+
+#: Called with the name of the stage that begins, the number of finished stages, and the number of stages.
+Progress = Callable[[str, int, int], None]
+
+
+class StageClock:
+    """A timer for stages, which also reports progress.
+
+    Parameters
+    ----------
+    n_stages : int
+    progress : callable, optional
+        Called at the start of each stage.
+    """
+
+    def __init__(self, n_stages: int, progress: Progress | None = None):
+        self.n_stages, self.progress = n_stages, progress
+        self.cpu_seconds: dict[str, float] = {}
+        self.wall_seconds: dict[str, float] = {}
+
+    @contextlib.contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Measure the block's processor time (of all threads) and wall-clock time, in seconds."""
+        self._tell(name)
+        cpu, wall = time.process_time(), time.perf_counter()
+        yield
+        self.cpu_seconds[name] = time.process_time() - cpu
+        self.wall_seconds[name] = time.perf_counter() - wall
+
+    def end(self) -> None:
+        """Report that the last stage is finished."""
+        self._tell("")
+
+    def _tell(self, name: str) -> None:
+        if self.progress is not None:
+            self.progress(name, len(self.cpu_seconds), self.n_stages)
+
 
 _WHITE = tuple((side, "white") for side in HEMISPHERES)
 # The package's flows leave more than 1 % of the faces crossing in most heads, and less than 3 %. Smoothing is enough
@@ -101,7 +143,7 @@ def reconstruct(
 
     The stages are: registration to the MNI152 average, segmentation of white matter, initial surfaces, the system,
     repair of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the
-    result has no crossing faces: see :func:`meshot.flow.crossings.repair_crossings`. A system may ask for
+    result has no crossing faces: see :func:`meshot.flow.repair_crossings`. A system may ask for
     scans that are placed by their white matter: then it is found twice, before and after
     :func:`meshot.anatomy.placed_by_white_matter`.
 
@@ -121,7 +163,7 @@ def reconstruct(
         Whether a warning is an error: of the scan before it is segmented, of the surfaces at the end.
     correspondence : bool
         Whether to carry fsaverage5's white surface to each result, so that vertices correspond between people: see
-        :func:`meshot.pipeline.correspondence.carry_template`. Some fifty seconds of one core for each side.
+        :func:`meshot.pipeline.carry_template`. Some fifty seconds of one core for each side.
 
     Raises
     ------
@@ -184,3 +226,128 @@ def _surface(
         template = dataclasses.replace(template, mesh=in_scanner(template.mesh, scan))
     white = initial if white is None else white
     return HemisphereSurface(initial, white, segmented, repaired.get(key), template, pial)
+
+
+# The trained networks of a reconstruction: the segmentation network and a system, with the package's weights.
+
+SEGMENTATION = "segmentation.safetensors"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TrainedNetworks:
+    """The trained networks of a reconstruction.
+
+    Parameters
+    ----------
+    segmentation : SegmentationNetwork
+    system : SurfaceSystem or None
+        None if only initial surfaces are needed.
+    records : dict
+        The record of the training of each network, by file name.
+    """
+
+    segmentation: SegmentationNetwork
+    system: SurfaceSystem | None
+    records: dict[str, dict]
+
+
+def segmentation_weights(path: str | os.PathLike | None = None) -> Path:
+    """The path of the weights of the segmentation network: ``path``, or the file in the package.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing.
+    """
+    found = SHIPPED / SEGMENTATION if path is None else Path(path)
+    if not found.is_file():
+        place = "this installation came without them" if path is None else f"{found} does not exist"
+        raise ValueError(
+            f"the weights of the segmentation network are missing: {place}; name their file (--segmentation), or train "
+            "them (meshot train-segmentation)"
+        )
+    return found
+
+
+def require_placement(segmentation: SegmentationNetwork, placement: Placement, what: str) -> None:
+    """Check that a segmentation network can place scans as they are needed.
+
+    A network that learned from scans placed by their white matter knows the other placement, too.
+    """
+    if placement != PLACEMENTS[0] and segmentation.placement == PLACEMENTS[0]:
+        raise ValueError(
+            f"{what} needs scans that are placed by {placement}, and the segmentation network learned from scans that "
+            f"are placed by {segmentation.placement}: name another one (--segmentation), or leave it out"
+        )
+
+
+def load_networks(
+    system: str | None = None,
+    weights: str | os.PathLike | None = None,
+    segmentation: str | os.PathLike | None = None,
+    initial_only: bool = False,
+    device: str | None = None,
+) -> TrainedNetworks:
+    """Load the networks of a reconstruction.
+
+    Parameters
+    ----------
+    system : str, optional
+        The name of a system. By default that of the package.
+    weights : path, optional
+        The folder with the parts of the system. By default that of the package.
+    segmentation : path, optional
+        The weights of the segmentation network. By default those of the package.
+    initial_only : bool
+        Whether to load no system.
+    device : str, optional
+        Where the networks compute, such as "cuda". By default the processor. The other stages of a reconstruction use
+        the processor.
+
+    Raises
+    ------
+    ValueError
+        If a system is unknown, a file is missing or of another kind, or the system was trained on initial surfaces of
+        another segmentation network.
+    """
+    network, record = read_weights(segmentation_weights(segmentation), SegmentationNetwork)
+    if initial_only:
+        return TrainedNetworks(network.to(device), None, {SEGMENTATION: record})
+    found = load_system(system, weights)
+    records = {f"{name}.safetensors": part.record for name, part in found.parts.items()}
+    for name, each in records.items():
+        if each.get("results", {}).get("segmentation_sha256", network_digest(network)) != network_digest(network):
+            raise ValueError(
+                f"{name} was learned from initial surfaces of another network than {SEGMENTATION}: name the one that "
+                "it was trained with (--segmentation), or train it anew (meshot train --segmentation)"
+            )
+    require_placement(network, found.placement, found.name)
+    for part in found.parts.values():
+        part.network.to(device)
+    return TrainedNetworks(network.to(device), found, {SEGMENTATION: record} | records)
+
+
+# Scans where a system knows them: placed by grey values, or by the white matter that the segmentation finds.
+
+
+def placed_white_matter(
+    scan: Volume, first: StandardScan, network: SegmentationNetwork, placement: Placement
+) -> tuple[StandardScan, dict[Hemisphere, Volume], list[str]]:
+    """A registered scan in the place that is needed, the probability of white matter there, and warnings."""
+    found = white_matter(first, network)
+    if placement == PLACEMENTS[0]:
+        return first, found, []
+    masks = [largest_component(probability.data > 0.5) for probability in found.values()]
+    try:
+        placed = placed_by_white_matter(scan, first, first.volume.with_data(masks[0] | masks[1]))
+    except ValueError as error:
+        return first, found, [f"the white matter does not place the scan ({error}): is it a T1 of a whole brain?"]
+    return placed, white_matter(placed, network), []
+
+
+def carried_in_place(mesh: Mesh, side: Hemisphere, placement: Placement) -> CarriedTemplate:
+    """:func:`meshot.pipeline.carry_template` for a surface of either standard space."""
+    if placement == PLACEMENTS[0]:
+        return carry_template(mesh, side)
+    carried = carry_template(in_mni152(mesh), side)
+    return dataclasses.replace(carried, mesh=from_mni152(carried.mesh))

@@ -11,7 +11,9 @@ from tqdm import tqdm
 
 from meshot.files import naming_a_full_disk, printable_name
 from meshot.provenance import provenance, write_results
+from meshot.synth import Subject, read_recipe, scans
 from meshot.train import Progress, TrainingLog, read_log
+from meshot.types import PLACEMENTS, Placement
 from meshot.view import write_training_figure
 
 #: The suffixes of the output files of a trained network.
@@ -52,19 +54,6 @@ def whole_record(folder: Path, config: dict, results: dict, command: str, cohort
 
     The provenance is that of the last session in which a step was taken. ``commits`` in the results lists those of all
     sessions.
-
-    Parameters
-    ----------
-    folder : path
-        The folder in which :func:`run_watched_training` recorded the sessions.
-    config : dict
-        All settings, as JSON values.
-    results : dict
-        See :meth:`meshot.train.Training.results`.
-    command : str
-        The command that repeats the training.
-    cohorts : sequence of str
-        The names of the cohorts.
     """
     sessions = read_log(folder / SESSIONS) if (folder / SESSIONS).is_file() else [provenance()]
     commits = list(dict.fromkeys(session["commit"] for session in sessions))
@@ -75,11 +64,6 @@ def write_record(folder: Path, name: str, record: dict, log: list[dict]) -> None
     """Write the record of a trained network with its provenance, its log, and a picture of the log.
 
     The files in ``folder`` are ``NAME.json``, ``NAME.log.jsonl`` and ``NAME.png``.
-
-    Raises
-    ------
-    ValueError
-        If the record cannot be written as JSON.
     """
     made = {key: record[key] for key in provenance() if key in record}
     config = {key: value for key, value in record.items() if key not in (*made, "results", "command", "cohorts")}
@@ -113,3 +97,27 @@ def _shown(path: str | os.PathLike) -> str:
     """A path without the absolute part that depends on this machine."""
     path = Path(path)
     return printable_name(path.as_posix() if not path.is_absolute() else path.name)
+
+
+# The scans of one split of one or more cohorts, and their placement on the standard grid.
+
+
+def scans_of(cohorts: Sequence[str | os.PathLike], split: str) -> list[Subject]:
+    """All finished scans of a split, in the order of the cohorts."""
+    found = [subject for cohort in cohorts for subject in scans(cohort, split)]
+    if not found:
+        raise ValueError(f"no scan of the split {split!r} in {', '.join(map(str, cohorts)) or 'no cohort'}: make one")
+    return found
+
+
+def placement_of(cohorts: Sequence[str | os.PathLike]) -> Placement:
+    """What placed the scans of cohorts on the standard grid; without a recipe, the registration of grey values."""
+    recipes = {str(cohort): Path(cohort) / "recipe.yaml" for cohort in cohorts}
+    found = {name: read_recipe(path).standard if path.is_file() else PLACEMENTS[0] for name, path in recipes.items()}
+    if len(set(found.values())) > 1:
+        each = ", ".join(f"{name} by {placement}" for name, placement in found.items())
+        raise ValueError(
+            f"scans are placed differently: {each}; train on cohorts with one placement; "
+            "meshot make-cohort --standard chooses it"
+        )
+    return next(iter(found.values()), PLACEMENTS[0])

@@ -1,4 +1,4 @@
-"""The T1-weighted scans of a BIDS data set, by the names that the BIDS specification allows."""
+"""What is reconstructed together: one participant in one session."""
 
 import dataclasses
 import functools
@@ -9,9 +9,204 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from meshot.extras import needing
-from meshot.study.bids_files import Ignored, description_of, sidecar_of
-from meshot.study.brain_masks import brain_mask_of
-from meshot.study.visits import Visit, bare_label
+
+#: The file by which a BIDS data set is known.
+DESCRIPTION = "dataset_description.json"
+ENDINGS = (".nii", ".nii.gz", ".mgz", ".mgh")
+_ENTITY = re.compile(r"([a-z]+)-([0-9a-zA-Z+]+)")
+
+
+@dataclasses.dataclass(frozen=True)
+class Visit:
+    """The scans of one participant in one session, which give one pair of surfaces.
+
+    Parameters
+    ----------
+    participant : str
+        Without ``sub-``.
+    session : str, optional
+        Without ``ses-``. None if there are no sessions.
+    scans : tuple of pathlib.Path
+        One scan, or several that are averaged.
+    entities : tuple of pairs
+        What all scans have in common, such as ``("acq", "mprage")``, without participant and session.
+    mask : pathlib.Path, optional
+        The brain mask, on the grid of the first scan.
+    notes : tuple of str
+        What was chosen.
+    warnings : tuple of str
+    trouble : str, optional
+        Why there is nothing to reconstruct.
+    """
+
+    participant: str
+    session: str | None = None
+    scans: tuple[Path, ...] = ()
+    entities: tuple[tuple[str, str], ...] = ()
+    mask: Path | None = None
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    trouble: str | None = None
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Participant and session as BIDS writes them, such as ``("sub-01", "ses-02")``."""
+        return (f"sub-{self.participant}", *([f"ses-{self.session}"] if self.session else []))
+
+    @property
+    def label(self) -> str:
+        """Participant and session in one word, such as ``sub-01_ses-02``."""
+        return "_".join(self.parts)
+
+    @property
+    def prefix(self) -> str:
+        """The start of the names of its files in BIDS, such as ``sub-01_ses-02_acq-mprage``."""
+        return "_".join([*self.parts, *(f"{key}-{value}" for key, value in self.entities)])
+
+
+def entities_of(name: str) -> dict[str, str]:
+    """The entities in the name of a file, such as ``{"sub": "01", "run": "1"}``; without those that are none."""
+    found = [_ENTITY.fullmatch(part) for part in name.split(".")[0].split("_")]
+    return {match[1]: match[2] for match in found if match}
+
+
+def bare_label(label: str, kind: str) -> str:
+    """A label as it stands in names: ``01`` for ``01`` and for ``sub-01``."""
+    bare = label.removeprefix(f"{kind}-")
+    if not re.fullmatch(r"[0-9a-zA-Z+]+", bare):
+        raise ValueError(f"{label!r} is no label; letters and digits are needed, such as 01 or {kind}-01")
+    return bare
+
+
+def visits_of_files(paths: Sequence[Path]) -> list[Visit]:
+    """A visit for each file; participant and session are taken from names as BIDS has them, or are the whole name.
+
+    Parameters
+    ----------
+    paths : sequence of pathlib.Path
+
+    Raises
+    ------
+    ValueError
+        If two files would have the same label, or a name holds no letter and no digit.
+    """
+    found: dict[str, Visit] = {}
+    for path in paths:
+        entities = entities_of(path.name)
+        participant = entities.get("sub") or re.sub(r"[^0-9a-zA-Z]", "", _stem(path.name))
+        if not participant:
+            raise ValueError(f"{path} has no letter and no digit in its name, and gives no label; rename it")
+        visit = Visit(participant, entities.get("ses"), (path,))
+        if visit.label in found:
+            other = found[visit.label].scans[0]
+            raise ValueError(f"{other} and {path} would both be {visit.label}; rename one, or reconstruct them apart")
+        found[visit.label] = visit
+    return list(found.values())
+
+
+def visits_of_folder(folder: Path) -> list[Visit]:
+    """A visit for each scan in a folder that is not BIDS.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+
+    Raises
+    ------
+    ValueError
+        If there is no scan; otherwise as :func:`meshot.study.visits_of_files`.
+    """
+    paths = sorted(path for path in folder.iterdir() if path.name.lower().endswith(ENDINGS) and path.is_file())
+    if not paths:
+        raise ValueError(
+            f"{folder} holds no scan ({', '.join(ENDINGS)}) and no dataset_description.json; name the top folder of a "
+            "BIDS data set, or a folder of scans"
+        )
+    return visits_of_files(paths)
+
+
+def _stem(name: str) -> str:
+    ending = next((e for e in sorted(ENDINGS, key=len, reverse=True) if name.lower().endswith(e)), "")
+    return name[: len(name) - len(ending)].removesuffix("_T1w")
+
+
+# Files that hold a JSON object.
+
+
+def json_of(file: Path) -> dict:
+    """The JSON object in a file."""
+    try:
+        found = json.loads(file.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{file} is not JSON in UTF-8 ({error}); mend it") from error
+    if not isinstance(found, dict):
+        raise ValueError(f"{file} holds a {type(found).__name__}; a JSON object, {{...}}, is needed: mend it")
+    return found
+
+
+# The small files of a BIDS data set: its description, ``.bidsignore``, and the sidecars of scans.
+
+with needing("bids"):
+    import pathspec
+
+IGNORE = ".bidsignore"
+
+
+class Ignored:
+    """Whether ``.bidsignore`` of a data set names a path, by the rules of gitignore.
+
+    Parameters
+    ----------
+    dataset : pathlib.Path
+        The top folder.
+    """
+
+    def __init__(self, dataset: Path):
+        self.dataset = dataset
+        file = dataset / IGNORE
+        lines = file.read_text(encoding="utf-8", errors="replace").splitlines() if file.is_file() else []
+        self.patterns = pathspec.GitIgnoreSpec.from_lines(lines)
+
+    def __call__(self, path: Path) -> bool:
+        """Whether a path in the data set is ignored."""
+        relative = path.relative_to(self.dataset).as_posix()
+        return self.patterns.match_file(f"{relative}/" if path.is_dir() else relative)
+
+
+def description_of(dataset: Path) -> dict:
+    """What ``dataset_description.json`` of a data set holds."""
+    if not dataset.is_dir():
+        raise ValueError(f"{dataset} is no folder; name the top folder of a BIDS data set")
+    file = dataset / DESCRIPTION
+    if not file.is_file():
+        raise ValueError(
+            f"{dataset} has no {DESCRIPTION}, which every BIDS data set has; name its top folder, or complete the data "
+            'set: a minimum is {"Name": "my study", "BIDSVersion": "1.10.0"}'
+        )
+    found = json_of(file)
+    missing = [key for key in ("Name", "BIDSVersion") if key not in found]
+    if missing:
+        raise ValueError(f"{file} lacks {' and '.join(missing)}; add what is missing")
+    return found
+
+
+def sidecar_of(dataset: Path, scan: Path) -> dict:
+    """The facts about a scan in its sidecars; those nearer to the scan count more (the inheritance principle)."""
+    entities, facts = entities_of(scan.name).items(), {}
+    suffix = scan.name.split(".")[0].split("_")[-1]
+    folders = [folder for folder in (scan.parent, *scan.parent.parents) if folder.is_relative_to(dataset)]
+    for folder in reversed(folders):
+        fitting = [
+            file
+            for file in folder.glob(f"*{suffix}.json")
+            if file.name.split(".")[0].split("_")[-1] == suffix and entities_of(file.name).items() <= entities
+        ]
+        for file in sorted(fitting, key=lambda file: len(entities_of(file.name))):
+            facts |= json_of(file)
+    return facts
+
+
+# The T1-weighted scans of a BIDS data set, by the names that the BIDS specification allows.
 
 with needing("bids"):
     import bidsschematools.rules
@@ -225,3 +420,46 @@ def _sidecar_warnings(dataset: Path, path: Path) -> list[str]:
             f"{1000 * LONGEST_ECHO:g} ms: is it a T2?"
         ]
     return []
+
+
+# Brain masks from a data set of derivatives.
+
+#: Spaces that are the grid of the scan.
+_OWN_SPACES = (None, "T1w", "orig")
+_FREE = ("space", "desc", "sub", "ses")
+
+
+def brain_mask_of(derivatives: Path, visit: Visit) -> Path:
+    """The brain mask of a visit: a name such as ``sub-01_ses-02_desc-brain_mask.nii.gz``, on the grid of the scan.
+
+    The mask may leave out entities of the scan, but may not contradict them. The one with the most entities counts.
+    """
+    scan = entities_of(visit.scans[0].name)
+    folders = [derivatives.joinpath(*visit.parts, "anat"), derivatives / visit.parts[0] / "anat"]
+    fitting = [
+        path
+        for folder in dict.fromkeys(folders)
+        for path in sorted(folder.glob("*_mask.nii*"))
+        if _fits(entities_of(path.name), scan)
+    ]
+    if not fitting:
+        raise ValueError(
+            f"{derivatives} has no brain mask for {visit.label}; {visit.label}_desc-brain_mask.nii.gz in "
+            f"{folders[0].relative_to(derivatives)} is needed, on the grid of {visit.scans[0].name}"
+        )
+    most = max(_n_entities(path) for path in fitting)
+    best = [path for path in fitting if _n_entities(path) == most]
+    if len(best) > 1:
+        raise ValueError(f"{best[0].name} and {best[1].name} fit {visit.label} equally well; remove one of the masks")
+    return best[0]
+
+
+def _fits(mask: dict[str, str], scan: dict[str, str]) -> bool:
+    own = mask.get("desc") == "brain" and mask.get("space") in _OWN_SPACES and mask.get("sub") == scan.get("sub")
+    return own and all(scan.get(key) == value for key, value in mask.items() if key not in _FREE) and (
+        mask.get("ses") in (None, scan.get("ses"))
+    )  # fmt: skip
+
+
+def _n_entities(path: Path) -> int:
+    return len([key for key in entities_of(path.name) if key not in ("space", "desc")])

@@ -2,6 +2,9 @@
 
 import concurrent.futures
 import contextlib
+import dataclasses
+import datetime
+import functools
 import json
 import multiprocessing
 import os
@@ -12,19 +15,180 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
+import torch
 from tqdm import tqdm
 
 import meshot
+from meshot.anatomy import mni152_t1
 from meshot.errors import require_positive_integer
-from meshot.files import printable_name, whole_file
-from meshot.pipeline.report import PAGE, REPORT
-from meshot.study.json_file import json_of
-from meshot.study.layouts import layout_named
-from meshot.study.one_visit import StudySettings, reconstruct_visit
-from meshot.study.study_log import LOGS, add_to_log, visit_lines, when_written
-from meshot.study.subjects_table import numbers_of_report, write_subjects
-from meshot.study.visits import Visit
+from meshot.files import printable_name, whole_file, whole_folder
+from meshot.pipeline import (
+    PAGE,
+    REPORT,
+    Progress,
+    TrainedNetworks,
+    average_warnings,
+    load_networks,
+    reconstruct,
+    seconds_by_stage,
+    warning_names,
+    write_found,
+)
+from meshot.provenance import file_digest
+from meshot.study.bids import Visit, json_of
+from meshot.study.layouts import Layout, layout_named
+from meshot.study.quality import numbers_of_report, write_subjects
+from meshot.volume import Volume, averaged_scan, masked_scan, read_volume
 from meshot.workers import begin_worker
+
+# One visit of a study: from its scans to its folder, whole or not at all.
+
+
+@dataclasses.dataclass(frozen=True)
+class StudySettings:
+    """What is the same for all visits of a study.
+
+    Parameters
+    ----------
+    layout : str
+        "flat", "freesurfer" or "bids".
+    system, weights, segmentation, initial_only
+        As :func:`meshot.pipeline.load_networks` takes them.
+    strict : bool
+        Whether a warning is a failure.
+    overwrite : bool
+        Whether earlier results of other scans or settings are replaced.
+    threads : int, optional
+        Of the processor, in each process.
+    device : str, optional
+        Where the networks compute, see :func:`meshot.pipeline.load_networks`.
+    correspondence : bool
+        As :func:`meshot.pipeline.reconstruct` takes it.
+    """
+
+    layout: str = "flat"
+    system: str | None = None
+    weights: Path | None = None
+    segmentation: Path | None = None
+    initial_only: bool = False
+    strict: bool = False
+    overwrite: bool = False
+    threads: int | None = None
+    device: str | None = None
+    correspondence: bool = False
+
+
+@functools.lru_cache(maxsize=1)
+def _networks(settings: StudySettings) -> TrainedNetworks:
+    return load_networks(
+        settings.system, settings.weights, settings.segmentation, settings.initial_only, settings.device
+    )
+
+
+def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progress: Progress | None = None) -> dict:
+    """Reconstruct a visit into its folder, or find that this was done before from the same scans and settings."""
+    if visit.trouble or not visit.scans:
+        raise ValueError(visit.trouble or f"{visit.label} has no scan; at least one is needed")
+    if settings.threads is not None:
+        torch.set_num_threads(settings.threads)
+    networks, layout = _networks(settings), layout_named(settings.layout)
+    folder = study / layout.folder(visit)
+    facts = _facts(visit, networks) | {"correspondence": settings.correspondence}
+    earlier = _earlier_report(folder, layout, facts, settings)
+    if earlier is not None:
+        return earlier
+    scan, warnings = _scan_of(visit)
+    template = mni152_t1()
+    found = reconstruct(
+        scan, networks.segmentation, networks.system, progress, template, settings.strict, settings.correspondence
+    )
+    warnings += average_warnings(found.registered, template)
+    if settings.strict:
+        _require_none(warnings)
+    found = dataclasses.replace(found, warnings=(*warnings, *found.warnings))
+
+    def arrange(place: Path, result: object, image: Volume) -> Path:
+        layout.arrange(place, result, image, visit)
+        (place / layout.report_folder).mkdir(exist_ok=True)
+        return place / layout.report_folder
+
+    try:
+        with whole_folder(folder, replace=folder.is_dir()) as temporary:
+            report = write_found(temporary, found, scan, visit.label, networks, facts, arrange)
+            layout.finish(temporary, visit, report)
+    except ValueError:  # another run of the same study may have ended first, with the same result
+        earlier = _earlier_report(folder, layout, facts, settings)
+        if earlier is None:
+            raise
+        return earlier
+    return report
+
+
+def _facts(visit: Visit, networks: TrainedNetworks) -> dict:
+    """What the result depends on, as ``report.json`` keeps it."""
+    files = {printable_name(path.name): file_digest(_present(path)) for path in visit.scans}
+    mask = None if visit.mask is None else {printable_name(visit.mask.name): file_digest(_present(visit.mask))}
+    return {
+        "participant_id": visit.parts[0],
+        "session_id": visit.parts[1] if visit.session else None,
+        "scans": files,
+        "mask": mask,
+        "notes": list(visit.notes),
+        "system": None if networks.system is None else networks.system.name,
+        "weights": networks.records,
+    }
+
+
+def _present(path: Path) -> Path:
+    if path.is_symlink() and not path.exists():
+        raise ValueError(f"{path} is a link to a file that is not here; get it first, for example with datalad get")
+    if path.is_file() and not os.access(path, os.R_OK):
+        raise ValueError(f"{path} cannot be read (Permission denied); give yourself the permission")
+    return path
+
+
+def _earlier_report(folder: Path, layout: Layout, facts: dict, settings: StudySettings) -> dict | None:
+    """The report of an earlier run from the same scans with the same networks; None if there is none."""
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return None
+    file = folder / layout.report_folder / REPORT
+    if not file.is_file():
+        raise ValueError(f"{folder} holds something else than a reconstruction, and is kept; choose another folder")
+    report = json_of(file)
+    wanted = json.loads(json.dumps(facts))
+    other = [key for key in ("scans", "mask", "system", "weights") if report.get(key) != wanted[key]]
+    if wanted["correspondence"] and not report.get("correspondence"):
+        other.append("choice of --template")
+    if not other:
+        if settings.strict:
+            _require_none(report["warnings"])
+        return report
+    if not settings.overwrite:
+        raise ValueError(
+            f"{folder} was made before with another {' and another '.join(other)}; choose another folder, or replace "
+            "it with --overwrite"
+        )
+    return None
+
+
+def _scan_of(visit: Visit) -> tuple[Volume, list[str]]:
+    """The scan, or the average of the scans, inside the brain mask; and warnings."""
+    warnings, distinct = list(visit.warnings), {}
+    for path in visit.scans:
+        digest = file_digest(path)
+        if digest in distinct:
+            warnings.append(f"{distinct[digest].name} and {path.name} hold the same scan; it is used once")
+        distinct.setdefault(digest, path)
+    paths = list(distinct.values())
+    scan = averaged_scan([read_volume(path) for path in paths], [path.name for path in paths])
+    return (scan if visit.mask is None else masked_scan(scan, read_volume(visit.mask))), warnings
+
+
+def _require_none(warnings: list[str]) -> None:
+    if warnings:
+        names = ", ".join(warning_names(warnings))
+        raise ValueError(f"{'; '.join(warnings)} ({names}). Without --strict this is a warning only")
+
 
 #: The table may take this share of the time of a run.
 _TABLE_SHARE = 0.05
@@ -226,3 +390,44 @@ def _trial(visit: Visit, study: Path, settings: StudySettings, progress: Callabl
         # A doubt about the scan may explain the failure.
         return " ".join([reason, *(f"(Warning: {warning})" for warning in visit.warnings)])
     return None
+
+
+# The log of a study: a line with the time for each visit, and for the start and the end of each run.
+
+#: The folder of the log and of the records of failures, in the folder of a study.
+LOGS = "logs"
+LOG = "meshot.log"
+
+
+def add_to_log(study: Path, text: str) -> None:
+    """Append a line with the time (UTC) to the log of a study.
+
+    Several processes may append at the same time: each line is written at once.
+    """
+    place = study / LOGS / LOG
+    place.parent.mkdir(exist_ok=True)
+    now = datetime.datetime.now(datetime.UTC)
+    with place.open("a", encoding="utf-8") as file:
+        file.write(f"{now:%Y-%m-%dT%H:%M:%SZ} {' '.join(text.split())}\n")
+
+
+def when_written(study: Path, visit: Visit, layout: str) -> int | None:
+    """When the report of a visit was written, in ns; None if there is none."""
+    file = _report_file(study, visit, layout)
+    return file.stat().st_mtime_ns if file.is_file() else None
+
+
+def visit_lines(study: Path, visit: Visit, layout: str, error: str | None, earlier: int | None) -> tuple[str, str]:
+    """What became of a visit, and the seconds of its stages if they were run now."""
+    if error is not None:
+        return f"{visit.label}: failed: {error}", ""
+    if when_written(study, visit, layout) == earlier:
+        return f"{visit.label}: done by an earlier run", ""
+    report = json_of(_report_file(study, visit, layout))
+    warned = f", with warnings: {', '.join(report['warning_names'])}" if report["warning_names"] else ""
+    return f"{visit.label}: done{warned}", f" ({seconds_by_stage(report['seconds']['clock'])})"
+
+
+def _report_file(study: Path, visit: Visit, layout: str) -> Path:
+    chosen = layout_named(layout)
+    return study / chosen.folder(visit) / chosen.report_folder / REPORT

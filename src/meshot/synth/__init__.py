@@ -1,7 +1,7 @@
 """Synthetic subjects: folded cortical surfaces, other brain structures, and simulated magnetic-resonance images.
 
-From a seed to exactly known white and pial surfaces, and a T1-like image. ``cohorts`` writes and reads whole cohorts;
-``defects`` adds known errors to surfaces.
+From a seed to exactly known white and pial surfaces, and a T1-like image. :func:`make_cohort` writes whole cohorts,
+and :func:`read_subject` reads one subject.
 """
 
 import lazy_loader

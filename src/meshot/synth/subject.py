@@ -5,17 +5,135 @@ import math
 from typing import Literal
 
 import numpy as np
+import scipy.ndimage
+import scipy.spatial
 import torch
 
 from meshot.anatomy import HEMISPHERES, Hemisphere, fsaverage5_surface
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import safe_norm
+from meshot.flow import GridVelocity, grid_around, integrate, spline_values
+from meshot.mesh import (
+    Mesh,
+    face_areas,
+    icosphere,
+    laplacian_smoothing,
+    neighbour_means,
+    safe_norm,
+    self_intersecting_faces,
+    signed_volume,
+    smooth_crossings,
+    split_in_four,
+    vertex_normals,
+)
 from meshot.rng import Generator, numpy_generator
-from meshot.synth.folding import SUBDIVISIONS, template_cortex, template_thickness
-from meshot.synth.procedural import procedural_cortex
-from meshot.synth.separation import kept_apart
-from meshot.synth.warp import VARIATION_MM, HeadWarp, random_warp, smooth_variation
-from meshot.types import Bool, Float, Tensor
+from meshot.types import Bool, Float, Int64, Tensor
+from meshot.volume import Volume, winding_numbers
+
+# Smooth random fields and random diffeomorphisms, which give the variation between subjects.
+
+COARSEST = 48.0  # mm between the nodes of the coarsest grid; each further grid has half the spacing
+STEEPEST = 12.0  # largest allowed Lipschitz bound, which limits the number of steps
+#: Standard deviation in space of a cubic spline whose coefficients are independent with standard deviation 1:
+#: the mean of the sum of squared weights along one axis is 151/315.
+SPREAD = (151 / 315) ** 1.5
+MARGIN = 16.0
+LARGEST = 2.5  # standard deviations
+VARIATION_MM = 30.0  # length scale of the variation of folding depth and cortical thickness over the surface
+
+
+def random_velocity(*points: Float[Tensor, "_ 3"], warp_mm: tuple[float, ...], generator: Generator) -> GridVelocity:
+    """A smooth random velocity field around the points, constant in time. Its flow is a random diffeomorphism."""
+    if not warp_mm or not all(math.isfinite(size) and size >= 0 for size in warp_mm):
+        raise ValueError(f"warp_mm is {warp_mm}; one number >= 0 for each scale is needed, coarse to fine, in mm")
+    rng = numpy_generator(generator)
+    spacings = tuple(COARSEST / 2**level for level in range(len(warp_mm)))
+    field = grid_around(*points, margin=MARGIN, spacings=spacings, n_pieces=1).requires_grad_(False)
+    for level, size in zip(field.levels, warp_mm, strict=True):
+        level.copy_(torch.from_numpy(rng.standard_normal(tuple(level.shape))) * (size / SPREAD))
+    return field
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class HeadWarp:
+    """The deformation of a whole head: other sizes along the axes, then the flow of a velocity.
+
+    Parameters
+    ----------
+    sizes : tensor
+        Factors along x, y and z.
+    field : GridVelocity, optional
+        None for no flow.
+    n_steps : int
+        Number of Runge–Kutta steps of the flow.
+    """
+
+    sizes: Float[Tensor, " 3"]
+    field: GridVelocity | None
+    n_steps: int = 1
+
+    def forward(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Positions in the deformed head of points of the template head, in mm."""
+        points = points * self.sizes
+        return points if self.field is None else integrate(self.field, points, self.n_steps, "rk4").detach()
+
+    def of_meshes(self, meshes: list[Mesh]) -> list[Mesh]:
+        """The meshes after the deformation. All their vertices are integrated together."""
+        moved = self.forward(torch.cat([mesh.vertices for mesh in meshes]))
+        parts = moved.split([len(mesh.vertices) for mesh in meshes])
+        return [mesh.with_vertices(part) for mesh, part in zip(meshes, parts, strict=True)]
+
+    def backward(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Positions in the template head of points of the deformed head, in mm."""
+        if self.field is not None:
+            points = integrate(self.field, points, self.n_steps, "rk4", inverse=True).detach()
+        return points / self.sizes
+
+
+def random_warp(meshes: list[Mesh], size_sd: float, warp_mm: tuple[float, ...], generator: Generator) -> HeadWarp:
+    """A random deformation of a head that contains the meshes.
+
+    The steps of the flow (Runge–Kutta of order four) are short enough that each is injective: h·L ≤ ½ for the bound L
+    of the Lipschitz constant, and a step reduces no distance by more than the factor 2 − e^(h·L) > 0. Triangles between
+    moving vertices may intersect where surfaces nearly touch.
+    """
+    rng = numpy_generator(generator)
+    sizes = random_sizes(size_sd, rng)
+    if not warp_mm:
+        return HeadWarp(sizes, None)
+    return HeadWarp(sizes, *_injective_flow([mesh.vertices * sizes for mesh in meshes], warp_mm, rng))
+
+
+def _injective_flow(
+    points: list[Float[Tensor, "_ 3"]], warp_mm: tuple[float, ...], generator: Generator
+) -> tuple[GridVelocity, int]:
+    """A random velocity around the points, and the number of steps with which its flow is injective."""
+    field = random_velocity(*points, warp_mm=warp_mm, generator=generator)
+    steepness = float(field.lipschitz_bound())
+    if steepness > STEEPEST:
+        raise ValueError(
+            f"warp_mm = {warp_mm} gives a velocity with Lipschitz bound {steepness:.3g}; at most {STEEPEST:g} is "
+            "allowed: make the warp weaker, first at its finest scale"
+        )
+    return field, max(1, math.ceil(2 * steepness))
+
+
+def smooth_variation(
+    points: Float[Tensor, "n 3"], length: float, generator: Generator, n_fields: int = 1
+) -> Float[Tensor, "n k"]:
+    """Smooth random fields at the points, each with mean 0 and standard deviation 1 in space, clipped to ± 2.5."""
+    if not length > 0 or n_fields not in (1, 2, 3):
+        raise ValueError(f"length is {length!r} and n_fields {n_fields!r}; a length > 0 and 1, 2 or 3 are needed")
+    rng = numpy_generator(generator)
+    lower = torch.floor(points.amin(dim=0) / length) - 1
+    n_nodes = [int(n) for n in torch.ceil(points.amax(dim=0) / length) - lower + 3]
+    coefficients = torch.from_numpy(rng.standard_normal((*n_nodes, 3))).to(points) / SPREAD
+    values = spline_values(coefficients, points / length - lower)[:, :n_fields]
+    return values.clamp(-LARGEST, LARGEST)
+
+
+def random_sizes(size_sd: float, generator: Generator) -> Float[Tensor, " 3"]:
+    """Random factors along x, y and z whose logarithms have standard deviation ``size_sd``."""
+    return torch.from_numpy(np.exp(size_sd * numpy_generator(generator).standard_normal(3)))
+
 
 Kind = Literal["template", "procedural"]
 #: Factors on the deformations of a subject, tried one after another until its surfaces do not intersect.
@@ -239,3 +357,326 @@ def _procedural(
     folding, thickness, atrophy = subject
     variation = strength * shape.thickness_variation
     return procedural_cortex(side, shape.subdivisions, folding, thickness, variation, atrophy, rng)
+
+
+# Procedural folded hemispheres: sulci along the zeros of random noise on a smooth body, not derived from a brain.
+
+LATERAL, MEDIAL, LENGTH, HEIGHT = 53.0, 15.0, 83.0, 57.0  # half-axes of the hull in mm; medial: towards the midline
+_DEPTH = 16.0  # mm of the sulci, where folding is 1
+_MEDIAL_DEPTH = 0.55  # factor on the depth towards the other hemisphere, where the body is thin
+_DEEPEST = 21.0  # mm
+WAVELENGTH = 22.0  # mm; zeros of the noise, and therefore sulci, are about half a wavelength apart
+_BANDWIDTH = 0.18  # of the wave number
+_SULCUS = 0.7  # approximately the sine of the phase at which a wall has half its height
+_BLUNT = 0.3  # keeps the phase smooth where noise and gradient are both close to zero
+_WALL_SMOOTHINGS = 8  # smoothing steps of the white surface, which make the steepest walls less steep
+_PIAL_SMOOTHINGS = 2  # smoothing steps of the pial surface, for walls that meet in a slit
+_SPACING = 3.0  # mm between the samples of the noise
+_SPREADING = 25  # rounds of moving vertices to where the surface is large
+_LARGEST_GROWTH = 6.0
+_WALL_GAP = 0.3  # mm; the flow to the pial surface is not exactly normal, so that .1 mm would be too small
+_PIAL_APART = 1.5  # smallest distance in mm between the midline and the pial surface
+
+
+def procedural_cortex(
+    side: Hemisphere,
+    subdivisions: int,
+    folding: float,
+    thickness: float,
+    thickness_variation: float,
+    atrophy: float,
+    generator: Generator,
+) -> tuple[Mesh, Mesh, Bool[Tensor, " V"]]:
+    """White surface, pial surface and medial wall of one hemisphere.
+
+    The white surface is a sphere mapped to a body whose half-axes are smaller where the noise is near zero. Bodies of
+    different depths are nested, so the surface does not intersect itself. Vertices are redistributed so that faces have
+    similar areas. The surface is moved inwards by ``atrophy``. The pial surface is the white one offset outwards by the
+    thickness, or by less where a sulcus is too narrow.
+    """
+    rng = numpy_generator(generator)
+    body = _Body(side, min(folding * _DEPTH, _DEEPEST), _noise(rng))
+    sphere = icosphere(subdivisions)
+    directions = _spread(sphere, body)
+    outside = 1 - body.wall(directions)
+    white = laplacian_smoothing(sphere.with_vertices(body.surface(directions)), _WALL_SMOOTHINGS)
+    white = offset_surface(white, torch.full_like(outside, -atrophy))
+    varied = 1 + thickness_variation * smooth_variation(white.vertices, VARIATION_MM, rng)[:, 0]
+    pial = offset_surface(white, (thickness * varied * outside).clamp(min=_WALL_GAP))
+    pial = laplacian_smoothing(pial, _PIAL_SMOOTHINGS)
+    return white, pial, thickness * outside < WALL_THICKNESS
+
+
+class _Body:
+    """The map from directions on the unit sphere to positions in mm."""
+
+    def __init__(self, side: Hemisphere, depth: float, noise: tuple[tuple[Tensor, Tensor], Tensor]):
+        self.outwards = -1.0 if side == "left" else 1.0
+        self.depth, (self.noise, self.lower) = depth, noise
+
+    def surface(self, directions: Float[Tensor, "V 3"]) -> Float[Tensor, "V 3"]:
+        """The white surface, in mm."""
+        middle = self._layer(directions, torch.full_like(directions[:, 0], 0.4 * self.depth))
+        values, slopes = (spline_values(field, (middle - self.lower) / _SPACING) for field in self.noise)
+        squared = values[:, 0].square()
+        # Similar to sin²(2π d/λ) at distance d from a zero, so that all sulci have about the same width.
+        phase = squared / (squared + slopes.square().sum(dim=1) * (WAVELENGTH / (2 * np.pi)) ** 2 + _BLUNT)
+        height = (1 + _SULCUS**2) * phase / (phase + _SULCUS**2)
+        wall = self.wall(directions)
+        return self._layer(directions, self.depth * (1 - torch.lerp(height, torch.full_like(height, 0.5), wall)))
+
+    def wall(self, directions: Float[Tensor, "V 3"]) -> Float[Tensor, " V"]:
+        """0 where there are folds and cortex, increasing to 1 in the centre of the medial wall."""
+        x, y, z = (directions * directions.new_tensor([-self.outwards, LENGTH, HEIGHT])).unbind(dim=1)
+        ellipse = ((y + 5) / 34) ** 2 + ((z + 4) / 20) ** 2
+        return (3 * x).clamp(0, 1) * torch.exp(-ellipse.square())
+
+    def _layer(self, directions: Float[Tensor, "V 3"], inset: Float[Tensor, " V"]) -> Float[Tensor, "V 3"]:
+        x, y, z = directions.unbind(dim=1)
+        across = torch.where(self.outwards * x > 0, LATERAL - inset, MEDIAL - _MEDIAL_DEPTH * inset)
+        midline = self.outwards * (MEDIAL + _PIAL_APART + 3.0)
+        return torch.stack([across * x + midline, (LENGTH - inset) * y, (HEIGHT - inset) * z], dim=1)
+
+
+def _noise(rng: np.random.Generator) -> tuple[tuple[Tensor, Tensor], Float[Tensor, " 3"]]:
+    """Noise with wavelengths around ``WAVELENGTH`` and its gradient, as splines, and the position of the first node."""
+    lower = -np.array([LATERAL + MEDIAL + 16, LENGTH + 10, HEIGHT + 10])
+    shape = np.ceil(-2 * lower / _SPACING).astype(int)
+    waves = np.fft.fftn(rng.standard_normal(tuple(shape)))
+    frequencies = np.meshgrid(*[np.fft.fftfreq(n, _SPACING) for n in shape], indexing="ij")
+    numbers = WAVELENGTH * np.sqrt(sum(f**2 for f in frequencies))
+    waves *= np.exp(-(((numbers - 1) / _BANDWIDTH) ** 2) / 2)
+    waves /= np.fft.ifftn(waves).real.std()
+    band = np.fft.ifftn(waves).real
+    slopes = [np.fft.ifftn(2j * np.pi * f * waves).real for f in frequencies]
+    splines = [torch.from_numpy(np.stack(parts, axis=-1)) for parts in ([band] * 3, slopes)]
+    return tuple(splines), torch.from_numpy(lower)
+
+
+def _spread(sphere: Mesh, body: _Body) -> Float[Tensor, "V 3"]:
+    """Directions that are denser where the surface is larger: each moves to the area-weighted mean of its faces."""
+    directions, faces = sphere.vertices, sphere.faces
+    for _ in range(_SPREADING):
+        areas = face_areas(sphere.with_vertices(body.surface(directions)))
+        growth = (areas / areas.mean()).clamp(max=_LARGEST_GROWTH)
+        centres = (growth[:, None] * directions[faces].mean(dim=1)).repeat_interleave(3, dim=0)
+        sums = torch.zeros_like(directions).index_add(0, faces.flatten(), centres)
+        directions = sums / torch.linalg.vector_norm(sums, dim=1, keepdim=True)
+    return directions
+
+
+# Cortical surfaces made from fsaverage5 with deeper or shallower folds and another cortical thickness.
+
+SUBDIVISIONS = 5  # of fsaverage5
+_FOLD_SMOOTHINGS = 40  # enough to remove gyri and keep lobes
+_WHITE_APART = 1.0  # mm by which each hemisphere is moved away from the midline, where those of fsaverage5 overlap
+#: Distance in mm between the white and pial surfaces on the medial wall. In fsaverage5 they coincide there.
+WALL_GAP = 0.1
+#: Vertices of the template where the cortex is thinner than this, in mm, belong to the medial wall.
+WALL_THICKNESS = 0.5
+
+
+def template_cortex(
+    side: Hemisphere, subdivisions: int, folding: Float[Tensor, " n"], thickness: Float[Tensor, " n"], atrophy: float
+) -> tuple[Mesh, Mesh, Bool[Tensor, " V"]]:
+    """White surface, pial surface and medial wall of one hemisphere, made from fsaverage5 with modified folds.
+
+    Let S be the white surface W after smoothing that removes its folds, and let α be the depth of folds. The new white
+    surface is S + α (W − S), moved inwards by ``atrophy``. The vectors P − W to the pial surface P are scaled by s. On
+    the medial wall the surfaces are kept .1 mm apart. Folds are changed on the vertices of fsaverage5. The result is
+    then refined smoothly.
+    """
+    white, pial = (fsaverage5_surface(kind, side) for kind in ("white", "pial"))
+    smooth = laplacian_smoothing(white, _FOLD_SMOOTHINGS).vertices
+    shift = torch.tensor([-_WHITE_APART if side == "left" else _WHITE_APART, 0.0, 0.0], dtype=torch.float64)
+    folded = white.with_vertices(smooth + folding[:, None] * (white.vertices - smooth) + shift)
+    cortex = pial.vertices - white.vertices
+    rounds = subdivisions - SUBDIVISIONS
+    surface = smoothly_refined(folded, rounds)
+    # Refinement is linear and can therefore be applied to the vectors through the cortex as to the vertices.
+    thinnest = safe_norm(smoothly_refined(white.with_vertices(cortex), rounds).vertices)
+    cortex = smoothly_refined(white.with_vertices(thickness[:, None] * cortex), rounds).vertices
+    surface = offset_surface(surface, torch.full_like(thinnest, -atrophy))
+    return surface, _lifted(surface, cortex), thinnest < WALL_THICKNESS
+
+
+def _lifted(white: Mesh, cortex: Float[Tensor, "V 3"]) -> Mesh:
+    """The white surface plus the vectors through the cortex, at least ``WALL_GAP`` along the normal."""
+    normals = vertex_normals(white)
+    missing = (WALL_GAP - (cortex * normals).sum(dim=1)).clamp(min=0)
+    return white.with_vertices(white.vertices + cortex + missing[:, None] * normals)
+
+
+def template_thickness() -> float:
+    """The median distance in mm between corresponding vertices of fsaverage5's surfaces, without medial walls."""
+    distances = [
+        safe_norm(fsaverage5_surface("pial", side).vertices - fsaverage5_surface("white", side).vertices)
+        for side in ("left", "right")
+    ]
+    together = torch.cat(distances)
+    return float(together[together >= WALL_THICKNESS].median())
+
+
+# Offset surfaces: a surface moved outwards or inwards by some mm, without self-intersection where walls would meet.
+
+_VOXEL = 1.0  # mm
+_BLUR = 1.3  # mm
+_FLAT = 0.02  # per mm: below this slope the blurred edge has no reliable direction
+_STEP = 0.25  # mm
+_MARGIN = 4.0  # mm, beyond the largest distance
+
+
+def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
+    """Move every vertex of a closed surface outwards by a distance in mm (inwards if negative), as far as possible.
+
+    The vertices follow the flow of one smooth velocity field: the negative gradient of the enclosed volume's indicator
+    function, blurred by 1.3 mm, scaled to unit speed. Where walls face each other, the gradient vanishes and the
+    velocity is lower. Trajectories do not meet, so that the walls of a sulcus approach each other and stop. A vertex
+    stops when its distance from the start is the requested one, or after twice the time for the largest distance.
+    """
+    if len(distances) != len(mesh.vertices) or float(distances.min()) * float(distances.max()) < 0:
+        raise ValueError(
+            f"{len(distances)} distances from {float(distances.min()):.3g} to {float(distances.max()):.3g} mm for "
+            f"{len(mesh.vertices)} vertices; one for each, all of one sign, is needed"
+        )
+    if float(signed_volume(mesh)) <= 0:
+        raise ValueError("the mesh encloses a negative volume: its normals point inward; flip its faces")
+    farthest = float(distances.abs().max())
+    if farthest == 0:
+        return mesh
+    coefficients, lower = _outward_field(mesh, farthest + _MARGIN)
+    step = _STEP if float(distances.sum()) > 0 else -_STEP
+
+    def velocity(points: Tensor) -> Tensor:
+        return spline_values(coefficients, (points - lower) / _VOXEL)
+
+    start, wanted = mesh.vertices, distances.abs()
+    place, reached = start, torch.zeros_like(wanted)
+    result = start
+    for _ in range(int(np.ceil(2 * farthest / _STEP))):
+        following = place + step * velocity(place + step / 2 * velocity(place))
+        reaches = safe_norm(following - start)
+        part = ((wanted - reached) / (reaches - reached).clamp(min=1e-9)).clamp(0, 1)
+        moving = reached < wanted  # the other vertices have stopped
+        result = torch.where(moving[:, None], place + part[:, None] * (following - place), result)
+        reached = torch.where(moving, torch.maximum(reaches, reached), reached)
+        place = torch.where(moving[:, None], following, place)
+    return mesh.with_vertices(result)
+
+
+def _outward_field(mesh: Mesh, margin: float) -> tuple[Float[Tensor, "X Y Z 3"], Float[Tensor, " 3"]]:
+    """Spline coefficients of the velocity field on a grid around the mesh, and the position of its first node."""
+    vertices = mesh.vertices.detach()
+    lower = torch.floor(vertices.amin(dim=0) - margin)
+    shape = [int(n) for n in torch.ceil((vertices.amax(dim=0) + margin - lower) / _VOXEL)]
+    affine = np.diag([_VOXEL, _VOXEL, _VOXEL, 1.0])
+    affine[:3, 3] = lower.numpy()
+    # Deep folds may intersect and have regions with winding number -1, which count as outside.
+    inside = winding_numbers(mesh, Volume(np.zeros(shape, dtype=np.float32), affine), n_lines=2).clip(0, 1)
+    orders = np.eye(3, dtype=int).tolist()
+    downhill = np.stack([-scipy.ndimage.gaussian_filter(inside, _BLUR / _VOXEL, order=o) for o in orders], axis=-1)
+    downhill /= _VOXEL
+    speed = np.linalg.norm(downhill, axis=-1, keepdims=True)
+    return torch.from_numpy(downhill / (speed + _FLAT)).to(vertices), lower
+
+
+# Removal of self-intersections, and of intersections between surfaces of one head.
+
+#: Vertices are rounded to multiples of 2⁻¹³ mm. Single precision represents them exactly, and the last bits of sums,
+#: which differ between CPUs, are removed.
+LATTICE = 2.0**-13
+_REACH = 4.0  # mm around intersecting faces
+_ROUNDS = 5
+_CROSSING_SMOOTHINGS = 60
+
+
+def on_lattice(points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+    """The points rounded to multiples of 2⁻¹³ mm (.00012 mm)."""
+    return (points / LATTICE).round() * LATTICE
+
+
+def united(meshes: list[Mesh]) -> Mesh:
+    """Several meshes joined to one, with vertices and faces in their order."""
+    if not meshes:
+        raise ValueError("meshes is empty; at least one is needed")
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])]).tolist()
+    faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=True)]
+    return Mesh(torch.cat([mesh.vertices for mesh in meshes]), torch.cat(faces))
+
+
+def crossing_faces(meshes: list[Mesh]) -> Int64[Tensor, " n"]:
+    """The faces that intersect another face of the same or another mesh, as indices into the joined meshes.
+
+    If there are none, and the meshes are closed, any two of them are nested or disjoint.
+    """
+    return self_intersecting_faces(united(meshes))
+
+
+def kept_apart(meshes: list[Mesh]) -> list[Mesh] | None:
+    """The meshes rounded to multiples of 2⁻¹³ mm, and smoothed near intersecting faces until no faces intersect.
+
+    Each round smooths and checks only the neighbourhood of intersecting faces, and then checks all meshes again.
+    """
+    whole = united(meshes)
+    whole = whole.with_vertices(on_lattice(whole.vertices))
+    for _ in range(_ROUNDS):
+        crossing = self_intersecting_faces(whole)
+        if not len(crossing):
+            parts = whole.vertices.split([len(mesh.vertices) for mesh in meshes])
+            return [mesh.with_vertices(part) for mesh, part in zip(meshes, parts, strict=True)]
+        try:
+            whole = _mended_around(whole, crossing)
+        except ValueError:  # smoothing failed
+            return None
+    return None
+
+
+def _mended_around(whole: Mesh, crossing: Int64[Tensor, " n"]) -> Mesh:
+    points = whole.vertices.numpy()
+    tree = scipy.spatial.cKDTree(points[np.unique(whole.faces[crossing].numpy())])
+    near = torch.from_numpy(tree.query(points, distance_upper_bound=_REACH)[0] < _REACH)
+    used, faces = torch.unique(whole.faces[near[whole.faces].any(dim=1)], return_inverse=True)
+    part = smooth_crossings(Mesh(whole.vertices[used], faces), _CROSSING_SMOOTHINGS)
+    vertices = whole.vertices.clone()
+    vertices[used] = on_lattice(part.vertices)
+    return whole.with_vertices(vertices)
+
+
+# Smooth refinement of triangle meshes by Loop subdivision.
+
+WARREN = 3 / 8  # fraction of the way to the mean of the neighbours for old vertices with more than three neighbours
+
+
+def loop_subdivided(mesh: Mesh) -> Mesh:
+    """A closed mesh after one step of Loop subdivision (with Warren's weights): four faces for each face.
+
+    Repeated steps converge to a surface with continuous normals, and curvature almost everywhere. Subdivision at the
+    midpoints alone would keep flat faces. The mesh shrinks slightly. Old vertices keep their indices; new ones follow.
+
+    References
+    ----------
+    Loop, *Smooth subdivision surfaces based on triangles*, 1987; Warren, *Subdivision methods for geometric design*,
+    1995.
+    """
+    n_vertices, n_faces = len(mesh.vertices), len(mesh.faces)
+    points, faces = split_in_four(mesh.vertices, mesh.faces)
+    # The four parts of a triangle contain the midpoints of its sides; the corner opposite to a side has weight 1/8.
+    midpoints = torch.cat([faces[:n_faces, 1], faces[n_faces : 2 * n_faces, 2], faces[:n_faces, 2]])
+    across = mesh.vertices[mesh.faces.roll(-2, dims=1).T.flatten()]
+    smoothed = torch.cat([_smoothed(mesh), 3 / 4 * points[n_vertices:]])
+    return Mesh(smoothed.index_add(0, midpoints, across / 8), faces)
+
+
+def smoothly_refined(mesh: Mesh, n_rounds: int = 1, n_corrections: int = 3) -> Mesh:
+    """Loop subdivision of a closed mesh whose vertices are first moved outwards to compensate for the shrinkage."""
+    for _ in range(n_rounds):
+        sharpened = mesh
+        for _ in range(n_corrections):
+            missing = mesh.vertices - _smoothed(sharpened)
+            sharpened = sharpened.with_vertices(sharpened.vertices + missing)
+        mesh = loop_subdivided(sharpened)
+    return mesh
+
+
+def _smoothed(mesh: Mesh) -> torch.Tensor:
+    return torch.lerp(mesh.vertices, neighbour_means(mesh), WARREN)

@@ -1,8 +1,7 @@
 """Systems that find surfaces in a scan. They share one protocol and are selected by name.
 
-A system is a package in this folder with a class ``System``, or an entry point of the group ``meshot.systems``. No code
-outside a system's folder uses its name. ``deformation`` is not a system: it contains the common code of systems that
-deform initial surfaces.
+A system is a subclass of :class:`SurfaceSystem` with a ``name`` in a file of this folder, or an entry point of the
+group ``meshot.systems``. No other code uses its name. Its configurations are in ``settings/NAME``.
 """
 
 import lazy_loader

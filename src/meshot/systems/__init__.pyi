@@ -1,5 +1,43 @@
-from .examples import Example as Example, ExampleSets as ExampleSets, Scan as Scan, SurfaceKey as SurfaceKey
-from .parts import Part as Part
-from .protocol import SurfaceSystem as SurfaceSystem
-from .registry import get_system as get_system, read_settings as read_settings, system_names as system_names
-from .shipped import SHIPPED as SHIPPED, default_system as default_system, load_system as load_system
+from .deepcsr import distance_grids as distance_grids
+from .flows import (
+    DeformationConfig as DeformationConfig,
+    DeformationExample as DeformationExample,
+    DeformationSettings as DeformationSettings,
+    DeformationSystem as DeformationSystem,
+    deformation_config as deformation_config,
+    deformed as deformed,
+    hemisphere_example as hemisphere_example,
+    standardised as standardised,
+    train_deformation as train_deformation,
+)
+from .learning import (
+    SURFACES as SURFACES,
+    FlowTrainingSettings as FlowTrainingSettings,
+    LearningSettings as LearningSettings,
+    Template as Template,
+    TemplateSettings as TemplateSettings,
+    checked_surfaces as checked_surfaces,
+    completed_groups as completed_groups,
+    example_data as example_data,
+    mean_box as mean_box,
+    mean_distances as mean_distances,
+    scaled_image as scaled_image,
+    surfaces_of_sides as surfaces_of_sides,
+    template_shape as template_shape,
+    train_on_subjects as train_on_subjects,
+    train_part as train_part,
+)
+from .protocol import (
+    SHIPPED as SHIPPED,
+    Example as Example,
+    ExampleSets as ExampleSets,
+    Part as Part,
+    Scan as Scan,
+    SurfaceKey as SurfaceKey,
+    SurfaceSystem as SurfaceSystem,
+    default_system as default_system,
+    get_system as get_system,
+    load_system as load_system,
+    read_settings as read_settings,
+    system_names as system_names,
+)

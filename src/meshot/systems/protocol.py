@@ -1,20 +1,124 @@
-"""The protocol of a system: training, saving, loading, and reconstruction of surfaces from a scan."""
+"""The inputs of a system: scans, and examples for training."""
 
 import abc
+import dataclasses
+import importlib
+import json
 import os
+import pkgutil
+import reprlib
 from collections.abc import Mapping, Sequence
+from importlib.metadata import entry_points
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import ClassVar
 
 import torch
 from torch import nn
 
+import meshot.systems
+from meshot.anatomy import Hemisphere
 from meshot.mesh import Mesh
-from meshot.model import write_weights
-from meshot.systems.examples import ExampleSets, Scan, SurfaceKey, listed
-from meshot.systems.parts import Part, read_part
-from meshot.train import Groups, Progress, require_examples
+from meshot.model import read_weights, write_weights
+from meshot.settings import Groups, changed_groups, read_groups
+from meshot.train import Progress, require_examples
 from meshot.types import PLACEMENTS, Placement
+from meshot.volume import Volume
+
+#: The key of a surface: hemisphere and name, such as ``("left", "white")``.
+SurfaceKey = tuple[Hemisphere, str]
+
+
+def listed(keys: Sequence[SurfaceKey]) -> str:
+    """Surfaces in words, such as ``left white, right white``."""
+    return ", ".join(" ".join(key) for key in keys)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scan:
+    """The input of a system for one subject.
+
+    Parameters
+    ----------
+    image : Volume
+        On the standard grid, in [0, 1].
+    initial : mapping
+        Initial surfaces by key, in the space of the image, in mm. Empty if the system needs none.
+    """
+
+    image: Volume
+    initial: Mapping[SurfaceKey, Mesh] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Example:
+    """A subject with known true surfaces.
+
+    Parameters
+    ----------
+    name : str
+    scan : Scan
+    targets : mapping
+        True surfaces by key, in the space of the image, in mm.
+    """
+
+    name: str
+    scan: Scan
+    targets: Mapping[SurfaceKey, Mesh]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ExampleSets:
+    """The examples of a training, and those of its validation."""
+
+    training: Sequence[Example]
+    validation: Sequence[Example]
+
+
+# One trained network of a system, and its reading from a file.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Part:
+    """One trained network of a system.
+
+    Parameters
+    ----------
+    network : module
+    record : dict
+        JSON values: the settings, and the results of the training under ``results``.
+    log : list of dict
+        The log of the training. Empty if the network was read from a file.
+    """
+
+    network: nn.Module
+    record: dict = dataclasses.field(default_factory=dict)
+    log: list[dict] = dataclasses.field(default_factory=list)
+
+
+def read_part(path: Path, kind: type[nn.Module], system: str, needed: Sequence[str]) -> Part:
+    """Read ``PART.safetensors``."""
+    if not path.is_file():
+        raise ValueError(
+            f"{path} is missing; {system} needs {', '.join(needed)}: name a folder that holds them (--weights), or "
+            f"train them (meshot train {system})"
+        )
+    network, record = read_weights(path, kind)
+    for group in ("template", "training", "results"):
+        if not isinstance(record.get(group, {}), dict):
+            raise ValueError(f"{path} has {reprlib.repr(record[group])} as its {group}; names and values are needed")
+    if record.get("system", system) != system:
+        raise ValueError(
+            f"{path} holds weights of the system {record['system']}; {system} was asked for: take --system "
+            f"{record['system']}, or other weights"
+        )
+    if record.get("part", path.stem) != path.stem:
+        raise ValueError(f"{path} holds {record['part']} of {system}; {path.stem} is needed: rename it")
+    return Part(network, record)
+
+
+# The protocol of a system: training, saving, loading, and reconstruction of surfaces from a scan.
 
 
 class SurfaceSystem(abc.ABC):
@@ -235,3 +339,121 @@ class SurfaceSystem(abc.ABC):
         strange = [key for key in scan.initial if key not in cls.needs]
         if strange:
             raise ValueError(f"{name} has an initial surface {listed(strange)}; {cls.name} takes none: leave it out")
+
+
+# The registry of systems: those in this folder, and those that other packages register as entry points.
+
+#: The entry point group for systems of other packages.
+GROUP = "meshot.systems"
+
+
+def system_names() -> list[str]:
+    """The names of all systems, sorted."""
+    return sorted(_systems())
+
+
+def get_system(name: str) -> type[SurfaceSystem]:
+    """The class of a system.
+
+    Raises
+    ------
+    ValueError
+        If no system has that name.
+    """
+    known = _systems()
+    if name not in known:
+        raise ValueError(f"there is no system {name!r}; known are {', '.join(sorted(known))}")
+    return known[name]
+
+
+def read_settings(kind: type[SurfaceSystem], config: str | os.PathLike, changes: Sequence[str] = ()) -> Groups:
+    """The complete settings of a training.
+
+    Parameters
+    ----------
+    kind : class
+        For example ``get_system("ddot")``.
+    config : path or str
+        A YAML file, or the name of a configuration of the system, such as ``small``.
+    changes : sequence of str
+        Settings that replace those of the file, such as ``training.seed=1``.
+
+    Raises
+    ------
+    ValueError
+        If the file or configuration does not exist, it is not YAML, or a value is invalid.
+    """
+    path, packaged = Path(config), _packaged(kind)
+    if path.suffix not in (".yaml", ".yml"):
+        if str(config) not in packaged:
+            raise ValueError(
+                f"{kind.name} has no setting {str(config)!r}; it has {', '.join(sorted(packaged)) or 'none'}, or name "
+                "a YAML file"
+            )
+        path = packaged[str(config)]
+    try:
+        return kind.complete(changed_groups(read_groups(path), changes))
+    except ValueError as error:
+        raise ValueError(f"{config}: {error}") from error
+
+
+def _packaged(kind: type[SurfaceSystem]) -> dict[str, Traversable]:
+    """The paths of the configurations by name: in the folder of a system that is a package, or in ``settings/NAME``."""
+    module = importlib.import_module(kind.__module__)
+    if hasattr(module, "__path__"):
+        folder = files(module)
+    elif module.__package__:
+        folder = files(module.__package__) / "settings" / kind.name
+    else:
+        return {}
+    if not folder.is_dir():
+        return {}
+    return {f.name.removesuffix(".yaml"): f for f in folder.iterdir() if f.name.endswith(".yaml")}
+
+
+def _systems() -> dict[str, type[SurfaceSystem]]:
+    found = {}
+    for entry in pkgutil.iter_modules(meshot.systems.__path__, "meshot.systems."):
+        module = importlib.import_module(entry.name)
+        for kind in vars(module).values():
+            if isinstance(kind, type) and issubclass(kind, SurfaceSystem) and "name" in vars(kind):
+                found[kind.name] = kind
+    return found | {entry.name: entry.load() for entry in entry_points(group=GROUP) if entry.name not in found}
+
+
+# The trained weights in the package, and the default system.
+
+#: The folder of the weights: a subfolder for each system, and ``manifest.json`` with the name of the default.
+SHIPPED = Path(__file__).parent.parent / "weights"
+MANIFEST = "manifest.json"
+
+
+def default_system() -> str:
+    """The name of the default system."""
+    return json.loads((SHIPPED / MANIFEST).read_text(encoding="utf-8"))["default_system"]
+
+
+def load_system(name: str | None = None, folder: str | os.PathLike | None = None) -> SurfaceSystem:
+    """Load a trained system.
+
+    Parameters
+    ----------
+    name : str, optional
+        The name of the system. By default that of the package.
+    folder : path, optional
+        A folder written by :meth:`meshot.systems.SurfaceSystem.save`. By default the weights in the package.
+
+    Raises
+    ------
+    ValueError
+        If the system is unknown, there are no weights for it, or they belong to another system.
+    """
+    kind = get_system(default_system() if name is None else name)
+    shipped = SHIPPED / kind.name
+    if folder is None and not shipped.is_dir():
+        raise ValueError(
+            f"no weights of {kind.name} come with the package: train it (meshot train {kind.name} CONFIG --data COHORT "
+            f"-o FOLDER) and name the folder (--weights FOLDER), or put them into {shipped.name}/ of the package's "
+            "weights"
+        )
+    return kind.load(shipped if folder is None else folder)

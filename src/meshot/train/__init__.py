@@ -1,4 +1,4 @@
-"""Training of networks, with validation, checkpoints and exact resumption. Reading of configurations.
+"""Training of networks, with validation, checkpoints and exact resumption.
 
 A training consists of a plan (steps, learning rates, validation) and a task (the loss of a step, a validation). It
 keeps the best and the last weights, a log, and a state from which a stopped training resumes with the same result. The

@@ -1,18 +1,98 @@
 """The training loop: steps, validations, a state on disk, and a log. A stopped training can be resumed."""
 
 import dataclasses
+import json
+import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import nn
 
-from meshot.train.log import TrainingLog
-from meshot.train.plan import Plan
+from meshot.errors import require_choice, require_positive, require_positive_integer
+from meshot.files import naming_a_full_disk, whole_file
 from meshot.train.state import STATE, TrainingState, read_training, write_training
 from meshot.types import Tensor
+
+# The plan of a training: number of steps, learning rate, validation.
+
+SCHEDULES = ("constant", "cosine")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Plan:
+    """The plan of a training.
+
+    Parameters
+    ----------
+    n_steps : int
+    validate_every, save_every : int
+        In steps.
+    patience : int, optional
+        Stop after this many consecutive validations without a lower loss. None: never.
+    learning_rate : float
+        The initial learning rate.
+    schedule : str
+        "constant", or "cosine": half a cosine to zero.
+    averaging : float
+        In [0, 1). If positive, the exponential moving average of the weights with this decay per step is validated and
+        stored, instead of the weights themselves.
+    """
+
+    n_steps: int
+    validate_every: int
+    save_every: int
+    patience: int | None
+    learning_rate: float
+    schedule: str
+    averaging: float = 0.0
+
+    def learning_rate_at(self, step: int) -> float:
+        """The learning rate of one step."""
+        if self.schedule == "constant":
+            return self.learning_rate
+        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * step / self.n_steps))
+
+
+def plan_of_epochs(settings: object, n_examples: int) -> Plan:
+    """The plan of settings that count in epochs, for a number of training examples.
+
+    Parameters
+    ----------
+    settings : object
+        With the attributes that :func:`meshot.train.require_plan_settings` checks. One step uses ``batch_size``
+        examples, or one example if there is no such attribute.
+    n_examples : int
+    """
+    per_epoch = -(-n_examples // getattr(settings, "batch_size", 1))
+    return Plan(
+        settings.n_epochs * per_epoch, settings.validate_every * per_epoch, settings.save_every, settings.patience,
+        settings.learning_rate, settings.schedule, settings.averaging,
+    )  # fmt: skip
+
+
+def require_plan_settings(settings: object) -> None:
+    """Check the settings that all trainings have: epochs, learning rate, patience, averaging, seed.
+
+    Raises
+    ------
+    ValueError
+        If one is outside its range.
+    """
+    for name in ("n_epochs", "batch_size", "validate_every", "save_every"):
+        require_positive_integer(getattr(settings, name, 1), name)
+    if settings.patience is not None:
+        require_positive_integer(settings.patience, "patience")
+    require_positive(settings.learning_rate, "learning_rate")
+    if not 0 <= settings.averaging < 1:
+        raise ValueError(f"averaging is {settings.averaging!r}; a share in [0, 1) is needed, 0 for none")
+    if isinstance(settings.seed, bool) or not isinstance(settings.seed, int) or settings.seed < 0:
+        raise ValueError(f"seed is {settings.seed!r}; an integer >= 0 is needed")
+    require_choice(settings.schedule, "schedule", SCHEDULES)
+
 
 LOG = "log.jsonl"
 
@@ -216,3 +296,91 @@ def _require_finite(values: Tensor, name: str) -> None:
             f"{name} is not finite; lower the learning rate, or look at the meshes and scans that it came from. The "
             "last saved state is whole"
         )
+
+
+# The log of a training: a file with one line of JSON per event.
+
+
+class TrainingLog:
+    """A file of JSON lines, one for each step and each validation.
+
+    Parameters
+    ----------
+    path : path, optional
+        With None, no file is written.
+    lines : list of dict
+        The lines of a resumed training. They replace the content of the file.
+    """
+
+    def __init__(self, path: Path | None, lines: list[dict]):
+        self.path = path
+        if path is not None:
+            with whole_file(path) as temporary:
+                temporary.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+
+    def add(self, line: dict) -> None:
+        """Append a line to the file immediately."""
+        if self.path is not None:
+            with naming_a_full_disk(self.path), self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+
+
+def read_log(path: str | os.PathLike) -> list[dict]:
+    """The lines of a log. An incomplete last line, left by a killed process, is omitted.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing or an inner line is not JSON.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist; a training writes it as it goes")
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        lines = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is no log of a training ({error})") from error
+    if not all(isinstance(line, dict) for line in lines):
+        raise ValueError(f"{path} is no log of a training: a line holds no names and values")
+    return lines
+
+
+# Examples of a training: which ones a step uses, and their record.
+
+_ORDER = 0  # random number stream; a training has the streams from 1
+
+
+def require_examples(training: Sequence, validation: Sequence) -> None:
+    """Check that there are examples for training and for validation.
+
+    Raises
+    ------
+    ValueError
+        If one of the two is empty.
+    """
+    if not training or not validation:
+        raise ValueError(
+            f"{len(training)} examples for training and {len(validation)} for validation came; at least one of each is "
+            "needed"
+        )
+
+
+def examples_of_step(step: int, n_examples: int, seed: int, batch_size: int = 1) -> list[int]:
+    """The indices of the training examples of a step. Every epoch visits all examples in a new random order.
+
+    Parameters
+    ----------
+    step, n_examples, seed : int
+    batch_size : int
+        Number of examples in a step. The last step of an epoch has fewer if ``n_examples`` is not a multiple of it.
+    """
+    epoch, place = divmod(step, -(-n_examples // batch_size))
+    order = np.random.default_rng([seed, _ORDER, epoch]).permutation(n_examples)
+    return order[place * batch_size : (place + 1) * batch_size].tolist()
+
+
+def data_record(training: Sequence, validation: Sequence, digest: Callable[[Sequence], str]) -> dict:
+    """The number of examples for training and validation, and a digest of each set."""
+    parts = (("training", training), ("validation", validation))
+    return {name: {"n_scans": len(part), "sha256": digest(part)} for name, part in parts}

@@ -6,13 +6,13 @@ import math
 import os
 from collections.abc import Iterator
 
+import safetensors
 import safetensors.torch
 import torch
 from torch import nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from meshot.files import whole_file
-from meshot.train.stored import read_tensors, stored_parts
 from meshot.types import Tensor
 
 #: The name of the file of a state.
@@ -92,15 +92,7 @@ def _copied(network: nn.Module) -> dict[str, Tensor]:
 
 
 def write_training(path: str | os.PathLike, state: TrainingState, made_with: dict) -> None:
-    """Write the state of a training, completely or not at all.
-
-    Parameters
-    ----------
-    path : path
-    state : TrainingState
-    made_with : dict
-        Settings and data. The state can be read only with the same ones.
-    """
+    """Write the state of a training, completely or not at all."""
     tensors = {f"network/{name}": value for name, value in state.network.state_dict().items()}
     tensors |= {f"best/{name}": value for name, value in state.best.items()}
     for index, moments in state.optimiser.state_dict()["state"].items():
@@ -116,13 +108,7 @@ def write_training(path: str | os.PathLike, state: TrainingState, made_with: dic
 
 
 def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict) -> None:
-    """Read a state written by :func:`meshot.train.state.write_training` into ``state``.
-
-    Raises
-    ------
-    ValueError
-        If the file is not such a state, or was written with other settings, data or another kind of network.
-    """
+    """Read a state written by :func:`meshot.train.state.write_training` into ``state``."""
     header, tensors = _read(path)
     now = json.loads(json.dumps(made_with))
     changed = sorted(k for k in now.keys() | header["made_with"] if header["made_with"].get(k) != now.get(k))
@@ -169,3 +155,57 @@ def _read(path: str | os.PathLike) -> tuple[dict, dict[str, Tensor]]:
         return read_tensors(path, "training", "made_with")
     except ValueError as error:
         raise ValueError(f"{path} is not a whole state of a training ({error}): remove it to start anew") from error
+
+
+# Reading of the state of a training from a safetensors file, with checks before anything is changed.
+
+#: The tensors that Adam stores for every parameter. All but the step have the shape of the parameter.
+_MOMENTS = {"step", "exp_avg", "exp_avg_sq"}
+
+
+def read_tensors(path: str | os.PathLike, name: str, entry: str) -> tuple[dict, dict[str, Tensor]]:
+    """The JSON header ``name`` of a safetensors file, in which ``entry`` is a mapping, and its tensors."""
+    try:
+        with safetensors.safe_open(path, framework="pt") as file:
+            header = json.loads((file.metadata() or {})[name])
+            tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
+        if not isinstance(header, dict) or not isinstance(header[entry], dict):
+            raise ValueError(f"its header holds no {entry}")
+    except (OSError, safetensors.SafetensorError, KeyError, ValueError, RecursionError) as error:
+        raise ValueError(str(error)) from error
+    return header, tensors
+
+
+def stored_parts(
+    tensors: dict[str, Tensor], module: nn.Module, optimiser: torch.optim.Adam
+) -> tuple[dict[str, Tensor], dict[str, Tensor], dict[int, dict[str, Tensor]]]:
+    """The weights of a module, the best weights, and the moments of the optimiser by index of the parameter."""
+    parts: dict[str, dict[str, Tensor]] = {part: {} for part in ("network", "best", "adam")}
+    for name, value in tensors.items():
+        part, _, key = name.partition("/")
+        if part not in parts:
+            raise ValueError(f"{name} is unknown")
+        parts[part][key] = value
+    for part in ("network", "best"):
+        if _forms(parts[part]) != _forms(module.state_dict()):
+            raise ValueError(f"{part} has other tensors")
+    return parts["network"], parts["best"], _moments(parts["adam"], optimiser)
+
+
+def _moments(stored: dict[str, Tensor], optimiser: torch.optim.Adam) -> dict[int, dict[str, Tensor]]:
+    parameters = [parameter for group in optimiser.param_groups for parameter in group["params"]]
+    found: dict[int, dict[str, Tensor]] = {}
+    for key, value in stored.items():
+        index, _, name = key.partition("/")
+        if not index.isdecimal() or int(index) >= len(parameters) or name not in _MOMENTS:
+            raise ValueError(f"adam/{key} is unknown")
+        if value.shape != (() if name == "step" else parameters[int(index)].shape):
+            raise ValueError(f"adam/{key} has the shape {tuple(value.shape)}")
+        found.setdefault(int(index), {})[name] = value
+    if any(set(moments) != _MOMENTS for moments in found.values()):
+        raise ValueError("moments of the optimiser are missing")
+    return found
+
+
+def _forms(tensors: dict[str, Tensor]) -> dict[str, tuple]:
+    return {name: (tuple(value.shape), value.dtype) for name, value in tensors.items()}

@@ -1,7 +1,7 @@
 """Pictures of volumes and surfaces: slices, static images, and interactive 3D views.
 
 Used by the report of a reconstruction and by the book. The interactive view is one piece of HTML that needs no network.
-``style`` has the colours and line styles.
+Colours and line styles of the book are here, too.
 """
 
 import lazy_loader

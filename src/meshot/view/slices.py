@@ -1,7 +1,9 @@
 """Slices of a volume, with the outlines of surfaces, in mm."""
 
+import io
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -11,11 +13,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import plane_section
+from meshot.mesh import Mesh, plane_section
 from meshot.types import Array, Float
-from meshot.view.style.colours import GREEN, ORANGE, PURPLE, SKY, VERMILLION, WIDTH, YELLOW
-from meshot.view.values import Values
+from meshot.view.style import GREEN, ORANGE, PURPLE, SKY, VERMILLION, WIDTH, YELLOW
+from meshot.view.surface import Values
 from meshot.volume import Volume, mm_to_voxel, sample_volume, voxel_sizes, voxel_to_mm
 
 # Colours that are visible on a grey image, the most distinct first.
@@ -213,3 +214,71 @@ def _label(ax: Axes, plane: str, axis: int, position: float, shown: tuple[int, i
     outlined = {"color": "white", "fontweight": "bold", "path_effects": [withStroke(linewidth=3, foreground="black")]}
     for letter, place, (across, along) in zip(letters, places, sides):
         ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, **outlined)
+
+
+# One small picture of several slices with outlines and no labels, to look at many subjects at once.
+
+_PIXELS = 240
+_QUALITY = 70
+
+
+class Cut(NamedTuple):
+    """A slice: a volume that holds it, the name of its plane, and its position on the axis across the plane, in mm."""
+
+    volume: Volume
+    plane: str
+    position: float
+
+
+def slice_sheet(
+    cuts: Sequence[Cut],
+    mesh: Mesh,
+    limits: tuple[float, float],
+    colour: str = LINE_COLOURS[0],
+    columns: int = 3,
+) -> bytes:
+    """Slices side by side, each in a square of 240 pixels, as a WebP file. The right of the subject is on the right.
+
+    Every square has the same scale: the largest extent of all slices fills a square. Outside a volume the picture is
+    black.
+
+    Parameters
+    ----------
+    cuts : sequence of Cut
+        From left to right, then down.
+    mesh : Mesh
+        Its outline is drawn on every slice. In scanner RAS, in mm.
+    limits : tuple
+        The values shown in black and in white.
+    colour : str
+        Of the outline.
+    columns : int
+        Number of squares in a row.
+
+    Raises
+    ------
+    ValueError
+        If there are no slices, or a plane is unknown.
+    """
+    unknown = [cut.plane for cut in cuts if cut.plane not in PLANES]
+    if unknown or not cuts:
+        raise ValueError(
+            f"cuts have the planes {[cut.plane for cut in cuts]}; one or more of {', '.join(PLANES)} are needed"
+        )
+    images = [slice_image(cut.volume, PLANES[cut.plane][0], cut.position) for cut in cuts]
+    half = max(max(right - left, top - bottom) for _, (left, right, bottom, top) in images) / 2
+    rows = -(-len(cuts) // columns)
+    figure = plt.figure(figsize=(columns, rows), dpi=_PIXELS, facecolor="black")
+    for place, (cut, (image, extent)) in enumerate(zip(cuts, images, strict=True)):
+        axis, shown, _ = PLANES[cut.plane]
+        ax = figure.add_axes((place % columns / columns, 1 - (place // columns + 1) / rows, 1 / columns, 1 / rows))
+        ax.set_axis_off()
+        ax.imshow(image, extent=extent, origin="lower", cmap="gray", vmin=limits[0], vmax=limits[1])
+        segments = plane_section(mesh, axis, cut.position)[:, :, list(shown)].detach().cpu().numpy()
+        ax.add_collection(LineCollection(segments, colors=colour, linewidths=0.5, capstyle="round"), autolim=False)
+        middle = (extent[0] + extent[1]) / 2, (extent[2] + extent[3]) / 2
+        ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="webp", dpi=_PIXELS, pil_kwargs={"quality": _QUALITY})
+    plt.close(figure)
+    return buffer.getvalue()

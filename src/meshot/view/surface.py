@@ -1,5 +1,6 @@
 """Static pictures of surfaces: shaded, coloured by values at the vertices, to scale."""
 
+import dataclasses
 import itertools
 import warnings
 from collections.abc import Mapping, Sequence
@@ -7,6 +8,7 @@ from types import ModuleType
 
 import matplotlib.pyplot as plt
 import numpy as np
+import torch
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -16,9 +18,119 @@ from meshot.errors import require_positive_integer
 from meshot.extras import needing
 from meshot.mesh import Mesh
 from meshot.types import Array, Float
-from meshot.view.angles import View, view_from
 from meshot.view.display import require_display
-from meshot.view.values import COLOUR_MAP, Values, bar_label, colour_limits, named, pointed_ends
+
+# Directions of view. World axes are scanner RAS: +x is right, +y anterior, +z superior.
+
+# Direction from the surface to the camera, and the upward direction of the picture.
+_EYES = {
+    "left": ((-1, 0, 0), (0, 0, 1)),
+    "right": ((1, 0, 0), (0, 0, 1)),
+    "anterior": ((0, 1, 0), (0, 0, 1)),
+    "posterior": ((0, -1, 0), (0, 0, 1)),
+    "superior": ((0, 0, 1), (0, 1, 0)),
+    "inferior": ((0, 0, -1), (0, 1, 0)),
+}
+_SIDES = {("lateral", "left"): "left", ("lateral", "right"): "right"}
+_SIDES |= {("medial", "left"): "right", ("medial", "right"): "left"}
+_LETTERS = ("LR", "PA", "IS")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class View:
+    """A direction of view.
+
+    Parameters
+    ----------
+    name : str
+        The requested name, such as "lateral".
+    axes : array
+        Orthonormal rows: right and up in the picture, and towards the camera.
+    """
+
+    name: str
+    axes: Float[Array, "3 3"]
+
+    def letters(self) -> tuple[str, str, str, str]:
+        """The anatomical letters at the left, right, bottom and top edges of the picture, such as A, P, I, S."""
+        letters = []
+        for row in self.axes[:2]:
+            axis = int(np.abs(row).argmax())
+            ends = _LETTERS[axis]
+            letters += list(ends if row[axis] > 0 else ends[::-1])
+        return tuple(letters)
+
+
+def view_from(name: str, hemisphere: str | None = None) -> View:
+    """The view with a name."""
+    if name in ("lateral", "medial") and hemisphere not in ("left", "right"):
+        raise ValueError(f"view is {name!r} and hemisphere {hemisphere!r}; say hemisphere='left' or 'right'")
+    direction = _SIDES.get((name, hemisphere), name)
+    if direction not in _EYES:
+        raise ValueError(f"view is {name!r}; one of {', '.join([*_EYES, 'lateral', 'medial'])} is needed")
+    towards, up = (np.array(axis, dtype=float) for axis in _EYES[direction])
+    return View(name, np.stack([np.cross(up, towards), up, towards]))
+
+
+# Validation of values at the vertices of surfaces, and their colour limits.
+
+COLOUR_MAP = "viridis"
+Values = Sequence[float] | np.ndarray | torch.Tensor
+
+
+def named(
+    meshes: Mesh | Mapping[str, Mesh], values: Values | Mapping[str, Values] | None
+) -> tuple[dict[str, Mesh], dict[str, np.ndarray]]:
+    """Meshes and their values by name, with values as float64 arrays. A single mesh has the empty name."""
+    if isinstance(meshes, Mesh):
+        meshes, values = {"": meshes}, None if values is None else {"": values}
+    if not meshes:
+        raise ValueError("meshes is empty; at least one mesh is needed")
+    if values is not None and not isinstance(values, Mapping):
+        raise ValueError(f"values is a {type(values).__name__} for several meshes; a mapping by their names is needed")
+    found = {}
+    for name, numbers in (values or {}).items():
+        if name not in meshes:
+            raise ValueError(f"values are named {name!r}, which is none of the meshes: {', '.join(meshes)}")
+        found[name] = _checked(numbers, name, len(meshes[name].vertices))
+    return dict(meshes), found
+
+
+def _checked(numbers: Values, name: str, n_vertices: int) -> np.ndarray:
+    numbers = numbers.detach().cpu().numpy() if isinstance(numbers, torch.Tensor) else numbers
+    array = np.asarray(numbers, dtype=np.float64)
+    if array.shape != (n_vertices,):
+        raise ValueError(f"values {name!r} has shape {array.shape}; ({n_vertices},) is needed, one for each vertex")
+    if not np.isfinite(array).any():
+        raise ValueError(f"values {name!r} has no finite entry; leave it out to draw the mesh plain")
+    return array
+
+
+def colour_limits(values: Mapping[str, np.ndarray], limits: tuple[float, float] | None) -> tuple[float, float]:
+    """The values at the ends of the colour map: as given, or the range of all finite values."""
+    if limits is not None:
+        if not (np.isfinite(limits).all() and limits[0] < limits[1]):
+            raise ValueError(f"limits are {limits!r}; two finite, increasing numbers are needed")
+        return float(limits[0]), float(limits[1])
+    if not values:
+        return 0.0, 1.0
+    every = np.concatenate(list(values.values()))
+    low, high = float(np.min(every[np.isfinite(every)])), float(np.max(every[np.isfinite(every)]))
+    # If all values are equal, the colour bar still needs a positive length.
+    return (low, high) if low < high else (low - 0.5, high + 0.5)
+
+
+def pointed_ends(values: Mapping[str, np.ndarray], limits: tuple[float, float]) -> str:
+    """Which ends of the colour bar have values beyond them: "neither", "min", "max" or "both"."""
+    every = np.concatenate(list(values.values()))
+    below, above = bool((every < limits[0]).any()), bool((every > limits[1]).any())
+    return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[below, above]
+
+
+def bar_label(label: str, unit: str) -> str:
+    """The label of a colour bar: the quantity, and its unit in parentheses."""
+    return f"{label} ({unit})" if label and unit else label or unit
+
 
 PLAIN = (0.80, 0.79, 0.76)
 AMBIENT, DIFFUSE = 0.3, 0.7
@@ -36,35 +148,7 @@ def surface_image(
     centre: Float[Array, " 3"] | None = None,
     half_height: float | None = None,
 ) -> np.ndarray:
-    """A picture of a surface in parallel projection, on a transparent background.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    view : View
-    values : array, optional
-        One per vertex. NaN is drawn in the plain colour.
-    limits : tuple
-        The values at the ends of the colour map.
-    colour_map : str
-        A colour map of matplotlib.
-    size : tuple
-        Width and height in pixels.
-    centre : array, optional
-        The point at the centre of the picture. By default the centre of the surface's bounding box.
-    half_height : float, optional
-        Half of the height shown by the picture, in units of the vertices. By default the whole surface is shown.
-
-    Returns
-    -------
-    numpy.ndarray
-        Red, green, blue and opacity in 0 … 255, shape (height, width, 4).
-
-    Raises
-    ------
-    RuntimeError
-        If there is no OpenGL.
-    """
+    """A picture of a surface in parallel projection, on a transparent background."""
     pyvista = _drawing_library()
     if centre is None or half_height is None:
         centre, half_height = framing([mesh], [view], size[0] / size[1])

@@ -1,7 +1,7 @@
 """Volumes: 3D arrays with an affine from voxel indices to scanner RAS in mm.
 
-Reading and writing, interpolation, registration to the standard grid of the networks, tissue probabilities. The
-subpackage ``surfaces`` converts between volumes and meshes. All changes of space use one function for affine maps.
+Reading and writing, interpolation, registration to the standard grid of the networks, tissue probabilities. Between
+volumes and meshes: :func:`signed_distance`, :func:`isosurface`. All changes of space use one function for affine maps.
 """
 
 import lazy_loader

@@ -2,13 +2,14 @@
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
+from scipy.ndimage import affine_transform, gaussian_filter
 
 from meshot.extras import needing
-from meshot.types import Array, Float
-from meshot.volume.volume import Volume, voxel_sizes
+from meshot.types import Array, Float, Tensor
+from meshot.volume.volume import Volume, transform_points, voxel_sizes
 
 with needing("cortex"):
     import SimpleITK
@@ -87,16 +88,6 @@ def register_rigid(moving: Volume, fixed: Volume, seed: int = 0) -> Float[Array,
     """The rotation and translation that take scanner RAS of ``moving`` to scanner RAS of ``fixed``, in mm.
 
     For two scans of one person: the head is rigid. Otherwise as :func:`register_affine`.
-
-    Parameters
-    ----------
-    moving, fixed : Volume
-    seed : int
-
-    Raises
-    ------
-    ValueError
-        As :func:`register_affine`.
     """
     found = _registered(moving, fixed, seed, THOROUGH, _rigid)
     return np.linalg.inv(LPS @ _as_matrix(found) @ LPS)
@@ -220,3 +211,167 @@ def _require_blocks(volume: Volume, name: str, voxels_mm: float) -> None:
             f"the {name} image has {' × '.join(map(str, volume.data.shape))} voxels and spans {extent} mm: it is too "
             "thin to be registered; give the image of a whole head"
         )
+
+
+# The standard grid of the paper: scans in MNI152 space, on one grid, with values in [0, 1].
+
+#: The extent of the grid in mm (crop or pad to as many voxels of 1 mm), and its shape: voxels of 1.5 × 1.444 × 1.5 mm.
+EXTENT_MM = (192, 208, 192)
+SHAPE = (128, 144, 128)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StandardScan:
+    """A scan on the standard grid, with its transform to and from scanner space.
+
+    Parameters
+    ----------
+    volume : Volume
+        128 × 144 × 128 voxels, values in [0, 1]; its affine leads to MNI152 space, in mm.
+    to_standard : array
+        4 × 4; takes scanner RAS of the original scan to MNI152 space, in mm.
+    """
+
+    volume: Volume
+    to_standard: Float[Array, "4 4"]
+
+    def to_scanner(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Points of MNI152 space in scanner RAS of the original scan, in mm."""
+        return transform_points(np.linalg.inv(self.to_standard), points)
+
+    def from_scanner(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Points in scanner RAS of the original scan in MNI152 space, in mm."""
+        return transform_points(self.to_standard, points)
+
+
+def standard_scan(scan: Volume, template: Volume, seed: int = 0, quick: bool = False) -> StandardScan:
+    """Prepare a scan for the networks: affine registration, cropping or padding, resampling, scaling to [0, 1].
+
+    Parameters
+    ----------
+    scan : Volume
+        In any orientation and voxel size.
+    template : Volume
+        Where to register to: the MNI152 average, see ``meshot.anatomy.templates``.
+    seed : int
+        Of the registration.
+    quick : bool
+        As in :func:`meshot.volume.register_affine`.
+
+    Raises
+    ------
+    ValueError
+        As :func:`meshot.volume.register_affine`.
+
+    Notes
+    -----
+    The three steps use one trilinear interpolation, because each interpolation blurs. Values are scaled by the extremes
+    on the grid. Outside the scan its minimum is used.
+
+    References
+    ----------
+    Le et al., ICLR 2024, appendix (preprocessing).
+    """
+    # Rounded, because the last bits differ between CPUs. This moves no point by as much as 1e-3 mm.
+    to_standard = register_affine(scan, template, seed, quick).round(6)
+    return place_on_grid(scan, to_standard, centre_of_mass(template))
+
+
+def place_on_grid(scan: Volume, to_standard: Float[Array, "4 4"], centre_mm: Float[Array, " 3"]) -> StandardScan:
+    """A scan on the standard grid around a centre, by a known affine from scanner RAS to that space, in mm."""
+    affine = _grid_affine(centre_mm)
+    to_voxel = np.linalg.inv(scan.affine) @ np.linalg.inv(to_standard) @ affine
+    data = scan.data.astype(np.float32)
+    on_grid = affine_transform(data, to_voxel[:3, :3], to_voxel[:3, 3], SHAPE, order=1, cval=float(data.min()))
+    return StandardScan(Volume(_scaled(on_grid), affine), np.asarray(to_standard, dtype=np.float64))
+
+
+def _grid_affine(centre_mm: Float[Array, " 3"]) -> Float[Array, "4 4"]:
+    """Voxel indices to mm for a grid whose box, from the outer sides of its voxels, lies around the centre."""
+    sizes = np.divide(EXTENT_MM, SHAPE)
+    affine = np.diag([*sizes, 1.0])
+    affine[:3, 3] = centre_mm - sizes * (np.array(SHAPE) - 1) / 2
+    return affine
+
+
+def centre_of_mass(volume: Volume) -> Float[Array, " 3"]:
+    """The centre of the values above the smallest, in mm; the standard grid lies around that of its template.
+
+    Raises
+    ------
+    ValueError
+        If the volume is constant.
+    """
+    weights = volume.data.astype(np.float64) - volume.data.min()
+    if not weights.any():
+        raise ValueError(f"the volume is {volume.data.min()} everywhere and has no centre; one with an image is needed")
+    axes = [
+        np.tensordot(weights.sum(axis=tuple({0, 1, 2} - {k})), np.arange(n), 1) for k, n in enumerate(weights.shape)
+    ]
+    return volume.affine[:3, :3] @ (np.array(axes) / weights.sum()) + volume.affine[:3, 3]
+
+
+def _scaled(data: Float[Array, "x y z"]) -> Float[Array, "x y z"]:
+    low, high = data.min(), data.max()
+    if low == high:
+        raise ValueError(f"the scan is {low} all over the standard grid: is it in the place that its affine says?")
+    return (data - low) / (high - low)
+
+
+# The average of several scans of one person, which has less noise than one.
+
+#: Inside the head. Simulated repeats with noise of 8 % of the largest value reach .99, inverted contrast reaches .1.
+LOWEST_CORRELATION = 0.8
+
+
+def averaged_scan(scans: Sequence[Volume], names: Sequence[str] | None = None) -> Volume:
+    """The mean of several scans of one head on the grid of the first, after rigid registration to the first.
+
+    Each scan is scaled so that it differs least from the first in the mean square, and is interpolated once with cubic
+    splines. A voxel that some scans do not cover is the mean of the others.
+
+    Parameters
+    ----------
+    scans : sequence of Volume
+        Of one person, with the same contrast. Grids and positions may differ.
+    names : sequence of str, optional
+        What errors call the scans.
+
+    Raises
+    ------
+    ValueError
+        If there is no scan, one is constant, or one does not agree with the first after registration.
+    """
+    if not scans:
+        raise ValueError("there is no scan; at least one is needed")
+    names = [f"scan {i + 1}" for i in range(len(scans))] if names is None else names
+    first = scans[0].data.astype(np.float64)
+    total, covered = first.copy(), np.ones(first.shape)
+    for scan, name in zip(scans[1:], names[1:], strict=True):
+        moved, inside = _moved(scan, scans[0])
+        agreement = _agreement(moved, first, inside)
+        if not agreement >= LOWEST_CORRELATION:
+            raise ValueError(
+                f"{name} and {names[0]} agree poorly after registration (correlation {agreement:.2f}; "
+                f"{LOWEST_CORRELATION} is needed): do both show the same head with the same contrast? Choose one"
+            )
+        scale = float(moved[inside] @ first[inside]) / float(moved[inside] @ moved[inside])
+        total[inside] += scale * moved[inside]
+        covered += inside
+    return scans[0].with_data((total / covered).astype(np.float32))
+
+
+def _agreement(moved: Float[Array, "x y z"], first: Float[Array, "x y z"], inside: Array) -> float:
+    """The correlation of two images inside the head, after smoothing by one voxel, which removes most noise."""
+    smooth = [gaussian_filter(image, 1.0) for image in (moved, first)]
+    head = inside & (smooth[1] > smooth[1].mean())
+    return float(np.corrcoef(smooth[0][head], smooth[1][head])[0, 1]) if head.any() else 0.0
+
+
+def _moved(scan: Volume, target: Volume) -> tuple[Float[Array, "x y z"], Array]:
+    """A scan at the voxels of another, and where it covers them."""
+    to_voxel = np.linalg.inv(scan.affine) @ np.linalg.inv(register_rigid(scan, target)) @ target.affine
+    shape = target.data.shape
+    moved = affine_transform(scan.data.astype(np.float64), to_voxel[:3, :3], to_voxel[:3, 3], shape, order=3)
+    ones = np.ones(scan.data.shape, dtype=np.float32)
+    return moved, affine_transform(ones, to_voxel[:3, :3], to_voxel[:3, 3], shape, order=1) > 0.999

@@ -3,7 +3,10 @@
 import dataclasses
 
 import numpy as np
+import torch
 
+from meshot.errors import require_positive_integer
+from meshot.extras import needing
 from meshot.types import Array, Float, Tensor
 
 
@@ -105,3 +108,209 @@ def centre_ras(volume: Volume) -> tuple[float, float, float]:
     """FreeSurfer's c_ras: the centre of the volume, at half the number of voxels, in scanner RAS, in mm."""
     x, y, z = volume.affine[:3, :3] @ (np.array(volume.data.shape) / 2) + volume.affine[:3, 3]
     return float(x), float(y), float(z)
+
+
+# Interpolation of volumes, and cropping.
+
+
+def sample_volume(volume: Volume, points_mm: Float[Tensor, "n 3"], outside: float = 0.0) -> Float[Tensor, " n"]:
+    """Trilinear interpolation of a volume at points in scanner RAS. Differentiable with respect to the points.
+
+    Parameters
+    ----------
+    volume : Volume
+    points_mm : tensor
+        One row per point, in mm.
+    outside : float
+        The value of every voxel outside the grid. Over one voxel next to the grid, the interpolation is linear.
+
+    Returns
+    -------
+    tensor
+        In the units of the volume and the dtype of the points.
+    """
+    places = mm_to_voxel(volume, points_mm) + 1
+    data = torch.as_tensor(np.pad(volume.data, 1, constant_values=outside)).to(points_mm)
+    last = places.new_tensor(data.shape) - 1
+    # Distant points are clipped to the border, which has the outside value.
+    places = torch.minimum(places.clamp(min=0), last)
+    lower = torch.minimum(places.detach().floor(), last - 1).long()
+    fraction = places - lower
+    total = torch.zeros_like(places[:, 0])
+    for corner in np.ndindex(2, 2, 2):
+        step = lower.new_tensor(corner)
+        weight = torch.where(step.bool(), fraction, 1 - fraction).prod(dim=1)
+        total = total + weight * data[tuple((lower + step).unbind(dim=1))]
+    return total
+
+
+def cropped(volume: Volume, points_mm: Float[Tensor, "n 3"], margin: int = 3) -> Volume:
+    """The smallest box of voxels around a set of points, plus a margin, at the same position in world space.
+
+    Parameters
+    ----------
+    volume : Volume
+    points_mm : tensor
+        The points that the box must contain, in scanner RAS.
+    margin : int
+        Number of voxels added on each side, within the volume.
+
+    Raises
+    ------
+    ValueError
+        If the box around the points does not overlap the volume, for example because they are in different spaces.
+    """
+    places = mm_to_voxel(volume, points_mm.detach().double()).numpy()
+    low = np.clip(np.floor(places.min(axis=0)).astype(int) - margin, 0, None)
+    high = np.minimum(np.ceil(places.max(axis=0)).astype(int) + margin + 1, volume.data.shape)
+    if (high <= low).any():
+        raise ValueError(
+            f"the points span {places.min(axis=0).round(1).tolist()} to {places.max(axis=0).round(1).tolist()} in "
+            f"voxels, the volume {list(volume.data.shape)}: they do not overlap; are both in scanner RAS?"
+        )
+    affine = volume.affine.copy()
+    affine[:3, 3] += affine[:3, :3] @ low
+    return Volume(volume.data[tuple(slice(a, b) for a, b in zip(low, high, strict=True))], affine)
+
+
+# A volume at several resolutions.
+
+
+def volume_pyramid(volume: Volume, n_scales: int = 3) -> tuple[Volume, ...]:
+    """The volume, and its means over blocks of 2³, 4³, ... voxels, each with its affine.
+
+    If the number of voxels along an axis is odd, a layer of zeros is added.
+
+    Parameters
+    ----------
+    volume : Volume
+    n_scales : int
+        Number of volumes, including the given one.
+
+    Raises
+    ------
+    ValueError
+        If ``n_scales`` is not a positive integer.
+    """
+    require_positive_integer(n_scales, "n_scales")
+    levels = [volume]
+    while len(levels) < n_scales:
+        levels.append(_halved(levels[-1]))
+    return tuple(levels)
+
+
+def _halved(volume: Volume) -> Volume:
+    data = np.pad(volume.data.astype(np.result_type(volume.data, np.float32)), [(0, n % 2) for n in volume.data.shape])
+    x, y, z = (n // 2 for n in data.shape)
+    affine = volume.affine @ np.diag([2.0, 2.0, 2.0, 1.0])
+    affine[:3, 3] += volume.affine[:3, :3] @ np.full(3, 0.5)  # the centre of the first block is between eight voxels
+    return Volume(data.reshape(x, 2, y, 2, z, 2).mean(axis=(1, 3, 5)), affine)
+
+
+# Removal of everything outside a given brain mask from a scan.
+
+
+def masked_scan(scan: Volume, mask: Volume) -> Volume:
+    """The scan with its minimum value outside the mask.
+
+    Parameters
+    ----------
+    scan : Volume
+    mask : Volume
+        On the grid of the scan: zero outside the brain, non-zero inside, as written by SynthStrip and HD-BET.
+
+    Raises
+    ------
+    ValueError
+        If the grids differ, or the mask is empty or contains all voxels.
+    """
+    if mask.data.shape != scan.data.shape:
+        raise ValueError(
+            f"the brain mask has {mask.data.shape} voxels and the scan {scan.data.shape}; make the mask of this scan, "
+            "or resample it to its grid"
+        )
+    apart = float(np.abs(mask.affine - scan.affine).max())
+    if apart > 1e-2 * float(np.abs(scan.affine[:3, :3]).max()):
+        raise ValueError(
+            f"the affines of brain mask and scan differ by up to {apart:.3g}; make the mask of this scan, or resample "
+            "it to its grid"
+        )
+    inside = mask.data != 0
+    if inside.all() or not inside.any():
+        share = "every voxel" if inside.all() else "no voxel"
+        raise ValueError(f"the brain mask holds {share} of the scan; zero outside the brain and one inside is needed")
+    return scan.with_data(np.where(inside, scan.data, scan.data.min()))
+
+
+# Tissue probabilities from intensities, and overlap of masks.
+
+with needing("cortex"):
+    import skimage.filters
+
+
+def bright_volume(scan: Volume) -> float:
+    """The volume of the brighter of two classes of voxels, in mm³: that of a brain on a dark background.
+
+    The classes are separated by Otsu's threshold.
+
+    Parameters
+    ----------
+    scan : Volume
+        Not constant.
+    """
+    n_bright = int((scan.data > skimage.filters.threshold_otsu(scan.data)).sum())
+    return n_bright * abs(float(np.linalg.det(scan.affine[:3, :3])))
+
+
+def white_matter_probability(t1: Volume, brain: Volume) -> Volume:
+    """White-matter probability from T1 intensity: 0 up to the mean of grey matter, 1 from the mean of white, ½ between.
+
+    Two thresholds divide the intensities inside the brain into three classes with minimal variance within classes
+    (Otsu): fluid, grey, white. The upper threshold is mapped to ½. On both sides the map is linear up to the mean of
+    the class. No atlas and no training are used.
+
+    Parameters
+    ----------
+    t1 : Volume
+        T1-weighted, so that white matter is brightest, without strong bias field.
+    brain : Volume
+        Boolean, on the same grid.
+
+    Raises
+    ------
+    ValueError
+        If the grids differ, the mask is empty, or fewer than three different intensities occur inside it.
+
+    References
+    ----------
+    Otsu, *A threshold selection method from gray-level histograms*, 1979.
+    """
+    if brain.data.shape != t1.data.shape or not np.allclose(brain.affine, t1.affine):
+        raise ValueError(f"t1 is {t1}, the brain mask {brain}, or their affines differ: both must share one grid")
+    values = t1.data[brain.data.astype(bool)]
+    if len(np.unique(values)) < 3:
+        raise ValueError(
+            f"the brain mask holds {len(values)} voxels of fewer than three intensities; at least three are needed"
+        )
+    lower, upper = skimage.filters.threshold_multiotsu(values, classes=3, nbins=128)
+    grey = values[(values > lower) & (values <= upper)].mean(dtype=np.float64)
+    white = values[values > upper].mean(dtype=np.float64)
+    scaled = np.interp(t1.data, [grey, upper, white], [0.0, 0.5, 1.0])
+    return t1.with_data(np.where(brain.data, scaled, 0.0).astype(np.float32))
+
+
+def dice(first: Array, second: Array) -> float:
+    """The Dice coefficient of two masks: twice the size of the intersection over the sum of their sizes, in [0, 1].
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ or both are empty.
+    """
+    total = np.count_nonzero(first) + np.count_nonzero(second)
+    if np.shape(first) != np.shape(second) or total == 0:
+        raise ValueError(
+            f"the masks have shapes {np.shape(first)} and {np.shape(second)} and {total} voxels set in all; two of one "
+            "shape, not both empty, are needed"
+        )
+    return 2 * np.count_nonzero(np.logical_and(first, second)) / total

@@ -1,4 +1,3 @@
-from .cards import ledger_page as ledger_page
 from .ledger import (
     ASSUMING as ASSUMING,
     AT_THIS_BUDGET as AT_THIS_BUDGET,
@@ -9,5 +8,6 @@ from .ledger import (
     NOT_TESTED as NOT_TESTED,
     REPRODUCED as REPRODUCED,
     Verdict as Verdict,
+    ledger_page as ledger_page,
     read_entries as read_entries,
 )

@@ -5,9 +5,9 @@ import math
 import torch
 
 from meshot.errors import as_floating
-from meshot.flow.fields import Push
 from meshot.mesh import Mesh
 from meshot.types import Float, Tensor
+from meshot_book.flows import Push
 
 
 def tip_over_face(gap: float = 0.3) -> Mesh:

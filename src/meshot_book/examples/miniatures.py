@@ -12,15 +12,13 @@ import numpy as np
 import torch
 
 from meshot.anatomy import HEMISPHERES, Hemisphere
-from meshot.mesh import Mesh
-from meshot.mesh.editing import taubin_smoothing
+from meshot.mesh import Mesh, taubin_smoothing
 from meshot.metrics import vertex_distances
 from meshot.pipeline import tissue_surface
 from meshot.rng import numpy_generator
 from meshot.systems import Example, Scan
 from meshot.types import Array, Bool, Float, Tensor
-from meshot.volume import Volume, voxel_to_mm
-from meshot.volume.surfaces import enclosed_fractions, isosurface
+from meshot.volume import Volume, enclosed_fractions, isosurface, voxel_to_mm
 
 #: The features of a hemisphere, as they are named in tables.
 FEATURES = ("thin gyrus", "buried sulcus", "bridged sulcus")

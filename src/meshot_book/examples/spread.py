@@ -60,13 +60,7 @@ def evenness(points: Float[Tensor, "n 2"], contour: Contour) -> float:
 
 
 def contour_gaps(points: Float[Tensor, "n 2"], contour: Contour) -> Float[Array, " n"]:
-    """The arc lengths between neighbours along a closed contour, once around; they add up to its length.
-
-    Raises
-    ------
-    ValueError
-        As :func:`evenness`.
-    """
+    """The arc lengths between neighbours along a closed contour, once around; they add up to its length."""
     edges, along_edge, _ = nearest_on_contour(points, contour)
     _, _, lengths = _edges(contour)
     positions = np.sort((np.cumsum(lengths) - lengths)[edges] + along_edge)
@@ -76,13 +70,7 @@ def contour_gaps(points: Float[Tensor, "n 2"], contour: Contour) -> Float[Array,
 def nearest_on_contour(
     points: Float[Tensor, "n 2"], contour: Contour
 ) -> tuple[Int[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
-    """For every point its nearest place on the contour: the edge, the arc length along that edge, and the distance.
-
-    Raises
-    ------
-    ValueError
-        As :func:`evenness`.
-    """
+    """For every point its nearest place on the contour: the edge, the arc length along that edge, and the distance."""
     places = _as_array(points)
     start, along, lengths = _edges(contour)
     offset = places[None] - start[:, None]

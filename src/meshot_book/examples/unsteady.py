@@ -6,8 +6,8 @@ import math
 import torch
 
 from meshot.errors import as_floating
-from meshot.flow.fields import AnalyticField
 from meshot.types import Float, Tensor
+from meshot_book.flows import AnalyticField
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -4,8 +4,7 @@ import math
 
 import torch
 
-from meshot.mesh import Mesh
-from meshot.mesh.shapes import folded_sphere, icosphere
+from meshot.mesh import Mesh, folded_sphere, icosphere
 from meshot.types import Float, Int64, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, check_answer
 

@@ -3,9 +3,7 @@
 import numpy as np
 import torch
 
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import face_areas
-from meshot.mesh.shapes import cube, folded_sphere, tetrahedron
+from meshot.mesh import Mesh, cube, face_areas, folded_sphere, tetrahedron
 from meshot.types import Float, Int64, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, check_answer
 

@@ -5,9 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import face_areas, face_barycentres, face_normals, signed_volume
-from meshot.mesh.shapes import cube, folded_sphere, icosphere
+from meshot.mesh import Mesh, cube, face_areas, face_barycentres, face_normals, folded_sphere, icosphere, signed_volume
 from meshot.types import Float, Int64, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, check_answer
 

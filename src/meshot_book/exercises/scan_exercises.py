@@ -6,7 +6,7 @@ import numpy as np
 import scipy.ndimage
 import torch
 
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import icosphere
 from meshot.types import Float, Int64, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, check_answer
 

@@ -56,20 +56,7 @@ class Mistake:
 def check_answer(
     function: object, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake], name: str
 ) -> None:
-    """Print one line that begins with ✓ or ✗.
-
-    Parameters
-    ----------
-    function : callable
-        What the reader wrote.
-    truth : callable
-        The right function.
-    cases : sequence of Case
-    mistakes : sequence of Mistake
-        Compared in this order.
-    name : str
-        Of the exercise.
-    """
+    """Print one line that begins with ✓ or ✗."""
     complaint = _complaint(function, truth, cases, mistakes)
     print(f"✓ {name}: right on all {len(cases)} cases" if complaint is None else f"✗ {name}: {complaint}")
 
@@ -153,13 +140,7 @@ def _wrong_form(answer: object, right: object) -> str | None:
 
 
 def as_points(values: object) -> Tensor:
-    """Coordinates that a reader returned, as float64.
-
-    Raises
-    ------
-    ValueError
-        If they are complex, infinite or not a number.
-    """
+    """Coordinates that a reader returned, as float64."""
     points = torch.as_tensor(values).detach()
     if points.is_complex():
         raise ValueError("complex numbers came, real coordinates are needed; look for the root of a negative number")

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from meshot.flow.fitting import forces
 from meshot.loss import chamfer, wasserstein
 from meshot.measure import DiscreteMeasure
 from meshot.types import Float, Tensor
 from meshot_book.exercises.verdict import Case, Mistake, as_points, check_answer
+from meshot_book.flows import forces
 
 
 def blur_in_coordinates(function: object) -> None:
@@ -133,13 +133,7 @@ def trap(function: object) -> None:
 
 
 def _rest_and_distance(points: object, target: Float[Tensor, "n d"]) -> Float[Tensor, " 2"]:
-    """One if every point is at rest under Chamfer, and one if W₂ to the target is above zero.
-
-    Raises
-    ------
-    ValueError
-        If the points are not of the target's shape, or not real and finite.
-    """
+    """One if every point is at rest under Chamfer, and one if W₂ to the target is above zero."""
     points = as_points(points)
     if points.shape != target.shape:
         raise ValueError(

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.geometry.areas import signed_volume
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
+from meshot.mesh.geometry import signed_volume
 from meshot.metrics.distances import vertex_distances
-from meshot.volume.surfaces.genus import filled_cavities, largest_component
-from meshot.volume.surfaces.marching_cubes import isosurface
-from meshot.volume.surfaces.voxelise import enclosed_fractions
+from meshot.volume.surfaces import enclosed_fractions, filled_cavities, isosurface, largest_component
 from meshot_book.examples.miniatures import FEATURES, Folds, folded_ball, miniature
 
 SIDES = ("left", "right")

@@ -5,9 +5,9 @@ import pytest
 import torch
 from scipy.optimize import linear_sum_assignment
 
+from meshot.mesh.geometry import even_points, sample_points
 from meshot.mesh.mesh import Contour
-from meshot.mesh.sampling import even_points, sample_points
-from meshot.mesh.shapes.contours import circle, letter_e, regular_polygon, star
+from meshot.mesh.shapes import circle, letter_e, regular_polygon, star
 from meshot_book.examples.spread import (
     contour_gaps,
     coverage,

@@ -9,8 +9,7 @@ from scipy import stats
 
 from meshot import DiscreteMeasure, empirical, slice_costs
 from meshot.loss import chamfer
-from meshot.mesh.geometry import face_areas
-from meshot.mesh.shapes import folded_sphere
+from meshot.mesh import face_areas, folded_sphere
 from meshot_book.exercises import check
 from meshot_book.exercises.beyond_exercises import _floor
 

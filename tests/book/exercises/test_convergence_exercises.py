@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from meshot.statistics import fitted_slope
 from meshot_book.exercises import check
 from meshot_book.exercises.convergence_exercises import drawn_curves
+from meshot_book.statistics import fitted_slope
 
 
 def by_search(p, joint, first, second, tolerance):

@@ -5,8 +5,7 @@ import pytest
 import torch
 from scipy.stats import wasserstein_distance
 
-from meshot.model.cubes import CubeConvolution
-from meshot.model.deformation import DeformationNetwork
+from meshot.model.deformation import CubeConvolution, DeformationNetwork
 from meshot.volume.volume import Volume
 from meshot_book.exercises import check
 from meshot_book.exercises.ddot_exercises import _aligned, _counted, _regional

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.crossings.guard import steps_below
+from meshot.flow.crossings import steps_below
 from meshot.mesh.mesh import Mesh
-from meshot.metrics.triangles import edge_length_variation
+from meshot.metrics.evaluation import edge_length_variation
 from meshot_book.exercises import check
 
 CHECKERS = (check.edge_variation, check.safe_steps, check.equal_time)

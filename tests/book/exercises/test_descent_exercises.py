@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.fitting.force import forces
-from meshot.loss.nearest import chamfer
 from meshot.loss.sliced import sliced_wasserstein
+from meshot.loss.transport import chamfer
 from meshot.measure.discrete import DiscreteMeasure
 from meshot_book.exercises import check
+from meshot_book.flows import forces
 
 
 def nearest(x, y):

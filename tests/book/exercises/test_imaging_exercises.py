@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.volume.standard import EXTENT_MM, SHAPE, place_on_grid
+from meshot.volume.registration import EXTENT_MM, SHAPE, place_on_grid
 from meshot.volume.volume import Volume
 from meshot_book.exercises import check
 from meshot_book.exercises.imaging_exercises import _share

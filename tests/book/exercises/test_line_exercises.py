@@ -5,8 +5,8 @@ import ot
 import pytest
 import torch
 
-from meshot.loss.lines.plan import monotone_plan
 from meshot_book.exercises import check
+from meshot_book.lines import monotone_plan
 
 
 def numpy_quantiles(x, a, z):

@@ -8,7 +8,7 @@ import scipy.optimize
 import torch
 
 from meshot import DiscreteMeasure
-from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced
+from meshot.loss import sliced_partial, sliced_unbalanced
 from meshot_book.exercises import check
 
 LINE = torch.ones(1, 1, dtype=torch.float64)

@@ -4,9 +4,8 @@ import pytest
 import torch
 from scipy import optimize
 
-from meshot.mesh.geometry.areas import signed_volume
-from meshot.mesh.topology.counts import euler_number
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.connectivity import euler_number, self_intersecting_faces
+from meshot.mesh.geometry import signed_volume
 from meshot_book.exercises import check
 from meshot_book.exercises.normal_exercises import _notched_block
 

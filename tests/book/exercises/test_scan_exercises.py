@@ -5,8 +5,8 @@ import pytest
 import skimage.measure
 import torch
 
+from meshot.mesh.connectivity import euler_number
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.topology.counts import euler_number
 from meshot.volume.volume import Volume, centre_ras
 from meshot_book.exercises import check
 from meshot_book.exercises.scan_exercises import _ring, _two_holes

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from meshot.statistics import intraclass_correlation
 from meshot_book.exercises import check
+from meshot_book.statistics import intraclass_correlation
 
 
 def by_the_library(first, second):

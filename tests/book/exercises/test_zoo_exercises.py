@@ -8,7 +8,7 @@ import torch
 from exercise_answers import merged_pair
 from meshot import DiscreteMeasure, sinkhorn_divergence, varifold, wasserstein
 from meshot.mesh.mesh import Contour
-from meshot.mesh.shapes.contours import circle
+from meshot.mesh.shapes import circle
 from meshot_book.exercises import check
 from meshot_book.exercises.zoo_exercises import _entropic
 

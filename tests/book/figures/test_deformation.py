@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from browser import page_file, watched_page
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot_book.figures.flows.deformation import deformation_view
 
 ALT = "a sphere that grows"

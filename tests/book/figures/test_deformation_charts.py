@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from meshot.view.style.colours import BLACK, LOSS_COLOURS
+from meshot.view.style import BLACK, LOSS_COLOURS
 from meshot_book.figures.flows.deformation_charts import arm_line, arms_figure, histogram_figure, trade_off_figure
 
 ARMS = {"Chamfer, varifold": ([1, 2, 3], [4.0, 2.0, 1.0]), "sliced Wasserstein, samples": ([1, 2, 3], [4.0, 3.0, 2.0])}

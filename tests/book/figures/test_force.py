@@ -5,7 +5,7 @@ import pytest
 import torch
 from matplotlib.quiver import Quiver
 
-from meshot.view.style.colours import VERMILLION
+from meshot.view.style import VERMILLION
 from meshot_book.figures.points.force import ForceField, force_panels
 
 LIMITS = (-50.0, 50.0, -50.0, 50.0)

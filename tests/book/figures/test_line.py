@@ -10,8 +10,8 @@ matplotlib.use("agg")
 import matplotlib.pyplot as plt
 from matplotlib.collections import PathCollection
 
-from meshot.loss.lines.plan import monotone_plan
 from meshot_book.figures.lines.line import cells_figure, distribution_figure, pairing_figure, pairs_of, step_heights
+from meshot_book.lines import monotone_plan
 
 SOURCE = (torch.tensor([3.0, 1.0]).double(), torch.tensor([0.25, 0.75]).double())
 TARGET = (torch.tensor([0.0, 9.0, 5.0]).double(), torch.tensor([0.5, 0.125, 0.375]).double())

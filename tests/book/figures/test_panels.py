@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.volume.volume import Volume
 from meshot_book.figures.cortex.panels import slice_panels
 

@@ -14,8 +14,8 @@ matplotlib.use("agg")
 import matplotlib.pyplot as plt
 
 from browser import page_file, watched_page
-from meshot.mesh.shapes.solids import icosphere
-from meshot.synth.defects.planted import shifted
+from meshot.mesh.shapes import icosphere
+from meshot_book.defects import shifted
 from meshot_book.figures.measures.planted import Window, ratio_figure, round_length, sections_figure
 from meshot_book.figures.measures.planted_errors import PlantedState, planted_player
 

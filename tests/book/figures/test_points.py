@@ -15,9 +15,9 @@ import matplotlib.pyplot as plt
 from matplotlib.colors import to_rgb
 
 from browser import page_file, watched_page
-from meshot.mesh.sampling import even_points
-from meshot.mesh.shapes.contours import star
-from meshot.view.style.colours import LOSS_COLOURS, LOSS_DASHES, loss_line, use_style
+from meshot.mesh.geometry import even_points
+from meshot.mesh.shapes import star
+from meshot.view.style import LOSS_COLOURS, LOSS_DASHES, loss_line, use_style
 from meshot_book.figures.points.player import point_player
 from meshot_book.figures.points.points import box_around, curves_figure, draw_contour, force_figure, process_figure
 

@@ -6,9 +6,8 @@ import pytest
 import torch
 
 from meshot import empirical, surface
-from meshot.loss.lines.projection import projected_law
-from meshot.mesh.shapes.contours import letter_e
-from meshot.mesh.shapes.solids import cube, tetrahedron
+from meshot.loss.exact import projected_law
+from meshot.mesh.shapes import cube, letter_e, tetrahedron
 from meshot_book.figures.measures.projection import draw_density, law_figure, turned_densities_figure
 
 X = torch.tensor([1.0, 0, 0], dtype=torch.float64)

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from meshot.mesh.shapes.contours import circle, letter_e
+from meshot.mesh.shapes import circle, letter_e
 from meshot_book.figures.measures.schematics import _leaves, banks_figure, encodings_figure, tree_figure
 
 

@@ -4,9 +4,9 @@ import pytest
 
 from meshot.model.deformation import DeformationNetwork
 from meshot.systems import get_system, read_settings
-from meshot.systems.corticalflow.blocks import FlowBlock
-from meshot.systems.deepcsr.network import DistanceNetwork
-from meshot.systems.vox2cortex.network import MeshNetwork
+from meshot.systems.corticalflow import FlowBlock
+from meshot.systems.deepcsr import DistanceNetwork
+from meshot.systems.vox2cortex import MeshNetwork
 from meshot_book.figures.cortex.system_rows import count_weights, system_steps
 
 NAMES = ("classical", "deepcsr", "vox2cortex", "corticalflow", "cortexode", "ddot")

@@ -10,8 +10,8 @@ import pytest
 import torch
 from matplotlib.quiver import Quiver
 
-from meshot.flow.fields.field import VelocityField
-from meshot.mesh.shapes.solids import icosphere
+from meshot.flow.fields import VelocityField
+from meshot.mesh.shapes import icosphere
 from meshot.volume.volume import Volume
 from meshot_book.figures.flows.velocity import velocities_on_slice, velocity_figure
 from meshot_book.figures.measures.stepping import step_errors_figure

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import icosphere
 from meshot.metrics import evaluate
 from meshot_book.measurements import COMPARED, METRICS, digest_of, grouped, metric_values, paired_gaps, spread
 

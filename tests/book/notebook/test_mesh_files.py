@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from meshot import Mesh
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import icosphere
 from meshot_book.notebook import read_meshes, read_vertex_values, write_meshes
 
 STEP = 2.0**-6

@@ -12,14 +12,12 @@ import trimesh
 from bright_head import bright_template, write_bright_weights
 from meshot.anatomy.templates import fsaverage5_surface
 from meshot.cli import main
+from meshot.mesh.connectivity import self_intersecting_faces
 from meshot.mesh.io import read_mesh
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.intersection import self_intersecting_faces
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
-from meshot.pipeline import placing, reconstruction
-from meshot.pipeline.correspondence import carrying
-from meshot.pipeline.correspondence.carrying import carry_template
-from meshot.pipeline.report import files
+from meshot.pipeline import correspondence as carrying, reconstruction, reconstruction as placing, report as files
+from meshot.pipeline.correspondence import carry_template
 from meshot.volume.io import write_volume
 
 

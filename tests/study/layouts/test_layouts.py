@@ -10,11 +10,11 @@ import SimpleITK
 
 from bright_head import BRIGHTNESS, CENTRES, RADIUS, bright_head, bright_template
 from meshot.mesh.io import read_mesh
-from meshot.pipeline.report import itk_transform, lta_transform
-from meshot.study.compare_files import find_surfaces
-from meshot.study.layouts import LAYOUTS, layout_named
-from meshot.study.layouts.freesurfer_subject import conformed_scan
-from meshot.study.visits import Visit
+from meshot.pipeline import itk_transform, lta_transform
+from meshot.study import LAYOUTS, layout_named
+from meshot.study.bids import Visit
+from meshot.study.comparison import find_surfaces
+from meshot.study.layouts import conformed_scan
 from meshot.volume.io import read_volume
 
 VISIT = Visit("01", "b", entities=(("acq", "x"),))

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from meshot.mesh.shapes.solids import icosphere
-from meshot.mesh.topology.counts import SPHERE, topology
-from meshot.systems.learning.template import Template, TemplateSettings, mean_box, template_shape
+from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.shapes import icosphere
+from meshot.systems.learning import Template, TemplateSettings, mean_box, template_shape
 
 
 def test_the_mean_box_is_the_mean():

@@ -6,14 +6,20 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.shapes.solids import icosphere
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import Surface
 from meshot.systems import ExampleSets
-from meshot.systems.corticalflow.settings import ChainSettings, FlowSettings
-from meshot.systems.deformation.settings import DeformationSettings
-from meshot.systems.learning.scans import example_data, scaled_image
-from meshot.systems.learning.settings import LearningSettings, completed_groups
-from meshot.systems.learning.training import mean_distances, train_on_subjects, train_part
+from meshot.systems.corticalflow import ChainSettings, FlowSettings
+from meshot.systems.flows import DeformationSettings
+from meshot.systems.learning import (
+    LearningSettings,
+    completed_groups,
+    example_data,
+    mean_distances,
+    scaled_image,
+    train_on_subjects,
+    train_part,
+)
 from meshot.volume.volume import Volume
 from phantoms import phantom_subjects
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import torch
 
+from meshot.settings import checked_groups
 from meshot.systems import Part, SurfaceSystem
-from meshot.train import Plan, Progress, Task, checked_groups, train_network
+from meshot.train import Plan, Progress, Task, train_network
 
 DEFAULTS = {"n_steps": 30, "learning_rate": 0.1}
 

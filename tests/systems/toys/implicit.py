@@ -3,7 +3,7 @@
 import torch
 
 from meshot.systems.common import Toy
-from meshot.volume.surfaces import enclosed_fractions, isosurface
+from meshot.volume import enclosed_fractions, isosurface
 
 KEY = ("left", "white")
 

@@ -4,7 +4,7 @@ import torch
 
 from meshot.loss import chamfer
 from meshot.measure import varifold
-from meshot.mesh.shapes import icosphere
+from meshot.mesh import icosphere
 from meshot.systems.common import Toy
 
 SIDES = (("left", "white"), ("right", "white"))

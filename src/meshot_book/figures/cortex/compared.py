@@ -8,10 +8,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import plane_section
-from meshot.view import PLANES, slice_image
-from meshot.view.style import SKY, VERMILLION, WIDTH
+from meshot.mesh import Mesh, plane_section
+from meshot.view import PLANES, SKY, VERMILLION, WIDTH, slice_image
 from meshot.volume import Volume
 
 # The true line is thick, the found one thin with dark edges, so that both are told apart without colour.

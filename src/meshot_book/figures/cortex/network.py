@@ -6,18 +6,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from meshot.model import DeformationNetwork
-from meshot.view.style import BLUE, GREEN, ORANGE, WIDTH
+from meshot.view import BLUE, GREEN, ORANGE, WIDTH
 
 _Box = tuple[str, str, int]  # what it is, the shape of what comes out, how many numbers it learns
 
 
 def network_boxes(network: DeformationNetwork) -> dict[str, list[_Box]]:
-    """The layers by the branch they are in, each with the shape that leaves it and the numbers it learns.
-
-    Parameters
-    ----------
-    network : DeformationNetwork
-    """
+    """The layers by the branch they are in, each with the shape that leaves it and the numbers it learns."""
 
     def learned(layer: object) -> int:
         return sum(parameter.numel() for parameter in layer.parameters())

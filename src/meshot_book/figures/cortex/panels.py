@@ -9,10 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import plane_section
-from meshot.view import LINE_COLOURS, PLANES, slice_image
-from meshot.view.style import WIDTH
+from meshot.mesh import Mesh, plane_section
+from meshot.view import LINE_COLOURS, PLANES, WIDTH, slice_image
 from meshot.volume import Volume
 
 

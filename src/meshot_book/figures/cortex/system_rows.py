@@ -5,8 +5,8 @@ from collections.abc import Callable
 from torch import nn
 
 from meshot.model import DeformationNetwork
+from meshot.settings import Groups
 from meshot.systems import get_system
-from meshot.train import Groups
 from meshot_book.figures.cortex.systems import SystemStep
 
 _Rows = list[list[SystemStep]]

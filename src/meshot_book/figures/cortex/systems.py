@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from meshot.view.style import BLUE, GREY, ORANGE, WIDTH
+from meshot.view import BLUE, GREY, ORANGE, WIDTH
 
 #: The look of each kind of step: its border, its dashes, and the width of its border.
 _LOOKS = {"data": (GREY, "-", 1.2), "learned": (BLUE, "-", 3.5), "fixed": (ORANGE, "--", 1.8)}

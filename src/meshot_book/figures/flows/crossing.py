@@ -7,10 +7,9 @@ from matplotlib.figure import Figure
 
 from meshot.errors import require_positive_integer
 from meshot.flow import integrate
-from meshot.flow.fields import AnalyticField, Push, Vortex
 from meshot.types import Float, Tensor
-from meshot.view import Page, live_page, still_of
-from meshot.view.style import BLUE, ORANGE, WIDTH
+from meshot.view import BLUE, ORANGE, WIDTH, Page, live_page, still_of
+from meshot_book.flows import AnalyticField, Push, Vortex
 
 LOWER = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]]
 #: What the page offers to move the triangles, by the names that its buttons have.
@@ -57,11 +56,6 @@ def crossing_figure(field: AnalyticField, gap: float, time: float, n_steps: int,
     """Two triangles moved for some time, a panel for every number of pieces that their sides are cut into.
 
     Dotted: where the flow takes the sides themselves.
-
-    Raises
-    ------
-    ValueError
-        As :func:`two_triangles` and :func:`outlines`.
     """
     corners = two_triangles(gap)
     curves = outlines(field, corners, time, n_steps, 64)

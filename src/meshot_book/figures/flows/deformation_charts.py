@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation, NullFormatter, ScalarFormatter
 
-from meshot.view import Values
-from meshot.view.style import BLACK, GREY, LOSS_COLOURS, LOSS_DASHES, WIDTH, legend_above
+from meshot.view import BLACK, GREY, LOSS_COLOURS, LOSS_DASHES, WIDTH, Values, legend_above
 
 #: An arm is named "loss, encoding": the loss has the colour, the encoding the dashes and the marker.
 ENCODING_LINES = {

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from meshot.types import Array, Float, Tensor
-from meshot.view.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, WIDTH, legend_above
+from meshot.view import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, WIDTH, legend_above
 
 METHOD_LINES = {
     "euler": {"color": ORANGE, "linestyle": "-", "marker": "o"},

@@ -9,12 +9,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from meshot.errors import require_choice, require_positive_integer
-from meshot.flow.fields import VelocityField
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import plane_section
+from meshot.flow import VelocityField
+from meshot.mesh import Mesh, plane_section
 from meshot.types import Array, Float, Tensor
-from meshot.view import LINE_COLOURS, PLANES, slice_image
-from meshot.view.style import WIDTH
+from meshot.view import LINE_COLOURS, PLANES, WIDTH, slice_image
 from meshot.volume import Volume
 
 
@@ -22,26 +20,7 @@ from meshot.volume import Volume
 def velocities_on_slice(
     field: VelocityField, volume: Volume, plane: str, position_mm: float, n_arrows: int, like: Tensor
 ) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
-    """Places of an even grid on a plane through a volume, and the velocity at time 0 there, in mm per unit of time.
-
-    Parameters
-    ----------
-    field : VelocityField
-    volume : Volume
-    plane : str
-        "axial", "coronal" or "sagittal".
-    position_mm : float
-        Where the plane is.
-    n_arrows : int
-        Along the longer side.
-    like : tensor
-        Whose dtype and device the points get.
-
-    Raises
-    ------
-    ValueError
-        If the plane has another name, or ``n_arrows`` is not a positive integer.
-    """
+    """Places of an even grid on a plane through a volume, and the velocity at time 0 there, in mm per unit of time."""
     require_positive_integer(n_arrows, "n_arrows")
     require_choice(plane, "plane", PLANES)
     axis, shown, _ = PLANES[plane]

@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from meshot.loss.lines import MonotonePlan
 from meshot.types import Array, Float, Tensor
-from meshot.view.style import BLACK, BLUE, GREY, TARGET, VERMILLION, WIDTH
+from meshot.view import BLACK, BLUE, GREY, TARGET, VERMILLION, WIDTH
+from meshot_book.lines import MonotonePlan
 
 BEHIND_TEXT = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none"}
 Pairs = Sequence[tuple[int, int, float]]

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import torch
 
 from meshot.errors import as_floating
-from meshot.loss.lines import monotone_plan
 from meshot.types import Float, Tensor
 from meshot.view import Page, live_page, still_of
 from meshot_book.figures.lines.line import pairing_figure, pairs_of
+from meshot_book.lines import monotone_plan
 
 
 def sorting_player(

@@ -8,22 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from meshot.types import Array, Float, Tensor
-from meshot.view.style import BLACK, BLUE, GREY, ORANGE, WIDTH
+from meshot.view import BLACK, BLUE, GREY, ORANGE, WIDTH
 
 #: Distances of the two rows of projections from the middle, in radii of the clouds.
 ROWS = (1.25, 1.5)
 
 
 def turning_figure(source: Float[Tensor, "n 2"], target: Float[Tensor, "n 2"], angle: float) -> Figure:
-    """Two clouds of equally many points, a line at an angle with the sorted pairs beside them, and the cost by angle.
-
-    Parameters
-    ----------
-    source, target : tensor
-        Points of equal mass, in units.
-    angle : float
-        Of the line, in degrees.
-    """
+    """Two clouds of equally many points, a line at an angle with its sorted pairs, and the cost by angle."""
     x, y = (points.detach().cpu().double().numpy() for points in (source, target))
     figure, (plane, curve) = plt.subplots(1, 2, figsize=(WIDTH, 0.56 * WIDTH), layout="constrained")
     _draw_plane(plane, x, y, math.radians(angle))

@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from meshot.view.style import BLACK, GREY, LOSS_COLOURS, WIDTH
+from meshot.view import BLACK, GREY, LOSS_COLOURS, WIDTH
 
 #: Family of a peer (the first word of its name) → colour; members differ by marker and dashes.
 FAMILY_COLOURS = {

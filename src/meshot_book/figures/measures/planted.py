@@ -11,10 +11,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from meshot.mesh import Mesh
-from meshot.mesh.geometry import plane_section
+from meshot.mesh import Mesh, plane_section
 from meshot.types import Array, Float, Tensor
-from meshot.view.style import TARGET, VERMILLION, WIDTH
+from meshot.view import TARGET, VERMILLION, WIDTH
 
 Segments = Float[Array, "n 2 2"]
 

@@ -8,10 +8,10 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from meshot.loss.lines import ProjectedLaw, projected_law
+from meshot.loss import ProjectedLaw, projected_law
 from meshot.measure import SurfaceMeasure
 from meshot.types import Array, Float
-from meshot.view.style import BLACK, BLUE, GREY, ORANGE, WIDTH
+from meshot.view import BLACK, BLUE, GREY, ORANGE, WIDTH
 
 FIRST_ATOM = 1e-3  # an atom below this mass would only blur the axis
 

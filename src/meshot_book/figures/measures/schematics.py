@@ -9,7 +9,7 @@ from matplotlib.patches import Rectangle
 from meshot.measure import empirical
 from meshot.mesh import Contour
 from meshot.types import Array, Float
-from meshot.view.style import BLACK, BLUE, GREY, VERMILLION, WIDTH
+from meshot.view import BLACK, BLUE, GREY, VERMILLION, WIDTH
 
 
 def encodings_figure(contour: Contour, n_points: int = 24, seed: int = 0) -> Figure:

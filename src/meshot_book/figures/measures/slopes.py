@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from meshot.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from meshot.view import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 
 COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 MARKERS = "os^Dv<>"
@@ -25,7 +25,7 @@ def draw_slopes(ax: Axes, curves: Mapping[str, Curve]) -> None:
     ax : Axes
         Both axes become logarithmic; the labels are the caller's.
     curves : mapping
-        Name → (x, y, (slope, low, high)), as :func:`meshot.statistics.fitted_slope` returns the last; None in its
+        Name → (x, y, (slope, low, high)), as :func:`meshot_book.statistics.fitted_slope` returns the last; None in its
         place draws a grey line without points, for a bound or a closed form.
     """
     ax.set(xscale="log", yscale="log")

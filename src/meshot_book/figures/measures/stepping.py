@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from meshot.view.style import BLUE, GREY, ORANGE, VERMILLION, WIDTH
+from meshot.view import BLUE, GREY, ORANGE, VERMILLION, WIDTH
 
 
 def step_errors_figure(

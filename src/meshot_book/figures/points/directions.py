@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from meshot.types import Array, Float, Tensor
-from meshot.view.style import BLUE, GREY, WIDTH
+from meshot.view import BLUE, GREY, WIDTH
 
 
 def directions_figure(sets: Mapping[str, Float[Tensor, "L 3"]], columns: int = 2) -> Figure:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from meshot.errors import require_positive_integer
 from meshot.types import Float, Tensor
-from meshot.view.style import BLACK, LOSS_COLOURS, TARGET, WIDTH
+from meshot.view import BLACK, LOSS_COLOURS, TARGET, WIDTH
 
 Limits = tuple[float, float, float, float]
 SMALLEST = 1e-3  # in mm; a shorter arrow is not drawn

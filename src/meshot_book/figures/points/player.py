@@ -7,8 +7,7 @@ import numpy as np
 
 from meshot.mesh import Contour
 from meshot.types import Float, Tensor
-from meshot.view import Page, live_page, still_of
-from meshot.view.style import BLACK, LOSS_COLOURS
+from meshot.view import BLACK, LOSS_COLOURS, Page, live_page, still_of
 from meshot_book.figures.points.points import box_around, process_figure
 
 LEVELS = 65535

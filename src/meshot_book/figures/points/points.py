@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from meshot.mesh import Contour
 from meshot.types import Float, Tensor
-from meshot.view.style import BLACK, LOSS_COLOURS, TARGET, WIDTH, loss_line
+from meshot.view import BLACK, LOSS_COLOURS, TARGET, WIDTH, loss_line
 
 Limits = tuple[float, float, float, float]
 LONGEST_ARROW = 0.45

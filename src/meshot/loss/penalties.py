@@ -1,0 +1,161 @@
+"""Regularity penalties of a mesh or contour, which do not depend on a target."""
+
+import math
+
+import torch
+
+from meshot.mesh import (
+    Contour,
+    Mesh,
+    cotangent_vectors,
+    edge_lengths,
+    edge_normals,
+    face_normals,
+    safe_norm,
+    umbrella_vectors,
+)
+from meshot.types import Float, Int64, Tensor
+
+
+def squared_edge_length(shape: Mesh | Contour, target_length: float = 0.0) -> Float[Tensor, ""]:
+    """The mean squared difference between the edge lengths and a target length, in squared units of the vertices.
+
+    With target zero, shorter edges are better; on a closed contour of given length the sum is smallest if all edges
+    have the same length. Same as PyTorch3D's ``mesh_edge_loss``. The gradient at an edge of length zero is zero.
+
+    Parameters
+    ----------
+    shape : Mesh or Contour
+        Each edge of a mesh counts once.
+    target_length : float
+        Non-negative, in units of the vertices.
+
+    Raises
+    ------
+    ValueError
+        If ``target_length`` is negative or not finite.
+    """
+    if not (math.isfinite(target_length) and target_length >= 0):
+        raise ValueError(
+            f"target_length is {target_length!r}; a finite number >= 0 is needed, in units of the vertices"
+        )
+    return (edge_lengths(shape) - target_length).square().mean()
+
+
+def squared_laplacian(shape: Mesh | Contour) -> Float[Tensor, ""]:
+    """The mean squared distance between every vertex and the mean of its neighbours (uniform Laplacian).
+
+    In squared units of the vertices, and smooth everywhere. :func:`meshot.loss.laplacian_length` is the
+    mean of the distances themselves.
+
+    Raises
+    ------
+    ValueError
+        If a vertex has no neighbour.
+    """
+    return umbrella_vectors(shape).square().sum(dim=1).mean()
+
+
+def laplacian_length(shape: Mesh | Contour) -> Float[Tensor, ""]:
+    """The mean distance between every vertex and the mean of its neighbours, in units of the vertices.
+
+    Same as PyTorch3D's ``mesh_laplacian_smoothing`` with method "uniform", for one mesh. The gradient of a distance
+    that is zero is zero.
+
+    Raises
+    ------
+    ValueError
+        If a vertex has no neighbour.
+
+    References
+    ----------
+    Nealen et al., *Laplacian Mesh Optimization*, 2006.
+    """
+    return safe_norm(umbrella_vectors(shape)).mean()
+
+
+def cotangent_laplacian_length(mesh: Mesh, detach_weights: bool = False) -> Float[Tensor, ""]:
+    """The mean distance between every vertex and the cotangent-weighted mean of its neighbours.
+
+    In units of the vertices. Corresponds to PyTorch3D's ``mesh_laplacian_smoothing`` with method "cot", for one mesh.
+    Unlike uniform weights, cotangent weights measure curvature and are little affected by tangential motion of
+    vertices. There are two differences to PyTorch3D. The gradient includes the weights unless they are detached. A
+    vertex whose faces all have zero area (only there do the weights sum to zero) counts with distance zero, so that the
+    value does not depend on the origin. The gradient of a distance that is zero is zero.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        It may be open. At its boundary the weighted means lie inside.
+    detach_weights : bool
+        Treat the weights as constants in the gradient.
+
+    Raises
+    ------
+    ValueError
+        If a vertex belongs to no face.
+
+    References
+    ----------
+    Pinkall and Polthier, 1993; Desbrun et al., *Implicit Fairing of Irregular Meshes*, SIGGRAPH 1999.
+    """
+    sums, totals = cotangent_vectors(mesh, detach_weights)
+    positive = totals > 0
+    means = sums / torch.where(positive, totals, torch.ones_like(totals))[:, None]
+    return safe_norm(torch.where(positive[:, None], means, torch.zeros_like(means))).mean()
+
+
+def normal_inconsistency(shape: Mesh | Contour) -> Float[Tensor, ""]:
+    """The mean of 1 − cos φ, where φ is the angle between the normals of neighbouring cells; in [0, 2].
+
+    Neighbouring cells of a contour share a vertex, those of a mesh share an edge. If more than two faces share an edge,
+    every pair counts; boundary edges do not count. Two faces with the same direction along their edge have opposite
+    orientations, and one normal is reversed in the comparison. Same as PyTorch3D's ``mesh_normal_consistency``. A cell
+    of zero size has no normal: its pairs count 1, without a gradient.
+
+    Raises
+    ------
+    ValueError
+        If a vertex of a contour is not the end of one edge and the start of one other, or no two faces of a mesh share
+        an edge.
+    """
+    if isinstance(shape, Contour):
+        normals = edge_normals(shape)
+        before, after = _edges_around(shape)
+        return (1 - (normals[before] * normals[after]).sum(dim=1)).mean()
+    normals = face_normals(shape)
+    first, second, sign = _neighbours(shape)
+    return (1 - sign * (normals[first] * normals[second]).sum(dim=1)).mean()
+
+
+def _edges_around(contour: Contour) -> tuple[Int64[Tensor, " V"], Int64[Tensor, " V"]]:
+    """For every vertex, the edge that ends there and the edge that starts there."""
+    start, end = contour.edges.unbind(dim=1)
+    every = torch.arange(len(contour.vertices), device=start.device)
+    if not (torch.equal(start.sort().values, every) and torch.equal(end.sort().values, every)):
+        raise ValueError(
+            "a vertex of the contour does not have exactly one edge in and one edge out; normal consistency is defined "
+            "on closed contours whose edges run one way round"
+        )
+    return end.argsort(), start.argsort()
+
+
+def _neighbours(mesh: Mesh) -> tuple[Int64[Tensor, " P"], Int64[Tensor, " P"], Float[Tensor, " P"]]:
+    """All pairs of faces that share an edge, with sign −1 if both have the same direction along it."""
+    n_vertices, n_faces = len(mesh.vertices), len(mesh.faces)
+    sides = torch.stack([mesh.faces, mesh.faces.roll(-1, dims=1)], dim=2).reshape(-1, 2)
+    keys, order = (sides.amin(dim=1) * n_vertices + sides.amax(dim=1)).sort(stable=True)
+    rising = (sides[:, 0] < sides[:, 1])[order]
+    owners = torch.arange(n_faces, device=keys.device).repeat_interleave(3)[order]
+    firsts, seconds = [], []
+    for apart in range(1, len(keys)):
+        at = (keys[apart:] == keys[:-apart]).nonzero()[:, 0]
+        if len(at) == 0:
+            break
+        firsts.append(at)
+        seconds.append(at + apart)
+    if not firsts:
+        raise ValueError("no two faces of the mesh share an edge; normal consistency needs neighbours: merge vertices")
+    first, second = torch.cat(firsts), torch.cat(seconds)
+    sign = torch.where(rising[first] == rising[second], -1, 1).to(mesh.vertices)
+    return owners[first], owners[second], sign

@@ -1,1 +1,0 @@
-from .carrying import CarriedTemplate as CarriedTemplate, carry_template as carry_template

@@ -1,0 +1,296 @@
+"""The HTML page of a reconstruction: one file, usable offline, for light and dark mode and all screen widths."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import scipy.ndimage
+import torch
+from scipy.ndimage import affine_transform
+
+from meshot.mesh import Mesh
+from meshot.pipeline.initial_surface import SegmentedSurface
+from meshot.pipeline.reconstruction import Reconstruction
+from meshot.pipeline.segmentation import in_scanner
+from meshot.types import Array, Bool, Float
+from meshot.view import LINE_COLOURS, PLANES, Cut, filled, interactive, slice_figure, slice_sheet, still_of
+from meshot.volume import Volume, isosurface, voxel_sizes
+
+# The pictures of a reconstruction: slices with outlines, and an interactive view of the surfaces.
+
+_MARGIN_MM = 12.0
+_WIDTH_INCHES = 5.6
+_HEADROOM = 1.4  # white matter is shown as light grey, so that the lines stand out
+#: Planes, and positions along their axis as fractions of the extent of the surfaces.
+_CUTS = (
+    ("axial", 0.45), ("axial", 0.65), ("coronal", 0.4), ("coronal", 0.6), ("sagittal", 0.3), ("sagittal", 0.7),
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """A picture for the page: a PNG in base64, and its alternative text."""
+
+    png: str
+    alt: str
+
+
+def slice_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
+    """Slices of the original scan, two in each plane, with outlines of the initial, final and pial surfaces."""
+    meshes, limits = _meshes(found), _limits(scan)
+    pictures = []
+    for (plane, _), (slab, through) in zip(_CUTS, _slabs(meshes, scan), strict=True):
+        figure = slice_figure(slab, meshes, through, (plane,), limits, _WIDTH_INCHES)
+        alt = f"{_place(plane, through)}, with the outline of the {' and the '.join(meshes)}"
+        pictures.append(Picture(still_of(figure), alt))
+    return pictures
+
+
+def layer_picture(scan: Volume, meshes: dict[str, Mesh], plane: str, through: Float[Array, " 3"], what: str) -> Picture:
+    """One slice of the original scan around some surfaces."""
+    vertices = torch.cat([mesh.vertices for mesh in meshes.values()]).numpy()
+    box = vertices.min(axis=0), vertices.max(axis=0)
+    slab = _slab(scan, box, PLANES[plane][0], float(through[PLANES[plane][0]]))
+    figure = slice_figure(slab, meshes, through, (plane,), _limits(scan), _WIDTH_INCHES)
+    return Picture(still_of(figure), f"{_place(plane, through)}, through {what}, with its outline")
+
+
+def _place(plane: str, through: Float[Array, " 3"]) -> str:
+    axis = PLANES[plane][0]
+    return f"{plane.capitalize()} slice of the scan at {'xyz'[axis]} = {through[axis]:.0f} mm"
+
+
+def overview(found: Reconstruction, scan: Volume) -> bytes:
+    """The slices of :func:`slice_pictures` in one small WebP file without labels, with the outline of the result."""
+    meshes = _meshes(found)
+    cuts = [
+        Cut(slab, plane, float(through[PLANES[plane][0]]))
+        for (plane, _), (slab, through) in zip(_CUTS, _slabs(meshes, scan), strict=True)
+    ]
+    shown = 1 if found.system else 0  # the white surface
+    ordered = [*cuts[::2], *cuts[1::2]]  # a plane in every column
+    return slice_sheet(ordered, list(meshes.values())[shown], _limits(scan), LINE_COLOURS[shown])
+
+
+def _meshes(found: Reconstruction) -> dict[str, Mesh]:
+    """Both hemispheres as one mesh, by stage."""
+    stages = {"initial surface": [s.initial for s in found.surfaces.values()]}
+    if found.system:
+        stages["final surface"] = [s.final for s in found.surfaces.values()]
+    pial = [s.pial for s in found.surfaces.values() if s.pial is not None]
+    stages |= {"pial surface": pial} if pial else {}
+    return {name: _together(parts) for name, parts in stages.items()}
+
+
+def _limits(scan: Volume) -> tuple[float, float]:
+    dark, bright = np.percentile(scan.data, [1, 99])
+    return float(dark), float(dark + _HEADROOM * max(bright - dark, 1e-6))
+
+
+def _slabs(meshes: dict[str, Mesh], scan: Volume) -> Iterator[tuple[Volume, np.ndarray]]:
+    """The layer of every cut, and the point that it goes through."""
+    vertices = torch.cat([mesh.vertices for mesh in meshes.values()]).numpy()
+    box = vertices.min(axis=0), vertices.max(axis=0)
+    for plane, share in _CUTS:
+        axis = PLANES[plane][0]
+        through = (box[0] + box[1]) / 2
+        through[axis] = box[0][axis] + share * (box[1][axis] - box[0][axis])
+        yield _slab(scan, box, axis, through[axis]), through
+
+
+def _slab(scan: Volume, box: tuple[np.ndarray, np.ndarray], axis: int, position: float) -> Volume:
+    """One axis-aligned layer of the scan, resampled around the surfaces."""
+    low, high = box[0] - _MARGIN_MM, box[1] + _MARGIN_MM
+    low[axis] = high[axis] = position
+    spacing = float(voxel_sizes(scan).min())
+    affine = np.diag([spacing] * 3 + [1.0])
+    affine[:3, 3] = low
+    shape = tuple(int(n) + 1 for n in (high - low) / spacing)
+    to_voxel = np.linalg.inv(scan.affine) @ affine
+    values = scan.data.astype(np.float32)
+    darkest = float(values.min())
+    return Volume(affine_transform(values, to_voxel[:3, :3], to_voxel[:3, 3], shape, order=1, cval=darkest), affine)
+
+
+def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]) -> str:
+    """The final surfaces, coloured by their distance from the initial ones, as HTML."""
+    meshes = {side: surface.final for side, surface in found.surfaces.items()}
+    alt = "The white surfaces of the left and the right hemisphere"
+    try:
+        if not found.system:
+            return interactive(meshes, alt=f"{alt}, as the segmentation has them.").html
+        limit = max(float(np.percentile(numbers, 99)) for numbers in distances.values())
+        return interactive(
+            meshes, distances, alt=f"{alt}, coloured by the distance from the initial surface.",
+            label="distance from the initial surface", limits=(0.0, max(round(limit, 1), 0.1)),
+        ).html  # fmt: skip
+    except RuntimeError as error:  # no OpenGL here
+        return f"<p>{error}</p>"
+
+
+def _together(meshes: list[Mesh]) -> Mesh:
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + int(start) for mesh, start in zip(meshes, starts)]
+    return Mesh(torch.cat([mesh.vertices for mesh in meshes]), torch.cat(faces))
+
+
+Rows = list[tuple]
+
+
+def reconstruction_page(report: dict, slices: Sequence[Picture], given_up: Sequence[Picture], view: str) -> str:
+    """The page as HTML."""
+    return filled(
+        "meshot/pipeline/assets/report.html",
+        report=report,
+        slices=slices,
+        given_up=given_up,
+        view=view,
+        meshes=_mesh_rows(report),
+        pial=_has_pial(report),
+        moves=_move_rows(report),
+        voxel_mm=" × ".join(f"{v:g}" for v in report["scan"]["voxel_mm"]),
+        seconds=_second_rows(report["seconds"]),
+        matrix="\n".join(" ".join(f"{value:11.6f}" for value in row) for row in report["to_standard"]),
+        records="\n".join(f"{name}: {_record(record)}" for name, record in report["weights"].items()),
+    )
+
+
+def _has_pial(report: dict) -> bool:
+    return all(numbers.get("pial") for numbers in report["surfaces"].values())
+
+
+def _mesh_rows(report: dict) -> Rows:
+    """The table of the meshes: a header, and a row for each number."""
+    surfaces = report["surfaces"]
+    meshes = [
+        ("vertices", "n_vertices"), ("faces", "n_faces"), ("Euler number χ (a sphere has 2)", "euler_number"),
+        ("edges of one face only", "n_boundary_edges"), ("edges of more than two faces", "n_nonmanifold_edges"),
+        ("self-intersecting faces", "n_self_intersecting_faces"),
+        ("volume inside (cm³)", "volume_cm3"), ("area (cm²)", "area_cm2"),
+    ]  # fmt: skip
+    stages = (("initial", "final") if report["system"] else ("initial",)) + ("pial",) * _has_pial(report)
+    columns = [(side, stage) for side in surfaces for stage in stages]
+    rows = [(label, *(_cell(surfaces[side][stage][key]) for side, stage in columns)) for label, key in meshes]
+    return [("", *(f"{side}, {stage}" for side, stage in columns)), *rows]
+
+
+def _move_rows(report: dict) -> Rows:
+    """The table of deformation and repair: a header, and a row for each number of a hemisphere."""
+    sides = report["surfaces"].values()
+    rows = []
+    if report["system"]:
+        words = {"mean": "mean", "percentile_95": "95 % below", "largest": "largest"}
+        rows = [
+            (f"distance from the initial surface, {word} (mm)", *(s["distance_from_initial_mm"][key] for s in sides))
+            for key, word in words.items()
+        ]
+    if _has_pial(report):
+        away = [s["pial"]["distance_from_white_mm"] for s in sides]
+        rows += [("distance of the pial from the final surface, mean (mm)", *(found["mean"] for found in away))]
+    repairs = [s["repair"] for s in sides]
+    if all(repairs):
+        rows += [
+            ("faces that crossed after the flow, before the repair", *(m["n_faces_crossing_before"] for m in repairs)),
+            ("largest move by the repair (mm)", *(m["largest_move_mm"] for m in repairs)),
+        ]
+    carried = [s["fsaverage5"] for s in sides]
+    if all(carried):
+        rows += [
+            ("distance of fsaverage5 carried here, mean (mm)", *(c["distance_mm"] for c in carried)),
+            ("its faces that crossed before they were smoothed", *(c["n_faces_crossing_before"] for c in carried)),
+            ("its self-intersecting faces", *(c["n_self_intersecting_faces"] for c in carried)),
+        ]
+    rows += [
+        ("voxels given up for the topology of a ball", *(s["n_voxels_given_up"] for s in sides)),
+        ("these, of the white matter (%)", *(100 * s["share_of_voxels_given_up"] for s in sides)),
+    ]
+    return [("", *report["surfaces"]), *((label, *map(_cell, values)) for label, *values in rows)]
+
+
+def _second_rows(seconds: dict) -> Rows:
+    """The table of times: a header, a row for each stage, and the total."""
+    columns = [seconds["processor"], seconds["clock"]]
+    rows = [(stage, *(_cell(column[stage]) for column in columns)) for stage in seconds["processor"]]
+    total = ("in all", *(_cell(sum(column.values())) for column in columns))
+    return [("stage", "processor (s)", "clock (s)"), *rows, total]
+
+
+def _record(record: dict) -> str:
+    known = [f"{key} {record[key]}" for key in ("commit", "date", "cohorts", "command") if key in record]
+    return "; ".join(known) or "no record"
+
+
+def _cell(value: float) -> str:
+    if isinstance(value, float) and not abs(value) >= 1000:
+        text = f"{value:.3g}"
+        return "0" if float(text) == 0 else text  # never a minus zero
+    return f"{round(value):,}".replace(",", "\u202f")
+
+
+# Pictures of the white matter that was given up so that the surface has no handles and no holes.
+
+#: The most pictures, one for each of the largest pieces, and the fewest voxels of a piece that is shown.
+MOST_PIECES, FEWEST_VOXELS = 3, 10
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Piece:
+    """A connected part of the white matter that was given up.
+
+    Parameters
+    ----------
+    side : str
+    mask : Volume
+        In the standard space.
+    n_voxels : int
+    """
+
+    side: str
+    mask: Volume
+    n_voxels: int
+
+
+def given_up_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
+    """Slices of the scan through the largest pieces of white matter that were given up, with their outlines.
+
+    Each piece is shown in the plane in which it is largest. Pieces of fewer than ten voxels are not shown.
+    """
+    lost = {side: _lost(surface.segmented) for side, surface in found.surfaces.items()}
+    pieces = [piece for side, mask in lost.items() for piece in _largest_pieces(side, mask)]
+    pieces = sorted(pieces, key=lambda piece: -piece.n_voxels)[:MOST_PIECES]
+    outlines = {side: in_scanner(_surface(lost[side]), found.scan) for side in {piece.side for piece in pieces}}
+    return [_picture(piece, outlines[piece.side], found, scan) for piece in pieces]
+
+
+def _lost(segmented: SegmentedSurface) -> Volume:
+    return segmented.mask.with_data(segmented.mask.data & ~segmented.genus_zero_mask.data)
+
+
+def _largest_pieces(side: str, lost: Volume) -> list[Piece]:
+    labels, _ = scipy.ndimage.label(lost.data, structure=np.ones((3, 3, 3)))
+    counts = np.bincount(labels.ravel())
+    counts[0] = 0
+    largest = [label for label in np.argsort(-counts)[:MOST_PIECES] if counts[label] >= FEWEST_VOXELS]
+    return [Piece(side, lost.with_data(labels == label), int(counts[label])) for label in largest]
+
+
+def _surface(mask: Volume) -> Mesh:
+    return isosurface(mask.with_data(mask.data.astype(float)))
+
+
+def _picture(piece: Piece, outline: Mesh, found: Reconstruction, scan: Volume) -> Picture:
+    final = found.surfaces[piece.side].final
+    plane, through = _best_cut(piece.mask.data, found, piece.mask.affine)
+    volume = piece.n_voxels * abs(np.linalg.det(piece.mask.affine @ np.linalg.inv(found.scan.to_standard))) / 1000
+    what = f"a piece of {volume:.1f} cm³ on the {piece.side}"
+    return layer_picture(scan, {"surface": final, "given up": outline}, plane, through, what)
+
+
+def _best_cut(mask: Bool[Array, "x y z"], found: Reconstruction, affine: Float[Array, "4 4"]) -> tuple[str, np.ndarray]:
+    """The plane in which the piece has most voxels in one layer, and a point of that layer in the scanner, in mm."""
+    layers = {plane: mask.sum(axis=tuple({0, 1, 2} - {axis})) for plane, (axis, *_) in PLANES.items()}
+    plane = max(layers, key=lambda name: layers[name].max())
+    axis = PLANES[plane][0]
+    inside = np.argwhere(mask)
+    middle = inside[inside[:, axis] == int(layers[plane].argmax())].mean(axis=0)
+    return plane, (np.linalg.inv(found.scan.to_standard) @ affine @ [*middle, 1.0])[:3]

@@ -1,0 +1,257 @@
+"""Warnings about a scan and its reconstruction, one sentence each.
+
+A warning is a sign of failure, not a proof. A failure may come without a warning. The ranges below were measured on a
+person's scan, the MNI152 average and a synthetic scan, and on versions of them that must fail: halves, a foetus-sized
+head, a head with its skull, inverted contrast, a mask, noise, and imitations of an angiogram and of a CT.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.ndimage import affine_transform, binary_erosion, label
+
+from meshot.flow import RepairedSurface
+from meshot.mesh import Mesh, signed_volume
+from meshot.pipeline.initial_surface import SegmentedSurface
+from meshot.types import Array, Bool, Float
+from meshot.volume import StandardScan, Volume, bright_volume, voxel_sizes
+
+#: Scans of the synthetic cohorts reach .79 to .84; upside down, back to front or with inverted contrast, .71.
+LOWEST_AGREEMENT = 0.75
+#: Correlation with the template inside its brain: good scans have .4 to 1; a head that is inverted, upside down or with
+#: its skull, a CT and an angiogram have −.5 to .26.
+LOWEST_CONTRAST = 0.3
+#: Where the template is brighter than this share of its largest value, its brain is; its rim is left out.
+BRAIN_SHARE, RIM_VOXELS = 0.2, 3
+#: A voxel is empty below this share of what is bright inside the brain.
+EMPTY_SHARE = 0.02
+#: The largest piece of the template's brain where the scan is empty, in cm³: a person's scan has 0.01, most synthetic
+#: heads at most 0.3, one with a deep cut of the skull stripping 10; the person without the lowest 10, 20 and 30 mm has
+#: 6, 41 and 96.
+LARGEST_GAP_CM3 = 15.0
+#: Volume of the bright voxels, in cm³: whole brains have 690 to 1870, halves at most 695, heads with their skull 1970.
+BRIGHT_CM3 = (700.0, 1950.0)
+#: The largest of the three scales of the registration over the smallest: good scans have at most 1.09, most halves 1.35
+#: to 2.8.
+LARGEST_STRETCH = 1.2
+#: Different values of a scan; masks and label images have fewer.
+FEWEST_VALUES = 16
+#: Heads differ from the template by less, in each direction on average.
+SCALES = (0.75, 1.33)
+#: What the white surface of one adult hemisphere may enclose, ventricles and basal ganglia included, in cm³.
+VOLUMES_CM3 = (120.0, 450.0)
+#: Clean segmentations lose about one hundredth on the way to genus 0.
+LARGEST_LOSS = 0.03
+#: Of the faces, after a flow: on heads for validation the shipped kind of flow leaves up to two hundredths.
+LARGEST_CROSSING = 0.03
+#: The largest distance by which the repair may move a vertex without a warning, in mm. On these heads it is up to 7 mm.
+LARGEST_REPAIR_MM = 8.0
+
+
+class DoubtfulScanError(ValueError):
+    """A scan, or what was found in it, looks so odd that a strict reconstruction stops."""
+
+    exit_status = 3
+
+
+def require_no_warnings(found: list[str]) -> None:
+    """Stop a strict reconstruction."""
+    if found:
+        raise DoubtfulScanError("; ".join(found) + ". Without --strict (strict=False) this is a warning only")
+
+
+def volume_warnings(scan: Volume) -> list[str]:
+    """Whether a scan, before it is registered, holds an image of about the volume of an adult's brain."""
+    found = []
+    n_values = len(np.unique(scan.data[::2, ::2, ::2]))
+    if n_values < FEWEST_VALUES:
+        found.append(
+            f"the scan holds {n_values} different values; a T1 holds hundreds: is it a mask or an image of labels?"
+        )
+    volume = bright_volume(scan) / 1000
+    if not BRIGHT_CM3[0] < volume < BRIGHT_CM3[1]:
+        found.append(
+            f"the bright part of the scan has {volume:.0f} cm³; for the brain of an adult {BRIGHT_CM3[0]:.0f} to "
+            f"{BRIGHT_CM3[1]:.0f} are plausible: is it a whole brain, without its skull, and are the voxel sizes right?"
+        )
+    return found
+
+
+def scan_warnings(scan: StandardScan, template: Volume) -> list[str]:
+    """Whether the registered scan looks like the template and has about its size."""
+    found = []
+    agreement = agreement_with(scan.volume, template)
+    if agreement < LOWEST_AGREEMENT:
+        found.append(
+            f"the registered scan and the template agree poorly (correlation {agreement:.2f}, {LOWEST_AGREEMENT} or "
+            "more is usual): look whether the brain stands upright in the slices, is a T1, and without its skull"
+        )
+    contrast = contrast_with(scan.volume, template)
+    if contrast < LOWEST_CONTRAST:
+        found.append(
+            f"inside the brain the scan differs from a T1 (correlation {contrast:.2f} with the template, "
+            f"{LOWEST_CONTRAST} or more is usual): is it a T1, upright, and without its skull?"
+        )
+    gap = gap_in(scan.volume, template) / 1000
+    if gap > LARGEST_GAP_CM3:
+        found.append(
+            f"{gap:.0f} cm³ of the template's brain lie in one piece where the scan is empty; {LARGEST_GAP_CM3:.0f} or "
+            "less are usual: does the field of view end inside the brain, or was a part cut away with the skull?"
+        )
+    scales = np.linalg.svd(scan.to_standard[:3, :3], compute_uv=False)
+    if scales.max() > LARGEST_STRETCH * scales.min():
+        found.append(
+            f"the registration stretches one direction by {scales.max() / scales.min():.2f} against another; "
+            f"{LARGEST_STRETCH} or less is usual: is a part of the brain missing?"
+        )
+    determinant = float(np.linalg.det(scan.to_standard[:3, :3]))
+    scale = abs(determinant) ** (1 / 3)
+    if not SCALES[0] < scale < SCALES[1]:
+        found.append(
+            f"the registration scales the scan by {scale:.2f}; {SCALES[0]} to {SCALES[1]} is usual: are the voxel "
+            "sizes in its header right?"
+        )
+    if determinant < 0:
+        found.append("the registration mirrors the scan: left and right may be exchanged")
+    return found
+
+
+def agreement_with(image: Volume, template: Volume) -> float:
+    """The correlation of an image with a template over the grid of the image, in [−1, 1]."""
+    return _correlation(image.data, _on_grid(image, template))
+
+
+def contrast_with(image: Volume, template: Volume) -> float:
+    """The correlation of an image with a template inside the brain of the template, in [−1, 1]; 0 if one is constant.
+
+    The outline of the head does not count, in contrast to :func:`agreement_with`.
+    """
+    there = _on_grid(image, template)
+    brain = _inner_brain(there)
+    return _correlation(image.data[brain], there[brain])
+
+
+def gap_in(image: Volume, template: Volume) -> float:
+    """The volume of the largest connected part of the template's brain in which an image is empty, in mm³."""
+    brain = _inner_brain(_on_grid(image, template))
+    if not brain.any():
+        return 0.0
+    low = float(image.data.min())
+    parts, n_parts = label(brain & (image.data - low <= EMPTY_SHARE * (np.percentile(image.data[brain], 90) - low)))
+    return float(np.bincount(parts.ravel())[1:].max() * np.prod(voxel_sizes(image))) if n_parts else 0.0
+
+
+def _inner_brain(there: Float[Array, "x y z"]) -> Bool[Array, "x y z"]:
+    """Where the brain of the template is, without its rim."""
+    return binary_erosion(there > BRAIN_SHARE * there.max(), iterations=RIM_VOXELS)
+
+
+def _correlation(first: Array, second: Array) -> float:
+    if first.size == 0 or first.min() == first.max() or second.min() == second.max():
+        return 0.0
+    return float(np.corrcoef(first.ravel(), second.ravel())[0, 1])
+
+
+def _on_grid(image: Volume, template: Volume) -> Float[Array, "x y z"]:
+    """The template at the voxels of the image; beyond it, its least value."""
+    to_voxel = np.linalg.inv(template.affine) @ image.affine
+    low = float(template.data.min())
+    return affine_transform(
+        template.data.astype(np.float32), to_voxel[:3, :3], to_voxel[:3, 3], image.data.shape, order=1, cval=low
+    )
+
+
+def surface_warnings(
+    side: str, final: Mesh, segmented: SegmentedSurface, repaired: RepairedSurface | None
+) -> list[str]:
+    """Whether one hemisphere has a plausible volume, and how much of it had to be mended."""
+    found = []
+    volume = float(signed_volume(final)) / 1000
+    if not VOLUMES_CM3[0] < volume < VOLUMES_CM3[1]:
+        found.append(
+            f"the {side} surface encloses {volume:.0f} cm³; {VOLUMES_CM3[0]:.0f} to {VOLUMES_CM3[1]:.0f} are plausible"
+        )
+    n_lost, loss = voxels_given_up(segmented)
+    if loss > LARGEST_LOSS:
+        found.append(
+            f"{n_lost} voxels ({100 * loss:.1f} %) of the {side} white matter were given up to make it a ball without "
+            f"handles; {100 * LARGEST_LOSS:.0f} % or less is usual"
+        )
+    if repaired is not None and _much_was_repaired(repaired):
+        share = 100 * repaired.n_crossing / len(final.faces)
+        found.append(
+            f"{repaired.n_crossing} faces ({share:.2g} %) of the {side} surface crossed after the flow; the repair "
+            f"moved vertices by up to {repaired.largest_move:.2g} mm" + _backtracks(repaired)
+        )
+    return found
+
+
+def _much_was_repaired(repaired: RepairedSurface) -> bool:
+    """A few faces cross after nearly every flow; that alone is in the numbers, not among the warnings."""
+    many = repaired.n_crossing > LARGEST_CROSSING * len(repaired.mesh.faces)
+    return many or repaired.n_backtracks > 0 or repaired.largest_move > LARGEST_REPAIR_MM
+
+
+def _backtracks(repaired: RepairedSurface) -> str:
+    return f", with {repaired.n_backtracks} backtracks towards the initial surface" if repaired.n_backtracks else ""
+
+
+def voxels_given_up(segmented: SegmentedSurface) -> tuple[int, float]:
+    """How many voxels of the mask the genus-0 correction gave up, and which part of the mask they are."""
+    before, after = (int(mask.data.sum()) for mask in (segmented.mask, segmented.genus_zero_mask))
+    return before - after, (before - after) / before
+
+
+# Short names of the warnings about a reconstruction, for tables.
+
+#: Name -> words that stand in the sentence of this warning and in no other.
+WORDS = {
+    "few_values": "different values; a T1 holds hundreds",
+    "bright_volume": "the bright part of the scan has",
+    "agreement": "the registered scan and the template agree poorly",
+    "contrast": "inside the brain the scan differs from a T1",
+    "gap": "of the template's brain lie in one piece where the scan is empty",
+    "stretch": "the registration stretches one direction",
+    "scale": "the registration scales the scan by",
+    "mirrored": "the registration mirrors the scan",
+    "surface_volume": "surface encloses",
+    "voxels_given_up": "were given up to make it a ball",
+    "crossing_faces": "surface crossed after the flow",
+    "group_average": "is it a group average?",
+    "long_echo_time": "is it a T2?",
+    "unreadable_sidecar": "the sidecar is not used",
+    "same_file_twice": "hold the same scan",
+}
+#: What has no name of its own.
+OTHER = "other"
+#: Correlation with the template inside its brain. The template has 1.00, also after registration, and .98 with blur and
+#: noise of 2 %; the synthetic head in the repository has .50.
+HIGHEST_CONTRAST = 0.97
+
+
+def warning_names(found: Iterable[str]) -> list[str]:
+    """The name of each warning, in order.
+
+    Parameters
+    ----------
+    found : iterable of str
+        Sentences, as in :class:`meshot.pipeline.Reconstruction`.
+    """
+    return [next((name for name, words in WORDS.items() if words in sentence), OTHER) for sentence in found]
+
+
+def average_warnings(scan: StandardScan, template: Volume) -> list[str]:
+    """Whether a scan is so like the template, an average of 152 heads, that it must be an average too.
+
+    Parameters
+    ----------
+    scan : StandardScan
+    template : Volume
+    """
+    contrast = contrast_with(scan.volume, template)
+    if contrast < HIGHEST_CONTRAST:
+        return []
+    return [
+        f"the scan is like the average of 152 heads (correlation {contrast:.2f} with the template; less than "
+        f"{HIGHEST_CONTRAST} is usual): is it a group average? Then its surfaces are those of no person"
+    ]

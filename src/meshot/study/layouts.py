@@ -1,0 +1,262 @@
+"""Where the files of a study stand: flat folders, FreeSurfer's SUBJECTS_DIR, or BIDS derivatives."""
+
+import dataclasses
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import affine_transform
+
+import meshot
+from meshot.anatomy import HEMISPHERES, mni152_t1
+from meshot.files import printable_name, whole_file
+from meshot.mesh import write_mesh
+from meshot.pipeline import (
+    SHORT,
+    TEMPLATE,
+    Reconstruction,
+    itk_transform,
+    lta_transform,
+    structure_of,
+    white_matter_labels,
+    write_flat,
+)
+from meshot.study.bids import Visit
+from meshot.volume import Volume, centre_ras, write_volume
+
+# The flat layout: a folder for each visit with the files that ``meshot reconstruct SCAN -o OUT`` writes.
+
+FLAT_REPORT_FOLDER = Path()
+
+
+def flat_folder(visit: Visit) -> Path:
+    """For example ``sub-01_ses-02``."""
+    return Path(visit.label)
+
+
+def arrange_flat(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> None:
+    """Write surfaces, transforms and labels, and the scan if it is an average."""
+    write_flat(folder, found, scan)
+    if len(visit.scans) > 1:
+        write_volume(folder / "scan.nii.gz", scan)
+
+
+def finish_flat(folder: Path, visit: Visit, report: dict) -> None:
+    """Nothing is left to write."""
+
+
+def begin_flat(study: Path, dataset: Path | None) -> None:
+    """The study as a whole has no files of this layout."""
+
+
+# FreeSurfer's SUBJECTS_DIR: ``sub-01/surf/lh.white``, ``mri/orig.mgz``, ``mri/transforms``, ``scripts``.
+#
+# ``mri/orig.mgz`` is the scan on FreeSurfer's conformed grid: 256 voxels of 1 mm along each axis, 8 bits, around the
+# centre of the scan. Surface RAS of this grid is the space of the surfaces. ``mri/rawavg.mgz`` is the scan as it came.
+
+FREESURFER_REPORT_FOLDER = Path("report")
+N_VOXELS = 256
+#: The values of ``mri/filled.mgz`` for the left and the right hemisphere.
+FILLED = (255, 127)
+#: The initial surface is called as FreeSurfer calls the surface before it moves.
+_NAMES = {"white": "white", "initial": "orig", "fsaverage5": "white.fsaverage5", "pial": "pial"}
+_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+
+
+def freesurfer_folder(visit: Visit) -> Path:
+    """For example ``sub-01_ses-02``."""
+    return Path(visit.label)
+
+
+def arrange_freesurfer(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> None:
+    """Write ``surf`` and ``mri``."""
+    for side, surface in found.surfaces.items():
+        for kind, mesh in surface.meshes().items():
+            write_mesh(folder / "surf" / f"{SHORT[side]}.{_NAMES[kind]}", mesh, centre_ras(scan))
+    conformed = conformed_scan(scan)
+    write_volume(folder / "mri" / "rawavg.mgz", scan)
+    write_volume(folder / "mri" / "orig.mgz", conformed)
+    write_volume(folder / "mri" / "filled.mgz", white_matter_labels(found, conformed, FILLED, genus_zero=True))
+    transforms = folder / "mri" / "transforms"
+    transforms.mkdir()
+    lta = lta_transform(found.registered.to_standard, conformed, "orig.mgz", mni152_t1())
+    (transforms / f"orig_to_{TEMPLATE}.lta").write_text(lta, encoding="utf-8")
+    (transforms / f"orig_to_{TEMPLATE}.txt").write_text(itk_transform(found.registered.to_standard), encoding="utf-8")
+
+
+def conformed_scan(scan: Volume) -> Volume:
+    """A scan on FreeSurfer's conformed grid, linearly interpolated, with 8 bits.
+
+    Its smallest value becomes 0, and the value below which 99.9 % of the voxels lie becomes 255.
+    """
+    affine = np.eye(4)
+    affine[:3, :3] = _AXES
+    affine[:3, 3] = centre_ras(scan) - _AXES @ np.full(3, N_VOXELS / 2)
+    to_voxel = np.linalg.inv(scan.affine) @ affine
+    low, high = float(scan.data.min()), float(np.percentile(scan.data, 99.9))
+    image = affine_transform(
+        scan.data.astype(np.float32), to_voxel[:3, :3], to_voxel[:3, 3], (N_VOXELS,) * 3, order=1, cval=low
+    )
+    scaled = 255 * (image - low) / max(high - low, 1e-12)
+    return Volume(np.clip(np.rint(scaled), 0, 255).astype(np.uint8), affine)
+
+
+def finish_freesurfer(folder: Path, visit: Visit, report: dict) -> None:
+    """Write the log of the stages into ``scripts``."""
+    lines = [f"meshot reconstruct, {report['date']}, commit {report['commit']}"]
+    lines += [f"scan {path}" for path in visit.scans] + list(visit.notes)
+    seconds = report["seconds"]
+    lines += [f"{stage}: {seconds['clock'][stage]} s, {seconds['processor'][stage]} s of processor time"
+              for stage in seconds["clock"]]  # fmt: skip
+    lines += [f"warning: {warning}" for warning in report["warnings"]]
+    scripts = folder / "scripts"
+    scripts.mkdir()
+    (scripts / "meshot.log").write_text("\n".join(lines) + "\n", encoding="utf-8", errors="replace")
+
+
+def begin_freesurfer(study: Path, dataset: Path | None) -> None:
+    """The study as a whole has no files of this layout."""
+
+
+# BIDS derivatives: ``sub-01/anat/sub-01_hemi-L_white.surf.gii`` with sidecars, and the files of the data set.
+
+BIDS_REPORT_FOLDER = Path("report")
+VERSION = "1.10.0"
+#: What the specification does not describe: pages, tables and logs of the study, transforms, and surfaces.
+IGNORED = (
+    "*.html", "subjects.*", "verdicts*.tsv", "logs/", "report", "*_xfm.*", "*.surf.gii", "*_white.json", "*_pial.json",
+)  # fmt: skip
+_LABELS = "index\tname\tabbreviation\n1\tLeft cerebral white matter\tlWM\n2\tRight cerebral white matter\trWM\n"
+
+
+def bids_folder(visit: Visit) -> Path:
+    """For example ``sub-01/ses-02``."""
+    return Path(*visit.parts)
+
+
+def arrange_bids(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> None:
+    """Write ``anat``."""
+    anat = folder / "anat"
+    anat.mkdir()
+    facts = {"Sources": [_source(visit, path) for path in visit.scans]}
+    for side in HEMISPHERES:
+        surface, start = found.surfaces[side], f"{visit.prefix}_hemi-{side[0].upper()}"
+        for kind, mesh in surface.meshes().items():
+            name = f"{start}_{kind}" if kind in ("white", "pial") else f"{start}_desc-{kind}_white"
+            write_mesh(anat / f"{name}.surf.gii", mesh, structure=structure_of(side, kind))
+            _write_json(anat / f"{name}.json", facts | {"SpatialReference": "scanner RAS of the T1w image, in mm"})
+    start = anat / f"{visit.prefix}_desc-whitematter_dseg"
+    write_volume(start.with_name(f"{start.name}.nii.gz"), white_matter_labels(found, scan))
+    said = {"Description": "White matter, 1 on the left and 2 on the right", "Manual": False}
+    grid = {"SpatialReference": facts["Sources"][0]}
+    _write_json(start.with_name(f"{start.name}.json"), facts | said | grid)
+    start.with_name(f"{start.name}.tsv").write_text(_LABELS, encoding="utf-8")
+    if len(visit.scans) > 1:
+        write_volume(anat / f"{visit.prefix}_desc-average_T1w.nii.gz", scan)
+        said = {"Description": "Average of registered runs, on the grid of the first"}
+        said["SkullStripped"] = visit.mask is not None
+        _write_json(anat / f"{visit.prefix}_desc-average_T1w.json", facts | said)
+    transform = anat / f"{visit.prefix}_from-T1w_to-{TEMPLATE}_mode-image_xfm"
+    transform.with_name(f"{transform.name}.txt").write_text(
+        itk_transform(found.registered.to_standard), encoding="utf-8"
+    )
+    lta = lta_transform(found.registered.to_standard, scan, printable_name(visit.scans[0].name), mni152_t1())
+    transform.with_name(f"{transform.name}.lta").write_text(lta, encoding="utf-8")
+
+
+def finish_bids(folder: Path, visit: Visit, report: dict) -> None:
+    """Nothing is left to write."""
+
+
+def begin_bids(study: Path, dataset: Path | None) -> None:
+    """Write the description of the derivatives, ``.bidsignore`` and a README, unless they are there."""
+    description = {
+        "Name": "White surfaces by meshot"
+        + ("" if dataset is None else f" of {printable_name(dataset.resolve().name)}"),
+        "BIDSVersion": VERSION,
+        "DatasetType": "derivative",
+        "GeneratedBy": [{"Name": "meshot", "Version": meshot.__version__}],
+    }
+    if dataset is not None:
+        description["DatasetLinks"] = {"raw": printable_name(os.path.relpath(dataset, study))}
+    for name, text in (
+        ("dataset_description.json", json.dumps(description, indent=1, ensure_ascii=False) + "\n"),
+        (".bidsignore", "\n".join(IGNORED) + "\n"),
+        ("README.md", f"# {description['Name']}\n\nWritten by `meshot reconstruct`. Not for clinical use.\n"),
+    ):
+        if not (study / name).exists():
+            with whole_file(study / name) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+
+
+def _source(visit: Visit, path: Path) -> str:
+    """A BIDS URI of a scan in the raw data set, or the name of a file from elsewhere."""
+    there = path.parts[-len(visit.parts) - 2 : -1]
+    return f"bids:raw:{'/'.join([*there, path.name])}" if there == (*visit.parts, "anat") else printable_name(path.name)
+
+
+def _write_json(path: Path, content: dict) -> None:
+    path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+# The layouts by name.
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """How one visit becomes a folder.
+
+    Parameters
+    ----------
+    name : str
+    folder : callable
+        The folder of a visit, relative to that of the study.
+    report_folder : callable
+        The folder of the page and of ``report.json``, relative to the folder of the visit.
+    arrange : callable
+        Writes surfaces, transforms and labels.
+    finish : callable
+        Writes what needs the report.
+    begin : callable
+        Writes the files of the whole study.
+    """
+
+    name: str
+    folder: Callable[[Visit], Path]
+    report_folder: Path
+    arrange: Callable[[Path, Reconstruction, Volume, Visit], None]
+    finish: Callable[[Path, Visit, dict], None]
+    begin: Callable[[Path, Path | None], None]
+
+
+LAYOUTS = {
+    "flat": Layout("flat", flat_folder, FLAT_REPORT_FOLDER, arrange_flat, finish_flat, begin_flat),
+    "freesurfer": Layout(
+        "freesurfer",
+        freesurfer_folder,
+        FREESURFER_REPORT_FOLDER,
+        arrange_freesurfer,
+        finish_freesurfer,
+        begin_freesurfer,
+    ),
+    "bids": Layout("bids", bids_folder, BIDS_REPORT_FOLDER, arrange_bids, finish_bids, begin_bids),
+}
+
+
+def layout_named(name: str) -> Layout:
+    """A layout by its name.
+
+    Parameters
+    ----------
+    name : str
+
+    Raises
+    ------
+    ValueError
+        If there is none of this name.
+    """
+    if name not in LAYOUTS:
+        raise ValueError(f"there is no layout {name!r}; known are {', '.join(LAYOUTS)}")
+    return LAYOUTS[name]

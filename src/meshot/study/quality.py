@@ -1,0 +1,423 @@
+"""One HTML page that shows the slices and the numbers of all subjects of a study, for quality control."""
+
+import base64
+import csv
+import dataclasses
+import hashlib
+import io
+import json
+import math
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+
+from meshot.anatomy import HEMISPHERES
+from meshot.files import printable_name, whole_file
+from meshot.pipeline import OVERVIEW
+from meshot.statistics import OUTLIER_SCORE, robust_scores
+from meshot.view import filled
+
+# The table of a study, ``subjects.tsv``, and its data dictionary, ``subjects.json``, as BIDS writes tables.
+
+TABLE, DICTIONARY = "subjects.tsv", "subjects.json"
+#: How BIDS writes a value that is missing.
+MISSING = "n/a"
+
+#: Column -> where the value is in ``report.json`` (under ``surfaces`` and the side), factor, description, unit.
+_SURFACE_COLUMNS = {
+    "vertices": (("final", "n_vertices"), 1, "Number of vertices", None),
+    "faces": (("final", "n_faces"), 1, "Number of faces", None),
+    "euler": (("final", "euler_number"), 1, "Euler number; a sphere has 2", None),
+    "self_intersecting_faces": (
+        ("final", "n_self_intersecting_faces"), 1, "Number of faces that intersect another face", None
+    ),
+    "area_mm2": (("final", "area_cm2"), 100, "Area", "mm^2"),
+    "volume_mm3": (("final", "volume_cm3"), 1000, "Enclosed volume", "mm^3"),
+    "distance_from_initial_mm": (
+        ("distance_from_initial_mm", "mean"), 1, "Mean distance of the vertices from the initial surface", "mm"
+    ),
+    "voxels_given_up": (
+        ("n_voxels_given_up",), 1, "Voxels of white matter that were left out to give the surface genus 0", None
+    ),
+}  # fmt: skip
+_OTHER_COLUMNS = {
+    "participant_id": {"Description": "The participant, such as sub-01"},
+    "session_id": {"Description": "The session, such as ses-01"},
+    "status": {
+        "Description": "Whether the surfaces were found",
+        "Levels": {"done": "The surfaces are complete", "failed": "There are no surfaces; see the column error"},
+    },
+    "error": {"Description": "Why there are no surfaces"},
+    "scans": {"Description": "The files that were reconstructed, separated by a space"},
+    "report": {"Description": "The page of the reconstruction, relative to this table"},
+    "seconds": {"Description": "Wall-clock time of the reconstruction", "Units": "s"},
+    "warnings": {"Description": "Number of warnings"},
+    "warning_names": {"Description": "The names of the warnings, separated by a space"},
+}
+_BEFORE, _AFTER = list(_OTHER_COLUMNS)[:6], list(_OTHER_COLUMNS)[6:]
+
+
+def surface_columns() -> list[str]:
+    """The names of the columns with numbers of the surfaces, such as ``left_white_area_mm2``."""
+    return [f"{side}_white_{name}" for side in HEMISPHERES for name in _SURFACE_COLUMNS]
+
+
+def columns() -> list[str]:
+    """The names of all columns, in order."""
+    return [*_BEFORE, *surface_columns(), *_AFTER]
+
+
+def data_dictionary() -> dict[str, dict]:
+    """What each column holds, with its unit, as BIDS describes tables."""
+    found = dict(_OTHER_COLUMNS)
+    for side in HEMISPHERES:
+        for name, (_, _, description, unit) in _SURFACE_COLUMNS.items():
+            entry = {"Description": f"{description}, {side} white surface"}
+            found[f"{side}_white_{name}"] = entry | ({"Units": unit} if unit else {})
+    return {name: found[name] for name in columns()}
+
+
+def numbers_of_report(report: Mapping) -> dict[str, float]:
+    """The numbers of the surfaces, the time and the warnings of one reconstruction, by column."""
+    row = {}
+    for side in HEMISPHERES:
+        for name, (keys, factor, _, _) in _SURFACE_COLUMNS.items():
+            value = report["surfaces"][side]
+            for key in keys:
+                value = value[key]
+            row[f"{side}_white_{name}"] = value if factor == 1 else value * factor
+    row["seconds"] = round(sum(report["seconds"]["clock"].values()), 2)
+    row["warnings"] = len(report["warnings"])
+    return row
+
+
+def write_subjects(folder: str | os.PathLike, rows: Iterable[Mapping]) -> None:
+    """Write the table and its data dictionary, sorted by participant and session.
+
+    Parameters
+    ----------
+    folder : path
+        Of the study.
+    rows : iterable of mappings
+        By column. What is missing or None becomes ``n/a``.
+
+    Raises
+    ------
+    ValueError
+        If a row has a column that the data dictionary does not describe.
+    """
+    known, text = columns(), io.StringIO()
+    writer = csv.writer(text, dialect="excel-tab", lineterminator="\n")
+    writer.writerow(known)
+    for row in sorted(rows, key=lambda row: (row["participant_id"], row.get("session_id") or "")):
+        if unknown := sorted(set(row) - set(known)):
+            raise ValueError(f"a row has the columns {', '.join(unknown)}; the table has only {', '.join(known)}")
+        writer.writerow([_cell(row.get(name)) for name in known])
+    with whole_file(Path(folder) / TABLE) as temporary:
+        temporary.write_text(text.getvalue(), encoding="utf-8")
+    with whole_file(Path(folder) / DICTIONARY) as temporary:
+        temporary.write_text(json.dumps(data_dictionary(), indent=1) + "\n", encoding="utf-8")
+
+
+def read_subjects(folder: str | os.PathLike) -> list[dict]:
+    """The rows of the table of a study. Numbers are floats; what is missing is None.
+
+    Parameters
+    ----------
+    folder : path
+        Of the study.
+
+    Raises
+    ------
+    ValueError
+        If the table is missing, is not UTF-8, lacks the first column, has a line of another length, or holds a word
+        where a number is needed.
+    """
+    path = Path(folder) / TABLE
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist; name the folder of a study, as meshot reconstruct writes it")
+    try:
+        head, *lines = csv.reader(path.read_text(encoding="utf-8").splitlines(), dialect="excel-tab")
+    except (UnicodeDecodeError, ValueError, csv.Error) as error:
+        raise ValueError(
+            f"{path} is no table in UTF-8 ({error}); make it again: meshot reconstruct ... group"
+        ) from error
+    if head[:1] != ["participant_id"]:
+        raise ValueError(f"{path} starts with the column {head[:1]}; participant_id is needed: is it another table?")
+    wrong = [number for number, line in enumerate(lines, 2) if len(line) != len(head)]
+    if wrong:
+        raise ValueError(f"line {wrong[0]} of {path} has not {len(head)} cells, as its first line; mend or remove it")
+    numbers = {*surface_columns(), "seconds", "warnings"}
+    return [{name: _value(name, cell, numbers, path) for name, cell in zip(head, line)} for line in lines]
+
+
+def _cell(value: object) -> str:
+    if value is None or value == "":
+        return MISSING
+    if isinstance(value, float):
+        return f"{value:.8g}"
+    return " ".join(str(value).split())  # no tab and no line break
+
+
+def _value(name: str, cell: str, numbers: set[str], path: Path) -> str | float | None:
+    if cell == MISSING:
+        return None
+    if name not in numbers:
+        return cell
+    try:
+        return float(cell)
+    except ValueError as error:
+        raise ValueError(f"{path} holds {cell!r} in the column {name}; a number or {MISSING} is needed") from error
+
+
+# The columns of a quality page: the numbers of a study with robust scores.
+
+#: Robust scores are computed if there are at least so many rows: fewer have no reliable median deviation.
+FEWEST_SUBJECTS = 5
+#: Stands for an infinite score where rows are sorted: JSON has no infinity.
+_LARGEST = 1e6
+#: Columns with scores. Seconds depend on the machine and its load, and have none.
+_SCORED = (*surface_columns(), "warnings")
+_THIN_SPACE = "\u202f"
+_UNITS = {"mm": "(mm)", "mm2": "(mm²)", "mm3": "(mm³)"}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class QualityColumn:
+    """One column: what is shown of every row, what it is sorted by, and its robust scores.
+
+    Parameters
+    ----------
+    label, description : str
+    texts : list of str
+    sorted_as : list
+        Numbers or strings; None for a missing value.
+    scores : list of float
+        NaN where there is none.
+    """
+
+    label: str
+    description: str
+    texts: list[str]
+    sorted_as: list[float | str | None]
+    scores: list[float]
+
+    def is_odd(self, row: int) -> bool:
+        """Whether the robust score of a row is beyond 3.5."""
+        return abs(self.scores[row]) > OUTLIER_SCORE
+
+    def score_text(self, row: int) -> str:
+        """The robust score of a row, with its sign. It is infinite if most values of the column are equal."""
+        score = self.scores[row]
+        text = "∞" if math.isinf(score) else f"{abs(score):.1f}"
+        return ("−" if score < 0 else "+") + text
+
+
+def quality_columns(subjects: list[dict]) -> list[QualityColumn]:
+    """All columns of the page: the name, the largest score, status, every number, and the verdict, which is empty."""
+    known = data_dictionary()
+    numbers = {
+        name: np.array([np.nan if row.get(name) is None else row[name] for row in subjects], dtype=np.float64)
+        for name in (*surface_columns(), "seconds", "warnings")
+        if any(name in row for row in subjects)
+    }
+    scores = {name: _scores(name, values) for name, values in numbers.items()}
+    names = [" ".join(filter(None, (row["participant_id"], row.get("session_id")))) for row in subjects]
+    measured = [
+        _numeric(_label(name), _description(known[name]), values, scores[name]) for name, values in numbers.items()
+    ]
+    return [
+        _words("participant", "Participant and session", names),
+        _largest(list(scores.values()), len(subjects)),
+        _words("status", known["status"]["Description"], [row.get("status") or "" for row in subjects]),
+        *measured,
+        _words("verdict", "Given on this page", [""] * len(subjects)),
+    ]
+
+
+def row_key(subject: dict) -> str:
+    """Twelve hexadecimal digits that change if the participant, the session or a number of the surfaces changes."""
+    kept = {name: value for name, value in subject.items() if name not in ("seconds", "report")}
+    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def _scores(name: str, values: np.ndarray) -> np.ndarray:
+    known = np.count_nonzero(~np.isnan(values))
+    return robust_scores(values) if name in _SCORED and known >= FEWEST_SUBJECTS else np.full(len(values), np.nan)
+
+
+def _words(label: str, description: str, texts: list[str]) -> QualityColumn:
+    return QualityColumn(label, description, texts, [text or None for text in texts], [math.nan] * len(texts))
+
+
+def _numeric(label: str, description: str, values: np.ndarray, scores: np.ndarray) -> QualityColumn:
+    known = [None if np.isnan(value) else float(value) for value in values]
+    return QualityColumn(label, description, [_text(value) for value in known], known, scores.tolist())
+
+
+def _largest(scores: list[np.ndarray], n_rows: int) -> QualityColumn:
+    """The largest absolute score of each row, without a mark of its own."""
+    found = np.full(n_rows, np.nan)
+    for column in scores:
+        found = np.fmax(found, np.abs(column))
+    texts = ["" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.1f}" for value in found]
+    sorted_as = [None if np.isnan(value) else min(float(value), _LARGEST) for value in found]
+    return QualityColumn("largest |z|", "The largest robust z of the row", texts, sorted_as, [math.nan] * n_rows)
+
+
+def _label(name: str) -> str:
+    *words, unit = name.replace("_white", "").split("_")
+    return " ".join([*words, _UNITS.get(unit, unit)])
+
+
+def _description(entry: dict) -> str:
+    return entry["Description"] + (f" ({entry['Units']})" if "Units" in entry else "")
+
+
+def _text(value: float | None) -> str:
+    if value is None:
+        return ""
+    if float(value).is_integer() or abs(value) >= 1000:
+        return f"{round(value):,}".replace(",", _THIN_SPACE).replace("-", "−")
+    return f"{value:.3g}".replace("-", "−")
+
+
+#: The name of the page in the folder of a study.
+QUALITY_PAGE = "quality.html"
+_UP, _DOWN = "▲", "▼"
+
+
+def write_quality_page(study: str | os.PathLike, embed: bool = False) -> Path:
+    """Write the page ``quality.html`` into the folder of a study.
+
+    It shows the slices of every subject in a mosaic and all numbers in a table, both sorted by any column. Values whose
+    robust score is beyond 3.5 are marked, see :func:`meshot.statistics.robust_scores`. Verdicts are given by keys or
+    buttons, kept in the browser, and downloaded as a table. The page needs no network. By default the pictures are
+    the files ``slices.webp`` beside the reports.
+
+    Parameters
+    ----------
+    study : path
+        A folder with ``subjects.tsv``, see :func:`meshot.study.read_subjects`.
+    embed : bool
+        Whether the page holds the pictures, some 25 kB for each subject. It can then be read elsewhere; the links to
+        the reports lead to files beside it.
+
+    Returns
+    -------
+    pathlib.Path
+        The page.
+
+    Raises
+    ------
+    ValueError
+        If the table is missing, cannot be read, or has no rows.
+    """
+    study = Path(study)
+    subjects = read_subjects(study)
+    if not subjects:
+        raise ValueError(f"the table of {study} has no rows; reconstruct a subject first: meshot reconstruct")
+    columns = quality_columns(subjects)
+    page = filled(
+        "meshot/study/assets/quality.html",
+        study=printable_name(study.resolve().name),
+        summary=_summary(subjects),
+        marking=_marking(sum(not _failed(subject) for subject in subjects)),
+        limit=OUTLIER_SCORE,
+        columns=columns,
+        rows=[_row(study, subject, columns, i, embed) for i, subject in enumerate(subjects)],
+        data={
+            "subjects": [_subject(subject, columns, i) for i, subject in enumerate(subjects)],
+            "first": 1,
+            "file": "verdicts.tsv",
+        },
+    )
+    path = study / QUALITY_PAGE
+    with whole_file(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return path
+
+
+def _summary(subjects: list[dict]) -> str:
+    failed = sum(_failed(subject) for subject in subjects)
+    warned = sum(_warned(subject) for subject in subjects)
+    return f"{len(subjects)} rows: {failed} failed, {warned} with warnings."
+
+
+def _marking(n_measured: int) -> str:
+    if n_measured < FEWEST_SUBJECTS:
+        return f"It is not computed here: {FEWEST_SUBJECTS} rows with surfaces are needed, and there are {n_measured}."
+    return f"Values beyond ±{OUTLIER_SCORE} are marked, compared with this study only."
+
+
+def _failed(subject: dict) -> bool:
+    return subject.get("status") == "failed"
+
+
+def _warned(subject: dict) -> bool:
+    return (subject.get("warnings") or 0) > 0
+
+
+def _name(subject: dict) -> str:
+    return " ".join(filter(None, (subject["participant_id"], subject.get("session_id"))))
+
+
+def _subject(subject: dict, columns: list[QualityColumn], row: int) -> dict:
+    """What the script of the page knows of a row."""
+    return {
+        "name": _name(subject),
+        "participant": subject["participant_id"],
+        "session": subject.get("session_id"),
+        "key": row_key(subject),
+        "odd": any(column.is_odd(row) for column in columns),
+        "warned": _warned(subject),
+        "failed": _failed(subject),
+        "values": [column.sorted_as[row] for column in columns],
+    }
+
+
+def _row(study: Path, subject: dict, columns: list[QualityColumn], row: int, embed: bool) -> dict:
+    """What the template of the page shows of a row."""
+    report = _inside(study, subject.get("report"))
+    picture = report and report.parent / OVERVIEW
+    reasons = [
+        f"{column.label} {column.texts[row]}, robust z {column.score_text(row)}"
+        for column in columns
+        if column.is_odd(row)
+    ]
+    if _warned(subject):
+        reasons.append(f"warnings: {subject.get('warning_names') or round(subject['warnings'])}")
+    return {
+        "name": _name(subject),
+        "report": report and _address(study, report),
+        "picture": _picture(study, picture, embed) if picture and picture.is_file() else None,
+        "error": subject.get("error"),
+        "reasons": reasons,
+        "cells": [
+            {
+                "text": column.texts[row],
+                "mark": (_UP if column.scores[row] > 0 else _DOWN) if column.is_odd(row) else None,
+                "score": column.score_text(row),
+            }
+            for column in columns[1:]
+        ],
+    }
+
+
+def _inside(study: Path, name: str | None) -> Path | None:
+    """A file that a table names, if it exists and is in the study."""
+    path = study / (name or "")
+    return path if path.is_file() and path.resolve().is_relative_to(study.resolve()) else None
+
+
+def _address(study: Path, path: Path) -> str:
+    return quote(os.fsencode(path.relative_to(study).as_posix()))
+
+
+def _picture(study: Path, path: Path, embed: bool) -> str:
+    if not embed:
+        return _address(study, path)
+    return f"data:image/webp;base64,{base64.b64encode(path.read_bytes()).decode()}"

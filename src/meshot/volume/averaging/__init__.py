@@ -1,5 +1,0 @@
-"""The average of several scans of one head, after rigid registration to the first of them."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

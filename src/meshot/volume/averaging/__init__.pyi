@@ -1,1 +1,0 @@
-from .repeated_scans import averaged_scan as averaged_scan

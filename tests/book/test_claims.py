@@ -1,0 +1,275 @@
+"""Each claim has words that its committed results bear out, and other results give it another status."""
+
+import copy
+import functools
+import string
+
+import pytest
+import yaml
+
+from meshot.provenance import read_results
+from meshot_book.claims import (
+    ASSUMING,
+    AT_THIS_BUDGET,
+    CHOICE,
+    IN_PART,
+    NOT_REPRODUCED,
+    NOT_TESTABLE,
+    NOT_TESTED,
+    REPRODUCED,
+    ledger,
+)
+from meshot_book.claims.rules import RULES
+
+RIVALS = ["deepcsr", "vox2cortex", "corticalflow", "cortexode"]
+MEASURES = ("assd_mm", "hausdorff90_mm", "swd_mm", "normals", "crossing_percent")
+DISTANCES = ("emd_mm", "swd_mm", "assd_mm")
+
+
+def to(*values):
+    """A list of which the first items are kept, and the last ones have these values."""
+    return lambda old: [*old[: len(old) - len(values)], *values]
+
+
+def each(path, *keys, value):
+    """The same value at several keys of a path."""
+    return {path.format(key): value for key in keys}
+
+
+# Results that other statuses deserve. A path leads through the results of the claim's experiment, or of a further one
+# after its number and a colon: a key, an index, * for all, key=value for the rows of a list.
+STEEP = {"transport/*/low": -2.0, "transport/*/high": 0.0}
+AS_STATED = STEEP | {f"transport/d={d}/expected": -1 / d for d in (2, 3, 6)}
+DUELS = {"duels/*/low": 2.0, "duels/*/high": 3.0}
+SAME = {"differences/*/sw_surface_low": -1.0, "differences/*/sw_surface_high": 1.0}
+CLEAN = {"fits/*/crossing": 0, "fits/*/most_on_the_way": 0, "fits/spacing=0.0/crossing": 40} | {
+    "carried/*/rows/*/levels/*/most": 0,
+    "1:fits/*/end/intersecting_faces": 0,
+    "2:summary/*/flow_crossing_percent/mean": 0.0,
+}
+CARRIED = {"carried/*/rows/*/levels/*/most": 3}
+BEST = {"claims/best/*/ours": RIVALS, "claims/best/*/other": [], "claims/against_initial/*/assd_mm": "ours"} | {
+    **each("differences/budget=seconds/{}/gap", *DISTANCES, value=-1.0),
+    **each("seeds/arm=ddot/{}/means", *DISTANCES, value=[0.0, 0.0, 0.0]),
+}
+AGREE = {"claims/consistency/*/ours": RIVALS, "claims/consistency/*/other": []}
+HELPS = {"1:decided/ddot_1mm/last/helps": True, "0:decided/*/last/beats": False}
+EVEN = {
+    f"differences/n_seeds={n}/{name}_variation_{end}": value
+    for n in (3, 5)  # one seed has no interval
+    for name in ("edge", "area")
+    for end, value in (("low", 0.1), ("high", 0.2))
+}
+PAIR = "direct/first=local&second=cortexode&budget=seconds&cohort=adni_like&side=left"
+WON = each("direct/first=local&second=cortexode/{}/better", *MEASURES, value="ours")
+NEARER = {f"{k}:differences/second=start&weights=last/assd_mm": {"gap": -0.1, "low": -0.2, "high": -0.05}
+          for k in (0, 1)}  # fmt: skip
+FARTHER, OPEN = {"gap": 0.1, "low": 0.05, "high": 0.2}, {"gap": 0.0, "low": -0.1, "high": 0.1}
+CASES = [
+    (1, {"differences/*/coverage_high": -0.1}, REPRODUCED),
+    (1, {"differences/*/w2_low": -0.01}, NOT_REPRODUCED),
+    (2, {"distance/*/ratio_low": to(1.9)}, REPRODUCED),
+    (2, {"distance/*/ratio_low": to(1.0), "distance/p=1/ratio_low": to(9.0)}, REPRODUCED),
+    (2, {"sizes/0/high": -0.4}, NOT_REPRODUCED),
+    (2, {"bounds/0/slice_error": 1e9}, NOT_REPRODUCED),
+    (2, {"distance/0/error": to(1e9)}, NOT_REPRODUCED),
+    (3, AS_STATED, REPRODUCED, "28 of 28"),
+    (3, STEEP, IN_PART, "9 of 28"),  # the others hold the exponent of theory as well: they decide nothing
+    (3, {"transport/*/low": -0.91, "transport/*/high": -0.89}, NOT_REPRODUCED),
+    (3, {"sliced/0/low": -0.4, "sliced/0/high": -0.3}, NOT_REPRODUCED),
+    (4, {"chamfer/shape=sphere/high": -0.4}, IN_PART),
+    (4, {"chamfer/*/high": -0.4}, REPRODUCED),
+    (4, {"chamfer/shape=cube/high": 0.0}, NOT_REPRODUCED),  # solids do not count
+    (5, {"directions/1/low": -0.521}, NOT_REPRODUCED),
+    (5, {"directions/1/high": -0.479}, NOT_REPRODUCED),
+    (5, {"directions/1/constant": to(1.06)}, IN_PART),
+    (5, {"directions/1/constant": to(0.94)}, IN_PART),
+    (5, {"directions/1/constant/0": 1.2}, REPRODUCED),  # too few directions
+    (6, {"time/ratio_to_exact/100000 points": 0.5}, IN_PART),
+    (6, {"descent/encoding=continuous/end/sliced_distance": 100.0}, IN_PART),
+    (6, {"accuracy/values/0/error": 0.01}, REPRODUCED),
+    (6, {"accuracy/gradients/0/largest_relative_error": 0.01}, REPRODUCED),
+    (7, DUELS, REPRODUCED, "248 of 248"),
+    (7, DUELS | {"duels/0/low": 0.9}, IN_PART, "247 of 248"),
+    (7, {"duels/*/low": 0.5, "duels/*/high": 0.9}, NOT_REPRODUCED),
+    (8, {"pairs/*/rows/*/gradient_share": 0.5}, REPRODUCED),
+    (8, {"pairs/0/rows/*/gradient_share": 0.99}, NOT_REPRODUCED),
+    (8, {"pairs/pair=white and shifted/rows/*/gradient_share": 0.99}, CHOICE),  # it differs in positions only
+    (9, SAME, REPRODUCED, "0 of 8"),
+    (9, SAME | {"differences/0/sw_surface_low": 0.1}, CHOICE, "1 of 8"),
+    (9, SAME | {"differences/0/sw_surface_high": -0.1}, CHOICE, "1 of 8"),
+    (9, {"merging/0/pot_sorting": 1e-9}, NOT_REPRODUCED),
+    (9, {"merging/0/scipy": 1e-9}, NOT_REPRODUCED),
+    (10, {"cases/peer=Chamfer, k-d tree/seconds": 1e4}, REPRODUCED),
+    (10, {"cases/peer=Chamfer, brute force/seconds": 1e-9}, NOT_REPRODUCED),
+    (10, {"exponents/peer=sliced, fused&quantity=seconds/exponent": 1.6}, NOT_REPRODUCED),
+    (10, {"exponents/quantity=bytes/exponent": 9.0}, IN_PART),
+    (11, {"ghosts/*/own": 0.1}, REPRODUCED),
+    (11, {"triangles/loss=SW₂/largest_found": 1.0001}, NOT_REPRODUCED),
+    (11, {"triangles/loss=SW₂/n_broken": 1}, NOT_REPRODUCED),
+    (11, {"triangles/loss=root of Chamfer/largest_found": 1.005}, NOT_REPRODUCED),
+    (11, {"triangles/root=False/largest_found": 0.5}, ASSUMING),
+    (11, {"sequences/loss=SW₁/tends_to_zero": lambda old: not old}, NOT_REPRODUCED),
+    (11, each("sequences/loss=root of Chamfer/{}", "tends_to_zero", "converges_weakly", value=True), NOT_REPRODUCED),
+    (11, {"sequences/bounded=False/tends_to_zero": lambda old: not old}, ASSUMING),
+    (12, CLEAN, REPRODUCED),
+    (12, CLEAN | {"carried/*/rows/*/levels/*/most": 1}, IN_PART),
+    (12, CLEAN | CARRIED | {"carried/*/rows/*/step_times_lipschitz": 1.2}, REPRODUCED, "0 of 0"),
+    (12, CLEAN | CARRIED | {"carried/*/rows/*/flips": 1}, REPRODUCED, "0 of 0"),
+    (12, CLEAN | CARRIED | {"carried/*/rows/*/way": "rk4"}, REPRODUCED, "0 of 0"),
+    (12, CLEAN | {"fits/spacing=6.0/most_on_the_way": 2}, IN_PART),
+    (12, CLEAN | {"2:summary/arm=cortexode/flow_crossing_percent/mean": 2.3}, IN_PART),
+    (12, CLEAN | {"2:summary/arm=initial/flow_crossing_percent/mean": 2.3}, REPRODUCED),
+    (12, {"1:fits/*/end/intersecting_faces": 7}, NOT_REPRODUCED),
+    (12, {"fits/*/crossing": 5}, NOT_REPRODUCED),
+    (12, {"fits/spacing=0.0/crossing": 0}, NOT_REPRODUCED),
+    (13, BEST, REPRODUCED, "48 of 48"),
+    (13, BEST | {"claims/best/0/ours": RIVALS[1:]}, IN_PART),
+    (13, BEST | {"claims/best/0/other": ["cortexode"]}, AT_THIS_BUDGET),
+    (13, BEST | {"claims/best/*/ours": []}, AT_THIS_BUDGET),
+    (13, BEST | {"claims/against_initial/0/assd_mm": "undecided"}, AT_THIS_BUDGET),
+    (13, BEST | {"differences/budget=seconds&second=deepcsr/swd_mm/gap": 0.1}, IN_PART),
+    (13, BEST | {"seeds/arm=ddot/assd_mm/means/1": 99.0}, IN_PART),
+    (13, BEST | {"seeds/arm=cortexode/arm": "another"}, IN_PART),
+    (13, {"claims/best/0/missing": ["deepcsr"]}, NOT_TESTED),
+    (14, {"table/oasis_exchanged/0/n_broken": 0}, IN_PART),
+    (14, {"table/as_printed/1/n_broken": 0}, REPRODUCED),
+    (15, {"readings/0/high": 0.35}, CHOICE),
+    (15, {"readings/*/high": 0.35}, REPRODUCED),
+    (15, {"readings/*/high": 0.36}, NOT_REPRODUCED),
+    (16, {"counts/factors/*/factor": 130.0}, REPRODUCED),
+    (16, {"1:table_1/arm=ddot/crossing_percent/mean": 0.5}, NOT_REPRODUCED),
+    (16, {"1:table_1/arm=cortexode/crossing_percent/mean": 0.0}, NOT_REPRODUCED),
+    (16, {"1:table_1/arm=ddot&cohort=adni_like&side=left/crossing_percent/mean": 0.5}, IN_PART, "3 of 4"),
+    (16, {"1:table_1/arm=ddot&budget=steps/crossing_percent/mean": 5e-5}, IN_PART, "4 of 4"),
+    (16, {"1:table_1/budget=seconds/crossing_percent/mean": 60.0}, IN_PART, "4 of 4"),
+    (16, {"1:table_1": []}, NOT_TESTED),
+    (17, HELPS | {"1:decided/ddot_1mm/last/beats": True}, IN_PART, "1 of 6"),
+    (17, HELPS, AT_THIS_BUDGET, "0 of 6"),
+    (17, HELPS | {"1:decided/ddot_binary/last/beats": True}, AT_THIS_BUDGET, "0 of 6"),
+    (17, HELPS | {"1:decided/ddot_1mm/best/beats": True}, AT_THIS_BUDGET, "0 of 6"),
+    (17, HELPS | {"1:decided/ddot_1mm/last/beats": True, "0:decided/samples/last/beats": True}, AT_THIS_BUDGET),
+    (17, HELPS | {"1:decided/ddot_1mm/last/beats": True, "0:decided/ddot_slow/last/beats": True}, IN_PART),
+    (18, each("differences/loss=sinkhorn/{}_low", "w2_varifold", "sw2_surface", value=0.1), REPRODUCED, "7 of 7"),
+    (18, {"differences/loss=sinkhorn/sw2_surface_low": -0.1}, NOT_REPRODUCED, "0 of 7"),
+    (19, AGREE, REPRODUCED, "8 of 8"),
+    (19, AGREE | {"claims/consistency/metric=swd_mm/other": RIVALS}, REPRODUCED, "8 of 8"),
+    (19, AGREE | {"claims/consistency/metric=emd_mm/ours": RIVALS[1:]}, IN_PART, "7 of 8"),
+    (19, AGREE | {"claims/consistency/metric=emd_mm/other": ["deepcsr"]}, AT_THIS_BUDGET),
+    (19, AGREE | {"claims/consistency/*/ours": []}, AT_THIS_BUDGET),
+    (19, {"claims/consistency/metric=emd_mm/missing": ["deepcsr"]}, NOT_TESTED),
+    (20, {"costs/variant=all/step_bytes": 1e6}, NOT_REPRODUCED),
+    (20, {"costs/variant=carried&n_faces=81920/step_bytes": 1e9}, REPRODUCED),
+    (21, {"memory/peer=Sinkhorn, GeomLoss lazy/bytes": 5e7}, IN_PART),
+    (21, {"memory/peer=Sinkhorn, GeomLoss lazy/bytes": 1e9}, REPRODUCED),
+    (21, each("memory/peer=Sinkhorn, {} lazy/peer", "GeomLoss", "OTT", value="another"), NOT_TESTABLE),
+    (22, EVEN, REPRODUCED),
+    (22, EVEN | {"differences/0/area_variation_low": -0.1}, IN_PART),
+    (22, EVEN | each("differences/at=closeness&n_seeds={}/edge_variation_low", 3, 5, value=-0.1), CHOICE),
+    (22, {key: -value for key, value in EVEN.items()}, NOT_REPRODUCED),
+    (23, {f"{part}/*/fixed_draws/{end}": value for part in ("curve", "losses")
+          for end, value in (("low", -1e3), ("high", 1e3))}, REPRODUCED),
+    (23, {"descent/kind=samples, fixed draws&n_corners=6/sliced_distance": 0.2}, NOT_REPRODUCED),
+    (24, {"summary/*/ratio_mean": 0.999}, REPRODUCED),
+    (24, {"summary/*/ratio_mean": 0.9}, NOT_REPRODUCED),
+    (25, WON, REPRODUCED, "50 of 50"),
+    (25, WON | {f"{PAIR}/normals/better": "undecided"}, IN_PART, "49 of 50"),
+    (25, WON | {f"{PAIR}/normals/better": "other"}, AT_THIS_BUDGET, "49 of 50"),
+    (25, WON | {f"{PAIR}/emd_mm/better": "other"}, REPRODUCED, "50 of 50"),  # not one of the five
+    (25, WON | each(PAIR + "/{}/better", *MEASURES, value="undecided"), AT_THIS_BUDGET, "45 of 50"),
+    (25, {"direct": []}, NOT_TESTED),
+    (26, NEARER, REPRODUCED, "0 of 8"),
+    (26, NEARER | {"0:differences/first=ddot_1mm&second=start&weights=last/assd_mm": OPEN}, IN_PART),
+    (26, NEARER | {"1:differences/first=ddot_wide&second=start&weights=last/assd_mm": FARTHER}, NOT_REPRODUCED),
+    (26, NEARER | {"0:differences/first=cortexode&second=start&weights=last/assd_mm": FARTHER}, REPRODUCED),
+    (26, NEARER | {"0:differences/first=ddot_1mm&second=start&weights=last/assd_mm": FARTHER,
+                   "0:means/arm=ddot_1mm&weights=last/loss_after/mean": 9e9}, REPRODUCED, "0 of 7"),
+    (26, each("{}:means/split=test&weights=last/loss_after/mean", 0, 1, value=9e9), NOT_TESTED),
+]  # fmt: skip
+#: Results that leave the status, and deny what the words say without a number.
+DENIALS = {
+    1: {"differences/0/w2_low": -1.0, "differences/*/coverage_high": -1.0},
+    3: {"sliced/shape=two_cubes/low": -0.6},
+    7: {"duels/*/high": 5.0},
+    18: {"differences/loss=sinkhorn/w2_varifold_high": 5.0},
+    20: {"differences/variant=carried/assd_low": -1.0},
+    21: {"memory/peer=Sinkhorn, OTT lazy/bytes": 1e7},
+    22: {"differences/*/edge_variation_gap": 1.0},
+}
+
+
+@pytest.fixture(scope="module")
+def claims(root):
+    return {row["id"]: row for row in yaml.safe_load((root / "book" / "claims.yaml").read_text(encoding="utf-8"))}
+
+
+@pytest.fixture(scope="module")
+def records(root, claims):
+    """The records that a claim's rule reads."""
+    read = functools.cache(lambda name: read_results(root / "experiments" / name / "results.json"))
+    return lambda claim: [read(name) for name in (claims[claim]["experiment"], *claims[claim].get("also", []))]
+
+
+def alter(found, path, value):
+    """Set a value at every place of a path."""
+    key, *rest = path
+    if key == "*":
+        keys = list(found) if isinstance(found, dict) else range(len(found))
+    elif "=" in key:
+        pairs = [pair.partition("=")[::2] for pair in key.split("&")]
+        keys = [k for k, row in enumerate(found) if all(str(row.get(name)) == text for name, text in pairs)]
+    else:
+        keys = [int(key) if isinstance(found, list) else key]
+    if rest:
+        return sum(alter(found[key], rest, value) for key in keys)
+    known = [key for key in keys if isinstance(found, list) or key in found]
+    for key in known:
+        found[key] = value(found[key]) if callable(value) else copy.deepcopy(value)
+    return len(known)
+
+
+def altered(records, edits):
+    """The records with values set by path; every path leads somewhere."""
+    found = [dict(record, results=copy.deepcopy(record["results"])) for record in records]
+    for path, value in edits.items():
+        number, _, own = path.rpartition(":")
+        assert alter(found[int(number or 0)]["results"], own.split("/"), value), path
+    return found
+
+
+def roots(text):
+    return {name.split("[")[0].split(".")[0] for _, name, _, _ in string.Formatter().parse(text) if name}
+
+
+@pytest.mark.parametrize("number", RULES)
+def test_the_words_have_every_number_of_the_committed_results(number, claims, records):
+    claim, verdict = claims[number], RULES[number](*records(number))
+    parts = ("number", "meaning", "says", "found", "rule")
+    assert set().union(*(roots(claim[part]) for part in parts)) == set(verdict.numbers)
+    assert roots(claim["number"]), "the headline is computed"
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]} {next(iter(case[1]))} {len(case[1])} {case[2]}")
+def test_other_results_give_another_status(case, claims, records):
+    number, edits, status, *headline = case
+    verdict = RULES[number](*altered(records(number), edits))
+    assert verdict.status == status
+    if headline:
+        assert ledger.fill(claims[number]["number"], verdict.numbers) == headline[0]
+    if status != claims[number]["status"]:
+        with pytest.raises(ValueError, match=f"claim {number} .*now say '{status}'"):
+            ledger.Entry(claims[number], verdict, ())
+
+
+def test_every_status_can_flip(claims):
+    assert (
+        {number for number, _, status, *_ in CASES if status != claims[number]["status"]} == set(RULES) == set(claims)
+    )
+
+
+@pytest.mark.parametrize("number", DENIALS)
+def test_results_that_deny_the_words_are_an_error(number, claims, records):
+    verdict = RULES[number](*altered(records(number), DENIALS[number]))
+    assert verdict.status == claims[number]["status"]
+    with pytest.raises(ValueError, match=f"claim {number} .*deny a fact"):
+        ledger.Entry(claims[number], verdict, ())
