@@ -9,6 +9,7 @@ import ast
 import copy
 import hashlib
 import json
+import shutil
 import sys
 import time
 import warnings
@@ -33,16 +34,39 @@ COHORTS = {
 }
 
 
+class Config(dict):
+    """Settings that can be an argument of a cached function.
+
+    Attributes
+    ----------
+    file : path
+        The file of the settings.
+    output : path
+        The file of the results. Further files stand beside it.
+    place : path
+        A folder for the states of the tasks, which another configuration or other code does not see. It is removed
+        once the results are written.
+    """
+
+    file: Path
+    output: Path
+    place: Path
+    __hash__ = object.__hash__  # type: ignore[assignment]
+
+
 def run(
     script: str,
-    tasks: Callable[[dict], Iterable],
-    work: Callable[[object, dict], object],
-    summarise: Callable[[list[dict], dict], dict],
-    data: str | Callable[[dict], str],
+    tasks: Callable[[Config], Iterable],
+    work: Callable[[object, Config], object],
+    summarise: Callable[[list[dict], Config], dict],
+    data: str | Callable[[Config], str],
     options: dict[str, tuple[str, dict]] | None = None,
+    depends: Callable[[Config], object] = dict,
     words: list[str] | None = None,
-) -> None:
+) -> Config | None:
     """Do what the command line asks: the missing tasks, then ``results.json`` with its provenance and its digests.
+
+    Returns the configuration if the results were written.
 
     Parameters
     ----------
@@ -53,48 +77,34 @@ def run(
     work : callable
         Does a task, with the configuration. What it finds is a JSON value.
     summarise : callable
-        The results, from rows with ``task``, ``found`` and ``seconds``, and the configuration.
+        The results, from rows with ``task``, ``found`` and ``seconds``, and the configuration. If they list something
+        under ``missing``, the finished tasks are kept for the next run.
     data : str or callable
         The data used, or how the configuration says it.
     options : dict, optional
         Further options of the command: the name in the configuration, the flag, and arguments of argparse. A setting
         of ``config.yaml`` is replaced if the option is given.
+    depends : callable, optional
+        What a finished task depends on beside the code. By default, the whole configuration.
     words : list of str, optional
         The command line. By default, that of the process.
     """
     here = Path(script).resolve().parent
-    stated = yaml.safe_load((here / "config.yaml").read_text(encoding="utf-8"))
-    options = options or {}
-    parser = argparse.ArgumentParser(
-        description=ast.get_docstring(ast.parse(Path(script).read_text(encoding="utf-8"))),
-        epilog=f"Settings: {', '.join(stated)}. A stopped run goes on where it was.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="changes",
-        help="replace a setting of config.yaml by a value in YAML, such as seeds=[0] or grid.margin=4",
-    )  # fmt: skip
-    parser.add_argument("--only", metavar="TASK", help="do one task: its number, or a part of its text in --list")
-    parser.add_argument("--list", action="store_true", help="print the tasks and their numbers, and do nothing")
-    parser.add_argument("--early", action="store_true", help="write the results of the tasks that are finished")
-    parser.add_argument(
-        "-o", "--output", type=Path,
-        help=f"where the results go (default: results.json here; with other settings build/experiments/{here.name})",
-    )  # fmt: skip
-    for name, (flag, settings) in options.items():
-        parser.add_argument(flag, dest=name, **settings)
-    words = sys.argv[1:] if words is None else words
-    asked = parser.parse_args(words)
+    parser, options = _parser(Path(script), options or {}), options or {}
+    asked = parser.parse_args(words := sys.argv[1:] if words is None else words)
+    stated = yaml.safe_load(asked.config.read_text(encoding="utf-8"))
     given = {name: value for name in options if (value := getattr(asked, name)) is not None}
     try:
-        config = changed(stated, asked.changes) | given
+        config = Config(changed(stated, asked.changes) | given)
     except ValueError as error:
         parser.error(str(error))
     kept = {name: config[name] for name in stated}
-    usual = here if kept == stated else ROOT / "build" / "experiments" / here.name
-    output = asked.output or usual / "results.json"
+    usual = asked.config == here / "config.yaml" and kept == stated
+    folder = here if usual else ROOT / "build" / "experiments" / here.name
+    config.file = asked.config
+    config.output = asked.output or folder / "results.json"
     torch.set_num_threads(config.get("n_threads", 1))
-    started, partial, todo = time.process_time(), output.with_name("partial.jsonl"), list(tasks(config))
+    started, partial, todo = time.process_time(), config.output.with_name("partial.jsonl"), list(tasks(config))
     if asked.only is not None or asked.list:
         numbers = {str(number): task for number, task in enumerate(todo, 1)}
         todo = [task for number, task in numbers.items() if asked.only in (None, number)]
@@ -103,21 +113,49 @@ def run(
             parser.error(f"no task is or contains {asked.only}; --list prints the {len(numbers)} tasks")
     if asked.list:
         print("\n".join(f"{number} {_key(task)}" for number, task in numbers.items() if task in todo))
-        return
+        return None
+    mark = stamp(script, depends(config))
+    config.place = config.output.with_name("partial") / mark
     if asked.early:
-        done = finished(partial, stamp(script, config))
+        done = finished(partial, mark)
         todo = [task for task in todo if _key(task) in done]
-    rows = run_jobs(todo, lambda task: work(task, config), partial, script=script, config=config)
+    config.place.mkdir(parents=True, exist_ok=True)
+    rows = run_jobs(todo, lambda task: work(task, config), partial, mark, here.name)
     if asked.only is not None:
         print("\n".join(json.dumps(row, ensure_ascii=False) for row in rows))
-        return
+        return None
     results = summarise(rows, config)
     seconds = max(sum(row["seconds"] for row in rows), time.process_time() - started)
-    command = " ".join(["python", f"experiments/{here.name}/run.py", *(words if kept != stated else [])])
-    write_results(output, results, kept, command, data(config) if callable(data) else data, seconds)
-    note_written(output)
-    if not asked.early:
+    command = " ".join(["python", f"experiments/{here.name}/run.py", *([] if usual else words)])
+    write_results(config.output, results, kept, command, data(config) if callable(data) else data, seconds)
+    note_written(config.output)
+    if not asked.early and not results.get("missing"):
         partial.unlink(missing_ok=True)
+        shutil.rmtree(config.place.parent)
+    return config
+
+
+def _parser(script: Path, options: dict[str, tuple[str, dict]]) -> argparse.ArgumentParser:
+    """The command line of an experiment."""
+    usual = script.resolve().parent / "config.yaml"
+    settings = ", ".join(yaml.safe_load(usual.read_text(encoding="utf-8")))
+    parser = argparse.ArgumentParser(
+        description=ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))),
+        epilog=f"Settings: {settings}. A stopped run goes on where it was.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--config", type=Path, default=usual, help="other settings than those of config.yaml here")
+    add("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="changes",
+        help="replace settings by values in YAML, such as seeds=[0] or grid.margin=4")  # fmt: skip
+    add("--only", metavar="TASK", help="do one task: its number, or the tasks with this text in --list")
+    add("--list", action="store_true", help="print the tasks and their numbers, and do nothing")
+    add("--early", action="store_true", help="write the results of the tasks that are finished")
+    add("-o", "--output", type=Path, help="where the results go (default: results.json here; with other settings "
+        f"build/experiments/{usual.parent.name})")  # fmt: skip
+    for name, (flag, more) in options.items():
+        add(flag, **({"dest": name} if flag.startswith("-") else {}) | more)
+    return parser
 
 
 def changed(config: dict, changes: Iterable[str]) -> dict:
@@ -145,19 +183,12 @@ def changed(config: dict, changes: Iterable[str]) -> dict:
 
 
 def run_jobs(
-    tasks: Iterable[object],
-    work: Callable[[object], object],
-    partial: Path,
-    *,
-    script: str | Path,
-    config: object,
-    clock: Callable[[], float] = time.process_time,
+    tasks: Iterable[object], work: Callable[[object], object], partial: Path, mark: str, name: str
 ) -> list[dict]:
     """Rows with ``task``, ``found`` and ``seconds``, in order. What an earlier, stopped run found is read from a file.
 
-    Its results are used if the task, the configuration and the code that the script reaches are the same. Other inputs,
-    such as weights or scans, are not checked: put a digest of them into the task or the configuration. Results that do
-    not match stay in the file, and are used again if configuration and code are changed back.
+    Other inputs than settings and code, such as weights or scans, are not checked: put a digest of them into the task.
+    Results with another mark stay in the file, and are used again if configuration and code are changed back.
 
     Parameters
     ----------
@@ -167,19 +198,16 @@ def run_jobs(
         Maps a task to its result, a JSON value. New and stored results have the same form.
     partial : path
         The file of finished tasks, one per line. Its folder is created. Remove the file once the results are written.
-    script : path
-        The script whose code decides.
-    config : JSON
-        Every setting that the work depends on.
-    clock : callable
-        Returns seconds.
+    mark : str
+        What the results depend on: see :func:`stamp`.
+    name : str
+        The description of the progress bar.
 
     Raises
     ------
     TypeError
-        If a task, the configuration or a result cannot be written as JSON.
+        If a task or a result cannot be written as JSON.
     """
-    mark = stamp(script, config)
     done, others = finished(partial, mark), len(_read(partial))
     if len(done) < others:
         warnings.warn(
@@ -189,12 +217,12 @@ def run_jobs(
         )
     partial.parent.mkdir(parents=True, exist_ok=True)
     rows = []
-    for task in tqdm(list(tasks), desc=Path(script).resolve().parent.name, unit="task"):
+    for task in tqdm(list(tasks), desc=name, unit="task"):
         key = _key(task)
         if key not in done:
-            started = clock()
+            started = time.process_time()
             found = work(task)
-            line = json.dumps({"task": task, "stamp": mark, "found": found, "seconds": clock() - started})
+            line = json.dumps({"task": task, "stamp": mark, "found": found, "seconds": time.process_time() - started})
             with naming_a_full_disk(partial), partial.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
             done[key] = json.loads(line)

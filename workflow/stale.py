@@ -37,8 +37,8 @@ from reached import DIGITS, Code
 from tasks import Graph, Task, read_graph
 
 from meshot.files import whole_file
-from meshot.settings import read_yaml
 from meshot.provenance import provenance, rounded
+from meshot.settings import read_yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 NAME, LOG = "digests.json", "experiments/vouched.jsonl"

@@ -629,9 +629,10 @@ def test_a_system_that_joins_later_leaves_measured_rows_as_they_are(part, place,
     written(place, config | {"evaluation": own})
     run.main([*words_of(place), *output])
     assert calls == first + first
-    monkeypatch.setattr(run, "network_digest", lambda network: network)
-    of_networks = [run.measured_with(SimpleNamespace(config=config, segmentation=name)) for name in ("one", "other")]
-    assert of_networks[0] != of_networks[1]
+    monkeypatch.setattr(run, "setting", lambda config: SimpleNamespace(segmentation=None))
+    digests = iter(("one", "other"))
+    monkeypatch.setattr(run, "network_digest", lambda network: next(digests))
+    assert run.depends(config) != run.depends(config)
 
 
 def test_trainings_of_another_protocol_are_refused(part, place):

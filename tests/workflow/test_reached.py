@@ -3,6 +3,7 @@
 import sys
 
 import pytest
+import yaml
 
 from scripts import scripts_in
 
@@ -122,10 +123,10 @@ def test_all_that_runs_is_in_the_digest(part, root, tmp_path):
 
     with scripts_in(folder) as load:
         run = load("run")
-        config = run.yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8"))
+        config = yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8"))
         sys.setprofile(note)
         try:
-            run.row_of(2, 0, config | {"n_turns": 1})
+            run.row_of((2, 0), config | {"n_turns": 1})
         finally:
             sys.setprofile(None)
     code = part("reached").Code
