@@ -97,7 +97,7 @@ class Code:
             return None
         if name in known.definitions:
             return Place(module, name)
-        if name in known.imports:
+        if known.imports.get(name, Place(module, name)) != Place(module, name):
             return self._resolved(known.imports[name])
         return self._resolved(Place(f"{module}.{name}"))
 
@@ -133,6 +133,8 @@ class Code:
             if isinstance(node, (ast.Name, ast.Attribute)) and (target := meant(node)) and target.name:
                 found[target] = None
                 return target.name
+            if isinstance(node, ast.Name):  # alike whether the module has a definition of this name, too
+                return node.id
             left_out = (*_EVERYWHERE, *_LEFT_OUT.get(type(node), ()))
             fields = [(name, value) for name, value in ast.iter_fields(node) if name not in left_out]
             fields = [(name, _without_docstring(value) if name == "body" else value) for name, value in fields]
@@ -156,7 +158,7 @@ def _module(lines: list[ast.stmt], name: str, package: bool) -> Module:
     for line in lines:
         if isinstance(line, _IMPORTS) or (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant)):
             continue
-        if isinstance(line, ast.If) and "__name__" in ast.unparse(line.test):
+        if isinstance(line, ast.If) and any(name in ast.unparse(line.test) for name in ("__name__", "TYPE_CHECKING")):
             continue
         inner = [line] if isinstance(line, _DEFINITIONS) else list(ast.walk(line))
         bound = {part.name for part in inner if isinstance(part, _DEFINITIONS)}

@@ -103,6 +103,17 @@ def test_code_that_moves_keeps_its_digest(place, digests):
     assert digests() == before
 
 
+def test_what_is_imported_for_a_type_checker_only_does_not_count(place, digests):
+    before = digests()
+    edit(place, "pack/inner/steps.py", "TABLE = []", "if TYPE_CHECKING:\n    import pack\nTABLE = []")
+    assert digests() == before
+
+
+def test_a_package_may_import_its_own_modules_by_its_name(part, place):
+    (place / "pack/inner/__init__.py").write_text("from pack.inner import steps\n")
+    assert "taken" in {found.name for found in part("reached").Code(place).reached(["affine_run"])}
+
+
 def test_a_name_that_is_none_is_refused(part, place):
     code = part("reached").Code(place)
     assert code.digest(["pack.inner.affine.register"]) == code.digest(["pack.register"])
