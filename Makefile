@@ -39,7 +39,7 @@ PREFLIGHT = tools/preflight.py $(NEEDS)
 # A worker on every core, one thread in each. tests/conftest.py says which tests stay together.
 PARALLEL = -n logical --dist loadgroup --no-loadscope-reorder
 
-.PHONY: help book test test-all experiments test-everywhere test-wheel fuzz kill mutation html slides pdf editions reading notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf editions reading notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -60,6 +60,8 @@ help:
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make experiments  run every experiment that is out of date (PLANNED=1: those without a result, too)"
+	@echo "make stale      say which results of experiments are out of date, and why"
+	@echo "make up-to-date after an experiment: run the chapters that read it; write ledger, README and the pages on cost"
 	@echo "make ledger     write the claims ledger and the table of README from the committed results"
 	@echo "make benchmark  install the peers of the benchmark in build/peers, run it (40 minutes), write its tables into the book"
 	@echo "make cohorts    make all synthetic subjects in build/cohorts (an hour, resumable; COHORTS=oasis_like for one, JOBS=2)"
@@ -113,6 +115,12 @@ notebooks: $(READY)
 
 text: $(READY)
 	@$(RUN) book/run_notebooks.py text $(NAME)
+
+stale: $(READY)
+	-@$(RUN) workflow/stale.py
+
+up-to-date: $(READY)
+	@$(RUN) workflow/stale.py update
 
 ledger: $(READY)
 	@$(RUN) book/make_ledger.py
