@@ -572,10 +572,7 @@ def chance_missed() -> Exercise:
 def curved_chamfer() -> Exercise:
     """Check ``function(points, truths, curvatures, most)``: the Chamfer distance weighted by the target's curvature."""
 
-    def curved(
-        points: Float[Tensor, "n 3"], truths: Float[Tensor, "m 3"], curvatures: Float[Tensor, " m"], most: float,
-        one: float = 1.0, power: int = 2, there: bool = True, back: bool = True, plain: bool = False, mean: bool = True,
-    ) -> Float[Tensor, ""]:  # fmt: skip
+    def curved(points, truths, curvatures, most, one=1.0, power=2, there=True, back=True, plain=False, mean=True):
         weights = (one + curvatures).clamp(max=most)
         gaps = torch.cdist(points, truths)
         nearest = gaps.min(dim=1)

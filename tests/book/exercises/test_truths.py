@@ -15,9 +15,12 @@ from meshot import DiscreteMeasure, Mesh, empirical, sinkhorn_divergence, slice_
 from meshot.flow import integrate, steps_below
 from meshot.loss import chamfer, sliced_partial, sliced_unbalanced, sliced_wasserstein
 from meshot.mesh import Contour, circle, euler_number, face_areas, folded_sphere, self_intersecting_faces, signed_volume
-from meshot.metrics import Offsets, average_surface_distance, edge_length_variation, hausdorff_distance
-from meshot.model import CubeConvolution, DeformationNetwork
-from meshot.volume import EXTENT_MM, SHAPE, Volume, centre_ras, place_on_grid
+from meshot.metrics import average_surface_distance, edge_length_variation, hausdorff_distance
+from meshot.metrics.distances import Offsets
+from meshot.model import DeformationNetwork
+from meshot.model.deformation import CubeConvolution
+from meshot.volume import Volume, centre_ras, place_on_grid
+from meshot.volume.registration import EXTENT_MM, SHAPE
 from meshot_book.exercises import drawn_curves
 from meshot_book.exercises.check import EXERCISES
 from meshot_book.flows import forces
