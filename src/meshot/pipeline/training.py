@@ -79,6 +79,7 @@ def run_system_training(
     """
     folder, made, kind = Path(folder), provenance(), get_system(name)
     settings = read_settings(kind, config, changes)
+    untrained = kind.prepare(settings)
     network, _ = read_weights(segmentation, SegmentationNetwork)
     placement = placement_of(cohorts)
     require_placement(network, placement, " and ".join(map(str, cohorts)))
@@ -91,7 +92,7 @@ def run_system_training(
     )
     examples = ExampleSets(*sets)
     found = run_watched_training(
-        folder, made, lambda report: kind.train(examples, settings, folder / STATE_FOLDER, report, device)
+        folder, made, lambda report: kind.train(examples, settings, folder / STATE_FOLDER, report, device, untrained)
     )
     own = None if Path(segmentation) == SHIPPED / SEGMENTATION else segmentation
     command = shown_command(f"train {name}", config, cohorts, folder, changes, segmentation=own, device=device)
