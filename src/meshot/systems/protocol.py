@@ -160,7 +160,7 @@ class SurfaceSystem(abc.ABC):
         The class of each network that the system can have, by the name of the part. It must have a method ``config``
         that returns the arguments of the class.
     settings : dict
-        The settings of each part, from its record. The group ``loss``, which only a training needs, is not read.
+        The settings of each part, from its record, but for ``network`` and ``loss``, which only a training needs.
     placement : str
         How scans must be placed on the standard grid for this object: as those of its training were.
 
@@ -204,7 +204,7 @@ class SurfaceSystem(abc.ABC):
 
     @classmethod
     def _recorded(cls, name: str, record: Mapping) -> Settings:
-        groups = {group: record[group] for group in cls.groups.kinds() if group in record and group != "loss"}
+        groups = {group: record[group] for group in cls.groups.kinds().keys() & record.keys() - {"network", "loss"}}
         return cls.groups.read(groups, f"the record of {name} of {cls.name}")
 
     @classmethod
