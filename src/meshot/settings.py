@@ -141,8 +141,12 @@ class Settings:
         kinds = cls.kinds()
         groups = {key: kind.kinds() for key, kind in kinds.items() if _is_group(kind)}
         if not isinstance(content, Mapping) or not all(isinstance(content.get(key, {}), Mapping) for key in groups):
-            needed = "groups of settings are needed, such as training: {seed: 1}" if groups else "names are needed"
-            raise ValueError(f"{name or cls.__name__} holds {reprlib.repr(content)}; {needed}")
+            needed = (
+                "groups of settings are needed, such as training: {seed: 1}"
+                if groups
+                else "names and values are needed"
+            )
+            raise ValueError(f"{name or 'a group'} holds {reprlib.repr(content)}; {needed}")
         strange = [str(key) for key in content if key not in kinds]
         strange += [f"{group}.{key}" for group in groups for key in content.get(group, {}) if key not in groups[group]]
         if strange:
