@@ -176,6 +176,14 @@ def _plain(value: object) -> object:
     return [_plain(item) for item in value] if isinstance(value, tuple) else value
 
 
+class PartialSettings(Settings):
+    """Settings that are None by default, since their defaults are elsewhere, and are then no entries of a file."""
+
+    def as_dict(self) -> dict:
+        """Those that are given."""
+        return {name: value for name, value in super().as_dict().items() if value is not None}
+
+
 # Reading of YAML files: plain values only, limited in size, with one type of error for every problem.
 
 #: Maximum length of a text, in characters.

@@ -40,7 +40,7 @@ from meshot.pipeline.training_files import (
 )
 from meshot.provenance import provenance
 from meshot.rng import Generator, numpy_generator
-from meshot.settings import Count, NotNegative, Positive, Settings, Share, Within, one_of, read_groups
+from meshot.settings import Count, NotNegative, PartialSettings, Positive, Settings, Share, Within, one_of, read_groups
 from meshot.train import (
     SCHEDULES,
     Progress,
@@ -186,17 +186,13 @@ class SegmentationSettings(Augmentation, TrainingSettings):
 
 
 @dataclasses.dataclass(frozen=True)
-class SegmentationNetworkSettings(Settings):
+class SegmentationNetworkSettings(PartialSettings):
     """Architecture: see :class:`meshot.model.SegmentationNetwork`, which has the defaults."""
 
     width: Annotated[int, Within(1, 512)] | None = None
     depth: Annotated[int, Within(1, 10)] | None = None
     fold: Annotated[int, Within(1, 8)] | None = None
     placement: Annotated[str, one_of(PLACEMENTS)] | None = None
-
-    def as_dict(self) -> dict:
-        """Those that are given."""
-        return {name: value for name, value in super().as_dict().items() if value is not None}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -322,13 +318,8 @@ def digest(examples: Sequence[Example]) -> str:
     """The SHA-256 of the names and values of all examples, in their order."""
     total = hashlib.sha256()
     for item in examples:
-        for part in (
-            item.name.encode(),
-            str(item.image.shape).encode(),
-            item.image.tobytes(),
-            item.fractions.tobytes(),
-        ):
-            total.update(part)
+        total.update(item.name.encode() + str(item.image.shape).encode())
+        total.update(item.image.tobytes() + item.fractions.tobytes())
     return total.hexdigest()
 
 
@@ -506,9 +497,8 @@ def run_segmentation_training(
         ),
     )
     command = shown_command("train-segmentation", config_path, cohorts, folder, changes, device=device, start=start)
-    names = [Path(cohort).absolute().name for cohort in cohorts]
     origin = {} if first is None else {"start_sha256": network_digest(first)}
-    record = whole_record(folder, config.as_dict(), found.results() | origin, command, names)
+    record = whole_record(folder, config.as_dict(), found.results() | origin, command, cohorts)
     write_weights(folder / f"{NAME}{WEIGHTS}", found.network, record)
     write_record(folder, NAME, record, found.log)
     return found

@@ -15,7 +15,7 @@ from meshot.loss import SummedLoss, SurfaceLoss, loss_setting_names, surface_los
 from meshot.mesh import Mesh, simplified
 from meshot.metrics import Surface
 from meshot.model import N_STEPS, DeformationNetwork, ImageVelocity
-from meshot.settings import Count, Length, Positive, Settings, Within, one_of
+from meshot.settings import Count, Length, PartialSettings, Positive, Settings, Within, one_of
 from meshot.systems.learning import FlowTrainingSettings, mean_distances, of_both_sides, train_on_subjects
 from meshot.systems.protocol import Example, ExampleSets, Part, Run, Scan, SurfaceKey, SurfaceSystem
 from meshot.train import SCHEDULES, Progress, Training, chosen_device, data_record, require_examples
@@ -47,7 +47,7 @@ class DeformationSettings(FlowTrainingSettings):
 
 
 @dataclasses.dataclass(frozen=True)
-class DeformationNetworkSettings(Settings):
+class DeformationNetworkSettings(PartialSettings):
     """Architecture: see :class:`meshot.model.DeformationNetwork`, which has the defaults."""
 
     width: Annotated[int, Within(1, 2048)] | None = None
@@ -56,10 +56,6 @@ class DeformationNetworkSettings(Settings):
     size: Annotated[int, Within(1, 15)] | None = None
     extent: Length | None = None
     velocity_unit: Length | None = None
-
-    def as_dict(self) -> dict:
-        """Those that are given."""
-        return {name: value for name, value in super().as_dict().items() if value is not None}
 
 
 def _as_loss(value: object, name: str) -> SurfaceLoss | SummedLoss:

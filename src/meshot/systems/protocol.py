@@ -90,9 +90,6 @@ class Run:
         return None if self.folder is None else self.folder / part
 
 
-# One trained network of a system, and its reading from a file.
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class Part:
     """One trained network of a system.
@@ -109,26 +106,6 @@ class Part:
     network: nn.Module
     record: dict = dataclasses.field(default_factory=dict)
     log: list[dict] = dataclasses.field(default_factory=list)
-
-
-def read_part(path: Path, kind: type[nn.Module], system: str, needed: Sequence[str]) -> Part:
-    """Read ``PART.safetensors``."""
-    if not path.is_file():
-        raise ValueError(
-            f"{path} is missing; {system} needs {', '.join(needed)}: name a folder that holds them (--weights), or "
-            f"train them (meshot train {system})"
-        )
-    network, record = read_weights(path, kind)
-    if not isinstance(record.get("results", {}), dict):
-        raise ValueError(f"{path} has {reprlib.repr(record['results'])} as its results; names and values are needed")
-    if record.get("system", system) != system:
-        raise ValueError(
-            f"{path} holds weights of the system {record['system']}; {system} was asked for: take --system "
-            f"{record['system']}, or other weights"
-        )
-    if record.get("part", path.stem) != path.stem:
-        raise ValueError(f"{path} holds {record['part']} of {system}; {path.stem} is needed: rename it")
-    return Part(network, record)
 
 
 # The protocol of a system: training, saving, loading, and reconstruction of surfaces from a scan.
@@ -355,7 +332,24 @@ class SurfaceSystem(abc.ABC):
         """
 
         def read(name: str) -> Part:
-            return read_part(Path(folder) / f"{name}.safetensors", cls.networks[name], cls.name, needed)
+            path = Path(folder) / f"{name}.safetensors"
+            if not path.is_file():
+                raise ValueError(
+                    f"{path} is missing; {cls.name} needs {', '.join(needed)}: name a folder that holds them "
+                    f"(--weights), or train them (meshot train {cls.name})"
+                )
+            network, record = read_weights(path, cls.networks[name])
+            if not isinstance(record.get("results", {}), dict):
+                found = reprlib.repr(record["results"])
+                raise ValueError(f"{path} has {found} as its results; names and values are needed")
+            if record.get("system", cls.name) != cls.name:
+                raise ValueError(
+                    f"{path} holds weights of the system {record['system']}; {cls.name} was asked for: take --system "
+                    f"{record['system']}, or other weights"
+                )
+            if record.get("part", name) != name:
+                raise ValueError(f"{path} holds {record['part']} of {cls.name}; {name} is needed: rename it")
+            return Part(network, record)
 
         needed = cls.parts_of(cls.complete({}))
         first = needed[0]
