@@ -125,7 +125,9 @@ import importlib
 for place in {places}:
     room, name = place.rsplit(".", 1)
     try:
-        getattr(importlib.import_module(room), name)
+        found = getattr(importlib.import_module(room), name)
+        if name == "parsed_yaml":  # losses have settings, too, so that only the reading of a text needs the library
+            found("")
     except ImportError as error:
         print(error)
 """
@@ -134,7 +136,7 @@ NEEDED = {
     "SimpleITK": "meshot.volume.register_affine",
     "skimage": "meshot.volume.isosurface",
     "nilearn": "meshot.anatomy.mni152_t1",
-    "yaml": "meshot.settings.read_groups",
+    "yaml": "meshot.settings.parsed_yaml",
     "matplotlib": "meshot.view.style",
     "pathspec": "meshot.study.visits_of_bids",
 }

@@ -74,7 +74,7 @@ def trained(name: str, example: DeformationExample, config: dict, progress: Prog
     """Train one arm, or resume its training."""
     arm = config["arms"][name]
     system = get_system(arm["system"])
-    settings = system.config(read_settings(system, config["settings"], settings_of(arm, config)))
+    settings = read_settings(system, config["settings"], settings_of(arm, config))
     folder = ROOT / config["state"] / name
     return train_deformation(settings, [example], [example], folder, progress, torch.device("cpu"))
 

@@ -108,8 +108,8 @@ def require_positive(value: object, name: str, unit: str = "") -> None:
         raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed{unit and f', in {unit}'}")
 
 
-def require_choice(value: object, name: str, known: Iterable[str]) -> None:
-    """Check that a value is one of the known names."""
+def require_choice(value: object, name: str, known: Iterable) -> None:
+    """Check that a value is one of the known names or numbers."""
     known = list(known)
     if value not in known:
-        raise ValueError(f"{name} is {value!r}; one of {', '.join(known)} is needed")
+        raise ValueError(f"{name} is {value!r}; one of {', '.join(map(str, known))} is needed")

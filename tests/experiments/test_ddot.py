@@ -471,7 +471,7 @@ def test_flows_of_the_package_are_trained_as_the_compared_ones_but_on_other_head
         "shipped": ("shipped", read_settings(system, "combined", left)),
         "windows alone": (root / "experiments" / "people" / "windows_alone.yaml", arm.settings(config)),
     }[settings]
-    found = read_settings(system, file, left)
+    found, compared = read_settings(system, file, left).as_dict(), compared.as_dict()
     assert (found["network"], found["loss"]) == (compared["network"], compared["loss"])
     # There are more of these heads, so that fewer epochs are needed.
     other = ("n_epochs", "validate_every")

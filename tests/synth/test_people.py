@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from meshot.synth.generation import _drawn
-from meshot.synth.recipe import People, drawn_person, people, plan, read_recipe
+from meshot.synth.recipe import People, drawn_person, plan, read_recipe
 from meshot.synth.scanning import Position
 from meshot.synth.subject import Shape
 
 
 def drawn(n: int = 200, **entries: object) -> list:
-    return [drawn_person(people(entries), Shape(), Position(), seed) for seed in range(n)]
+    return [drawn_person(People.read(entries), Shape(), Position(), seed) for seed in range(n)]
 
 
 def test_one_age_decides_thickness_atrophy_and_ventricles():
@@ -55,9 +55,9 @@ def test_a_recess_makes_the_cortex_thicker_by_moving_its_white_surface():
 @pytest.mark.parametrize(
     ("entries", "words"),
     [
-        ({"ages": 3}, "people names ages, which is unknown"),
+        ({"ages": 3}, "people sets ages, which nothing reads"),
         ({"voxel_mm": [1.5, 0.7]}, r"voxel_mm is \[1\.5, 0\.7\]"),
-        ({"voxel_mm": 1.0}, "people holds"),
+        ({"voxel_mm": 1.0}, "voxel_mm is 1.0; a list of 2 is needed"),
         ({"skull_share": 2.0}, "skull_share is 2.0"),
         ({"orientations": ["XYZ"]}, "one letter"),
         ({"cut": 3.0}, "cut is 3.0"),
@@ -67,7 +67,7 @@ def test_a_recess_makes_the_cortex_thicker_by_moving_its_white_surface():
 )
 def test_entries_that_will_not_do(unchecked, entries, words):
     with pytest.raises(ValueError, match=words):
-        people(entries)
+        People.read(entries, "people")
 
 
 def test_a_recipe_without_people_is_drawn_as_before():
@@ -75,5 +75,5 @@ def test_a_recipe_without_people_is_drawn_as_before():
     shape, anatomy, position = _drawn(recipe, plan(recipe)[0])
     assert (shape.mirrored, anatomy.leaf_mm, anatomy.blemishes, position.orientation) == (None, None, None, "RAS")
     varied = read_recipe("people_like")
-    assert people(varied.people) == People(recess=(0.1, 0.9))
+    assert People.read(varied.people) == People(recess=(0.1, 0.9))
     assert all(_drawn(varied, person)[1].leaf_mm for person in plan(varied)[:5])

@@ -36,12 +36,12 @@ from .report import (
     write_reconstruction as write_reconstruction,
 )
 from .segmentation import (
+    SegmentationConfig as SegmentationConfig,
     example as example,
     in_scanner as in_scanner,
     reduced_volume as reduced_volume,
     run_segmentation_training as run_segmentation_training,
     segment as segment,
-    segmentation_config as segmentation_config,
     train_segmentation as train_segmentation,
 )
 from .training import (

@@ -23,13 +23,13 @@ from meshot.provenance import processor
 from meshot.synth import cohorts as cohort
 from meshot.synth.cohorts import Participant, Subject, participants, scans
 from meshot.synth.recipe import (
+    People,
     Recipe,
     drawn_appearance,
     drawn_person,
     drawn_position,
     drawn_shape,
     drawn_structures,
-    people,
     plan,
     read_recipe,
     recipe_text,
@@ -201,7 +201,7 @@ def _drawn(recipe: Recipe, participant: Participant) -> tuple[Shape, Anatomy, Po
     """Cortex, rest of the head, and position of a participant."""
     shape, position = drawn_shape(recipe, participant.kind), drawn_position(recipe)
     if recipe.people:
-        return drawn_person(people(recipe.people), shape, position, participant.seed)
+        return drawn_person(People.read(recipe.people), shape, position, participant.seed)
     fixed = {"head_mm": recipe.head_mm, "n_lines": recipe.n_lines, "leaf_mm": recipe.leaf_mm}
     return shape, Anatomy(**drawn_structures(recipe, participant.seed), **fixed), position
 

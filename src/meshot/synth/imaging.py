@@ -14,6 +14,7 @@ import torch
 
 from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
+from meshot.settings import Settings
 from meshot.types import Array, Float, Int, Tensor
 from meshot.volume import Volume, enclosed_fractions, mm_to_voxel, voxel_sizes
 
@@ -25,7 +26,7 @@ FWHM = 2 * np.sqrt(2 * np.log(2))
 
 
 @dataclasses.dataclass(frozen=True)
-class Appearance:
+class Appearance(Settings):
     """Parameters of an image: tissue signals, and artefacts of the scanner.
 
     Parameters

@@ -14,6 +14,7 @@ from meshot.anatomy import mni152_t1, placed_by_white_matter
 from meshot.files import write_whole
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume, write_mesh
 from meshot.rng import Generator, numpy_generator
+from meshot.settings import Settings
 from meshot.synth import cohorts as cohort
 from meshot.synth.heads import CarriedHead, Leaves
 from meshot.synth.imaging import (
@@ -47,7 +48,7 @@ _AXES = {"R": (0, 1), "L": (0, -1), "A": (1, 1), "P": (1, -1), "S": (2, 1), "I":
 
 
 @dataclasses.dataclass(frozen=True)
-class Position:
+class Position(Settings):
     """Parameters of the random position of a head, and of the grid.
 
     Parameters

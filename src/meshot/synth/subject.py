@@ -25,6 +25,7 @@ from meshot.mesh import (
     vertex_normals,
 )
 from meshot.rng import Generator, numpy_generator
+from meshot.settings import Settings
 from meshot.types import Bool, Float, Int64, Tensor
 from meshot.volume import Volume, winding_numbers
 
@@ -185,7 +186,7 @@ class CorticalSurfaces:
 
 
 @dataclasses.dataclass(frozen=True)
-class Shape:
+class Shape(Settings):
     """Parameters of a subject's anatomy. Every ``_sd`` is a standard deviation; with 0 there is no such variation.
 
     Parameters
