@@ -39,7 +39,7 @@ PREFLIGHT = tools/preflight.py $(NEEDS)
 # A worker on every core, one thread in each. tests/conftest.py says which tests stay together.
 PARALLEL = -n logical --dist loadgroup --no-loadscope-reorder
 
-.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf editions reading notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf editions notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -48,7 +48,7 @@ help:
 	@echo "make fuzz       read 5000 damaged files, solve 20000 drawn problems of every loss (FILES=500 for fewer)"
 	@echo "make kill       kill everything that writes at 20 random moments each (WRITERS='fit files' KILLS=5 for less)"
 	@echo "make mutation   try 600 mutants of the library, and print those that no test sees (MUTANTS=20 for fewer)"
-	@echo "make test-everywhere  the numerical tests as on other processors and in other places (TESTS=loss for a folder of them)"
+	@echo "make test-everywhere  the numerical tests as on other processors (TESTS=loss for a folder of them)"
 	@echo "make test-wheel build the wheel, install it alone, and run what README shows"
 	@echo "make audit      look the locked packages up in a database of vulnerabilities (needs a network)"
 	@echo "make sbom       write the bill of materials of the lock to build/sbom.json"
@@ -56,7 +56,6 @@ help:
 	@echo "make slides     slides of every chapter in build/html/slides, from the rendered book"
 	@echo "make pdf        the whole book as build/meshes_as_measures.pdf, from the rendered book"
 	@echo "make editions   notebooks for students (no solutions) and instructors (board notes) in build/editions"
-	@echo "make reading    words, minutes and cells of every chapter"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make experiments  run every experiment that is out of date (PLANNED=1: those without a result, too)"
@@ -104,9 +103,6 @@ pdf: build/html/index.html
 editions: $(READY)
 	@$(RUN) book/editions.py
 
-reading: $(READY)
-	@$(RUN) book/reading.py
-
 notebooks: $(READY)
 	@$(RUN) $(PREFLIGHT)
 	$(WARM)
@@ -144,7 +140,8 @@ fuzz: $(READY)
 
 audit: $(READY)
 	@$(PIP) --upgrade --target build/audit pip-audit==2.10.1
-	PYTHONPATH=$(CURDIR)/build/audit $(RUN) tools/audit.py
+	@PYTHONPATH=$(CURDIR)/build/audit $(RUN) -m pip_audit -s osv -r requirements.lock --no-deps --disable-pip --strict || { \
+	  echo "A table above lists known vulnerabilities. An error above means that osv.dev could not be asked: nothing is known."; exit 1; }
 
 test-everywhere: $(READY)
 	$(RUN) tests/everywhere/run.py $(TESTS)
@@ -157,10 +154,14 @@ kill: $(READY)
 	$(RUN) tests/kills/run.py $(WRITERS) --kills $(KILLS)
 
 sbom: $(READY)
-	@$(RUN) tools/sbom.py build/sbom.json
+	@$(PIP) --upgrade --target build/cyclonedx cyclonedx-bom==7.5.0
+	PYTHONPATH=$(CURDIR)/build/cyclonedx $(RUN) -m cyclonedx_py requirements requirements.lock --pyproject pyproject.toml --output-reproducible -o build/sbom.json
 
+# The head of the page is kept, and the table below it written anew.
 licences: $(READY)
-	@$(RUN) tools/licences.py
+	@$(PIP) --upgrade --no-deps --target build/licences pip-licenses==5.5.5 prettytable==3.18.0
+	@sed -i.before '/^| *Name /,$$d' THIRD_PARTY.md && rm THIRD_PARTY.md.before
+	PYTHONPATH=$(CURDIR)/build/licences $(RUN) -m piplicenses --with-system --format=markdown --packages $$(sed 's/[= ].*//' requirements.lock) >> THIRD_PARTY.md
 
 test-wheel: $(READY)
 	$(RUN) tests/check_wheel.py
@@ -188,9 +189,12 @@ cohorts: $(READY)
 	@for name in $(COHORTS); do \
 	  $(BIN)meshot make-cohort $$name build/cohorts/$$name --jobs $(JOBS) || exit 1; done
 
+# One lock for all platforms, without torch's CUDA packages: pip takes those from the metadata of the CUDA build.
 lock:
-	@$(PIP) uv
-	$(RUN) tools/solve_lock.py
+	@mkdir -p build && $(PIP) uv
+	echo torch==2.13.0 | $(RUN) -m uv pip compile --universal --fork-strategy fewest --quiet --python-version 3.11 --extra book --extra test \
+	  --extra workflow --no-header --no-annotate --constraint - pyproject.toml > build/solved.lock
+	grep -vE '^(nvidia-|cuda-|triton)' build/solved.lock > requirements.lock
 	@echo "install the new lock, then write its licences: make licences"
 
 clean:

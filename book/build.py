@@ -22,7 +22,7 @@ from meshot.files import scratch_folder, whole_folder
 from meshot.workers import begin_worker
 
 ROOT = Path(__file__).resolve().parent.parent
-CONFIGURATION = ("conf.py", "api_pages.py", "reading.py", "*_extension.py")
+CONFIGURATION = ("conf.py", "api_pages.py", "*_extension.py")
 #: Two thirds of a megabyte that draw icons, which the theme's font draws too.
 ICONS = re.compile(r"<script[^>]*/fontawesome\.js[^>]*></script>")
 SIGNATURE = re.compile(r'<dt class="sig .*?</dt>', re.S)
@@ -117,37 +117,17 @@ def lighten(html: Path) -> None:
         page.write_text(text, encoding="utf-8")
 
 
-def drop_icon_script(html: Path) -> None:
-    """Leave the icons to the font of the theme."""
+def mend_pages(html: Path) -> None:
+    """Leave icons to the theme's font, and make plain blocks of what claims to be a list and has no items or terms."""
+    blocks = {"<dl>": '<div class="sig-parameters">', "</dl>": "</div>", "<dd>": "<div>", "</dd>": "</div>"}
     for page in html.rglob("*.html"):
-        page.write_text(ICONS.sub("", page.read_text(encoding="utf-8")), encoding="utf-8")
+        text = ICONS.sub("", page.read_text(encoding="utf-8"))
+        text = text.replace('<div role="list" class="citation-list">', '<div class="citation-list">')
+        # Long signatures of the API come as lists of definitions.
+        text = SIGNATURE.sub(lambda found: re.sub("</?d[ld]>", lambda tag: blocks[tag[0]], found[0]), text)
+        page.write_text(text, encoding="utf-8")
     for script in html.glob("_static/scripts/fontawesome.js*"):
         script.unlink()
-
-
-def mend_roles(html: Path) -> None:
-    """Lists of references claim to be lists without having items; they become plain blocks."""
-    for page in html.glob("*.html"):
-        text = page.read_text(encoding="utf-8")
-        page.write_text(text.replace('<div role="list" class="citation-list">', '<div class="citation-list">'), "utf-8")
-
-
-def mend_signatures(html: Path) -> None:
-    """Long signatures of the API come as lists of definitions without terms; they become plain blocks."""
-    for page in html.glob("api/*.html"):
-        text = page.read_text(encoding="utf-8")
-        page.write_text(SIGNATURE.sub(lambda found: _plain_blocks(found[0]), text), encoding="utf-8")
-
-
-def _plain_blocks(signature: str) -> str:
-    for tag, plain in (
-        ("<dl>", '<div class="sig-parameters">'),
-        ("</dl>", "</div>"),
-        ("<dd>", "<div>"),
-        ("</dd>", "</div>"),
-    ):
-        signature = signature.replace(tag, plain)
-    return signature
 
 
 def build(mode: str, into: Path) -> int:
@@ -164,9 +144,7 @@ def build(mode: str, into: Path) -> int:
             if status:
                 raise ValueError(f"the book was not rendered: Sphinx ended with status {status}")
             lighten(html)
-            drop_icon_script(html)
-            mend_roles(html)
-            mend_signatures(html)
+            mend_pages(html)
     except (ValueError, OSError) as error:
         print(error)
         return 1

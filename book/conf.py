@@ -17,7 +17,6 @@ extensions = [
     "links_extension",
     "myst_nb",
     "numbers_extension",
-    "punctuation_extension",
     "quiz_extension",
     "reader_extension",
     "shown_extension",

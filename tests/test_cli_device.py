@@ -1,7 +1,5 @@
 """``--device`` where the device is not there, and what is said if a GPU fails later."""
 
-import json
-import re
 from argparse import Namespace
 
 import pytest
@@ -76,19 +74,3 @@ def test_a_full_gpu_ends_a_reconstruction_with_exit_status_2(monkeypatch, tmp_pa
     monkeypatch.setattr(reconstruct, "_networks", full)
     assert main(["reconstruct", "scan.nii.gz", "-o", str(tmp_path / "out")]) == 2
     assert "meshot: the memory of the GPU is full (CUDA out of memory); " in capsys.readouterr().err
-
-
-def test_only_the_trainings_that_the_guide_counts_were_made_on_a_gpu(root):
-    files = [file for file in (root / "experiments").rglob("*.json") if _is_record(file)]
-    records = {file: json.loads(file.read_text(encoding="utf-8")) for file in files}
-    on_gpu = {file for file, record in records.items() if "--device cuda" in record["command"]}
-    assert len(records) - len(on_gpu) > 20
-    guide = (root / "book/howto.md").read_text(encoding="utf-8")
-    (said,) = re.findall(r"(\d+) trainings of `experiments/ddot` were made on a GPU", guide)
-    assert len(on_gpu) == int(said)
-    assert {file.relative_to(root).parts[:2] for file in on_gpu} == {("experiments", "ddot")}
-    assert not any(records[file]["versions"]["torch"].endswith("+cpu") for file in on_gpu)
-
-
-def _is_record(file):
-    return '"torch": "' in file.read_text(encoding="utf-8")

@@ -19,7 +19,6 @@ from meshot import (
     sliced_wasserstein_estimate,
     varifold,
 )
-from meshot.files import whole_file
 from meshot.flow import FitSettings, fit_flow, grid_around, sliced_loss
 from meshot.loss import SlicedLoss, SurfaceLoss, VarifoldEncoding
 from meshot.mesh import shapes
@@ -162,21 +161,3 @@ def test_generators_are_repeatable_and_go_on():
     ongoing = torch.Generator().manual_seed(5)
     assert numpy_generator(ongoing).random() != numpy_generator(ongoing).random()
     assert numpy_generator(7).random() == np.random.default_rng(7).random()
-
-
-def test_a_file_is_whole_or_absent(tmp_path):
-    path = tmp_path / "new" / "a.json"
-
-    def fail_halfway():
-        with whole_file(path) as temporary:
-            temporary.write_text("half")
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        fail_halfway()
-    assert list(path.parent.iterdir()) == []
-    with whole_file(path) as temporary:
-        assert temporary.suffix == ".json"
-        temporary.write_text("whole")
-    assert path.read_text(encoding="utf-8") == "whole"
-    assert list(path.parent.iterdir()) == [path]

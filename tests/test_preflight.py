@@ -86,11 +86,6 @@ def test_opengl_is_looked_for_before_vtk_is_there(no_browser, monkeypatch, there
     assert (preflight.missing_display() is None) == enough
 
 
-def test_a_library_that_is_nowhere_does_not_load():
-    assert preflight.loads("libc.so.6")
-    assert not preflight.loads("libnothing-of-that-name.so.1")
-
-
 #: Everything that the two commands ask of the system.
 ALL = ("python3-venv", "libegl1 libegl-mesa0 libgl1-mesa-dri", "chromium", "libatomic1")
 
@@ -190,12 +185,6 @@ def run_make(root, monkeypatch):
         return subprocess.run(["make", *words], cwd=root, capture_output=True, encoding="utf-8", check=False)
 
     return run
-
-
-def test_make_alone_prints_the_commands(run_make):
-    printed = run_make().stdout
-    commands = ("book", "test", "html", "notebooks", "lab", "lint", "clean")
-    assert all(f"make {command} " in printed for command in commands)
 
 
 def test_make_stops_at_an_old_python(run_make, tmp_path):

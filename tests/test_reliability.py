@@ -79,10 +79,6 @@ def test_the_number_is_the_smallest_and_near_the_normal_formula(effect, reliabil
     assert by_normal < found < by_normal + 3
 
 
-def test_half_the_reliability_needs_twice_the_people():
-    assert people_needed(0.1, 0.4) / people_needed(0.1, 0.8) == pytest.approx(2, rel=0.01)
-
-
 @pytest.mark.parametrize(
     ("values", "groups", "why"),
     [

@@ -4,8 +4,8 @@ import nbformat
 import pytest
 from PIL import Image
 
-from build import drop_icon_script, lighten, mend_roles, mend_signatures
-from reading import count_reading, count_words, read_chapters, reading_table
+from build import lighten, mend_pages
+from reader_extension import count_reading, count_words, read_chapters
 
 cell = nbformat.v4.new_code_cell
 words = nbformat.v4.new_markdown_cell
@@ -26,34 +26,28 @@ def test_large_pictures_become_lighter_and_stay_linked(tmp_path):
     assert (tmp_path / "_images" / "large.webp").stat().st_size < before
 
 
-def test_icons_come_from_the_font_alone(tmp_path):
-    script = tmp_path / "_static" / "scripts" / "fontawesome.js"
-    script.parent.mkdir(parents=True)
-    script.touch()
-    (tmp_path / "api").mkdir()
-    page = tmp_path / "api" / "a.html"
-    page.write_text(
-        '<script defer src="../_static/scripts/fontawesome.js?digest=1"></script><script src="b.js"></script>'
-    )
-    drop_icon_script(tmp_path)
-    assert page.read_text(encoding="utf-8") == '<script src="b.js"></script>'
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (
+            '<script defer src="../_static/scripts/fontawesome.js?digest=1"></script><script src="b.js"></script>',
+            '<script src="b.js"></script>',
+        ),
+        ('<div role="list" class="citation-list">x</div>', '<div class="citation-list">x</div>'),
+        (
+            '<dl><dt class="sig sig-object">f(<dl><dd>x</dd></dl>)</dt><dd>words</dd></dl>',
+            '<dl><dt class="sig sig-object">f(<div class="sig-parameters"><div>x</div></div>)</dt><dd>words</dd></dl>',
+        ),
+    ],
+)
+def test_pages_are_mended(tmp_path, before, after):
+    script, page = tmp_path / "_static/scripts/fontawesome.js", tmp_path / "api/a.html"
+    for file, text in ((script, ""), (page, before)):
+        file.parent.mkdir(parents=True)
+        file.write_text(text)
+    mend_pages(tmp_path)
+    assert page.read_text(encoding="utf-8") == after
     assert not script.exists()
-
-
-def test_references_are_no_list_without_items(tmp_path):
-    page = tmp_path / "references.html"
-    page.write_text('<div role="list" class="citation-list">x</div>')
-    mend_roles(tmp_path)
-    assert page.read_text(encoding="utf-8") == '<div class="citation-list">x</div>'
-
-
-def test_a_long_signature_becomes_blocks(tmp_path):
-    (tmp_path / "api").mkdir()
-    page = tmp_path / "api" / "a.html"
-    page.write_text('<dl><dt class="sig sig-object">f(<dl><dd>x</dd></dl>)</dt><dd>words</dd></dl>')
-    mend_signatures(tmp_path)
-    blocks = '<div class="sig-parameters"><div>x</div></div>'
-    assert page.read_text(encoding="utf-8") == f'<dl><dt class="sig sig-object">f({blocks})</dt><dd>words</dd></dl>'
 
 
 @pytest.mark.parametrize(
@@ -86,13 +80,12 @@ def test_a_chapter_is_counted_up_to_its_exercises():
     assert found == (400, 1, 2, 2, 1, 12)
     assert found.minutes == 2
     assert found.head == "About 2 minutes to read: 400 words, 1 figures and tables. The code ran in 12 s."
-    assert reading_table({"01_a": found}).splitlines()[-1] == "| 01 | 400 | 1 | 2 | 2 | 1 | 12 |"
 
 
 LONGEST_READING = 45
 
 
 def test_no_chapter_takes_longer_than_a_lesson(root):
-    minutes = {name[:2]: one.minutes for name, one in read_chapters(root / "notebooks").items()}
+    minutes = {name: one.minutes for name, one in read_chapters(root / "notebooks").items()}
     assert len(minutes) > 10
     assert {number: taken for number, taken in minutes.items() if taken > LONGEST_READING} == {}

@@ -139,8 +139,3 @@ def test_editions_differ_in_solutions_and_board_notes():
         cell.source for cell in instructor.cells if cell.id != "on-the-board"
     ]
     nbformat.validate(instructor)
-
-
-def test_every_chapter_has_notes_for_the_board(root):
-    notes = board_notes((root / "book" / "teaching.md").read_text(encoding="utf-8"))
-    assert {path.stem[:2] for path in (root / "notebooks").glob("[0-9][0-9]_*.md")} == set(notes)

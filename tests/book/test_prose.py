@@ -1,21 +1,66 @@
-"""The rules for prose that can be tested, held by every page that has been rewritten."""
+"""What a test can hold of the rules for prose, on every page: words that say nothing, and long sentences."""
 
 import re
+from collections.abc import Iterator
 
 import nbformat
 import pytest
 
-from prose import lapses, sentences, unopened
-
-#: Chapters that are still to be rewritten. This list only becomes shorter.
-TO_REWRITE = set()
 PAGES = ("index", "getting_started", "howto", "teaching", "limits", "notation")
+LONGEST_SENTENCE = 40
+
+#: Words and phrases, and why they do not stand in the book. Case does not matter.
+BANNED = {
+    r"hardly|scarcely|dozens|myriads?|plethora|a handful of|a host of": "give the number",
+    r"obviously|of course|needless to say|trivially|it is clear that|it is easy to see": "say the reason or nothing",
+    r"really|extremely|incredibly": "give the number, or leave it out",
+    r"(?<!power )laws? of (?:a|the) (?:mesh|surface|points?|sample)|uniform laws?": "say distribution",
+    r"pull(?:s|ed)? of (?:a|the) loss": "say gradient or descent direction",
+    r"(?:loss|losses|metrics?|numbers|measures?|networks?|optimisers?|Chamfer|Wasserstein|transport) "
+    r"(?:sees?|wants?|says?|asks?|tells?|feels?|likes?|thinks?|believes?|hopes?|dreams?|cares?)": "losses do not speak",
+    r"behind the scenes|under the hood|at the end of the day|in a nutshell|the devil is in": "say it plainly",
+    r"let us|let's": "say what is done",
+}
+_BANNED = [(re.compile(rf"\b(?:{words})\b", re.I), remedy) for words, remedy in BANNED.items()]
+_FENCED = re.compile(r"^(`{3,}).*?^\1[ \t]*$", re.M | re.S)
+_HEADING = re.compile(r"^(#{1,4}) +(.*)$", re.M)
+_DROPPED = (
+    re.compile(r"^:{3,}.*$|^:[\w-]+:.*$|^\([\w-]+\)=$|^\|.*$", re.M),  # fences, options, labels, tables
+    re.compile(r"<[^>]+>|\]\{\.[^}]*\}"),
+    re.compile(r"\{[a-z:]+\}`[^`]*`"),
+)
+_BLOCK = re.compile(r"\n\s*\n|\n(?=\s*(?:[-*]|\d+\.|:) )")
+_STOP = re.compile(r"(?<=[.!?:])[\"”’)*]*\s+(?=[A-Z\[$*`“(])")
+_SHORT = re.compile(r"\b(?:e\.g|i\.e|cf|vs|Fig|Eq|Thm|Sec|App|al|approx)\.")
 
 
-def chapter_text(path) -> str:
-    """The text of a chapter; a cell of code stands as a fence."""
-    cells = nbformat.read(path, as_version=4).cells
-    return "\n\n".join(cell.source if cell.cell_type == "markdown" else "```\n```" for cell in cells)
+def sentences(text: str) -> Iterator[str]:
+    """The sentences of Markdown, each as one line; a formula is one word, a list item a sentence of its own."""
+    text = _FENCED.sub("\n\n", text)
+    text = re.sub(r"\$\$.*?\$\$", " formula ", text, flags=re.S)
+    text = re.sub(r"\$[^$]+\$", "Formula", text)
+    text = _HEADING.sub("\n\n", text)
+    for pattern in _DROPPED:
+        text = pattern.sub(" ", text)
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    text = re.sub(r"`[^`]*`", "code", text)
+    for block in _BLOCK.split(text):
+        line = _SHORT.sub(lambda word: word[0].replace(".", ""), " ".join(block.split()))
+        yield from (part for part in _STOP.split(line) if part)
+
+
+def lapses(text: str) -> list[str]:
+    """What is against the rules in one piece of Markdown."""
+    found = []
+    for sentence in sentences(text):
+        n_words = len(re.findall(r"\w[\w'’.,-]*", sentence))
+        if n_words > LONGEST_SENTENCE:
+            found.append(f"{n_words} words: {sentence[:80]}…")
+        for pattern, remedy in _BANNED:
+            word = pattern.search(sentence)
+            if word:
+                found.append(f"{word[0]!r} ({remedy}): {sentence[:80]}")
+    return found
 
 
 def pytest_generate_tests(metafunc):
@@ -25,9 +70,8 @@ def pytest_generate_tests(metafunc):
 
 
 def test_a_chapter_keeps_the_rules(chapter):
-    if chapter.stem[:2] in TO_REWRITE:
-        pytest.skip("still to be rewritten")
-    assert lapses(chapter_text(chapter)) == []
+    cells = nbformat.read(chapter, as_version=4).cells
+    assert lapses("\n\n".join(cell.source for cell in cells if cell.cell_type == "markdown")) == []
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -48,9 +92,6 @@ def test_the_ledger_keeps_its_sentences_short(root):
         ("A loss sees points.", "losses do not speak"),
         ("There are dozens.", "give the number"),
         ("Of course it holds.", "say the reason"),
-        ("## Head\n\n```\n```\n", "no sentence opens the section 'Head'"),
-        ("## Head\n\n- item\n", "no sentence opens"),
-        ("## Head\n\n### Next\n\nWords.", "no sentence opens the section 'Head'"),
     ],
 )
 def test_each_lapse_is_seen(text, seen):
@@ -61,4 +102,3 @@ def test_good_prose_has_no_lapse():
     text = "## Head\n\nThe loss of $x$ is small, e.g. 3 mm. [Table](#tab-a) shows it:\n\n- one\n- two\n\n| a |\n|---|\n"
     assert lapses(text) == []
     assert list(sentences(text)) == ["The loss of Formula is small, eg 3 mm.", "Table shows it:", "- one", "- two"]
-    assert unopened("# Title\n\n**Bold** words.\n") == []

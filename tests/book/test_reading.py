@@ -9,16 +9,12 @@ from typing import NamedTuple
 import pytest
 
 import build
-from browser import WIDTHS, barriers, broken_links, raw_tex, set_width, sideways, watched_page, weight
-from stranded import stranded
+from browser import barriers, broken_links, raw_tex, sideways, watched_page, weight
 
 #: Pages of the API come from one template: two of them stand for all when axe-core looks.
 API_LOOKED_AT = ("meshot.html", "meshot.loss.html")
 #: Of a page, as a server sends it, without surfaces to be turned.
 HEAVIEST = 1_500_000
-#: Of the page of a door, in pixels at 1280: some thirty screens.
-TALLEST = 30_000
-MOST_ENTRIES = 40
 
 
 class Visit(NamedTuple):
@@ -26,11 +22,8 @@ class Visit(NamedTuple):
 
     troubles: list[str]
     sideways: list[str]
-    stranded: list[str]
     barriers: list[str]
     weight: int
-    height: int
-    entries: int
 
 
 def visit(context, file: Path) -> Visit:
@@ -38,14 +31,9 @@ def visit(context, file: Path) -> Visit:
     loaded = {file}
     with watched_page(context, file, loaded) as (page, troubles):
         found = troubles + raw_tex(page) + broken_links(page, file)
-        height = page.evaluate("() => document.querySelector('article')?.scrollHeight ?? 0")
-        entries = page.locator("article > section > dl.py").count()
         files = {path for path in loaded if path.is_file()}
         looked_at = file.parent.name != "api" or file.name in API_LOOKED_AT
-        wide = sideways(page)
-        set_width(page, min(WIDTHS))
-        apart = stranded(page)
-        return Visit(found, wide, apart, barriers(page) if looked_at else [], weight(files), height, entries)
+        return Visit(found, sideways(page), barriers(page) if looked_at else [], weight(files))
 
 
 @pytest.fixture(scope="module")
@@ -69,10 +57,6 @@ def test_nothing_scrolls_sideways_or_is_clipped(visits):
     assert {name: seen.sideways for name, seen in visits.items() if seen.sideways} == {}
 
 
-def test_punctuation_stays_with_the_formula_that_it_touches(visits):
-    assert {name: seen.stranded for name, seen in visits.items() if seen.stranded} == {}
-
-
 def test_no_page_shuts_a_reader_out(visits):
     assert {name: seen.barriers for name, seen in visits.items() if seen.barriers} == {}
 
@@ -84,25 +68,12 @@ def test_no_page_is_heavy(visits, capsys):
     assert [name for name in heaviest if visits[name].weight > HEAVIEST] == []
 
 
-def test_no_page_of_a_door_is_too_long_to_scan(visits):
-    doors = {name: seen for name, seen in visits.items() if name.startswith("api/")}
-    assert max(seen.height for seen in doors.values()) > 1000
-    assert [name for name, seen in doors.items() if seen.height > TALLEST or seen.entries > MOST_ENTRIES] == []
-
-
 @pytest.mark.parametrize(
     ("body", "kind", "seen"),
     [
         ('<pre style="overflow: auto">' + "x" * 300 + "</pre>", "sideways", "at 800 px: pre"),
         ('<div style="overflow: hidden"><p style="width: 500px">x</p></div>', "sideways", "at 400 px: div"),
         ('<table><tr><td style="min-width: 900px">x</td></tr></table>', "sideways", "at 800 px: table"),
-        (
-            # One pixel is left for the comma, whichever the font.
-            '<p style="width: 91px; font-size: 20px"><span style="display: inline-block; width: 72px">words</span>'
-            '<span class="math" style="display: inline-block; width: 18px">x</span>, and</p>',
-            "stranded",
-            "x and ,",
-        ),
         ('<img src="data:image/gif;base64,R0lGODlhAQABAAAAACw=">', "barriers", "light: image-alt"),
         ('<p style="color: #777; background: #888">words</p>', "barriers", "light: color-contrast"),
         ('<button tabindex="-1">go</button>', "barriers", "keyboard: <button"),

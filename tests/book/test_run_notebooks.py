@@ -43,14 +43,6 @@ def test_a_failure_is_said_and_the_rest_is_left_out(chapters, capsys):
     assert len(ran) < 5
 
 
-def test_a_process_of_its_own_runs_one(monkeypatch):
-    """What is started is this script, for one chapter, so that it does not start processes again."""
-    seen = []
-    monkeypatch.setattr(run_notebooks.subprocess, "run", lambda words, **_: seen.append(words[1:]))
-    run_notebooks._run_alone(run_notebooks.NOTEBOOKS / "13_beyond_the_theorem.md")
-    assert seen == [[run_notebooks.__file__, "fresh", "13_beyond_the_theorem"]]
-
-
 def test_seconds_are_those_of_all_cards():
     assert stated_seconds("seed 0; ran in 12 s\nseed 1; ran in 30 s") == 42
     assert stated_seconds("nothing was run") == 0

@@ -7,7 +7,7 @@ import torch
 
 from meshot.flow.crossings import crossings_along
 from meshot.flow.fields import grid_around
-from meshot.flow.fitting import Fit, FitSettings, FitState, Guard, backtrack, fit_flow, fit_progress
+from meshot.flow.fitting import Fit, FitSettings, FitState, Guard, backtrack, fit_flow
 from meshot.mesh.connectivity import self_intersecting_faces
 from meshot_book.examples.counterexample import tip_over_face
 
@@ -134,12 +134,6 @@ def test_coarse_levels_go_first():
     assert moved_levels(2, 1.0) == [True, True]
     assert moved_levels(1, 1.0) == [True, False]
     assert moved_levels(1, 0.0) == [True, True]
-
-
-def test_bar_counts(capsys):
-    with fit_progress(QUICK, "pair") as report:
-        fit_flow(field(), PAIR, through, QUICK, progress=report)
-    assert "60/60" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

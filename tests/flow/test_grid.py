@@ -68,13 +68,6 @@ def test_lipschitz_bound_holds_and_is_not_far_off(interpolation):
     assert field.is_lipschitz
 
 
-def test_one_piece_of_time_is_stationary():
-    field, points = random_field(n_pieces=1), random_points(5)
-    at = [field(torch.tensor(t).double(), points) for t in (0.0, 0.4, 1.0)]
-    assert torch.equal(at[0], at[1])
-    assert torch.equal(at[0], at[2])
-
-
 def test_lipschitz_bound_of_a_linear_field():
     # Coefficients that are linear in the node make a spline that is linear in space, with the same slope.
     field = GridVelocity(torch.zeros(3).double(), torch.ones(3).double(), (1.0,), 1)

@@ -1,4 +1,4 @@
-"""Everything in the package and in the book that writes, on small inputs and one thread.
+"""What writes for long or many files, on small inputs and one thread. Single files are written by ``whole_file`` alone.
 
 What is slow to load and not needed by the sample is imported where it is used.
 """
@@ -17,7 +17,6 @@ from meshot.loss import random_directions, sliced_wasserstein
 from meshot.measure import varifold
 from meshot.mesh import ellipsoid, icosphere, write_mesh
 from meshot.provenance import write_results
-from meshot.study import write_subjects
 from meshot.synth import read_recipe
 from meshot.synth.recipe import recipe_text
 from meshot.volume import Volume, write_volume
@@ -25,7 +24,6 @@ from meshot.volume import Volume, write_volume
 sys.path.append(str(Path(__file__).resolve().parents[2] / "experiments"))
 import experiment
 
-NOTEBOOK = "# A title\n\n```python\nprint(sum(range(10)))\n```\n\n```python\nlist(range(3))\n```\n"
 ONE = ["--threads", "1"]
 ROOT = Path(__file__).resolve().parents[2]
 SCAN = ROOT / "data_synth/sample/sub-001/anat/sub-001_T1w.nii.gz"
@@ -62,15 +60,6 @@ def write_files(folder: Path, inputs: Path) -> None:
     write_volume(folder / "a.nii.gz", Volume(random.numpy(), torch.eye(4).double().numpy()))
 
 
-def write_evaluation(folder: Path, inputs: Path) -> int:
-    """The numbers of two meshes."""
-    pair = [inputs.parent / "a.ply", inputs.parent / "b.ply"]  # named in the result: the same in every run
-    write_mesh(pair[0], icosphere(1))
-    write_mesh(pair[1], icosphere(1, 1.1))
-    words = ["--points", "1000", "--emd-points", "300", "--json", str(folder / "r.json")]
-    return meshot(["evaluate", *map(str, pair), *words])
-
-
 def make_cohort(folder: Path, inputs: Path) -> int:
     """Two subjects in two processes."""
     return meshot(["make-cohort", "tiny", str(folder), "--jobs", "2", "--subjects", "1"])
@@ -105,38 +94,10 @@ def reconstruct(folder: Path, inputs: Path) -> int:
     return meshot(["reconstruct", str(SCAN), "-o", str(folder), "--initial-only", *ONE])
 
 
-def quality_page(folder: Path, inputs: Path) -> int:
-    """A page about a study of one subject."""
-    folder.mkdir(exist_ok=True)
-    write_subjects(folder, [{"participant_id": "sub-01", "status": "failed", "error": "made by hand"}])
-    return meshot(["quality", str(folder)])
-
-
-def compare_folders(folder: Path, inputs: Path) -> int:
-    """Tables about two folders; a whole folder is refused, so that there is nothing left to do."""
-    if folder.exists():
-        return 0
-    pair = [inputs.parent / name for name in ("ours", "theirs")]  # the tables name the folders: the same in every run
-    for place in pair:
-        (place / "sub-01").mkdir(parents=True, exist_ok=True)
-        write_mesh(place / "sub-01" / "lh.white.ply", icosphere(1))
-    return meshot(["table", *map(str, pair), "-o", str(folder), "--points", "100", "--emd-points", "50"])
-
-
 def reconstruct_study(folder: Path, inputs: Path) -> int:
     """A study of one participant from BIDS, as BIDS derivatives, and its table."""
     words = ["reconstruct", str(SCAN.parents[2]), str(folder), "participant", "--layout", "bids", "--initial-only"]
     return meshot([*words, *ONE])
-
-
-def run_notebook(folder: Path, inputs: Path) -> None:
-    """A notebook from its text."""
-    import run_notebooks
-
-    with whole_file(folder.parent / "a.md") as temporary:
-        temporary.write_text(NOTEBOOK, encoding="utf-8")
-    run_notebooks.NOTEBOOKS = folder.parent
-    run_notebooks.write_run(folder.parent / "a.md", folder)
 
 
 def render_book(folder: Path, inputs: Path) -> int:
@@ -163,16 +124,12 @@ SAMPLE = [
 ]
 EVERY = [
     *SAMPLE,
-    Writer("evaluate", write_evaluation),
     Writer("make-cohort", make_cohort, timed=r"logs/"),
     Writer("train-segmentation", train_segmentation, r"state/|\.jsonl$", LOGS),
     Writer("train", train_system, r"state/|\.jsonl$", LOGS),
     Writer("reconstruct", reconstruct, timed=LOGS),
     # A full disk is the failure of a visit: it is recorded, the next visit is tried, and the status is 1.
     Writer("study", reconstruct_study, r"subjects\.tsv$|meshot\.log$|_error\.json$", LOGS + IN_STUDIES, failure=1),
-    Writer("quality", quality_page),
-    Writer("table", compare_folders, timed=r"surfaces\.json"),
-    Writer("notebooks", run_notebook),
     Writer("book", render_book, timed=r"\.buildinfo|searchindex\.js", failure=1),
 ]
 NEEDS_COHORT = ("train-segmentation", "train")

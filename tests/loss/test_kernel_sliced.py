@@ -123,13 +123,6 @@ def test_only_the_gradients_that_are_wanted():
         assert float(sliced_wasserstein(DiscreteMeasure(x, a), DiscreteMeasure(y, b), lines)) == float(value.detach())
 
 
-def test_gradient_in_the_directions_takes_the_plain_path():
-    x, a, y, b = (torch.from_numpy(array) for array in case("generic", np.random.default_rng(1)))
-    lines = random_directions(3, 6, 0).requires_grad_()
-    sliced_wasserstein(DiscreteMeasure(x, a), DiscreteMeasure(y, b), lines).backward()
-    assert float(lines.grad.abs().max()) > 0
-
-
 def test_threads_change_nothing_to_the_bit(monkeypatch):
     monkeypatch.setattr(fused, "_ALONE", 1)
     arrays = case("generic", np.random.default_rng(2))

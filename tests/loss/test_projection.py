@@ -94,14 +94,6 @@ def test_a_million_points_follow_the_law(shape):
     assert stats.kstest(points, law.distribution).statistic < 1.95 / math.sqrt(len(points))
 
 
-def test_the_density_is_the_slope_of_the_distribution():
-    law = projected_law(surface(folded_sphere(3, 1.0, 0.3)), random_directions(1, 3, 1)[0])
-    x = np.linspace(-0.9, 0.9, 50)
-    step = 1e-7
-    slope = (law.distribution(x + step) - law.distribution(x - step)) / (2 * step)
-    assert np.allclose(law.density(x), slope, rtol=1e-5)
-
-
 def test_points_are_atoms():
     points = torch.tensor([[0.0], [2.0], [2.0], [5.0]], dtype=torch.float64)
     weights = torch.tensor([0.1, 0.2, 0.3, 0.4], dtype=torch.float64)

@@ -3,12 +3,10 @@
 from functools import partial
 
 import numpy as np
-import ot
 import pytest
 import torch
 from scipy.optimize import linear_sum_assignment
 
-import oracles
 import problems
 from meshot import (
     DiscreteMeasure,
@@ -50,15 +48,6 @@ def test_wasserstein_has_its_closed_form(problem):
     assert float(wasserstein(problem.source, problem.target, problem.p)) == pytest.approx(problem.wasserstein, rel=1e-9)
 
 
-@pytest.mark.parametrize("p", [1, 1.5, 2, 3])
-@pytest.mark.parametrize(("n", "m", "weighted"), [(30, 30, False), (30, 50, True), (1, 20, True), (20, 1, False)])
-def test_sliced_is_the_mean_of_transports_on_lines(p, n, m, weighted):
-    source, target = problems.cloud(0, n, 3, weighted), problems.cloud(1, m, 3, weighted)
-    directions = random_directions(20, 3, 2)
-    value = sliced_wasserstein(source, target, directions, p)
-    assert float(value) == pytest.approx(oracles.sliced_wasserstein(source, target, directions.numpy(), p), rel=1e-9)
-
-
 @pytest.mark.parametrize(
     "loss",
     [
@@ -83,42 +72,12 @@ def test_a_hundred_even_directions_a_window_are_the_default():
     torch.testing.assert_close(windowed_sliced_wasserstein(source, target, centre, 2.0), expected, rtol=1e-12, atol=0)
 
 
-def test_sliced_of_a_measure_with_itself_is_zero():
-    measure = problems.cloud(0, 25, 3, weighted=True)
-    assert float(sliced_wasserstein(measure, measure, random_directions(10, 3, 0))) == pytest.approx(0, abs=1e-25)
-
-
 def test_splitting_a_point_changes_nothing():
     source, target = problems.cloud(0, 9, 2, weighted=True), problems.cloud(1, 7, 2, weighted=True)
     halves = DiscreteMeasure(source.points.repeat(2, 1), source.weights.repeat(2) / 2)
     directions = random_directions(12, 2, 0)
     for loss in (lambda a, b: sliced_wasserstein(a, b, directions), wasserstein, chamfer):
         assert float(loss(halves, target)) == pytest.approx(float(loss(source, target)), rel=1e-9)
-
-
-@pytest.mark.parametrize("p", [1, 2, 3])
-@pytest.mark.parametrize("weighted", [False, True])
-def test_gradients_of_the_sliced_loss(p, weighted):
-    source, target = problems.cloud(0, 6, 2, weighted), problems.cloud(1, 6 + weighted, 2, weighted)
-    directions = random_directions(5, 2, 2)
-
-    def loss(x, y, a, b):
-        # Normalised inside: the gradient in the weights is a potential, defined up to a constant.
-        return sliced_wasserstein(DiscreteMeasure(x, a / a.sum()), DiscreteMeasure(y, b / b.sum()), directions, p)
-
-    tensors = (source.points, target.points, source.weights, target.weights)
-    if weighted:
-        assert torch.autograd.gradcheck(loss, [t.clone().requires_grad_() for t in tensors])
-    else:
-        points = [t.clone().requires_grad_() for t in tensors[:2]]
-        assert torch.autograd.gradcheck(lambda x, y: loss(x, y, *tensors[2:]), points)
-
-
-@pytest.mark.parametrize("weighted", [False, True])
-def test_chamfer_is_equation_one(weighted):
-    source, target = problems.cloud(0, 30, 3, weighted), problems.cloud(1, 21, 3, weighted)
-    arrays = (source.points.numpy(), target.points.numpy(), source.weights.numpy(), target.weights.numpy())
-    assert float(chamfer(source, target)) == pytest.approx(oracles.chamfer(*arrays), rel=1e-12)
 
 
 def test_gradient_of_chamfer():
@@ -129,14 +88,6 @@ def test_gradient_of_chamfer():
 
     points = [source.points.clone().requires_grad_(), target.points.clone().requires_grad_()]
     assert torch.autograd.gradcheck(loss, points)
-
-
-@pytest.mark.parametrize("p", [1, 2, 3])
-def test_wasserstein_against_a_linear_programme_on_a_line(p):
-    source, target = problems.cloud(0, 12, 1, weighted=True), problems.cloud(1, 15, 1, weighted=True)
-    x, y = source.points[:, 0].numpy(), target.points[:, 0].numpy()
-    expected = ot.emd2_1d(x, y, source.weights.numpy(), target.weights.numpy(), metric="minkowski", p=p)
-    assert float(wasserstein(source, target, p)) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("p", [1, 2])
@@ -150,14 +101,6 @@ def test_gradient_of_wasserstein(p):
     assert torch.autograd.gradcheck(loss, points)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_sliced_is_below_exact(seed):
-    """SW₂ ≤ W₂/√d where the mean of θθᵀ is I/d, as for an orthogonal block of directions."""
-    source, target = problems.cloud(seed, 30, 3, True), problems.cloud(seed + 50, 40, 3, True)
-    block = torch.from_numpy(np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0])
-    assert float(sliced_wasserstein(source, target, block)) <= float(wasserstein(source, target)) / 3 + 1e-12
-
-
 @pytest.mark.parametrize("loss", [chamfer, wasserstein, lambda a, b: sliced_wasserstein(a, b, torch.eye(2))])
 def test_doors_of_losses(unchecked, loss):
     plane = DiscreteMeasure(torch.zeros(2, 2))
@@ -165,14 +108,6 @@ def test_doors_of_losses(unchecked, loss):
         loss(plane, DiscreteMeasure(torch.zeros(2, 3)))
     with pytest.raises(ValueError, match="both must agree"):
         loss(plane, DiscreteMeasure(torch.zeros(2, 2, dtype=torch.float64)))
-
-
-def test_exponents_below_one_are_refused():
-    plane = DiscreteMeasure(torch.zeros(2, 2))
-    with pytest.raises(ValueError, match=r"p is 0.5"):
-        sliced_wasserstein(plane, plane, torch.eye(2), 0.5)
-    with pytest.raises(ValueError, match=r"p is 0.5"):
-        wasserstein(plane, plane, 0.5)
 
 
 SCALES = pytest.mark.parametrize("scale", 10.0 ** np.arange(-12, 13, 3))
@@ -204,8 +139,8 @@ def test_a_value_beyond_the_dtype_is_refused(loss):
         loss(half, DiscreteMeasure(-half.points))
 
 
-@pytest.mark.parametrize("p", [np.inf, np.nan])
-def test_exponents_that_are_not_finite_are_refused(p):
+@pytest.mark.parametrize("p", [0.5, np.inf, np.nan])
+def test_exponents_below_one_or_without_number_are_refused(p):
     plane = DiscreteMeasure(torch.zeros(2, 2))
     for loss in (wasserstein, lambda a, b, p: sliced_wasserstein(a, b, torch.eye(2), p)):
         with pytest.raises(ValueError, match="a finite number >= 1"):

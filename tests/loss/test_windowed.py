@@ -7,7 +7,6 @@ import torch
 
 import problems
 from meshot import random_directions, sliced_wasserstein
-from meshot.loss.sliced import plain_sliced_wasserstein
 from meshot.loss.windowed import windowed_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
 
@@ -46,40 +45,6 @@ def test_against_pot_on_what_a_window_sees(p, d):
         ]  # fmt: skip
     found = windowed_sliced_wasserstein(source, target, CENTRES, RADIUS, lines(d), p)
     assert float(found) == pytest.approx(np.mean(expected), rel=1e-9)
-
-
-def test_gradients_hold_the_windows_still():
-    source, target = pair(6)
-    points, weights = source.points.clone().requires_grad_(), source.weights.clone().requires_grad_()
-    shares = weights / weights.sum()
-    moving = DiscreteMeasure(points, shares)
-    found = torch.autograd.grad(
-        windowed_sliced_wasserstein(moving, target, CENTRES, RADIUS, lines(6)), (points, weights)
-    )
-    twin = torch.stack(
-        [
-            plain_sliced_wasserstein(
-                DiscreteMeasure(points, seen(moving, centre, weights / weights.sum())),
-                DiscreteMeasure(target.points, seen(target, centre, target.weights)),
-                directions,
-            )
-            for centre, directions in zip(CENTRES, lines(6), strict=True)
-        ]
-    ).mean()
-    for one, other in zip(found, torch.autograd.grad(twin, (points, weights)), strict=True):
-        assert float(other.abs().max()) > 1e-3
-        torch.testing.assert_close(one, other, rtol=1e-9, atol=1e-12)
-
-
-def test_between_equal_measures_it_is_zero():
-    source, _ = pair()
-    assert float(windowed_sliced_wasserstein(source, source, CENTRES, RADIUS, lines(3))) == pytest.approx(0, abs=1e-15)
-
-
-def test_a_window_that_sees_everything_is_no_window():
-    source, target = pair()
-    found = windowed_sliced_wasserstein(source, target, CENTRES[:1], 1e4, lines(3, 1))
-    assert float(found) == pytest.approx(float(sliced_wasserstein(source, target, lines(3)[0])), rel=1e-6)
 
 
 def test_mass_that_is_missing_far_away_does_not_pull():

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.mesh.connectivity import SPHERE, topology
-from meshot.mesh.editing import decimated, laplacian_smoothing, neighbour_means, taubin_smoothing
+from meshot.mesh.editing import laplacian_smoothing, neighbour_means, taubin_smoothing
 from meshot.mesh.geometry import signed_volume
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import icosphere
@@ -63,16 +62,3 @@ def test_amounts_are_checked(rough):
         taubin_smoothing(rough, 1, amount=0.0)
     with pytest.raises(ValueError, match="pass_band"):
         taubin_smoothing(rough, 1, pass_band=2.5)
-
-
-def test_decimation_keeps_topology_and_place(rough):
-    fewer = decimated(rough, 300)
-    assert len(fewer.faces) == 300
-    assert topology(fewer) == SPHERE
-    assert float(signed_volume(fewer)) == pytest.approx(float(signed_volume(rough)), rel=0.1)
-    assert decimated(rough, 10**6) is rough
-
-
-def test_decimation_checks_its_count(rough, unchecked):
-    with pytest.raises(ValueError, match="n_faces"):
-        decimated(rough, 0)

@@ -6,19 +6,16 @@ reason in survivors.yaml; the exit status is 1 if there is another one, or if le
 
 import argparse
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
 from mutants import known_survivors, sampled, survivors_of
 
-HERE = Path(__file__).resolve().parent
-ROOT = HERE.parents[1]
-sys.path.insert(0, str(HERE.parent / "everywhere"))
-
-from machines import checkout  # noqa: E402
-
+ROOT = Path(__file__).resolve().parents[2]
 LEAST = 0.9
 
 
@@ -31,7 +28,11 @@ def main() -> int:
     chosen = parser.parse_args()
     session = chosen.session.resolve()
     session.parent.mkdir(parents=True, exist_ok=True)
-    with checkout("spaced") as folder:
+    with tempfile.TemporaryDirectory() as folder:
+        # Mutants are made in a copy of what tests need of a checkout.
+        for part in ("src", "tests", "tools", "book"):
+            shutil.copytree(ROOT / part, Path(folder) / part, ignore=shutil.ignore_patterns("__pycache__", ".*"))
+        shutil.copy(ROOT / "pyproject.toml", folder)
         environment = os.environ | {
             "MESHOT_ORIGINAL": str(ROOT),
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",

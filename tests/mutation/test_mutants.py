@@ -57,7 +57,7 @@ def test_a_mutant_is_tried_by_the_nearest_tests_first(two_checkouts):
 
 
 def test_every_room_that_is_mutated_has_tests(root):
-    assert try_mutant.tests_of(Path("loss/exact.py"), root)[0] == Path("loss/test_exact.py")
+    assert try_mutant.tests_of(Path("metrics/distances.py"), root)[0] == Path("metrics/test_distances.py")
     assert Path("loss/test_values.py") in try_mutant.tests_of(Path("measure/discrete.py"), root)
     assert Path("metrics/test_table.py") in try_mutant.tests_of(Path("mesh/geometry.py"), root)
 

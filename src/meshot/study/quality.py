@@ -292,7 +292,7 @@ def write_quality_page(study: str | os.PathLike, embed: bool = False) -> Path:
     """Write the page ``quality.html`` into the folder of a study.
 
     It shows the slices of every subject in a mosaic and all numbers in a table, both sorted by any column. Values whose
-    robust score is beyond 3.5 are marked, see :func:`meshot.statistics.robust_scores`. Verdicts are given by keys or
+    robust score is beyond 3.5 are marked, see ``meshot.statistics.robust_scores``. Verdicts are given by keys or
     buttons, kept in the browser, and downloaded as a table. The page needs no network. By default the pictures are
     the files ``slices.webp`` beside the reports.
 

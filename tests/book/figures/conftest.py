@@ -1,9 +1,21 @@
-"""What the tests of pages share: a browser without a network, one for each file of tests."""
+"""What the tests of pictures and pages share: no window, and one browser without a network for each file of tests."""
 
+import matplotlib
 import pytest
+
+matplotlib.use("agg")
+
+import matplotlib.pyplot as plt
 
 from browser import offline_browser
 from preflight import browser as browser_path
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    """No figure stays open."""
+    yield
+    plt.close("all")
 
 
 @pytest.fixture(scope="module")

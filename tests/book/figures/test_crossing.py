@@ -3,14 +3,9 @@
 import itertools
 import re
 
-import matplotlib
 import numpy as np
 import pytest
 import torch
-
-matplotlib.use("agg")
-
-import matplotlib.pyplot as plt
 
 from browser import offline_browser, page_file, watched_page
 from meshot_book.examples.counterexample import crossing_sides, crossing_time
@@ -92,7 +87,6 @@ def test_still_picture_shows_both_outlines():
     figure = crossing_figure(FIELDS["push"], 0.3, 0.6, 8, (1, 16))
     assert [ax.get_title() for ax in figure.axes] == ["corners only", "sides in 16 pieces"]
     assert all(len(ax.patches) == len(ax.lines) == 2 for ax in figure.axes)
-    plt.close(figure)
 
 
 def test_page_reaches_nowhere_and_names_itself():

@@ -4,14 +4,9 @@ import json
 import math
 import re
 
-import matplotlib
 import numpy as np
 import pytest
 import torch
-
-matplotlib.use("agg")
-
-import matplotlib.pyplot as plt
 
 from browser import page_file, watched_page
 from meshot.mesh.shapes import icosphere
@@ -59,7 +54,6 @@ def test_sections_show_target_and_error():
     tops = [np.concatenate(part.get_segments())[:, 1].max() for part in (target, damaged)]
     assert tops[1] - tops[0] == pytest.approx(1, abs=1e-6)
     assert not hidden.get_visible()
-    plt.close(figure)
 
 
 @pytest.mark.parametrize(("half", "length"), [(22, 10), (16, 5), (8, 2), (4, 2), (0.3, 0.1)])
@@ -75,7 +69,6 @@ def test_the_table_colours_what_stands_out():
     assert np.ma.getmaskarray(np.ma.masked_invalid(data)).tolist() == [[True, False], [False, True]]
     assert float(data[1, 0]) == 50
     assert [text.get_text() for text in figure.axes[0].texts] == ["a", "b", "c", "d"]
-    plt.close(figure)
 
 
 def test_the_table_refuses_what_does_not_fit():

@@ -1,39 +1,110 @@
-"""Pictures of points: what is drawn is what was given."""
+"""Pictures of points, forces and directions: what is drawn is what was given."""
 
 import base64
 import json
 import re
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import torch
-
-matplotlib.use("agg")
-
-import matplotlib.pyplot as plt
 from matplotlib.colors import to_rgb
+from matplotlib.quiver import Quiver
 
 from browser import page_file, watched_page
+from meshot.loss.directions import random_directions
 from meshot.mesh.geometry import even_points
 from meshot.mesh.shapes import star
-from meshot.view.style import LOSS_COLOURS, LOSS_DASHES, loss_line, use_style
+from meshot.view.style import LOSS_COLOURS, LOSS_DASHES, VERMILLION, loss_line, use_style
+from meshot_book.figures.points.directions import directions_figure, disc_places
+from meshot_book.figures.points.force import ForceField, force_panels
 from meshot_book.figures.points.player import point_player
 from meshot_book.figures.points.points import box_around, curves_figure, draw_contour, force_figure, process_figure
+
+
+def test_a_line_has_one_place_in_the_disc():
+    directions = random_directions(50, 3, 0).numpy()
+    places = disc_places(directions)
+    assert np.linalg.norm(places, axis=1).max() <= 1
+    assert disc_places(-directions) == pytest.approx(places)
+    assert disc_places(np.array([[0.0, 0, -1]])) == pytest.approx(np.zeros((1, 2)))
+    assert np.linalg.norm(disc_places(np.array([[0.6, 0.8, 0]]))) == pytest.approx(1)
+
+
+def test_equal_areas():
+    """Uniform directions fill the disc uniformly: the share within radius r is r²."""
+    radius = np.linalg.norm(disc_places(random_directions(20_000, 3, 0).numpy()), axis=1)
+    for r in (0.3, 0.6, 0.9):
+        assert np.mean(radius < r) == pytest.approx(r * r, abs=0.015)
+
+
+def test_a_disc_for_each_set():
+    sets = {name: random_directions(n, 3, 0) for name, n in (("few", 5), ("many", 40), ("one", 1))}
+    figure = directions_figure(sets)
+    assert [ax.get_title() for ax in figure.axes] == ["few", "many", "one", ""]
+    np.testing.assert_allclose(figure.axes[1].collections[0].get_offsets(), disc_places(sets["many"].numpy()))
+
+
+LIMITS = (-50.0, 50.0, -50.0, 50.0)
+
+
+@pytest.fixture
+def field():
+    points = torch.tensor([[0.0, 0], [10, 0], [20, 0]], dtype=torch.float64)
+    forces = torch.tensor([[0.0, 3], [0, 0], [0, -40]], dtype=torch.float64)
+    return ForceField(points, forces, points + 5)
+
+
+def arrows(ax):
+    (quiver,) = [item for item in ax.collections if isinstance(item, Quiver)]
+    return np.stack([quiver.U, quiver.V], axis=1)
+
+
+def test_arrows_have_their_length_and_points_at_rest_none(field):
+    figure = force_panels({"Chamfer": field, "other\ntwo lines": field, "third": field}, LIMITS)
+    assert len(figure.axes) == 4
+    np.testing.assert_allclose(arrows(figure.axes[0]), [[0, 3], [0, -40]])
+    assert figure.axes[0].get_title() == "Chamfer"
+    (quiver,) = [item for item in figure.axes[0].collections if isinstance(item, Quiver)]
+    assert np.allclose(quiver.get_facecolor()[0, :3], [int(VERMILLION[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+
+
+def test_long_arrows_are_cut_and_marked(field):
+    figure = force_panels({"Chamfer": field}, LIMITS, longest=10.0, columns=1)
+    np.testing.assert_allclose(arrows(figure.axes[0]), [[0, 3], [0, -10]])
+    marked = [item.get_offsets() for item in figure.axes[0].collections if 70 in getattr(item, "get_sizes", tuple)()]
+    np.testing.assert_allclose(marked[0], [[20, 0]])
+
+
+@pytest.mark.parametrize(("typical", "factor"), [(8.0, 0.2), (400.0, 10.0)])
+def test_scaled_arrows_state_their_factor(field, typical, factor):
+    figure = force_panels({"Chamfer": field}, LIMITS, typical=typical)
+    np.testing.assert_allclose(arrows(figure.axes[0]), factor * np.array([[0, 3], [0, -40]]))
+    assert figure.axes[0].get_title() == f"Chamfer\narrows × {factor:g}"
+
+
+def test_doors(field):
+    with pytest.raises(ValueError, match="fields is empty"):
+        force_panels({}, LIMITS)
+    with pytest.raises(ValueError, match="longest is 0"):
+        force_panels({"a": field}, LIMITS, longest=0.0)
+    with pytest.raises(ValueError, match="typical is 0"):
+        force_panels({"a": field}, LIMITS, typical=0.0)
+    with pytest.raises(ValueError, match="columns is 0"):
+        force_panels({"a": field}, LIMITS, columns=0)
+
 
 WATCH_STEPS = """() => {
   window.steps = [];
   const note = (changes) => changes.forEach((c) => window.steps.push(Number(c.target.textContent.split(" ")[1])));
   new MutationObserver(note).observe(document.querySelector("output"), { childList: true });
 }"""
+
+
 SHAPE = star(5, 1.5, 0.35)
+
+
 POINTS = even_points(SHAPE, 20)
-
-
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
 
 
 def test_losses_differ_in_colour_and_dashes():
@@ -42,15 +113,6 @@ def test_losses_differ_in_colour_and_dashes():
     # Told apart in grey as well: relative luminance differs between the two rivals.
     grey = [np.dot([0.2126, 0.7152, 0.0722], to_rgb(LOSS_COLOURS[name])) for name in ("Chamfer", "sliced Wasserstein")]
     assert abs(grey[0] - grey[1]) > 0.05
-
-
-def test_style_sets_readable_type():
-    with plt.rc_context():
-        use_style()
-        assert plt.rcParams["font.size"] >= 12
-        use_style(14)
-        assert plt.rcParams["font.size"] == plt.rcParams["axes.titlesize"] == 14
-        assert plt.rcParams["legend.fontsize"] == 13
 
 
 @pytest.mark.parametrize("size", [0, -3.0, float("nan"), float("inf")])

@@ -4,14 +4,9 @@ import json
 import math
 import re
 
-import matplotlib
 import numpy as np
 import pytest
 import torch
-
-matplotlib.use("agg")
-
-import matplotlib.pyplot as plt
 
 from browser import page_file, watched_page
 from meshot.loss.sliced import slice_costs, sliced_wasserstein
@@ -72,7 +67,6 @@ def test_picture_shows_points_curve_and_mean():
     assert curve.lines[0].get_ydata() == pytest.approx(costs(np.arange(180)), rel=1e-12)
     assert curve.lines[1].get_ydata()[0] == pytest.approx(MEAN, rel=1e-12)
     assert curve.lines[2].get_ydata()[0] == pytest.approx(costs([40])[0], rel=1e-12)
-    plt.close(figure)
 
 
 def test_page_is_whole_and_reaches_nowhere(player):
