@@ -78,7 +78,7 @@ def _rooms_in_order(package: Path) -> list[str]:
 def _entries(door: str, stub: ast.Module) -> list[Entry]:
     found = []
     for node in stub.body:
-        if isinstance(node, ast.ImportFrom):
+        if isinstance(node, ast.ImportFrom) and node.module:  # a module at a door has no entry of its own
             found += [
                 Entry(door, alias.name, defining_module(f"{door}.{node.module}", alias.name)) for alias in node.names
             ]

@@ -354,7 +354,7 @@ def train_segmentation(
     start : SegmentationNetwork, optional
         The training starts from the weights of this network, which stays as it is. By default they are random.
     network : SegmentationNetwork, optional
-        From :func:`first_network`, which this function calls otherwise. It is trained.
+        From ``first_network``, which this function calls otherwise. It is trained.
 
     Raises
     ------

@@ -128,7 +128,7 @@ class SurfaceSystem(abc.ABC):
     name : str
         The name in the registry.
     groups : class
-        The settings of a training: a dataclass of :class:`meshot.settings.Settings`, with a field for each group.
+        The settings of a training: a dataclass of ``meshot.settings.Settings``, with a field for each group.
     surfaces : tuple of keys
         The surfaces that :meth:`reconstruct` of this object finds. Before a training, ask :meth:`surfaces_of`.
     needs : tuple of keys

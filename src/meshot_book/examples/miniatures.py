@@ -122,7 +122,7 @@ class Miniature:
 def miniature(seed: int, n_faces: int = 1500) -> Miniature:
     """A miniature subject with a scan of 1.5 mm. The seed decides where the features are, and the noise.
 
-    The initial surfaces are those of :func:`meshot_book.tissue.tissue_surface` for a segmentation without errors,
+    The initial surfaces are those of ``meshot_book.tissue.tissue_surface`` for a segmentation without errors,
     except that it contains the bridges, which are as bright as white matter.
 
     Parameters
