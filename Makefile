@@ -23,6 +23,8 @@ TESTS ?=
 KILLS ?= 20
 MUTANTS ?= 600
 WRITERS ?=
+# What make test leaves to make test-all.
+CHOSEN = -m "not thorough"
 
 # Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
 WARM = @$(BIN)meshot warmup
@@ -31,17 +33,18 @@ WARM = @$(BIN)meshot warmup
 export YES
 NEEDS := python
 book notebooks: NEEDS := python display
-test: NEEDS := python display browser
+test test-all: NEEDS := python display browser
 PREFLIGHT = tools/preflight.py $(NEEDS)
 
-# A worker on every core, one thread in each; a file stays in one worker, since its tests share what they build.
-PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
+# A worker on every core, one thread in each. tests/conftest.py says which tests stay together.
+PARALLEL = -n logical --dist loadgroup --no-loadscope-reorder
 
-.PHONY: help book test experiments test-everywhere test-wheel fuzz kill mutation html slides pdf editions notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf editions notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
 	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
+	@echo "make test-all   make test with what it leaves out, and the five below: hours"
 	@echo "make fuzz       read 5000 damaged files, solve 20000 drawn problems of every loss (FILES=500 for fewer)"
 	@echo "make kill       kill everything that writes at 20 random moments each (WRITERS='fit files' KILLS=5 for less)"
 	@echo "make mutation   try 600 mutants of the library, and print those that no test sees (MUTANTS=20 for fewer)"
@@ -56,6 +59,8 @@ help:
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make experiments  run every experiment that is out of date (PLANNED=1: those without a result, too)"
+	@echo "make stale      say which results of experiments are out of date, and why"
+	@echo "make up-to-date after an experiment: run the chapters that read it; write ledger, README and the pages on cost"
 	@echo "make ledger     write the claims ledger and the table of README from the committed results"
 	@echo "make benchmark  install the peers of the benchmark in build/peers, run it (40 minutes), write its tables into the book"
 	@echo "make cohorts    make all synthetic subjects in build/cohorts (an hour, resumable; COHORTS=oasis_like for one, JOBS=2)"
@@ -107,6 +112,12 @@ notebooks: $(READY)
 text: $(READY)
 	@$(RUN) book/run_notebooks.py text $(NAME)
 
+stale: $(READY)
+	-@$(RUN) workflow/stale.py
+
+up-to-date: $(READY)
+	@$(RUN) workflow/stale.py update
+
 ledger: $(READY)
 	@$(RUN) book/make_ledger.py
 	@$(RUN) tools/readme_numbers.py
@@ -118,8 +129,10 @@ test: $(READY)
 	@$(RUN) $(PREFLIGHT)
 	@$(MAKE) --no-print-directory lint
 	$(WARM)
-	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(RUN) -m pytest $(PARALLEL)
-	$(RUN) tests/check_notebooks.py
+	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(RUN) -m pytest $(PARALLEL) $(CHOSEN)
+
+test-all: CHOSEN =
+test-all: test fuzz kill test-everywhere mutation test-wheel
 
 fuzz: $(READY)
 	$(RUN) tests/fuzz/run.py --files $(FILES) --keep build/fuzz

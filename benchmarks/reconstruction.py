@@ -37,7 +37,7 @@ def carried_surface() -> Mesh:
 def flow(settings: str) -> dict:
     """The time of the flow of one network in the MNI152 average."""
     kind = get_system("ddot")
-    network = kind.config(read_settings(kind, settings)).new_network()
+    network = read_settings(kind, settings).new_network()
     # An untrained network gives no motion. Random weights give motions of a millimetre or more, as a trained one does.
     torch.nn.init.normal_(network.to_velocity.weight, std=0.3, generator=torch.Generator().manual_seed(0))
     surface = carried_surface()

@@ -1,7 +1,7 @@
 """The API pages of the book, one for each door of the packages, written from the doors themselves.
 
-A door is a package with a stub, ``__init__.pyi``: the stub says what the door shows, and each name's own docstring says
-what it is. Nothing is listed here.
+A door is a package with a stub, ``__init__.pyi``, which says what the door shows, or a single file with ``__all__``.
+Each name's own docstring says what it is. Nothing is listed here.
 """
 
 import ast
@@ -55,6 +55,13 @@ def doors() -> dict[str, list[Entry]]:
                 if stub.is_file():
                     door = ".".join(stub.parent.relative_to(SRC).parts)
                     found[door] = _entries(door, ast.parse(stub.read_text(encoding="utf-8")))
+        for file in sorted((SRC / package).glob("[a-z]*.py")):
+            names = assignments(f"{package}.{file.stem}").get("__all__")
+            if names:
+                door = f"{package}.{file.stem}"
+                entries = [Entry(door, name, door) for name in ast.literal_eval(names.value)]
+                if any(inspect.isroutine(entry.value) for entry in entries):
+                    found[door] = entries
     return found
 
 
@@ -71,7 +78,7 @@ def _rooms_in_order(package: Path) -> list[str]:
 def _entries(door: str, stub: ast.Module) -> list[Entry]:
     found = []
     for node in stub.body:
-        if isinstance(node, ast.ImportFrom):
+        if isinstance(node, ast.ImportFrom) and node.module:  # a module at a door has no entry of its own
             found += [
                 Entry(door, alias.name, defining_module(f"{door}.{node.module}", alias.name)) for alias in node.names
             ]

@@ -21,8 +21,7 @@ if not os.environ.get("MESHOT_UNCHECKED"):
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
 hypothesis.settings.load_profile("repeatable")
 
-#: Files that take long go first, so that no core waits for one of them at the end. Two that need the rendered book stay
-#: apart, so that no core waits while another one renders it.
+#: Files that take long go first, so that no core waits for one of them at the end; notebooks follow, the longest first.
 LONG_FILES = (
     "book/test_reading.py",
     "workflow/test_miniature.py",
@@ -32,7 +31,7 @@ LONG_FILES = (
     "experiments/test_runs.py",
     "pipeline/test_report.py",
     "fuzz/test_fuzz.py",
-    "pipeline/test_initial_surface.py",
+    "book/test_tissue.py",
     "synth/test_cohorts.py",
     "experiments/test_ddot.py",
     "experiments/test_comparison.py",
@@ -45,10 +44,21 @@ LONG_FILES = (
 )
 
 
+#: Only ``make test-all`` runs these: second processors, damaged files, kills, mutants, and the workflow in small.
+THOROUGH = ("everywhere/", "fuzz/", "kills/", "mutation/", "workflow/test_miniature.py")
+
+
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items):
-    """Put the tests of the long files first; all others keep their order."""
-    ranks = {ROOT / "tests" / name: rank for rank, name in enumerate(LONG_FILES)}
-    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+    """Put long files first. Tests of a file share what they build and stay on one core; a notebook is alone."""
+    places = {item: item.path.relative_to(ROOT / "tests").as_posix() for item in items}
+    ranks = {name: rank for rank, name in enumerate((*LONG_FILES, "test_every_notebook.py"))}
+    items.sort(key=lambda item: ranks.get(places[item], len(ranks)))
+    for item in items:
+        if places[item].startswith(THOROUGH):
+            item.add_marker(pytest.mark.thorough)
+        alone = item.nodeid if places[item] == "test_every_notebook.py" else places[item]
+        item.add_marker(pytest.mark.xdist_group(alone))
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 #: Folder or module of ``meshot`` -> rank; imports point to lower ranks only.
 RANKS = {
     "_kernels": 0, "extras": 0, "types": 0, "rng": 0, "errors": 0, "files": 0, "workers": 0, "settings": 0,
-    "provenance": 0, "statistics": 0, "jobs": 0,
+    "provenance": 0, "statistics": 0,
     "mesh": 1,
     "volume": 2, "measure": 2,
     "metrics": 3, "loss": 3, "train": 3,
@@ -22,7 +22,7 @@ RANKS = {
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.
 BOOK_RANKS = {
     "notebook": 0, "examples": 0, "measurements": 0, "statistics": 0, "lines": 0,
-    "flows": 0, "defects": 0, "example_file": 0,
+    "flows": 0, "defects": 0, "example_file": 0, "tissue": 0,
     "figures": 1, "exercises": 1, "claims": 1, "trainings": 1,
 }  # fmt: skip
 
@@ -46,6 +46,8 @@ HOMES = {
     "matplotlib": ("meshot/view/", "meshot_book/figures/"),
     "bidsschematools": ("meshot/study/bids",),
     "pathspec": ("meshot/study/bids",),
+    "filelock": ("meshot/files", "meshot_book/trainings/"),
+    "pooch": ("meshot_book/notebook/",),
     "IPython": ("meshot_book/figures/",),
     "jinja2": ("meshot/view/page",),
     "yaml": ("meshot/settings", "meshot/synth/recipe", "meshot_book/claims/"),

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from check_notebooks import run_nbval
 from run_notebooks import lighten_pictures, source_notebook
+from stored_notebooks import run_nbval
 
 ROOT = Path(__file__).resolve().parent.parent
 STORED = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))

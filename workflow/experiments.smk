@@ -8,8 +8,8 @@
 #   graph    the name of a YAML file with tasks (default: experiments)
 #   planned  yes: also the tasks that have no result yet; no (default): without them
 #
-# The tasks stand in GRAPH.yaml. standing.py says which results are out of date, from the content of their settings. A
-# task that has ended leaves a stamp in build/workflow, whose name is the fingerprint of its settings: Snakemake makes
+# The tasks stand in GRAPH.yaml. stale.py says which results are out of date, from the digests of settings, inputs and
+# code. A task that has ended leaves a stamp in build/workflow, whose name is the version of its result: Snakemake makes
 # the stamps that are missing, and the times of files do not matter.
 import os
 import sys
@@ -21,10 +21,10 @@ os.environ["PATH"] = os.pathsep.join((os.path.dirname(sys.executable), os.enviro
 import run_task
 
 NAME, PLANNED = config.get("graph", "experiments"), run_task.yes_or_no("planned", config.get("planned", False))
-STANDING = run_task.opened(NAME)
-STANDING.drop_false_stamps()
-TASKS, STALE = STANDING.graph.tasks, STANDING.stale(PLANNED)
-WAITING = [] if PLANNED else [name for name, task in TASKS.items() if STANDING.is_planned(task)]
+RESULTS = run_task.opened(NAME)
+RESULTS.drop_false_stamps()
+TASKS, STALE = RESULTS.graph.tasks, RESULTS.stale(PLANNED)
+WAITING = [] if PLANNED else [name for name, task in TASKS.items() if RESULTS.is_planned(task)]
 WORDS = f"--graph {NAME}" + (" --planned" if PLANNED else "")
 
 
@@ -37,9 +37,9 @@ container: "meshot.sif"
 if STALE:
 
     rule all:
-        """The settings for which the new results stand."""
+        """The digests of the new results."""
         input:
-            ancient([STANDING.stamp(TASKS[name], PLANNED) for name in STALE]),
+            ancient([RESULTS.stamp(TASKS[name], PLANNED) for name in STALE]),
         params:
             words=WORDS,
         localrule: True
@@ -54,18 +54,18 @@ else:
             ancient(run_task.ROOT / "workflow" / f"{NAME}.yaml"),
 
 
-for stage, most in STANDING.graph.stages.items():
+for stage, most in RESULTS.graph.stages.items():
 
     rule:
         """The tasks of a stage."""
         name:
             stage
         input:
-            ancient(lambda found: STANDING.needed(TASKS[found.task], PLANNED)),
+            ancient(lambda found: RESULTS.needed(TASKS[found.task], PLANNED)),
         output:
-            STANDING.state / stage / "{task}" / "{fingerprint}.json",
+            RESULTS.state / stage / "{task}" / "{version}.json",
         log:
-            STANDING.state / "logs" / "{task}-{fingerprint}.log",
+            RESULTS.state / "logs" / "{task}-{version}.log",
         params:
             words=WORDS,
             reasons=lambda found: "; ".join(STALE.get(found.task, ["another task needs it"])),

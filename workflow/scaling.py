@@ -13,8 +13,7 @@ import sys
 from pathlib import Path
 
 import yaml
-from run_task import ROOT, opened
-from standing import Standing
+from stale import ROOT, Results, opened
 from tasks import Task
 
 from meshot.files import whole_file
@@ -71,19 +70,19 @@ def _scans(name: str, held_out: int = 0) -> int:
     return len(visits(recipe)) * recipe.scans_per_day
 
 
-def jobs_of(standing: Standing) -> tuple[dict[str, Job], list[str]]:
+def jobs_of(results: Results) -> tuple[dict[str, Job], list[str]]:
     """The tasks that have a result, or make what a result needs, and the names of those without a recorded time."""
-    profile = yaml.safe_load((standing.root / PROFILE).read_text(encoding="utf-8"))
+    profile = yaml.safe_load((results.root / PROFILE).read_text(encoding="utf-8"))
     more = {name: int(cores) for name, cores in (entry.split("=") for entry in profile["set-threads"])}
     subjects = {f"{kind}_{name}" for kind in ("cohort", "held_out", "initial") for name in COHORTS}
     found, unknown = {}, []
-    for task in standing.graph.tasks.values():
-        if standing.is_planned(task):
+    for task in results.graph.tasks.values():
+        if results.is_planned(task):
             continue
-        seconds = recorded(standing.root, task)
+        seconds = recorded(results.root, task)
         if seconds is None:
             unknown.append(task.name)
-        cores = more.get(task.stage, standing.graph.stages[task.stage]["cores"])
+        cores = more.get(task.stage, results.graph.stages[task.stage]["cores"])
         grows = task.name in subjects or bool(subjects & set(task.after))
         spread = cores if task.stage == "cohort" else 1  # the others are recorded on their cores
         found[task.name] = Job(task, (seconds or 0.0) / spread, cores, grows)
@@ -143,9 +142,9 @@ def longest_chain(jobs: dict[str, Job]) -> list[Job]:
     return [job for job in chain if job.seconds]
 
 
-def block(standing: Standing) -> str:
+def block(results: Results) -> str:
     """The section: recorded seconds by stage, and the time with more subjects on more machines."""
-    jobs, unknown = jobs_of(standing)
+    jobs, unknown = jobs_of(results)
     now = sum(len(visits(read_recipe(name))) for name in COHORTS)
     many = scaled(jobs, SUBJECTS / now)
     chain = longest_chain(many)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from meshot.settings import read_yaml
 
-LISTS = ("reads", "after", "writes", "makes", "clears")
-KEYS = {"stage", "each", "networks_of", "trainings_of", "command", "copies", "record", "planned", "derived", *LISTS}
+LISTS = ("reads", "after", "writes", "makes", "clears", "code")
+KEYS = {"stage", "each", "networks_of", "trainings_of", "command", "copies", "planned", "derived", *LISTS}
 RESOURCES = ("cores", "memory_mb", "minutes", "cuda")
 
 
@@ -33,8 +33,9 @@ class Task:
         Files and folders that are removed before the task starts with other settings than before.
     copies : tuple of pairs of str
         Files that are copied to their place in the repository when the command has ended.
-    record : str, optional
-        A file of results that states the settings, if these are the whole first entry of ``reads``.
+    code : tuple of str
+        Functions and classes that the command uses and no script names, such as ``meshot.pipeline.reconstruct``,
+        or short names for them that the YAML file lists.
     planned : bool
         Whether the result may be missing. Such tasks run on request only.
     derived : bool
@@ -50,9 +51,14 @@ class Task:
     makes: tuple[str, ...] = ()
     clears: tuple[str, ...] = ()
     copies: tuple[tuple[str, str], ...] = ()
-    record: str | None = None
+    code: tuple[str, ...] = ()
     planned: bool = False
     derived: bool = False
+
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """Where its code begins: the scripts of its command, and what its entry names."""
+        return (*(word for word in self.command.split() if word.endswith(".py")), *self.code)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +95,7 @@ def read_graph(path: Path, root: Path) -> Graph:
         if entry["stage"] not in content["stages"]:
             raise ValueError(f"{path}: {pattern} has the unknown stage {entry['stage']}; add it to the stages")
         for values in _values(entry, root):
-            task = _task(pattern, entry, values)
+            task = _task(pattern, entry, values, content.get("code", {}))
             if task.name in tasks:
                 raise ValueError(f"{path}: there are two tasks {task.name}; give one another name")
             tasks[task.name] = task
@@ -131,16 +137,16 @@ def _trainings(config: dict) -> list[dict[str, str]]:
     return list(found.values())
 
 
-def _task(pattern: str, entry: dict, values: dict[str, str]) -> Task:
+def _task(pattern: str, entry: dict, values: dict[str, str], code: dict[str, str]) -> Task:
     def filled(text: str) -> str:
         return re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], found[0]), text)
 
     lists = {key: tuple(map(filled, entry.get(key, ()))) for key in LISTS}
+    lists["code"] = tuple(code.get(name, name) for name in lists["code"])
     copies = tuple((filled(start), filled(end)) for start, end in entry.get("copies", ()))
-    record = filled(entry["record"]) if "record" in entry else None
     command = " ".join(filled(entry["command"]).split())
     kind = {key: entry.get(key, False) for key in ("planned", "derived")}
-    return Task(filled(pattern), entry["stage"], command, copies=copies, record=record, **kind, **lists)
+    return Task(filled(pattern), entry["stage"], command, copies=copies, **kind, **lists)
 
 
 def _resolved(task: Task, tasks: dict[str, Task], path: Path) -> Task:

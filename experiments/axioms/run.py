@@ -4,39 +4,35 @@ Run as ``python experiments/axioms/run.py``. Finished searches are stored in ``p
 that a stopped run can be resumed.
 """
 
-import time
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from ghosts import measured
 from sequences import KINDS, followed
 from triangles import search
 
-from meshot.jobs import run_jobs
-from meshot.provenance import write_results
-
-HERE = Path(__file__).parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
-def main() -> None:
-    """Search for violations of the triangle inequality, then measure pairs with equal projections and sequences."""
-    torch.set_num_threads(1)
-    started = time.perf_counter()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    losses, partial = config["losses"], HERE / "partial.jsonl"
-    rows = run_jobs(losses, lambda name: search(name, losses[name], config), partial, folder=HERE, config=config)
-    ghosts = [
-        measured(n, d, config["seed"]) for d in config["ghosts"]["dimensions"] for n in config["ghosts"]["n_directions"]
-    ]
-    rooted = {name: setting for name, setting in losses.items() if setting["root"]}
+def tasks(config: dict) -> list[str]:
+    """A search for each loss."""
+    return list(config["losses"])
+
+
+def work(name: str, config: dict) -> dict:
+    """The worst violations of the triangle inequality that a search finds."""
+    return search(name, config["losses"][name], config)
+
+
+def summarise(rows: list[dict], config: dict) -> dict:
+    """The violations, pairs with equal projections, and sequences."""
+    kinds = config["ghosts"]
+    ghosts = [measured(n, d, config["seed"]) for d in kinds["dimensions"] for n in kinds["n_directions"]]
+    rooted = {name: setting for name, setting in config["losses"].items() if setting["root"]}
     sequences = [followed(kind, name, setting, config) for kind in KINDS for name, setting in rooted.items()]
-    results = {"triangles": [row["found"] for row in rows], "ghosts": ghosts, "sequences": sequences}
-    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
-    command, data = "python experiments/axioms/run.py", "drawn and constructed point measures"
-    write_results(HERE / "results.json", results, config, command, data, seconds)
-    partial.unlink()
+    return {"triangles": [row["found"] for row in rows], "ghosts": ghosts, "sequences": sequences}
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, summarise, "drawn and constructed point measures")

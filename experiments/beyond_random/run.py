@@ -4,23 +4,21 @@ Run as ``python experiments/beyond_random/run.py``. Finished pairs are stored in
 so that a stopped run can be resumed.
 """
 
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
 import torch
-import yaml
 from estimators import METHODS, Controls, drawn_directions, least_directions
 from summary import summarise
 
 from meshot import DiscreteMeasure, Mesh, varifold
 from meshot.anatomy import fsaverage5_surface
-from meshot.jobs import run_jobs
 from meshot.loss import slice_costs
 from meshot.mesh import decimated, ellipsoid, folded_sphere
-from meshot.provenance import write_results
 
-HERE = Path(__file__).parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def measures(pair: str, d: int, config: dict) -> tuple[DiscreteMeasure, DiscreteMeasure]:
@@ -69,22 +67,6 @@ def tasks(config: dict) -> list[dict]:
     ]
 
 
-def main() -> None:
-    """Do the missing tasks, then write the summary."""
-    torch.set_num_threads(1)
-    started = time.perf_counter()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(
-        tasks(config), lambda task: estimates(task, config), partial, folder=HERE, config=config,
-        clock=time.process_time,
-    )  # fmt: skip
-    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
-    command = "python experiments/beyond_random/run.py"
-    data = "synthetic surfaces; FreeSurfer's fsaverage5, left hemisphere"
-    write_results(HERE / "results.json", summarise(rows, config), config, command, data, seconds)
-    partial.unlink()
-
-
 if __name__ == "__main__":
-    main()
+    data = "synthetic surfaces; FreeSurfer's fsaverage5, left hemisphere"
+    experiment.run(__file__, tasks, estimates, summarise, data)

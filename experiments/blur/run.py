@@ -1,41 +1,22 @@
-"""Compare Sinkhorn divergences of several blurs with sliced Wasserstein, and measure the limits of the divergence.
-
-A stopped run can be resumed: every finished fit is a line of ``partial.jsonl``.
-"""
+"""Compare Sinkhorn divergences of several blurs with sliced Wasserstein, and measure the limits of the divergence."""
 
 import json
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
 import torch
-import yaml
 from fitting import judged, make_pair, run_once
 from limits import limit_rows
 
-from meshot.jobs import run_jobs
 from meshot.mesh import face_areas
-from meshot.provenance import rounded, write_results
+from meshot.provenance import rounded
 from meshot_book.statistics import arm_differences
 
-HERE = Path(__file__).resolve().parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
 MEASURED = ("w2_varifold", "sw2_surface", "assd", "emd")
-
-
-def main() -> None:
-    """Do the missing fits, then write the summary."""
-    torch.set_num_threads(1)
-    started = time.perf_counter()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    todo = [(run, seed) for seed in config["seeds"] for run in config["losses"]]
-    found = run_jobs(todo, lambda task: run_once(*task, config), partial, folder=HERE, config=config)
-    rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
-    results = summarise(rows) | {"limits": limit_rows(config)} | yardsticks(config)
-    seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)
-    write_results(HERE / "results.json", rounded(results), config, "python experiments/blur/run.py", "synthetic folded "
-                  "spheres", seconds)  # fmt: skip
-    partial.unlink()
 
 
 def summarise(rows: list[dict]) -> dict[str, list[dict]]:
@@ -74,5 +55,21 @@ def yardsticks(config: dict) -> dict:
     }
 
 
+def tasks(config: dict) -> list[tuple[dict, int]]:
+    """All losses and seeds."""
+    return [(run, seed) for seed in config["seeds"] for run in config["losses"]]
+
+
+def work(task: tuple[dict, int], config: dict) -> dict:
+    """One fit."""
+    return run_once(*task, config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The fits, the limits of the divergence, and what they are compared with."""
+    fits = [{"run": row["task"][0], "seed": row["task"][1], "values": row["found"]} for row in rows]
+    return rounded(summarise(fits) | {"limits": limit_rows(config)} | yardsticks(config))
+
+
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, "synthetic folded spheres")

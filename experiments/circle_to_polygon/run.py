@@ -1,21 +1,13 @@
-"""Run the toy experiment for several polygons, samplings, reductions, directions, regularisers and numbers of points.
+"""Run the toy experiment for polygons, samplings, reductions, directions, regularisers and numbers of points."""
 
-Run as ``python experiments/circle_to_polygon/run.py``. Finished runs are stored in ``partial.jsonl`` until all are
-done, so that a stopped run can be resumed.
-"""
-
-import time
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from summary import floors, summarise
 from toy import run_once
 
-from meshot.jobs import run_jobs
-from meshot.provenance import write_results
-
-HERE = Path(__file__).parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def sweep_runs(config: dict) -> list[dict]:
@@ -44,21 +36,21 @@ def sweep_runs(config: dict) -> list[dict]:
     return main + held + sizes
 
 
-def main() -> None:
-    """Do the missing runs, then write the summary."""
-    torch.set_num_threads(1)
-    started = time.perf_counter()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    todo = [(run, seed) for run in sweep_runs(config) for seed in config["seeds"]]
-    found = run_jobs(todo, lambda task: run_once(*task, config), partial, folder=HERE, config=config)
-    rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
-    results = summarise(rows) | {"floors": floors(config)}
-    seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)
-    command = "python experiments/circle_to_polygon/run.py"
-    write_results(HERE / "results.json", results, config, command, "synthetic polygons", seconds)
-    partial.unlink()
+def tasks(config: dict) -> list[tuple[dict, int]]:
+    """All settings and seeds."""
+    return [(run, seed) for run in sweep_runs(config) for seed in config["seeds"]]
+
+
+def work(task: tuple[dict, int], config: dict) -> dict:
+    """One run."""
+    return run_once(*task, config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The runs, and the floors of the metrics."""
+    runs = [{"run": row["task"][0], "seed": row["task"][1], "values": row["found"]} for row in rows]
+    return summarise(runs) | {"floors": floors(config)}
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, "synthetic polygons")

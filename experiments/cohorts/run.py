@@ -1,53 +1,19 @@
 """Summarise generated cohorts: areas, volumes, thickness, contrast and noise of every scan.
 
-Run as ``python experiments/cohorts/run.py`` after the cohorts have been made (``data_synth/README.md``). Only finished
-scans are summarised.
+The cohorts have to be made first (``data_synth/README.md``). Only finished scans are summarised.
 """
 
-import argparse
 import json
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
 import scipy.ndimage
-import torch
-import yaml
 
-from meshot.jobs import run_jobs
-from meshot.provenance import write_results
 from meshot.synth import LABELS, Subject, read_subject, scans
 
-HERE = Path(__file__).resolve().parent
-COHORTS = HERE.parents[1] / "build" / "cohorts"
-
-
-def main() -> None:
-    """Summarise each scan, then write the results."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cohorts", type=Path, default=COHORTS, help="the folder that holds the cohorts")
-    folder = parser.parse_args().cohorts
-    torch.set_num_threads(1)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    tasks = [
-        {"cohort": name, "participant": scan.participant.participant_id, "session": scan.session, "run": scan.run}
-        for name in config["cohorts"]
-        if (folder / name).is_dir()
-        for scan in scans(folder / name)
-    ]
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(
-        tasks, lambda task: summary_of(task, folder), partial, folder=HERE, config=config | {"made_in": str(folder)},
-        clock=time.process_time,
-    )  # fmt: skip
-    results = {"scans": [row["task"] | row["found"] for row in rows]}
-    results["cpu_seconds"] = {
-        name: cpu_seconds(folder / name) for name in config["cohorts"] if (folder / name).is_dir()
-    }
-    seconds = sum(row["seconds"] for row in rows)
-    write_results(HERE / "results.json", results, config, "python experiments/cohorts/run.py", "synthetic cohorts",
-                  seconds)  # fmt: skip
-    partial.unlink(missing_ok=True)
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def summary_of(task: dict, folder: Path) -> dict:
@@ -93,5 +59,30 @@ def cpu_seconds(cohort: Path) -> dict[str, float]:
     return {name: float(f"{np.median([s[name] for s in stages]):.3g}") for name in stages[0]} if stages else {}
 
 
+def tasks(config: dict) -> list[dict]:
+    """All finished scans."""
+    return [
+        {"cohort": name, "participant": scan.participant.participant_id, "session": scan.session, "run": scan.run}
+        for name in made(config)
+        for scan in scans(Path(config["made_in"]) / name)
+    ]
+
+
+def made(config: dict) -> list[str]:
+    """The cohorts that exist."""
+    return [name for name in config["cohorts"] if Path(config["made_in"], name).is_dir()]
+
+
+def work(task: dict, config: dict) -> dict:
+    """One row of the table."""
+    return summary_of(task, Path(config["made_in"]))
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The table, and the cost of the scans."""
+    seconds = {name: cpu_seconds(Path(config["made_in"], name)) for name in made(config)}
+    return {"scans": [row["task"] | row["found"] for row in rows], "cpu_seconds": seconds}
+
+
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, "synthetic cohorts", experiment.COHORTS)

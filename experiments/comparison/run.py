@@ -1,28 +1,28 @@
 """Measure the trained systems on the held-out subjects of their cohorts, and on the test-retest pairs.
 
-Run as ``python experiments/comparison/run.py`` when some systems are trained (see ``train.py``). What is missing is
-listed in the results, and is measured when the command is run again. Every finished subject is stored in a file beside
-the output, so that the run can be resumed or extended. The rows of all subjects and pairs are written to
-``subjects.csv`` and ``pairs.csv``, from which ``tables.py`` makes the tables in ``results.json``.
+Some systems have to be trained first (see ``train.py``). What is missing is listed in the results, and is measured when
+the command is run again: finished subjects are kept beside the output. The rows of all subjects and pairs are written
+to ``subjects.csv`` and ``pairs.csv``, from which ``tables.py`` makes the tables in ``results.json``.
 """
 
 import dataclasses
+import functools
 import sys
-import time
 from pathlib import Path
 
-import torch
 from budgets import changes_of
 from held_out import Setting, lines_of, rows_of, setting_of, tasks_of
 from rows import write_rows
-from tables import MAIN, PAIRS, RESULTS, SUBJECTS, row_digests, rows_beside, tables
-from units import HERE, Unit, arguments, finals, read_config, records_in
+from tables import MAIN, PAIRS, SUBJECTS, row_digests, rows_beside, tables
+from units import Unit, finals, records_in
 
-from meshot.jobs import run_jobs
 from meshot.model import network_digest
 from meshot.pipeline import WEIGHTS
-from meshot.provenance import provenance, rounded, write_results
+from meshot.provenance import provenance, rounded
 from meshot_book.measurements import digest_of
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def described(unit: Unit, setting: Setting) -> dict:
@@ -79,53 +79,72 @@ def too_few(setting: Setting) -> dict[str, int]:
     return {c: n for c, n in counts.items() if n < setting.config["evaluation"]["fewest_subjects"]}
 
 
-def measured_with(setting: Setting) -> dict:
-    """What the rows depend on, beside their tasks and the code. A system that joins later leaves them as they are."""
-    own = {key: setting.config[key] for key in ("evaluation", "consistency")}
-    return own | {"segmentation": network_digest(setting.segmentation)}
-
-
-def main(words: list[str] | None = None) -> None:
-    """Measure what is there, then write rows and tables.
+@functools.cache
+def setting(config: experiment.Config) -> Setting:
+    """The trained systems and the scans.
 
     Raises
     ------
     ValueError
         If nothing is trained.
     """
-    parser = arguments(__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=HERE / RESULTS, help="the file for the result")
-    asked = parser.parse_args(words)
-    config, commit = read_config(asked.config), provenance()["commit"]
-    torch.set_num_threads(config["evaluation"]["n_threads"])
-    planned = finals(config)
-    there = [unit for unit in planned if unit.is_made(config)]
-    missing = [unit.name for unit in planned if unit not in there]
+    there = [unit for unit in finals(config) if unit.is_made(config)]
     if not there:
         raise ValueError(f"no trained system is in {config['weights']}: run experiments/comparison/train.py first")
-    setting = setting_of(config, asked.config, there)
-    trainings = [described(unit, setting) for unit in there]
-    require_fair(trainings, setting)
-    results = {"missing": missing, "too_few_subjects": too_few(setting), "n_pairs": len(setting.pairs)}
+    return setting_of(config, config.file, there)
+
+
+@functools.cache
+def about(config: experiment.Config) -> dict:
+    """What is missing, and the trainings, which are checked."""
+    found = setting(config)
+    trainings = [described(unit, found) for unit in found.there.values()]
+    require_fair(trainings, found)
+    missing = [unit.name for unit in finals(config) if unit.name not in found.there]
+    results = {"missing": missing, "too_few_subjects": too_few(found), "n_pairs": len(found.pairs)}
     for name, what in (("missing", "train.py makes them"), ("too_few_subjects", "make-cohort with --held-out 8")):
         if results[name]:
             print(f"{name.replace('_', ' ')} ({what}): {results[name]}", file=sys.stderr)
-    partial = asked.output.with_name("partial.jsonl")
-    found = run_jobs(
-        tasks_of(setting), lambda task: {"commit": commit, "rows": rows_of(task, setting)}, partial,
-        folder=HERE, config=measured_with(setting), clock=time.process_time,
-    )  # fmt: skip
-    subjects, pairs, memory = lines_of(found, setting)
-    write_rows(asked.output.with_name(SUBJECTS), subjects)
-    write_rows(asked.output.with_name(PAIRS), pairs)
-    results |= {"commits": list(dict.fromkeys(line["found"]["commit"] for line in found)), "peak_mb": memory}
-    results |= {"rows_sha256": row_digests(asked.output), "trainings": trainings}
-    results |= tables(*rows_beside(asked.output), config)
-    stands_on = f"held-out subjects of the synthetic cohorts {', '.join(setting.subjects)}"
-    seconds = sum(line["seconds"] for line in found)
-    write_results(asked.output, rounded(results), config, "python experiments/comparison/run.py", stands_on, seconds)
-    if not missing:
-        partial.unlink()
+    return results | {"trainings": trainings}
+
+
+def depends(config: experiment.Config) -> dict:
+    """What the rows depend on, beside their tasks and the code. A system that joins later leaves them as they are."""
+    own = {key: config[key] for key in ("evaluation", "consistency")}
+    return own | {"segmentation": network_digest(setting(config).segmentation)}
+
+
+def tasks(config: experiment.Config) -> list[dict]:
+    """All scans and pairs, with all systems."""
+    about(config)
+    return tasks_of(setting(config))
+
+
+def work(task: dict, config: experiment.Config) -> dict:
+    """The rows of a task, and the commit that measured them."""
+    return {"commit": provenance()["commit"], "rows": rows_of(task, setting(config))}
+
+
+def results(rows: list[dict], config: experiment.Config) -> dict:
+    """The tables; the rows of subjects and pairs are written to files beside the results."""
+    subjects, pairs, memory = lines_of(rows, setting(config))
+    write_rows(config.output.with_name(SUBJECTS), subjects)
+    write_rows(config.output.with_name(PAIRS), pairs)
+    found = about(config)
+    trainings = {"trainings": found.pop("trainings")}
+    found |= {"commits": list(dict.fromkeys(row["found"]["commit"] for row in rows)), "peak_mb": memory}
+    found |= {"rows_sha256": row_digests(config.output)} | trainings
+    return rounded(found | tables(*rows_beside(config.output), config))
+
+
+def data(config: experiment.Config) -> str:
+    """The cohorts."""
+    return f"held-out subjects of the synthetic cohorts {', '.join(setting(config).subjects)}"
+
+
+def main(words: list[str] | None = None) -> None:
+    """Do what the command line asks."""
+    experiment.run(__file__, tasks, work, results, data, depends=depends, words=words)
 
 
 if __name__ == "__main__":

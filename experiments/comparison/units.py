@@ -4,7 +4,7 @@ import argparse
 import dataclasses
 import fnmatch
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import ClassVar
 
@@ -15,7 +15,7 @@ from meshot.anatomy import HEMISPHERES
 from meshot.model import SegmentationNetwork, read_weights
 from meshot.pipeline import RECORD, segmentation_weights
 from meshot.provenance import read_results
-from meshot.settings import Groups
+from meshot.settings import Settings
 from meshot.systems import SurfaceSystem, get_system, read_settings
 
 HERE = Path(__file__).parent
@@ -83,7 +83,7 @@ class Unit:
         """The names of its networks, which do not depend on rate and number of epochs."""
         return self.kind().parts_of(self.settings(config, ()))
 
-    def settings(self, config: dict, changes: Iterable[str]) -> Groups:
+    def settings(self, config: dict, changes: Iterable[str]) -> Settings:
         """All settings, with changes of rate and number of epochs (see ``budgets.py``)."""
         return read_settings(get_system(self.system), config["settings"], self.all_changes(config, changes))
 
@@ -113,11 +113,11 @@ def limited(kind: type[SurfaceSystem], sides: Iterable[str]) -> type[SurfaceSyst
         networks: ClassVar = {name: of for name, of in kind.networks.items() if name.startswith(prefixes)}
 
         @classmethod
-        def surfaces_of(cls, settings: Mapping) -> tuple:
+        def surfaces_of(cls, settings: Settings) -> tuple:
             return tuple(key for key in kind.surfaces_of(settings) if key[0] in sides)
 
         @classmethod
-        def parts_of(cls, settings: Mapping) -> tuple[str, ...]:
+        def parts_of(cls, settings: Settings) -> tuple[str, ...]:
             return tuple(name for name in kind.parts_of(settings) if name in cls.networks)
 
     return Limited

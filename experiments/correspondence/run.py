@@ -1,53 +1,23 @@
 """Measure how near the vertices of the carried template come to their true places in held-out subjects.
 
-Run as ``python experiments/correspondence/run.py`` after the cohort has been made (``data_synth/README.md``). Every
-result is stored, so that a stopped run can be resumed.
+The cohort has to be made first (``data_synth/README.md``).
 """
 
-import argparse
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
 import torch
-import yaml
 
 from meshot.anatomy import fsaverage5_surface
-from meshot.jobs import run_jobs
 from meshot.mesh import Mesh
 from meshot.pipeline import carry_template
-from meshot.provenance import rounded, write_results
+from meshot.provenance import rounded
 from meshot.synth import participants, read_subject
 from meshot.types import Array, Float
 
-HERE = Path(__file__).resolve().parent
-COHORTS = HERE.parents[1] / "build" / "cohorts"
-
-
-def main() -> None:
-    """Compute the missing results, then write the summary."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cohorts", type=Path, default=COHORTS, help="the folder that holds the cohort")
-    folder = parser.parse_args().cohorts
-    torch.set_num_threads(1)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    tasks = [
-        {"participant": person.participant_id, "side": side}
-        for person in participants(folder / config["cohort"], "test")
-        for side in config["sides"]
-        if person.kind == config["kind"]
-    ]
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(
-        tasks, lambda task: score(task, folder, config), partial, folder=HERE, config=config | {"made_in": str(folder)},
-        clock=time.process_time,
-    )  # fmt: skip
-    scores = [row["task"] | row["found"] | {"cpu_seconds": round(row["seconds"], 1)} for row in rows]
-    results = rounded({"scores": scores, "means": means(scores)})
-    seconds = sum(row["seconds"] for row in rows)
-    write_results(HERE / "results.json", results, config, "python experiments/correspondence/run.py",
-                  f"synthetic cohort {config['cohort']}", seconds)  # fmt: skip
-    partial.unlink(missing_ok=True)
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def score(task: dict, folder: Path, config: dict) -> dict:
@@ -97,5 +67,31 @@ def means(scores: list[dict]) -> dict:
     }
 
 
+def tasks(config: dict) -> list[dict]:
+    """Both hemispheres of the held-out subjects."""
+    return [
+        {"participant": person.participant_id, "side": side}
+        for person in participants(Path(config["made_in"]) / config["cohort"], "test")
+        for side in config["sides"]
+        if person.kind == config["kind"]
+    ]
+
+
+def work(task: dict, config: dict) -> dict:
+    """The distances of one hemisphere."""
+    return score(task, Path(config["made_in"]), config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The distances of all hemispheres, and their means."""
+    scores = [row["task"] | row["found"] | {"cpu_seconds": round(row["seconds"], 1)} for row in rows]
+    return rounded({"scores": scores, "means": means(scores)})
+
+
+def data(config: dict) -> str:
+    """The cohort."""
+    return f"synthetic cohort {config['cohort']}"
+
+
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, data, experiment.COHORTS)

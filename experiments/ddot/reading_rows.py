@@ -20,7 +20,7 @@ from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest
 from meshot.pipeline import RECORD, WEIGHTS, InitialSurfaces, in_scanner
 from meshot.provenance import read_results
 from meshot.synth import Subject, scans
-from meshot.systems import DeformationConfig, DeformationExample, deformation_config, deformed, hemisphere_example
+from meshot.systems import DeformationConfig, DeformationExample, deformed, hemisphere_example
 from meshot.volume import StandardScan
 from meshot_book.measurements import digest_of, metric_values
 
@@ -68,7 +68,7 @@ class Setting:
 
     def deformation(self, start: str, arm: str) -> DeformationConfig:
         """All settings of an arm."""
-        return deformation_config(self.named(start, arm).settings(self.configs[start]))
+        return self.named(start, arm).settings(self.configs[start])
 
 
 def seen(subject: Subject, side: Hemisphere, surfaces: InitialSurfaces, n_faces: int) -> Seen:

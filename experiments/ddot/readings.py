@@ -11,7 +11,6 @@ with the same folders wait for each other. A kept training must have the setting
 
 import contextlib
 import sys
-import time
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -25,12 +24,14 @@ from trainings import HERE, Wanted, arguments, read_config, record_of, segmentat
 
 import train
 from meshot.files import whole_file
-from meshot.jobs import run_jobs
 from meshot.mesh import write_mesh
 from meshot.pipeline import InitialSurfaces, segment, segmented_surface
 from meshot.provenance import read_results, rounded, write_results
 from meshot.synth import Subject, scans
 from meshot_book.trainings import alone
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 SPLITS = ("train", "validation", "test")
 STARTS = ("initial", "binary")
@@ -183,10 +184,8 @@ def trained_from(start: str, protocol: dict, jobs: int = 1, device: str = "cpu")
 def measured_rows(setting: Setting, partial: Path) -> tuple[list[dict], float]:
     """The measurements of all networks, and their seconds. Finished ones are read from ``partial``."""
     torch.set_num_threads(setting.protocol["evaluation"]["n_threads"])
-    found = run_jobs(
-        tasks_of(setting), lambda task: row_of(task, setting), partial,
-        folder=HERE, config=setting.protocol["evaluation"], clock=time.process_time,
-    )  # fmt: skip
+    mark = experiment.stamp(__file__, setting.protocol["evaluation"])
+    found = experiment.run_jobs(tasks_of(setting), lambda task: row_of(task, setting), partial, mark, "readings")
     rows = []
     for line in found:
         task = {key: line["task"][key] for key in ("start", "arm", "weights", "split", "subject")}

@@ -1,32 +1,32 @@
 """Measure the trained flows on the held-out subjects of the cohort that each was trained on.
 
-Run as ``python experiments/ddot/run.py`` when some of the networks exist (see ``train.py``). Missing networks are
-listed in the results, and are measured when the command is run again. Every finished hemisphere is stored in a file
-beside the output, so that the run can be resumed or extended. ``commits`` in the results lists the commits that
-measured. If the measuring code changes, everything is measured again. With ``--all`` the tables of the four protocols
-(``readings.yaml`` and others, see ``readings.py``) are made from their committed weights, too; this takes some
-three hours of one core.
+Some of the networks have to be trained first (see ``train.py``). Missing networks are listed in the results, and are
+measured when the command is run again: finished hemispheres are kept beside the output. ``commits`` lists the commits
+that measured. If the measuring code changes, everything is measured again. With ``--all`` the tables of the four
+protocols (``readings.yaml`` and others, see ``readings.py``) are made from their committed weights, too; this takes
+some three hours of one core.
 """
 
+import dataclasses
 import functools
 import hashlib
 import json
 import sys
-import time
 from pathlib import Path
 
 import readings
-import torch
 from measuring import flow_row, initial_row, seen
 from summary import summarised
-from trainings import HERE, Wanted, arguments, read_config, record_of, segmentation_network, wanted
+from trainings import HERE, Wanted, record_of, segmentation_network, wanted
 
-from meshot.jobs import run_jobs
-from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest, read_weights
+from meshot.model import DeformationNetwork, network_digest, read_weights
 from meshot.pipeline import InitialSurfaces
-from meshot.provenance import provenance, rounded, write_results
+from meshot.provenance import provenance, rounded
 from meshot.synth import Subject, scans
 from meshot_book.measurements import digest_of
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 INITIAL = "initial"
 
@@ -59,34 +59,6 @@ def digests_of(there: list[Wanted], config: dict, segmentation: str) -> dict[str
     found = {INITIAL: settings}
     found |= {each.name: settings + each.kept(config, ".safetensors").read_bytes() for each in there}
     return {name: hashlib.sha256(content).hexdigest()[:12] for name, content in found.items()}
-
-
-def measured(
-    there: list[Wanted], subjects: dict[str, dict[str, Subject]], config: dict, segmentation: SegmentationNetwork,
-    partial: Path, data: dict[str, dict[str, str]],
-) -> list[dict]:  # fmt: skip
-    """A row for every task, with the commit that measured it."""
-    commit = provenance()["commit"]
-    settings, by_name = config["evaluation"], {each.name: each for each in there}
-    surfaces = InitialSurfaces(config["initial"], segmentation)
-
-    @functools.lru_cache(maxsize=1)
-    def hemisphere(cohort: str, subject: str, side: str) -> object:
-        return seen(subjects[cohort][subject], side, surfaces, settings)
-
-    @functools.cache
-    def network(name: str) -> DeformationNetwork:
-        return read_weights(by_name[name].kept(config, ".safetensors"), DeformationNetwork)[0]
-
-    def work(task: dict) -> dict:
-        found = hemisphere(task["cohort"], task["subject"], task["side"])
-        if task["of"] == INITIAL:
-            return {"commit": commit} | initial_row(found, settings)
-        training = by_name[task["of"]].settings(config)["training"]
-        return {"commit": commit} | flow_row(found, network(task["of"]), training, settings)
-
-    tasks = tasks_of(there, subjects, digests_of(there, config, network_digest(segmentation)), data)
-    return run_jobs(tasks, work, partial, folder=HERE, config=settings, clock=time.process_time)
 
 
 def described(each: Wanted, config: dict, segmentation: str) -> dict:
@@ -128,46 +100,96 @@ def require_fair(trainings: list[dict]) -> None:
 PROTOCOLS = ("readings", "candidates", "controls", "budget")
 
 
-def main(words: list[str] | None = None) -> None:
-    """Measure the existing networks and write the results; with ``--all``, those of all protocols, too.
+@dataclasses.dataclass(frozen=True, eq=False)
+class Setting:
+    """The networks that exist, and the held-out scans of their cohorts."""
+
+    config: dict
+    there: list[Wanted]
+    subjects: dict[str, dict[str, Subject]]
+    surfaces: InitialSurfaces
+
+    @functools.cached_property
+    def data(self) -> dict[str, dict[str, str]]:
+        """The digests of the scans."""
+        return data_digests(self.subjects)
+
+    @functools.cached_property
+    def segmentation(self) -> str:
+        """The digest of the network that makes the initial surfaces."""
+        return network_digest(self.surfaces.network)
+
+    @functools.lru_cache(maxsize=1)  # noqa: B019
+    def hemisphere(self, cohort: str, subject: str, side: str) -> object:
+        """What all flows see."""
+        return seen(self.subjects[cohort][subject], side, self.surfaces, self.config["evaluation"])
+
+    @functools.cache  # noqa: B019
+    def network(self, name: str) -> tuple[DeformationNetwork, dict]:
+        """A network, and the settings of its training."""
+        (each,) = (each for each in self.there if each.name == name)
+        network = read_weights(each.kept(self.config, ".safetensors"), DeformationNetwork)[0]
+        return network, each.settings(self.config)["training"]
+
+
+@functools.cache
+def setting(config: experiment.Config) -> Setting:
+    """What the tasks are about.
 
     Raises
     ------
     ValueError
         If no network exists.
     """
-    parser = arguments(__doc__, HERE / "results.json")
-    parser.add_argument("--all", action="store_true", help="then measure the networks of all protocols, too")
-    asked = parser.parse_args(words)
-    config = read_config(asked.config)
-    torch.set_num_threads(config["evaluation"]["n_threads"])
-    planned = wanted(config)
-    there = [each for each in planned if each.is_made(config)]
-    missing = [each.name for each in planned if each not in there]
+    there = [each for each in wanted(config) if each.is_made(config)]
     if not there:
         raise ValueError(f"no trained network is in {config['weights']}: run experiments/ddot/train.py first")
-    if missing:
-        print(f"{len(missing)} networks are missing (train.py makes them): {', '.join(missing)}", file=sys.stderr)
-    segmentation = segmentation_network(config)
-    trainings = [described(each, config, network_digest(segmentation)) for each in there]
-    require_fair(trainings)
     cohorts = dict.fromkeys(each.cohort for each in there)
     subjects = {c: {s.name: s for s in scans(config["cohorts"][c], config["evaluation"]["split"])} for c in cohorts}
-    partial = asked.output.with_name("partial.jsonl")
-    data = data_digests(subjects)
-    found = measured(there, subjects, config, segmentation, partial, data)
-    commits = list(dict.fromkeys(line["found"].pop("commit") for line in found))
-    rows = [_row(line, {each.name: each for each in there}, subjects) for line in found]
-    results = {"missing": missing, "commits": commits, "data_sha256": data}
-    results |= summarised(rows, config["evaluation"], config["comparison"]) | {"trainings": trainings}
-    stands_on = f"held-out subjects of the synthetic cohorts {', '.join(cohorts)}"
-    seconds = sum(line["seconds"] for line in found)
-    write_results(asked.output, rounded(results), config, "python experiments/ddot/run.py", stands_on, seconds)
-    if not missing:
-        partial.unlink()
-    for name in PROTOCOLS if asked.all else ():
-        place = asked.output.with_name(name) / "results.json"
-        readings.main(["--config", str(HERE / f"{name}.yaml"), "-o", str(place)])
+    return Setting(config, there, subjects, InitialSurfaces(config["initial"], segmentation_network(config)))
+
+
+@functools.cache
+def about(config: experiment.Config) -> dict:
+    """What is missing, and the trainings, which are checked."""
+    found = setting(config)
+    missing = [each.name for each in wanted(config) if each not in found.there]
+    if missing:
+        print(f"{len(missing)} networks are missing (train.py makes them): {', '.join(missing)}", file=sys.stderr)
+    trainings = [described(each, config, found.segmentation) for each in found.there]
+    require_fair(trainings)
+    return {"missing": missing, "trainings": trainings}
+
+
+def tasks(config: experiment.Config) -> list[dict]:
+    """All held-out hemispheres, with the initial surface and each flow."""
+    about(config)
+    found = setting(config)
+    return tasks_of(found.there, found.subjects, digests_of(found.there, config, found.segmentation), found.data)
+
+
+def work(task: dict, config: experiment.Config) -> dict:
+    """The row of a task, with the commit that measured it."""
+    found, settings = setting(config), config["evaluation"]
+    commit, scan = provenance()["commit"], found.hemisphere(task["cohort"], task["subject"], task["side"])
+    if task["of"] == INITIAL:
+        return {"commit": commit} | initial_row(scan, settings)
+    return {"commit": commit} | flow_row(scan, *found.network(task["of"]), settings)
+
+
+def results(rows: list[dict], config: experiment.Config) -> dict:
+    """All rows, and their tables."""
+    found, by_name = setting(config), {each.name: each for each in setting(config).there}
+    commits = list(dict.fromkeys(line["found"].pop("commit") for line in rows))
+    rows = [_row(line, by_name, found.subjects) for line in rows]
+    summary = summarised(rows, config["evaluation"], config["comparison"])
+    whole = {"missing": about(config)["missing"], "commits": commits, "data_sha256": found.data}
+    return rounded(whole | summary | {"trainings": about(config)["trainings"]})
+
+
+def data(config: experiment.Config) -> str:
+    """The cohorts."""
+    return f"held-out subjects of the synthetic cohorts {', '.join(setting(config).subjects)}"
 
 
 def _row(line: dict, by_name: dict[str, Wanted], subjects: dict[str, dict[str, Subject]]) -> dict:
@@ -177,6 +199,17 @@ def _row(line: dict, by_name: dict[str, Wanted], subjects: dict[str, dict[str, S
     who = {"arm": INITIAL, "seed": None} if each is None else {"arm": each.arm, "seed": each.seed}
     kind = subjects[place["cohort"]][place["subject"]].participant.kind
     return place | {"kind": kind} | who | line["found"]
+
+
+def main(words: list[str] | None = None) -> None:
+    """Measure the existing networks and write the results; with ``--all``, those of all protocols, too."""
+    every = {"all": ("--all", {"action": "store_true", "help": "then measure the networks of all protocols, too"})}
+    config = experiment.run(
+        __file__, tasks, work, results, data, every, lambda config: config["evaluation"], words
+    )  # fmt: skip
+    for name in PROTOCOLS if config and config["all"] else ():
+        place = config.output.with_name(name) / "results.json"
+        readings.main(["--config", str(HERE / f"{name}.yaml"), "-o", str(place)])
 
 
 if __name__ == "__main__":

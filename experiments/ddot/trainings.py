@@ -12,7 +12,7 @@ from meshot.files import whole_file
 from meshot.model import DeformationNetwork, SegmentationNetwork, read_weights, write_weights
 from meshot.pipeline import LOG, RECORD, STATE_FOLDER, WEIGHTS, segmentation_weights
 from meshot.provenance import read_results
-from meshot.settings import Groups
+from meshot.settings import Settings
 from meshot.systems import SurfaceSystem, get_system, read_settings
 from meshot.train import TrainingLog, TrainingState, read_log
 from meshot_book.trainings import thinned
@@ -50,7 +50,7 @@ class Wanted:
         own = config["arms"][self.arm].get("changes", [])
         return [*own, f"training.side={self.side}", f"training.seed={self.seed}"]
 
-    def settings(self, config: dict) -> Groups:
+    def settings(self, config: dict) -> Settings:
         """All settings."""
         return read_settings(self.system(config), config["settings"], self.changes(config))
 

@@ -1,9 +1,5 @@
 """Deform meshes with one velocity field and one optimiser under seven losses: closeness, mesh regularity, time.
 
-Run as ``python experiments/deforming/run.py``, on one thread. Finished fits are stored in ``partial.jsonl``, and their
-meshes in ``partial_meshes/``, so that a stopped run can be resumed. ``--early`` writes the results of the fits that are
-finished.
-
 An *arm* is ``loss`` ("sliced", "chamfer", "sinkhorn"), ``encoding`` ("varifold", "samples", "surface": the exact
 continuous measure, for "sliced" only) and ``supports`` ("full": as many as faces, or the whole varifold; or a number of
 faces or points drawn at every step, on both sides). A *setting* is ``target`` ("folded": analytic, another member of
@@ -39,15 +35,12 @@ arms under ``kept`` in the configuration, the target, the start and the end of a
 step of the best field, named ``…/path/K``.
 """
 
-import argparse
-import shutil
-import time
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import safetensors.torch
 import torch
-import yaml
 from arms import n_supports, planned_arms
 from fitting import Ruler, fit_once
 from meshes import start_mesh, target_mesh, write_meshes
@@ -55,11 +48,10 @@ from summary import differences, summarise
 
 from meshot import Mesh
 from meshot.files import whole_file
-from meshot.jobs import fingerprint, finished_tasks, run_jobs
-from meshot.provenance import write_results
 
-HERE = Path(__file__).parent
-MESHES = HERE / "partial_meshes"
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
 ARM = ("loss", "encoding", "supports")
 SETTING = ("target", "start", "seed")
 
@@ -127,9 +119,9 @@ def _name(task: dict) -> str:
     return "_".join(str(task[part]) for part in ARM)
 
 
-def _kept_at(task: dict, config: dict) -> Path:
+def _kept_at(task: dict, config: experiment.Config) -> Path:
     name = "_".join(str(task[name]) for name in (*SETTING, *ARM))
-    return MESHES / fingerprint(HERE, config) / f"{name}.safetensors"
+    return config.place / f"{name}.safetensors"
 
 
 def describe(setting: dict, config: dict) -> dict:
@@ -177,32 +169,20 @@ def _ends(found: dict) -> dict:
     return {name: found["end"][name] for name in ("assd", "edge_variation")}
 
 
-def main() -> None:
-    """Do the missing fits (unless ``--early``), and write the results."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--early", action="store_true", help="write the results of the fits that are finished")
-    early = parser.parse_args().early
-    torch.set_num_threads(1)
-    started = time.process_time()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    tasks = sorted(planned_fits(config) + planned_trials(config), key=lambda task: stage(task, config))
-    if early:
-        tasks = finished_tasks(tasks, partial, folder=HERE, config=config)
-    rows = run_jobs(
-        tasks, lambda task: work(task, config), partial, folder=HERE, config=config, clock=time.process_time
-    )
+def tasks(config: dict) -> list[dict]:
+    """All fits, the most informative ones first."""
+    return sorted(planned_fits(config) + planned_trials(config), key=lambda task: stage(task, config))
+
+
+def results(rows: list[dict], config: experiment.Config) -> dict:
+    """The results; the meshes are written to their file."""
     of_trials = [row for row in rows if row["task"]["seed"] == config["trials"]["seed"]]
-    results = collect([row for row in rows if row not in of_trials], of_trials, config)
-    meshes = dict(stored_meshes(results["fits"], config))
-    write_meshes(HERE / "meshes.safetensors.gz", meshes, config["vertex_step"])
-    seconds = max(sum(row["seconds"] for row in rows), time.process_time() - started)
-    data = "analytic folded surfaces; fsaverage5 white surfaces (FreeSurfer)"
-    write_results(HERE / "results.json", results, config, "python experiments/deforming/run.py", data, seconds)
-    if not early:
-        partial.unlink()
-        shutil.rmtree(MESHES, ignore_errors=True)
+    found = collect([row for row in rows if row not in of_trials], of_trials, config)
+    meshes = dict(stored_meshes(found["fits"], config))
+    write_meshes(config.output.with_name("meshes.safetensors.gz"), meshes, config["vertex_step"])
+    return found
 
 
 if __name__ == "__main__":
-    main()
+    data = "analytic folded surfaces; fsaverage5 white surfaces (FreeSurfer)"
+    experiment.run(__file__, tasks, work, results, data)

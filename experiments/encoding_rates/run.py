@@ -1,22 +1,18 @@
 """Measure the distance of varifolds and samples from the continuous measure, over the edge length and over time.
 
-Run as ``python experiments/encoding_rates/run.py``. Finished levels are stored in ``partial.jsonl`` until all are done,
-so that a stopped run can be resumed. Errors are reproducible; the times of the last part are not.
+Errors are reproducible; the times of the last part are not.
 """
 
-import time
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from clock import measure_clock
 from measured import measure_level
 from summary import summarise, summarise_clock
 
-from meshot.jobs import run_jobs
-from meshot.provenance import write_results
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
-HERE = Path(__file__).parent
 MEASURE = {"levels": measure_level, "clock": measure_clock}
 
 
@@ -33,23 +29,15 @@ def tasks(config: dict) -> list[dict]:
     return found + [{"part": "clock", "pair": name} for name in ("white to pial", "tiny deformation")]
 
 
-def main() -> None:
-    """Do the missing tasks, then write the summary."""
-    torch.set_num_threads(1)
-    started = time.perf_counter()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(
-        tasks(config), lambda task: MEASURE[task["part"]](task, config), partial, folder=HERE, config=config,
-        clock=time.process_time,
-    )  # fmt: skip
-    results = summarise(rows, config) | {"clock": summarise_clock(rows)}
-    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
-    command = "python experiments/encoding_rates/run.py"
-    data = "synthetic surfaces; FreeSurfer's fsaverage5, left hemisphere"
-    write_results(HERE / "results.json", results, config, command, data, seconds)
-    partial.unlink()
+def work(task: dict, config: dict) -> dict:
+    """One level, or the times of a pair."""
+    return MEASURE[task["part"]](task, config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The errors of all levels, and the times."""
+    return summarise(rows, config) | {"clock": summarise_clock(rows)}
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, "synthetic surfaces; FreeSurfer's fsaverage5, left hemisphere")

@@ -4,34 +4,29 @@ Run as ``python experiments/exact_value/run.py``. Finished parts are stored in `
 that a stopped run can be resumed.
 """
 
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from accuracy import accuracy
 from fitting import descents
 from sampling import sampling, times
 
-from meshot.jobs import run_jobs
-from meshot.provenance import write_results
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
-HERE = Path(__file__).parent
 PARTS = {"accuracy": accuracy, "sampling": sampling, "time": times, "descent": descents}
 
 
-def main() -> None:
-    """Do the missing parts, then write the results."""
-    torch.set_num_threads(1)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(PARTS, lambda name: PARTS[name](config), partial, folder=HERE, config=config)
-    results = {row["task"]: row["found"] for row in rows}
-    seconds = sum(row["seconds"] for row in rows)
-    command = "python experiments/exact_value/run.py"
-    data = "synthetic shapes; the white and pial surfaces of fsaverage5"
-    write_results(HERE / "results.json", results, config, command, data, seconds)
-    partial.unlink()
+def work(part: str, config: dict) -> object:
+    """The results of a part."""
+    return PARTS[part](config)
+
+
+def summarise(rows: list[dict], config: dict) -> dict:
+    """The results of all parts."""
+    return {row["task"]: row["found"] for row in rows}
 
 
 if __name__ == "__main__":
-    main()
+    data = "synthetic shapes; the white and pial surfaces of fsaverage5"
+    experiment.run(__file__, lambda config: list(PARTS), work, summarise, data)

@@ -1,8 +1,5 @@
 """Fits with a fixed number of support points: time and memory as the mesh grows, and the results of fits.
 
-Run as ``python experiments/fixed_supports/run.py``, on one thread. Finished fits are stored in ``partial.jsonl``, so
-that a stopped run can be resumed.
-
 ``results.json`` has, under "results":
 
 - ``costs``: ``loss`` ("sliced", "chamfer"), ``variant`` ("all": the whole varifold; "drawn": a fixed number of faces
@@ -15,22 +12,21 @@ that a stopped run can be resumed.
 - ``differences``: paired over seeds, a fixed number minus all: ``assd_gap``, ``assd_low``, ``assd_high`` (95 %).
 """
 
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
-import torch
-import yaml
 from costs import cost_rows
 from variants import fit_loss, pair_of_meshes
 
 from meshot import evaluate
 from meshot.flow import FitSettings, fit_flow, grid_around
-from meshot.jobs import run_jobs
-from meshot.provenance import rounded, write_results
+from meshot.provenance import rounded
 from meshot_book.statistics import arm_differences
 
-HERE = Path(__file__).parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
 MEASURED = ("assd", "edge_variation", "intersecting_faces")
 
 
@@ -88,23 +84,11 @@ def differences(summary: list[dict]) -> list[dict]:
     return rows
 
 
-def main() -> None:
-    """Do the missing fits, measure memory and time of the steps, and write the results."""
-    torch.set_num_threads(1)
-    began = time.process_time()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(
-        planned_fits(config), lambda task: fit_once(task, config), partial, folder=HERE, config=config,
-        clock=time.process_time,
-    )  # fmt: skip
-    summary, of_costs = summarise(rows), time.process_time()
-    results = {"costs": cost_rows(config), "fits": summary, "differences": differences(summary)}
-    seconds = max(sum(row["seconds"] for row in rows) + time.process_time() - of_costs, time.process_time() - began)
-    command = "python experiments/fixed_supports/run.py"
-    write_results(HERE / "results.json", results, config, command, "analytic folded surfaces", seconds)
-    partial.unlink()
+def results(rows: list[dict], config: dict) -> dict:
+    """The costs of a step, the fits, and their differences."""
+    summary = summarise(rows)
+    return {"costs": cost_rows(config), "fits": summary, "differences": differences(summary)}
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, planned_fits, fit_once, results, "analytic folded surfaces")

@@ -1,38 +1,20 @@
-"""Measure the floors of EMD, SWD and ASSD, and extrapolate them to the paper's number of points.
-
-A stopped run can be resumed: every finished pair of samples is a line of ``partial.jsonl``.
-"""
+"""Measure the floors of EMD, SWD and ASSD, and extrapolate them to the paper's number of points."""
 
 import itertools
-import time
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from extrapolation import Groups, matching_law, power_law, ratios_of, slope_of, with_interval
 from readings import emd_readings, paper_number
 from samples import measured, surface_of
 
-from meshot.jobs import run_jobs
 from meshot.mesh import face_areas
-from meshot.provenance import rounded, write_results
+from meshot.provenance import rounded
 
-HERE = Path(__file__).resolve().parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
 DIRECT = ("sw2", "point_to_point", "point_to_face")
-
-
-def main() -> None:
-    """Do the missing measurements, then write the summary."""
-    torch.set_num_threads(1)
-    started = time.process_time()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(all_tasks(config), measured, partial, folder=HERE, config=config, clock=time.process_time)
-    results = summarise(rows, config)
-    seconds = max(sum(row["seconds"] for row in rows), time.process_time() - started)
-    command, data = "python experiments/floors/run.py", "fsaverage5 white and pial surfaces (group averages)"
-    write_results(HERE / "results.json", rounded(results), config, command, data, seconds)
-    partial.unlink()
 
 
 def all_tasks(config: dict) -> list[dict]:
@@ -67,13 +49,15 @@ def summarise(rows: list[dict], config: dict) -> dict:
         if row["task"]["metric"] == "exact_w2"
     }
     floors = [floor_row(*key, groups, exact, config) for key, groups in found.items()]
-    return {
-        "number_mm": paper_number(),
-        "readings": emd_readings(floors, config["from_m"]),
-        "areas_mm2": {" ".join(s): area_of(s) for s in config["surfaces"]},
-        "floors": floors,
-        "seconds": seconds_of(rows),
-    }
+    return rounded(
+        {
+            "number_mm": paper_number(),
+            "readings": emd_readings(floors, config["from_m"]),
+            "areas_mm2": {" ".join(s): area_of(s) for s in config["surfaces"]},
+            "floors": floors,
+            "seconds": seconds_of(rows),
+        }
+    )
 
 
 def area_of(surface: list[str]) -> float:
@@ -116,4 +100,5 @@ def seconds_of(rows: list[dict]) -> list[dict]:
 
 
 if __name__ == "__main__":
-    main()
+    data = "fsaverage5 white and pial surfaces (group averages)"
+    experiment.run(__file__, all_tasks, lambda task, config: measured(task), summarise, data)

@@ -1,8 +1,6 @@
 """Fit flows from smooth surfaces to fsaverage5's white surface, both hemispheres, without self-intersections.
 
-Run as ``python experiments/fsaverage5_flow/run.py``, on one thread. Every fit saves its state and every finished task
-is stored in ``partial/``, so that a stopped run can be resumed with the same result. ``--fresh`` deletes stored parts
-first.
+Every fit saves its state, so that a stopped run can be resumed with the same result.
 
 Three *tasks* for each hemisphere, see ``config.yaml``: ``sliced``, from the slightly smoothed target, by sliced
 Wasserstein on varifolds alone; ``mixture``, which continues with Chamfer on a finer grid; ``far``, from a surface
@@ -28,13 +26,9 @@ The stored flows are read by ``stored.stored_flow(hemisphere, task)``: the start
 :func:`meshot_book.flows.chain_trajectory`.
 """
 
-import argparse
-import shutil
-import time
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from fitting import closeness, fit_leg
 from measuring import fit_record, measured, watched_path
 from mending import mended_chain
@@ -42,13 +36,11 @@ from stored import read_flow, write_flow
 from surfaces import carried, start_surface, target_surface
 
 from meshot.anatomy import HEMISPHERES
-from meshot.jobs import fingerprint, run_jobs
 from meshot.mesh import Mesh, self_intersecting_faces
-from meshot.provenance import write_results
 from meshot_book.flows import Leg
 
-HERE = Path(__file__).parent
-PARTIAL = HERE / "partial"
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def fit_chain(side: str, task: str, target: Mesh, config: dict, place: Path) -> tuple[list[Leg], Mesh, list[dict]]:
@@ -109,34 +101,21 @@ def store(side: str, task: str, legs: list[Leg], start: Mesh, target: Mesh, conf
     }
 
 
-def main() -> None:
-    """Do all tasks on both hemispheres, then write the results."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--fresh", action="store_true", help="delete what a stopped run left, and start again")
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    torch.set_num_threads(config["n_threads"])
-    if parser.parse_args().fresh:
-        shutil.rmtree(PARTIAL, ignore_errors=True)
-    place = PARTIAL / fingerprint(HERE, config)
-    place.mkdir(parents=True, exist_ok=True)
-    todo = [(task, side) for task in config["tasks"] for side in HEMISPHERES]
-    rows = run_jobs(
-        todo, lambda task: do_task(*task, config, place), PARTIAL / "tasks.jsonl", folder=HERE, config=config,
-        clock=time.process_time,
-    )  # fmt: skip
-    done = {row["task"]: row["found"] for row in rows}
-    results = {side: {task: done[task, side] for task in config["tasks"]} for side in HEMISPHERES}
-    # A leg that two tasks share is counted once.
-    seconds = sum(
-        fit["seconds"]
-        for task, settings in config["tasks"].items()
-        for side in HEMISPHERES
-        for fit in done[task, side]["fits"][-len(settings["legs"]) :]
-    )
-    command, data = "python experiments/fsaverage5_flow/run.py", "fsaverage5 (FreeSurfer): white surfaces"
-    write_results(HERE / "results.json", results, config, command, data, seconds)
-    shutil.rmtree(PARTIAL)
+def work(task: tuple[str, str], config: experiment.Config) -> dict:
+    """All results of one task on one hemisphere."""
+    return do_task(*task, config, config.place)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The results of both hemispheres."""
+    done = {tuple(row["task"]): row["found"] for row in rows}
+    return {side: {task: done[task, side] for task in config["tasks"]} for side in HEMISPHERES}
+
+
+def tasks(config: dict) -> list[tuple[str, str]]:
+    """All tasks on both hemispheres."""
+    return [(task, side) for task in config["tasks"] for side in HEMISPHERES]
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, "fsaverage5 (FreeSurfer): white surfaces")

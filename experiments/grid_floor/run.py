@@ -1,28 +1,26 @@
 """How near a surface from the true fractions comes to the truth, over the size of the voxels.
 
-Run as ``python experiments/grid_floor/run.py`` when the cohort exists; ``--cohorts`` names the folder that holds it.
-Every result is stored, so that a stopped run can be resumed.
+The cohort has to be made first (``data_synth/README.md``).
 """
 
-import argparse
 import functools
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import torch
-import yaml
 
-from meshot.jobs import run_jobs
 from meshot.mesh import Mesh, topology
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
 from meshot.pipeline import segmented_surface
-from meshot.provenance import rounded, write_results
+from meshot.provenance import rounded
 from meshot.synth import Subject, scans
 from meshot.volume import Volume, enclosed_fractions
 
-HERE = Path(__file__).resolve().parent
-COHORTS = HERE.parents[1] / "build" / "cohorts"
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
 MEASURED = ("assd_mm", "hausdorff90_mm", "assd_mm_raw", "given_up_mm3", "n_faces", "n_voxels", "cpu_seconds")
 
 
@@ -82,37 +80,42 @@ def chosen(subjects: list[Subject], config: dict) -> dict[str, Subject]:
     return {each.name: each for each in own[: config["n_subjects"]]}
 
 
-def main(words: list[str] | None = None) -> None:
-    """Compute the missing results, then write the summary."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cohorts", type=Path, default=COHORTS, help="the folder that holds the cohort")
-    parser.add_argument("--output", type=Path, default=HERE / "results.json", help="where the results go")
-    asked = parser.parse_args(words)
-    torch.set_num_threads(1)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    people = chosen(scans(asked.cohorts / config["cohort"], "test"), config)
-
-    @functools.lru_cache(maxsize=1)
-    def truth_of(name: str, side: str) -> Mesh:
-        return people[name].surface("white", side)  # in scanner space, in mm
-
-    tasks = [
+def tasks(config: dict) -> list[dict]:
+    """Both hemispheres of the subjects, with every size of the voxels."""
+    return [
         {"subject": name, "side": side, "voxel_mm": voxel}
-        for name in people for side in config["sides"] for voxel in config["voxel_mm"]
+        for name in people(config) for side in config["sides"] for voxel in config["voxel_mm"]
     ]  # fmt: skip
-    partial = asked.output.with_name("partial.jsonl")
-    found = run_jobs(
-        tasks, lambda task: measured(truth_of(task["subject"], task["side"]), task["voxel_mm"], config), partial,
-        folder=HERE, config=config | {"made_in": str(asked.cohorts)}, clock=time.process_time,
-    )  # fmt: skip
-    rows = [row["task"] | row["found"] for row in found]
+
+
+@functools.cache
+def people(config: dict) -> dict[str, Subject]:
+    """The subjects that are measured."""
+    return chosen(scans(Path(config["made_in"]) / config["cohort"], "test"), config)
+
+
+@functools.lru_cache(maxsize=1)
+def truth_of(name: str, side: str, config: dict) -> Mesh:
+    """The true surface, in scanner space, in mm."""
+    return people(config)[name].surface("white", side)
+
+
+def work(task: dict, config: dict) -> dict:
+    """What was measured for one size of the voxels."""
+    return measured(truth_of(task["subject"], task["side"], config), task["voxel_mm"], config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The rows, their means, and the exponent."""
+    rows = [row["task"] | row["found"] for row in rows]
     lines = summary(rows)
-    results = {"hemispheres": rows, "summary": lines, "exponent": exponent(lines)}
-    seconds = sum(row["seconds"] for row in found)
-    about = f"held-out subjects of the synthetic cohort {config['cohort']}"
-    write_results(asked.output, rounded(results), config, "python experiments/grid_floor/run.py", about, seconds)
-    partial.unlink(missing_ok=True)
+    return rounded({"hemispheres": rows, "summary": lines, "exponent": exponent(lines)})
+
+
+def data(config: dict) -> str:
+    """The subjects."""
+    return f"held-out subjects of the synthetic cohort {config['cohort']}"
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, data, experiment.COHORTS)

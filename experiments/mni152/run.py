@@ -1,19 +1,17 @@
 """White surfaces of the MNI152 T1, and a fitted flow from them to the surface of the white-matter map.
 
-Run as ``python experiments/mni152/run.py``. Every finished task is stored in ``partial/``, and every fit saves its
-state, so that a stopped run can be resumed with the same result.
+Every fit saves its state, so that a stopped run can be resumed with the same result.
 """
 
 import itertools
 import json
 import os
-import shutil
+import sys
 import time
 from pathlib import Path
 
 import safetensors.torch
 import torch
-import yaml
 from tqdm import tqdm
 
 from meshot.anatomy import HEMISPHERES, fsaverage5_surface, mni152_brain_mask, mni152_t1, mni152_white_matter
@@ -28,16 +26,15 @@ from meshot.flow import (
     sliced_loss,
     write_velocity,
 )
-from meshot.jobs import fingerprint, run_jobs
 from meshot.measure import varifold
 from meshot.mesh import Mesh, decimated, face_areas, topology
 from meshot.metrics import evaluate
-from meshot.pipeline import TissueSurface, hemisphere_region, restricted, tissue_surface
-from meshot.provenance import write_results
 from meshot.volume import dice, isosurface, white_matter_probability
+from meshot_book.tissue import TissueSurface, hemisphere_region, restricted, tissue_surface
 
-HERE = Path(__file__).parent
-PARTIAL = HERE / "partial"
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
 VELOCITY = "velocity_{}.safetensors.gz"
 PARTS = ("surfaces", "flow", "before", "after")
 
@@ -157,30 +154,28 @@ def told(found: dict[str, dict], seconds: dict[str, float]) -> dict:
     }
 
 
-def main() -> None:
-    """Do both hemispheres, then write the results."""
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    torch.set_num_threads(config["n_threads"])
+def tasks(config: dict) -> list[tuple[str, str]]:
+    """All parts of both hemispheres."""
+    return list(itertools.product(HEMISPHERES, PARTS))
+
+
+def work(task: tuple[str, str], config: experiment.Config) -> dict:
+    """One part of a hemisphere."""
     # Otherwise torch adds gradients of shared vertices in the varying order of its threads.
     torch.use_deterministic_algorithms(True)
-    place = PARTIAL / fingerprint(HERE, config)
-    place.mkdir(parents=True, exist_ok=True)
-    todo, partial = list(itertools.product(HEMISPHERES, PARTS)), PARTIAL / "tasks.jsonl"
-    rows = run_jobs(todo, lambda task: do_part(*task, config, place), partial, folder=HERE, config=config)
-    found, spent = ({row["task"]: row[key] for row in rows} for key in ("found", "seconds"))
-    results = {
+    return do_part(*task, config, config.place)
+
+
+def results(rows: list[dict], config: experiment.Config) -> dict:
+    """The results of both hemispheres; their flows are moved beside the file of the results."""
+    found, spent = ({tuple(row["task"]): row[key] for row in rows} for key in ("found", "seconds"))
+    for name in map(VELOCITY.format, HEMISPHERES):
+        os.replace(config.place / name, config.output.with_name(name))
+    return {
         side: told(*({part: values[side, part] for part in PARTS} for values in (found, spent))) for side in HEMISPHERES
     }
-    seconds = sum(
-        part["surfaces"]["seconds"] + part["seconds_of_metrics"] + sum(stage["seconds"] for stage in part["fit"])
-        for part in results.values()
-    )
-    data = "MNI152 group average (ICBM 2009a, symmetric; not a person); guide: fsaverage5 (FreeSurfer)"
-    write_results(HERE / "results.json", results, config, "python experiments/mni152/run.py", data, seconds)
-    for name in map(VELOCITY.format, HEMISPHERES):
-        os.replace(place / name, HERE / name)
-    shutil.rmtree(PARTIAL)
 
 
 if __name__ == "__main__":
-    main()
+    data = "MNI152 group average (ICBM 2009a, symmetric; not a person); guide: fsaverage5 (FreeSurfer)"
+    experiment.run(__file__, tasks, work, results, data)

@@ -4,33 +4,26 @@ Run as ``python experiments/normal_scale/run.py``. Finished pairs are stored in 
 that a stopped run can be resumed.
 """
 
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from shares import crossing_scale, measure_pair, pairs
 
-from meshot.jobs import run_jobs
-from meshot.provenance import write_results
-
-HERE = Path(__file__).parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
-def main() -> None:
-    """Do the missing pairs, then write the results."""
-    torch.set_num_threads(1)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    measured, partial = pairs(config), HERE / "partial.jsonl"
-    rows = run_jobs(measured, lambda name: measure_pair(*measured[name], config), partial, folder=HERE, config=config)
-    found = [
-        {"pair": row["task"], "half_of_loss_at": crossing_scale(row["found"]["rows"]), **row["found"]} for row in rows
-    ]
-    seconds = sum(row["seconds"] for row in rows)
-    command = "python experiments/normal_scale/run.py"
-    data = "the white and pial surfaces of fsaverage5; synthetic folded surfaces"
-    write_results(HERE / "results.json", {"pairs": found}, config, command, data, seconds)
-    partial.unlink()
+def summarise(rows: list[dict], config: dict) -> dict:
+    """What was measured for each pair, and the scale at which the normals are half of the loss."""
+    found = ((row["task"], row["found"]) for row in rows)
+    return {"pairs": [{"pair": pair, "half_of_loss_at": crossing_scale(of["rows"]), **of} for pair, of in found]}
+
+
+def work(pair: str, config: dict) -> dict:
+    """Everything about one pair of surfaces."""
+    return measure_pair(*pairs(config)[pair], config)
 
 
 if __name__ == "__main__":
-    main()
+    data = "the white and pial surfaces of fsaverage5; synthetic folded surfaces"
+    experiment.run(__file__, lambda config: list(pairs(config)), work, summarise, data)

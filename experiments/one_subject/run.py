@@ -1,8 +1,7 @@
 """One hemisphere trained on alone: what duration and width give, and what the loss itself allows.
 
 Run as ``python experiments/one_subject/run.py``, on one thread; some eighty minutes. It needs no cohort.
-``config.yaml`` is the protocol. Finished arms are stored in ``partial.jsonl``, and a training resumes from its last
-state.
+``config.yaml`` is the protocol. A training resumes from its last state.
 
 ``results.json`` has, under "results":
 
@@ -13,25 +12,25 @@ state.
   since the previous check.
 """
 
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
 import torch
-import yaml
 
 from meshot import evaluate
-from meshot.jobs import run_jobs
 from meshot.loss import quasi_directions, sliced_wasserstein
 from meshot.measure import varifold
 from meshot.mesh import Mesh
-from meshot.provenance import rounded, write_results
+from meshot.provenance import rounded
 from meshot.systems import DeformationExample, deformed, get_system, read_settings, train_deformation
 from meshot.train import Progress, Training
 from meshot_book.example_file import read_example
 
-HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
+ROOT = experiment.ROOT
 
 
 def settings_of(arm: dict, config: dict) -> list[str]:
@@ -75,7 +74,7 @@ def trained(name: str, example: DeformationExample, config: dict, progress: Prog
     """Train one arm, or resume its training."""
     arm = config["arms"][name]
     system = get_system(arm["system"])
-    settings = system.config(read_settings(system, config["settings"], settings_of(arm, config)))
+    settings = read_settings(system, config["settings"], settings_of(arm, config))
     folder = ROOT / config["state"] / name
     return train_deformation(settings, [example], [example], folder, progress, torch.device("cpu"))
 
@@ -91,25 +90,19 @@ def train_arm(name: str, config: dict) -> dict:
     return rounded({"surface": measured(mesh, example, config) | numbers, "curve": curve(found.log)})
 
 
-def main() -> None:
-    """Train the missing arms and write the results."""
-    torch.set_num_threads(1)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(
-        list(config["arms"]), lambda name: train_arm(name, config), partial, folder=HERE, config=config,
-        clock=time.process_time,
-    )  # fmt: skip
-    example, record = read_example(ROOT / config["example"])
+def results(rows: list[dict], config: dict) -> dict:
+    """The surfaces of the start and of every arm, and the curves."""
+    example, _ = read_example(ROOT / config["example"])
     surfaces = [{"arm": "initial"} | rounded(measured(example.initial, example, config))]
     surfaces += [{"arm": row["task"]} | row["found"]["surface"] for row in rows]
-    curves = {row["task"]: row["found"]["curve"] for row in rows}
-    stands_on = f"one hemisphere of a synthetic cohort: {record['name']}, {record['side']}"
-    seconds = sum(row["found"]["surface"]["cpu_seconds"] for row in rows)
-    command = "python experiments/one_subject/run.py"
-    write_results(HERE / "results.json", {"surfaces": surfaces, "curves": curves}, config, command, stands_on, seconds)
-    partial.unlink()
+    return {"surfaces": surfaces, "curves": {row["task"]: row["found"]["curve"] for row in rows}}
+
+
+def data(config: dict) -> str:
+    """The hemisphere."""
+    _, record = read_example(ROOT / config["example"])
+    return f"one hemisphere of a synthetic cohort: {record['name']}, {record['side']}"
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, lambda config: list(config["arms"]), train_arm, results, data)

@@ -1,29 +1,17 @@
 """Check the paper's tables for consistency: inequalities, deviations, cells printed twice, shares as counts."""
 
-import time
+import sys
 from pathlib import Path
 
-import torch
 import yaml
 from counting import faces_for, factors, smallest_shares
 from inequality import CONVENTIONS, broken_rows, direction_allowance, exchanged, rows_of
 from oddities import column_pattern, printed_twice, smallest_deviations
 
-from meshot.provenance import rounded, write_results
+from meshot.provenance import rounded
 
-HERE = Path(__file__).resolve().parent
-
-
-def main() -> None:
-    """Compute everything, in seconds."""
-    torch.set_num_threads(1)
-    started = time.process_time()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    paper = yaml.safe_load((HERE / config["paper"]).read_text(encoding="utf-8"))
-    command, data = "python experiments/paper_table/run.py", "the paper's printed tables"
-    results = rounded({"table": table_read(paper, config), "counts": counts_read(paper, config)})
-    seconds = time.process_time() - started
-    write_results(HERE / "results.json", results, config, command, data, seconds)
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def table_read(paper: dict, config: dict) -> dict:
@@ -57,5 +45,11 @@ def counts_read(paper: dict, config: dict) -> dict:
     }
 
 
+def results(rows: list[dict], config: dict) -> dict:
+    """Both claims, in seconds: there are no tasks."""
+    paper = yaml.safe_load(Path(__file__).with_name(config["paper"]).read_text(encoding="utf-8"))
+    return rounded({"table": table_read(paper, config), "counts": counts_read(paper, config)})
+
+
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, lambda config: [], lambda task, config: None, results, "the paper's printed tables")

@@ -8,7 +8,8 @@ import numpy as np
 from meshot.anatomy import HEMISPHERES, Hemisphere, fsaverage5_surface, mni152_t1, mni152_white_matter
 from meshot.mesh import Mesh, face_areas
 from meshot.metrics import Surface, average_surface_distance, offsets_between
-from meshot.pipeline import TrainedNetworks, hemisphere_region, reconstruct, restricted, tissue_surface
+from meshot.pipeline import TrainedNetworks, reconstruct
+from meshot_book.tissue import hemisphere_region, restricted, tissue_surface
 
 
 def map_surface(side: Hemisphere) -> Mesh:

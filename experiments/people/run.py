@@ -2,34 +2,34 @@
 
 The MNI152 average is measured, too.
 
-Run as ``python experiments/people/run.py`` when the cohorts of ``config.yaml`` exist. ``--only people_like`` measures
-one of them. ``--segmentation`` and ``--weights`` replace the networks of the package, ``--output`` the file of the
-results. Every finished scan is stored, so that a stopped run can be resumed.
+The cohorts of ``config.yaml`` have to be made first. ``--only people_like`` measures one of them.
 """
 
-import argparse
 import functools
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
-import torch
-import yaml
 from average import measured_average
 from summary import summarised
 
 from meshot.anatomy import HEMISPHERES, Hemisphere
-from meshot.jobs import run_jobs
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
 from meshot.model import network_digest
-from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct, warning_names
-from meshot.provenance import rounded, write_results
+from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct
+from meshot.provenance import rounded
 from meshot.synth import Subject, scans
 from meshot.volume import Volume, dice, enclosed_fractions, transform_points
 
-HERE = Path(__file__).resolve().parent
-COMMAND = "python experiments/people/run.py"
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
+#: Options that replace the networks of the package.
+NETWORKS = {
+    "segmentation": ("--segmentation", {"help": "weights in place of the package's"}),
+    "weights": ("--weights", {"help": "folder of flows in place of the package's"}),
+}
 
 
 def measured(subject: Subject, networks: TrainedNetworks, config: dict) -> dict:
@@ -89,7 +89,8 @@ def about(subject: Subject) -> dict:
 
 def how_it_went(made: Reconstruction) -> dict:
     """Warnings of a reconstruction, and its seconds of processor time."""
-    return {"warning_names": warning_names(made.warnings), "cpu_seconds": sum(made.cpu_seconds.values())}
+    names = [warning.name for warning in made.warnings]
+    return {"warning_names": names, "cpu_seconds": sum(made.cpu_seconds.values())}
 
 
 def digests(networks: TrainedNetworks) -> dict[str, str]:
@@ -100,56 +101,55 @@ def digests(networks: TrainedNetworks) -> dict[str, str]:
     }
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The parsed command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", metavar="COHORT", help="measure these cohorts alone, and write no results")
-    parser.add_argument("--segmentation", type=Path, help="weights in place of the package's")
-    parser.add_argument("--weights", type=Path, help="folder of flows in place of the package's")
-    parser.add_argument("--output", type=Path, default=HERE / "results.json", help="where the results go")
-    return parser.parse_args(words)
+@functools.cache
+def networks(name: str, config: dict) -> TrainedNetworks:
+    """The networks of a row of the plan."""
+    package = {"segmentation": config.get("segmentation"), "weights": config.get("weights")}
+    return load_networks(**(config["networks"] | {"package": package})[name])
 
 
-def main(words: list[str] | None = None) -> None:
-    """Measure all held-out scans, then write the results."""
-    asked = parsed(words)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    torch.set_num_threads(config["n_threads"])
-    files = config["networks"] | {"package": {"segmentation": asked.segmentation, "weights": asked.weights}}
+@functools.cache
+def used(config: dict) -> dict[str, dict[str, str]]:
+    """The digests of all networks."""
+    return {name: digests(networks(name, config)) for name in config["networks"]}
 
-    @functools.cache
-    def networks(name: str) -> TrainedNetworks:
-        return load_networks(weights=files[name]["weights"], segmentation=files[name]["segmentation"])
 
-    used = {name: digests(networks(name)) for name in config["networks"]}
-    cohorts = {name: config["cohorts"][name] for name in asked.only or config["cohorts"]}
-    subjects = {
+@functools.cache
+def subjects(config: dict) -> dict[str, Subject]:
+    """The held-out scans of all cohorts."""
+    return {
         f"{cohort}/{subject.name}": subject
-        for cohort, folder in cohorts.items()
+        for cohort, folder in config["cohorts"].items()
         for subject in scans(folder, config["split"])
         if subject.participant.kind == config["kind"]
     }
-    tasks = [
-        {"subject": name, "networks": which, "digests": used[which]}
-        for name in subjects
+
+
+def tasks(config: dict) -> list[dict]:
+    """All scans with the networks that are planned for their cohort."""
+    return [
+        {"subject": name, "networks": which, "digests": used(config)[which]}
+        for name in subjects(config)
         for which in config["plan"][name.split("/")[0]]
     ]
 
-    def work(task: dict) -> dict:
-        return measured(subjects[task["subject"]], networks(task["networks"]), config)
 
-    partial = asked.output.with_name("partial.jsonl")
-    rows = run_jobs(tasks, work, partial, folder=HERE, config=config, clock=time.process_time)
-    if asked.only:
-        return
+def work(task: dict, config: dict) -> dict:
+    """All numbers of one scan."""
+    return measured(subjects(config)[task["subject"]], networks(task["networks"], config), config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The scans, their summary, and the average."""
     scanned = [{"subject": row["task"]["subject"], "networks": row["task"]["networks"]} | row["found"] for row in rows]
-    average = measured_average(networks("package"), config)
-    results = rounded({"networks": used, "summary": summarised(scanned, config), "average": average, "scans": scanned})
-    seconds = sum(row["seconds"] for row in rows)
-    data = f"held-out subjects of the synthetic cohorts {', '.join(cohorts)}"
-    write_results(asked.output, results, config, COMMAND, data, seconds)
-    partial.unlink()
+    summary, average = summarised(scanned, config), measured_average(networks("package", config), config)
+    return rounded({"networks": used(config), "summary": summary, "average": average, "scans": scanned})
+
+
+def data(config: dict) -> str:
+    """The cohorts."""
+    return f"held-out subjects of the synthetic cohorts {', '.join(config['cohorts'])}"
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, data, NETWORKS)

@@ -14,7 +14,15 @@ import torch
 from meshot.anatomy import HEMISPHERES, fsaverage5_surface, mni152_t1
 from meshot.synth import TemplateTissue, template_tissue
 from meshot.types import Array, Bool, Float
-from meshot.volume import Volume, mm_to_voxel, register_affine, transform_points, voxel_sizes, watershed_regions
+from meshot.volume import (
+    Volume,
+    mm_to_voxel,
+    register_affine,
+    resample,
+    transform_points,
+    voxel_sizes,
+    watershed_regions,
+)
 
 #: Labels. Results are compared in CORTEX alone.
 CORTEX, HINDBRAIN, DEEP, WALL = range(4)
@@ -117,11 +125,7 @@ def labels_at(labels: Volume, points_mm: Float[Array, "n 3"]) -> Array:
 
 def _carried(volume: Volume, grid: Volume, to_standard: Float[Array, "4 4"]) -> Float[Array, "X Y Z"]:
     """A volume of the template at the voxels of the grid; beyond the template, the value at its border."""
-    to_voxel = np.linalg.inv(volume.affine) @ to_standard @ grid.affine
-    data = volume.data.astype(np.float32)
-    return scipy.ndimage.affine_transform(
-        data, to_voxel[:3, :3], to_voxel[:3, 3], grid.data.shape, order=1, mode="nearest"
-    )
+    return resample(volume, grid.data.shape, grid.affine, to_standard, outside="nearest").data
 
 
 def _nearer_wall(grid: Volume, atlas: Atlas, to_standard: Float[Array, "4 4"]) -> Bool[Array, "X Y Z"]:

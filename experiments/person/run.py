@@ -1,19 +1,15 @@
 """Measure the surfaces of one scan against a third party's estimate of its grey and white matter.
 
-Run as ``python experiments/person/run.py SCAN GREY WHITE``; with ``--robustness`` the scan is also turned, resampled,
-made noisier and so on, and the change of its surfaces is measured. ``--segmentation`` and ``--weights`` replace the
-networks of the package, ``--output`` the folder of the results. Every finished part is stored, so that a stopped run
-can be resumed. The results hold numbers alone, and no image.
+With ``--robustness`` the scan is also turned, resampled, made noisier and so on, and the change of its surfaces is
+measured, for ``robustness.json``. The results hold numbers alone, and no image.
 """
 
-import argparse
-import shutil
+import functools
+import sys
 from pathlib import Path
 
 import numpy as np
 import safetensors.torch
-import torch
-import yaml
 from estimate import Estimate, read_estimate
 from measures import border_distances, compared_areas, given_up, joined
 from regions import registered_labels
@@ -21,33 +17,27 @@ from variants import changed_scan
 
 from meshot.anatomy import HEMISPHERES
 from meshot.files import whole_file
-from meshot.jobs import fingerprint, run_jobs
 from meshot.mesh import Mesh, signed_volume
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
 from meshot.model import network_digest
-from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct, warning_names
+from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct
 from meshot.provenance import file_digest, rounded, write_results
 from meshot.volume import Volume, read_volume, transform_points
 
-HERE = Path(__file__).resolve().parent
-COMMAND = "python experiments/person/run.py SCAN GREY WHITE"
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
+FILES = ("scan", "grey", "white")
+OPTIONS = {name: (name, {"help": "a file"}) for name in FILES} | {
+    "robustness": ("--robustness", {"action": "store_true", "help": "also reconstruct the changed scans"}),
+    "segmentation": ("--segmentation", {"help": "weights of the segmentation (default: the package's)"}),
+    "weights": ("--weights", {"help": "folder of the weights of the flows (default: the package's)"}),
+}
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The parsed command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name in ("scan", "grey", "white"):
-        parser.add_argument(name, type=Path)
-    parser.add_argument("--robustness", action="store_true", help="also reconstruct the changed scans")
-    parser.add_argument("--segmentation", type=Path, help="weights of the segmentation (default: the package's)")
-    parser.add_argument("--weights", type=Path, help="folder of the weights of the flows (default: the package's)")
-    parser.add_argument("--output", type=Path, default=HERE, help="folder of the results")
-    return parser.parse_args(words)
-
-
-def measured(asked: argparse.Namespace, networks: TrainedNetworks, config: dict, place: Path) -> dict:
+def measured(networks: TrainedNetworks, config: dict, place: Path) -> dict:
     """All numbers of the scan as it is. Its surfaces are written to ``place``."""
-    scan, estimate = read_volume(asked.scan), read_estimate(asked.grey, asked.white)
+    scan, estimate = read_volume(config["scan"]), read_estimate(config["grey"], config["white"])
     require_one_grid(scan, estimate)
     made = reconstruct(scan, networks.segmentation, networks.system)
     for side in HEMISPHERES:
@@ -68,9 +58,11 @@ def measured(asked: argparse.Namespace, networks: TrainedNetworks, config: dict,
     }
 
 
-def compared(name: str, asked: argparse.Namespace, networks: TrainedNetworks, config: dict, place: Path) -> dict:
+def compared(name: str, networks: TrainedNetworks, config: dict, place: Path) -> dict:
     """Distances in mm of a changed scan's surfaces, brought back, from those of the scan; or why it was refused."""
-    changed = changed_scan(read_volume(asked.scan), read_volume(asked.white), config["variants"][name], config["seed"])
+    changed = changed_scan(
+        *map(read_volume, (config["scan"], config["white"])), config["variants"][name], config["seed"]
+    )
     try:
         made = reconstruct(changed.scan, networks.segmentation, networks.system)
     except ValueError as error:
@@ -90,8 +82,8 @@ def compared(name: str, asked: argparse.Namespace, networks: TrainedNetworks, co
 def how_it_went(made: Reconstruction) -> dict:
     """Warnings of a reconstruction, and the seconds of its stages."""
     return {
-        "warnings": list(made.warnings),
-        "warning_names": warning_names(made.warnings),
+        "warnings": [warning.text for warning in made.warnings],
+        "warning_names": [warning.name for warning in made.warnings],
         "seconds": {"clock": made.wall_seconds, "processor": made.cpu_seconds},
     }
 
@@ -124,47 +116,60 @@ def read_surface(path: Path) -> Mesh:
     return Mesh(**safetensors.torch.load_file(path))
 
 
-def inputs_of(asked: argparse.Namespace, networks: TrainedNetworks) -> dict:
+@functools.cache
+def networks_of(config: dict) -> TrainedNetworks:
+    """The networks."""
+    return load_networks(weights=config.get("weights"), segmentation=config.get("segmentation"))
+
+
+@functools.cache
+def inputs_of(config: dict) -> dict:
     """Digests of the files and of the networks, which identify stored parts."""
+    networks = networks_of(config)
     parts = {} if networks.system is None else networks.system.parts
     return {
-        "files": {name: file_digest(getattr(asked, name)) for name in ("scan", "grey", "white")},
+        "files": {name: file_digest(Path(config[name])) for name in FILES},
         "networks": {"segmentation": network_digest(networks.segmentation)}
         | {name: network_digest(part.network) for name, part in parts.items()},
     }
 
 
-def main(words: list[str] | None = None) -> None:
-    """Measure the missing parts, then write the results."""
-    asked = parsed(words)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    torch.set_num_threads(config["n_threads"])
-    networks = load_networks(weights=asked.weights, segmentation=asked.segmentation)
-    inputs = inputs_of(asked, networks)
-    known = inputs["files"] == config["source"]["sha256"]
-    partial = asked.output / "partial"
-    place = partial / fingerprint(HERE, config | inputs)
-    place.mkdir(parents=True, exist_ok=True)
+def depends(config: dict) -> dict:
+    """The settings, and the digests of files and networks in place of their names."""
+    return {key: value for key, value in config.items() if key not in OPTIONS} | inputs_of(config)
 
-    def work(task: dict) -> dict:
-        if task["variant"] is None:
-            return measured(asked, networks, config, place)
-        return compared(task["variant"], asked, networks, config, place)
 
-    tasks = [{"variant": name} for name in [None, *(config["variants"] if asked.robustness else [])]]
-    rows = run_jobs(tasks, work, partial / "tasks.jsonl", folder=HERE, config=config | inputs)
+def tasks(config: dict) -> list[dict]:
+    """The scan, and its variants."""
+    return [{"variant": name} for name in [None, *(config["variants"] if config["robustness"] else [])]]
+
+
+def work(task: dict, config: experiment.Config) -> dict:
+    """The numbers of the scan, or of a variant. The scan comes first."""
+    if task["variant"] is None:
+        return measured(networks_of(config), config, config.place)
+    return compared(task["variant"], networks_of(config), config, config.place)
+
+
+def results(rows: list[dict], config: experiment.Config) -> dict:
+    """The numbers of the scan; those of the variants are written to a file of their own."""
     first, *others = rows
-    data = f"a person: {config['source']['name']}" if known else "a person: files of one's own, see the digests"
-    results = rounded({"inputs": inputs, "scan": first["found"]})
-    write_results(asked.output / "results.json", results, config, COMMAND, data, first["seconds"])
-    if asked.robustness:
-        changes = {row["task"]["variant"]: row["found"] for row in others}
-        results = rounded({"inputs": inputs, "variants": changes})
+    if config["robustness"]:
+        changes = rounded(
+            {"inputs": inputs_of(config)} | {"variants": {r["task"]["variant"]: r["found"] for r in others}}
+        )
+        stated = {key: value for key, value in config.items() if key not in OPTIONS}
         seconds = sum(row["seconds"] for row in others)
-        path = asked.output / "robustness.json"
-        write_results(path, results, config, f"{COMMAND} --robustness", data, seconds)
-    shutil.rmtree(partial)
+        command = "python experiments/person/run.py SCAN GREY WHITE --robustness"
+        write_results(config.output.with_name("robustness.json"), changes, stated, command, data(config), seconds)
+    return rounded({"inputs": inputs_of(config), "scan": first["found"]})
+
+
+def data(config: dict) -> str:
+    """Whose scan it is."""
+    known = inputs_of(config)["files"] == config["source"]["sha256"]
+    return f"a person: {config['source']['name']}" if known else "a person: files of one's own, see the digests"
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, data, OPTIONS, depends)

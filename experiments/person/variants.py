@@ -7,7 +7,7 @@ import numpy as np
 import scipy.ndimage
 
 from meshot.types import Array, Float
-from meshot.volume import Volume, centre_of_mass, largest_component, voxel_sizes
+from meshot.volume import Volume, centre_of_mass, largest_component, resample, voxel_sizes
 
 _FWHM = 2.3548  # full width at half maximum over standard deviation
 _MARGIN_VOXELS = 8  # by which the grid of a turned head grows on each side
@@ -200,8 +200,6 @@ def _inside(scan: Volume, data: Array) -> Changed:
 
 def _on_grid(scan: Volume, affine: Array, shape: tuple[int, ...], to_person: Array) -> Volume:
     """The scan on another grid, by cubic interpolation within the range of its values."""
-    to_voxel = np.linalg.inv(scan.affine) @ to_person @ affine
     low, high = float(scan.data.min()), float(scan.data.max())
-    data = scan.data.astype(np.float64)
-    moved = scipy.ndimage.affine_transform(data, to_voxel[:3, :3], to_voxel[:3, 3], shape, order=3, cval=low)
-    return Volume(np.clip(moved, low, high).astype(np.float32), affine)
+    moved = resample(scan, shape, affine, to_person, order=3, outside="lowest")
+    return moved.with_data(np.clip(moved.data, low, high).astype(np.float32))

@@ -1,32 +1,27 @@
 """Results of the segmentation network and of the initial surfaces on held-out subjects.
 
-Run as ``python experiments/segmentation/run.py`` when both cohorts and the weights exist; ``--cohorts``, ``--weights``
-and ``--output`` replace the configured ones. Every finished hemisphere is stored in a file beside the output, so that a
-stopped run can be resumed.
+Both cohorts and the weights have to be made first.
 """
 
-import argparse
 import dataclasses
 import functools
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
-import torch
-import yaml
 from summary import summary
 
 from meshot.anatomy import HEMISPHERES
-from meshot.jobs import run_jobs
 from meshot.mesh import self_intersecting_faces, topology
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, offsets_between
 from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline import in_scanner, segment, segmented_surface
-from meshot.provenance import write_results
 from meshot.synth import Subject, scans
 from meshot.volume import Volume, dice, enclosed_fractions, isosurface
 
-HERE = Path(__file__).parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -82,44 +77,40 @@ def from_truth(subject: Subject, side: str, scan: object, fractions: np.ndarray,
     return {"assd_mm": average_surface_distance(there, back), "n_voxels_given_up": n_given_up}
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The parsed command line, with defaults from the configuration."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cohorts", nargs="+", help="folders, in place of those of config.yaml")
-    parser.add_argument("--weights", help="a file, in place of that of config.yaml")
-    parser.add_argument("--output", default=HERE / "results.json", type=Path, help="where the results go")
-    return parser.parse_args(words)
+@functools.cache
+def trained(config: dict) -> tuple[SegmentationNetwork, dict]:
+    """The network and the record of its training."""
+    return read_weights(config["weights"], SegmentationNetwork)
 
 
-def main(words: list[str] | None = None) -> None:
-    """Measure all held-out hemispheres, then write the results."""
-    asked = parsed(words)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    config |= {key: value for key in ("cohorts", "weights") if (value := getattr(asked, key)) is not None}
-    torch.set_num_threads(config["n_threads"])
-    network, record = read_weights(config["weights"], SegmentationNetwork)
-    subjects = {f"{Path(c).name}/{s.name}": s for c in config["cohorts"] for s in scans(c, config["split"])}
+@functools.cache
+def subjects(config: dict) -> dict[str, Subject]:
+    """The held-out scans."""
+    return {f"{Path(c).name}/{s.name}": s for c in config["cohorts"] for s in scans(c, config["split"])}
 
-    @functools.lru_cache(maxsize=1)
-    def seen(name: str) -> Seen:
-        scan, started = subjects[name].standard(), time.process_time()
-        return Seen(scan, segment(scan.volume, network), time.process_time() - started)
 
-    def work(task: dict) -> dict:
-        found = seen(task["subject"])
-        return measured(subjects[task["subject"]], task["side"], found, config["n_points"], config["seed"])
+@functools.lru_cache(maxsize=1)
+def seen(name: str, config: dict) -> Seen:
+    """A scan and what the network says."""
+    scan, started = subjects(config)[name].standard(), time.process_time()
+    return Seen(scan, segment(scan.volume, trained(config)[0]), time.process_time() - started)
 
-    tasks = [{"subject": name, "side": side} for name in subjects for side in HEMISPHERES]
-    partial = asked.output.with_suffix(".partial")
-    made_with = config | {"weights": network_digest(network)}
-    rows = run_jobs(tasks, work, partial, folder=HERE, config=made_with, clock=time.process_time)
+
+def tasks(config: dict) -> list[dict]:
+    """Both hemispheres of all scans."""
+    return [{"subject": name, "side": side} for name in subjects(config) for side in HEMISPHERES]
+
+
+def work(task: dict, config: dict) -> dict:
+    """All numbers of one hemisphere."""
+    name, side = task["subject"], task["side"]
+    return measured(subjects(config)[name], side, seen(name, config), config["n_points"], config["seed"])
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """All hemispheres, their summary, and the origin of the weights."""
     hemispheres = [row["task"] | row["found"] for row in rows]
-    results = {"hemispheres": hemispheres, "summary": summary(hemispheres), "weights": described(network, record)}
-    seconds = sum(row["seconds"] for row in rows)
-    write_results(
-        asked.output, results, config, "python experiments/segmentation/run.py", data_of(config["cohorts"]), seconds
-    )
-    partial.unlink()
+    return {"hemispheres": hemispheres, "summary": summary(hemispheres), "weights": described(*trained(config))}
 
 
 def described(network: SegmentationNetwork, record: dict) -> dict:
@@ -129,9 +120,19 @@ def described(network: SegmentationNetwork, record: dict) -> dict:
     return kept | about | {"n_weights": sum(p.numel() for p in network.parameters())}
 
 
-def data_of(cohorts: list[str]) -> str:
+def data(config: dict) -> str:
     """A description of the data."""
-    return f"held-out subjects of the synthetic cohorts {', '.join(Path(cohort).name for cohort in cohorts)}"
+    return f"held-out subjects of the synthetic cohorts {', '.join(Path(cohort).name for cohort in config['cohorts'])}"
+
+
+def depends(config: dict) -> dict:
+    """The configuration with the digest of the weights in place of the name of their file."""
+    return config | {"weights": network_digest(trained(config)[0])}
+
+
+def main(words: list[str] | None = None) -> None:
+    """Do what the command line asks."""
+    experiment.run(__file__, tasks, work, results, data, depends=depends, words=words)
 
 
 if __name__ == "__main__":

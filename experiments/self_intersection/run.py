@@ -1,7 +1,6 @@
 """Count self-intersecting faces: given flows, fits by flows and by free vertices, fitted flows with other integrations.
 
-A stopped run can be resumed: every finished task is a line of ``partial.jsonl``. ``results`` has four tables, without
-times, computed on one thread:
+``results`` has four tables, without times, computed on one thread:
 
 - ``given``: vortex (``strength`` is its Lipschitz constant) × ``level`` of the icosphere; ``rows`` by integration.
 - ``fits``: ``pair`` × ``loss`` × ``encoding`` × ``spacing`` of the finest grid (0: free vertices) × ``seed``;
@@ -13,19 +12,18 @@ times, computed on one thread:
 """
 
 import itertools
-import time
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from carrying import carried_row, given_row
 from fitting import fit_row
 from summary import differences
 
-from meshot.jobs import run_jobs
-from meshot.provenance import rounded, write_results
+from meshot.provenance import rounded
 
-HERE = Path(__file__).resolve().parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
 WORK = {"given": given_row, "fits": fit_row, "carried": carried_row}
 
 
@@ -46,25 +44,19 @@ def tasks(config: dict) -> list[dict]:
     return todo
 
 
-def main() -> None:
-    """Do the missing tasks, then write the tables."""
-    torch.set_num_threads(1)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(
-        tasks(config), lambda task: WORK[task["table"]](task, config), partial, folder=HERE, config=config,
-        clock=time.process_time,
-    )  # fmt: skip
-    results: dict[str, list] = {name: [] for name in WORK}
+def work(task: dict, config: dict) -> object:
+    """The row of a task in its table."""
+    return WORK[task["table"]](task, config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The tables, and the differences between arms."""
+    found: dict[str, list] = {name: [] for name in WORK}
     for row in rows:
-        found = row["found"] if isinstance(row["found"], dict) else {"rows": row["found"]}
-        results[row["task"]["table"]].append({k: v for k, v in row["task"].items() if k != "table"} | found)
-    results["differences"] = differences(results["fits"])
-    seconds = sum(row["seconds"] for row in rows)
-    command = "python experiments/self_intersection/run.py"
-    write_results(HERE / "results.json", rounded(results), config, command, "synthetic folded spheres", seconds)
-    partial.unlink()
+        more = row["found"] if isinstance(row["found"], dict) else {"rows": row["found"]}
+        found[row["task"]["table"]].append({k: v for k, v in row["task"].items() if k != "table"} | more)
+    return rounded(found | {"differences": differences(found["fits"])})
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, "synthetic folded spheres")

@@ -1,23 +1,20 @@
 """A study with a known answer: two groups of six synthetic people, two visits each, and the true surfaces.
 
-Every visit is simulated, reconstructed with the networks of the package, and measured. A stopped run can be resumed:
-every finished visit is a line of ``partial.jsonl``.
+Every visit is simulated, reconstructed with the networks of the package, and measured.
 """
 
 import dataclasses
 import functools
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
-import torch
-import yaml
 
 from meshot.anatomy import HEMISPHERES
-from meshot.jobs import run_jobs
 from meshot.mesh import Mesh, euler_number, face_areas, signed_volume
 from meshot.pipeline import TrainedNetworks, load_networks, reconstruct
-from meshot.provenance import rounded, write_results
+from meshot.provenance import rounded
 from meshot.synth import (
     Anatomy,
     CorticalSurfaces,
@@ -31,23 +28,8 @@ from meshot.synth import (
     synthetic_subject,
 )
 
-HERE = Path(__file__).resolve().parent
-
-
-def main() -> None:
-    """Do the missing visits, then write the table beside the truth."""
-    torch.set_num_threads(1)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(
-        tasks_of(config), lambda task: visited(task, config), partial, folder=HERE, config=config,
-        clock=time.process_time,
-    )  # fmt: skip
-    write_results(
-        HERE / "results.json", rounded(tables([row["found"] for row in rows])), config,
-        "python experiments/study/run.py", "synthetic heads made from fsaverage5", sum(row["seconds"] for row in rows),
-    )  # fmt: skip
-    partial.unlink()
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def tasks_of(config: dict) -> list[dict]:
@@ -130,5 +112,10 @@ def tables(found: list[dict]) -> dict:
     return {"people": [people[name] for name in sorted(people)], "visits": rows}
 
 
+def results(rows: list[dict], config: dict) -> dict:
+    """The tables of people and visits."""
+    return rounded(tables([row["found"] for row in rows]))
+
+
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks_of, visited, results, "synthetic heads made from fsaverage5")

@@ -1,54 +1,23 @@
 """Evaluate the registered mean surface on every test subject, and the surface of a perfect segmentation.
 
-Run as ``python experiments/template_baseline/run.py`` after the cohorts have been made (``data_synth/README.md``).
-Every result is stored, so that a stopped run can be resumed.
+The cohorts have to be made first (``data_synth/README.md``).
 """
 
-import argparse
 import functools
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
-import torch
-import yaml
 from baseline import perfect_mask_surface, registered_template, template_in_standard_space
 
 from meshot.anatomy import HEMISPHERES
-from meshot.jobs import run_jobs
 from meshot.metrics import evaluate
-from meshot.provenance import write_results
 from meshot.synth import participants, read_recipe, read_subject
 
-HERE = Path(__file__).resolve().parent
-COHORTS = HERE.parents[1] / "build" / "cohorts"
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
 MEASURED = ("assd", "hausdorff", "swd", "emd", "normals")
-
-
-def main() -> None:
-    """Compute the missing results, then write the summary."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cohorts", type=Path, default=COHORTS, help="the folder that holds the cohorts")
-    folder = parser.parse_args().cohorts
-    torch.set_num_threads(1)
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    tasks = [
-        {"cohort": name, "participant": person.participant_id, "kind": person.kind, "side": side}
-        for name in config["cohorts"]
-        for person in participants(folder / name, "test")
-        for side in HEMISPHERES
-    ]
-    partial = HERE / "partial.jsonl"
-    rows = run_jobs(
-        tasks, lambda task: score(task, folder, config), partial, folder=HERE, config=config | {"made_in": str(folder)},
-        clock=time.process_time,
-    )  # fmt: skip
-    results = {"scores": [row["task"] | row["found"] for row in rows]}
-    results["summary"] = summarise(results["scores"])
-    seconds = sum(row["seconds"] for row in rows)
-    write_results(HERE / "results.json", results, config, "python experiments/template_baseline/run.py",
-                  "synthetic cohorts adni_like and oasis_like", seconds)  # fmt: skip
-    partial.unlink(missing_ok=True)
 
 
 @functools.cache
@@ -87,5 +56,27 @@ def summarise(scores: list[dict]) -> list[dict]:
     return rows
 
 
+def tasks(config: dict) -> list[dict]:
+    """Both hemispheres of the held-out subjects of both cohorts."""
+    return [
+        {"cohort": name, "participant": person.participant_id, "kind": person.kind, "side": side}
+        for name in config["cohorts"]
+        for person in participants(Path(config["made_in"]) / name, "test")
+        for side in HEMISPHERES
+    ]
+
+
+def work(task: dict, config: dict) -> dict:
+    """The metrics of one hemisphere."""
+    return score(task, Path(config["made_in"]), config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The metrics of all hemispheres, and their summary."""
+    scores = [row["task"] | row["found"] for row in rows]
+    return {"scores": scores, "summary": summarise(scores)}
+
+
 if __name__ == "__main__":
-    main()
+    data = "synthetic cohorts adni_like and oasis_like"
+    experiment.run(__file__, tasks, work, results, data, experiment.COHORTS)

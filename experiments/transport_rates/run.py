@@ -1,22 +1,15 @@
-"""Measure how fast plug-in estimates of W, of sliced Wasserstein and of Chamfer converge to their limits.
+"""Measure how fast plug-in estimates of W, of sliced Wasserstein and of Chamfer converge to their limits."""
 
-Run as ``python experiments/transport_rates/run.py``. Finished repetitions are stored in ``partial.jsonl`` until all are
-done, so that a stopped run can be resumed.
-"""
-
-import time
+import functools
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from limits import chamfer_limit
 from measured import MEASURES, errors
 from summary import summarise
 
-from meshot.jobs import run_jobs
-from meshot.provenance import write_results
-
-HERE = Path(__file__).parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def tasks(config: dict) -> list[dict]:
@@ -30,25 +23,21 @@ def tasks(config: dict) -> list[dict]:
     return sorted(found, key=lambda task: task["n_points"])
 
 
-def main() -> None:
-    """Do the missing tasks, then write the summary."""
-    torch.set_num_threads(1)
-    started = time.perf_counter()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    limits = [chamfer_limit(pair, config) for pair in config["chamfer"]["pairs"]]
-    rows = run_jobs(
-        tasks(config), lambda task: errors(task, limits, config), partial, folder=HERE, config=config,
-        clock=time.process_time,
-    )  # fmt: skip
-    rows = [row | {"values": row["found"]} for row in rows]
-    results = summarise(rows, config) | {"limits": limits}
-    seconds = max(sum(row["seconds"] for row in rows), time.perf_counter() - started)
-    command = "python experiments/transport_rates/run.py"
-    data = "synthetic clouds and surfaces with known distances"
-    write_results(HERE / "results.json", results, config, command, data, seconds)
-    partial.unlink()
+@functools.cache
+def limits(config: dict) -> list[dict]:
+    """The limits of Chamfer without a closed form, and those with one."""
+    return [chamfer_limit(pair, config) for pair in config["chamfer"]["pairs"]]
+
+
+def work(task: dict, config: dict) -> list:
+    """The errors of the repetitions of a task."""
+    return errors(task, limits(config), config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The errors over the size, and the limits."""
+    return summarise([row | {"values": row["found"]} for row in rows], config) | {"limits": limits(config)}
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, "synthetic clouds and surfaces with known distances")

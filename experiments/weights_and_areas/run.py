@@ -1,22 +1,14 @@
-"""Weights and areas: 1D transport against other libraries, descents with and without gradients through the areas.
+"""Weights and areas: 1D transport against other libraries, descents with and without gradients through the areas."""
 
-Run as ``python experiments/weights_and_areas/run.py``, on one thread. Finished descents are stored in ``partial.jsonl``
-until all are done, so that a stopped run can be resumed.
-"""
-
-import time
+import sys
 from pathlib import Path
 
-import torch
-import yaml
 from checks import forgotten_areas, merging_errors
 from descents import run_once
 from summary import gradient_rows, summarise
 
-from meshot.jobs import run_jobs
-from meshot.provenance import write_results
-
-HERE = Path(__file__).parent
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
 
 
 def planned_runs(config: dict) -> list[dict]:
@@ -30,22 +22,22 @@ def planned_runs(config: dict) -> list[dict]:
     ]
 
 
-def main() -> None:
-    """Do the missing descents, then the fast parts, and write the results."""
-    torch.set_num_threads(1)
-    started = time.perf_counter()
-    config = yaml.safe_load((HERE / "config.yaml").read_text(encoding="utf-8"))
-    partial = HERE / "partial.jsonl"
-    todo = [(run, seed) for run in planned_runs(config) for seed in config["seeds"]]
-    found = run_jobs(todo, lambda task: run_once(*task, config), partial, folder=HERE, config=config)
-    rows = [{"run": run, "seed": seed, "values": row["found"]} for (run, seed), row in zip(todo, found, strict=True)]
-    results = summarise(rows) | {"gradients": gradient_rows(config)}
-    results |= {"merging": merging_errors(config["merging"]), "areas": forgotten_areas(config)}
-    seconds = max(sum(row["seconds"] for row in found), time.perf_counter() - started)
-    command = "python experiments/weights_and_areas/run.py"
-    write_results(HERE / "results.json", results, config, command, "synthetic surfaces", seconds)
-    partial.unlink()
+def tasks(config: dict) -> list[tuple[dict, int]]:
+    """All settings and seeds."""
+    return [(run, seed) for run in planned_runs(config) for seed in config["seeds"]]
+
+
+def work(task: tuple[dict, int], config: dict) -> dict:
+    """One descent."""
+    return run_once(*task, config)
+
+
+def results(rows: list[dict], config: dict) -> dict:
+    """The descents, and the fast parts."""
+    runs = [{"run": row["task"][0], "seed": row["task"][1], "values": row["found"]} for row in rows]
+    found = summarise(runs) | {"gradients": gradient_rows(config)}
+    return found | {"merging": merging_errors(config["merging"]), "areas": forgotten_areas(config)}
 
 
 if __name__ == "__main__":
-    main()
+    experiment.run(__file__, tasks, work, results, "synthetic surfaces")

@@ -1,14 +1,13 @@
 """Compilation of kernels by numba: on first call, cached on disk, and announced on standard error."""
 
+import inspect
 import sys
 from collections.abc import Callable
-from typing import Any, no_type_check
+from typing import Any
 
 from numba import njit
 from numba.core import event
 
-#: Options of kernels that only other kernels call. Without wrappers for Python and C they compile in half the time.
-INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _announcements: dict[object, str] = {}  # message of each kernel; removed once it has been printed
 _lost: list[str] = []  # kernels that cannot be cached on disk
 
@@ -25,17 +24,25 @@ def kernel(purpose: str, seconds: int, **options: Any) -> Callable[[Callable], A
     """
     options = {"nogil": True} | options
 
-    @no_type_check  # the arguments are objects of numba
-    def compiled(function):
+    def compiled(function: Callable) -> Any:
+        plain = inspect.unwrap(function)
         try:
-            found, said = njit(cache=True, **options)(function), f"once; about {seconds} s"
+            found, said = njit(cache=True, **options)(plain), f"once; about {seconds} s"
         except RuntimeError:  # numba raises this if it finds no writable folder
-            found, said = njit(**options)(function), f"about {seconds} s in every process; {_NOWHERE}"
+            found, said = njit(**options)(plain), f"about {seconds} s in every process; {_NOWHERE}"
             _lost.append(function.__qualname__)
         _announcements[found] = f"meshot: compiling the kernels of {purpose}, {said}"
         return found
 
     return compiled
+
+
+def inner(**options: Any) -> Callable[[Callable], Any]:
+    """Decorate a function that only other kernels call."""
+    # Without wrappers for Python and C it compiles in half the time. The test suite wraps every function in type
+    # checks, which numba cannot compile: unwrap takes them off.
+    options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True} | options
+    return lambda function: njit(**options)(inspect.unwrap(function))
 
 
 def require_kept() -> None:

@@ -51,6 +51,13 @@ def require_shape(tensor: Tensor, name: str, columns: int | None) -> None:
         raise ValueError(f"{name} is empty (shape {tuple(tensor.shape)}); at least one row and one column are needed")
 
 
+def as_points(values: object, name: str, columns: int | None = None) -> Tensor:
+    """A matrix of finite floating-point numbers, one row per point; with that many columns, unless it is None."""
+    points = as_floating(values, name)
+    require_shape(points, name, columns)
+    return points
+
+
 def require_finite(tensor: Tensor, name: str) -> None:
     """Check that no entry is NaN or infinite."""
     bad = ~torch.isfinite(tensor.detach())
@@ -85,6 +92,12 @@ def require_positive_integer(value: object, name: str, most: int | None = None) 
     return int(value)
 
 
+def require_natural(value: object, name: str) -> None:
+    """Check that a value is an integer >= 0."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ValueError(f"{name} is {value!r}; an integer >= 0 is needed")
+
+
 def require_positive(value: object, name: str, unit: str = "") -> None:
     """Check that a value is a finite number > 0. The message names the unit, if it is given."""
     try:
@@ -95,8 +108,8 @@ def require_positive(value: object, name: str, unit: str = "") -> None:
         raise ValueError(f"{name} is {value!r}; a finite number > 0 is needed{unit and f', in {unit}'}")
 
 
-def require_choice(value: object, name: str, known: Iterable[str]) -> None:
-    """Check that a value is one of the known names."""
+def require_choice(value: object, name: str, known: Iterable) -> None:
+    """Check that a value is one of the known names or numbers."""
     known = list(known)
     if value not in known:
-        raise ValueError(f"{name} is {value!r}; one of {', '.join(known)} is needed")
+        raise ValueError(f"{name} is {value!r}; one of {', '.join(map(str, known))} is needed")

@@ -38,6 +38,12 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
         os.replace(temporary, path)
 
 
+def write_whole(path: str | os.PathLike, text: str) -> None:
+    """Write a text in UTF-8, completely or not at all."""
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 @contextlib.contextmanager
 def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Path]:
     """Yield a temporary folder beside ``path`` that is renamed to ``path`` if the block ends without an error.
@@ -57,39 +63,34 @@ def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Pat
         )
     path = path.resolve()
     path.parent.mkdir(parents=True, exist_ok=True)
+    changed = (
+        f"{path} changed while this run was made, perhaps by another run: it is left as it is, and this run is "
+        "discarded; choose another folder"
+    )
     with naming_a_full_disk(path), scratch_folder(path.parent) as place:
         before = _contents(path)
-        temporary = place / "new" / path.name
-        temporary.mkdir(parents=True)
-        yield temporary
-        _exchange(path, temporary, place / OLD / path.name, before)
-
-
-def _exchange(path: Path, new: Path, old: Path, before: dict[str, tuple[int, ...]]) -> None:
-    """Rename ``new`` to ``path`` if ``path`` is unchanged. A folder that is replaced is first renamed to ``old``."""
-    if before:
-        old.parent.mkdir()
-        with contextlib.suppress(FileNotFoundError):  # removed meanwhile by someone else: nothing to set aside
-            os.rename(path, old)
-    try:
-        if old.exists() and _contents(old) != before:
-            raise ValueError(_changed(path))
-        os.rename(new, path)  # fails unless ``path`` is absent or an empty folder
-    except BaseException as error:
-        if old.exists():
-            _bring_back(old, path)
-        if getattr(error, "errno", None) in _IN_THE_WAY:
-            raise ValueError(_changed(path)) from error
-        raise
-
-
-def _bring_back(old: Path, path: Path) -> None:
-    try:
-        os.rename(old, path)
-    except OSError as error:
-        kept = Path(tempfile.mkdtemp(prefix=f"{path.name}.before-", dir=path.parent))
-        os.rename(old, kept)
-        raise ValueError(f"{_changed(path)}; what was there at the start is in {kept}") from error
+        new, old = place / "new" / path.name, place / OLD / path.name
+        new.mkdir(parents=True)
+        yield new
+        if before:  # a folder that is replaced is first set aside
+            old.parent.mkdir()
+            with contextlib.suppress(FileNotFoundError):  # removed meanwhile by someone else
+                os.rename(path, old)
+        try:
+            if old.exists() and _contents(old) != before:
+                raise ValueError(changed)
+            os.rename(new, path)  # fails unless ``path`` is absent or an empty folder
+        except BaseException as error:
+            if old.exists():
+                try:
+                    os.rename(old, path)
+                except OSError as taken:
+                    kept = Path(tempfile.mkdtemp(prefix=f"{path.name}.before-", dir=path.parent))
+                    os.rename(old, kept)
+                    raise ValueError(f"{changed}; what was there at the start is in {kept}") from taken
+            if getattr(error, "errno", None) in _IN_THE_WAY:
+                raise ValueError(changed) from error
+            raise
 
 
 def _contents(folder: Path) -> dict[str, tuple[int, ...]]:
@@ -101,13 +102,6 @@ def _contents(folder: Path) -> dict[str, tuple[int, ...]]:
             key = os.path.relpath(os.path.join(parent, name), folder)
             found[key] = (state.st_ino, state.st_size, state.st_mtime_ns)
     return found
-
-
-def _changed(path: Path) -> str:
-    return (
-        f"{path} changed while this run was made, perhaps by another run: it is left as it is, and this run is "
-        "discarded; choose another folder"
-    )
 
 
 @contextlib.contextmanager
@@ -179,71 +173,46 @@ def _opener(path: Path) -> Callable[..., io.BufferedIOBase]:
 
 # Temporary folders beside the output. Those that killed runs left are removed by later runs.
 
-try:
-    import fcntl
-except ImportError:  # Windows has no such locks: folders of killed runs are not removed there
-    fcntl = None
-
 #: Subfolder in which :func:`meshot.files.whole_folder` keeps a replaced folder during the exchange.
 OLD = "old"
+_LOCK = ".lock"
 
 
 @contextlib.contextmanager
 def scratch_folder(parent: Path) -> Iterator[Path]:
     """Yield a temporary folder in ``parent`` and remove it at the end. Folders left by killed runs are removed first.
 
-    The folder is locked (flock) while its process lives, and its name contains the name of the machine. A folder is
-    removed only if it was made on this machine and its lock is free. On file systems without locks nothing is removed.
+    A file in the folder is locked while its process lives, and the name of the folder contains that of the machine. A
+    folder is removed only if it was made on this machine and its lock is free.
     """
+    from filelock import FileLock  # its import takes as long as that of this package
+
     remove_abandoned(parent)
-    folder, lock = _made(parent)
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=_prefix(), dir=parent))
+        lock = FileLock(folder / _LOCK)
+        with contextlib.suppress(OSError, NotImplementedError):  # file systems without locks: nothing is removed there
+            lock.acquire()
+        if folder.is_dir():
+            break
+        lock.release()  # another run removed the folder before it was locked
     try:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-        if lock is not None:
-            os.close(lock)
+        lock.release()
 
 
 def remove_abandoned(parent: Path) -> None:
     """Remove the temporary folders in ``parent`` whose process has ended. Folders set aside in them are restored."""
+    from filelock import FileLock
+
     for folder in parent.glob(f"{_prefix()}*"):
-        lock = _locked(folder, wait=False)
-        if lock is None:
-            continue
-        for old in (folder / OLD).glob("*"):  # the process was killed between two renames
-            if not (parent / old.name).exists():
-                old.rename(parent / old.name)
-        shutil.rmtree(folder, ignore_errors=True)
-        os.close(lock)
-
-
-def _made(parent: Path) -> tuple[Path, int | None]:
-    """A new folder and its lock. Repeated if another run removed the folder before it was locked."""
-    folder, lock = _new(parent)
-    while not folder.is_dir():
-        if lock is not None:
-            os.close(lock)
-        folder, lock = _new(parent)
-    return folder, lock
-
-
-def _new(parent: Path) -> tuple[Path, int | None]:
-    folder = Path(tempfile.mkdtemp(prefix=_prefix(), dir=parent))
-    return folder, _locked(folder, wait=True)  # another run that is removing the folder holds the lock until then
-
-
-def _locked(folder: Path, wait: bool) -> int | None:
-    """The descriptor of the folder, now locked; None if it is gone, locked by another process, or cannot be locked."""
-    descriptor = None
-    if fcntl is not None:
-        with contextlib.suppress(OSError):
-            descriptor = os.open(folder, os.O_RDONLY)
-            fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return descriptor
-    if descriptor is not None:
-        os.close(descriptor)
-    return None
+        with contextlib.suppress(OSError, NotImplementedError), FileLock(folder / _LOCK, timeout=0):
+            for old in (folder / OLD).glob("*"):  # the process was killed between two renames
+                if not (parent / old.name).exists():
+                    old.rename(parent / old.name)
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _prefix() -> str:

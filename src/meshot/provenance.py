@@ -10,7 +10,7 @@ from pathlib import Path
 
 import torch
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 
 RECORDED = ("numpy", "scipy", "torch", "torchdiffeq", "POT", "geomloss", "libigl", "numba", "scikit-image", "nilearn")
 PACKAGE = Path(__file__).parent
@@ -44,8 +44,7 @@ def write_results(
         raise ValueError(
             f"the results for {path} cannot be written as JSON ({error}); use finite numbers, lists, dicts"
         ) from error
-    with whole_file(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_whole(path, text + "\n")
 
 
 def rounded(value: object) -> object:

@@ -1,7 +1,6 @@
-"""Statistics of repeated measurements: intervals for means, differences of two arms, fitted slopes, and reliability.
+"""Statistics of repeated measurements: intervals for means and other statistics, and scores that mark outliers.
 
-All intervals are 95 % confidence intervals: Student's for means of a few seeds, those of F and χ² for
-reliability, the percentile bootstrap otherwise.
+All intervals are 95 % confidence intervals: Student's for means of a few seeds, the percentile bootstrap otherwise.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +12,16 @@ from scipy import stats
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Array
 
-# 95 % confidence intervals: Student's for means, the percentile bootstrap for other statistics.
+__all__ = [
+    "LEVEL",
+    "OUTLIER_SCORE",
+    "Interval",
+    "bootstrap_interval",
+    "mean_interval",
+    "paired_interval",
+    "percentile_interval",
+    "robust_scores",
+]
 
 Values = Sequence[float] | Array
 
@@ -33,6 +41,11 @@ def mean_interval(values: Values) -> Interval:
     """The mean of independent values, with Student's 95 % interval: mean ± t·s/√n.
 
     Exact for normally distributed values. If all values are equal, both ends are the mean.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two values, or one is not finite.
     """
     numbers = _numbers(values)
     # SciPy's interval of a t-test is NaN if all values are equal.
@@ -42,7 +55,18 @@ def mean_interval(values: Values) -> Interval:
 
 
 def paired_interval(first: Values, second: Values) -> Interval:
-    """The mean of ``first − second`` over pairs, with Student's 95 % interval, as in a paired t-test."""
+    """The mean of ``first − second`` over pairs, with Student's 95 % interval, as in a paired t-test.
+
+    Parameters
+    ----------
+    first, second : sequence of float
+        Values of two arms with the same seeds or the same subjects, in the same order.
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ, there are fewer than two pairs, or a value is not finite.
+    """
     if len(first) != len(second):
         raise ValueError(f"there are {len(first)} and {len(second)} values; pairs are needed, one of each for a seed")
     return mean_interval(np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64))
@@ -59,15 +83,38 @@ def bootstrap_interval(
 
     Each sample is resampled with replacement ``n_draws`` times. The interval is the central 95 % of the statistics of
     the resampled data. It is too narrow for few values: for the mean of eight, by about a fifth.
+
+    Parameters
+    ----------
+    *samples : sequences of float
+        As many as the statistic takes.
+    statistic : callable
+        Takes the samples as arrays, and ``axis``, the axis of their values.
+    paired : bool
+        Whether values at the same index belong together and are resampled together.
+    n_draws : int
+        Number of resamplings.
+    generator : numpy.random.Generator, torch.Generator or int
+        Random number generator of the resampling; an integer is a seed.
+
+    Raises
+    ------
+    ValueError
+        If a sample has fewer than two values or one that is not finite, or paired samples differ in length.
+
+    References
+    ----------
+    Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 13.
     """
     numbers = [_numbers(sample) for sample in samples]
     if paired and len({len(sample) for sample in numbers}) > 1:
         lengths = ", ".join(str(len(sample)) for sample in numbers)
         raise ValueError(f"paired samples have {lengths} values; equally many are needed, in the same order")
-    found = stats.bootstrap(
-        numbers, statistic, n_resamples=n_draws, vectorized=True, paired=paired, confidence_level=LEVEL,
-        method="percentile", rng=numpy_generator(generator),
-    ).confidence_interval  # fmt: skip
+    options = {"method": "percentile", "vectorized": True, "confidence_level": LEVEL}
+    drawn = stats.bootstrap(
+        numbers, statistic, paired=paired, n_resamples=n_draws, rng=numpy_generator(generator), **options
+    )
+    found = drawn.confidence_interval
     return Interval(float(statistic(*numbers, axis=-1)), float(found.low), float(found.high))
 
 
@@ -76,6 +123,18 @@ def percentile_interval(drawn: Values, axis: int = -1) -> Array:
 
     For resampling that :func:`bootstrap_interval` does not support: samples of several sizes, or several statistics of
     the same draws.
+
+    Parameters
+    ----------
+    drawn : sequence of float
+        The statistic of each draw.
+    axis : int
+        The axis of the draws.
+
+    Returns
+    -------
+    numpy.ndarray
+        Low and high, along the first axis. It unpacks as ``low, high``.
     """
     tail = (1 - LEVEL) / 2
     return np.quantile(np.asarray(drawn), [tail, 1 - tail], axis=axis)
@@ -104,6 +163,25 @@ def robust_scores(values: Array) -> Array:
     MAD is the median absolute deviation from the median. For normally distributed values 1.4826 MAD estimates the
     standard deviation; unlike it, MAD does not grow with a few outliers. If more than half of the values are equal,
     MAD is 0: these values then have the score 0, and every other value is infinite, with the sign of its deviation.
+
+    Parameters
+    ----------
+    values : array
+        Of one quantity. NaN stands for a missing value: it has no score and does not count.
+
+    Returns
+    -------
+    numpy.ndarray
+        The scores, NaN where the value is NaN.
+
+    Raises
+    ------
+    ValueError
+        If the values are no list of numbers, or one is infinite.
+
+    References
+    ----------
+    Iglewicz and Hoaglin, *How to Detect and Handle Outliers*, 1993.
     """
     numbers = np.asarray(values, dtype=np.float64)
     if numbers.ndim != 1 or np.isinf(numbers).any():

@@ -1,10 +1,11 @@
-"""Optimal transport plans on a line."""
+"""Optimal transport plans on a line, and the spread over lines of the cost of a translation."""
 
 import dataclasses
+import math
 
 import torch
 
-from meshot.errors import as_floating
+from meshot.errors import as_floating, require_positive_integer
 from meshot.measure import as_probabilities
 from meshot.types import Float, Int64, Tensor
 
@@ -58,3 +59,51 @@ def monotone_plan(
     step, target_step = ended, torch.arange(len(cuts), device=cuts.device) - ended
     kept = masses.detach() > 0
     return MonotonePlan(order[step[kept]], target_order[target_step[kept]], masses[kept])
+
+
+def translation_spread(d: int, p: float = 2) -> float:
+    r"""The relative standard deviation, over random directions, of the cost of a translation.
+
+    Along θ a translation by t costs :math:`|\langle t, \theta \rangle|^p`. The ratio of the standard deviation of this
+    cost to its mean depends only on d and p. For p = 2 it is :math:`\sqrt{2 (d - 1)/(d + 2)}`, below √2 in any
+    dimension. Divided by √L it is the relative standard error of L random directions.
+
+    Parameters
+    ----------
+    d : int
+        The dimension of the space.
+    p : float
+        The exponent, at least 1.
+
+    Raises
+    ------
+    ValueError
+        If ``d`` is not a positive integer, or ``p`` is not a finite number >= 1.
+    """
+    require_positive_integer(d, "d")
+    if not 1 <= p < math.inf:
+        raise ValueError(f"p is {p!r}; a finite number >= 1 is needed")
+    log_ratio = _log_moment(2 * p, d) - 2 * _log_moment(p, d)
+    return math.sqrt(max(math.expm1(log_ratio), 0.0))
+
+
+def _log_moment(q: float, d: int) -> float:
+    """The logarithm of E|θ₁|^q for a uniform direction θ: Γ(d/2) Γ((q + 1)/2) / (Γ((d + q)/2) √π)."""
+    return math.lgamma(d / 2) + math.lgamma((q + 1) / 2) - math.lgamma((d + q) / 2) - math.lgamma(0.5)
+
+
+def directions_for_translation(relative_error: float, d: int, p: float = 2) -> int:
+    """The number of random directions for a relative standard error of ``relative_error``, for a translation.
+
+    This is a first choice of L that needs no computation of a loss. For a given pair of measures use
+    :meth:`meshot.SlicedEstimate.directions_needed`. In R³ with p = 2, 1 % requires 8000 directions and 10 % requires
+    80.
+
+    Raises
+    ------
+    ValueError
+        If ``relative_error`` is not above zero, or as :func:`translation_spread`.
+    """
+    if not relative_error > 0:
+        raise ValueError(f"relative_error is {relative_error!r}; a share above 0 is needed, such as 0.01 for 1 %")
+    return max(1, math.ceil(round((translation_spread(d, p) / relative_error) ** 2, 9)))

@@ -13,13 +13,6 @@ from meshot.measure.discrete import DiscreteMeasure
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "axioms"
 
 
-def test_committed_results_are_whole(record, config, results):
-    assert record["config"] == config
-    assert [row["loss"] for row in results["triangles"]] == list(config["losses"])
-    assert len(results["ghosts"]) == 14
-    assert all(row["n_triples"] >= 300 for row in results["triangles"])
-
-
 def test_committed_triples_have_these_sides(part, config, results):
     losses = part("losses")
     for row in results["triangles"]:

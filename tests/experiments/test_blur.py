@@ -10,16 +10,6 @@ from scipy import stats
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "blur"
 
 
-def test_committed_results_are_whole(record, config):
-    assert record["config"] == config
-    fits = record["results"]["fits"]
-    assert [{k: v for k, v in row.items() if k in ("loss", "blur_mm", "scaling")} for row in fits] == config["losses"]
-    assert all(row["n_seeds"] == len(config["seeds"]) >= 5 for row in fits)
-    limits = config["limits"]
-    sizes = [len(limits[name]) for name in ("blurs_mm", "scalings", "exponents")]
-    assert len(record["results"]["limits"]) == np.prod(sizes)
-
-
 def test_committed_intervals_are_those_of_a_paired_t_test(record):
     fits = record["results"]["fits"]
     row = next(r for r in record["results"]["differences"] if r.get("blur_mm") == 5)

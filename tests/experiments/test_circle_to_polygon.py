@@ -10,17 +10,6 @@ from scipy import stats
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "circle_to_polygon"
 
 
-def test_committed_results_are_whole(part, record, config):
-    assert record["config"] == config
-    runs = part("run").sweep_runs(config)
-    for name in ("summary", "regularisers", "sizes"):
-        assert len(record["results"][name]) == sum(run["part"] == name for run in runs)
-    assert len(config["seeds"]) >= 5
-    for row in record["results"]["summary"]:
-        assert row["w2_mean"] == pytest.approx(np.mean(row["w2_seeds"]), rel=1e-4)
-        assert row["w2_sd"] == pytest.approx(np.std(row["w2_seeds"], ddof=1), rel=1e-3, abs=1e-20)
-
-
 def test_committed_intervals_are_those_of_a_paired_t_test(results):
     row = results["differences"][0]
     keys = {"polygon": row["polygon"], "sampling": row["sampling"], "reduction": "mean", "learning_rate": 1.0}

@@ -187,7 +187,7 @@ def test_the_turns_are_the_networks_of_a_side(part, config):
         settings = read_settings(kind, config["settings"])
         networks = part("units").limited(kind, ("left",)).parts_of(settings)
         assert entry.get("turns", 1) == len(networks)
-        assert part("units").has_sides(kind) == ("side" in settings["training"])
+        assert part("units").has_sides(kind) == hasattr(settings.training, "side")
         both = part("units").limited(kind, ("left", "right")).parts_of(settings)
         assert len(both) in (1, 2 * len(networks))
 
@@ -199,16 +199,17 @@ def test_two_arms_of_one_system_differ_in_their_settings(part, config):
     assert (near.name, ddot.name) == ("oasis_like_left_near_steps_0", "oasis_like_left_ddot_steps_0")
     assert near.kind().name == ddot.kind().name == "ddot"
     assert near.kept(own) != ddot.kept(own)
-    assert near.settings(own, [])["loss"]["normal_scale"] == 2 != ddot.settings(own, [])["loss"]["normal_scale"]
-    assert near.settings(own, [])["training"] == ddot.settings(own, [])["training"]
+    assert near.settings(own, []).loss.encoding.normal_scale == 2 != ddot.settings(own, []).loss.encoding.normal_scale
+    assert near.settings(own, []).training == ddot.settings(own, []).training
 
 
 def test_a_side_of_a_system_of_white_and_pial_surfaces(part):
-    kind, settings = get_system("corticalflow"), {"template": {"surfaces": ["white", "pial"]}}
+    kind = get_system("corticalflow")
+    settings = kind.complete({"template": {"surfaces": ["white", "pial"]}})
     left = part("units").limited(kind, ("left",))
     assert left.surfaces_of(settings) == (("left", "white"), ("left", "pial"))
     assert left.parts_of(settings) == tuple(f"left_{kind}_{k}" for kind in ("white", "pial") for k in (1, 2, 3))
-    assert left.surfaces_of({}) == left({}).surfaces == (("left", "white"),)
+    assert left.surfaces_of(kind.complete({})) == left({}).surfaces == (("left", "white"),)
 
 
 def test_white_surfaces_are_measured_also_where_pial_ones_are_found(part):
@@ -256,8 +257,8 @@ def test_both_budgets_give_steps(part, config, tmp_path):
     assert found["chain"] == ["training.learning_rate=0.001", "training.n_epochs=30"]
     assert found["trial"] == ["training.learning_rate=0.0003", "training.n_epochs=4"]
     assert found["fixed"] == []
-    settings = unit["chain"].settings(own, found["chain"])["training"]
-    assert (settings["n_epochs"], settings["side"], settings["learning_rate"]) == (30, "left", 1e-3)
+    settings = unit["chain"].settings(own, found["chain"]).training
+    assert (settings.n_epochs, settings.side, settings.learning_rate) == (30, "left", 1e-3)
 
 
 def test_everything_is_trained_by_one_command(part, whole, capsys):
@@ -551,10 +552,10 @@ def test_tables_state_only_settings_with_which_the_rows_were_measured(part, tmp_
     assert read_results(output)["config"]["comparison"]["direct"] == []
 
 
-def test_the_committed_tables_follow_from_the_committed_rows(part, record, config):
+def test_the_committed_tables_follow_from_the_committed_rows(part, record):
     tables = part("tables")
-    assert (record["config"], record["results"]["missing"]) == (config, [])
-    again = tables.tables(*tables.rows_beside(FOLDER / "results.json"), config)
+    assert record["results"]["missing"] == []
+    again = tables.tables(*tables.rows_beside(FOLDER / "results.json"), record["config"])
     for name in tables.TABLES:
         require_equal(again[name], record["results"][name])
 
@@ -629,9 +630,10 @@ def test_a_system_that_joins_later_leaves_measured_rows_as_they_are(part, place,
     written(place, config | {"evaluation": own})
     run.main([*words_of(place), *output])
     assert calls == first + first
-    monkeypatch.setattr(run, "network_digest", lambda network: network)
-    of_networks = [run.measured_with(SimpleNamespace(config=config, segmentation=name)) for name in ("one", "other")]
-    assert of_networks[0] != of_networks[1]
+    monkeypatch.setattr(run, "setting", lambda config: SimpleNamespace(segmentation=None))
+    digests = iter(("one", "other"))
+    monkeypatch.setattr(run, "network_digest", lambda network: next(digests))
+    assert run.depends(config) != run.depends(config)
 
 
 def test_trainings_of_another_protocol_are_refused(part, place):

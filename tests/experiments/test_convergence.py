@@ -14,10 +14,6 @@ FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "convergence"
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def test_the_results_are_of_this_configuration(record, config):
-    assert record["config"] == config
-
-
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize(("shift", "excess"), [(0.0, 2.0), (1.5, 2.0), (5.0, 2.0), (-5.0, -2.0)])
 def test_costs_of_intervals_by_quadrature(part, shift, excess, p):

@@ -65,15 +65,6 @@ def test_crossings_are_read_off_power_laws(part):
     assert found["extrapolated"] is True
 
 
-def test_committed_results_belong_to_the_configuration(record, config):
-    assert record["config"] == config
-    families = config["families"]
-    n_levels = sum(len(settings["levels"]) for settings in families.values())
-    assert len(record["results"]["duels"]) == n_levels * 2 * 2 * len(config["exponents"])
-    assert {row["family"] for row in record["results"]["rates"]} == set(families)
-    assert [row["pair"] for row in record["results"]["clock"]] == ["white to pial", "tiny deformation"]
-
-
 @pytest.mark.parametrize(("family", "d"), [("cube", 3), ("sphere", 6)])
 def test_a_small_part_repeats_the_committed_numbers(part, record, config, family, d):
     rates = record["results"]["rates"]

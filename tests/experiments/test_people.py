@@ -1,5 +1,6 @@
 """The measures of held-out heads, on balls whose answers are known, and the summary on rows made by hand."""
 
+import dataclasses
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -121,9 +122,10 @@ def test_older_networks_were_trained_as_their_file_says(root):
             settings = system.complete(kept["config"])
             alone = read_settings(system, FOLDER / "windows_alone.yaml", [f"training.side={side}"])
             if folder == "earlier":
-                alone["training"] |= {name: settings["training"][name] for name in ("n_epochs",)}
+                training = dataclasses.replace(alone.training, n_epochs=settings.training.n_epochs)
+                alone = dataclasses.replace(alone, training=training)
             assert settings == alone
-            assert kept["results"]["n_steps"] == heads * settings["training"]["n_epochs"]
+            assert kept["results"]["n_steps"] == heads * settings.training.n_epochs
 
 
 def test_networks_that_were_measured_on_other_scans_are_not_compared(part, config):

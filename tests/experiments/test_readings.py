@@ -91,7 +91,7 @@ def test_every_reading_of_the_other_protocols_has_settings_of_its_own(part, root
     assert len(arms) == n_short
     arms |= {f"{each}_9": readings.arm_of(reading, 9.0, 1) for each, reading in own["readings"].items()}
     config = readings.configuration(own, "initial", arms, Path("a"), Path("b"))
-    settings = {each.arm: each.settings(config) for each in trainings.wanted(config)}
+    settings = {each.arm: each.settings(config).as_dict() for each in trainings.wanted(config)}
     repeated = ("ddot_slow_0.0005", "ddot_slow_9") if name == "controls" else ()  # other rates of ddot_20mm
     assert len({json.dumps(each, sort_keys=True) for each in settings.values()}) == len(arms) - len(repeated)
     assert set(own.get("finalists", {"always": []})["always"]) <= own["readings"].keys()

@@ -50,7 +50,7 @@ def test_every_hemisphere_is_measured_and_a_stopped_run_goes_on(tmp_path, experi
     write_weights(weights, SegmentationNetwork(2, 1), RECORD)
     real = experiment.read_weights
     monkeypatch.setattr(experiment, "read_weights", lambda path, kind: (Bright(2, 1), real(path, kind)[1]))
-    words = ["--cohorts", str(cohort), "--weights", str(weights), "--output", str(output)]
+    words = ["--set", f"cohorts=[{cohort}]", f"weights={weights}", "--output", str(output)]
     measured, calls = experiment.measured, []
 
     def stops(*arguments):

@@ -15,15 +15,6 @@ def committed(record, table, **wanted):
     return row
 
 
-def test_committed_results_are_whole(part, record, config):
-    assert record["config"] == config
-    planned = part("run").tasks(config)
-    assert len(config["fits"]["seeds"]) >= 5
-    for task in planned:
-        committed(record, task["table"], **{k: v for k, v in task.items() if k != "table"})
-    assert len(planned) == sum(len(record["results"][table]) for table in ("given", "fits", "carried"))
-
-
 def test_committed_intervals_are_those_of_a_paired_t_test(part, record):
     fits = record["results"]["fits"]
     found = part("summary").differences(fits)

@@ -5,8 +5,7 @@ import pytest
 import torch
 
 from meshot.flow.fields import grid_around
-from meshot.flow.integration import flow_meshes, integrate, trajectory
-from meshot.mesh.shapes import cube, icosphere
+from meshot.flow.integration import integrate, trajectory
 from meshot_book.examples.memory import peak_saved_bytes
 from meshot_book.examples.unsteady import Accelerated, Drifting
 from meshot_book.flows import NetworkVelocity, Vortex, spiral
@@ -117,21 +116,6 @@ def test_memory_of_the_adjoint_does_not_grow_with_the_steps(method):
     assert peak(4, "adjoint") == peak(64, "adjoint")
     assert peak(64, "direct") > 10 * peak(4, "direct")
     assert peak(64, "direct") > 10 * peak(64, "adjoint")
-
-
-def test_meshes_of_different_sizes_go_together():
-    meshes = [icosphere(0), icosphere(2, 2.0), cube()]
-    field = NetworkVelocity(3, 16, last_scale=1.0)
-    together = flow_meshes(field, meshes, 4, "rk4")
-    for mesh, moved in zip(meshes, together, strict=True):
-        torch.testing.assert_close(moved.vertices, integrate(field, mesh.vertices, 4, "rk4"), rtol=1e-12, atol=1e-12)
-        assert moved.faces is mesh.faces
-    sum(moved.vertices.square().sum() for moved in together).backward()
-    assert all(bool(p.grad.any()) for p in field.parameters())
-    with pytest.raises(ValueError, match="at least one"):
-        flow_meshes(field, [])
-    with pytest.raises(ValueError, match="several kinds"):
-        flow_meshes(field, [cube(), cube(dtype=torch.float32)])
 
 
 @pytest.mark.parametrize(("method", "evaluations"), [("euler", 1), ("midpoint", 2), ("rk4", 4), ("dopri5", 7)])

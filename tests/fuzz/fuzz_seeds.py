@@ -20,7 +20,7 @@ from meshot.pipeline.segmentation import read_segmentation_config
 from meshot.provenance import FIELDS, read_results
 from meshot.settings import read_groups
 from meshot.synth import read_recipe
-from meshot.systems.flows import deformation_config
+from meshot.systems.flows import DeformationConfig
 from meshot.train import TrainingState, read_log
 from meshot.train.state import read_training, write_training
 from meshot.volume import read_volume
@@ -98,7 +98,7 @@ KINDS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {
     "a.mgz": (lambda: _image(nibabel.MGHImage, True), read_volume),
     "ddot.yaml": (
         lambda: (PACKAGE / "systems/settings/ddot/tiny.yaml").read_bytes(),
-        lambda path: deformation_config(read_groups(path)),
+        lambda path: DeformationConfig.read(read_groups(path)),
     ),
     "segmentation.yaml": (lambda: (PACKAGE / "pipeline/settings/tiny.yaml").read_bytes(), read_segmentation_config),
     "recipe.yaml": (lambda: (PACKAGE / "synth/recipes/tiny.yaml").read_bytes(), read_recipe),

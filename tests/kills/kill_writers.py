@@ -4,6 +4,7 @@ What is slow to load and not needed by the sample is imported where it is used.
 """
 
 import functools
+import sys
 from pathlib import Path
 
 import torch
@@ -12,7 +13,6 @@ from kill_trials import Writer
 from meshot.cli import main as meshot
 from meshot.files import whole_file
 from meshot.flow import FitSettings, fit_flow, grid_around, sliced_loss, write_velocity
-from meshot.jobs import run_jobs
 from meshot.loss import random_directions, sliced_wasserstein
 from meshot.measure import varifold
 from meshot.mesh import ellipsoid, icosphere, write_mesh
@@ -20,6 +20,9 @@ from meshot.provenance import write_results
 from meshot.synth import read_recipe
 from meshot.synth.recipe import recipe_text
 from meshot.volume import Volume, write_volume
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "experiments"))
+import experiment
 
 ONE = ["--threads", "1"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -30,10 +33,9 @@ def write_experiment(folder: Path, inputs: Path) -> None:
     """Tasks one after the other, and their results."""
     folder.mkdir(exist_ok=True)
     partial, config = folder / "partial.jsonl", {"n": 3}
-    rows = run_jobs(
-        range(8), lambda k: torch.rand(20_000, generator=torch.Generator().manual_seed(k)).tolist(), partial,
-        folder=Path(__file__).parent, config=config,
-    )  # fmt: skip
+    rows = experiment.run_jobs(
+        range(8), lambda k: torch.rand(20_000, generator=torch.Generator().manual_seed(k)).tolist(), partial, "a", "b"
+    )
     write_results(folder / "results.json", {"rows": [row["found"] for row in rows]}, config, "a", "b", 0.0)
     partial.unlink(missing_ok=True)
 

@@ -40,7 +40,7 @@ def test_a_new_loss_needs_a_class_and_a_line(monkeypatch):
     loss = surface_loss({"loss": "centres", "power": 2.0, "normal_scale": 0.0, "factor": 3.0})
     assert float(loss(SOURCE, TARGET, np.random.default_rng(0))) == pytest.approx(3 * 25)
     complete = get_system("ddot").complete({"loss": {"loss": "centres"}})
-    assert complete["loss"]["power"] == 1.0
+    assert complete.loss.loss.power == 1.0
     with pytest.raises(ValueError, match="power is set, which sliced on varifold does not use"):
         get_system("ddot").complete({"loss": {"power": 2.0}})
 
@@ -51,7 +51,7 @@ def test_a_new_encoding_needs_a_class_and_a_line(monkeypatch):
     found = float(loss(SOURCE, SOURCE.with_vertices(SOURCE.vertices * 1.1), np.random.default_rng(0)))
     assert found == pytest.approx(2.0)  # 1 mm² each way
     complete = get_system("cortexode").complete({"loss": {"encoding": "vertices"}})
-    assert (complete["loss"]["loss"], complete["loss"]["lift"]) == ("chamfer", 0.0)
+    assert (type(complete.loss.loss), complete.loss.encoding.lift) == (LOSSES["chamfer"], 0.0)
     monkeypatch.delitem(ENCODINGS, "vertices")
     with pytest.raises(ValueError, match="encoding is 'vertices'; one of varifold, samples, surface is needed"):
         get_system("cortexode").complete({"loss": {"encoding": "vertices"}})

@@ -123,8 +123,8 @@ def test_masses_of_samples_carry_a_gradient_if_asked():
     [
         ({"loss": "hausdorff"}, "loss is 'hausdorff'; one of sliced, windowed, chamfer, sinkhorn"),
         ({"encoding": "mesh"}, "encoding is 'mesh'; one of varifold, samples, surface"),
-        ({"p": 3}, "p is 3; 1 or 2"),
-        ({"loss": "sinkhorn", "p": 3}, "p is 3; 1 or 2"),
+        ({"p": 3}, "p is 3; one of 1, 2"),
+        ({"loss": "sinkhorn", "p": 3}, "p is 3; one of 1, 2"),
         ({"loss": "chamfer", "encoding": "surface"}, "does not accept .*; sliced does"),
         ({"loss": "windowed", "encoding": "surface"}, "does not accept .*, which has no support points"),
         ({"encoding": "surface", "n_supports": 10}, "n_supports is set, which sliced on surface does not use"),

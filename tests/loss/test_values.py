@@ -18,9 +18,9 @@ from meshot import (
     wasserstein,
     windowed_sliced_wasserstein,
 )
-from meshot.loss.error_bar import translation_spread
 from meshot.loss.sliced import plain_sliced_wasserstein, slice_costs
 from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced, unbalanced_sliced
+from meshot_book.lines import translation_spread
 
 CASES = [
     problems.translation(0, 40, 2),

@@ -6,7 +6,7 @@ import torch
 
 from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
 from meshot.mesh.connectivity import self_intersecting_faces
-from meshot.mesh.editing import _ring_around, smooth_crossings
+from meshot.mesh.editing import ring_around, smooth_crossings
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import folded_sphere, icosphere, tetrahedron
 
@@ -47,7 +47,7 @@ def test_spikes_in_a_large_mesh(spiked):
     moved = (clean.vertices != spiked.vertices).any(dim=1)
     # Only corners of faces that crossed at some time, or their neighbours: a spike is short-ranged.
     assert 0 < int(moved.sum()) < 10 * len(before)
-    assert not bool(moved[~_ring_around(spiked, before, 6)].any())
+    assert not bool(moved[~ring_around(spiked, before, 6)].any())
 
 
 def test_the_dtype_stays_and_the_input_is_left_alone():
@@ -63,13 +63,13 @@ def test_rings_are_edges_away():
     sphere = icosphere(2)
     one = torch.tensor([0])
     corners = torch.unique(sphere.faces[0])
-    assert torch.equal(_ring_around(sphere, one, 0).nonzero().flatten(), corners)
+    assert torch.equal(ring_around(sphere, one, 0).nonzero().flatten(), corners)
     edges = torch.cat([sphere.faces[:, [0, 1]], sphere.faces[:, [1, 2]], sphere.faces[:, [2, 0]]])
     adjacency = torch.eye(len(sphere.vertices))
     adjacency[edges[:, 0], edges[:, 1]] = adjacency[edges[:, 1], edges[:, 0]] = 1
     for n_rings in (1, 2):
         near = torch.linalg.matrix_power(adjacency, n_rings)[corners].sum(dim=0) > 0
-        assert torch.equal(_ring_around(sphere, one, n_rings), near)
+        assert torch.equal(ring_around(sphere, one, n_rings), near)
 
 
 def test_two_pieces_that_pierce_each_other_cannot_be_mended():

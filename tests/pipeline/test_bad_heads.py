@@ -7,7 +7,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from bright_head import write_bright_weights
 from meshot.cli import main
 from meshot.pipeline import reconstruction
-from meshot.pipeline.quality import gap_in, scan_warnings, volume_warnings, warning_names
+from meshot.pipeline.quality import gap_in, scan_warnings, volume_warnings
 from meshot.volume.io import write_volume
 from meshot.volume.registration import centre_of_mass, place_on_grid, standard_scan
 from meshot.volume.volume import Volume
@@ -67,7 +67,7 @@ def doubts(scan: Volume, registered: bool = True) -> set[str]:
         placed = standard_scan(scan, HEAD, quick=True)
     else:
         placed = place_on_grid(scan, np.eye(4), centre_of_mass(HEAD))
-    return set(warning_names(volume_warnings(scan) + scan_warnings(placed, HEAD)))
+    return {warning.name for warning in volume_warnings(scan) + scan_warnings(placed, HEAD)}
 
 
 def test_a_whole_brain_in_another_place_is_not_doubted():

@@ -89,7 +89,8 @@ def test_white_matter_that_places_no_scan_is_a_warning(brain, looks):
     first = place_on_grid(scan, np.eye(4), np.zeros(3))
     placed, _, (warning,) = placed_white_matter(scan, first, SegmentationNetwork(2, 1), BY_WHITE)
     assert placed is first
-    assert "the white matter does not place the scan" in warning
+    assert "the white matter does not place the scan" in warning.text
+    assert warning.name == "placement"
 
 
 @pytest.mark.parametrize("placement", [BY_GREY, BY_WHITE])

@@ -84,7 +84,7 @@ def test_stages_are_told_and_timed(made):
     assert list(found.cpu_seconds) == list(found.wall_seconds) == stages
     assert all(0 < seconds < 60 for seconds in found.cpu_seconds.values())
     assert found.system == "ddot"
-    assert [w for w in found.warnings if "plausible" not in w] == []
+    assert {w.name for w in found.warnings} <= {"surface_volume", "bright_volume"}
 
 
 def test_without_a_flow_the_initial_surface_is_the_result(networks):
@@ -122,7 +122,7 @@ class FixedBalls(SurfaceSystem):
     name, networks = "balls", {}
     surfaces = (("left", "white"), ("right", "white"))
 
-    complete = train_parts = classmethod(lambda cls, *_: {})
+    train_parts = classmethod(lambda cls, *_: {})
 
     def find_surfaces(self, scan):
         assert scan.initial == {}
@@ -167,21 +167,26 @@ def place(matrix: np.ndarray) -> StandardScan:
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "expected"),
     [
-        (np.diag([1.0, 1, 1, 1]), []),
-        (np.diag([0.7, 0.7, 0.7, 1]), ["scales the scan by 0.70"]),
-        (np.diag([1.4, 1.4, 1.4, 1]), ["agree poorly", "scales the scan by 1.40"]),
-        (np.diag([-1.0, 1, 1, 1]), ["mirrors"]),
-        (np.array([[1.0, 0, 0, 60], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]), ["agree poorly (correlation 0."]),
+        (np.diag([1.0, 1, 1, 1]), {}),
+        (np.diag([0.7, 0.7, 0.7, 1]), {"scale": 0.7}),
+        (np.diag([1.4, 1.4, 1.4, 1]), {"agreement": None, "scale": 1.4}),
+        (np.diag([-1.0, 1, 1, 1]), {"mirrored": None}),
+        (np.array([[1.0, 0, 0, 60], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]), {"agreement": None}),
     ],
     ids=["fits", "small", "large", "mirrored", "aside"],
 )
-def test_doubts_about_a_scan(change, words):
+def test_doubts_about_a_scan(change, expected):
     found = scan_warnings(place(change), bright_template())
-    assert all(any(word in doubt for doubt in found) for word in words)
-    assert len(found) >= len(words)
-    assert bool(found) == bool(words)
+    by_name = {doubt.name: doubt for doubt in found}
+    assert by_name.keys() >= expected.keys()
+    assert bool(found) == bool(expected)
+    for name, value in expected.items():
+        assert value is None or by_name[name].value == pytest.approx(value)
+    for doubt in found:  # a sentence states its value, and is the text of the object
+        assert doubt.value is None or f"{doubt.value:.{0 if doubt.name == 'gap' else 2}f}" in doubt.text
+        assert str(doubt) == doubt.text
 
 
 def test_agreement_is_one_with_itself_and_blind_to_contrast():
@@ -210,14 +215,15 @@ def test_an_inverted_scan_is_doubted():
     assert scan_warnings(grid, template) == []
     dark = np.where(grid.volume.data > 0.05, 1.3 - grid.volume.data, 0.0)
     (found,) = [
-        w for w in scan_warnings(StandardScan(grid.volume.with_data(dark), np.eye(4)), template) if "inside" in w
+        w for w in scan_warnings(StandardScan(grid.volume.with_data(dark), np.eye(4)), template) if w.name == "contrast"
     ]
-    assert "inside the brain the scan differs from a T1 (correlation -" in found
+    assert "inside the brain the scan differs from a T1 (correlation -" in found.text
+    assert found.value < 0
 
 
 def test_a_stretched_scan_is_doubted():
     stretched = np.diag([1.0, 1.25, 1.0, 1.0])
-    assert any("stretches one direction by 1.25" in w for w in scan_warnings(place(stretched), bright_template()))
+    assert any("stretches one direction by 1.25" in w.text for w in scan_warnings(place(stretched), bright_template()))
 
 
 def head(n_bright_cm3: float, n_values: int) -> Volume:
@@ -241,7 +247,7 @@ def head(n_bright_cm3: float, n_values: int) -> Volume:
 def test_volume_and_values_of_a_scan(volume, n_values, words):
     found = volume_warnings(head(volume, n_values))
     assert len(found) == len(words)
-    assert all(word in warning for word, warning in zip(words, found))
+    assert all(word in warning.text for word, warning in zip(words, found))
 
 
 def test_doubts_about_surfaces():
@@ -256,17 +262,19 @@ def test_doubts_about_surfaces():
     assert surface_warnings("left", ball, segmented(495), calm) == []
     assert surface_warnings("left", ball, segmented(495), None) == []
     (small,) = surface_warnings("left", icosphere(3, 30.0), segmented(500), calm)
-    assert "left surface encloses 112 cm³" in small
+    assert "left surface encloses 112 cm³" in small.text
     (large,) = surface_warnings("right", icosphere(3, 50.0), segmented(500), calm)
-    assert "right surface encloses 519 cm³" in large
+    assert "right surface encloses 519 cm³" in large.text
     (given_up,) = surface_warnings("right", ball, segmented(480), calm)
-    assert "20 voxels (4.0 %) of the right" in given_up
+    assert "20 voxels (4.0 %) of the right" in given_up.text
     (crossed,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 64, 0, 0.31))
-    assert "64 faces (5 %) of the left surface crossed after the flow" in crossed
-    assert "backtracks" not in crossed
+    assert "64 faces (5 %) of the left surface crossed after the flow" in crossed.text
+    assert "backtracks" not in crossed.text
     assert surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 25, 0, 0.31)) == []  # 2 %
     (moved_back,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 2, 3.0))
-    assert "2 backtracks" in moved_back
+    assert "2 backtracks" in moved_back.text
     assert surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 3.0)) == []
     (far,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 8.5))
-    assert "moved vertices by up to 8.5 mm" in far
+    assert "moved vertices by up to 8.5 mm" in far.text
+    assert [w.name for w in (small, given_up, far)] == ["surface_volume", "voxels_given_up", "crossing_faces"]
+    assert [w.value for w in (given_up, crossed)] == pytest.approx([0.04, 5.0])

@@ -16,6 +16,7 @@ from meshot.mesh.io import read_mesh
 from meshot.metrics.distances import vertex_distances
 from meshot.pipeline import page as reconstruction_pictures, reconstruction, report as written
 from meshot.pipeline.page import _cell
+from meshot.pipeline.quality import QualityWarning
 from meshot.view import display
 from meshot.volume.io import write_volume
 from meshot.volume.volume import centre_ras
@@ -183,10 +184,12 @@ def test_the_page_says_what_the_numbers_say(made, context):
 
 
 def test_warnings_stand_out_and_reach_the_command_line(place, made, monkeypatch, capsys):
-    monkeypatch.setattr(reconstruction, "scan_warnings", lambda *_: ["it <looks> odd"])
+    monkeypatch.setattr(reconstruction, "scan_warnings", lambda *_: [QualityWarning("scale", "it <looks> odd", 2.5)])
     assert main(words(place, "odd", "--initial-only")) == 0
     said = capsys.readouterr()
     assert "meshot: warning: it <looks> odd" in said.err
+    report = json.loads((place / "odd" / "report.json").read_text(encoding="utf-8"))
+    assert dict(zip(report["warning_names"], report["warning_values"], strict=True))["scale"] == 2.5
     assert "Not for clinical use" in said.out
     page = (place / "odd" / "report.html").read_text(encoding="utf-8")
     assert "it &lt;looks&gt; odd" in page
@@ -197,14 +200,16 @@ def test_warnings_stand_out_and_reach_the_command_line(place, made, monkeypatch,
 
 def test_a_strict_reconstruction_stops_at_a_warning(place, monkeypatch, capsys):
     monkeypatch.setattr(reconstruction, "volume_warnings", lambda *_: [])
-    monkeypatch.setattr(reconstruction, "scan_warnings", lambda *_: ["it looks odd"])
+    monkeypatch.setattr(reconstruction, "scan_warnings", lambda *_: [QualityWarning("scale", "it looks odd")])
     assert main(words(place, "strict", "--initial-only", "--strict")) == 3
-    assert "meshot: it looks odd. Without --strict" in capsys.readouterr().err
+    assert "meshot: it looks odd (scale). Without --strict" in capsys.readouterr().err
     assert not (place / "strict").exists()
     monkeypatch.setattr(reconstruction, "scan_warnings", lambda *_: [])
-    monkeypatch.setattr(reconstruction, "surface_warnings", lambda side, *_: [f"so does the {side}"])
+    monkeypatch.setattr(
+        reconstruction, "surface_warnings", lambda side, *_: [QualityWarning("scale", f"so does the {side}")]
+    )
     assert main(words(place, "strict", "--initial-only", "--strict")) == 3
-    assert "so does the left; so does the right." in capsys.readouterr().err
+    assert "so does the left; so does the right (scale, scale)." in capsys.readouterr().err
     assert not (place / "strict").exists()
 
 

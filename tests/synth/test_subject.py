@@ -16,10 +16,8 @@ from meshot.synth.subject import (
     Shape,
     crossing_faces,
     mean_surfaces,
-    procedural_subject,
     synthetic_subject,
     template_cortex,
-    template_subject,
 )
 
 SMALL = Shape(subdivisions=5, folding=1.0)  # 10 242 vertices
@@ -30,12 +28,12 @@ SHALLOW = Shape("procedural", subdivisions=5, folding=0.7, warp_mm=(2.0, 1.0))
 
 @pytest.fixture(scope="module")
 def template() -> CorticalSurfaces:
-    return template_subject(SMALL, 0)
+    return synthetic_subject(SMALL, 0)
 
 
 @pytest.fixture(scope="module")
 def procedural() -> CorticalSurfaces:
-    return procedural_subject(SHALLOW, 0)
+    return synthetic_subject(SHALLOW, 0)
 
 
 @pytest.fixture(params=["template", "procedural"])
@@ -80,7 +78,7 @@ def test_coordinates_lie_on_the_lattice(subject):
 
 
 def test_a_seed_repeats_and_another_differs(template):
-    again, other = template_subject(SMALL, 0), template_subject(SMALL, 1)
+    again, other = synthetic_subject(SMALL, 0), synthetic_subject(SMALL, 1)
     for one, two in zip(template.meshes(), again.meshes(), strict=True):
         assert torch.equal(one.vertices, two.vertices)
     assert vertex_distances(template.white["left"], other.white["left"]).mean() > 1.0

@@ -109,7 +109,3 @@ def test_it_works_at_other_gains_and_says_what_is_wrong():
         torch.testing.assert_close(found[1][key].vertices, mesh.vertices, atol=1e-3, rtol=0)
     with pytest.raises(ValueError, match="the median intensity in deep white matter"):
         system.reconstruct(Scan(image.with_data(0 * image.data)))
-    with pytest.raises(ValueError, match=r"the configuration of classical is invalid: rate is 2\.0"):
-        kind.complete({"surface": {"rate": 2.0}})
-    with pytest.raises(ValueError, match=r"the configuration of classical is invalid: tolerance is 0\.0"):
-        kind.complete({"surface": {"tolerance": 0.0}})

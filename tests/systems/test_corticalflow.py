@@ -6,7 +6,7 @@ import torch
 from meshot.flow.integration import integrate
 from meshot.mesh.editing import simplified
 from meshot.metrics.distances import Surface
-from meshot.systems import ExampleSets, Scan, get_system, read_settings
+from meshot.systems import ExampleSets, Part, Run, Scan, get_system, read_settings
 from meshot.systems.corticalflow import FlowBlock, carried_through, train_block
 from meshot.systems.learning import mean_distances, scaled_image
 from phantoms import phantom_subjects
@@ -45,9 +45,15 @@ def test_a_velocity_is_the_grid_in_its_unit(examples):
 def test_a_second_block_leaves_the_first_as_it_is_and_both_come_nearer_than_the_template():
     sets = ExampleSets(phantom_subjects(4, ()), phantom_subjects(2, (), 50))
     settings = read_settings(get_system("corticalflow"), "tiny", ["training.side=left", "training.n_epochs=12"])
-    first = train_block([], "left", sets, settings)
+    networks = get_system("corticalflow").prepare(settings)
+
+    def trained(k: int, earlier: list) -> Part:
+        name = f"left_white_{k}"
+        return train_block(networks[name], earlier, [], sets, settings, Run(), name)
+
+    first = trained(1, [])
     before = {name: value.clone() for name, value in first.network.state_dict().items()}
-    second = train_block([first.network], "left", sets, settings)
+    second = trained(2, [first.network])
     assert all(torch.equal(value, before[name]) for name, value in first.network.state_dict().items())
     template = simplified(first.network.template.mesh(), 500)
     start = mean_distances(((template, Surface(item.targets["left", "white"])) for item in sets.validation), 2000)
@@ -60,20 +66,3 @@ def test_one_side_alone_is_not_enough_to_reconstruct(examples):
     assert len(kind.parts_of(kind.complete({}))) == 6
     with pytest.raises(ValueError, match=r"corticalflow has no trained left_white_1, .*: train what is missing"):
         kind({}).reconstruct(Scan(examples.validation[0].scan.image))
-
-
-@pytest.mark.parametrize(
-    ("group", "settings", "words"),
-    [
-        ("training", {"side": "middle"}, "side is 'middle'; one of left, right, both"),
-        ("training", {"method": "heun"}, "method is 'heun'"),
-        ("training", {"edge_weight": -1.0}, r"edge_weight is -1\.0"),
-        ("training", {"n_samples": 0}, "n_samples is 0"),
-        ("network", {"velocity_unit": 0.0}, r"velocity_unit is 0\.0"),
-        ("network", {"width": 64, "depth": 4}, "MB; at most 10 MB are kept"),
-        ("template", {"shape": "cube"}, "shape is 'cube'"),
-    ],
-)
-def test_a_configuration_that_will_not_do(group, settings, words, unchecked):
-    with pytest.raises(ValueError, match="the configuration of corticalflow is invalid: .*" + words):
-        get_system("corticalflow").complete({group: settings})

@@ -101,20 +101,3 @@ def tube_distance() -> np.ndarray:
     grid = Volume(np.zeros(SHAPE), AFFINE)
     points = voxel_to_mm(grid, torch.from_numpy(np.indices(SHAPE).reshape(3, -1).T.astype(float))).numpy()
     return np.hypot(points[:, 0] + 9.0, points[:, 1]).reshape(SHAPE)
-
-
-@pytest.mark.parametrize(
-    ("group", "settings", "words"),
-    [
-        ("network", {"hidden": 0}, "hidden is 0"),
-        ("network", {"unit": 0.0}, r"unit is 0\.0"),
-        ("network", {"width": 128}, "MB; at most 10 MB|the width of the last level is 1024"),
-        ("surface", {"splits": 9}, "splits is 9"),
-        ("surface", {"blur": -1.0}, r"blur is -1\.0"),
-        ("training", {"spread": 0.0}, r"spread is 0\.0"),
-        ("training", {"n_pool": 0}, "n_pool is 0"),
-    ],
-)
-def test_a_configuration_that_will_not_do(group, settings, words, unchecked):
-    with pytest.raises(ValueError, match="the configuration of deepcsr is invalid: .*" + words):
-        get_system("deepcsr").complete({group: settings})

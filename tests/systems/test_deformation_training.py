@@ -20,11 +20,10 @@ from meshot.model.weights import write_weights
 from meshot.pipeline.training import InitialSurfaces, run_system_training
 from meshot.provenance import read_results
 from meshot.synth.cohorts import scans
-from meshot.systems import get_system, read_settings
+from meshot.systems import get_system
 from meshot.systems.flows import (
     DeformationConfig,
     carried,
-    deformation_config,
     deformed,
     hemisphere_example,
     standardised,
@@ -34,7 +33,7 @@ from meshot.systems.flows import (
 from meshot.volume.volume import sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
 
-TINY = deformation_config(
+TINY = DeformationConfig.read(
     {
         "network": {"width": 6, "hidden": [8], "n_scales": 2, "size": 3, "extent": 10.0},
         "loss": {"n_directions": 20, "normal_scale": 1.0},
@@ -106,7 +105,7 @@ def test_a_field_that_is_kept_follows_the_network(examples):
 def test_the_radius_of_windows_falls_with_the_steps(examples):
     def losses(**own):
         loss = {"loss": "windowed", "n_windows": 4, "n_directions": 8, "normal_scale": 1.0} | own
-        config = deformation_config(TINY.as_dict() | {"loss": loss})
+        config = DeformationConfig.read(TINY.as_dict() | {"loss": loss})
         # So small a rate that the network stays as it is: only the radius can change a loss.
         config = dataclasses.replace(config, training=dataclasses.replace(config.training, learning_rate=1e-30))
         return [line["loss"] for line in train_deformation(config, *examples).log if "loss" in line]
@@ -128,7 +127,7 @@ def test_surfaces_come_nearer_even_those_never_seen(examples, loss):
     content = TINY.as_dict()
     content["loss"] = loss or content["loss"]
     content["training"] |= {"n_epochs": 40, "validate_every": 20}
-    found = train_deformation(deformation_config(content), *examples)
+    found = train_deformation(DeformationConfig.read(content), *examples)
     item = examples[1][0]
     before = float(vertex_distances(item.initial, item.target).mean())
     after = float(vertex_distances(deformed(item.initial, item.scan, found.network, 2), item.target).mean())
@@ -233,26 +232,6 @@ def test_the_coarse_surface_moves_as_in_the_training(whole, examples):
     torch.testing.assert_close(as_trained.vertices, expected, rtol=0, atol=1e-4)
     alone = deformed(item.coarse, item.scan, whole.network, *flow)
     assert float((alone.vertices - expected).abs().max()) > 1e-3
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("training: {side: middle}", "side is 'middle'; one of left, right, both"),
-        ("training: {method: heun}", "method is 'heun'"),
-        ("training: {n_faces: 0}", "n_faces is 0"),
-        ("training: {seed: -1}", "seed is -1"),
-        ("loss: {p: 3}", "p is 3"),
-        ("network: {width: 0}", "width is 0"),
-        ("loss: {mass: 1}", r"loss\.mass, which nothing reads"),
-        ("loss: {window: 1}", "window is set, which sliced on varifold does not use"),
-    ],
-)
-def test_a_configuration_that_will_not_do(tmp_path, text, words):
-    path = tmp_path / "a.yaml"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=words):
-        read_settings(get_system("ddot"), path)
 
 
 @pytest.fixture

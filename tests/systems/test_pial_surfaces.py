@@ -6,7 +6,7 @@ import torch
 from meshot.mesh.editing import simplified
 from meshot.metrics.distances import Surface, vertex_distances
 from meshot.model.segmentation import segmentation_loss
-from meshot.systems import ExampleSets, Part, get_system, read_settings
+from meshot.systems import ExampleSets, Part, Run, get_system, read_settings
 from meshot.systems.corticalflow import FlowBlock, carried_through, train_block
 from meshot.systems.learning import Template, TemplateSettings, mean_box, mean_distances, scaled_image
 from meshot.systems.vox2cortex import N_STAGES, MeshNetwork, MeshWeights, template_name, true_fractions
@@ -52,7 +52,7 @@ def test_the_settings_say_which_surfaces_are_found(name):
         assert len(kind.parts_of(settings)) == (3 * len(surfaces) if name == "corticalflow" else 1)
     if name != "deepcsr":
         assert kind.surfaces_of(read_settings(kind, "paper")) == KEYS
-    assert kind({}).surfaces == kind.surfaces_of({}) == white
+    assert kind({}).surfaces == kind.surfaces_of(kind.complete({})) == white
     assert not hasattr(kind, "surfaces")
     with pytest.raises(ValueError, match=r"surfaces is \['pial'\]; \[white\] or \[white, pial\] is needed"):
         read_settings(kind, "tiny", [f"{GROUP[name]}.surfaces=[pial]"])
@@ -108,11 +108,12 @@ def test_terms_of_pial_surfaces_weigh_as_in_the_authors_model():
 def test_a_pial_cascade_begins_at_the_white_surface_and_leaves_its_blocks_as_they_are(examples):
     settings = read_settings(get_system("corticalflow"), "tiny", ["training.side=left", "training.n_epochs=15"])
     box = mean_box([item.targets["left", "white"] for item in examples.training])
-    white = [FlowBlock("left", k, **settings["network"], template=BOTH, box=box, generator=k) for k in range(2)]
+    white = [FlowBlock("left", k, **settings.network.as_dict(), template=BOTH, box=box, generator=k) for k in range(2)]
     with torch.no_grad():
         white[0].to_flow.bias.copy_(torch.tensor([0.3, 0.2, 0.1]))
     before = [{name: value.clone() for name, value in block.state_dict().items()} for block in white]
-    part = train_block([], "left", examples, settings, white=white)
+    network = FlowBlock("left", 0, **settings.network.as_dict(), template=BOTH)
+    part = train_block(network, [], white, examples, settings, Run(), "left_pial_1")
     for block, state in zip(white, before, strict=True):
         assert all(torch.equal(value, state[name]) for name, value in block.state_dict().items())
     template, pairs = simplified(white[0].template.mesh(), 500), {"start": [], "end": []}

@@ -86,20 +86,3 @@ def test_both_sides_come_nearer_than_the_templates():
     pairs = ((templates[side], Surface(item.targets[side, "white"])) for item in sets.validation for side in BOXES)
     start = mean_distances(pairs, 2000)["validation_loss"]
     assert min(line["validation_loss"] for line in part.log if "validation_loss" in line) < 0.75 * start
-
-
-@pytest.mark.parametrize(
-    ("group", "settings", "words"),
-    [
-        ("network", {"n_features": 0}, "n_features is 0"),
-        ("network", {"depth": 1}, "depth - 1 is 0"),
-        ("network", {"width": 64}, "MB; at most 10 MB are kept"),
-        ("template", {"splits": -1}, "splits is -1"),
-        ("loss", {"edge": -5.0}, r"edge is -5\.0"),
-        ("loss", {"extent": 0.0}, r"extent is 0\.0"),
-        ("training", {"n_faces": 0}, "n_faces is 0"),
-    ],
-)
-def test_a_configuration_that_will_not_do(group, settings, words, unchecked):
-    with pytest.raises(ValueError, match="the configuration of vox2cortex is invalid: .*" + words):
-        get_system("vox2cortex").complete({group: settings})

@@ -92,5 +92,3 @@ def test_what_does_not_fit_is_refused(kind, examples, whole, tmp_path):
     whole.save(tmp_path)
     with pytest.raises(ValueError, match=f"holds weights of the system {kind.name}; twin was asked for"):
         twin.load(tmp_path)
-    with pytest.raises(ValueError, match=r"training\.speed, which nothing reads"):
-        kind.complete({"training": {"speed": 1}})

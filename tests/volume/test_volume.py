@@ -10,6 +10,7 @@ from meshot.volume.volume import (
     centre_ras,
     cropped,
     mm_to_voxel,
+    resample,
     sample_volume,
     transform_points,
     voxel_sizes,
@@ -89,3 +90,33 @@ def test_cropping_leaves_everything_in_place(ramp):
     torch.testing.assert_close(sample_volume(box, points), sample_volume(ramp, points))
     with pytest.raises(ValueError, match="do not overlap"):
         cropped(ramp, points + 500)
+
+
+@pytest.mark.parametrize("order", [1, 3])
+def test_a_linear_function_is_resampled_exactly(ramp, order):
+    grid = OBLIQUE @ np.diag([0.5, 0.4, 0.3, 1.0])
+    grid[:3, 3] = voxel_to_mm(ramp, torch.tensor([[3.0, 4.0, 4.0]], dtype=torch.float64))[0]
+    shift = np.eye(4)
+    shift[:3, 3] = [0.4, -0.3, 0.2]
+    places = np.moveaxis(np.indices((3, 2, 4)), 0, -1) @ grid[:3, :3].T + grid[:3, 3]
+    tolerance = 1e-5 if order == 1 else 0.05  # splines of order 3 bend near the border, where the function is reflected
+    for to_volume, moved in ((None, places), (shift, places + shift[:3, 3])):
+        found = resample(ramp, (3, 2, 4), grid, to_volume, order)
+        assert np.array_equal(found.affine, grid)
+        assert found.data.dtype == (np.float32 if order == 1 else np.float64)
+        np.testing.assert_allclose(found.data, moved @ [1.0, -2.0, 0.5] + 3, atol=tolerance, rtol=1e-5)
+
+
+def test_the_nearest_voxel_and_what_lies_beyond_a_volume():
+    volume = Volume(np.array([[[3, 5, 9]]], dtype=np.int16), np.eye(4))
+    row = np.eye(4)
+    row[2, 3] = -1.6
+
+    def values(**choice) -> list:
+        found = resample(volume, (1, 1, 6), row, **choice).data
+        return [found.dtype, *found.ravel().tolist()]
+
+    assert values(order=0) == [np.int16, 0, 0, 3, 5, 0, 0]
+    assert values(order=0, outside="nearest") == [np.int16, 3, 3, 3, 5, 9, 9]
+    assert values(order=0, outside="lowest") == [np.int16, 3, 3, 3, 5, 3, 3]
+    assert values(order=1, outside=-1) == [np.float32, -1, -1, *np.float32([3.8, 6.6]).tolist(), -1, -1]

@@ -81,7 +81,6 @@ def toy(root, tmp_path, monkeypatch):
     """A small workflow in a folder of its own: two recipes, two results, one that is planned, and a page."""
     shutil.copytree(root / "workflow", tmp_path / "workflow", ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "workflow" / "experiments.yaml").write_text(TOY)
-    (tmp_path / "workflow" / "standing.json").unlink()
     (tmp_path / "recipes").mkdir()
     for name in ("a", "b"):
         (tmp_path / "recipes" / f"{name}.yaml").write_text(f"value: {name}\n")

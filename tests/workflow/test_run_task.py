@@ -11,19 +11,23 @@ import pytest
 
 @pytest.fixture
 def task(part, toy):
-    module = part("run_task")
-    return lambda *words: module.main([*words, "--root", str(toy)])
+    modules = {name: part(name) for name in ("run_task", "stale")}
+
+    def call(action, *words):
+        module = modules["run_task" if action in ("run", "collect") else "stale"]
+        return module.main([action, *words, "--root", str(toy)])
+
+    return call
 
 
 def test_a_task_runs_once_for_its_settings(task, toy):
-    assert task("why") == 1
+    assert task("list") == 1
     assert task("run", "raw_a", "raw_b", "sum", "sum", "copy", "page", "raw_a") == 0
     assert (toy / "log.txt").read_text(encoding="utf-8").split() == ["a", "b", "sum", "copy", "page"]
     assert task("collect") == 0
-    assert task("why") == 0
-    entries = json.loads((toy / "workflow" / "standing.json").read_text(encoding="utf-8"))
-    assert set(entries) == {"sum", "copy"}
-    assert set(entries["sum"]["after"]) == {"raw_a", "raw_b"}
+    assert task("list") == 0
+    assert set(noted(toy)) == {"raw_a", "raw_b", "sum", "copy"}
+    assert set(noted(toy)["sum"]["inputs"]) == {"raw_a", "raw_b"}
 
 
 def test_other_settings_clear_what_is_there(task, toy, capsys):
@@ -31,17 +35,20 @@ def test_other_settings_clear_what_is_there(task, toy, capsys):
     task("collect")
     (toy / "build/raw/b.rest").touch()
     (toy / "recipes/b.yaml").write_text("# the same\nvalue: b\n")
-    assert task("why") == 0
+    assert task("list") == 0
     (toy / "recipes/b.yaml").write_text("value: c\n")
     capsys.readouterr()
-    assert task("why") == 1
-    assert capsys.readouterr().out.splitlines() == ["sum: raw_b has other settings", "page: sum runs"]
+    assert task("list") == 1
+    assert capsys.readouterr().out.splitlines() == [
+        "sum: raw_b has changed (recipes/b.yaml has changed)",
+        "page: sum runs",
+    ]
     assert task("run", "raw_b", "sum", "page") == 0
     assert not (toy / "build/raw/b.rest").exists()
     assert "value: c" in (toy / "page.txt").read_text(encoding="utf-8")
     # The page waits for whatever has run, also if the workflow was killed between the two.
     task("collect")
-    assert task("why") == 0
+    assert task("list") == 0
 
 
 def test_settings_that_come_back_are_computed_again(task, toy):
@@ -67,34 +74,29 @@ def test_a_failure_leaves_no_stamp(task, toy, capsys):
     assert "no task is called nothing; there are raw_a" in capsys.readouterr().err
 
 
-@pytest.fixture
-def made(part, task, toy):
-    """A function that opens the toy workflow, whose results are there and not noted."""
-    assert task("run", "raw_a", "raw_b", "sum", "copy") == 0
-    return lambda: part("run_task").opened("experiments", toy)
-
-
 def noted(toy):
-    return set(json.loads((toy / "workflow" / "standing.json").read_text(encoding="utf-8")))
+    return json.loads((toy / "experiments" / "digests.json").read_text(encoding="utf-8"))
 
 
-def test_what_two_processes_note_at_the_same_moment_is_kept(part, toy, made):
-    first, second = made(), made()
+def test_what_two_processes_note_at_the_same_moment_is_kept(part, task, toy):
+    assert task("run", "raw_a", "raw_b", "sum", "copy") == 0
+    first, second = (part("stale").opened(root=toy) for _ in range(2))
     assert first.entries == second.entries == {}
-    for standing, name in ((first, "sum"), (second, "copy")):
-        part("run_task").stands(standing, [name])
-    assert noted(toy) == {"sum", "copy"}
+    for results, name in ((first, "sum"), (second, "copy")):
+        results.note([results.graph.tasks[name]])
+    assert set(noted(toy)) == {"sum", "copy"}
 
 
-def test_a_note_waits_until_no_other_process_writes_one(part, toy, made):
-    command = [sys.executable, toy / "workflow/run_task.py", "stands", "copy", "--root", toy]
-    with part("standing").locked(made().state):
+def test_a_note_waits_until_no_other_process_writes_one(part, task, toy):
+    assert task("run", "raw_a", "copy") == 0
+    command = [sys.executable, toy / "workflow/run_task.py", "collect", "--root", toy]
+    with part("stale").locked(part("stale").opened(root=toy).state):
         waiting = subprocess.Popen(command)
         with pytest.raises(subprocess.TimeoutExpired):
-            waiting.wait(timeout=2)
-        assert not (toy / "workflow" / "standing.json").exists()
+            waiting.wait(timeout=5)
+        assert not (toy / "experiments" / "digests.json").exists()
     assert waiting.wait(timeout=30) == 0
-    assert noted(toy) == {"copy"}
+    assert set(noted(toy)) == {"raw_a", "copy"}
 
 
 def test_settings_that_change_meanwhile_are_refused(task, toy, capsys):
@@ -189,17 +191,3 @@ def test_a_setting_is_yes_or_no(part, value, meaning):
 def test_a_setting_that_is_neither_yes_nor_no_is_refused(part, value):
     with pytest.raises(ValueError, match=f"planned is {value}; it is yes, no, true or false: --config planned=yes"):
         part("run_task").yes_or_no("planned", value)
-
-
-def test_a_result_made_by_hand_stands_if_its_record_agrees(task, toy, capsys):
-    graph, place = toy / "workflow/experiments.yaml", toy / "record.json"
-    entry = "  hand:\n    stage: use\n    command: x\n    reads: [recipes/a.yaml]\n    writes: [record.json]\n"
-    graph.write_text(graph.read_text(encoding="utf-8") + entry + "    record: record.json\n", encoding="utf-8")
-    assert task("stands", "hand") == 1
-    assert "hand has no record.json; run it first" in capsys.readouterr().err
-    place.write_text(json.dumps({"config": {"value": "b"}}))
-    assert task("stands", "hand") == 1
-    assert "record.json was made with other settings than recipes/a.yaml" in capsys.readouterr().err
-    place.write_text(json.dumps({"config": {"value": "a"}}))
-    assert task("stands", "hand") == 0
-    assert "hand" in json.loads((toy / "workflow" / "standing.json").read_text(encoding="utf-8"))

@@ -25,12 +25,12 @@ def jobs(part, scaling):
 
 def test_the_page_is_current(scaling, part, root):
     text = (root / "book" / "speed.md").read_text(encoding="utf-8")
-    block = scaling.block(part("run_task").opened("experiments"))
+    block = scaling.block(part("stale").opened())
     assert f"<!-- workflow -->\n{block}\n<!-- /workflow -->" in text, "run: python workflow/scaling.py"
 
 
 def test_seconds_are_those_of_the_records(scaling, part, root):
-    found, unknown = scaling.jobs_of(part("run_task").opened("experiments"))
+    found, unknown = scaling.jobs_of(part("stale").opened())
     record = json.loads((root / "experiments/blur/results.json").read_text(encoding="utf-8"))
     assert found["blur"].seconds == record["seconds"]
     assert not found["blur"].grows
@@ -41,7 +41,7 @@ def test_seconds_are_those_of_the_records(scaling, part, root):
     grows = ("cohort_adni_like", "held_out_adni_like", "segmentation_training", "ddot")
     assert all(found[name].grows for name in grows)
     assert not any(found[name].grows for name in ("cohort_test_retest", "study", "cost"))
-    planned = part("run_task").opened("experiments")
+    planned = part("stale").opened()
     assert not any(planned.is_planned(job.task) for job in found.values())
     assert "ddot_adni_like_left_sliced_surface_0" not in found
     assert {"ledger", "held_out"} <= set(unknown)
@@ -71,7 +71,7 @@ def test_the_simulation_agrees_with_what_is_known(scaling, jobs):
 
 
 def test_the_simulation_lies_between_its_bounds(scaling, part):
-    found, _ = scaling.jobs_of(part("run_task").opened("experiments"))
+    found, _ = scaling.jobs_of(part("stale").opened())
     chain = max(scaling.remaining(found).values())
     work = sum(job.seconds * job.cores for job in found.values())
     assert scaling.makespan(found, len(found)) == pytest.approx(chain)  # no job waits for a node

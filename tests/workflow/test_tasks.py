@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from meshot.cli import make_parser
+from meshot.systems import get_system, system_names
 from meshot_book.claims import ledger_page
 from meshot_book.claims.rules import RULES
 from meshot_book.notebook import checksum_lines
@@ -44,8 +45,15 @@ def test_every_command_can_start_and_every_setting_is_there(graphs, root):
             assert words[0] == "python"
             assert words[1] == "-m" or (root / words[1]).is_file(), task.command
         assert all((root / read.partition("#")[0]).is_file() for read in task.reads if not task.planned), task.name
+        assert task.starts or task.stage == "tool", f"{task.name} needs a script, or an entry under code"
         assert set(task.after) <= set(graph.tasks)
         assert task.writes or task.makes or task.stage == "initial"
+
+
+def test_the_short_names_of_systems_mean_their_classes(root):
+    short = yaml.safe_load((root / "workflow" / "experiments.yaml").read_text(encoding="utf-8"))["code"]
+    classes = {name: get_system(name) for name in system_names()}
+    assert short == {name: f"{kind.__module__}.{kind.__qualname__}" for name, kind in classes.items()}
 
 
 @pytest.fixture
@@ -89,13 +97,13 @@ def test_the_page_of_costs_comes_after_every_task_whose_seconds_it_sums(part, gr
 
 
 def test_a_page_does_not_wait_for_a_planned_task_without_result(part, root):
-    standing = part("run_task").opened("experiments")
+    results = part("stale").opened()
     for name in ("ledger", "scaling"):
-        task = standing.graph.tasks[name]
-        assert any(standing.is_planned(standing.graph.tasks[up]) for up in task.after)
-        assert not any(standing.is_planned(up) for up in standing.before(task))
-        waited = {path.parent.name for path in standing.needed(task)}
-        assert waited <= set(standing.stale()), name
+        task = results.graph.tasks[name]
+        assert any(results.is_planned(results.graph.tasks[up]) for up in task.after)
+        assert not any(results.is_planned(up) for up in results.before(task))
+        waited = {path.parent.name for path in results.needed(task)}
+        assert waited <= set(results.stale()), name
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ import torch
 from meshot.extras import needing
 from meshot.mesh import Mesh, solid_moments
 from meshot.types import Array, Bool, Float
-from meshot.volume import StandardScan, Volume, place_on_grid, transform_points, voxel_sizes
+from meshot.volume import StandardScan, Volume, place_on_grid, resample, transform_points, voxel_sizes
 
 with needing("cortex"):
     import nilearn.datasets
@@ -169,16 +169,10 @@ def placed_by_white_matter(scan: Volume, first: StandardScan, white: Volume) -> 
     # Rounded, because the last bits differ between processors.
     to_standard = (_enlargement() @ moved @ first.to_standard).round(6)
     placed = place_on_grid(scan, to_standard, _grid_centre())
-    moved_mask = _on_grid(white, placed.volume, to_standard @ np.linalg.inv(first.to_standard))
-    return dataclasses.replace(placed, volume=contrast_by_white_matter(placed.volume, moved_mask))
-
-
-def _on_grid(mask: Volume, grid: Volume, to_grid: Float[Array, "4 4"]) -> Bool[Array, "X Y Z"]:
-    """A mask after an affine motion, on another grid, by nearest neighbours."""
-    to_voxel = np.linalg.inv(mask.affine) @ np.linalg.inv(to_grid) @ grid.affine
-    return scipy.ndimage.affine_transform(
-        (mask.data > 0).astype(np.uint8), to_voxel[:3, :3], to_voxel[:3, 3], grid.data.shape, order=0
-    ).astype(bool)
+    grid, to_first = placed.volume, np.linalg.inv(to_standard @ np.linalg.inv(first.to_standard))
+    mask = white.with_data((white.data > 0).astype(np.uint8))
+    moved_mask = resample(mask, grid.data.shape, grid.affine, to_first, order=0).data.astype(bool)
+    return dataclasses.replace(placed, volume=contrast_by_white_matter(grid, moved_mask))
 
 
 def in_mni152(mesh: Mesh) -> Mesh:

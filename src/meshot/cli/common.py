@@ -4,12 +4,18 @@ import argparse
 import contextlib
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 NOTE = "Not for clinical use."
 
 #: The return type of ``ArgumentParser.add_subparsers``.
 Commands = argparse._SubParsersAction
+
+
+#: Kinds of options, as keyword arguments of ``add_argument``.
+COUNT, FILE = {"type": int, "metavar": "N"}, {"type": Path, "metavar": "FILE"}
+FOLDER = {"type": Path, "metavar": "FOLDER"}
 
 
 class HelpParagraphs(argparse.HelpFormatter):
@@ -95,32 +101,34 @@ SURFACE = "white"
 def add_sampling(command: argparse.ArgumentParser) -> None:
     """Add the numbers of points and the seed."""
     command.add_argument(
-        "--points", type=int, default=100_000, metavar="N",
-        help="Sample this many points on each surface (default: %(default)s).",
-    )  # fmt: skip
-    command.add_argument(
-        "--emd-points", type=int, default=5_000, metavar="N",
-        help="Use this many of the points for the EMD, at most --points (default: %(default)s).",
-    )  # fmt: skip
-    command.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="Sample the points with this seed (default: %(default)s)."
+        "--points", **COUNT, default=100_000, help="Sample this many points on each surface (default: %(default)s)."
     )
+    command.add_argument(
+        "--emd-points",
+        **COUNT,
+        default=5_000,
+        help="Use this many of the points for the EMD, at most --points (default: %(default)s).",
+    )
+    command.add_argument("--seed", **COUNT, default=0, help="Sample the points with this seed (default: %(default)s).")
 
 
 def add_choice(command: argparse.ArgumentParser) -> None:
     """Add the surfaces of two folders that are compared, and the alignment."""
     command.add_argument(
-        "--surface", default=SURFACE, metavar="NAME",
+        "--surface",
+        default=SURFACE,
+        metavar="NAME",
         help="Compare the surfaces of this name in two folders, such as white or pial (default: %(default)s).",
-    )  # fmt: skip
+    )
     command.add_argument(
         "--common", action="store_true", help="Leave out what only one of the folders contains, with a warning."
     )
     command.add_argument(
-        "--align", action="store_true",
+        "--align",
+        action="store_true",
         help="First align each surface rigidly with its reference by iterative closest points (ICP), as for two scans "
         "of one person in different positions. The residue of the alignment is reported.",
-    )  # fmt: skip
+    )
 
 
 def chosen_emd_points(chosen: argparse.Namespace) -> int:

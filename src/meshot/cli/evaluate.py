@@ -39,37 +39,44 @@ def add_to(commands: Commands) -> None:
         "target", type=Path, nargs="?", help="The surface that is taken as the truth, or a folder of such surfaces."
     )
     command.add_argument(
-        "--pairs", type=Path, metavar="TSV",
+        "--pairs",
+        type=Path,
+        metavar="TSV",
         help="Evaluate all pairs of this table, whose columns are predicted and target, separated by tabs. Paths are "
         "relative to the folder of the table.",
-    )  # fmt: skip
+    )
     add_choice(command)
     add_sampling(command)
     command.add_argument(
-        "--emd-blur", type=float, metavar="MM",
+        "--emd-blur",
+        type=float,
+        metavar="MM",
         help="Compute the EMD by Sinkhorn's algorithm with this blur, in mm (default: exactly, by a linear program).",
-    )  # fmt: skip
-    _add_outputs(command)
-    command.set_defaults(run=_run)
-
-
-def _add_outputs(command: argparse.ArgumentParser) -> None:
+    )
     command.add_argument(
         "--json", metavar="FILE", help="Write all results with inputs and settings to this file; - is standard output."
     )
     command.add_argument(
-        "--tsv", metavar="FILE",
+        "--tsv",
+        metavar="FILE",
         help="Write a row for each pair to this file; - is standard output, and the default with many pairs.",
-    )  # fmt: skip
+    )
     command.add_argument("--definitions", action="store_true", help="Print the definition of each metric as well.")
+    command.set_defaults(run=_run)
 
 
 def _run(chosen: argparse.Namespace) -> None:
     from tqdm import tqdm
 
     pairs, many = _pairs(chosen), chosen.pairs is not None or chosen.predicted.is_dir()
-    record = _record_of_many if many else _record
-    records = [record(chosen, *pair) for pair in tqdm(pairs, unit="pair", disable=not many)]
+    records = []
+    for predicted, target in tqdm(pairs, unit="pair", disable=not many):
+        try:
+            records.append(_record(chosen, predicted, target, quiet=many))
+        except ValueError as error:
+            if not many:
+                raise
+            raise ValueError(f"{error} (files {predicted} and {target})") from error
     outputs = {"json": chosen.json, "tsv": chosen.tsv or ("-" if many and chosen.json != "-" else None)}
     if list(outputs.values()).count("-") > 1:
         raise ValueError("--json - and --tsv - would both go to stdout; write one of them to a file")
@@ -86,7 +93,13 @@ def _pairs(chosen: argparse.Namespace) -> list[tuple[Path, Path]]:
             "two surfaces or folders are needed, PREDICTED and TARGET, or a table of pairs: --pairs pairs.tsv"
         )
     if chosen.pairs is None and (chosen.predicted.is_dir() or chosen.target.is_dir()):
-        return _pairs_of_folders(chosen)
+        from meshot.study import find_surfaces, paired_surfaces
+
+        found = (find_surfaces(folder, chosen.surface) for folder in (chosen.predicted, chosen.target))
+        pairs, lost = paired_surfaces(*found, chosen.common)
+        for sentence in lost:
+            warnings.warn(f"{sentence}: it is left out", stacklevel=2)
+        return list(pairs.values())
     if chosen.common or chosen.surface != SURFACE:
         raise ValueError(
             "--surface and --common choose among the surfaces of two folders, and files are given; leave these options "
@@ -102,24 +115,6 @@ def _pairs(chosen: argparse.Namespace) -> list[tuple[Path, Path]]:
             "separated by tabs"
         )
     return [tuple(chosen.pairs.parent / row[name] for name in PAIR) for row in rows]
-
-
-def _pairs_of_folders(chosen: argparse.Namespace) -> list[tuple[Path, Path]]:
-    from meshot.study import find_surfaces, paired_surfaces
-
-    folders = (chosen.predicted, chosen.target)
-    pairs, lost = paired_surfaces(*(find_surfaces(folder, chosen.surface) for folder in folders), chosen.common)
-    for sentence in lost:
-        warnings.warn(f"{sentence}: it is left out", stacklevel=2)
-    return list(pairs.values())
-
-
-def _record_of_many(chosen: argparse.Namespace, predicted: Path, target: Path) -> dict:
-    """As :func:`_record`, without the table, and with the files in the message of an error."""
-    try:
-        return _record(chosen, predicted, target, quiet=True)
-    except ValueError as error:
-        raise ValueError(f"{error} (files {predicted} and {target})") from error
 
 
 def _record(chosen: argparse.Namespace, predicted: Path, target: Path, quiet: bool = False) -> dict:
@@ -169,7 +164,6 @@ def _write(place: str, text: str) -> None:
     if place == "-":
         print(text, end="")
         return
-    from meshot.files import whole_file
+    from meshot.files import write_whole
 
-    with whole_file(place) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_whole(place, text)

@@ -4,7 +4,7 @@ import argparse
 import os
 from pathlib import Path
 
-from meshot.cli.common import NOTE, Commands, add_command
+from meshot.cli.common import COUNT, FILE, NOTE, Commands, add_command
 
 
 def add_to(commands: Commands) -> None:
@@ -24,30 +24,29 @@ def add_to(commands: Commands) -> None:
     )
     command.add_argument("recipe", help="The name of a recipe in the package, or a YAML file.")
     command.add_argument("folder", type=Path, help="The folder of the cohort, new or unfinished.")
+    command.add_argument("--jobs", **COUNT, default=1, help="Run this many processes (default: %(default)s).")
     command.add_argument(
-        "--jobs", type=int, default=1, metavar="N", help="Run this many processes (default: %(default)s)."
+        "--subjects", **COUNT, help="Make this many subjects from the template (default: as many as the recipe states)."
     )
     command.add_argument(
-        "--subjects", type=int, metavar="N",
-        help="Make this many subjects from the template (default: as many as the recipe states).",
-    )  # fmt: skip
-    command.add_argument(
-        "--held-out", type=int, metavar="N", dest="held_out_subjects",
+        "--held-out",
+        **COUNT,
+        dest="held_out_subjects",
         help="Make this many more subjects from the template, all for testing (default: as many as the recipe "
         "states). All other subjects stay as they are.",
-    )  # fmt: skip
+    )
     command.add_argument(
-        "--days", type=int, metavar="N",
-        help="Scan each subject on this many days (default: as many as the recipe states).",
-    )  # fmt: skip
+        "--days", **COUNT, help="Scan each subject on this many days (default: as many as the recipe states)."
+    )
     command.add_argument(
         "--standard", metavar="WHAT", help="Place scans by 'grey values' or 'white matter' (default: as in the recipe)."
     )
-    command.add_argument("--keep", type=Path, metavar="FILE", help="Add the checksums to this file of manifests.")
+    command.add_argument("--keep", **FILE, help="Add the checksums to this file of manifests.")
     command.add_argument(
-        "--check", action="store_true",
+        "--check",
+        action="store_true",
         help="Make nothing, but compare the cohort with its manifest. The exit status is 1 if a file differs.",
-    )  # fmt: skip
+    )
     command.set_defaults(run=_run)
 
 

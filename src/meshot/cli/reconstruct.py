@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from meshot.cli.common import NOTE, Commands, add_command, device_errors, device_of
+from meshot.cli.common import COUNT, FILE, FOLDER, NOTE, Commands, add_command, device_errors, device_of
 from meshot.files import printable_name
 
 if TYPE_CHECKING:  # for annotations only: importing torch would delay --help
@@ -43,29 +43,82 @@ def add_to(commands: Commands) -> None:
         usage="meshot reconstruct SCAN... -o FOLDER [options]\n"
         "       meshot reconstruct BIDS FOLDER {participant,group} [options]",
     )
-    add_reconstruction_arguments(command)
+    command.add_argument(
+        "scan", type=Path, nargs="+", help="A T1-weighted scan, several scans, a folder of scans, or a BIDS data set."
+    )
+    command.add_argument(
+        "-o", "--output", **FOLDER, help="Write the results to this folder, which is new, empty or of the same study."
+    )
+    command.add_argument(
+        "--layout",
+        choices=("flat", "freesurfer", "bids"),
+        default="flat",
+        help="Arrange results in flat folders, as FreeSurfer's SUBJECTS_DIR or as BIDS derivatives "
+        "(default: %(default)s).",
+    )
+    command.add_argument(
+        "--jobs", **COUNT, default=1, help="Reconstruct this many scans of a study side by side (default: %(default)s)."
+    )
+    command.add_argument("--overwrite", action="store_true", help="Replace an earlier reconstruction in the folder.")
+    command.add_argument(
+        "--system", metavar="NAME", help="Find the surfaces with this system (default: that of the package)."
+    )
+    command.add_argument(
+        "--weights", **FOLDER, help="Use the weights of the system in this folder (default: those of the package)."
+    )
+    command.add_argument(
+        "--segmentation", **FILE, help="Use the segmentation network of this file (default: that of the package)."
+    )
+    command.add_argument("--initial-only", action="store_true", help="Stop after the initial surfaces, without a flow.")
+    command.add_argument(
+        "--device", help="Compute the networks on this device: cpu, cuda or cuda:1, for example (default: cpu)."
+    )
+    command.add_argument(
+        "--template",
+        action="store_true",
+        help="Also carry fsaverage5's white surface to each side, so that vertices correspond between people; one to "
+        "two minutes more.",
+    )
+    command.add_argument("--brain-mask", **FILE, help="Use this volume, which is 0 outside the brain.")
+    command.add_argument("--strict", action="store_true", help="Stop with exit status 3 instead of a warning.")
+    command.add_argument(
+        "--threads",
+        **COUNT,
+        help="Use this many threads in each process (default: as many as torch chooses; 1 with several jobs).",
+    )
+    words = command.add_mutually_exclusive_group()
+    words.add_argument("--verbose", action="store_true", help="Also print how long each stage of a scan took.")
+    words.add_argument("--quiet", action="store_true", help="Print warnings and errors only, and no progress bar.")
+    group = command.add_argument_group("of a BIDS data set")
+    for one in ("participant", "session"):
+        names, what = (f"--{one}-label", f"--{one}_label"), f"Reconstruct these {one}s (default: all)."
+        group.add_argument(*names, nargs="+", default=[], metavar="LABEL", help=what)
+    group.add_argument("--acquisition", metavar="LABEL", help="Use only scans with this value of acq.")
+    group.add_argument("--run", metavar="NUMBER", dest="run_number", help="Use only scans with this value of run.")
+    group.add_argument(
+        "--runs",
+        choices=("average", "first"),
+        default="average",
+        help="Register and average several runs, or use the first (default: %(default)s).",
+    )
+    group.add_argument("--derivatives", **FOLDER, help="Take brain masks from this BIDS data set of derivatives.")
     command.set_defaults(run=_run)
 
 
 def _run(chosen: argparse.Namespace) -> int:
-    inputs, output, level = _places(chosen)
-    if level is None and len(inputs) == 1 and not inputs[0].is_dir() and chosen.layout == "flat":
-        _refuse(chosen, "a single scan", _OF_BIDS)
-        return _run_one(chosen, inputs[0], output)
-    return _run_study(chosen, inputs, output, level)
-
-
-def _places(chosen: argparse.Namespace) -> tuple[list[Path], Path, str | None]:
-    """The inputs, the folder of the results, and the level of a BIDS app."""
-    level = str(chosen.scan[-1]) if len(chosen.scan) == 3 and str(chosen.scan[-1]) in LEVELS else None
-    if level is not None and chosen.output is None:
-        return [chosen.scan[0]], chosen.scan[1], level
-    if chosen.output is None:
+    # The inputs, the folder of the results, and the level of a BIDS app.
+    inputs, output, level = chosen.scan, chosen.output, None
+    if output is None and len(inputs) == 3 and str(inputs[-1]) in LEVELS:
+        inputs, output, level = inputs[:1], inputs[1], str(inputs[2])
+    if output is None:
         raise ValueError(
             "there is no folder for the results; name it: meshot reconstruct SCAN -o FOLDER, or meshot reconstruct "
             "BIDS FOLDER participant"
         )
-    return chosen.scan, chosen.output, None
+    if level is None and len(inputs) == 1 and not inputs[0].is_dir() and chosen.layout == "flat":
+        _refuse(chosen, "a single scan", _OF_BIDS)
+        return _run_one(chosen, inputs[0], output)
+    return _run_study(chosen, inputs, output, level)
 
 
 def _refuse(chosen: argparse.Namespace, what: str, options: tuple[str, ...]) -> None:
@@ -86,10 +139,9 @@ def _run_one(chosen: argparse.Namespace, scan: Path, output: Path) -> int:
         require_positive_integer(chosen.threads, "threads")
         torch.set_num_threads(chosen.threads)
     with device_errors():
-        report = write_reconstruction(
-            scan, output, _networks(chosen), chosen.overwrite, brain_mask=chosen.brain_mask, strict=chosen.strict,
-            quiet=chosen.quiet, correspondence=chosen.template,
-        )  # fmt: skip
+        care = {"brain_mask": chosen.brain_mask, "strict": chosen.strict, "quiet": chosen.quiet}
+        care["correspondence"] = chosen.template
+        report = write_reconstruction(scan, output, _networks(chosen), chosen.overwrite, **care)
     for warning in report["warnings"]:
         warnings.warn(warning, stacklevel=1)
     if chosen.quiet:
@@ -162,11 +214,9 @@ def _visits(chosen: argparse.Namespace, inputs: list[Path], level: str | None) -
     if bids:  # only here is the extra bids needed
         from meshot.study import Choice, missing_participants, visits_of_bids
 
-        choice = Choice(
-            tuple(chosen.participant_label), tuple(chosen.session_label), chosen.acquisition, chosen.run_number,
-            chosen.runs, chosen.derivatives,
-        )  # fmt: skip
-        visits = visits_of_bids(inputs[0], choice)
+        labels = tuple(chosen.participant_label), tuple(chosen.session_label)
+        runs = chosen.acquisition, chosen.run_number, chosen.runs
+        visits = visits_of_bids(inputs[0], Choice(*labels, *runs, chosen.derivatives))
         for name in missing_participants(inputs[0]):
             warnings.warn(f"{name} is in participants.tsv, but has no folder", stacklevel=1)
         return inputs[0], visits
@@ -177,123 +227,3 @@ def _visits(chosen: argparse.Namespace, inputs: list[Path], level: str | None) -
     if missing:
         raise ValueError(f"{missing[0]} does not exist or is no file; name scans, one folder, or one BIDS data set")
     return None, visits_of_files(inputs)
-
-
-# The arguments of ``meshot reconstruct``.
-
-
-def add_reconstruction_arguments(command: argparse.ArgumentParser) -> None:
-    """Add the scans, the folder of the results, and all options."""
-    command.add_argument(
-        "scan", type=Path, nargs="+", help="A T1-weighted scan, several scans, a folder of scans, or a BIDS data set."
-    )
-    _add_output(command)
-    _add_networks(command)
-    _add_correspondence(command)
-    _add_care(command)
-    _add_words(command.add_mutually_exclusive_group())
-    _add_bids(command.add_argument_group("of a BIDS data set"))
-
-
-def _add_output(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FOLDER",
-        help="Write the results to this folder, which is new, empty or of the same study.",
-    )
-    command.add_argument(
-        "--layout",
-        choices=("flat", "freesurfer", "bids"),
-        default="flat",
-        help="Arrange results in flat folders, as FreeSurfer's SUBJECTS_DIR or as BIDS derivatives "
-        "(default: %(default)s).",
-    )
-    command.add_argument(
-        "--jobs",
-        type=int,
-        default=1,
-        metavar="N",
-        help="Reconstruct this many scans of a study side by side (default: %(default)s).",
-    )
-    command.add_argument("--overwrite", action="store_true", help="Replace an earlier reconstruction in the folder.")
-
-
-def _add_care(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--brain-mask", type=Path, metavar="FILE", help="Use this volume, which is 0 outside the brain."
-    )
-    command.add_argument("--strict", action="store_true", help="Stop with exit status 3 instead of a warning.")
-    command.add_argument(
-        "--threads",
-        type=int,
-        metavar="N",
-        help="Use this many threads in each process (default: as many as torch chooses; 1 with several jobs).",
-    )
-
-
-def _add_words(group: argparse._MutuallyExclusiveGroup) -> None:
-    group.add_argument("--verbose", action="store_true", help="Also print how long each stage of a scan took.")
-    group.add_argument("--quiet", action="store_true", help="Print warnings and errors only, and no progress bar.")
-
-
-def _add_networks(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--system", metavar="NAME", help="Find the surfaces with this system (default: that of the package)."
-    )
-    command.add_argument(
-        "--weights",
-        type=Path,
-        metavar="FOLDER",
-        help="Use the weights of the system in this folder (default: those of the package).",
-    )
-    command.add_argument(
-        "--segmentation",
-        type=Path,
-        metavar="FILE",
-        help="Use the segmentation network of this file (default: that of the package).",
-    )
-    command.add_argument("--initial-only", action="store_true", help="Stop after the initial surfaces, without a flow.")
-    command.add_argument(
-        "--device", help="Compute the networks on this device: cpu, cuda or cuda:1, for example (default: cpu)."
-    )
-
-
-def _add_correspondence(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--template",
-        action="store_true",
-        help="Also carry fsaverage5's white surface to each side, so that vertices correspond between people; one to "
-        "two minutes more.",
-    )
-
-
-def _add_bids(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--participant-label",
-        "--participant_label",
-        nargs="+",
-        default=[],
-        metavar="LABEL",
-        help="Reconstruct these participants (default: all).",
-    )
-    group.add_argument(
-        "--session-label",
-        "--session_label",
-        nargs="+",
-        default=[],
-        metavar="LABEL",
-        help="Reconstruct these sessions (default: all).",
-    )
-    group.add_argument("--acquisition", metavar="LABEL", help="Use only scans with this value of acq.")
-    group.add_argument("--run", metavar="NUMBER", dest="run_number", help="Use only scans with this value of run.")
-    group.add_argument(
-        "--runs",
-        choices=("average", "first"),
-        default="average",
-        help="Register and average several runs, or use the first (default: %(default)s).",
-    )
-    group.add_argument(
-        "--derivatives", type=Path, metavar="FOLDER", help="Take brain masks from this BIDS data set of derivatives."
-    )

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from meshot.cli.common import NOTE, Commands, add_choice, add_command, add_sampling, chosen_emd_points
+from meshot.cli.common import FOLDER, NOTE, Commands, add_choice, add_command, add_sampling, chosen_emd_points
 from meshot.files import printable_name
 
 
@@ -25,9 +25,8 @@ def add_to(commands: Commands) -> None:
     command.add_argument("reconstructed", type=Path, help="The folder of the surfaces to evaluate.")
     command.add_argument("reference", type=Path, help="The folder of the surfaces that are taken as the truth.")
     command.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FOLDER",
-        help="Write the results to this folder, which is new or empty.",
-    )  # fmt: skip
+        "-o", "--output", **FOLDER, required=True, help="Write the results to this folder, which is new or empty."
+    )
     add_choice(command)
     add_sampling(command)
     command.set_defaults(run=_run)
@@ -38,11 +37,10 @@ def _run(chosen: argparse.Namespace) -> None:
 
     from meshot.study import COMPARISON_PAGE, write_comparison
 
-    rows = write_comparison(
-        chosen.reconstructed, chosen.reference, chosen.output, chosen.surface, common=chosen.common,
-        align=chosen.align, n_points=chosen.points, n_emd_points=chosen_emd_points(chosen), seed=chosen.seed,
-        progress=lambda pairs: tqdm(pairs, unit="pair", disable=None),
-    )  # fmt: skip
+    folders, emd_points = (chosen.reconstructed, chosen.reference, chosen.output), chosen_emd_points(chosen)
+    settings = {"common": chosen.common, "align": chosen.align, "n_points": chosen.points, "seed": chosen.seed}
+    settings["progress"] = lambda pairs: tqdm(pairs, unit="pair", disable=None)
+    rows = write_comparison(*folders, chosen.surface, n_emd_points=emd_points, **settings)
     last = rows[-1]["side"]
     for row in rows:
         if row["side"] == last:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from meshot.cli.common import NOTE, Commands, add_command, device_errors, device_of
+from meshot.cli.common import COUNT, FILE, FOLDER, NOTE, Commands, add_command, device_errors, device_of
 from meshot.files import printable_name
 
 
@@ -27,13 +27,16 @@ def add_to(commands: Commands) -> None:
     command.add_argument("system", help="The name of the system. An unknown name is answered by a list of all names.")
     add_training_arguments(command, "training.side=right training.seed=1")
     command.add_argument(
-        "--segmentation", type=Path, metavar="FILE",
+        "--segmentation",
+        **FILE,
         help="Find the initial surfaces with the segmentation network of this file (default: that of the package).",
-    )  # fmt: skip
+    )
     command.add_argument(
-        "--initial", type=Path, default=Path("build/initial"), metavar="FOLDER",
+        "--initial",
+        **FOLDER,
+        default=Path("build/initial"),
         help="Store initial surfaces in this folder for later trainings (default: %(default)s).",
-    )  # fmt: skip
+    )
     command.set_defaults(run=_run)
     _add_segmentation(commands)
 
@@ -42,14 +45,9 @@ def _run(chosen: argparse.Namespace) -> None:
     # Imported here, so that other commands start quickly.
     from meshot.pipeline import run_system_training, segmentation_weights
 
-    segmentation = segmentation_weights(chosen.segmentation)
-    trained = run_training(
-        chosen,
-        lambda: run_system_training(
-            chosen.system, chosen.config, chosen.data, chosen.output, segmentation, chosen.initial, chosen.changes,
-            device_of(chosen),
-        ),
-    )  # fmt: skip
+    what = (chosen.system, chosen.config, chosen.data, chosen.output)
+    how = (segmentation_weights(chosen.segmentation), chosen.initial, chosen.changes)
+    trained = run_training(chosen, lambda: run_system_training(*what, *how, device_of(chosen)))
     for name, part in trained.parts.items():
         results = part.record["results"]
         print(f"{name}: {best_line(results['best_step'], part.log, results['cpu_seconds'])}")
@@ -75,9 +73,10 @@ def _add_segmentation(commands: Commands) -> None:
     )
     add_training_arguments(command, "training.precision=bfloat16")
     command.add_argument(
-        "--start", type=Path, metavar="FILE",
+        "--start",
+        **FILE,
         help="Start from the weights in this file, to adapt a network to other scans (default: random weights).",
-    )  # fmt: skip
+    )
     command.set_defaults(run=_run_segmentation)
 
 
@@ -85,12 +84,8 @@ def _run_segmentation(chosen: argparse.Namespace) -> None:
     # Imported here, so that other commands start quickly.
     from meshot.pipeline import run_segmentation_training
 
-    found = run_training(
-        chosen,
-        lambda: run_segmentation_training(
-            chosen.config, chosen.data, chosen.output, chosen.changes, device_of(chosen), chosen.start
-        ),
-    )
+    what = (chosen.config, chosen.data, chosen.output, chosen.changes)
+    found = run_training(chosen, lambda: run_segmentation_training(*what, device_of(chosen), chosen.start))
     print(f"{best_line(found.best_step, found.log, found.cpu_seconds)}; weights in {printable_name(chosen.output)}")
 
 
@@ -106,17 +101,25 @@ def add_training_arguments(command: argparse.ArgumentParser, change: str) -> Non
         "--data", type=Path, nargs="+", required=True, metavar="COHORT", help="Train on the cohorts in these folders."
     )
     command.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FOLDER",
+        "-o",
+        "--output",
+        **FOLDER,
+        required=True,
         help="Write weights, log and a picture of the training to this folder.",
-    )  # fmt: skip
+    )
     command.add_argument(
-        "--set", nargs="+", default=[], metavar="GROUP.NAME=VALUE", dest="changes",
+        "--set",
+        nargs="+",
+        default=[],
+        metavar="GROUP.NAME=VALUE",
+        dest="changes",
         help=f"Replace settings of the file, for example {change}.",
-    )  # fmt: skip
+    )
     command.add_argument(
-        "--threads", type=int, metavar="N",
+        "--threads",
+        **COUNT,
         help="Use this many CPU threads; with 1, results are reproducible (default: as many as torch chooses).",
-    )  # fmt: skip
+    )
     command.add_argument(
         "--device",
         metavar="NAME",

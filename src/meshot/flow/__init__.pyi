@@ -14,7 +14,6 @@ from .fields import (
     Prepared as Prepared,
     Velocity as Velocity,
     VelocityField as VelocityField,
-    euler_is_injective as euler_is_injective,
     grid_around as grid_around,
     quantised_velocity as quantised_velocity,
     read_velocity as read_velocity,
@@ -35,7 +34,6 @@ from .fitting import (
 )
 from .integration import (
     METHODS as METHODS,
-    flow_meshes as flow_meshes,
     integrate as integrate,
     trajectory as trajectory,
 )

@@ -6,19 +6,15 @@ Positions are clipped to the box in which all four neighbouring nodes exist alon
 points into chunks, one per thread, because the kernels release the GIL.
 """
 
-from typing import no_type_check
-
 import numpy as np
-from numba import njit
 
-from meshot._kernels import INNER, kernel
+from meshot._kernels import inner, kernel
 
 _FASTMATH = {"contract", "reassoc"}
-_inner = INNER | {"fastmath": _FASTMATH}
+_inner = inner(fastmath=_FASTMATH)
 
 
-@njit(**_inner)
-@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
+@_inner
 def _clipped(place, n_nodes):
     """The cell that contains ``place`` after clipping to [1, n − 2], and the offset in this cell."""
     place = min(place if place > 1 else 1, n_nodes - 2)  # NaN must not become an index
@@ -26,8 +22,7 @@ def _clipped(place, n_nodes):
     return cell, place - cell
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _weigh(t, weights):
     """The four cubic B-spline weights at offset ``t`` in [0, 1)."""
     s = 1 - t
@@ -37,8 +32,7 @@ def _weigh(t, weights):
     weights[3] = t * t * t / 6
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _slope(t, slopes):
     """The derivatives of the four weights."""
     s = 1 - t
@@ -49,7 +43,6 @@ def _slope(t, slopes):
 
 
 @kernel("flows on a grid", 5, fastmath=_FASTMATH)
-@no_type_check
 def interpolate(coefficients, places, values):
     """Write to ``values`` the spline at ``places``, which are in units of the lattice spacing."""
     nx, ny, nz, _ = coefficients.shape
@@ -74,7 +67,6 @@ def interpolate(coefficients, places, values):
 
 
 @kernel("flows on a grid", 5, fastmath=_FASTMATH)
-@no_type_check
 def interpolate_backward(coefficients, places, grad_output, to_coefficients, to_places):
     """Add the gradient with respect to the coefficients to one buffer; write that of the positions to another."""
     nx, ny, nz, _ = coefficients.shape

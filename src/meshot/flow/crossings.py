@@ -4,16 +4,17 @@ A flow with small steps is injective on points, but the triangles between moving
 subpackage counts such faces along a flow, computes the Lipschitz constants in the bounds, and repairs moved surfaces.
 """
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Callable
 
 import torch
 
-from meshot.errors import as_floating, require_positive_integer, require_shape
+from meshot.errors import as_points, require_positive_integer
 from meshot.flow.fields import Velocity, VelocityField
 from meshot.flow.integration import step_maps, trajectory
-from meshot.mesh import Mesh, neighbour_means, self_intersecting_faces, smooth_crossings
+from meshot.mesh import Mesh, neighbour_means, ring_around, self_intersecting_faces, smooth_crossings
 from meshot.types import Float, Tensor
 
 # Jacobians of a velocity, and an estimate of its Lipschitz constant from below.
@@ -59,8 +60,7 @@ def sampled_lipschitz(
     ValueError
         If the points are not a matrix of finite floating-point numbers, or ``n_times`` < 1.
     """
-    points = as_floating(points, "points")
-    require_shape(points, "points", None)
+    points = as_points(points, "points")
     require_positive_integer(n_times, "n_times")
     velocity = field.prepared() if isinstance(field, VelocityField) else field
     times = (torch.arange(n_times, dtype=points.dtype, device=points.device) + 0.5) / n_times
@@ -141,11 +141,6 @@ def inspect_paths(
     """Compute local Jacobians along the paths of the points, for the given integration method. Without gradient.
 
     Needs 2d backward passes per step. Says nothing about regions that no path visits.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.integrate`.
     """
     positions = trajectory(field, points, n_steps, method).detach()
     velocity = field.prepared() if isinstance(field, VelocityField) else field
@@ -162,11 +157,6 @@ def crossings_along(field: VelocityField | Velocity, mesh: Mesh, n_steps: int = 
     """The number of self-intersecting faces before the first step and after each step, computed exactly.
 
     Uses ``self_intersecting_faces`` of ``meshot.mesh.connectivity``: about 1 s per step for 330 000 faces.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.integrate`.
     """
     positions = trajectory(field, mesh.vertices, n_steps, method)
     return [len(self_intersecting_faces(mesh.with_vertices(p))) for p in positions]
@@ -241,34 +231,20 @@ def repair_crossings(
         raise ValueError("the initial surface has self-intersecting faces; it must have none: repair it first")
     way, share, mesh = carried.vertices - initial.vertices, torch.ones_like(initial.vertices[:, 0]), carried
     for n_backtracks in range(max_backtracks + 1):
-        found = _mended(mesh, max_rounds, largest_share)
-        if found is not None:
-            break
-        share = _lowered(share, initial, mesh, 2 + 2 * n_backtracks)
+        crossing = self_intersecting_faces(mesh)
+        # Smoothing many defects would also remove the folds.
+        if len(crossing) <= largest_share * len(mesh.faces):
+            with contextlib.suppress(ValueError):
+                mesh = smooth_crossings(mesh, max_rounds)
+                break
+        # The factors on the displacement are halved around intersecting faces, then blurred along the surface.
+        near = ring_around(mesh, crossing, 2 + 2 * n_backtracks)
+        share = torch.where(near, _PART_KEPT * share, share)
+        for _ in range(_BLUR_STEPS):
+            means = neighbour_means(initial.with_vertices(share[:, None].expand(-1, 3).contiguous()))[:, 0]
+            share = torch.minimum(share, means)
         mesh = initial.with_vertices(initial.vertices + share[:, None] * way)
-    mesh = initial if found is None else found
+    else:
+        mesh = initial
     largest_move = float((mesh.vertices - carried.vertices).norm(dim=1).max())
     return RepairedSurface(mesh, n_crossing, n_backtracks, largest_move)
-
-
-def _mended(mesh: Mesh, max_rounds: int, largest_share: float) -> Mesh | None:
-    """The mesh with its few defects smoothed; None if there are many, since smoothing would also remove the folds."""
-    if len(self_intersecting_faces(mesh)) > largest_share * len(mesh.faces):
-        return None
-    try:
-        return smooth_crossings(mesh, max_rounds)
-    except ValueError:
-        return None
-
-
-def _lowered(share: torch.Tensor, initial: Mesh, mesh: Mesh, n_rings: int) -> torch.Tensor:
-    """The factors on the displacement: halved around intersecting faces, then blurred along the surface."""
-    near = torch.zeros(len(share), dtype=torch.bool, device=share.device)
-    near[mesh.faces[self_intersecting_faces(mesh)].flatten()] = True
-    for _ in range(n_rings):
-        near[mesh.faces[near[mesh.faces].any(dim=1)].flatten()] = True
-    lowered = torch.where(near, _PART_KEPT * share, share)
-    for _ in range(_BLUR_STEPS):
-        means = neighbour_means(initial.with_vertices(lowered[:, None].expand(-1, 3).contiguous()))[:, 0]
-        lowered = torch.minimum(lowered, means)
-    return lowered

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import safetensors.torch
 import torch
+from safetensors import SafetensorError
 from torch import nn
 from torch.autograd.function import once_differentiable
 
@@ -84,15 +85,6 @@ class LearnedVelocity(nn.Module, VelocityField):
         return [list(self.parameters())]
 
 
-def euler_is_injective(field: VelocityField, n_steps: int) -> bool:
-    """Whether the bound h·L < 1 guarantees that every Euler step of size 1/``n_steps`` is injective.
-
-    The condition is sufficient, not necessary, and concerns points. Triangles between moving vertices may still
-    intersect.
-    """
-    return bool(field.lipschitz_bound() < n_steps)
-
-
 # Vector-valued B-splines on a lattice: their values, and the same spline on a lattice twice as fine.
 
 INTERPOLATIONS = ("linear", "cubic")
@@ -123,7 +115,13 @@ def spline_values(
             f"coefficients has shape {tuple(coefficients.shape)}; a cubic spline needs four nodes along every axis"
         )
     if interpolation == "linear":
-        return _linear_values(coefficients, places)
+        n_nodes = torch.tensor(coefficients.shape[:3], dtype=places.dtype, device=places.device)
+        inside = places.clamp(min=1).minimum(n_nodes - 2)
+        # grid_sample expects [-1, 1] from the first node to the last, and the axes in reverse order.
+        wanted = (2 * inside / (n_nodes - 1) - 1).flip(1)
+        image = coefficients.permute(3, 0, 1, 2)[None]
+        values = torch.nn.functional.grid_sample(image, wanted[None, None, None], align_corners=True)
+        return values[0, :, 0, 0].T
     if places.device.type == "cpu" and places.dtype in (torch.float32, torch.float64):
         return _Spline.apply(coefficients, places)
     return plain_spline_values(coefficients, places)
@@ -146,16 +144,6 @@ def plain_spline_values(
                 weight = weights[:, 0, a] * weights[:, 1, b] * weights[:, 2, c]
                 values = values + weight[:, None] * coefficients[x, y, z]
     return values
-
-
-def _linear_values(coefficients: Float[Tensor, "nx ny nz 3"], places: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    n_nodes = torch.tensor(coefficients.shape[:3], dtype=places.dtype, device=places.device)
-    inside = places.clamp(min=1).minimum(n_nodes - 2)
-    # grid_sample expects [-1, 1] from the first node to the last, and the axes in reverse order.
-    wanted = (2 * inside / (n_nodes - 1) - 1).flip(1)
-    image = coefficients.permute(3, 0, 1, 2)[None]
-    values = torch.nn.functional.grid_sample(image, wanted[None, None, None], align_corners=True)
-    return values[0, :, 0, 0].T
 
 
 def spline_weights(offsets: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 4"]:
@@ -258,8 +246,17 @@ class GridVelocity(LearnedVelocity):
         interpolation: str = "cubic",
     ):
         super().__init__()
-        lower, upper = _require_box(lower, upper)
-        _require_halving(spacings)
+        lower, upper = as_floating(lower, "lower"), as_floating(upper, "upper")
+        for name, corner in (("lower", lower), ("upper", upper)):
+            require_shape(corner[None], name, 3)
+        if not bool((lower < upper).all()):
+            raise ValueError(f"the box from {lower.tolist()} to {upper.tolist()} is empty; lower must be below upper")
+        lower, upper = lower.detach().clone(), upper.detach()
+        halves = all(abs(2 * fine - coarse) <= 1e-9 * coarse for coarse, fine in itertools.pairwise(spacings))
+        if not spacings or min(spacings) <= 0 or not halves:
+            raise ValueError(
+                f"spacings are {spacings}; positive numbers are needed, each half the one before, as in (24, 12, 6, 3)"
+            )
         require_positive_integer(n_pieces, "n_pieces")
         require_choice(interpolation, "interpolation", INTERPOLATIONS)
         self.interpolation = interpolation
@@ -364,11 +361,6 @@ def single_level(
         The lower corner of the box, in mm.
     spacing, interpolation
         As :class:`GridVelocity`.
-
-    Raises
-    ------
-    ValueError
-        As :class:`GridVelocity`.
     """
     # A level has one node before the box, one node after it, and one that closes the last cell.
     n_cells = torch.tensor(coefficients.shape[1:4]) - 3
@@ -376,23 +368,6 @@ def single_level(
     with torch.no_grad():
         field.levels[0].copy_(coefficients)
     return field
-
-
-def _require_box(lower: Tensor, upper: Tensor) -> tuple[Tensor, Tensor]:
-    lower, upper = as_floating(lower, "lower"), as_floating(upper, "upper")
-    require_shape(lower[None], "lower", 3)
-    require_shape(upper[None], "upper", 3)
-    if not bool((lower < upper).all()):
-        raise ValueError(f"the box from {lower.tolist()} to {upper.tolist()} is empty; lower must be below upper")
-    return lower.detach().clone(), upper.detach()
-
-
-def _require_halving(spacings: tuple[float, ...]) -> None:
-    halves = all(abs(2 * fine - coarse) <= 1e-9 * coarse for coarse, fine in itertools.pairwise(spacings))
-    if not spacings or min(spacings) <= 0 or not halves:
-        raise ValueError(
-            f"spacings are {spacings}; positive numbers are needed, each half the one before, such as (24, 12, 6, 3)"
-        )
 
 
 # Storage of a fitted velocity field in a small file, so that its flow can be applied to other meshes.
@@ -461,9 +436,7 @@ def read_velocity(path: str | os.PathLike) -> GridVelocity:
         dtype = {"torch.float32": torch.float32, "torch.float64": torch.float64}[header["dtype"]]
         values, lower = tensors["coefficients"].movedim(0, -1).to(dtype) * header["step"], tensors["lower"].to(dtype)
         return single_level(values, lower, header["spacing"], header.get("interpolation", "cubic"))
-    except (
-        OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, safetensors.SafetensorError
-    ) as error:  # fmt: skip
+    except (LookupError, OSError, ValueError, TypeError, AttributeError, RuntimeError, SafetensorError) as error:
         raise ValueError(
             f"{path} is not a complete velocity file ({error}); copy it again, or repeat the fit"
         ) from error

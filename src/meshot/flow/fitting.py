@@ -127,11 +127,6 @@ class Guard:
         Maximum number of backtracks.
     max_steps : int
         Maximum number of integration steps.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
     max_crossings: int = 0
@@ -152,15 +147,7 @@ class Guard:
 
 
 class FitState(TrainingState):
-    """The state of a fit: the field, its optimiser, the progress, and the best field so far.
-
-    Parameters
-    ----------
-    field : LearnedVelocity
-    learning_rate : float
-    n_steps : int
-        Initial number of integration steps.
-    """
+    """The state of a fit: the field, its optimiser, the progress, and the best field so far."""
 
     def __init__(self, field: LearnedVelocity, learning_rate: float, n_steps: int):
         super().__init__(field, learning_rate, extras={"n_steps": n_steps})
@@ -205,16 +192,6 @@ def carried(state: FitState, mesh: Mesh, settings: FitSettings) -> Mesh:
     return mesh.with_vertices(moved)
 
 
-def require_no_crossings(mesh: Mesh, guard: Guard) -> None:
-    """Check that the mesh at the start of a fit has no more self-intersections than the guard allows."""
-    n_crossings = len(self_intersecting_faces(mesh))
-    if n_crossings > guard.max_crossings:
-        raise ValueError(
-            f"{n_crossings} faces cross before the fit begins, {guard.max_crossings} are allowed: there is no state to "
-            "go back to; mend the mesh, or allow as many in the guard"
-        )
-
-
 @torch.no_grad()
 def backtrack(state: FitState, mesh: Mesh, settings: FitSettings, guard: Guard) -> None:
     """Restore the best valid state, reduce the learning rate and reset the momentum.
@@ -243,10 +220,8 @@ Encoding = Callable[[Mesh], DiscreteMeasure]
 Watch = Callable[[Mesh], dict[str, float]]
 
 #: The entries that every history of a fit has.
-HISTORY = (
-    "iteration", "loss", "n_directions",
-    "checked_iteration", "checked_loss", "checked_crossings", "backtrack_iteration",
-)  # fmt: skip
+HISTORY = ("iteration", "loss", "n_directions")
+HISTORY += ("checked_iteration", "checked_loss", "checked_crossings", "backtrack_iteration")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -320,14 +295,33 @@ def fit_flow(
     field = copy.deepcopy(field)
     state = FitState(field, settings.learning_rate, settings.n_steps)
     if guard is not None and not (checkpoint is not None and os.path.exists(checkpoint)):
-        require_no_crossings(carried(state, mesh, settings), guard)
+        n_crossings = len(self_intersecting_faces(carried(state, mesh, settings)))
+        if n_crossings > guard.max_crossings:
+            raise ValueError(
+                f"{n_crossings} faces cross before the fit begins, {guard.max_crossings} are allowed: there is no "
+                "state to go back to; mend the mesh, or allow as many in the guard"
+            )
     made_with = dataclasses.asdict(settings) | {"guard": None if guard is None else dataclasses.asdict(guard)}
 
     def tell(done: int, n_iterations: int, line: dict) -> None:
         if progress is not None and "loss" in line:
             progress(done, line["loss"])
 
-    train(state, settings.plan(), _task(state, mesh, loss, settings, guard, watch), made_with, checkpoint, None, tell)
+    stages = field.stages()
+
+    def loss_of(i: int) -> tuple[Tensor, str]:
+        generator = np.random.default_rng([settings.seed, i])
+        return loss(carried(state, mesh, settings), settings.n_directions_at(i), generator), "of the fit"
+
+    def hold_fine_stages(i: int) -> None:
+        for parameter in itertools.chain(*stages[settings.n_stages_at(i, len(stages)) :]):
+            parameter.grad = None  # Adam skips parameters without a gradient
+
+    def is_given_up() -> bool:
+        return guard is not None and sum(line.get("backtracked", False) for line in state.lines) >= guard.max_backtracks
+
+    task = Task(loss_of, lambda _: _checked(state, mesh, loss, settings, guard, watch), hold_fine_stages, is_given_up)
+    train(state, settings.plan(), task, made_with, checkpoint, None, tell)
     with torch.no_grad():
         result = carried(state, mesh, settings)
     return Fit(field, result, _history(state.lines, settings), state.best_step, state.n_steps)
@@ -352,25 +346,6 @@ def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
         return sliced_wasserstein(encoding(mesh), encoded, directions, p)
 
     return loss
-
-
-def _task(
-    state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings, guard: Guard | None, watch: Watch | None
-) -> Task:
-    stages = state.network.stages()
-
-    def loss_of(i: int) -> tuple[Tensor, str]:
-        generator = np.random.default_rng([settings.seed, i])
-        return loss(carried(state, mesh, settings), settings.n_directions_at(i), generator), "of the fit"
-
-    def hold_fine_stages(i: int) -> None:
-        for parameter in itertools.chain(*stages[settings.n_stages_at(i, len(stages)) :]):
-            parameter.grad = None  # Adam skips parameters without a gradient
-
-    def is_given_up() -> bool:
-        return guard is not None and sum(line.get("backtracked", False) for line in state.lines) >= guard.max_backtracks
-
-    return Task(loss_of, lambda _: _checked(state, mesh, loss, settings, guard, watch), hold_fine_stages, is_given_up)
 
 
 def _checked(
@@ -455,11 +430,6 @@ class Deformation:
         points : tensor
         inverse : bool
             Whether to move points from the space of the target to that of the source.
-
-        Raises
-        ------
-        ValueError
-            As :func:`meshot.integrate`.
         """
         return integrate(self.flow, points, self.n_steps, inverse=inverse)
 
@@ -526,11 +496,20 @@ def deform(
     True
     """
     for name, value in (("source", source), ("target", target)):
-        _require_mesh(value, name)
+        if not isinstance(value, Mesh):
+            raise ValueError(
+                f"{name} is a {type(value).__qualname__}; a meshot.Mesh is needed: Mesh(vertices, faces), "
+                "Mesh.from_trimesh(...), Mesh.from_pyvista(...) or read_mesh(path)"
+            )
     require_same_space(source.vertices, target.vertices)
     if not 0 < detail < 1:
         raise ValueError(f"detail is {detail!r}; a share in (0, 1) is needed, of half the longest side of the box")
-    centre, size = _frame(source, target)
+    # The centre of the bounding box of both meshes, and half its longest side.
+    everything = torch.cat([source.vertices.detach(), target.vertices.detach()])
+    low, high = everything.amin(dim=0), everything.amax(dim=0)
+    centre, size = (low + high) / 2, float((high - low).max()) / 2
+    if not size > 0:
+        raise ValueError("source and target are one point; meshes with an extent are needed")
     settings = FitSettings(n_iterations, _LEARNING_RATE, check_every=min(25, n_iterations), seed=seed)
     start, goal = (mesh.with_vertices((mesh.vertices.detach() - centre) / size) for mesh in (source, target))
     relative = _relative_loss(loss, source, target, centre, size, settings)
@@ -539,37 +518,15 @@ def deform(
     guard = None if allow_crossings else Guard()
     with fit_progress(settings, "deform", disable=not progress) as report:
         fit = fit_flow(field, start, relative, settings, progress=report, guard=guard)
-    flow = _least(field, fit, relative, start, settings).scaled(size, centre)
-    mesh = source.with_vertices(integrate(flow, source.vertices, fit.n_steps).detach())
-    return Deformation(mesh, flow, fit.n_steps, tuple(fit.history["checked_loss"]))
-
-
-def _least(rest: GridVelocity, fit: Fit, relative: FitLoss, start: Mesh, settings: FitSettings) -> GridVelocity:
-    """The fitted velocity, or the zero velocity if the best check is not below the loss of the undeformed source."""
-    generator = np.random.default_rng([settings.seed, settings.n_iterations])  # the directions of the checks
+    # The zero velocity if the best check is not below the loss of the source, with the directions of the checks.
+    generator = np.random.default_rng([settings.seed, settings.n_iterations])
     with torch.no_grad():
         unmoved = float(relative(start, settings.n_directions[1], generator))
     checked = dict(zip(fit.history["checked_iteration"], fit.history["checked_loss"], strict=True))
     best = checked.get(fit.best_iteration, math.inf)  # absent if every check was rejected
-    return fit.field if best < unmoved else rest
-
-
-def _require_mesh(value: object, name: str) -> None:
-    if not isinstance(value, Mesh):
-        raise ValueError(
-            f"{name} is a {type(value).__qualname__}; a meshot.Mesh is needed: Mesh(vertices, faces), "
-            "Mesh.from_trimesh(...), Mesh.from_pyvista(...) or read_mesh(path)"
-        )
-
-
-def _frame(source: Mesh, target: Mesh) -> tuple[Float[Tensor, " 3"], float]:
-    """The centre of the bounding box of both meshes, and half its longest side."""
-    everything = torch.cat([source.vertices.detach(), target.vertices.detach()])
-    low, high = everything.amin(dim=0), everything.amax(dim=0)
-    size = float((high - low).max()) / 2
-    if not size > 0:
-        raise ValueError("source and target are one point; meshes with an extent are needed")
-    return (low + high) / 2, size
+    flow = (fit.field if best < unmoved else field).scaled(size, centre)
+    mesh = source.with_vertices(integrate(flow, source.vertices, fit.n_steps).detach())
+    return Deformation(mesh, flow, fit.n_steps, tuple(fit.history["checked_loss"]))
 
 
 def _relative_loss(

@@ -1,15 +1,14 @@
 """Integration of velocity fields: positions of points after unit time. The only module that imports torchdiffeq."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import torch
 from torch import nn
 from torchdiffeq import odeint, odeint_adjoint
 
-from meshot.errors import as_floating, require_choice, require_positive_integer, require_shape
+from meshot.errors import as_points, require_choice, require_positive_integer
 from meshot.flow.fields import Prepared, Velocity, VelocityField
-from meshot.mesh import Mesh
 from meshot.types import Float, Tensor
 
 METHODS = ("euler", "midpoint", "rk4", "dopri5")  # of order 1, 2, 4 and 5
@@ -70,7 +69,7 @@ def integrate(
     >>> [round(x, 6) for x in decayed[0].tolist()]  # 1/e
     [0.367879, 0.367879]
     """
-    points = _require_points(points)
+    points = as_points(points, "points")
     grid = _time_grid(points, n_steps, inverse)
     options = _solver_options(grid, method, tolerance)
     require_choice(gradient, "gradient", GRADIENTS)
@@ -90,13 +89,8 @@ def trajectory(
     """Positions of the points before the first step and after each step: ``n_steps`` + 1 positions of every point.
 
     The last is the result of :func:`meshot.integrate`. The arguments are the same.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.integrate`.
     """
-    points = _require_points(points)
+    points = as_points(points, "points")
     grid = _time_grid(points, n_steps, inverse)
     return odeint(_prepared(field), points, grid, **_solver_options(grid, method, None))
 
@@ -111,34 +105,6 @@ def step_maps(
         return lambda x: odeint(velocity, x, ends, **_solver_options(ends, method, None))[-1]
 
     return [(grid[k], step(grid[k : k + 2])) for k in range(n_steps)]
-
-
-def flow_meshes(
-    field: VelocityField | Velocity, meshes: Sequence[Mesh], n_steps: int = 12, method: str = "euler", **options: object
-) -> list[Mesh]:
-    """Move several meshes by one field. All their vertices are integrated together, as one batch.
-
-    The other arguments are those of :func:`meshot.integrate`.
-
-    Raises
-    ------
-    ValueError
-        If there is no mesh, or the meshes differ in dtype or device; otherwise as :func:`meshot.integrate`.
-    """
-    if not meshes:
-        raise ValueError("meshes is empty; at least one is needed")
-    kinds = {(mesh.vertices.dtype, str(mesh.vertices.device)) for mesh in meshes}
-    if len(kinds) > 1:
-        raise ValueError(f"meshes are of several kinds, {sorted(map(str, kinds))}; convert them with .to(...)")
-    moved = integrate(field, torch.cat([mesh.vertices for mesh in meshes]), n_steps, method, **options)
-    parts = moved.split([len(mesh.vertices) for mesh in meshes])
-    return [mesh.with_vertices(part) for mesh, part in zip(meshes, parts)]
-
-
-def _require_points(points: Tensor) -> Tensor:
-    points = as_floating(points, "points")
-    require_shape(points, "points", None)
-    return points
 
 
 def _time_grid(points: Tensor, n_steps: int, inverse: bool) -> Float[Tensor, " k"]:

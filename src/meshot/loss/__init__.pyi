@@ -23,10 +23,7 @@ from .directions import (
 )
 from .error_bar import (
     SlicedEstimate as SlicedEstimate,
-    WindowedEstimate as WindowedEstimate,
-    directions_for_translation as directions_for_translation,
     sliced_wasserstein_estimate as sliced_wasserstein_estimate,
-    translation_spread as translation_spread,
     windowed_sliced_wasserstein_estimate as windowed_sliced_wasserstein_estimate,
 )
 from .exact import (

@@ -12,19 +12,16 @@ ends, and passed down to the leaves. These are sums of positive numbers, accurat
 """
 
 import math
-from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
-from meshot._kernels import INNER, kernel
+from meshot._kernels import inner, kernel
 
-_inner = INNER | {"error_model": "numpy", "forceinline": True}
+_inner = inner(error_model="numpy", forceinline=True)
 _GENTLE = 16.0  # largest slope of the pieces that are summed from left to right, in units of mass/extent²
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _three_in_order(i, j, k):
     """Three ranks in ascending order."""
     if i > j:
@@ -36,8 +33,7 @@ def _three_in_order(i, j, k):
     return i, j, k
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _spread(tree, size, x, first, last, base, slope, centre):
     """Add the density base + slope · (x − centre) on the intervals [first, last) to the nodes that cover them."""
     low, high, width = first + size, last + size, 1
@@ -57,8 +53,7 @@ def _spread(tree, size, x, first, last, base, slope, centre):
         width <<= 1
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _push_down(tree, size, x, n):
     """Add the densities of every node to its two children, down to the leaves."""
     width = size
@@ -78,15 +73,13 @@ def _push_down(tree, size, x, n):
         width = half
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _on_grid(slope, grid):
     """The slope rounded to the last place of ``grid``. Sums of such slopes are exact while they stay below ``grid``."""
     return (slope + grid) - grid
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _lay_triangles(tree, size, x, rank, cells, weights, mass, jumps, limit):
     grid = 4 * limit
     for k in range(len(cells)):
@@ -121,8 +114,7 @@ def _lay_triangles(tree, size, x, rank, cells, weights, mass, jumps, limit):
             _spread(tree, size, x, j, m, 0.0, -peak / down, x[m])
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _lay_segments(tree, size, x, rank, cells, weights, mass):
     for k in range(len(cells)):
         i, j = rank[cells[k, 0]], rank[cells[k, 1]]
@@ -133,8 +125,7 @@ def _lay_segments(tree, size, x, rank, cells, weights, mass):
             mass[i] += weights[k]
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _add(total, lost, term):
     """Kahan summation: the new total, and its excess over the exact one."""
     term -= lost
@@ -142,8 +133,7 @@ def _add(total, lost, term):
     return larger, (larger - total) - term
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _place(projected, order, rank, x):
     """Sort the projections, store the rank of each, and return the extent of the distribution."""
     n = len(projected) - 1
@@ -155,8 +145,7 @@ def _place(projected, order, rank, x):
     return x[n] - x[0]
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _share(mass):
     """Divide masses by their sum; raise an error if the sum is NaN, infinite or zero."""
     total = mass.sum()
@@ -170,7 +159,6 @@ def _share(mass):
 
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
-@no_type_check
 def lay_surface(projected, order, cells, weights, rank, tree, jumps, x, extent, mass, change):
     """Write the cells of the distribution of a projected surface: one per interval between neighbouring vertices.
 
@@ -201,7 +189,6 @@ def lay_surface(projected, order, cells, weights, rank, tree, jumps, x, extent, 
 
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
-@no_type_check
 def lay_points(projected, order, weights, x, extent, mass, change):
     """Write the cells of the distribution of projected points: atoms, each followed by a gap, and the sentinel."""
     n = len(projected)
@@ -236,8 +223,7 @@ _NODES_4, _WEIGHTS_4 = (1 + np.polynomial.legendre.leggauss(4)[0]) / 2, np.polyn
 _NODES_8, _WEIGHTS_8 = (1 + np.polynomial.legendre.leggauss(8)[0]) / 2, np.polynomial.legendre.leggauss(8)[1] / 2
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _position_of_share(change, share):
     """The fraction ξ of the extent that has the fraction ζ of the mass: (1 − a)ξ + aξ² = ζ, without cancellation."""
     below = 1 - change
@@ -245,8 +231,7 @@ def _position_of_share(change, share):
     return min(2 * share / total, 1.0) if total > 0 else 0.0
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _piece(step, share, left, last, change, density, at):
     """The part of a cell with the next ``step`` of its mass: its extent, its change, and the density at its end.
 
@@ -267,37 +252,30 @@ def _piece(step, share, left, last, change, density, at):
     return extent, inner, next_density
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _cut(piece, share):
     """Divide a merged piece into two at a fraction of its mass."""
     d, ds, dt, a, b, dz, at, part, at_target, part_target = piece
     s, t = _position_of_share(a, share), _position_of_share(b, share)
     below, below_target = 1 - a + a * s, 1 - b + b * t
     above, above_target = 1 + a * s, 1 + b * t
-    first = (
-        d, ds * s, dt * t,
-        a * s / below if below > 0 else 0.0, b * t / below_target if below_target > 0 else 0.0,
-        dz * share, at, part * s, at_target, part_target * t,
-    )  # fmt: skip
-    second = (
-        d + ds * s - dt * t, ds * (1 - s), dt * (1 - t),
-        a * (1 - s) / above if above > 0 else 0.0, b * (1 - t) / above_target if above_target > 0 else 0.0,
-        dz * (1 - share), at + part * s, part * (1 - s), at_target + part_target * t, part_target * (1 - t),
-    )  # fmt: skip
+    change, change_target = a * s / below if below > 0 else 0.0, b * t / below_target if below_target > 0 else 0.0
+    first = (d, ds * s, dt * t, change, change_target, dz * share, at, part * s, at_target, part_target * t)
+    change = a * (1 - s) / above if above > 0 else 0.0
+    change_target = b * (1 - t) / above_target if above_target > 0 else 0.0
+    rest = (dz * (1 - share), at + part * s, part * (1 - s), at_target + part_target * t, part_target * (1 - t))
+    second = (d + ds * s - dt * t, ds * (1 - s), dt * (1 - t), change, change_target, *rest)
     return first, second
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _add_moments(moments, weight, slope, at):
     moments[0] += weight * slope
     moments[1] += weight * slope * at
     moments[2] += weight * slope * at * at
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _squared(piece, nodes, weights, atoms, wanted, moments, moments_target):
     """∫(x − y)² dz over a piece of small slope. Also adds the moments of ±2(x − y) against dx, or dz at atoms."""
     d, ds, dt, a, b, dz, at, part, at_target, part_target = piece
@@ -318,8 +296,7 @@ def _squared(piece, nodes, weights, atoms, wanted, moments, moments_target):
     return cost
 
 
-@njit(error_model="numpy", **INNER)
-@no_type_check
+@inner(error_model="numpy")
 def _squared_halved(piece, atoms, wanted, moments, moments_target):
     """∫(x − y)² dz over any piece, halved along its steeper side until its slope is small."""
     waiting, halvings = [piece], [0]
@@ -336,8 +313,7 @@ def _squared_halved(piece, atoms, wanted, moments, moments_target):
     return cost
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _crossings(d, ds, dt, a, b):
     """The solutions of x = y, as fractions of the extent ds >= dt in ascending order; 2 stands for no solution."""
     if dt == 0:
@@ -352,8 +328,7 @@ def _crossings(d, ds, dt, a, b):
     return min(one, other), max(one, other)
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _signed(piece, tie, atoms, wanted, moments, moments_target):
     """|∫(x − y) dz| over a piece on which x − y does not change sign. Within roundoff of zero the sign is zero."""
     d, ds, dt, a, b, dz, at, part, at_target, part_target = piece
@@ -366,16 +341,14 @@ def _signed(piece, tie, atoms, wanted, moments, moments_target):
     return dz * abs(mean)
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _add_extent(moments, weight, sign, at, part):
     moments[0] += weight * sign
     moments[1] += weight * sign * (at + part / 2)
     moments[2] += weight * sign * (at * (at + part) + part * part / 3)
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _absolute(piece, tie, atoms, wanted, moments, moments_target):
     """∫|x − y| dz over a piece, divided where x = y."""
     d, ds, dt, a, b = piece[:5]
@@ -397,7 +370,6 @@ def _absolute(piece, tie, atoms, wanted, moments, moments_target):
 
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
-@no_type_check
 def walk(power, source, target, wanted, moments, moments_target):
     """W_p^p between two distributions (x, extent, mass, change), and the moments of φ′ over the cells if ``wanted``.
 
@@ -461,8 +433,7 @@ def walk(power, source, target, wanted, moments, moments_target):
 # table is stored at a time.
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _split(x, rank, cells, ends):
     """Write the first and last rank of both pieces of every cell: rising and falling, or the single piece twice."""
     for k in range(len(cells)):
@@ -476,15 +447,13 @@ def _split(x, rank, cells, ends):
         ends[2 * k + 1, 0], ends[2 * k + 1, 1] = (low, high) if cells.shape[1] == 2 else (middle, high)
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _level(first, last):
     """The number of binary digits up to the highest one in which the first and the last interval differ."""
     return math.frexp(float(first ^ (last - 1)))[1]
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _by_level(x, ends, order, starts, longest):
     """Sort the pieces of positive extent by level (counting sort); find the longest of each level, in intervals."""
     starts[:] = 0
@@ -505,8 +474,7 @@ def _by_level(x, ends, order, starts, longest):
             starts[level + 1] += 1
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _sum_outward(x, extent, moments, pivot, start, stop, step, table):
     """Write ∫φ′|x − x_pivot|ᵏ dx from the pivot to the far end of each interval, starting with ``start``."""
     zero, one, two = 0.0, 0.0, 0.0
@@ -520,8 +488,7 @@ def _sum_outward(x, extent, moments, pivot, start, stop, step, table):
         table[i, 0], table[i, 1], table[i, 2] = zero, one, two
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _fill(x, extent, moments, level, reach, table):
     """Fill one level of the table. At level zero every entry covers one interval."""
     n = len(x) - 1
@@ -535,8 +502,7 @@ def _fill(x, extent, moments, level, reach, table):
             _sum_outward(x, extent, moments, pivot, pivot, min(pivot + min(half, reach), n), 1, table)
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _look_up(x, ends, pieces, level, table, sums):
     """Write ∫φ′u dx and ∫φ′u² dx of the pieces of one level. u rises on even pieces and falls on odd ones."""
     for piece in pieces:
@@ -555,8 +521,7 @@ def _look_up(x, ends, pieces, level, table, sums):
         sums[piece, 1] = u * (u * zero + 2 * scale * one) + scale * scale * two
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _sum_pieces(law, moments, rank, cells, ends, order, starts, longest, table, sums):
     x, extent = law[0], law[1]
     _split(x, rank, cells, ends)
@@ -568,8 +533,7 @@ def _sum_pieces(law, moments, rank, cells, ends, order, starts, longest, table, 
             _look_up(x, ends, order[starts[level] : starts[level + 1]], level, table, sums)
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _triangle_gradient(x, i, j, m, rising, falling, weight, gradient):
     """Write w·E[bφ′] for the corners, in order, and return E[φ] − φ(p₂)."""
     height = x[m] - x[i]
@@ -581,8 +545,7 @@ def _triangle_gradient(x, i, j, m, rising, falling, weight, gradient):
     return high - low
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _in_order(cell, rank, at):
     """Write the corners of a cell in ascending order of their projections."""
     for c in range(len(cell)):
@@ -593,8 +556,7 @@ def _in_order(cell, rank, at):
             at[left], at[left + 1] = at[left + 1], at[left]
 
 
-@njit(**_inner)
-@no_type_check
+@_inner
 def _potential(moments, extent, potential):
     """Write φ at the starts of the cells, with φ = 0 at the first."""
     potential[0] = 0.0
@@ -603,7 +565,6 @@ def _potential(moments, extent, potential):
 
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
-@no_type_check
 def surface_gradient(law, moments, cells, weights, rank, work, to_projected, to_weights):
     """Write the gradient in the projected vertices, and add the gradient in the weights, for one direction.
 
@@ -637,7 +598,6 @@ def surface_gradient(law, moments, cells, weights, rank, work, to_projected, to_
 
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
-@no_type_check
 def points_gradient(law, moments, order, weights, potential, to_projected, to_weights):
     """Write the gradient in the projected points, and add the gradient in the weights, for one direction."""
     _potential(moments, law[1], potential)

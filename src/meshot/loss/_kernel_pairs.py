@@ -11,13 +11,10 @@ The loops over pairs become vector instructions only if they call no function of
 therefore computed here: a polynomial for the fractional part of the exponent, a table for the integral part.
 """
 
-from typing import no_type_check
-
 import numpy as np
-from numba import njit
 from numpy.polynomial import Chebyshev, Polynomial
 
-from meshot._kernels import INNER, kernel
+from meshot._kernels import inner, kernel
 
 #: Number of columns in a block.
 BLOCK = 64
@@ -29,7 +26,6 @@ _FRACTION = Chebyshev.interpolate(lambda x: 2.0**-x, 10, domain=[0, 1]).convert(
 
 
 @kernel("the kernel norm", 5)
-@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def sum_kernel(x, start, stop, y, masses, low, high, reach, angular, above, sums, gradients):
     """Write the sums over the points of ``y``, weighted by ``masses``, for the points of ``x`` from start to stop.
 
@@ -49,8 +45,7 @@ def sum_kernel(x, start, stop, y, masses, low, high, reach, angular, above, sums
                     sums[i] += _sum(x, i, y, begin, end, masses, angular)
 
 
-@njit(fastmath={"contract", "reassoc"}, **INNER)
-@no_type_check
+@inner(fastmath={"contract", "reassoc"})
 def _sum(x, i, y, begin, end, masses, angular):
     """The sum for the point i over some points of ``y``."""
     sharpness, c0, c1, c2 = angular
@@ -65,8 +60,7 @@ def _sum(x, i, y, begin, end, masses, angular):
     return total
 
 
-@njit(fastmath={"contract", "reassoc"}, **INNER)
-@no_type_check
+@inner(fastmath={"contract", "reassoc"})
 def _add_gradient(x, i, y, begin, end, masses, angular, gradients):
     """As ``_sum``, and add the gradients of the sum to the column i of ``gradients``."""
     sharpness, c0, c1, c2 = angular
@@ -88,8 +82,7 @@ def _add_gradient(x, i, y, begin, end, masses, angular, gradients):
     return total
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _near(points, low, high, reach, runs):
     """Write the runs of consecutive blocks within the reach of the box around some points; return their number."""
     count, inside = 0, False
@@ -110,8 +103,7 @@ def _near(points, low, high, reach, runs):
     return count
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _decay(exponent):
     """exp(−exponent), for an exponent ≥ 0."""
     exponent = exponent * _PER_E

@@ -1,12 +1,10 @@
 """A stable sort of floats that also returns the permutation, compiled by numba: radix sort with two digits."""
 
 import math
-from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
-from meshot._kernels import INNER, kernel
+from meshot._kernels import inner, kernel
 
 #: The largest array that is sorted directly. Larger ones are first divided into ranges that fit into the cache.
 SMALL = 1 << 17
@@ -22,7 +20,6 @@ def sort_scratch(n: int) -> tuple[np.ndarray, ...]:
 
 
 @kernel("the sliced loss", 10)
-@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def sort(values, ascending, order, scratch):
     """Write the sorted values to ``ascending`` and the permutation (uint32) to ``order``, as NumPy's stable sort."""
     if len(values) <= SMALL:
@@ -40,8 +37,7 @@ def sort(values, ascending, order, scratch):
         start = stop
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _deal(values, low, scale, dealt, indices):
     """Copy values and indices to their ranges, in the original order; return the end of each range."""
     places = np.zeros(_RANGES, np.uint64)
@@ -57,8 +53,7 @@ def _deal(values, low, scale, dealt, indices):
     return places.astype(np.int64)
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _sort_range(values, indices, scratch):
     """Sort the values of one range in place, and their indices with them."""
     n = len(values)
@@ -74,8 +69,7 @@ def _sort_range(values, indices, scratch):
         indices[i] = copied_indices[indices[i]]
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _sort_small(values, ascending, order, scratch):
     """Sort by two digits of a key, then by insertion among equal keys.
 
@@ -99,8 +93,7 @@ def _sort_small(values, ascending, order, scratch):
     _sort_any(values, ascending, order)
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _sort_any(values, ascending, order):
     """Merge sort. NaN comes last, as in NumPy."""
     n, width = len(values), 1
@@ -126,14 +119,12 @@ def _sort_any(values, ascending, order):
         ascending[i] = values[order[i]]
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _before(value, other):
     return value < other or (other != other and value == value)
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _digits(values, low, scale, bits, order, scratch):
     """The permutation that sorts by a key of two digits of ``bits`` bits each: the relative position in the range."""
     keys, spare, counts = scratch[0], scratch[1], scratch[4]
@@ -160,8 +151,7 @@ def _digits(values, low, scale, bits, order, scratch):
         second[column] += one
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _to_starts(counts):
     start = counts[0] - counts[0]
     for digit in range(len(counts)):
@@ -170,8 +160,7 @@ def _to_starts(counts):
         start += count
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _insertion(ascending, order, budget):
     """Insertion sort in place of nearly sorted values; False if more than ``budget`` moves would be needed."""
     for i in range(1, len(ascending)):
@@ -188,8 +177,7 @@ def _insertion(ascending, order, budget):
     return True
 
 
-@njit(fastmath={"nnan", "nsz"}, **INNER)
-@no_type_check
+@inner(fastmath={"nnan", "nsz"})
 def _extremes(values):
     """Minimum and maximum, in four independent chains each, which the processor can compute in parallel."""
     a = b = c = d = values[0]
@@ -203,8 +191,7 @@ def _extremes(values):
     return min(min(a, b), min(c, d)), max(max(e, f), max(g, h))
 
 
-@njit(fastmath={"reassoc", "nsz"}, **INNER)
-@no_type_check
+@inner(fastmath={"reassoc", "nsz"})
 def _all_finite(values):
     probe = 0.0
     for value in values:
@@ -222,7 +209,6 @@ _BLOCK = 512  # number of points whose coordinates fit into the first-level cach
 
 
 @kernel("the sliced loss", 10)
-@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def walk_lines(directions, p, x, y, costs, tops):
     """Write W_p^p along every direction to ``costs``, with the gradients in positions and weights along each.
 
@@ -247,8 +233,7 @@ def walk_lines(directions, p, x, y, costs, tops):
             tops[line, 1] = _close(gradients_y, drops_y, y[5]) + last / 2
 
 
-@njit(fastmath={"contract"}, **INNER)
-@no_type_check
+@inner(fastmath={"contract"})
 def project(columns, directions, values):
     """⟨direction, point⟩ for all pairs, in blocks, so that coordinates are read once for all directions."""
     d, n = columns.shape
@@ -265,8 +250,7 @@ def project(columns, directions, values):
                     row[i] += share * column[i]
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _quantiles(values, weights, steps, order, ends, scratch):
     """The quantile function of a projected measure: its steps in ascending order, and the end of each in [0, 1].
 
@@ -283,8 +267,7 @@ def _quantiles(values, weights, steps, order, ends, scratch):
     ends[n] = np.inf
 
 
-@njit(fastmath={"contract"}, **INNER)
-@no_type_check
+@inner(fastmath={"contract"})
 def _power(gap, p):
     """|gap|^p and its derivative."""
     if p == 2.0:
@@ -295,8 +278,7 @@ def _power(gap, p):
     return size**p, p * size ** (p - 1) * np.sign(gap)
 
 
-@njit(fastmath={"contract"}, **INNER)
-@no_type_check
+@inner(fastmath={"contract"})
 def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gradients, y_drops):
     """W_p^p on a line: a pass over the cells of [0, 1], each of which ends where a step of F⁻¹ or G⁻¹ ends.
 
@@ -337,8 +319,7 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gra
     return total, before
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _close(gradients, drops, order):
     """Add the gradient of the additional step to the last point, and return the total decrease of the potential.
 
@@ -351,7 +332,6 @@ def _close(gradients, drops, order):
 
 
 @kernel("the sliced loss", 10, fastmath={"contract"})
-@no_type_check
 def spread(gradients, drops, directions, start, stop, columns, masses):
     """Add the gradients of all directions, in order, for the points from ``start`` to ``stop``."""
     for left in range(start, stop, _BLOCK):
@@ -371,7 +351,6 @@ def spread(gradients, drops, directions, start, stop, columns, masses):
 
 
 @kernel("the windowed loss", 2)
-@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def find_in_window(columns, centre, radius, reach, chosen, factors):
     """Write the indices of the points nearer to the centre than ``reach``, and their Gaussian factors; return how many.
 

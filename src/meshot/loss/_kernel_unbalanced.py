@@ -7,12 +7,10 @@ operations.
 """
 
 import math
-from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
-from meshot._kernels import INNER, kernel
+from meshot._kernels import inner, kernel
 from meshot.loss._kernel_sliced import project, sort
 
 _TOLERANCE = 1e-10  # on the duality gap, relative to the value
@@ -20,7 +18,6 @@ _MOST = 200  # Newton steps; about 25 are usual
 
 
 @kernel("the unbalanced loss", 8)
-@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def unbalanced_lines(directions, scale, x, y, costs, tops):
     """Write the unbalanced cost along every direction, and the gradients, as ``walk_lines`` does for transport.
 
@@ -42,8 +39,7 @@ def unbalanced_lines(directions, scale, x, y, costs, tops):
             _write(-1.0, y[5], nodes[1][:m], flows, potentials, scale, y[6][line], y[7][line])
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _place(x, x_masses, n, y, y_masses, m, nodes, masses, gaps):
     """The distinct positions in ascending order: gaps, masses of both sides, position of every point; their number."""
     i, j, node, last = 0, 0, -1, -np.inf
@@ -66,8 +62,7 @@ def _place(x, x_masses, n, y, y_masses, m, nodes, masses, gaps):
     return node + 1
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _solve(a, b, scale, work):
     """The value. The gaps are the first row of ``work``; the flows |u| and the potentials are left in the next two.
 
@@ -95,8 +90,7 @@ def _solve(a, b, scale, work):
     return value
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _state(a, b, scale, f, up, down, above, below):
     """The dual value, the duality gap, and how far the flows are from meeting the masses."""
     value, gap, unmet, flow = 0.0, 0.0, 0.0, 0.0
@@ -112,8 +106,7 @@ def _state(a, b, scale, f, up, down, above, below):
     return value, gap, unmet
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _eliminate(a, b, scale, f, up, down, above, below, target, excess, weights, right):
     """Forward elimination. A pivot is ``excess`` + ``weights``, both positive, so that nothing is cancelled."""
     before = 0.0
@@ -132,8 +125,7 @@ def _eliminate(a, b, scale, f, up, down, above, below, target, excess, weights, 
         excess[v], right[v] = curvature, entry
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _substitute(n, scale, up, down, above, below, target, excess, weights, right):
     """Back substitution: ``right`` becomes the step in f, ``weights`` that in f' − f. Returns the part to take."""
     step, following = 1.0, right[n - 1] / excess[n - 1]
@@ -150,8 +142,7 @@ def _substitute(n, scale, up, down, above, below, target, excess, weights, right
     return min(step, 2 * scale / largest) if largest > 0 else step
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _move(n, step, f, up, down, above, below, target, right, rises):
     """Take a part of the step."""
     for v in range(n):
@@ -164,8 +155,7 @@ def _move(n, step, f, up, down, above, below, target, right, rises):
         below[v] += step * rise
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _write(sign, order, nodes, flows, potentials, scale, gradients, drops):
     """The derivatives in the positions, and minus those in the weights, for the points of one side."""
     for k in range(len(nodes)):
@@ -186,7 +176,6 @@ def _write(sign, order, nodes, flows, potentials, scale, gradients, drops):
 
 
 @kernel("the partial loss", 8)
-@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def partial_lines(directions, reach, x, y, costs, tops):
     """Write the partial cost along every direction, and the gradients, as ``walk_lines`` does for transport.
 
@@ -213,8 +202,7 @@ def partial_lines(directions, reach, x, y, costs, tops):
                 _write_partial(False, from_x, y[5], flows, potentials, y[6][line], y[7][line])
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def sorted_masses(values, weights, steps, order, masses, scratch):
     """Positions and masses in ascending order. ``values`` may share memory with ``masses``, which is filled later."""
     n = len(weights)
@@ -223,8 +211,7 @@ def sorted_masses(values, weights, steps, order, masses, scratch):
         masses[i] = weights[order[i]]
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _merge(x, x_masses, n, y, y_masses, m, gaps, levels, from_x):
     """The points of both sides in ascending order: gaps to the next, and the mass of x minus that of y so far."""
     i, j, level, last = 0, 0, 0.0, 0.0
@@ -242,8 +229,7 @@ def _merge(x, x_masses, n, y, y_masses, m, gaps, levels, from_x):
     levels[n + m - 1] = 0.0  # outside, where w vanishes
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _find_bounds(gaps, levels, reach, low, high, rest, heaps):
     """The interval in which every w lies at best, whatever follows to the right.
 
@@ -269,8 +255,7 @@ def _find_bounds(gaps, levels, reach, low, high, rest, heaps):
         low[v], high[v] = levels[heaps[0, 0]], levels[heaps[1, 0]]
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _cut(heap, size, levels, sign, rest, amount, alive):
     """Reduce the first steps of a heap by ``amount`` in total, and drop those of height zero; one always remains."""
     while True:
@@ -286,8 +271,7 @@ def _cut(heap, size, levels, sign, rest, amount, alive):
         size = _pop(heap, size, levels, sign)
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _push(heap, size, levels, sign, item):
     """Add an item to a heap that is ordered by level, ascending if the sign is 1, descending if it is −1."""
     child, key = size, sign * levels[item]
@@ -301,8 +285,7 @@ def _push(heap, size, levels, sign, item):
     return size + 1
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _pop(heap, size, levels, sign):
     """Remove the first item of a heap."""
     size -= 1
@@ -320,8 +303,7 @@ def _pop(heap, size, levels, sign):
     return size
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _find_flows(gaps, levels, reach, low, high, flows, jumps):
     """The flow across every gap and the mass that is removed (> 0) or added at every point, from right to left."""
     w, total = 0.0, 0.0
@@ -335,8 +317,7 @@ def _find_flows(gaps, levels, reach, low, high, flows, jumps):
     return total + reach / 2 * abs(w)
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _find_potentials(gaps, flows, jumps, most, low, high, potentials):
     """A dual solution: it falls by the length of a gap along a flow, and is ±λ where mass is removed or added.
 
@@ -357,8 +338,7 @@ def _find_potentials(gaps, flows, jumps, most, low, high, potentials):
         potentials[v] = value
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _write_partial(of_x, from_x, order, flows, potentials, gradients, drops):
     """The derivatives in the positions, and minus those in the weights, for the points of one side."""
     k, sign = 0, 1.0 if of_x else -1.0

@@ -6,14 +6,13 @@ settings, and raises an error for a setting that neither part uses.
 
 import abc
 import dataclasses
-import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 import torch
 
-from meshot.errors import require_choice, require_positive, require_positive_integer
+from meshot.errors import require_choice, require_positive
 from meshot.loss.directions import random_directions
 from meshot.loss.kernel_norm import ANGULAR, varifold_kernel
 from meshot.loss.sliced import sliced_wasserstein
@@ -22,12 +21,13 @@ from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced
 from meshot.loss.windowed import drawn_windows, windowed_sliced_wasserstein
 from meshot.measure import DiscreteMeasure, Measure, SurfaceMeasure, empirical, surface, varifold, varifold_sample
 from meshot.mesh import Mesh
+from meshot.settings import Count, Length, Settings, Within, one_of
 from meshot.types import Float, Tensor
 
 # Encodings of a mesh as a measure, selected by name, with their settings.
 
 
-class Encoding(abc.ABC):
+class Encoding(Settings, abc.ABC):
     """An encoding of a mesh as a measure: a frozen dataclass whose fields are its settings.
 
     Attributes
@@ -56,22 +56,11 @@ class VarifoldEncoding(Encoding):
         paper uses 1 and states no unit.
     detach_weights : bool
         Whether to stop the gradient through the areas. By default, as in every encoding, it includes them.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
-    n_supports: int | None = None
-    normal_scale: float = 0.0
+    n_supports: Count | None = None
+    normal_scale: Annotated[float, Within(0, unit="mm")] = 0.0
     detach_weights: bool = False
-
-    def __post_init__(self):
-        _require_supports(self.n_supports)
-        _require_bool(self.detach_weights)
-        if not 0 <= self.normal_scale < math.inf:
-            raise ValueError(f"normal_scale is {self.normal_scale!r}; a length >= 0 is needed, in mm")
 
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> DiscreteMeasure:
         """The varifold of all faces, or of the drawn ones."""
@@ -92,19 +81,10 @@ class SampleEncoding(Encoding):
         Number of points drawn in every call. The default is the number of faces of the source.
     detach_weights : bool
         Whether to stop the gradient of the masses. By default it is stopped, as in most implementations.
-
-    Raises
-    ------
-    ValueError
-        If the number is not a positive integer, or ``detach_weights`` is not a bool.
     """
 
-    n_supports: int | None = None
+    n_supports: Count | None = None
     detach_weights: bool = True
-
-    def __post_init__(self):
-        _require_supports(self.n_supports)
-        _require_bool(self.detach_weights)
 
     def measure(self, mesh: Mesh, n_default: int, generator: np.random.Generator) -> DiscreteMeasure:
         """The empirical measure."""
@@ -122,26 +102,21 @@ class SurfaceEncoding(Encoding):
         return surface(mesh)
 
 
-def _require_bool(detach_weights: bool) -> None:
-    if not isinstance(detach_weights, bool):
-        raise ValueError(f"detach_weights is {detach_weights!r}; true or false is needed")
-
-
-def _require_supports(n_supports: int | None) -> None:
-    if n_supports is not None:
-        require_positive_integer(n_supports, "n_supports")
-
-
 #: The encodings by name.
 ENCODINGS: dict[str, type[Encoding]] = {
-    "varifold": VarifoldEncoding, "samples": SampleEncoding, "surface": SurfaceEncoding,
-}  # fmt: skip
+    "varifold": VarifoldEncoding,
+    "samples": SampleEncoding,
+    "surface": SurfaceEncoding,
+}
 
 
 # Losses between two measures, selected by name, with their settings.
 
+#: The exponent of a loss.
+Exponent = Annotated[int, one_of((1, 2))]
 
-class MeasureLoss(abc.ABC):
+
+class MeasureLoss(Settings, abc.ABC):
     """A loss between measures: a frozen dataclass whose fields are its settings.
 
     Attributes
@@ -171,20 +146,11 @@ class SlicedLoss(MeasureLoss):
         Number of directions, drawn in every call.
     p : int
         The exponent: 1 or 2.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
     takes_continuous: ClassVar[bool] = True
-    n_directions: int = 100
-    p: int = 2
-
-    def __post_init__(self):
-        require_positive_integer(self.n_directions, "n_directions")
-        _require_exponent(self.p)
+    n_directions: Count = 100
+    p: Exponent = 2
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss along newly drawn directions."""
@@ -208,26 +174,13 @@ class WindowedLoss(MeasureLoss):
         The exponent: 1 or 2.
     last_window : float, optional
         Standard deviation at the end of a training. It changes by the same factor in every step. Default: no change.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
-    window: float = 6.0
-    n_windows: int = 32
-    n_directions: int = 100
-    p: int = 2
-    last_window: float | None = None
-
-    def __post_init__(self):
-        require_positive(self.window, "window")
-        if self.last_window is not None:
-            require_positive(self.last_window, "last_window")
-        require_positive_integer(self.n_windows, "n_windows")
-        require_positive_integer(self.n_directions, "n_directions")
-        _require_exponent(self.p)
+    window: Length = 6.0
+    n_windows: Count = 32
+    n_directions: Count = 100
+    p: Exponent = 2
+    last_window: Length | None = None
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss in newly drawn windows, each with its own directions."""
@@ -261,22 +214,11 @@ class SinkhornLoss(MeasureLoss):
         In mm.
     scaling : float
         In (0, 1). Values closer to one are slower and more accurate.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
-    p: int = 2
-    blur: float = 5.0
-    scaling: float = 0.5
-
-    def __post_init__(self):
-        _require_exponent(self.p)
-        require_positive(self.blur, "blur")
-        if not 0 < self.scaling < 1:
-            raise ValueError(f"scaling is {self.scaling!r}; a number in (0, 1) is needed")
+    p: Exponent = 2
+    blur: Length = 5.0
+    scaling: Annotated[float, Within(0, 1, "()")] = 0.5
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss. Nothing is random."""
@@ -293,19 +235,10 @@ class VarifoldKernelLoss(MeasureLoss):
         Of the Gaussian in space, in mm.
     angular : str
         The kernel of the normals: currents, varifold or oriented.
-
-    Raises
-    ------
-    ValueError
-        If the width is not positive or the kernel is unknown.
     """
 
-    width: float = 5.0
-    angular: str = "oriented"
-
-    def __post_init__(self):
-        require_positive(self.width, "width")
-        require_choice(self.angular, "angular", ANGULAR)
+    width: Length = 5.0
+    angular: Annotated[str, one_of(ANGULAR)] = "oriented"
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss. Nothing is random."""
@@ -322,20 +255,11 @@ class SlicedPartialLoss(MeasureLoss):
         The length beyond which nothing is transported along a direction, in mm.
     n_directions : int
         Number of directions, drawn in every call.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
     solve: ClassVar[Callable] = staticmethod(sliced_partial)
-    reach: float = 12.0
-    n_directions: int = 100
-
-    def __post_init__(self):
-        require_positive(self.reach, "reach")
-        require_positive_integer(self.n_directions, "n_directions")
+    reach: Length = 12.0
+    n_directions: Count = 100
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss along newly drawn directions."""
@@ -353,17 +277,16 @@ class SlicedUnbalancedLoss(SlicedPartialLoss):
     solve: ClassVar[Callable] = staticmethod(sliced_unbalanced)
 
 
-def _require_exponent(p: int) -> None:
-    if p not in (1, 2):
-        raise ValueError(f"p is {p!r}; 1 or 2 is needed")
-
-
 #: The losses by name.
 LOSSES: dict[str, type[MeasureLoss]] = {
-    "sliced": SlicedLoss, "windowed": WindowedLoss, "chamfer": ChamferLoss, "sinkhorn": SinkhornLoss,
-    "varifold_kernel": VarifoldKernelLoss, "sliced_partial": SlicedPartialLoss,
+    "sliced": SlicedLoss,
+    "windowed": WindowedLoss,
+    "chamfer": ChamferLoss,
+    "sinkhorn": SinkhornLoss,
+    "varifold_kernel": VarifoldKernelLoss,
+    "sliced_partial": SlicedPartialLoss,
     "sliced_unbalanced": SlicedUnbalancedLoss,
-}  # fmt: skip
+}
 
 
 # Losses between two surfaces: a loss of measures applied to an encoding, and sums of such losses.
@@ -419,8 +342,9 @@ class SurfaceLoss:
 
     def settings(self) -> dict:
         """The settings as a flat mapping, in the format that :func:`surface_loss` reads."""
-        names = {"loss": _name_of(LOSSES, self.loss), "encoding": _name_of(ENCODINGS, self.encoding)}
-        return names | dataclasses.asdict(self.encoding) | dataclasses.asdict(self.loss) | {"factor": self.factor}
+        parts = (("loss", LOSSES, self.loss), ("encoding", ENCODINGS, self.encoding))
+        names = {part: next(n for n, kind in table.items() if type(own) is kind) for part, table, own in parts}
+        return names | self.encoding.as_dict() | self.loss.as_dict() | {"factor": self.factor}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -431,11 +355,6 @@ class SummedLoss:
     ----------
     terms : tuple of SurfaceLoss
         At least one.
-
-    Raises
-    ------
-    ValueError
-        If there is no term.
     """
 
     terms: tuple[SurfaceLoss, ...]
@@ -473,46 +392,29 @@ def surface_loss(settings: Mapping[str, object]) -> SurfaceLoss | SummedLoss:
     """
     given = {name: value for name, value in settings.items() if value is not None}
     if "terms" in given:
-        return _summed(given)
-    loss, encoding = str(given.pop("loss", "sliced")), str(given.pop("encoding", "varifold"))
-    kinds = {"encoding": _kind_of(ENCODINGS, encoding, "encoding"), "loss": _kind_of(LOSSES, loss, "loss")}
-    factor, parts = given.pop("factor", 1.0), {}
-    for part, kind in kinds.items():
-        own = _field_names(kind) & given.keys()
-        parts[part] = kind(**{name: given.pop(name) for name in sorted(own)})
+        terms = given.pop("terms")
+        if given:
+            raise ValueError(f"{', '.join(given)} stands beside terms; write it into the term that it belongs to")
+        if not isinstance(terms, Sequence) or not all(isinstance(t, Mapping) and "terms" not in t for t in terms):
+            raise ValueError(f"terms is {terms!r}; a list of settings of losses is needed, such as [{{loss: chamfer}}]")
+        return SummedLoss(tuple(surface_loss(term) for term in terms))
+    names = {"loss": str(given.pop("loss", "sliced")), "encoding": str(given.pop("encoding", "varifold"))}
+    for part, table in (("encoding", ENCODINGS), ("loss", LOSSES)):
+        require_choice(names[part], part, table)
+    kinds = {"encoding": ENCODINGS[names["encoding"]], "loss": LOSSES[names["loss"]]}
+    own = {part: {name: given.pop(name) for name in kind.kinds() if name in given} for part, kind in kinds.items()}
+    factor = given.pop("factor", 1.0)
     if given:
-        used = [field.name for kind in kinds.values() for field in dataclasses.fields(kind)]
+        used = [name for kind in kinds.values() for name in kind.kinds()]
         raise ValueError(
-            f"{', '.join(given)} is set, which {loss} on {encoding} does not use; it uses "
+            f"{', '.join(map(str, given))} is set, which {names['loss']} on {names['encoding']} does not use; it uses "
             f"{', '.join([*used, 'factor'])}: leave the others out, or set them to null"
         )
-    return SurfaceLoss(**parts, factor=factor)
-
-
-def _summed(given: dict) -> SummedLoss:
-    terms = given.pop("terms")
-    if given:
-        raise ValueError(f"{', '.join(given)} stands beside terms; write it into the term that it belongs to")
-    if not isinstance(terms, Sequence) or not all(isinstance(term, Mapping) and "terms" not in term for term in terms):
-        raise ValueError(f"terms is {terms!r}; a list of settings of losses is needed, such as [{{loss: chamfer}}]")
-    return SummedLoss(tuple(surface_loss(term) for term in terms))
+    return SurfaceLoss(**{part: kind.read(own[part], "") for part, kind in kinds.items()}, factor=factor)
 
 
 def loss_setting_names(loss: str | None = None, encoding: str | None = None) -> set[str]:
     """The settings that a loss and an encoding use. For a missing or unknown name, the settings of all of its kind."""
     kinds = [LOSSES[loss]] if loss in LOSSES else LOSSES.values()
     kinds = [*kinds, *([ENCODINGS[encoding]] if encoding in ENCODINGS else ENCODINGS.values())]
-    return {"loss", "encoding", "factor", "terms"}.union(*(_field_names(kind) for kind in kinds))
-
-
-def _field_names(kind: type) -> set[str]:
-    return {field.name for field in dataclasses.fields(kind)}
-
-
-def _kind_of(table: Mapping[str, type], name: str, what: str) -> type:
-    require_choice(name, what, table)
-    return table[name]
-
-
-def _name_of(table: Mapping[str, type], part: object) -> str:
-    return next(name for name, kind in table.items() if type(part) is kind)
+    return {"loss", "encoding", "factor", "terms"}.union(*(kind.kinds() for kind in kinds))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from meshot.errors import as_floating, require_positive_integer, require_shape
+from meshot.errors import as_points, require_positive_integer
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Array, Float, Tensor
 
@@ -43,20 +43,16 @@ def _spiral(height: Array) -> Array:
 
 def kronecker_lattice(n: int, d: int, seed: int) -> Float[Array, "n d"]:
     """A shifted rank-1 lattice with d − 1 irrational steps, mapped to the half sphere by an area-preserving map."""
+    from scipy.special import betaincinv
+
     growth = 2.0
     for _ in range(64):
         growth = (1 + growth) ** (1 / d)
     steps = growth ** -np.arange(1.0, d)
     shift = np.random.default_rng([seed, 1]).random(d - 1)
-    return _half_sphere((shift + np.arange(n)[:, None] * steps) % 1)
-
-
-def _half_sphere(cube: Array) -> Array:
-    """Unit rows in R^d from (n, d − 1) numbers in [0, 1): each coordinate by the inverse of its Beta distribution."""
-    from scipy.special import betaincinv
-
-    d = cube.shape[1] + 1
-    columns, radius = [], np.ones(len(cube))
+    cube = (shift + np.arange(n)[:, None] * steps) % 1  # (n, d − 1)
+    # Each coordinate on the sphere by the inverse of its Beta distribution.
+    columns, radius = [], np.ones(n)
     for k in range(d - 2):
         shape = (d - k - 1) / 2
         height = 2 * betaincinv(shape, shape, cube[:, k]) - 1
@@ -271,7 +267,12 @@ def quasi_directions(
 
     require_positive_integer(n, "n")
     require_positive_integer(d, "d")
-    construct = _construction(method, d)
+    method = DEFAULTS.get(d, "sobol") if method is None else method
+    if method not in CONSTRUCTIONS:
+        raise ValueError(f"method is {method!r}; one of {', '.join(map(repr, CONSTRUCTIONS))} is needed, or None")
+    construct, only = CONSTRUCTIONS[method]
+    if only not in (None, d):
+        raise ValueError(f"method {method!r} is for R^{only} only, and d is {d}: take 'sobol', or None for the default")
     if d == 1:
         return torch.ones(n, 1, dtype=dtype, device=device)
     rotation = ortho_group.rvs(d, random_state=np.random.default_rng(seed))
@@ -279,24 +280,12 @@ def quasi_directions(
     return torch.from_numpy(rows).to(device=device, dtype=dtype)
 
 
-def _construction(method: str | None, d: int) -> Construction:
-    if method is None:
-        method = DEFAULTS.get(d, "sobol")
-    if method not in CONSTRUCTIONS:
-        raise ValueError(f"method is {method!r}; one of {', '.join(map(repr, CONSTRUCTIONS))} is needed, or None")
-    construct, only = CONSTRUCTIONS[method]
-    if only not in (None, d):
-        raise ValueError(f"method {method!r} is for R^{only} only, and d is {d}: take 'sobol', or None for the default")
-    return construct
-
-
 def require_directions(directions: Directions, like: Tensor) -> Tensor:
     """Directions as unit rows in the space of ``like``, with its dtype and device."""
     if isinstance(directions, int | np.integer):
         n = require_positive_integer(directions, "directions")
         return quasi_directions(n, like.shape[-1], dtype=like.dtype, device=like.device)
-    directions = as_floating(directions, "directions")
-    require_shape(directions, "directions", like.shape[-1])
+    directions = as_points(directions, "directions", like.shape[-1])
     lengths = torch.linalg.vector_norm(directions.detach(), dim=1)
     if float((lengths - 1).abs().max()) > 1e-4:
         raise ValueError(

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 
-import numpy as np
 import torch
 from scipy import stats
 
@@ -13,48 +12,21 @@ from meshot.loss.sliced import slice_costs
 from meshot.loss.windowed import drawn_windows, window_costs
 from meshot.measure import MeasureLike, as_measures, as_point_measures
 from meshot.rng import Generator, numpy_generator
-from meshot.types import Tensor
-
-# Estimates of sliced losses that draw directions or windows: a value with its standard error.
-
-
-class _Estimate:
-    """What an estimate with a standard error says."""
-
-    value: float
-    standard_error: float
-    n_replicates: int
-
-    @property
-    def relative_error(self) -> float:
-        """Standard error divided by value; zero if both are zero."""
-        return self.standard_error / self.value if self.value else 0.0
-
-    def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """The confidence interval of the mean over all draws, by Student's t distribution, cut off at zero."""
-        if not 0 < level < 1:
-            raise ValueError(f"level is {level!r}; a share between 0 and 1 is needed, such as 0.95")
-        half = float(stats.t.ppf((1 + level) / 2, self.n_replicates - 1)) * self.standard_error
-        return max(self.value - half, 0.0), self.value + half
-
-    def _needed(self, n: int, relative_error: float) -> int:
-        require_relative_error(relative_error)
-        return max(1, math.ceil(n * (self.relative_error / relative_error) ** 2))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class SlicedEstimate(_Estimate):
-    """An estimate of SW_p^p over all directions, with its standard error.
+class SlicedEstimate:
+    """An estimate of SW_p^p over all directions, or windows, with its standard error.
 
     Parameters
     ----------
     value : float
-        The mean over the sampled directions: unbiased for SW_p^p, in (units of the points)^p. (Its p-th root is biased
-        downwards; the relative bias is about ``(p − 1)/(2 p²) · relative_error²``.)
+        The mean over what was drawn: unbiased for the mean over all directions, or windows, in (units of the points)^p.
+        (The p-th root of SW_p^p is biased downwards; the relative bias is about ``(p − 1)/(2 p²) · relative_error²``.)
     standard_error : float
         The root of an unbiased estimate of the variance of ``value``.
     n_directions : int
-        The total number of directions.
+        The total number of directions, in all windows.
     n_replicates : int
         The number of independent means from which the standard error is computed.
 
@@ -76,53 +48,35 @@ class SlicedEstimate(_Estimate):
     def directions_needed(self, relative_error: float) -> int:
         """The number of directions for a relative standard error of ``relative_error``, which decreases as 1/√L.
 
-        For quasi-random sets, whose error decreases faster, the result is an upper estimate.
+        For quasi-random sets, whose error decreases faster, the result is an upper estimate. Windows with n directions
+        each: the number of windows is this number, divided by n.
 
         Raises
         ------
         ValueError
             If ``relative_error`` is not above zero.
         """
-        return self._needed(self.n_directions, relative_error)
+        if not relative_error > 0:
+            raise ValueError(f"relative_error is {relative_error!r}; a share above 0 is needed, such as 0.01 for 1 %")
+        return max(1, math.ceil(self.n_directions * (self.relative_error / relative_error) ** 2))
 
+    @property
+    def relative_error(self) -> float:
+        """Standard error divided by value; zero if both are zero."""
+        return self.standard_error / self.value if self.value else 0.0
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class WindowedEstimate(_Estimate):
-    """An estimate of the windowed loss over all windows and directions, with its standard error.
-
-    Parameters
-    ----------
-    value : float
-        The mean over the drawn windows that hold mass of both measures: unbiased for the mean over all such windows, in
-        (units of the points)^p.
-    standard_error : float
-        The root of an unbiased estimate of the variance of ``value``.
-    n_windows : int
-        The number of drawn windows.
-    n_replicates : int
-        The number of those that hold mass of both measures. Each is a replicate.
-    """
-
-    value: float
-    standard_error: float
-    n_windows: int
-    n_replicates: int
-
-    def windows_needed(self, relative_error: float) -> int:
-        """The number of windows for a relative standard error of ``relative_error``, which decreases as 1/√K.
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """The confidence interval of the mean over all draws, by Student's t distribution, cut off at zero.
 
         Raises
         ------
         ValueError
-            If ``relative_error`` is not above zero.
+            If ``level`` is not between 0 and 1.
         """
-        return self._needed(self.n_windows, relative_error)
-
-
-def require_relative_error(relative_error: float) -> None:
-    """Check a relative standard error that is asked for."""
-    if not relative_error > 0:
-        raise ValueError(f"relative_error is {relative_error!r}; a share above 0 is needed, such as 0.01 for 1 %")
+        if not 0 < level < 1:
+            raise ValueError(f"level is {level!r}; a share between 0 and 1 is needed, such as 0.95")
+        half = float(stats.t.ppf((1 + level) / 2, self.n_replicates - 1)) * self.standard_error
+        return max(self.value - half, 0.0), self.value + half
 
 
 SAMPLINGS = ("random", "orthogonal", "quasi")
@@ -189,7 +143,14 @@ def sliced_wasserstein_estimate(
             f"{n_directions} directions make {count} replicate of {sampling} sampling in R^{d}; an error bar needs at "
             "least two: take more directions, or, of quasi-random sets, more n_replicates"
         )
-    directions = _replicates(sampling, count, block, d, numpy_generator(generator))
+    draw = numpy_generator(generator)
+    if sampling == "random":
+        directions = random_directions(count, d, draw)
+    elif sampling == "orthogonal":
+        directions = orthogonal_directions(count * block, d, draw)
+    else:
+        seeds = draw.integers(2**31, size=count)
+        directions = torch.cat([quasi_directions(block, d, int(seed)) for seed in seeds])
     with torch.no_grad():
         costs = slice_costs(source, target, directions.to(source.places), p)
     means = costs.double().cpu().view(count, block).mean(dim=1).numpy()
@@ -204,7 +165,7 @@ def windowed_sliced_wasserstein_estimate(
     generator: Generator,
     n_directions: int = 16,
     p: float = 2,
-) -> WindowedEstimate:
+) -> SlicedEstimate:
     """Estimate the windowed loss over all windows without bias, with a standard error for the choice of K.
 
     Windows are drawn as in a training: centres at positions of the target, by mass, each with random directions of its
@@ -255,60 +216,5 @@ def windowed_sliced_wasserstein_estimate(
             f"{count} of {n_windows} windows holds mass of both measures; an error bar needs at least two: draw more "
             "windows, or take a larger radius"
         )
-    return WindowedEstimate(float(costs.mean()), float(costs.std(ddof=1)) / math.sqrt(count), n_windows, count)
-
-
-def _replicates(sampling: str, count: int, block: int, d: int, generator: np.random.Generator) -> Tensor:
-    if sampling == "random":
-        return random_directions(count, d, generator)
-    if sampling == "orthogonal":
-        return orthogonal_directions(count * block, d, generator)
-    seeds = generator.integers(2**31, size=count)
-    return torch.cat([quasi_directions(block, d, int(seed)) for seed in seeds])
-
-
-def translation_spread(d: int, p: float = 2) -> float:
-    r"""The relative standard deviation, over random directions, of the cost of a translation.
-
-    Along θ a translation by t costs :math:`|\langle t, \theta \rangle|^p`. The ratio of the standard deviation of this
-    cost to its mean depends only on d and p. For p = 2 it is :math:`\sqrt{2 (d - 1)/(d + 2)}`, below √2 in any
-    dimension. Divided by √L it is the relative standard error of L random directions.
-
-    Parameters
-    ----------
-    d : int
-        The dimension of the space.
-    p : float
-        The exponent, at least 1.
-
-    Raises
-    ------
-    ValueError
-        If ``d`` is not a positive integer, or ``p`` is not a finite number >= 1.
-    """
-    require_positive_integer(d, "d")
-    if not 1 <= p < math.inf:
-        raise ValueError(f"p is {p!r}; a finite number >= 1 is needed")
-    log_ratio = _log_moment(2 * p, d) - 2 * _log_moment(p, d)
-    return math.sqrt(max(math.expm1(log_ratio), 0.0))
-
-
-def _log_moment(q: float, d: int) -> float:
-    """The logarithm of E|θ₁|^q for a uniform direction θ: Γ(d/2) Γ((q + 1)/2) / (Γ((d + q)/2) √π)."""
-    return math.lgamma(d / 2) + math.lgamma((q + 1) / 2) - math.lgamma((d + q) / 2) - math.lgamma(0.5)
-
-
-def directions_for_translation(relative_error: float, d: int, p: float = 2) -> int:
-    """The number of random directions for a relative standard error of ``relative_error``, for a translation.
-
-    This is a first choice of L that needs no computation of a loss. For a given pair of measures use
-    :meth:`meshot.SlicedEstimate.directions_needed`. In R³ with p = 2, 1 % requires 8000 directions and 10 % requires
-    80.
-
-    Raises
-    ------
-    ValueError
-        If ``relative_error`` is not above zero, or as :func:`translation_spread`.
-    """
-    require_relative_error(relative_error)
-    return max(1, math.ceil(round((translation_spread(d, p) / relative_error) ** 2, 9)))
+    deviation = float(costs.std(ddof=1)) / math.sqrt(count)
+    return SlicedEstimate(float(costs.mean()), deviation, n_windows * n_directions, count)

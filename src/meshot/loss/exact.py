@@ -51,16 +51,6 @@ def exact_slice_costs(
     return torch.from_numpy(np.concatenate(parts) * unit ** int(p)).to(source.places)
 
 
-def laid_law(measure: Measure, direction: Float[Tensor, " d"]) -> tuple[Float[Array, " n"], ...]:
-    """The cells of a projected measure in the format of the kernels: start, extent, mass, relative change of density.
-
-    The last cell is a sentinel. :func:`meshot.loss.projected_law` returns a readable form.
-    """
-    line = _Line(_side(measure.places, measure.weights, measure.cells, False))
-    line.lay(_array(direction))
-    return line.law
-
-
 def _checked(source: Measure, target: Measure, directions: Directions, p: float) -> Tensor:
     """The directions as a tensor of unit rows, after checks of all arguments."""
     require_same_space(source.places, target.places)
@@ -155,7 +145,14 @@ class _Line:
         self.tree = np.empty((n_nodes, 2))
         self.jumps = np.empty((n_places, 2))
         self.moments = np.zeros((n_cells, 3))
-        self.work = _gradient_buffers(side, n_cells) if side.wanted else ()
+        self.work: tuple[Array, ...] = ()
+        if side.wanted:  # the potential, and for a surface also pieces, levels and the sparse table
+            self.work = (np.empty(n_cells),)
+            if side.cells is not None:
+                n_pieces, n_levels = 2 * len(side.cells), n_cells.bit_length() + 1
+                shapes = ((n_pieces, 2), n_pieces, n_levels + 2, n_levels)
+                integers = [np.empty(shape, np.int64) for shape in shapes]
+                self.work = (*integers, np.empty((n_cells, 3)), np.empty((n_pieces, 2)), *self.work)
         self.to_projected = np.empty(n_places)
         self.to_places = np.zeros_like(side.places)
         self.to_weights = np.zeros_like(side.weights)
@@ -179,20 +176,11 @@ class _Line:
                 self.law, self.moments, self.order, self.side.weights, *self.work, self.to_projected, self.to_weights
             )
         else:
+            into = self.to_projected, self.to_weights
             _kernel_exact.surface_gradient(
-                self.law, self.moments, self.side.cells, self.side.weights, self.rank, self.work,
-                self.to_projected, self.to_weights,
-            )  # fmt: skip
+                self.law, self.moments, self.side.cells, self.side.weights, self.rank, self.work, *into
+            )
         self.to_places += direction[:, None] * self.to_projected
-
-
-def _gradient_buffers(side: _Side, n_cells: int) -> tuple[Array, ...]:
-    """Buffers for the gradient: the potential, and for a surface also pieces, levels and the sparse table."""
-    if side.cells is None:
-        return (np.empty(n_cells),)
-    n_pieces, n_levels = 2 * len(side.cells), n_cells.bit_length() + 1
-    integers = [np.empty(shape, np.int64) for shape in ((n_pieces, 2), n_pieces, n_levels + 2, n_levels)]
-    return *integers, np.empty((n_cells, 3)), np.empty((n_pieces, 2)), np.empty(n_cells)
 
 
 def _costs(source: _Side, target: _Side, directions: Float[Array, "L d"], p: int) -> tuple[Array, ...]:
@@ -289,7 +277,9 @@ def projected_law(measure: Measure, direction: Float[Tensor, " d"]) -> Projected
     O((F + V) log V) time.
     """
     row = require_directions(torch.as_tensor(direction)[None], measure.places)
-    starts, extents, masses, changes = (values[:-1] for values in laid_law(measure, row[0]))
+    line = _Line(_side(measure.places, measure.weights, measure.cells, False))
+    line.lay(_array(row[0]))
+    starts, extents, masses, changes = (values[:-1] for values in line.law)  # the last cell is a sentinel
     means = np.divide(masses, extents, out=np.zeros_like(masses), where=extents > 0)
     densities = means[:, None] * (1 + changes[:, None] * np.array([-1.0, 1.0]))
     return ProjectedLaw(starts, extents, masses, densities)

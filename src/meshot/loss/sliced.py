@@ -3,13 +3,13 @@
 import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
+from torch.utils.checkpoint import checkpoint
 
 from meshot.loss._kernel_sliced import SMALL, sort_scratch, spread, walk_lines
 from meshot.loss.directions import Directions, require_directions
@@ -64,7 +64,7 @@ def sliced_wasserstein(
     On a CPU, a compiled kernel processes the directions on ``torch.get_num_threads()`` threads: O(L (n + m)) time for
     spread-out points, and memory for a limited group of directions per thread. The result is the same in every run with
     the same number of threads. Only first derivatives are available. On other devices PyTorch processes the directions
-    in chunks, with the memory of one chunk. If the directions require a gradient,
+    in chunks, with the memory of one chunk, and twice for the gradient. If the directions require a gradient,
     :func:`meshot.loss.plain_sliced_wasserstein` is used.
 
     References
@@ -89,7 +89,7 @@ def sliced_wasserstein(
     if directions.requires_grad:
         return plain_costs(source, target, directions, p).mean()
     if not takes_kernel(source.places):
-        return chunked_sliced_wasserstein(source, target, directions, p)
+        return chunked_costs(source, target, directions, p).mean()
     tensors = (source.places, source.weights, target.places, target.weights)
     return mean_of_slices(tensors, directions, float(p))
 
@@ -110,11 +110,6 @@ def slice_costs(
     tensor
         One cost per direction, in (units of the points)^p. Differentiable between discrete measures. With a continuous
         measure there is no gradient (their mean, :func:`meshot.sliced_wasserstein`, has one).
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.sliced_wasserstein`.
 
     Notes
     -----
@@ -193,10 +188,47 @@ def fused_slices(
     n_rounds = -(-per_thread // max(1, _GROUP // size))
     group = -(-per_thread // n_rounds)
     costs, tops = np.empty(len(lines)), np.zeros((len(lines), 2))
-    _run(walk, sides, lines, p, costs, tops, n_threads, group)
+    # Gradients and drops of every direction of a round, with room for the additional step.
+    rows = [[np.empty((n_threads * group, s.n + 1) if s.wanted else (0, 0)) for _ in range(2)] for s in sides]
+    buffers = [_thread_buffers(sides, group) for _ in range(n_threads)]
+    with ThreadPoolExecutor(n_threads) if n_threads > 1 else contextlib.nullcontext() as pool:
+        for start in range(0, len(lines), n_threads * group):
+            block = slice(start, start + n_threads * group)
+            n_lines = len(lines[block])
+
+            def costs_of_thread(k: int, block: slice = block, n_lines: int = n_lines) -> None:
+                own = slice(n_lines * k // n_threads, n_lines * (k + 1) // n_threads)
+                laid = []
+                for side, (steps, ends, order, values, scratch), (gradients, drops) in zip(sides, buffers[k], rows):
+                    # Projections are stored where the gradients are written later.
+                    values = values if len(values) else gradients[own]
+                    kept = (steps, ends, order, gradients[own], drops[own], scratch)
+                    laid.append((side.columns, side.weights, values, *kept))
+                walk(lines[block][own], p, *laid, costs[block][own], tops[block][own])
+
+            def sums_of_thread(k: int, block: slice = block) -> None:
+                for side, (gradients, drops) in zip(sides, rows):
+                    if side.wanted:
+                        bounds = side.n * k // n_threads, side.n * (k + 1) // n_threads
+                        spread(gradients, drops, lines[block], *bounds, side.to_columns, side.to_weights)
+
+            for work in (costs_of_thread, sums_of_thread):
+                list((map if pool is None else pool.map)(work, range(n_threads)))
+    # The mean gradients in points and weights, in the original order of the points.
     gradients = []
     for side, top in zip(sides, tops.sum(axis=0)):
-        gradients += _finished(side, top, len(lines))
+        points = weights = None
+        if side.to_columns.size:
+            side.to_columns[:] /= len(lines)
+            points = side.to_columns.T
+            if side.places is not None:
+                points = np.empty((side.n, len(side.columns)))
+                points[side.places] = side.to_columns.T
+        if side.to_weights.size:
+            weights = (top + side.to_weights) / len(lines)
+            if side.places is not None:
+                weights[side.places] = weights.copy()
+        gradients += [points, weights]
     return costs, gradients
 
 
@@ -222,8 +254,18 @@ class _Side:
 def _side(points: Tensor, weights: Tensor, wants_points: bool, wants_weights: bool) -> _Side:
     rows, masses, places = _array(points), _array(weights), None
     if len(rows) > SMALL:
-        # Points that are close in space have close projections. Storing them together improves cache use.
-        places = _along_a_curve(rows)
+        # Points that are close in space have close projections. Storing them together improves cache use: in the order
+        # along a Morton curve in the three coordinates of largest extent.
+        extents = rows.max(axis=0) - rows.min(axis=0)
+        code = np.zeros(len(rows), np.int64)
+        for axis, k in enumerate(np.argsort(-extents)[:3]):
+            scale = 1023 / extents[k] if 0 < extents[k] < np.inf else 0.0
+            cells = ((rows[:, k] - rows[:, k].min()) * scale).astype(np.int64)
+            # Insert two zero bits between neighbouring bits of a ten-bit number.
+            for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
+                cells = (cells | cells << shift) & mask
+            code |= cells << axis
+        places = np.argsort(code).astype(np.int32)
         columns, masses = np.empty(rows.shape[::-1]), masses[places]
         for column, values in zip(columns, rows.T):
             np.take(values, places, out=column)
@@ -237,114 +279,18 @@ def _array(values: Tensor) -> Array:
     return np.ascontiguousarray(values.detach().double().cpu().numpy())
 
 
-def _along_a_curve(rows: Float[Array, "n d"]) -> Array:
-    """The order of the points along a Morton curve in the three coordinates of largest extent."""
-    spread_of = rows.max(axis=0) - rows.min(axis=0)
-    code = np.zeros(len(rows), np.int64)
-    for axis, k in enumerate(np.argsort(-spread_of)[:3]):
-        scale = 1023 / spread_of[k] if 0 < spread_of[k] < np.inf else 0.0
-        cells = ((rows[:, k] - rows[:, k].min()) * scale).astype(np.int64)
-        # Insert two zero bits between neighbouring bits of a ten-bit number.
-        for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
-            cells = (cells | cells << shift) & mask
-        code |= cells << axis
-    return np.argsort(code).astype(np.int32)
-
-
-def _run(
-    kernel: Callable,
-    sides: list[_Side],
-    lines: Float[Array, "L d"],
-    p: float,
-    costs: Float[Array, " L"],
-    tops: Float[Array, "L 2"],
-    n_threads: int,
-    group: int,
-) -> None:
-    """Process all directions in rounds of ``n_threads`` times ``group``: costs and gradient rows, then the sums."""
-    rows = [_rows(side, n_threads * group) for side in sides]
-    rooms = [_room(sides, group) for _ in range(n_threads)]
-    with _threads(n_threads) as each:
-        for start in range(0, len(lines), n_threads * group):
-            block = slice(start, start + n_threads * group)
-            n_lines = len(lines[block])
-
-            def walk(k: int, block: slice = block, n_lines: int = n_lines) -> None:
-                own = slice(n_lines * k // n_threads, n_lines * (k + 1) // n_threads)
-                laid = [_laid(*parts, own) for parts in zip(sides, rooms[k], rows)]
-                kernel(lines[block][own], p, *laid, costs[block][own], tops[block][own])
-
-            def add(k: int, block: slice = block) -> None:
-                for side, (gradients, drops) in zip(sides, rows):
-                    if side.wanted:
-                        bounds = side.n * k // n_threads, side.n * (k + 1) // n_threads
-                        spread(gradients, drops, lines[block], *bounds, side.to_columns, side.to_weights)
-
-            each(walk)
-            each(add)
-
-
-@contextlib.contextmanager
-def _threads(n_threads: int) -> Iterator[Callable[[Callable[[int], None]], object]]:
-    """Yield a function that calls ``work(0)``, ``work(1)``, ... on ``n_threads`` threads and waits for all."""
-    if n_threads == 1:
-        yield lambda work: work(0)
-        return
-    with ThreadPoolExecutor(n_threads) as pool:
-        yield lambda work: list(pool.map(work, range(n_threads)))
-
-
-def _rows(side: _Side, n_lines: int) -> tuple[Array, Array]:
-    """Buffers for gradients and drops along ``n_lines`` directions, with room for the additional step."""
-    shape = (n_lines, side.n + 1) if side.wanted else (0, 0)
-    return np.empty(shape), np.empty(shape)
-
-
-def _room(sides: list[_Side], group: int) -> list[tuple]:
+def _thread_buffers(sides: list[_Side], group: int) -> list[tuple]:
     """Buffers of one thread for both sides: steps, ends, order, values, and scratch memory of the sort."""
     longest = max(side.n for side in sides)
     shared, scratch = np.empty(longest + 1, np.uint32), sort_scratch(longest)
-    rooms = []
+    buffers = []
     for side in sides:
         steps, ends = np.empty(side.n + 1), np.empty(side.n + 1)
         # The target is sorted first. If its order is not needed later, the source reuses the same buffer.
         order = np.empty(side.n + 1, np.uint32) if side is sides[1] and side.wanted else shared[: side.n + 1]
         values = ends[None] if group == 1 else np.empty((0 if side.wanted else group, side.n + 1))
-        rooms.append((steps, ends, order, values, scratch))
-    return rooms
-
-
-def _laid(side: _Side, room: tuple, rows: tuple[Array, Array], own: slice) -> tuple:
-    """One side in the format of the kernel. Projections are stored where the gradients are written later."""
-    steps, ends, order, values, scratch = room
-    gradients, drops = rows[0][own], rows[1][own]
-    return (
-        side.columns,
-        side.weights,
-        values if len(values) else gradients,
-        steps,
-        ends,
-        order,
-        gradients,
-        drops,
-        scratch,
-    )
-
-
-def _finished(side: _Side, top: float, n_lines: int) -> list[Array | None]:
-    """The mean gradients in points and weights, in the original order of the points."""
-    points = weights = None
-    if side.to_columns.size:
-        side.to_columns[:] /= n_lines
-        points = side.to_columns.T
-        if side.places is not None:
-            points = np.empty((side.n, len(side.columns)))
-            points[side.places] = side.to_columns.T
-    if side.to_weights.size:
-        weights = (top + side.to_weights) / n_lines
-        if side.places is not None:
-            weights[side.places] = weights.copy()
-    return [points, weights]
+        buffers.append((steps, ends, order, values, scratch))
+    return buffers
 
 
 # The sliced loss in PyTorch operations: transport on many lines at once, on any device.
@@ -373,9 +319,14 @@ def plain_sliced_wasserstein(
 
 def checked_lines(source: Measure, directions: Directions, p: float) -> Float[Tensor, "L d"]:
     """The directions as unit rows in the space of ``source``, after a check of the exponent."""
+    require_exponent(p)
+    return require_directions(directions, source.places)
+
+
+def require_exponent(p: float) -> None:
+    """Check the exponent of a ground cost."""
     if not 1 <= p < math.inf:
         raise ValueError(f"p is {p!r}; a finite number >= 1 is needed (below one, sorting is not optimal)")
-    return require_directions(directions, source.places)
 
 
 def plain_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, " L"]:
@@ -424,34 +375,14 @@ def quantile_cost(
 
     F and G are the distribution functions of the two sets of points.
     """
-    cells = quantile_cells(source, source_weights, target, target_weights)
-    return (power(cells.gap, p) * cells.mass).sum(dim=1)
-
-
-class QuantileCells(NamedTuple):
-    """The cells of [0, 1] on which two quantile functions are constant, for every row.
-
-    Quantile functions of discrete measures are step functions. Their jumps divide [0, 1] into cells.
-    """
-
-    source_order: Int64[Tensor, "L n"]
-    target_order: Int64[Tensor, "L m"]
-    order: Int64[Tensor, "L k"]  # of the ends of the steps of both sides, the source first
-    source_step: Int64[Tensor, "L k"]  # which step of either side a cell lies in
-    target_step: Int64[Tensor, "L k"]
-    gap: Float[Tensor, "L k"]
-    mass: Float[Tensor, "L k"]
-
-
-def quantile_cells(source: Tensor, source_weights: Tensor, target: Tensor, target_weights: Tensor) -> QuantileCells:
-    """The cells of the quantile functions of weighted points on a line, for every row."""
     source_order, target_order = row_order(source), row_order(target)
     source, target = source.gather(1, source_order), target.gather(1, target_order)
     source_mass = source_weights[source_order].cumsum(dim=1)  # (L, n): where each step of F⁻¹ ends
     target_mass = target_weights[target_order].cumsum(dim=1)
+    # The jumps of both step functions divide [0, 1] into n + m cells, on which they are constant.
     ends = torch.cat([source_mass, target_mass], dim=1)
     order = row_order(ends, "stable")
-    cell_ends = ends.gather(1, order)  # (L, n + m)
+    cell_ends = ends.gather(1, order)
     # The number of steps of either side that end before a cell is the index of its step.
     of_source = (order < source.shape[1]).long()
     ended = of_source.cumsum(dim=1) - of_source
@@ -459,7 +390,7 @@ def quantile_cells(source: Tensor, source_weights: Tensor, target: Tensor, targe
     target_step = (torch.arange(ends.shape[1], device=ends.device) - ended).clamp(max=target.shape[1] - 1)
     gap = source.gather(1, source_step) - target.gather(1, target_step)
     mass = torch.diff(cell_ends, dim=1, prepend=torch.zeros_like(cell_ends[:, :1]))
-    return QuantileCells(source_order, target_order, order, source_step, target_step, gap, mass)
+    return (power(gap, p) * mass).sum(dim=1)
 
 
 def power(gap: Tensor, p: float) -> Tensor:
@@ -469,101 +400,15 @@ def power(gap: Tensor, p: float) -> Tensor:
     return gap.abs() if p == 1 else gap.abs().pow(p)
 
 
-# The sliced loss on devices other than the CPU: directions in chunks, each with its gradient, to limit memory.
+# The sliced loss on devices other than the CPU: directions in chunks, to limit memory.
 
 _CHUNK = 1 << 22  # projected points of both sides per chunk, each of which takes about ten numbers of memory
 
 
-def chunked_sliced_wasserstein(
-    source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float
-) -> Float[Tensor, ""]:
-    """The mean of :func:`meshot.loss.sliced.plain_costs` on any device, with the memory of one chunk of directions.
-
-    The gradient is computed together with the value, as in the CPU kernel. Second derivatives, and derivatives in the
-    directions, are not available.
-    """
-    return _Chunked.apply(source.places, source.weights, target.places, target.weights, directions, p)
-
-
-@torch.no_grad()
 def chunked_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, " L"]:
-    """The values of :func:`meshot.loss.sliced.plain_costs`, without gradient, with the memory of one chunk."""
-    chunks = _split(directions, len(source.places) + len(target.places))
-    return torch.cat([plain_costs(source, target, chunk, p) for chunk in chunks])
+    """The values of :func:`meshot.loss.sliced.plain_costs` with the memory of one chunk of directions.
 
-
-def _split(directions: Tensor, n_points: int) -> tuple[Tensor, ...]:
-    return directions.split(max(1, _CHUNK // n_points))
-
-
-class _Chunked(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, x, a, y, b, directions, p):
-        wanted = ctx.needs_input_grad[:4]
-        sums = [torch.zeros_like(t) if w else None for t, w in zip((x, a, y, b), wanted)]
-        total = directions.new_zeros(())
-        paired = not (wanted[1] or wanted[3]) and same_equal_masses(a.detach(), b.detach())
-        for lines in _split(directions, len(x) + len(y)):
-            projected, other = lines @ x.T, lines @ y.T
-            costs, gradients = (
-                _paired(projected, other, p) if paired else _merged(projected, a, other, b, p, sums[1::2])
-            )
-            total += costs.sum()
-            for to_points, gradient in zip(sums[::2], gradients):
-                if to_points is not None:
-                    to_points += gradient.T @ lines
-        ctx.gradients = [None if g is None else g / len(directions) for g in sums]
-        return total / len(directions)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, grad_output):
-        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None
-
-
-def _paired(x: Tensor, y: Tensor, p: float) -> tuple[Tensor, tuple[Tensor, Tensor]]:
-    """For equal masses: the cost of every row, and its gradients in the projected points."""
-    x_order, y_order = row_order(x), row_order(y)
-    gap = x.gather(1, x_order) - y.gather(1, y_order)
-    gradient = _slope(gap, p) / gap.shape[1]
-    return power(gap, p).mean(dim=1), (
-        torch.empty_like(x).scatter_(1, x_order, gradient),
-        torch.empty_like(y).scatter_(1, y_order, -gradient),
-    )
-
-
-def _merged(
-    x: Tensor, a: Tensor, y: Tensor, b: Tensor, p: float, to_weights: list[Tensor | None]
-) -> tuple[Tensor, tuple[Tensor, Tensor]]:
-    """For any masses: the cost of every row and its gradients in the projected points; adds those in the weights.
-
-    The derivative in the end of a cell is its cost minus that of the next cell. Ends of steps are sums of weights.
+    For the gradient every chunk is computed a second time.
     """
-    cells = quantile_cells(x, a, y, b)
-    cost = power(cells.gap, p)
-    gradient = _slope(cells.gap, p) * cells.mass
-    gradients = (
-        _to_points(gradient, cells.source_step, cells.source_order),
-        _to_points(-gradient, cells.target_step, cells.target_order),
-    )
-    if any(sums is not None for sums in to_weights):
-        drops = -torch.diff(cost, dim=1, append=torch.zeros_like(cost[:, :1]))
-        of_ends = torch.empty_like(drops).scatter_(1, cells.order, drops).split([x.shape[1], y.shape[1]], dim=1)
-        for sums, ends, order in zip(to_weights, of_ends, (cells.source_order, cells.target_order)):
-            if sums is not None:
-                potential = ends.flip(1).cumsum(dim=1).flip(1)
-                sums.scatter_add_(0, order.flatten(), potential.flatten())
-    return (cost * cells.mass).sum(dim=1), gradients
-
-
-def _to_points(gradient: Tensor, step: Tensor, order: Tensor) -> Tensor:
-    """The sum of the gradients on the cells of each step, at the point of this step."""
-    of_steps = gradient.new_zeros(order.shape).scatter_add_(1, step, gradient)
-    return torch.empty_like(of_steps).scatter_(1, order, of_steps)
-
-
-def _slope(gap: Tensor, p: float) -> Tensor:
-    """The derivative of |gap|^p."""
-    if p == 2:
-        return 2 * gap
-    return gap.sign() if p == 1 else p * gap.abs().pow(p - 1) * gap.sign()
+    chunks = directions.split(max(1, _CHUNK // (len(source.places) + len(target.places))))
+    return torch.cat([checkpoint(plain_costs, source, target, chunk, p, use_reentrant=False) for chunk in chunks])

@@ -69,7 +69,8 @@ def wasserstein(
         raise ValueError(f"p is {p!r}; a finite number >= 1 is needed")
     # From differences: |x|² + |y|² − 2⟨x, y⟩ would suffer from cancellation for close points.
     gaps = source.places[:, None, :] - target.places[None, :, :]
-    unit = _power_of_two(float(gaps.detach().abs().max()))
+    size = float(gaps.detach().abs().max())
+    unit = math.ldexp(1.0, math.frexp(size)[1] - 1) if 0 < size < math.inf else 1.0
     squared = (gaps / unit).square().sum(dim=2)
     cost = squared if p == 2 else torch.where(squared > 0, squared, torch.ones_like(squared)).pow(p / 2) * (squared > 0)
     with warnings.catch_warnings(record=True) as caught:
@@ -87,10 +88,6 @@ def wasserstein(
             f"W_p^p exceeds {value.dtype} at p = {p:g} for points {unit:.3g} apart: scale both measures down"
         )
     return value
-
-
-def _power_of_two(size: float) -> float:
-    return math.ldexp(1.0, math.frexp(size)[1] - 1) if 0 < size < math.inf else 1.0
 
 
 # Entropy-regularised transport, debiased, computed by GeomLoss.
@@ -178,21 +175,16 @@ def sinkhorn_divergence(
         require_positive(length, name, "units of the points")
     if not 0 < scaling < 1:
         raise ValueError(f"scaling is {scaling!r}; a number in (0, 1) is needed")
-    _require_backend(backend)
+    require_choice(backend, "backend", BACKENDS)
+    if backend != "tensorized" and importlib.util.find_spec("pykeops") is None:
+        raise ValueError(f"backend {backend!r} needs KeOps, which is not installed: pip install pykeops")
     places = torch.cat([source.places, target.places]).detach()
     extent = float((places.amax(dim=0) - places.amin(dim=0)).norm())
     # Annealing begins at the diameter; from one point it would begin at zero, and divide by it.
     diameter = blur if extent < POINT * blur else None
-    loss = geomloss.SamplesLoss(
-        "sinkhorn", p=p, blur=blur, scaling=scaling, reach=reach, debias=True, backend=backend, diameter=diameter
-    )  # fmt: skip
+    options = {"blur": blur, "scaling": scaling, "reach": reach, "diameter": diameter, "backend": backend}
+    loss = geomloss.SamplesLoss("sinkhorn", p=p, debias=True, **options)
     return p * loss(source.weights, source.places, target.weights, target.places)
-
-
-def _require_backend(backend: str) -> None:
-    require_choice(backend, "backend", BACKENDS)
-    if backend != "tensorized" and importlib.util.find_spec("pykeops") is None:
-        raise ValueError(f"backend {backend!r} needs KeOps, which is not installed: pip install pykeops")
 
 
 # The Chamfer loss: squared distances to nearest neighbours.
@@ -272,12 +264,9 @@ def nearest_neighbours(
         raise ValueError(f"coordinates reach {size:.3g}, and squared distances exceed {points.dtype}: scale both down")
     if method == "brute":
         blocks = points.split(max(1, _BLOCK // len(candidates)))
-        return torch.cat([_distances(block, candidates).argmin(dim=1) for block in blocks])
+        # From differences: |x|² + |y|² − 2⟨x, y⟩ would suffer from cancellation and could give a wrong neighbour.
+        mode = "donot_use_mm_for_euclid_dist"
+        return torch.cat([torch.cdist(block, candidates, compute_mode=mode).argmin(dim=1) for block in blocks])
     tree = cKDTree(candidates.cpu().numpy())
     _, index = tree.query(points.cpu().numpy(), workers=torch.get_num_threads())
     return torch.from_numpy(index).to(points.device, torch.int64)
-
-
-def _distances(points: Tensor, candidates: Tensor) -> Tensor:
-    # From differences: |x|² + |y|² − 2⟨x, y⟩ would suffer from cancellation and could give a wrong neighbour.
-    return torch.cdist(points, candidates, compute_mode="donot_use_mm_for_euclid_dist")

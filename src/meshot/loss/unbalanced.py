@@ -15,7 +15,7 @@ from torch.autograd.function import once_differentiable
 from meshot.errors import require_positive, require_positive_integer
 from meshot.loss._kernel_unbalanced import partial_lines, unbalanced_lines
 from meshot.loss.directions import Directions, require_directions
-from meshot.loss.sliced import checked_lines, fused_slices, mean_of_slices
+from meshot.loss.sliced import fused_slices, mean_of_slices, require_exponent
 from meshot.measure import MeasureLike, as_point_measures
 from meshot.types import Array, Float, Tensor
 
@@ -86,17 +86,11 @@ def unbalanced_sliced(
     >>> round(float(unbalanced_sliced(here, here + 4, 5.0, lines, p=1)), 3)  # reach (1 − exp(−4/reach))
     2.753
     """
-    source, target = as_point_measures(source, target)
-    require_reach(reach)
-    lines = checked_lines(source, directions, p)
+    *tensors, lines = _checked(source, target, reach, directions)
+    require_exponent(p)
     n_iterations = require_positive_integer(n_iterations, "n_iterations")
     if not 0 < tolerance < 1:
         raise ValueError(f"tolerance is {tolerance!r}; a number in (0, 1) is needed, relative to the value")
-    if lines.requires_grad:
-        raise ValueError(
-            "directions requires a gradient; this loss has none in the directions: pass directions.detach()"
-        )
-    tensors = (source.places, source.weights, target.places, target.weights)
     return _Unbalanced.apply(*tensors, lines, float(p), float(reach) ** p / 2, float(tolerance), n_iterations)
 
 
@@ -298,17 +292,17 @@ def sliced_unbalanced(
 def _along_lines(
     source: MeasureLike, target: MeasureLike, reach: float, directions: Directions, walk: Callable, factor: float
 ) -> Float[Tensor, ""]:
+    *tensors, lines = _checked(source, target, reach, directions)
+    return mean_of_slices(tensors, lines, factor * float(reach), walk)
+
+
+def _checked(source: MeasureLike, target: MeasureLike, reach: float, directions: Directions) -> tuple[Tensor, ...]:
+    """Points and weights of both sides, and the directions as unit rows."""
     source, target = as_point_measures(source, target)
-    require_reach(reach)
+    require_positive(reach, "reach", "the units of the points")
     lines = require_directions(directions, source.places)
     if lines.requires_grad:
         raise ValueError(
             "directions requires a gradient; this loss has none in the directions: pass directions.detach()"
         )
-    tensors = (source.places, source.weights, target.places, target.weights)
-    return mean_of_slices(tensors, lines, factor * float(reach), walk)
-
-
-def require_reach(reach: float) -> None:
-    """Check that a reach is a positive length."""
-    require_positive(reach, "reach", "the units of the points")
+    return source.places, source.weights, target.places, target.weights, lines

@@ -3,16 +3,17 @@
 This loss is our addition. The paper compares the whole measures.
 """
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
-from meshot.errors import as_floating, require_positive, require_positive_integer, require_shape
+from meshot.errors import as_floating, as_points, require_positive, require_positive_integer
 from meshot.loss._kernel_sliced import find_in_window
 from meshot.loss.directions import Directions, quasi_directions, random_directions
 from meshot.loss.sliced import checked_lines, fused_slices, sliced_wasserstein
@@ -95,12 +96,17 @@ def windowed_sliced_wasserstein(
     """
     pair = _checked(source, target, centres, radius, directions, p)
     if pair.source.places.dtype in (torch.float32, torch.float64) and not pair.lines.requires_grad:
-        value, n_counted = mean_of_windows(*pair.on_cpu(), float(p))
-        value = value.to(pair.source.places.device)
-    else:
-        value, n_counted = _window_by_window(*pair, p)
-    _require_counted(n_counted, pair)
-    return value
+        tensors, *windows = pair.on_cpu()
+        value, n_counted = _FusedWindows.apply(*tensors, *windows, float(p))
+        _require_counted(int(n_counted), pair)
+        return value.to(pair.source.places.device)
+    costs = []
+    for centre, lines in zip(pair.centres, pair.lines, strict=True):
+        inside = [_restricted(measure, centre, radius) for measure in (pair.source, pair.target)]
+        if None not in inside:
+            costs.append(sliced_wasserstein(*inside, lines, p))
+    _require_counted(len(costs), pair)
+    return torch.stack(costs).mean()
 
 
 def window_costs(source: Measure, target: Measure, windows: Windows, radius: float, p: float) -> Float[Array, " n"]:
@@ -153,14 +159,22 @@ def _checked(
     p: float,
 ) -> _Pair:
     source, target = as_point_measures(source, target)
-    centres = as_floating(centres, "centres")
-    require_shape(centres, "centres", None)
+    centres = as_points(centres, "centres")
     n_windows, n_dimensions = centres.shape
     if n_dimensions > source.places.shape[1]:
         raise ValueError(
             f"centres has {n_dimensions} coordinates, the points {source.places.shape[1]}: at most as many are needed"
         )
-    directions = _sets(directions, n_windows, source.places)
+    like, d = source.places, source.places.shape[1]
+    if isinstance(directions, int | np.integer):
+        n = require_positive_integer(directions, "directions")
+        directions = torch.stack([quasi_directions(n, d, k, like.dtype, like.device) for k in range(n_windows)])
+    directions = as_floating(directions, "directions")
+    if directions.ndim != 3 or len(directions) != n_windows:
+        raise ValueError(
+            f"directions has shape {tuple(directions.shape)}; ({n_windows}, L, {d}) is needed, a set for every window, "
+            "or a number"
+        )
     require_positive(radius, "radius", "the units of the points")
     lines = checked_lines(source, directions.flatten(0, 1), p).reshape(directions.shape)
     return _Pair(source, target, centres, radius, lines)
@@ -172,39 +186,6 @@ def _require_counted(n_counted: int, pair: _Pair) -> None:
             f"none of {len(pair.centres)} windows of radius {pair.radius:g} holds mass of both measures: they may lie "
             "in different places, or take a larger radius"
         )
-
-
-def _window_by_window(
-    source: Measure,
-    target: Measure,
-    centres: Float[Tensor, "K k"],
-    radius: float,
-    directions: Float[Tensor, "K L d"],
-    p: float,
-) -> tuple[Float[Tensor, ""], int]:
-    """The mean over the windows, and how many were counted, on any device."""
-    costs = []
-    for centre, lines in zip(centres, directions, strict=True):
-        inside = _restricted(source, centre, radius), _restricted(target, centre, radius)
-        if None not in inside:
-            costs.append(sliced_wasserstein(*inside, lines, p))
-    return (torch.stack(costs).mean() if costs else source.places.new_zeros(())), len(costs)
-
-
-def _sets(directions: Directions, n_windows: int, like: Tensor) -> Float[Tensor, "K L d"]:
-    """The set of directions of every window."""
-    d = like.shape[1]
-    if isinstance(directions, int | np.integer):
-        n = require_positive_integer(directions, "directions")
-        sets = [quasi_directions(n, d, seed, like.dtype, like.device) for seed in range(n_windows)]
-        return torch.stack(sets)
-    directions = as_floating(directions, "directions")
-    if directions.ndim != 3 or len(directions) != n_windows:
-        raise ValueError(
-            f"directions has shape {tuple(directions.shape)}; ({n_windows}, L, {d}) is needed, a set for every window, "
-            "or a number"
-        )
-    return directions
 
 
 def _restricted(measure: Measure, centre: Float[Tensor, " k"], radius: float) -> DiscreteMeasure | None:
@@ -225,7 +206,6 @@ def _restricted(measure: Measure, centre: Float[Tensor, " k"], radius: float) ->
 REACH = 2.5
 _AHEAD = 8  # windows per thread whose gradients are held before they are added
 _ALONE = 1 << 16  # number of points, over all windows, below which a second thread does not pay off
-Result = TypeVar("Result")
 
 
 class _FusedWindows(torch.autograd.Function):
@@ -246,21 +226,6 @@ class _FusedWindows(torch.autograd.Function):
         return *(None if g is None else grad_output * g for g in ctx.gradients), None, None, None, None
 
 
-def mean_of_windows(
-    measures: Sequence[Tensor],
-    centres: Float[Tensor, "K k"],
-    radius: float,
-    directions: Float[Tensor, "K L d"],
-    p: float,
-) -> tuple[Float[Tensor, ""], int]:
-    """The mean over the windows that hold mass of both measures, differentiable once, and their number.
-
-    The arguments are those of :func:`meshot.loss.windowed.fused_windows`.
-    """
-    value, count = _FusedWindows.apply(*measures, centres, radius, directions, p)
-    return value, int(count)
-
-
 def fused_windows(
     measures: Sequence[Tensor],
     centres: Float[Tensor, "K k"],
@@ -271,7 +236,11 @@ def fused_windows(
 ) -> tuple[Float[Array, " n"], list[Array | None]]:
     """The cost in every window that holds mass of both measures, and the gradients of the mean of these costs."""
     places = centres.detach().double().numpy()
-    sides = [_side(*measures[k : k + 2], places.shape[1]) for k in (0, 2)]
+    arrays = [np.ascontiguousarray(tensor.detach().double().numpy()) for tensor in measures]
+    sides = [
+        _Side(rows, np.ascontiguousarray(rows[:, : places.shape[1]].T), masses)
+        for rows, masses in (arrays[:2], arrays[2:])
+    ]
     lines = directions.detach().double()
     totals = [np.zeros(t.shape) if want else None for t, want in zip(measures, wanted)]
     costs = []
@@ -281,12 +250,16 @@ def fused_windows(
 
     n_points = len(places) * sum(len(side.weights) for side in sides)
     n_threads = max(1, min(torch.get_num_threads(), len(places), n_points // _ALONE))
-    for found in _in_order(work, len(places), n_threads):
-        if found is not None:
-            costs.append(found.cost)
-            for total, chosen, gradient in zip(totals, found.chosen, found.gradients):
-                if total is not None:
-                    total[chosen] += gradient
+    step = _AHEAD * n_threads
+    with ThreadPoolExecutor(n_threads) if n_threads > 1 else contextlib.nullcontext() as pool:
+        for start in range(0, len(places), step):
+            block = range(start, min(start + step, len(places)))
+            for found in map(work, block) if pool is None else pool.map(work, block):
+                if found is not None:
+                    costs.append(found.cost)
+                    for total, chosen, gradient in zip(totals, found.chosen, found.gradients):
+                        if total is not None:
+                            total[chosen] += gradient
     return np.array(costs), [None if total is None else total / max(1, len(costs)) for total in totals]
 
 
@@ -301,11 +274,6 @@ class _Found(NamedTuple):
     cost: float
     chosen: list[Array]  # the points of the four gradients
     gradients: list[Array | None]
-
-
-def _side(points: Tensor, weights: Tensor, k: int) -> _Side:
-    rows, masses = (np.ascontiguousarray(t.detach().double().numpy()) for t in (points, weights))
-    return _Side(rows, np.ascontiguousarray(rows[:, :k].T), masses)
 
 
 def _in_window(
@@ -333,14 +301,3 @@ def _in_window(
         if wanted[k]:  # the masses in the window are divided by their sum
             gradients[k] = factor * (gradients[k] - shares.numpy() @ gradients[k])
     return _Found(costs.mean(), chosen, gradients)
-
-
-def _in_order(work: Callable[[int], Result], n_items: int, n_threads: int) -> Iterator[Result]:
-    """The results of ``work(0)``, ``work(1)``, ... in order, computed by several threads."""
-    if n_threads == 1:
-        yield from map(work, range(n_items))
-        return
-    step = _AHEAD * n_threads
-    with ThreadPoolExecutor(n_threads) as pool:
-        for start in range(0, n_items, step):
-            yield from pool.map(work, range(start, min(start + step, n_items)))

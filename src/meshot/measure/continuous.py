@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import torch
 
-from meshot.errors import as_floating, as_indices, require_same_space, require_shape
+from meshot.errors import as_indices, as_points, require_same_space, require_shape
 from meshot.measure.discrete import DiscreteMeasure, Extras, Measure, as_probabilities, cell_shares, cells_of, varifold
 from meshot.mesh import Contour, Mesh
 from meshot.types import Array, Float, Int64, Tensor
@@ -48,8 +48,7 @@ class SurfaceMeasure:
     weights: Float[Tensor, " F"]
 
     def __post_init__(self):
-        vertices = as_floating(self.vertices, "vertices")
-        require_shape(vertices, "vertices", None)
+        vertices = as_points(self.vertices, "vertices")
         cells = as_indices(self.cells, "cells", vertices.shape[0]).to(vertices.device)
         require_shape(cells, "cells", None)
         if cells.shape[1] not in (2, 3):
@@ -198,9 +197,12 @@ def _measure(value: object, name: str) -> Measure:
     if isinstance(value, Mesh | Contour):
         return surface(value)
     if not isinstance(value, Tensor | np.ndarray):
-        raise ValueError(f"{name} is {_described(value)}; {_remedy(value)}")
-    points = as_floating(value, name)
-    require_shape(points, name, None)
+        kind = type(value)
+        package = "" if kind.__module__ == "builtins" else f"{kind.__module__.split('.')[0]}."
+        plain = value is None or isinstance(value, bool | int | float | complex | str)
+        said = repr(value) if plain else f"a {package}{kind.__qualname__}"
+        raise ValueError(f"{name} is {said}; {_remedy(value)}")
+    points = as_points(value, name)
     return DiscreteMeasure(points)
 
 
@@ -219,14 +221,6 @@ def _point_measure(value: object, name: str) -> Measure:
 def _in_one_space(source: Measure, target: Measure) -> tuple[Measure, Measure]:
     require_same_space(source.places, target.places)
     return source, target
-
-
-def _described(value: object) -> str:
-    kind = type(value)
-    name = (
-        kind.__qualname__ if kind.__module__ == "builtins" else f"{kind.__module__.split('.')[0]}.{kind.__qualname__}"
-    )
-    return repr(value) if value is None or isinstance(value, bool | int | float | complex | str) else f"a {name}"
 
 
 def _remedy(value: object) -> str:

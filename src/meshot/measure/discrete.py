@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import torch
 
-from meshot.errors import as_floating, require_shape
+from meshot.errors import as_floating, as_points
 from meshot.mesh import Contour, Mesh, edge_lengths, edge_normals, face_areas, face_normals, sample_locations
 from meshot.rng import Generator
 from meshot.types import Float, Int64, Tensor
@@ -42,8 +42,7 @@ class DiscreteMeasure:
     weights: Float[Tensor, " n"] | None = None
 
     def __post_init__(self):
-        points = as_floating(self.points, "points")
-        require_shape(points, "points", None)
+        points = as_points(self.points, "points")
         weights = points.new_full((len(points),), 1 / len(points)) if self.weights is None else self.weights
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "weights", as_probabilities(weights, points, len(points)))
@@ -253,28 +252,13 @@ class Extras:
 
     Every encoding orders its coordinates in the same way: position ‖ ``normal_scale`` · unit normal ‖
     ``feature_scale`` · features of the vertices ‖ ``feature_scale`` · features of the faces.
-
-    Parameters
-    ----------
-    shape : Mesh or Contour
-    normal_scale : float
-        The length of a scaled unit normal, in units of the vertices.
-    features, face_features : tensor, optional
-        One row per vertex, and one row per face (or edge of a contour).
-    feature_scale : float
-        The length that corresponds to a feature difference of one, in units of the vertices per unit of the feature.
-
-    Raises
-    ------
-    ValueError
-        If a scale is negative or not finite, or features do not fit the shape.
     """
 
     shape: Mesh | Contour
-    normal_scale: float
-    features: Float[Tensor, "V k"] | None
-    face_features: Float[Tensor, "F j"] | None
-    feature_scale: float
+    normal_scale: float  # length of a scaled unit normal, in units of the vertices
+    features: Float[Tensor, "V k"] | None  # one row per vertex
+    face_features: Float[Tensor, "F j"] | None  # one row per face, or edge of a contour
+    feature_scale: float  # length that corresponds to a difference of one, per unit of the feature
 
     def __post_init__(self):
         for name, scale in (("normal_scale", self.normal_scale), ("feature_scale", self.feature_scale)):

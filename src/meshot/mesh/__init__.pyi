@@ -13,6 +13,7 @@ from .editing import (
     decimated as decimated,
     laplacian_smoothing as laplacian_smoothing,
     neighbour_means as neighbour_means,
+    ring_around as ring_around,
     simplified as simplified,
     smooth_crossings as smooth_crossings,
     taubin_smoothing as taubin_smoothing,

@@ -8,24 +8,25 @@ import scipy.sparse
 import scipy.sparse.csgraph
 import torch
 
+from meshot.mesh.geometry import directed_edges, edge_counts
 from meshot.mesh.mesh import Mesh
 from meshot.types import Int64, Tensor
 
 
 def euler_number(mesh: Mesh) -> int:
     """V − E + F: 2 for a sphere, 2 − 2g for a closed surface with g handles. Vertices without a face do not count."""
-    return len(torch.unique(mesh.faces)) - len(_edge_counts(mesh)[0]) + len(mesh.faces)
+    return len(torch.unique(mesh.faces)) - len(edge_counts(mesh)[0]) + len(mesh.faces)
 
 
 def boundary_edges(mesh: Mesh) -> Int64[Tensor, "E 2"]:
     """The edges that belong to exactly one face. A closed mesh has none."""
-    edges, counts = _edge_counts(mesh)
+    edges, counts = edge_counts(mesh)
     return edges[counts == 1]
 
 
 def nonmanifold_edges(mesh: Mesh) -> Int64[Tensor, "E 2"]:
     """The edges that belong to more than two faces."""
-    edges, counts = _edge_counts(mesh)
+    edges, counts = edge_counts(mesh)
     return edges[counts > 2]
 
 
@@ -41,7 +42,7 @@ def component_labels(mesh: Mesh) -> Int64[Tensor, " F"]:
 
 def is_consistently_oriented(mesh: Mesh) -> bool:
     """Whether every shared edge has opposite directions in its two faces, so that normals lie on the same side."""
-    directed = _directed_edges(mesh)
+    directed = directed_edges(mesh)
     return len(torch.unique(directed[:, 0] * len(mesh.vertices) + directed[:, 1])) == len(directed)
 
 
@@ -68,18 +69,6 @@ def topology(mesh: Mesh) -> Topology:
         len(nonmanifold_edges(mesh)),
         is_consistently_oriented(mesh),
     )
-
-
-def _directed_edges(mesh: Mesh) -> Tensor:
-    return torch.cat([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
-
-
-def _edge_counts(mesh: Mesh) -> tuple[Tensor, Tensor]:
-    # Sorting one integer per edge is ten times faster than sorting rows.
-    n_vertices = len(mesh.vertices)
-    edges = _directed_edges(mesh).sort(dim=1).values
-    keys, counts = torch.unique(edges[:, 0] * n_vertices + edges[:, 1], return_counts=True)
-    return torch.stack([keys // n_vertices, keys % n_vertices], dim=1), counts
 
 
 # Detection of self-intersections of a mesh.

@@ -9,7 +9,7 @@ import igl
 import numpy as np
 import torch
 
-from meshot.errors import as_indices, require_positive_integer, require_shape
+from meshot.errors import as_indices, require_natural, require_positive_integer, require_shape
 from meshot.mesh.connectivity import self_intersecting_faces
 from meshot.mesh.mesh import Mesh
 from meshot.types import Bool, Float, Int64, Tensor
@@ -45,7 +45,7 @@ def laplacian_smoothing(mesh: Mesh, n_steps: int, amount: float = 0.5) -> Mesh:
     ValueError
         If ``n_steps`` is negative or ``amount`` is outside (0, 1].
     """
-    _require_steps(n_steps)
+    require_natural(n_steps, "n_steps")
     if not 0 < amount <= 1:
         raise ValueError(f"amount is {amount!r}; a number in (0, 1] is needed, the part of the way to the neighbours")
     for _ in range(n_steps):
@@ -74,7 +74,7 @@ def taubin_smoothing(mesh: Mesh, n_steps: int, amount: float = 0.5, pass_band: f
     ----------
     Taubin, *A signal processing approach to fair surface design*, SIGGRAPH 1995.
     """
-    _require_steps(n_steps)
+    require_natural(n_steps, "n_steps")
     if not (0 < amount <= 1 and 0 < pass_band < 1 / amount):
         raise ValueError(
             f"amount is {amount!r} and pass_band {pass_band!r}; amount must lie in (0, 1], pass_band in (0, 1/amount)"
@@ -84,11 +84,6 @@ def taubin_smoothing(mesh: Mesh, n_steps: int, amount: float = 0.5, pass_band: f
         for step in (amount, back):
             mesh = mesh.with_vertices(torch.lerp(mesh.vertices, neighbour_means(mesh), step))
     return mesh
-
-
-def _require_steps(n_steps: int) -> None:
-    if isinstance(n_steps, bool) or not isinstance(n_steps, int) or n_steps < 0:
-        raise ValueError(f"n_steps is {n_steps!r}; an integer >= 0 is needed")
 
 
 # Repair of self-intersections by local smoothing.
@@ -126,7 +121,7 @@ def smooth_crossings(mesh: Mesh, max_rounds: int = 50) -> Mesh:
     for round_ in range(max_rounds):
         if not len(crossing):
             return mesh
-        moving = _ring_around(mesh, crossing, round_ // _ROUNDS_PER_RING)
+        moving = ring_around(mesh, crossing, round_ // _ROUNDS_PER_RING)
         smoothed = torch.lerp(mesh.vertices, neighbour_means(mesh), _AMOUNT)
         mesh = mesh.with_vertices(torch.where(moving[:, None], smoothed, mesh.vertices))
         crossing = self_intersecting_faces(mesh)
@@ -138,7 +133,7 @@ def smooth_crossings(mesh: Mesh, max_rounds: int = 50) -> Mesh:
     return mesh
 
 
-def _ring_around(mesh: Mesh, faces: Int64[Tensor, " n"], n_rings: int) -> Bool[Tensor, " V"]:
+def ring_around(mesh: Mesh, faces: Int64[Tensor, " n"], n_rings: int) -> Bool[Tensor, " V"]:
     """Which vertices are corners of the faces, or at most ``n_rings`` edges away from a corner."""
     inside = torch.zeros(len(mesh.vertices), dtype=torch.bool, device=mesh.faces.device)
     inside[mesh.faces[faces].flatten()] = True

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 import torch
 
-from meshot.errors import as_floating, require_positive_integer, require_shape
+from meshot.errors import as_points, require_positive_integer
 from meshot.mesh.mesh import Contour, Mesh
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Array, Float, Int, Int64, Tensor
@@ -37,16 +37,14 @@ def face_areas(mesh: Mesh) -> Float[Tensor, " F"]:
 def face_normals(mesh: Mesh) -> Float[Tensor, "F 3"]:
     """The outward unit normal of every face; zero for a face without area."""
     vectors = face_area_vectors(mesh)
-    lengths = safe_norm(vectors)
-    return vectors / torch.where(lengths > 0, lengths, torch.ones_like(lengths))[:, None]
+    return vectors / _lengths(vectors)
 
 
 def vertex_normals(mesh: Mesh) -> Float[Tensor, "V 3"]:
     """The outward unit normal at every vertex: the area-weighted mean of its faces' normals; zero where they cancel."""
     vectors = face_area_vectors(mesh).repeat_interleave(3, dim=0)
     sums = torch.zeros_like(mesh.vertices).index_add(0, mesh.faces.flatten(), vectors)
-    lengths = safe_norm(sums)
-    return sums / torch.where(lengths > 0, lengths, torch.ones_like(lengths))[:, None]
+    return sums / _lengths(sums)
 
 
 def face_barycentres(mesh: Mesh) -> Float[Tensor, "F 3"]:
@@ -68,15 +66,21 @@ def signed_volume(mesh: Mesh) -> Float[Tensor, ""]:
 
 def mesh_edges(mesh: Mesh) -> Int64[Tensor, "E 2"]:
     """Every edge once, as a sorted pair of vertex indices, in lexicographic order."""
+    return edge_counts(mesh)[0]
+
+
+def edge_counts(mesh: Mesh) -> tuple[Int64[Tensor, "E 2"], Int64[Tensor, " E"]]:
+    """Every edge once, as in :func:`mesh_edges`, and the number of faces that it belongs to."""
     # Sorting one integer per edge is ten times faster than sorting rows.
-    pairs, n_vertices = _half_edges(mesh), len(mesh.vertices)
-    keys = torch.unique(pairs[:, 0] * n_vertices + pairs[:, 1])
-    return torch.stack([keys // n_vertices, keys % n_vertices], dim=1)
+    n_vertices = len(mesh.vertices)
+    edges = directed_edges(mesh).sort(dim=1).values
+    keys, counts = torch.unique(edges[:, 0] * n_vertices + edges[:, 1], return_counts=True)
+    return torch.stack([keys // n_vertices, keys % n_vertices], dim=1), counts
 
 
-def _half_edges(mesh: Mesh) -> Int64[Tensor, "H 2"]:
-    faces = mesh.faces
-    return torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).sort(dim=1).values
+def directed_edges(mesh: Mesh) -> Int64[Tensor, "H 2"]:
+    """The three sides of every face, in its direction."""
+    return torch.cat([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
 
 
 def edge_lengths(shape: Mesh | Contour) -> Float[Tensor, " E"]:
@@ -93,9 +97,7 @@ def edge_midpoints(contour: Contour) -> Float[Tensor, "E 2"]:
 def edge_normals(contour: Contour) -> Float[Tensor, "E 2"]:
     """The unit normal to the right of every edge. It points outwards if the contour runs counter-clockwise."""
     along = contour.vertices[contour.edges[:, 1]] - contour.vertices[contour.edges[:, 0]]
-    lengths = safe_norm(along)
-    right = torch.stack([along[:, 1], -along[:, 0]], dim=1)
-    return right / torch.where(lengths > 0, lengths, torch.ones_like(lengths))[:, None]
+    return torch.stack([along[:, 1], -along[:, 0]], dim=1) / _lengths(along)
 
 
 def safe_norm(vectors: Float[Tensor, "*batch d"]) -> Float[Tensor, "*batch"]:
@@ -105,6 +107,12 @@ def safe_norm(vectors: Float[Tensor, "*batch d"]) -> Float[Tensor, "*batch"]:
     return torch.where(
         positive, torch.where(positive, squared, torch.ones_like(squared)).sqrt(), torch.zeros_like(squared)
     )
+
+
+def _lengths(vectors: Float[Tensor, "n d"]) -> Float[Tensor, "n 1"]:
+    """The length of every row as a divisor: 1 for a row of zeros."""
+    lengths = safe_norm(vectors)
+    return torch.where(lengths > 0, lengths, torch.ones_like(lengths))[:, None]
 
 
 # Moments of the solid that a closed mesh encloses.
@@ -296,16 +304,11 @@ def sample_points(shape: Mesh | Contour, n_points: int, generator: Generator) ->
 def sample_locations(
     shape: Mesh | Contour, n_points: int, generator: Generator
 ) -> tuple[Int64[Tensor, " n"], Float[Tensor, "n c"]]:
-    """The cells and barycentric coordinates of a uniform random sample, see :func:`sample_points`.
-
-    Raises
-    ------
-    ValueError
-        As :func:`sample_points`.
-    """
+    """The cells and barycentric coordinates of a uniform random sample, see :func:`sample_points`."""
     require_positive_integer(n_points, "n_points")
     generator = numpy_generator(generator)
-    cumulative = np.cumsum(_cell_sizes(shape))
+    sizes = edge_lengths(shape) if isinstance(shape, Contour) else face_areas(shape)
+    cumulative = np.cumsum(sizes.detach().double().cpu().numpy())
     if not cumulative[-1] > 0:
         raise ValueError(
             f"the total area or length is {cumulative[-1]:.3g}; only a shape of positive size can be sampled"
@@ -321,12 +324,6 @@ def sample_locations(
         barycentric = np.stack([1 - root, root * (1 - other), root * other], axis=1)
     vertices = shape.vertices
     return torch.from_numpy(cells).to(vertices.device), torch.from_numpy(barycentric).to(vertices)
-
-
-@torch.no_grad()
-def _cell_sizes(shape: Mesh | Contour) -> np.ndarray:
-    sizes = edge_lengths(shape) if isinstance(shape, Contour) else face_areas(shape)
-    return sizes.double().cpu().numpy()
 
 
 def even_points(contour: Contour, n_points: int, offset: float = 0.5) -> Float[Tensor, "n 2"]:
@@ -391,8 +388,7 @@ def triangulate(vertices: Float[Tensor, "V 3"], polygons: Iterable[Iterable[int]
     >>> meshot.triangulate(square, [[0, 1, 2, 3]])
     Mesh(4 vertices, 2 faces, torch.float32)
     """
-    vertices = as_floating(vertices, "vertices")
-    require_shape(vertices, "vertices", 3)
+    vertices = as_points(vertices, "vertices", 3)
     places = vertices.detach().cpu().numpy().astype(np.float64)
     pieces = [_triangles(places, [int(corner) for corner in polygon], k) for k, polygon in enumerate(polygons)]
     faces = np.concatenate([np.empty((0, 3), np.int64), *pieces])
@@ -408,19 +404,15 @@ def _triangles(places: Float[Array, "V 3"], corners: list[int], k: int) -> Array
     fan = np.array([[corners[0], b, c] for b, c in itertools.pairwise(corners[1:])])
     if len(fan) == 1:
         return fan
-    flat = _in_plane(places[corners])
-    if (_turns(flat[[0]], flat[1:-1], flat[2:]) >= 0).all():
-        return fan
-    return np.array(corners)[_cut_ears(flat, k)]
-
-
-def _in_plane(corners: Float[Array, "c 3"]) -> Float[Array, "c 2"]:
-    """Coordinates in the plane normal to the polygon's area vector, in which the polygon runs counter-clockwise."""
-    centred = corners - corners.mean(axis=0)
+    # Coordinates in the plane normal to the polygon's area vector, in which the polygon runs counter-clockwise.
+    centred = places[corners] - places[corners].mean(axis=0)
     area = np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
     _, _, axes = np.linalg.svd(area[None])
     first, second = axes[1], axes[2]
-    return centred @ np.stack([first, second * np.sign(np.cross(first, second) @ area)], axis=1)
+    flat = centred @ np.stack([first, second * np.sign(np.cross(first, second) @ area)], axis=1)
+    if (_turns(flat[[0]], flat[1:-1], flat[2:]) >= 0).all():
+        return fan
+    return np.array(corners)[_cut_ears(flat, k)]
 
 
 def _turns(a: Float[Array, "n 2"], b: Float[Array, "m 2"], c: Float[Array, "m 2"]) -> Float[Array, " m"]:

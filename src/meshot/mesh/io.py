@@ -22,13 +22,7 @@ from meshot.types import Array
 PLAIN_FORMATS = ("ply", "obj", "off", "stl")
 FREESURFER_NAMES = ("white", "pial", "orig", "smoothwm", "inflated", "sphere", "surf")
 _SCANNER, _UNKNOWN = 1, 0
-_MARKS = (
-    ("ply", b"ply"),
-    ("off", b"off"),
-    ("stl", b"solid"),
-    ("vtk", b"# vtk"),
-    ("glb", b"gltf"),
-)
+_MARKS = {"ply": b"ply", "off": b"off", "stl": b"solid", "vtk": b"# vtk", "glb": b"gltf"}
 # Columns: the directions of the first, second and third voxel axis in FreeSurfer's surface RAS ("tkregister") space.
 _SURFACE_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
@@ -163,7 +157,7 @@ def _format_of_content(path: Path) -> str | None:
     if b"<VTKFile" in head:
         return "vtp"
     start = head.lstrip().lower()
-    for kind, mark in _MARKS:
+    for kind, mark in _MARKS.items():
         if start.startswith(mark):
             return kind
     if any(line.split()[:1] == [b"v"] for line in head.splitlines()):
@@ -177,7 +171,10 @@ def _read_plain(path: Path, kind: str) -> tuple[Array, Array]:
     declared = require_whole_text(content, kind)
     mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    require_all_read(declared, vertices, faces)
+    if declared is not None and (len(vertices) != declared[0] or len(faces) < declared[1]):
+        raise ValueError(
+            f"it declares {declared[0]} vertices and {declared[1]} faces; {len(vertices)} and {len(faces)} are in it"
+        )
     if kind != "stl":
         return vertices, faces
     vertices, index = np.unique(vertices, axis=0, return_inverse=True)
@@ -281,14 +278,6 @@ def require_whole_text(content: bytes, kind: str) -> tuple[int, int] | None:
     return _ply_counts(lines) if kind == "ply" else _off_counts(lines)
 
 
-def require_all_read(declared: tuple[int, int] | None, vertices: Array, faces: Array) -> None:
-    """Check that a file has the declared number of vertices, and at least one triangle for every declared face."""
-    if declared is not None and (len(vertices) != declared[0] or len(faces) < declared[1]):
-        raise ValueError(
-            f"it declares {declared[0]} vertices and {declared[1]} faces; {len(vertices)} and {len(faces)} are in it"
-        )
-
-
 def require_room_in_freesurfer(content: bytes) -> None:
     """Check that a FreeSurfer surface file is long enough for the vertices and faces it declares."""
     if content[:3] in _TRIANGLES:
@@ -341,19 +330,18 @@ class _GiftiArrays:
         if name != "Data" or self.data is None:
             return
         text, self.data = "".join(self.data), None
-        held = _unpacked_length(text) if self.packed else len(text)
+        held = len(text)
+        if self.packed:
+            stream = zlib.decompressobj()
+            held = len(stream.decompress(b64decode(text), LARGEST_BYTES + 1))
+            if held > LARGEST_BYTES:
+                raise ValueError(
+                    f"an array holds more than {LARGEST_BYTES >> 20} MiB unpacked; at most so much is read"
+                )
+            if not stream.eof:
+                raise ValueError("a compressed array is cut short")
         if self.n_values > held:
             raise ValueError(f"an array declares {self.n_values} values, but holds {held} bytes")
-
-
-def _unpacked_length(text: str) -> int:
-    stream = zlib.decompressobj()
-    length = len(stream.decompress(b64decode(text), LARGEST_BYTES + 1))
-    if length > LARGEST_BYTES:
-        raise ValueError(f"an array holds more than {LARGEST_BYTES >> 20} MiB unpacked; at most so much is read")
-    if not stream.eof:
-        raise ValueError("a compressed array is cut short")
-    return length
 
 
 def _ply_counts(lines: list[str]) -> tuple[int, int]:

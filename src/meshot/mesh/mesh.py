@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from meshot.errors import as_floating, as_indices, require_shape
+from meshot.errors import as_indices, as_points, require_shape
 from meshot.types import Array, Float, Int64, Tensor
 
 if TYPE_CHECKING:
@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 
 def _validated(vertices: object, cells: object, dimension: int, corners: int, kind: str) -> tuple[Tensor, Tensor]:
-    vertices = as_floating(vertices, "vertices")
-    require_shape(vertices, "vertices", dimension)
+    vertices = as_points(vertices, "vertices", dimension)
     cells = as_indices(cells, kind, vertices.shape[0]).to(vertices.device)
     require_shape(cells, kind, corners)
     repeated = (cells == cells.roll(1, dims=1)).any(dim=1)
@@ -115,14 +114,11 @@ class Mesh(_Shape):
 
     def to_trimesh(self) -> "trimesh.Trimesh":
         """A ``trimesh.Trimesh`` with the same vertices and faces, in the same order, without gradient."""
-        return as_trimesh(*self._arrays())
+        return as_trimesh(self.vertices.detach().double().cpu().numpy(), self.faces.cpu().numpy())
 
     def to_pyvista(self) -> "pyvista.PolyData":
         """A ``pyvista.PolyData`` with the same vertices and faces, in the same order, without gradient."""
-        return as_pyvista(*self._arrays())
-
-    def _arrays(self) -> tuple[Array, Array]:
-        return self.vertices.detach().double().cpu().numpy(), self.faces.cpu().numpy()
+        return as_pyvista(self.vertices.detach().double().cpu().numpy(), self.faces.cpu().numpy())
 
     def __repr__(self) -> str:
         return f"Mesh({self.vertices.shape[0]} vertices, {self.faces.shape[0]} faces, {self.vertices.dtype})"
@@ -138,11 +134,6 @@ class Contour(_Shape):
         Floating point, one row per vertex.
     edges : tensor or array
         Integers, one row per edge, counter-clockwise around the interior, so that normals point outwards.
-
-    Raises
-    ------
-    ValueError
-        As :class:`Mesh`.
 
     Examples
     --------
@@ -180,10 +171,6 @@ def closed_contour(vertices: Float[Tensor, "V 2"]) -> Contour:
 
 
 # Conversion of meshes to and from trimesh and PyVista, which are imported only when needed.
-
-if TYPE_CHECKING:
-    import pyvista
-    import trimesh
 
 #: Suffixes of the file formats that are read and written by PyVista (VTP, VTK) and trimesh (GLB).
 EXCHANGED = ("vtp", "vtk", "glb")

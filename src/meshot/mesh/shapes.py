@@ -47,7 +47,17 @@ def icosphere(
             f"subdivisions is {subdivisions!r}; an integer from 0 to 9 is needed (9 gives 5 million faces)"
         )
     require_positive(radius, "radius", "units of the vertices")
-    points, faces = _icosahedron()
+    # The icosahedron.
+    golden = (1 + math.sqrt(5)) / 2
+    flat = [(a, b * golden) for a, b in itertools.product((-1.0, 1.0), repeat=2)]
+    corners = [(0.0, *p) for p in flat] + [(*p, 0.0) for p in flat] + [(p[1], 0.0, p[0]) for p in flat]
+    points = torch.tensor(corners, dtype=torch.float64)
+    points = points / torch.linalg.vector_norm(points, dim=1, keepdim=True)
+    near = torch.cdist(points, points) < 1.1  # the edge is 1.05 for radius one, the next distance 1.70
+    threes = itertools.combinations(range(12), 3)
+    threes = [f for f in threes if all(near[pair] for pair in itertools.combinations(f, 2))]
+    # Three corners are counter-clockwise seen from outside if their determinant is positive.
+    faces = torch.tensor([f if torch.det(points[list(f)]) > 0 else (f[0], f[2], f[1]) for f in threes])
     for _ in range(subdivisions):
         points, faces = split_in_four(points, faces)
         points = points / torch.linalg.vector_norm(points, dim=1, keepdim=True)
@@ -167,21 +177,6 @@ def split_in_four(
     return torch.cat([points, midpoints]), torch.cat([torch.stack(part, dim=1) for part in parts])
 
 
-def _icosahedron() -> tuple[Tensor, Tensor]:
-    golden = (1 + math.sqrt(5)) / 2
-    flat = [(a, b * golden) for a, b in itertools.product((-1.0, 1.0), repeat=2)]
-    corners = [(0.0, *p) for p in flat] + [(*p, 0.0) for p in flat] + [(p[1], 0.0, p[0]) for p in flat]
-    points = torch.tensor(corners, dtype=torch.float64)
-    points = points / torch.linalg.vector_norm(points, dim=1, keepdim=True)
-    near = torch.cdist(points, points) < 1.1  # the edge is 1.05 for radius one, the next distance 1.70
-    faces = [
-        f for f in itertools.combinations(range(12), 3) if near[f[0], f[1]] and near[f[1], f[2]] and near[f[0], f[2]]
-    ]
-    # Three corners are counter-clockwise seen from outside if their determinant is positive.
-    outward = [f if torch.det(points[list(f)]) > 0 else (f[0], f[2], f[1]) for f in faces]
-    return points, torch.tensor(outward)
-
-
 # Closed contours with known lengths, used in the 2D experiments of the book.
 
 
@@ -206,13 +201,7 @@ def regular_polygon(n_corners: int, radius: float = 1.0) -> Contour:
 
 
 def circle(radius: float = 1.0, n_corners: int = 720) -> Contour:
-    """A circle, approximated by a regular polygon. With 720 corners its length is 3 · 10⁻⁶ below 2π · radius, relative.
-
-    Raises
-    ------
-    ValueError
-        As :func:`regular_polygon`.
-    """
+    """A circle, approximated by a regular polygon. With 720 corners it is shorter by the factor 1 − 3 · 10⁻⁶."""
     return regular_polygon(n_corners, radius)
 
 

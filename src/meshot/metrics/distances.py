@@ -11,7 +11,7 @@ import torch
 from geomloss import SamplesLoss
 from scipy.spatial.distance import cdist
 
-from meshot.errors import require_finite, require_positive_integer
+from meshot.errors import require_finite, require_positive, require_positive_integer
 from meshot.mesh import Mesh, face_normals, sample_locations
 from meshot.rng import Generator
 from meshot.types import Array, Float
@@ -176,8 +176,7 @@ def sinkhorn_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], 
     Feydy et al., *Interpolating between optimal transport and MMD using Sinkhorn divergences*, AISTATS 2019.
     """
     _require_equal_counts(points, others)
-    if not (math.isfinite(blur) and blur > 0):
-        raise ValueError(f"blur is {blur!r}; a length > 0 is needed, in units of the points, such as 0.1 mm")
+    require_positive(blur, "blur", "units of the points, such as 0.1 mm")
     loss = SamplesLoss("sinkhorn", p=2, blur=blur, scaling=0.95, debias=True, backend="tensorized")
     with torch.no_grad():
         half_squared = loss(torch.from_numpy(points), torch.from_numpy(others))
@@ -341,18 +340,13 @@ def _plane_step(points: Array, nearest: Array, normals: Array) -> tuple[Float[Ar
     middle = points.mean(axis=0)
     rows = np.concatenate([np.cross(points - middle, normals), normals], axis=1)
     found = np.linalg.lstsq(rows, ((nearest - points) * normals).sum(axis=1), rcond=1e-9)[0]
-    rotation = _turn(found[:3])
+    # The rotation about an axis by an angle equal to its length, in radians (Rodrigues).
+    angle, rotation = float(np.linalg.norm(found[:3])), np.eye(3)
+    if angle:
+        x, y, z = found[:3] / angle
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        rotation = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
     return rotation, found[3:] + middle - rotation @ middle
-
-
-def _turn(axis: Float[Array, " 3"]) -> Float[Array, "3 3"]:
-    """The rotation about an axis by an angle equal to its length, in radians (Rodrigues)."""
-    angle = float(np.linalg.norm(axis))
-    if angle == 0:
-        return np.eye(3)
-    x, y, z = axis / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
 def _point_step(points: Array, nearest: Array) -> tuple[Float[Array, "3 3"], Float[Array, " 3"]]:

@@ -21,7 +21,6 @@ from meshot.mesh import (
 )
 from meshot.metrics.distances import (
     Surface,
-    SurfaceSample,
     average_surface_distance,
     earth_movers_distance,
     hausdorff_distance,
@@ -272,41 +271,33 @@ def evaluate(
 
     def numbers_of(surface: Surface, mesh: Mesh) -> dict[str, float]:
         sample = surface.sample(n_points, np.random.default_rng(streams[0]))
-        emd = _emd(sample.points[:n_emd_points], of_target.points[:n_emd_points], emd_blur)
-        return _compare(surface, surfaces[1], sample, of_target) | mesh_properties(mesh) | {"emd": emd}
+        points = sample.points[:n_emd_points], of_target.points[:n_emd_points]
+        there, back = surfaces[1].offsets(sample), surface.offsets(of_target)
+        return mesh_properties(mesh) | {
+            "emd": earth_movers_distance(*points) if emd_blur is None else sinkhorn_distance(*points, emd_blur),
+            "swd": sliced_distance(sample.points, of_target.points, N_DIRECTIONS),
+            "assd": average_surface_distance(there, back),
+            "hausdorff": hausdorff_distance(there, back),
+            "normals": normal_agreement(there, back),
+            "signed_normals": normal_agreement(there, back, signed=True),
+        }
 
     values = numbers_of(surfaces[0], predicted)
     of_floors = numbers_of(surfaces[1], target) if floors else dict.fromkeys(values)
     definitions = {key: row.definition for key, row in ROWS.items()} | ({"emd": BLURRED_EMD} if emd_blur else {})
-    settings = {
-        "n_points": n_points,
-        "n_emd_points": n_emd_points,
-        "n_directions": N_DIRECTIONS,
-        "emd_blur": emd_blur,
-    }
+    settings = {"n_points": n_points, "n_emd_points": n_emd_points, "n_directions": N_DIRECTIONS, "emd_blur": emd_blur}
     return Evaluation(
         **{
-            key: Metric(row.name, values[key], row.unit, definitions[key].format(**settings), of_floors[key])
+            key: Metric(
+                row.name,
+                values[key],
+                row.unit,
+                definitions[key].format(**settings),
+                of_floors[key],
+            )
             for key, row in ROWS.items()
         }
     )
-
-
-def _emd(points: Array, others: Array, blur: float | None) -> float:
-    if blur is None:
-        return earth_movers_distance(points, others)
-    return sinkhorn_distance(points, others, blur)
-
-
-def _compare(predicted: Surface, target: Surface, sample: SurfaceSample, of_target: SurfaceSample) -> dict[str, float]:
-    there, back = target.offsets(sample), predicted.offsets(of_target)
-    return {
-        "swd": sliced_distance(sample.points, of_target.points, N_DIRECTIONS),
-        "assd": average_surface_distance(there, back),
-        "hausdorff": hausdorff_distance(there, back),
-        "normals": normal_agreement(there, back),
-        "signed_normals": normal_agreement(there, back, signed=True),
-    }
 
 
 def mesh_properties(mesh: Mesh) -> dict[str, float]:
@@ -378,14 +369,7 @@ def require_same_space(predicted: Surface, target: Surface) -> None:
 
 
 def warn_of_defects(mesh: Mesh, name: str, volume: float) -> None:
-    """Warn if a mesh is not a closed surface with outward normals, and say which metrics are affected.
-
-    Warns
-    -----
-    UserWarning
-        If the mesh is open, has non-manifold edges, is not consistently oriented, or is inside out. All defects are in
-        one warning.
-    """
+    """Warn if a mesh is not a closed surface with outward normals, and say which metrics are affected."""
     n_open, n_many = len(boundary_edges(mesh)), len(nonmanifold_edges(mesh))
     oriented = is_consistently_oriented(mesh)
     found = []

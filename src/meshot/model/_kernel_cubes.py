@@ -4,16 +4,12 @@ A grid is stored as a flat array, the last axis varying fastest. ``row_of`` hold
 -1. Positions are in voxels of the grid and lie inside it.
 """
 
-from typing import no_type_check
-
 import numpy as np
-from numba import njit
 
-from meshot._kernels import INNER, kernel
+from meshot._kernels import inner, kernel
 
 
 @kernel("the deformation network", 5)
-@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
 def visit(places, shape, row_of, first_row):
     """Assign rows to the voxels around the positions that have none yet; return them in the order of first visit."""
     new = np.empty(8 * len(places), np.int64)
@@ -30,7 +26,6 @@ def visit(places, shape, row_of, first_row):
 
 
 @kernel("the deformation network", 5)
-@no_type_check
 def cut_cubes(padded, voxels, shape, size, cubes):
     """Copy the size³ values around each voxel into ``cubes``, from a grid padded by half a cube on every side."""
     for i in range(len(voxels)):
@@ -47,7 +42,6 @@ def cut_cubes(padded, voxels, shape, size, cubes):
 
 
 @kernel("the deformation network", 5, fastmath={"contract"})
-@no_type_check
 def interpolate(places, shape, row_of, values, found):
     """Add the interpolated features of every position to ``found``."""
     weights = np.empty(8, values.dtype)
@@ -62,7 +56,6 @@ def interpolate(places, shape, row_of, values, found):
 
 
 @kernel("the deformation network", 5, fastmath={"contract", "reassoc"})
-@no_type_check
 def carry_back(places, shape, row_of, values, grad_output, value_gradient, place_gradient):
     """Add the gradients with respect to feature rows and positions to ``value_gradient`` and ``place_gradient``."""
     weights, dots = np.empty(8, values.dtype), np.empty(8, values.dtype)
@@ -87,23 +80,18 @@ def carry_back(places, shape, row_of, values, grad_output, value_gradient, place
             place_gradient[i, 2] += (dots[corner] if cz else -dots[corner]) * wa * wb
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _lower(place, shape):
     """The voxel with the lowest indices among the eight around a position."""
-    return (
-        min(int(place[0]), shape[0] - 2), min(int(place[1]), shape[1] - 2), min(int(place[2]), shape[2] - 2),
-    )  # fmt: skip
+    return min(int(place[0]), shape[0] - 2), min(int(place[1]), shape[1] - 2), min(int(place[2]), shape[2] - 2)
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _voxel(x, y, z, corner, shape):
     return ((x + (corner >> 2)) * shape[1] + y + (corner >> 1 & 1)) * shape[2] + z + (corner & 1)
 
 
-@njit(**INNER)
-@no_type_check
+@inner()
 def _weigh(a, b, c, weights):
     for corner in range(8):
         weights[corner] = (

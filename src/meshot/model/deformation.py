@@ -135,11 +135,6 @@ class ImageVelocity(LearnedVelocity):
         "convolved": the image is convolved once per flow, then interpolated. "visited": the same, but only at voxels
         near points (on a CPU; not for the adjoint method). "cut": cubes are extracted around the points at every step.
         All give the same values.
-
-    Raises
-    ------
-    ValueError
-        If ``path`` is unknown.
     """
 
     def __init__(self, network: DeformationNetwork, image: Volume, path: Path = "convolved"):
@@ -207,24 +202,12 @@ def _linear(n_in: int, n_out: int, generator: np.random.Generator) -> nn.Linear:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FeatureMap:
-    """Features at the voxels of an image.
+    """Features at the voxels of an image."""
 
-    Parameters
-    ----------
-    values : tensor
-        One row of features per voxel, the last axis varying fastest. The outermost voxels are zero.
-    shape : tuple of int
-        Number of voxels along the three axes.
-    image : Volume
-        The image that the features belong to.
-    margin : int
-        Number of voxels by which the map exceeds the image on each side.
-    """
-
-    values: Float[Tensor, "voxels features"]
-    shape: tuple[int, int, int]
-    image: Volume
-    margin: int
+    values: Float[Tensor, "voxels features"]  # a row per voxel, the last axis fastest; the outermost are zero
+    shape: tuple[int, int, int]  # number of voxels along the three axes
+    image: Volume  # to which the features belong
+    margin: int  # number of voxels by which the map exceeds the image on each side
 
     def at(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
         """Features at points in mm, by trilinear interpolation, zero outside the map. Differentiable in both."""
@@ -351,18 +334,12 @@ class VisitedFeatures:
 
     A surface is near only about a tenth of the voxels in its bounding box. Rows of features for all scales are kept in
     one table, so that each voxel is convolved once. Runs on a CPU. Only first derivatives are available.
-
-    Parameters
-    ----------
-    cubes : CubeConvolution
-    images : tuple of Volume
-        One per scale, see :meth:`meshot.model.deformation.CubeConvolution.images`.
     """
 
     def __init__(self, cubes: CubeConvolution, images: tuple[Volume, ...]):
         self.cubes = cubes
         self.levels = [_Level(image, cubes.weight.shape[-1], cubes.weight) for image in images]
-        self.rows = _Rows(cubes.weight)
+        self.room = cubes.weight.detach().new_empty((0, cubes.weight.shape[0]))  # a growing buffer for the table
         self.values = cubes.weight.new_zeros((0, cubes.weight.shape[0]))
 
     def at(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
@@ -379,7 +356,7 @@ class _Level:
         half = size // 2
         self.image, self.size, self.margin = image, size, half + 1
         self.shape = tuple(n + 2 * self.margin for n in image.data.shape)
-        self.padded = np.pad(image.data, self.margin + half).astype(_numpy_dtype(like))
+        self.padded = np.pad(image.data, self.margin + half).astype(torch.empty(0, dtype=like.dtype).numpy().dtype)
         self.row_of = np.full(np.prod(self.shape), -1, np.int32)
 
     def places(self, points: Tensor) -> Tensor:
@@ -392,21 +369,6 @@ class _Level:
         cubes = np.empty((len(voxels), self.size**3), self.padded.dtype)
         _kernel_cubes.cut_cubes(self.padded, voxels, self.shape, self.size, cubes)
         return cubes
-
-
-class _Rows:
-    """A growing buffer for rows of features, so that appending rarely copies."""
-
-    def __init__(self, like: Tensor):
-        self.room = like.detach().new_empty((0, like.shape[0]))
-
-    def with_rows(self, n_rows: int) -> Tensor:
-        """The first ``n_rows`` rows. Rows written before are kept."""
-        if n_rows > len(self.room):
-            larger = self.room.new_empty((max(n_rows, 3 * len(self.room) // 2), self.room.shape[1]))
-            larger[: len(self.room)] = self.room
-            self.room = larger
-        return self.room[:n_rows]
 
 
 class _Interpolated(torch.autograd.Function):
@@ -427,7 +389,11 @@ class _Interpolated(torch.autograd.Function):
         for scale, (level, array) in enumerate(zip(features.levels, arrays, strict=True)):
             new = _kernel_cubes.visit(array, level.shape, level.row_of, n_rows)
             cubes = torch.from_numpy(level.cubes(new))
-            table = features.rows.with_rows(n_rows + len(new))
+            n_needed, room = n_rows + len(new), features.room
+            if n_needed > len(room):  # by half as much again, so that appending rarely copies
+                features.room = room.new_empty((max(n_needed, 3 * len(room) // 2), room.shape[1]))
+                features.room[: len(room)] = room
+            table = features.room[:n_needed]
             torch.mm(cubes, kernels[:, scale].T, out=table[n_rows:])
             ctx.made.append((slice(n_rows, n_rows + len(new)), cubes))
             n_rows += len(new)
@@ -456,7 +422,3 @@ class _Interpolated(torch.autograd.Function):
             table_gradient[: ctx.n_before],
             *map(torch.from_numpy, place_gradients),
         )
-
-
-def _numpy_dtype(tensor: Tensor) -> np.dtype:
-    return torch.empty(0, dtype=tensor.dtype).numpy().dtype

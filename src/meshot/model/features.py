@@ -48,9 +48,15 @@ class FeatureNetwork(nn.Module):
     """
 
     def __init__(
-        self, width: int = 8, depth: int = 3, fold: int = 2, n_more: int = 0, residual: bool = False,
-        decoder: bool = True, generator: Generator = 0,
-    ):  # fmt: skip
+        self,
+        width: int = 8,
+        depth: int = 3,
+        fold: int = 2,
+        n_more: int = 0,
+        residual: bool = False,
+        decoder: bool = True,
+        generator: Generator = 0,
+    ):
         super().__init__()
         require_levels(width, depth, fold)
         self.fold, self.depth = fold, depth
@@ -207,14 +213,6 @@ class StackedImages:
     A cube around a point needs the voxels at whole distances from it, each interpolated with the same weights. So the
     (size + 1)³ voxels around are taken once. Interpolation and convolution are both linear. The convolution comes first
     (:meth:`meshot.model.deformation.CubeConvolution.cut`), as one matrix product: interpolated cubes are never stored.
-
-    Parameters
-    ----------
-    images : sequence of Volume
-    size : int
-        Number of voxels along each side of a cube.
-    like : tensor
-        Its dtype and device are used.
     """
 
     def __init__(self, images: tuple[Volume, ...], size: int, like: Tensor):

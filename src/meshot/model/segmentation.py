@@ -48,9 +48,13 @@ class SegmentationNetwork(nn.Module):
     """
 
     def __init__(
-        self, width: int = 16, depth: int = 4, fold: int = 1, placement: Placement = PLACEMENTS[0],
+        self,
+        width: int = 16,
+        depth: int = 4,
+        fold: int = 1,
+        placement: Placement = PLACEMENTS[0],
         generator: Generator = 0,
-    ):  # fmt: skip
+    ):
         super().__init__()
         require_levels(width, depth, fold)
         require_choice(placement, "placement", PLACEMENTS)
@@ -81,17 +85,6 @@ class SegmentationNetwork(nn.Module):
         ValueError
             If an axis is not a multiple of :attr:`multiple`, or the coarsest level would be a single voxel.
         """
-        self._require_shape(image)
-        values = folded(image, self.fold).contiguous(memory_format=torch.channels_last_3d)
-        levels = []
-        for block in self.down:
-            values = block(nn.functional.max_pool3d(values, 2) if levels else values)
-            levels.append(values)
-        for block, beside in zip(reversed(self.up), reversed(levels[:-1])):
-            values = block(torch.cat([beside, nn.functional.interpolate(values, scale_factor=2)], dim=1))
-        return unfolded(self.head(values), self.fold)
-
-    def _require_shape(self, image: Tensor) -> None:
         shape = tuple(image.shape)
         if len(shape) != 5 or shape[1] != 1:
             raise ValueError(f"image has shape {shape}; (batch, 1, x, y, z) is needed: add axes with image[None, None]")
@@ -100,6 +93,14 @@ class SegmentationNetwork(nn.Module):
                 f"image has {shape[2:]} voxels; each axis must be a multiple of {self.multiple} (fold {self.fold}, "
                 f"depth {self.depth}), and one longer than that: pad or crop it, or take a network of less depth"
             )
+        values = folded(image, self.fold).contiguous(memory_format=torch.channels_last_3d)
+        levels = []
+        for block in self.down:
+            values = block(nn.functional.max_pool3d(values, 2) if levels else values)
+            levels.append(values)
+        for block, beside in zip(reversed(self.up), reversed(levels[:-1])):
+            values = block(torch.cat([beside, nn.functional.interpolate(values, scale_factor=2)], dim=1))
+        return unfolded(self.head(values), self.fold)
 
 
 def require_levels(width: int, depth: int, fold: int) -> None:

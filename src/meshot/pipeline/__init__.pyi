@@ -3,17 +3,13 @@ from .correspondence import (
     carry_template as carry_template,
 )
 from .initial_surface import (
-    DEPTH_WEIGHT as DEPTH_WEIGHT,
     PROBABILITY_WEIGHT_MM as PROBABILITY_WEIGHT_MM,
-    TissueSurface as TissueSurface,
-    hemisphere_region as hemisphere_region,
-    restricted as restricted,
     segmented_surface as segmented_surface,
-    tissue_surface as tissue_surface,
 )
 from .quality import (
+    QualityWarning as QualityWarning,
     average_warnings as average_warnings,
-    warning_names as warning_names,
+    require_no_warnings as require_no_warnings,
 )
 from .reconstruction import (
     SEGMENTATION as SEGMENTATION,
@@ -40,12 +36,12 @@ from .report import (
     write_reconstruction as write_reconstruction,
 )
 from .segmentation import (
+    SegmentationConfig as SegmentationConfig,
     example as example,
     in_scanner as in_scanner,
     reduced_volume as reduced_volume,
     run_segmentation_training as run_segmentation_training,
     segment as segment,
-    segmentation_config as segmentation_config,
     train_segmentation as train_segmentation,
 )
 from .training import (

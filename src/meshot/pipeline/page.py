@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import scipy.ndimage
 import torch
-from scipy.ndimage import affine_transform
 
 from meshot.mesh import Mesh
 from meshot.pipeline.initial_surface import SegmentedSurface
@@ -14,7 +13,7 @@ from meshot.pipeline.reconstruction import Reconstruction
 from meshot.pipeline.segmentation import in_scanner
 from meshot.types import Array, Bool, Float
 from meshot.view import LINE_COLOURS, PLANES, Cut, filled, interactive, slice_figure, slice_sheet, still_of
-from meshot.volume import Volume, isosurface, voxel_sizes
+from meshot.volume import Volume, isosurface, resample, voxel_sizes
 
 # The pictures of a reconstruction: slices with outlines, and an interactive view of the surfaces.
 
@@ -106,10 +105,7 @@ def _slab(scan: Volume, box: tuple[np.ndarray, np.ndarray], axis: int, position:
     affine = np.diag([spacing] * 3 + [1.0])
     affine[:3, 3] = low
     shape = tuple(int(n) + 1 for n in (high - low) / spacing)
-    to_voxel = np.linalg.inv(scan.affine) @ affine
-    values = scan.data.astype(np.float32)
-    darkest = float(values.min())
-    return Volume(affine_transform(values, to_voxel[:3, :3], to_voxel[:3, 3], shape, order=1, cval=darkest), affine)
+    return resample(scan, shape, affine, outside="lowest")
 
 
 def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]) -> str:

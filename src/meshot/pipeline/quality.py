@@ -1,20 +1,22 @@
-"""Warnings about a scan and its reconstruction, one sentence each.
+"""Warnings about a scan and its reconstruction: a name, a value and a sentence each.
 
 A warning is a sign of failure, not a proof. A failure may come without a warning. The ranges below were measured on a
 person's scan, the MNI152 average and a synthetic scan, and on versions of them that must fail: halves, a foetus-sized
 head, a head with its skull, inverted contrast, a mask, noise, and imitations of an angiogram and of a CT.
 """
 
+import dataclasses
 from collections.abc import Iterable
+from typing import Literal
 
 import numpy as np
-from scipy.ndimage import affine_transform, binary_erosion, label
+from scipy.ndimage import binary_erosion, label
 
 from meshot.flow import RepairedSurface
 from meshot.mesh import Mesh, signed_volume
 from meshot.pipeline.initial_surface import SegmentedSurface
 from meshot.types import Array, Bool, Float
-from meshot.volume import StandardScan, Volume, bright_volume, voxel_sizes
+from meshot.volume import StandardScan, Volume, bright_volume, resample, voxel_sizes
 
 #: Scans of the synthetic cohorts reach .79 to .84; upside down, back to front or with inverted contrast, .71.
 LOWEST_AGREEMENT = 0.75
@@ -46,6 +48,51 @@ LARGEST_LOSS = 0.03
 LARGEST_CROSSING = 0.03
 #: The largest distance by which the repair may move a vertex without a warning, in mm. On these heads it is up to 7 mm.
 LARGEST_REPAIR_MM = 8.0
+#: Correlation with the template inside its brain. The template has 1.00, also after registration, and .98 with blur and
+#: noise of 2 %; the synthetic head in the repository has .50.
+HIGHEST_CONTRAST = 0.97
+
+#: By these names tables and records know the warnings.
+WarningName = Literal[
+    "few_values",
+    "bright_volume",
+    "agreement",
+    "contrast",
+    "gap",
+    "stretch",
+    "scale",
+    "mirrored",
+    "placement",
+    "surface_volume",
+    "voxels_given_up",
+    "crossing_faces",
+    "group_average",
+    "long_echo_time",
+    "unreadable_sidecar",
+    "same_file_twice",
+]
+
+
+@dataclasses.dataclass(frozen=True)
+class QualityWarning:
+    """A sign of failure of a scan or its reconstruction; as text, its sentence.
+
+    Parameters
+    ----------
+    name : str
+        Short, for tables.
+    text : str
+        What was found, what is usual, and what to look at.
+    value : float, optional
+        What was found, as a number in the unit of the text. None if it is no number.
+    """
+
+    name: WarningName
+    text: str
+    value: float | None = None
+
+    def __str__(self) -> str:
+        return self.text
 
 
 class DoubtfulScanError(ValueError):
@@ -54,66 +101,99 @@ class DoubtfulScanError(ValueError):
     exit_status = 3
 
 
-def require_no_warnings(found: list[str]) -> None:
-    """Stop a strict reconstruction."""
+def require_no_warnings(found: Iterable[QualityWarning]) -> None:
+    """Stop a strict reconstruction.
+
+    Raises
+    ------
+    DoubtfulScanError
+        If there is a warning: the texts of all, and their names.
+    """
+    found = list(found)
     if found:
-        raise DoubtfulScanError("; ".join(found) + ". Without --strict (strict=False) this is a warning only")
+        texts, names = "; ".join(each.text for each in found), ", ".join(each.name for each in found)
+        raise DoubtfulScanError(f"{texts} ({names}). Without --strict (strict=False) this is a warning only")
 
 
-def volume_warnings(scan: Volume) -> list[str]:
+def volume_warnings(scan: Volume) -> list[QualityWarning]:
     """Whether a scan, before it is registered, holds an image of about the volume of an adult's brain."""
     found = []
     n_values = len(np.unique(scan.data[::2, ::2, ::2]))
     if n_values < FEWEST_VALUES:
-        found.append(
-            f"the scan holds {n_values} different values; a T1 holds hundreds: is it a mask or an image of labels?"
-        )
+        text = f"the scan holds {n_values} different values; a T1 holds hundreds: is it a mask or an image of labels?"
+        found.append(QualityWarning("few_values", text, n_values))
     volume = bright_volume(scan) / 1000
     if not BRIGHT_CM3[0] < volume < BRIGHT_CM3[1]:
-        found.append(
+        text = (
             f"the bright part of the scan has {volume:.0f} cm³; for the brain of an adult {BRIGHT_CM3[0]:.0f} to "
             f"{BRIGHT_CM3[1]:.0f} are plausible: is it a whole brain, without its skull, and are the voxel sizes right?"
         )
+        found.append(QualityWarning("bright_volume", text, volume))
     return found
 
 
-def scan_warnings(scan: StandardScan, template: Volume) -> list[str]:
+def scan_warnings(scan: StandardScan, template: Volume) -> list[QualityWarning]:
     """Whether the registered scan looks like the template and has about its size."""
     found = []
     agreement = agreement_with(scan.volume, template)
     if agreement < LOWEST_AGREEMENT:
-        found.append(
+        text = (
             f"the registered scan and the template agree poorly (correlation {agreement:.2f}, {LOWEST_AGREEMENT} or "
             "more is usual): look whether the brain stands upright in the slices, is a T1, and without its skull"
         )
+        found.append(QualityWarning("agreement", text, agreement))
     contrast = contrast_with(scan.volume, template)
     if contrast < LOWEST_CONTRAST:
-        found.append(
+        text = (
             f"inside the brain the scan differs from a T1 (correlation {contrast:.2f} with the template, "
             f"{LOWEST_CONTRAST} or more is usual): is it a T1, upright, and without its skull?"
         )
+        found.append(QualityWarning("contrast", text, contrast))
     gap = gap_in(scan.volume, template) / 1000
     if gap > LARGEST_GAP_CM3:
-        found.append(
+        text = (
             f"{gap:.0f} cm³ of the template's brain lie in one piece where the scan is empty; {LARGEST_GAP_CM3:.0f} or "
             "less are usual: does the field of view end inside the brain, or was a part cut away with the skull?"
         )
+        found.append(QualityWarning("gap", text, gap))
     scales = np.linalg.svd(scan.to_standard[:3, :3], compute_uv=False)
-    if scales.max() > LARGEST_STRETCH * scales.min():
-        found.append(
-            f"the registration stretches one direction by {scales.max() / scales.min():.2f} against another; "
+    stretch = float(scales.max() / scales.min())
+    if stretch > LARGEST_STRETCH:
+        text = (
+            f"the registration stretches one direction by {stretch:.2f} against another; "
             f"{LARGEST_STRETCH} or less is usual: is a part of the brain missing?"
         )
+        found.append(QualityWarning("stretch", text, stretch))
     determinant = float(np.linalg.det(scan.to_standard[:3, :3]))
     scale = abs(determinant) ** (1 / 3)
     if not SCALES[0] < scale < SCALES[1]:
-        found.append(
+        text = (
             f"the registration scales the scan by {scale:.2f}; {SCALES[0]} to {SCALES[1]} is usual: are the voxel "
             "sizes in its header right?"
         )
+        found.append(QualityWarning("scale", text, scale))
     if determinant < 0:
-        found.append("the registration mirrors the scan: left and right may be exchanged")
+        text = "the registration mirrors the scan: left and right may be exchanged"
+        found.append(QualityWarning("mirrored", text))
     return found
+
+
+def average_warnings(scan: StandardScan, template: Volume) -> list[QualityWarning]:
+    """Whether a scan is so like the template, an average of 152 heads, that it must be an average too.
+
+    Parameters
+    ----------
+    scan : StandardScan
+    template : Volume
+    """
+    contrast = contrast_with(scan.volume, template)
+    if contrast < HIGHEST_CONTRAST:
+        return []
+    text = (
+        f"the scan is like the average of 152 heads (correlation {contrast:.2f} with the template; less than "
+        f"{HIGHEST_CONTRAST} is usual): is it a group average? Then its surfaces are those of no person"
+    )
+    return [QualityWarning("group_average", text, contrast)]
 
 
 def agreement_with(image: Volume, template: Volume) -> float:
@@ -154,35 +234,34 @@ def _correlation(first: Array, second: Array) -> float:
 
 def _on_grid(image: Volume, template: Volume) -> Float[Array, "x y z"]:
     """The template at the voxels of the image; beyond it, its least value."""
-    to_voxel = np.linalg.inv(template.affine) @ image.affine
-    low = float(template.data.min())
-    return affine_transform(
-        template.data.astype(np.float32), to_voxel[:3, :3], to_voxel[:3, 3], image.data.shape, order=1, cval=low
-    )
+    return resample(template, image.data.shape, image.affine, outside="lowest").data
 
 
 def surface_warnings(
     side: str, final: Mesh, segmented: SegmentedSurface, repaired: RepairedSurface | None
-) -> list[str]:
+) -> list[QualityWarning]:
     """Whether one hemisphere has a plausible volume, and how much of it had to be mended."""
     found = []
     volume = float(signed_volume(final)) / 1000
     if not VOLUMES_CM3[0] < volume < VOLUMES_CM3[1]:
-        found.append(
+        text = (
             f"the {side} surface encloses {volume:.0f} cm³; {VOLUMES_CM3[0]:.0f} to {VOLUMES_CM3[1]:.0f} are plausible"
         )
+        found.append(QualityWarning("surface_volume", text, volume))
     n_lost, loss = voxels_given_up(segmented)
     if loss > LARGEST_LOSS:
-        found.append(
+        text = (
             f"{n_lost} voxels ({100 * loss:.1f} %) of the {side} white matter were given up to make it a ball without "
             f"handles; {100 * LARGEST_LOSS:.0f} % or less is usual"
         )
+        found.append(QualityWarning("voxels_given_up", text, loss))
     if repaired is not None and _much_was_repaired(repaired):
         share = 100 * repaired.n_crossing / len(final.faces)
-        found.append(
+        text = (
             f"{repaired.n_crossing} faces ({share:.2g} %) of the {side} surface crossed after the flow; the repair "
             f"moved vertices by up to {repaired.largest_move:.2g} mm" + _backtracks(repaired)
         )
+        found.append(QualityWarning("crossing_faces", text, share))
     return found
 
 
@@ -200,58 +279,3 @@ def voxels_given_up(segmented: SegmentedSurface) -> tuple[int, float]:
     """How many voxels of the mask the genus-0 correction gave up, and which part of the mask they are."""
     before, after = (int(mask.data.sum()) for mask in (segmented.mask, segmented.genus_zero_mask))
     return before - after, (before - after) / before
-
-
-# Short names of the warnings about a reconstruction, for tables.
-
-#: Name -> words that stand in the sentence of this warning and in no other.
-WORDS = {
-    "few_values": "different values; a T1 holds hundreds",
-    "bright_volume": "the bright part of the scan has",
-    "agreement": "the registered scan and the template agree poorly",
-    "contrast": "inside the brain the scan differs from a T1",
-    "gap": "of the template's brain lie in one piece where the scan is empty",
-    "stretch": "the registration stretches one direction",
-    "scale": "the registration scales the scan by",
-    "mirrored": "the registration mirrors the scan",
-    "surface_volume": "surface encloses",
-    "voxels_given_up": "were given up to make it a ball",
-    "crossing_faces": "surface crossed after the flow",
-    "group_average": "is it a group average?",
-    "long_echo_time": "is it a T2?",
-    "unreadable_sidecar": "the sidecar is not used",
-    "same_file_twice": "hold the same scan",
-}
-#: What has no name of its own.
-OTHER = "other"
-#: Correlation with the template inside its brain. The template has 1.00, also after registration, and .98 with blur and
-#: noise of 2 %; the synthetic head in the repository has .50.
-HIGHEST_CONTRAST = 0.97
-
-
-def warning_names(found: Iterable[str]) -> list[str]:
-    """The name of each warning, in order.
-
-    Parameters
-    ----------
-    found : iterable of str
-        Sentences, as in :class:`meshot.pipeline.Reconstruction`.
-    """
-    return [next((name for name, words in WORDS.items() if words in sentence), OTHER) for sentence in found]
-
-
-def average_warnings(scan: StandardScan, template: Volume) -> list[str]:
-    """Whether a scan is so like the template, an average of 152 heads, that it must be an average too.
-
-    Parameters
-    ----------
-    scan : StandardScan
-    template : Volume
-    """
-    contrast = contrast_with(scan.volume, template)
-    if contrast < HIGHEST_CONTRAST:
-        return []
-    return [
-        f"the scan is like the average of 152 heads (correlation {contrast:.2f} with the template; less than "
-        f"{HIGHEST_CONTRAST} is usual): is it a group average? Then its surfaces are those of no person"
-    ]

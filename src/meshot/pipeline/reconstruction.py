@@ -13,7 +13,13 @@ from meshot.mesh import Mesh
 from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline.correspondence import CarriedTemplate, carry_template
 from meshot.pipeline.initial_surface import SegmentedSurface, segmented_surface
-from meshot.pipeline.quality import require_no_warnings, scan_warnings, surface_warnings, volume_warnings
+from meshot.pipeline.quality import (
+    QualityWarning,
+    require_no_warnings,
+    scan_warnings,
+    surface_warnings,
+    volume_warnings,
+)
 from meshot.pipeline.segmentation import in_scanner, white_matter
 from meshot.systems import SHIPPED, Scan, SurfaceKey, SurfaceSystem, load_system
 from meshot.types import PLACEMENTS, Placement
@@ -112,7 +118,7 @@ class Reconstruction:
         By side.
     cpu_seconds, wall_seconds : dict
         Processor time of all threads and wall-clock time, by stage.
-    warnings : tuple of str
+    warnings : tuple of QualityWarning
         Signs of failure. An empty tuple does not prove success.
     system : str or None
         The name of the system; None if the initial surfaces are the result.
@@ -125,7 +131,7 @@ class Reconstruction:
     surfaces: dict[Hemisphere, HemisphereSurface]
     cpu_seconds: dict[str, float]
     wall_seconds: dict[str, float]
-    warnings: tuple[str, ...]
+    warnings: tuple[QualityWarning, ...]
     system: str | None
     registered: StandardScan
 
@@ -332,7 +338,7 @@ def load_networks(
 
 def placed_white_matter(
     scan: Volume, first: StandardScan, network: SegmentationNetwork, placement: Placement
-) -> tuple[StandardScan, dict[Hemisphere, Volume], list[str]]:
+) -> tuple[StandardScan, dict[Hemisphere, Volume], list[QualityWarning]]:
     """A registered scan in the place that is needed, the probability of white matter there, and warnings."""
     found = white_matter(first, network)
     if placement == PLACEMENTS[0]:
@@ -341,7 +347,8 @@ def placed_white_matter(
     try:
         placed = placed_by_white_matter(scan, first, first.volume.with_data(masks[0] | masks[1]))
     except ValueError as error:
-        return first, found, [f"the white matter does not place the scan ({error}): is it a T1 of a whole brain?"]
+        text = f"the white matter does not place the scan ({error}): is it a T1 of a whole brain?"
+        return first, found, [QualityWarning("placement", text)]
     return placed, white_matter(placed, network), []
 
 

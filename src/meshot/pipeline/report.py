@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.ndimage import affine_transform
 from tqdm import tqdm
 
 from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
@@ -16,11 +15,11 @@ from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume
 from meshot.metrics import vertex_distances
 from meshot.pipeline.correspondence import CarriedTemplate
 from meshot.pipeline.page import given_up_pictures, overview, reconstruction_page, slice_pictures, surface_view
-from meshot.pipeline.quality import voxels_given_up, warning_names
+from meshot.pipeline.quality import voxels_given_up
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction, StageClock, TrainedNetworks, reconstruct
 from meshot.provenance import provenance
 from meshot.types import Array, Float
-from meshot.volume import Volume, centre_ras, masked_scan, read_volume, voxel_sizes, write_volume
+from meshot.volume import Volume, centre_ras, masked_scan, read_volume, resample, voxel_sizes, write_volume
 
 # A reconstruction from a scan to a folder: surfaces, transform, numbers and a page to look at.
 
@@ -194,8 +193,9 @@ def _report(
 ) -> dict:
     return {
         "scan": numbers_of_scan(scan, name),
-        "warnings": list(found.warnings),
-        "warning_names": warning_names(found.warnings),
+        "warnings": [warning.text for warning in found.warnings],
+        "warning_names": [warning.name for warning in found.warnings],
+        "warning_values": [warning.value for warning in found.warnings],
         "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
         "system": found.system,
         "to_standard": found.registered.to_standard.tolist(),
@@ -390,9 +390,6 @@ def white_matter_labels(
     for side, value in zip(HEMISPHERES, values, strict=True):
         segmented = found.surfaces[side].segmented
         mask = segmented.genus_zero_mask if genus_zero else segmented.mask
-        to_voxel = np.linalg.inv(mask.affine) @ found.scan.to_standard @ grid.affine
-        inside = affine_transform(
-            mask.data.astype(np.float32), to_voxel[:3, :3], to_voxel[:3, 3], grid.data.shape, order=1
-        )
-        labels[inside > 0.5] = value
+        inside = resample(mask, grid.data.shape, grid.affine, found.scan.to_standard)
+        labels[inside.data > 0.5] = value
     return grid.with_data(labels)

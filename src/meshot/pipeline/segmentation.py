@@ -4,10 +4,10 @@ import contextlib
 import copy
 import dataclasses
 import hashlib
-import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from torch.nn.functional import grid_sample, interpolate
 from tqdm import tqdm
 
 from meshot.anatomy import HEMISPHERES, Hemisphere
-from meshot.errors import require_choice, require_positive_integer
+from meshot.errors import require_positive_integer
 from meshot.files import named_file
 from meshot.mesh import Mesh
 from meshot.model import (
@@ -40,18 +40,17 @@ from meshot.pipeline.training_files import (
 )
 from meshot.provenance import provenance
 from meshot.rng import Generator, numpy_generator
-from meshot.settings import changed_groups, checked_groups, read_groups, setting_names
+from meshot.settings import Count, NotNegative, PartialSettings, Positive, Settings, Share, Within, one_of, read_groups
 from meshot.train import (
-    Plan,
+    SCHEDULES,
     Progress,
     Task,
     Training,
+    TrainingSettings,
     chosen_device,
     data_record,
     examples_of_step,
-    plan_of_epochs,
     require_examples,
-    require_plan_settings,
     train_network,
 )
 from meshot.types import PLACEMENTS, Array, Float, Tensor
@@ -65,7 +64,7 @@ _FIRST_SHARE = 0.5  # of scans as the first registration leaves them
 
 
 @dataclasses.dataclass(frozen=True)
-class Augmentation:
+class Augmentation(Settings):
     """Ranges of the random augmentation of a training scan.
 
     Parameters
@@ -88,36 +87,16 @@ class Augmentation:
         quarter of it as its largest logarithm. The contrast is adjusted only after the first registration.
     bend : float
         Standard deviation of a smooth displacement, in voxels.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
-    flip: float = 0.5
-    shift: int = 4
-    intensity: float = 0.2
-    turn: float = 0.0
-    stretch: float = 0.0
-    shrink: float = 0.0
-    contrast: float = 0.0
-    bend: float = 0.0
-
-    def __post_init__(self):
-        if not (0 <= self.flip <= 1 and 0 <= self.intensity < 1 and 0 <= self.stretch < 1):
-            raise ValueError(
-                f"flip is {self.flip!r}, intensity {self.intensity!r}, stretch {self.stretch!r}; they must lie in "
-                "[0, 1], [0, 1) and [0, 1)"
-            )
-        if isinstance(self.shift, bool) or not isinstance(self.shift, int) or not 0 <= self.shift <= 10_000:
-            raise ValueError(f"shift is {self.shift!r}; a whole number of voxels from 0 to 10000 is needed")
-        if not 0 <= self.shrink < 1:
-            raise ValueError(f"shrink is {self.shrink!r}; a number in [0, 1) is needed")
-        if not all(0 <= number < np.inf for number in (self.turn, self.bend, self.contrast)):
-            raise ValueError(
-                f"turn is {self.turn!r}, bend {self.bend!r}, contrast {self.contrast!r}; finite numbers >= 0 are needed"
-            )
+    flip: Share = 0.5
+    shift: Annotated[int, Within(0, 10_000)] = 4
+    intensity: Annotated[float, Within(0, 1, "[)")] = 0.2
+    turn: NotNegative = 0.0
+    stretch: Annotated[float, Within(0, 1, "[)")] = 0.0
+    shrink: Annotated[float, Within(0, 1, "[)")] = 0.0
+    contrast: NotNegative = 0.0
+    bend: NotNegative = 0.0
 
 
 def augmented(
@@ -136,21 +115,21 @@ def augmented(
     gamma, gain = 1 + by.intensity * generator.uniform(-1, 1, 2)
     image = (gain * image.clamp(min=0) ** gamma).clamp(max=1)
     first = (by.shrink > 0 or by.contrast > 0) and generator.random() < _FIRST_SHARE
-    if first and by.contrast:
-        image = _with_raw_contrast(image, generator, by.contrast)
+    if first and by.contrast:  # another gamma, and a bias field, as in a scan before its contrast is adjusted
+        gamma, span = float(np.exp(by.contrast * generator.uniform(-1, 1))), by.contrast / 4
+        nodes = torch.from_numpy(generator.uniform(-span, span, (1, 1, *(_BIAS_NODES,) * 3))).to(image)
+        bias = interpolate(nodes, size=tuple(image.shape[1:]), mode="trilinear", align_corners=True)[0]
+        image = (image**gamma * bias.exp()).clamp(max=1)
+    values = torch.cat([image, fractions])
     if by.turn or by.stretch or by.shrink or by.bend:
-        image, fractions = _warped(torch.cat([image, fractions]), generator, by, first).split([1, 2])
+        values = _warped(values, generator, by, first)
     if mirror:
-        image, fractions = image.flip(1), fractions.flip(0).flip(1)
-    return _moved(image, moves), _moved(fractions, moves)
-
-
-def _with_raw_contrast(image: Float[Tensor, "1 x y z"], generator: np.random.Generator, strength: float) -> Tensor:
-    """Another gamma, and a bias field, as in a scan before its contrast is adjusted."""
-    gamma = float(np.exp(strength * generator.uniform(-1, 1)))
-    nodes = torch.from_numpy(generator.uniform(-strength / 4, strength / 4, (1, 1, *(_BIAS_NODES,) * 3))).to(image)
-    bias = interpolate(nodes, size=tuple(image.shape[1:]), mode="trilinear", align_corners=True)[0]
-    return (image**gamma * bias.exp()).clamp(max=1)
+        values = values.flip(1)[[0, 2, 1]]
+    for axis, move in enumerate(moves, start=1):
+        values = values.roll(move, dims=axis)
+        if move:  # what enters at the border
+            values.narrow(axis, 0 if move > 0 else values.shape[axis] + move, abs(move)).zero_()
+    return values[:1], values[1:]
 
 
 def _warped(values: Float[Tensor, "3 x y z"], generator: np.random.Generator, by: Augmentation, first: bool) -> Tensor:
@@ -169,142 +148,68 @@ def _warped(values: Float[Tensor, "3 x y z"], generator: np.random.Generator, by
     return grid_sample(values[None], ((places + bends) / halves).flip(-1)[None], align_corners=True)[0]
 
 
-def _moved(values: Tensor, moves: Sequence[int]) -> Tensor:
-    for axis, move in enumerate(moves, start=1):
-        values = values.roll(move, dims=axis)
-        entered = slice(0, move) if move > 0 else slice(values.shape[axis] + move, None)
-        if move:
-            values[(slice(None),) * axis + (entered,)] = 0
-    return values
-
-
 # Settings of the training of the segmentation network, read from a YAML file.
 
 #: The folder of the package's configurations.
 SETTINGS = Path(__file__).parent / "settings"
-PRECISIONS = ("float32", "bfloat16")
 
 
 @dataclasses.dataclass(frozen=True)
-class SegmentationSettings:
-    """Settings of the training of the segmentation network.
+class SegmentationSettings(Augmentation, TrainingSettings):
+    """Settings of the training of the segmentation network: those of all trainings, the augmentation, and these.
 
     Parameters
     ----------
-    n_epochs : int
-        Number of passes over all training scans.
-    learning_rate : float
-        Initial learning rate of Adam.
-    schedule : str
-        "constant", as in the paper, or "cosine": half a cosine to zero.
+    learning_rate, schedule, validate_every, save_every
+        See :class:`meshot.train.TrainingSettings`.
     batch_size : int
         Number of scans per step.
     dice_weight : float
         Weight of the overlap term relative to the cross-entropy.
     soft_labels : bool
         Whether the target of a voxel is its enclosed fraction, or this fraction rounded to 0 or 1.
-    flip, shift, intensity, turn, stretch, shrink, contrast, bend
-        The augmentation: see :class:`meshot.pipeline.segmentation.Augmentation`.
     reduction : int
         Number of voxels along each axis that are averaged into one at the start.
-    validate_every, patience : int
-        In epochs. The training stops after ``patience`` consecutive validations without a lower loss (None: never).
-    save_every : int
-        In steps.
-    averaging : float
-        Averaging of the weights: see :class:`meshot.train.Plan`.
-    seed : int
-        Seed of all random numbers. Step i uses (seed, i), so that a resumed training draws the same numbers.
     precision : str
         "float32" or "bfloat16". The latter convolves in 16 bits, which is faster only on hardware that supports it.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range or a name is unknown.
     """
 
-    n_epochs: int = 100
-    learning_rate: float = 1e-4
-    schedule: str = "constant"
-    batch_size: int = 1
-    dice_weight: float = 1.0
+    learning_rate: Positive = 1e-4
+    schedule: Annotated[str, one_of(SCHEDULES)] = "constant"
+    validate_every: Count = 1
+    save_every: Count = 50
+    batch_size: Count = 1
+    dice_weight: NotNegative = 1.0
     soft_labels: bool = True
-    flip: float = 0.5
-    shift: int = 4
-    intensity: float = 0.2
-    turn: float = 0.0
-    stretch: float = 0.0
-    shrink: float = 0.0
-    contrast: float = 0.0
-    bend: float = 0.0
-    reduction: int = 1
-    validate_every: int = 1
-    patience: int | None = None
-    save_every: int = 50
-    averaging: float = 0.0
-    seed: int = 0
-    precision: str = "float32"
-
-    def __post_init__(self):
-        require_plan_settings(self)
-        require_positive_integer(self.reduction, "reduction")
-        if not 0 <= self.dice_weight < math.inf:
-            raise ValueError(f"dice_weight is {self.dice_weight!r}; a finite number >= 0 is needed")
-        self.augmentation()
-        if not isinstance(self.soft_labels, bool):
-            raise ValueError(f"soft_labels is {self.soft_labels!r}; true or false is needed")
-        require_choice(self.precision, "precision", PRECISIONS)
-
-    def augmentation(self) -> Augmentation:
-        """The augmentation settings as an object."""
-        names = [field.name for field in dataclasses.fields(Augmentation)]
-        return Augmentation(**{name: getattr(self, name) for name in names})
-
-    def plan(self, n_examples: int) -> Plan:
-        """The settings in steps instead of epochs, for a number of training scans."""
-        return plan_of_epochs(self, n_examples)
+    reduction: Count = 1
+    precision: Annotated[str, one_of(("float32", "bfloat16"))] = "float32"
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class SegmentationConfig:
-    """Architecture and training settings of a network: ``network`` and ``training`` in a YAML file."""
+@dataclasses.dataclass(frozen=True)
+class SegmentationNetworkSettings(PartialSettings):
+    """Architecture: see :class:`meshot.model.SegmentationNetwork`, which has the defaults."""
 
-    network: dict[str, int | str]
+    width: Annotated[int, Within(1, 512)] | None = None
+    depth: Annotated[int, Within(1, 10)] | None = None
+    fold: Annotated[int, Within(1, 8)] | None = None
+    placement: Annotated[str, one_of(PLACEMENTS)] | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class SegmentationConfig(Settings):
+    """All settings: the groups ``network`` and ``training`` of a file."""
+
+    network: SegmentationNetworkSettings
     training: SegmentationSettings
-
-    def as_dict(self) -> dict:
-        """The settings as plain numbers and strings, for JSON."""
-        return {"network": dict(self.network), "training": dataclasses.asdict(self.training)}
 
     def new_network(self) -> SegmentationNetwork:
         """The untrained network. Its weights are determined by the seed."""
-        return SegmentationNetwork(**self.network, generator=self.training.seed)
+        return SegmentationNetwork(**self.network.as_dict(), generator=self.training.seed)
 
 
 def read_segmentation_config(path: str | os.PathLike, changes: Sequence[str] = ()) -> SegmentationConfig:
     """Read a configuration. Missing settings have the paper's value, if the paper gives one."""
-    return segmentation_config(changed_groups(read_groups(named_file(path, SETTINGS)), changes), os.fspath(path))
-
-
-def segmentation_config(content: object, name: str = "the configuration") -> SegmentationConfig:
-    """Make a configuration from nested dictionaries, such as the content of a YAML file.
-
-    Raises
-    ------
-    ValueError
-        If a setting is unknown, or a value is invalid.
-    """
-    groups = checked_groups(content, _KNOWN, name)
-    try:
-        config = SegmentationConfig(groups["network"], SegmentationSettings(**groups["training"]))
-        config.new_network()
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{name} is invalid: {error}") from error
-    return config
-
-
-_KNOWN = {"network": {"width", "depth", "fold", "placement"}, "training": setting_names(SegmentationSettings)}
+    return SegmentationConfig.read(read_groups(named_file(path, SETTINGS), changes), os.fspath(path))
 
 
 # Training data of the segmentation network: standard scans, and the white-matter fraction of every voxel.
@@ -413,13 +318,8 @@ def digest(examples: Sequence[Example]) -> str:
     """The SHA-256 of the names and values of all examples, in their order."""
     total = hashlib.sha256()
     for item in examples:
-        for part in (
-            item.name.encode(),
-            str(item.image.shape).encode(),
-            item.image.tobytes(),
-            item.fractions.tobytes(),
-        ):
-            total.update(part)
+        total.update(item.name.encode() + str(item.image.shape).encode())
+        total.update(item.image.tobytes() + item.fractions.tobytes())
     return total.hexdigest()
 
 
@@ -436,6 +336,7 @@ def train_segmentation(
     progress: Progress | None = None,
     device: torch.device | None = None,
     start: SegmentationNetwork | None = None,
+    network: SegmentationNetwork | None = None,
 ) -> Training:
     """Train a network from its initial weights, or resume a stopped training.
 
@@ -452,6 +353,8 @@ def train_segmentation(
         By default the GPU if there is one, else the CPU.
     start : SegmentationNetwork, optional
         The training starts from the weights of this network, which stays as it is. By default they are random.
+    network : SegmentationNetwork, optional
+        From ``first_network``, which this function calls otherwise. It is trained.
 
     Raises
     ------
@@ -462,9 +365,11 @@ def train_segmentation(
         If the loss or a gradient is not finite. The message names the step and the scans.
     """
     require_examples(training, validation)
-    _require_one_grid(training, validation)
+    shapes = {item.image.shape for item in (*training, *validation)}
+    if len(shapes) != 1:
+        raise ValueError(f"the examples are on grids {sorted(shapes)}; all must be on one grid: bring them to it")
     settings, device = config.training, device or chosen_device()
-    network = first_network(config, start).to(device)
+    network = (network or first_network(config, start)).to(device)
 
     def loss_of(step: int) -> tuple[Tensor, str]:
         names, image, fractions = _batch(step, training, settings)
@@ -496,20 +401,13 @@ def first_network(config: SegmentationConfig, start: SegmentationNetwork | None)
     return copy.deepcopy(start)
 
 
-def _require_one_grid(training: Sequence[Example], validation: Sequence[Example]) -> None:
-    shapes = {item.image.shape for item in (*training, *validation)}
-    if len(shapes) != 1:
-        raise ValueError(f"the examples are on grids {sorted(shapes)}; all must be on one grid: bring them to it")
-
-
 def _batch(
     step: int, training: Sequence[Example], settings: SegmentationSettings
 ) -> tuple[list[str], Float[Tensor, "b 1 x y z"], Float[Tensor, "b 2 x y z"]]:
     """Names, images and fractions of one step."""
     chosen = [training[i] for i in examples_of_step(step, len(training), settings.seed, settings.batch_size)]
     generator = np.random.default_rng([settings.seed, _AUGMENTATION, step])
-    changes = settings.augmentation()
-    pairs = [augmented(*item.tensors(settings.soft_labels), generator, changes) for item in chosen]
+    pairs = [augmented(*item.tensors(settings.soft_labels), generator, settings) for item in chosen]
     images, fractions = (torch.stack(part) for part in zip(*pairs))
     return [item.name for item in chosen], images, fractions
 
@@ -583,9 +481,10 @@ def run_segmentation_training(
     folder, config, made = Path(folder), read_segmentation_config(config_path, changes), provenance()
     placement = placement_of(cohorts)
     if placement != PLACEMENTS[0]:
-        config = dataclasses.replace(config, network=config.network | {"placement": placement})
+        config = dataclasses.replace(config, network=dataclasses.replace(config.network, placement=placement))
     first = None if start is None else read_weights(start, SegmentationNetwork)[0]
-    require_small(first_network(config, first))
+    network = first_network(config, first)
+    require_small(network)
     training, validation = (
         read_examples(cohorts, split, config.training.reduction, lambda found, s=split: tqdm(found, desc=f"read {s}"))
         for split in ("train", "validation")
@@ -593,12 +492,13 @@ def run_segmentation_training(
     found = run_watched_training(
         folder,
         made,
-        lambda report: train_segmentation(config, training, validation, folder / STATE_FOLDER, report, device, first),
+        lambda report: train_segmentation(
+            config, training, validation, folder / STATE_FOLDER, report, device, first, network
+        ),
     )
     command = shown_command("train-segmentation", config_path, cohorts, folder, changes, device=device, start=start)
-    names = [Path(cohort).absolute().name for cohort in cohorts]
     origin = {} if first is None else {"start_sha256": network_digest(first)}
-    record = whole_record(folder, config.as_dict(), found.results() | origin, command, names)
+    record = whole_record(folder, config.as_dict(), found.results() | origin, command, cohorts)
     write_weights(folder / f"{NAME}{WEIGHTS}", found.network, record)
     write_record(folder, NAME, record, found.log)
     return found

@@ -1,5 +1,6 @@
 """Training of a system from its name and a configuration, with output files."""
 
+import dataclasses
 import hashlib
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -29,7 +30,6 @@ from meshot.systems import (
     SHIPPED,
     Example,
     ExampleSets,
-    Part,
     Scan,
     SurfaceKey,
     SurfaceSystem,
@@ -79,6 +79,7 @@ def run_system_training(
     """
     folder, made, kind = Path(folder), provenance(), get_system(name)
     settings = read_settings(kind, config, changes)
+    untrained = kind.prepare(settings)
     network, _ = read_weights(segmentation, SegmentationNetwork)
     placement = placement_of(cohorts)
     require_placement(network, placement, " and ".join(map(str, cohorts)))
@@ -91,24 +92,22 @@ def run_system_training(
     )
     examples = ExampleSets(*sets)
     found = run_watched_training(
-        folder, made, lambda report: kind.train(examples, settings, folder / STATE_FOLDER, report, device)
+        folder, made, lambda report: kind.train(examples, settings, folder / STATE_FOLDER, report, device, untrained)
     )
     own = None if Path(segmentation) == SHIPPED / SEGMENTATION else segmentation
     command = shown_command(f"train {name}", config, cohorts, folder, changes, segmentation=own, device=device)
     extra = {"segmentation_sha256": network_digest(network)} if kind.needs else {}
     extra |= {} if placement == PLACEMENTS[0] else {"placement": placement}
-    trained = kind({part: _recorded(each, folder, command, cohorts, extra) for part, each in found.parts.items()})
+    parts = {}
+    for part, each in found.parts.items():
+        settings = {key: value for key, value in each.record.items() if key != "results"}
+        record = whole_record(folder, settings, each.record["results"] | extra, command, cohorts)
+        parts[part] = dataclasses.replace(each, record=record)
+    trained = kind(parts)
     trained.save(folder)
     for part, each in trained.parts.items():
         write_record(folder, part, each.record, each.log)
     return trained
-
-
-def _recorded(part: Part, folder: Path, command: str, cohorts: Sequence[str | os.PathLike], extra: dict) -> Part:
-    settings = {key: value for key, value in part.record.items() if key != "results"}
-    names = [Path(cohort).absolute().name for cohort in cohorts]
-    record = whole_record(folder, settings, part.record["results"] | extra, command, names)
-    return Part(part.network, record, part.log)
 
 
 # Training examples from cohorts: scans, true surfaces, and initial surfaces, which are stored on disk.
@@ -130,17 +129,15 @@ class InitialSurfaces:
         self.folder = Path(folder) / f"segmentation-{network_digest(network)[:12]}"
         self.network = network
 
-    def of(self, subject: Subject, side: Hemisphere) -> Mesh:
-        """The initial white surface of one side, in the standard space, in mm.
+    def of(self, subject: Subject, side: Hemisphere, scan: StandardScan | None = None) -> Mesh:
+        """The initial white surface of one side, in the standard space, in mm. The scan is that of the subject.
 
         Raises
         ------
         ValueError
             As :func:`meshot.pipeline.segment`, or if the network finds no white matter on a side.
         """
-        return self._of(subject, side, subject.standard())
-
-    def _of(self, subject: Subject, side: Hemisphere, scan: StandardScan) -> Mesh:
+        scan = subject.standard() if scan is None else scan
         paths = {s: self.path(subject, s, scan) for s in HEMISPHERES}
         if not paths[side].is_file():
             for name, found in initial_surfaces(scan, self.network).items():
@@ -150,7 +147,9 @@ class InitialSurfaces:
 
     def path(self, subject: Subject, side: Hemisphere, scan: StandardScan) -> Path:
         """The path at which the initial surface of one side is stored."""
-        return self.folder / _cohort(subject) / f"{subject.name}_{_scan_digest(scan)}_{side}.surf.gii"
+        content = np.ascontiguousarray(scan.volume.data).tobytes() + scan.volume.affine.tobytes()
+        digest = hashlib.sha256(content).hexdigest()[:12]
+        return self.folder / _cohort(subject) / f"{subject.name}_{digest}_{side}.surf.gii"
 
     def example(self, subject: Subject, surfaces: Sequence[SurfaceKey], needs: Sequence[SurfaceKey]) -> Example:
         """The example of one subject, with the given true surfaces and the initial surfaces that are needed.
@@ -164,7 +163,7 @@ class InitialSurfaces:
         strange = [" ".join(key) for key in needs if key[1] != "white"]
         if strange:
             raise ValueError(f"initial surfaces are made of white matter; none is made of {', '.join(strange)}")
-        initial = {key: self._of(subject, key[0], standard) for key in needs}
+        initial = {key: self.of(subject, key[0], standard) for key in needs}
         image = standard.volume.with_data(standard.volume.data.astype(np.float32))
         targets = {key: subject.surface(key[1], key[0], "standard") for key in surfaces}
         return Example(f"{_cohort(subject)}/{subject.name}", Scan(image, initial), targets)
@@ -200,8 +199,3 @@ class InitialSurfaces:
 def _cohort(subject: Subject) -> str:
     """The name of the folder of the cohort, also if its path is ``.``."""
     return subject.cohort.absolute().name
-
-
-def _scan_digest(scan: StandardScan) -> str:
-    content = np.ascontiguousarray(scan.volume.data).tobytes() + scan.volume.affine.tobytes()
-    return hashlib.sha256(content).hexdigest()[:12]

@@ -34,7 +34,8 @@ def run_watched_training(folder: Path, made: dict, train: Callable[[Progress], T
 
         def report(done: int, n_steps: int, line: dict) -> None:
             if not shown:
-                _note(folder / SESSIONS, made)
+                with naming_a_full_disk(folder / SESSIONS), (folder / SESSIONS).open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(made) + "\n")
             bar.total = n_steps
             bar.update(done - bar.n)
             kept = ("loss", "validation_loss", "dice_left", "dice_right", "hausdorff90_mm")
@@ -44,20 +45,16 @@ def run_watched_training(folder: Path, made: dict, train: Callable[[Progress], T
         return train(report)
 
 
-def _note(path: Path, line: dict) -> None:
-    with naming_a_full_disk(path), path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(line) + "\n")
-
-
-def whole_record(folder: Path, config: dict, results: dict, command: str, cohorts: Sequence[str]) -> dict:
-    """The record of a trained network: settings, results, command, cohorts and provenance.
+def whole_record(folder: Path, config: dict, results: dict, command: str, cohorts: Sequence[str | os.PathLike]) -> dict:
+    """The record of a trained network: settings, results, command, names of the cohorts and provenance.
 
     The provenance is that of the last session in which a step was taken. ``commits`` in the results lists those of all
     sessions.
     """
     sessions = read_log(folder / SESSIONS) if (folder / SESSIONS).is_file() else [provenance()]
     commits = list(dict.fromkeys(session["commit"] for session in sessions))
-    return config | {"results": results | {"commits": commits}, "command": command, "cohorts": cohorts} | sessions[-1]
+    names = [Path(cohort).absolute().name for cohort in cohorts]
+    return config | {"results": results | {"commits": commits}, "command": command, "cohorts": names} | sessions[-1]
 
 
 def write_record(folder: Path, name: str, record: dict, log: list[dict]) -> None:
@@ -85,18 +82,17 @@ def shown_command(
     start: str | os.PathLike | None = None,
 ) -> str:
     """The command that repeats a training with the current number of threads, without absolute paths."""
-    words = ["meshot", name, _shown(config), "--data", *map(_shown, cohorts), "-o", _shown(folder)]
-    words += [] if segmentation is None else ["--segmentation", _shown(segmentation)]
-    words += [] if start is None else ["--start", _shown(start)]
+
+    def shown(path: str | os.PathLike) -> str:
+        path = Path(path)
+        return printable_name(path.name if path.is_absolute() else path.as_posix())
+
+    words = ["meshot", name, shown(config), "--data", *map(shown, cohorts), "-o", shown(folder)]
+    words += [] if segmentation is None else ["--segmentation", shown(segmentation)]
+    words += [] if start is None else ["--start", shown(start)]
     words += ["--threads", str(torch.get_num_threads())]
     words += [] if device is None else ["--device", str(device)]
     return " ".join([*words, *(["--set", *changes] if changes else [])])
-
-
-def _shown(path: str | os.PathLike) -> str:
-    """A path without the absolute part that depends on this machine."""
-    path = Path(path)
-    return printable_name(path.as_posix() if not path.is_absolute() else path.name)
 
 
 # The scans of one split of one or more cohorts, and their placement on the standard grid.

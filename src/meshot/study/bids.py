@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from meshot.extras import needing
+from meshot.pipeline import QualityWarning
 
 #: The file by which a BIDS data set is known.
 DESCRIPTION = "dataset_description.json"
@@ -34,7 +35,7 @@ class Visit:
         The brain mask, on the grid of the first scan.
     notes : tuple of str
         What was chosen.
-    warnings : tuple of str
+    warnings : tuple of QualityWarning
     trouble : str, optional
         Why there is nothing to reconstruct.
     """
@@ -45,7 +46,7 @@ class Visit:
     entities: tuple[tuple[str, str], ...] = ()
     mask: Path | None = None
     notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[QualityWarning, ...] = ()
     trouble: str | None = None
 
     @property
@@ -409,16 +410,17 @@ def _ambiguity(visit: Visit, names: list[tuple[Path, dict[str, str]]]) -> str | 
     return None
 
 
-def _sidecar_warnings(dataset: Path, path: Path) -> list[str]:
+def _sidecar_warnings(dataset: Path, path: Path) -> list[QualityWarning]:
     try:
         echo = sidecar_of(dataset, path).get("EchoTime")
-    except (ValueError, json.JSONDecodeError) as error:
-        return [f"{error}; the sidecar is not used"]
+    except ValueError as error:
+        return [QualityWarning("unreadable_sidecar", f"{error}; the sidecar is not used")]
     if isinstance(echo, int | float) and echo > LONGEST_ECHO:
-        return [
+        text = (
             f"{path.name} was taken with an echo time of {1000 * echo:g} ms; a T1 has less than "
             f"{1000 * LONGEST_ECHO:g} ms: is it a T2?"
-        ]
+        )
+        return [QualityWarning("long_echo_time", text, 1000 * echo)]
     return []
 
 

@@ -7,11 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import affine_transform
 
 import meshot
 from meshot.anatomy import HEMISPHERES, mni152_t1
-from meshot.files import printable_name, whole_file
+from meshot.files import printable_name, write_whole
 from meshot.mesh import write_mesh
 from meshot.pipeline import (
     SHORT,
@@ -24,7 +23,7 @@ from meshot.pipeline import (
     write_flat,
 )
 from meshot.study.bids import Visit
-from meshot.volume import Volume, centre_ras, write_volume
+from meshot.volume import Volume, centre_ras, resample, write_volume
 
 # The flat layout: a folder for each visit with the files that ``meshot reconstruct SCAN -o OUT`` writes.
 
@@ -94,13 +93,10 @@ def conformed_scan(scan: Volume) -> Volume:
     affine = np.eye(4)
     affine[:3, :3] = _AXES
     affine[:3, 3] = centre_ras(scan) - _AXES @ np.full(3, N_VOXELS / 2)
-    to_voxel = np.linalg.inv(scan.affine) @ affine
     low, high = float(scan.data.min()), float(np.percentile(scan.data, 99.9))
-    image = affine_transform(
-        scan.data.astype(np.float32), to_voxel[:3, :3], to_voxel[:3, 3], (N_VOXELS,) * 3, order=1, cval=low
-    )
-    scaled = 255 * (image - low) / max(high - low, 1e-12)
-    return Volume(np.clip(np.rint(scaled), 0, 255).astype(np.uint8), affine)
+    image = resample(scan, (N_VOXELS,) * 3, affine, outside="lowest")
+    scaled = 255 * (image.data - low) / max(high - low, 1e-12)
+    return image.with_data(np.clip(np.rint(scaled), 0, 255).astype(np.uint8))
 
 
 def finish_freesurfer(folder: Path, visit: Visit, report: dict) -> None:
@@ -187,8 +183,7 @@ def begin_bids(study: Path, dataset: Path | None) -> None:
         ("README.md", f"# {description['Name']}\n\nWritten by `meshot reconstruct`. Not for clinical use.\n"),
     ):
         if not (study / name).exists():
-            with whole_file(study / name) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+            write_whole(study / name, text)
 
 
 def _source(visit: Visit, path: Path) -> str:

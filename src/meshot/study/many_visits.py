@@ -21,17 +21,18 @@ from tqdm import tqdm
 import meshot
 from meshot.anatomy import mni152_t1
 from meshot.errors import require_positive_integer
-from meshot.files import printable_name, whole_file, whole_folder
+from meshot.files import printable_name, whole_folder, write_whole
 from meshot.pipeline import (
     PAGE,
     REPORT,
     Progress,
+    QualityWarning,
     TrainedNetworks,
     average_warnings,
     load_networks,
     reconstruct,
+    require_no_warnings,
     seconds_by_stage,
-    warning_names,
     write_found,
 )
 from meshot.provenance import file_digest
@@ -104,7 +105,7 @@ def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progre
     )
     warnings += average_warnings(found.registered, template)
     if settings.strict:
-        _require_none(warnings)
+        require_no_warnings(warnings)
     found = dataclasses.replace(found, warnings=(*warnings, *found.warnings))
 
     def arrange(place: Path, result: object, image: Volume) -> Path:
@@ -161,7 +162,8 @@ def _earlier_report(folder: Path, layout: Layout, facts: dict, settings: StudySe
         other.append("choice of --template")
     if not other:
         if settings.strict:
-            _require_none(report["warnings"])
+            texts = zip(report["warning_names"], report["warnings"], strict=True)
+            require_no_warnings(QualityWarning(name, text) for name, text in texts)
         return report
     if not settings.overwrite:
         raise ValueError(
@@ -171,23 +173,18 @@ def _earlier_report(folder: Path, layout: Layout, facts: dict, settings: StudySe
     return None
 
 
-def _scan_of(visit: Visit) -> tuple[Volume, list[str]]:
+def _scan_of(visit: Visit) -> tuple[Volume, list[QualityWarning]]:
     """The scan, or the average of the scans, inside the brain mask; and warnings."""
     warnings, distinct = list(visit.warnings), {}
     for path in visit.scans:
         digest = file_digest(path)
         if digest in distinct:
-            warnings.append(f"{distinct[digest].name} and {path.name} hold the same scan; it is used once")
+            text = f"{distinct[digest].name} and {path.name} hold the same scan; it is used once"
+            warnings.append(QualityWarning("same_file_twice", text))
         distinct.setdefault(digest, path)
     paths = list(distinct.values())
     scan = averaged_scan([read_volume(path) for path in paths], [path.name for path in paths])
     return (scan if visit.mask is None else masked_scan(scan, read_volume(visit.mask))), warnings
-
-
-def _require_none(warnings: list[str]) -> None:
-    if warnings:
-        names = ", ".join(warning_names(warnings))
-        raise ValueError(f"{'; '.join(warnings)} ({names}). Without --strict this is a warning only")
 
 
 #: The table may take this share of the time of a run.
@@ -331,8 +328,7 @@ def _record(study: Path, visit: Visit, error: str | None) -> None:
         "error": error,
         "scans": " ".join(printable_name(path.name) for path in visit.scans),
     }
-    with whole_file(file) as temporary:
-        temporary.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_whole(file, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
 
 
 def _outcomes(

@@ -15,7 +15,7 @@ from urllib.parse import quote
 import numpy as np
 
 from meshot.anatomy import HEMISPHERES
-from meshot.files import printable_name, whole_file
+from meshot.files import printable_name, write_whole
 from meshot.pipeline import OVERVIEW
 from meshot.statistics import OUTLIER_SCORE, robust_scores
 from meshot.view import filled
@@ -116,10 +116,8 @@ def write_subjects(folder: str | os.PathLike, rows: Iterable[Mapping]) -> None:
         if unknown := sorted(set(row) - set(known)):
             raise ValueError(f"a row has the columns {', '.join(unknown)}; the table has only {', '.join(known)}")
         writer.writerow([_cell(row.get(name)) for name in known])
-    with whole_file(Path(folder) / TABLE) as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
-    with whole_file(Path(folder) / DICTIONARY) as temporary:
-        temporary.write_text(json.dumps(data_dictionary(), indent=1) + "\n", encoding="utf-8")
+    write_whole(Path(folder) / TABLE, text.getvalue())
+    write_whole(Path(folder) / DICTIONARY, json.dumps(data_dictionary(), indent=1) + "\n")
 
 
 def read_subjects(folder: str | os.PathLike) -> list[dict]:
@@ -336,8 +334,7 @@ def write_quality_page(study: str | os.PathLike, embed: bool = False) -> Path:
         },
     )
     path = study / QUALITY_PAGE
-    with whole_file(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    write_whole(path, page)
     return path
 
 

@@ -22,10 +22,8 @@ Space = Literal["scanner", "standard"]
 SPLITS = ("train", "validation", "test")
 KINDS = ("template", "procedural")
 #: Values in the ``dseg`` of a scan; 0 is air. In the standard space only 1 and 2 are used.
-LABELS = {
-    "left white": 1, "right white": 2, "left grey": 3, "right grey": 4, "deep grey": 5, "hindbrain": 6, "fluid": 7,
-    "skull": 8, "scalp": 9,
-}  # fmt: skip
+LABELS = {"left white": 1, "right white": 2, "left grey": 3, "right grey": 4, "deep grey": 5}
+LABELS |= {"hindbrain": 6, "fluid": 7, "skull": 8, "scalp": 9}
 #: The endings of the names of a scan's files.
 T1, FACTS, TISSUE, SURFACE = "T1w.nii.gz", "T1w.json", "dseg.nii.gz", "hemi-{}_{}.surf.gii"
 STANDARD_T1, STANDARD_LABELS = "space-MNI152_desc-standard_T1w.nii.gz", "space-MNI152_desc-standard_dseg.nii.gz"
@@ -35,24 +33,12 @@ _STANDARD = Path("derivatives") / "standard"
 
 @dataclasses.dataclass(frozen=True)
 class Participant:
-    """One row of ``participants.tsv``.
+    """One row of ``participants.tsv``."""
 
-    Parameters
-    ----------
-    participant_id : str
-        For example ``sub-001``.
-    split : str
-        One of ``SPLITS``.
-    kind : str
-        "template" (made from fsaverage5) or "procedural" (made without it).
-    seed : int
-        Seed of the anatomy.
-    """
-
-    participant_id: str
-    split: str
-    kind: str
-    seed: int
+    participant_id: str  # such as sub-001
+    split: str  # one of SPLITS
+    kind: str  # "template" (made from fsaverage5) or "procedural" (made without it)
+    seed: int  # of the anatomy
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -83,14 +69,11 @@ class Subject:
         )
         return "_".join(part for part in parts if part)
 
-    @property
-    def _anat(self) -> Path:
-        session = [f"ses-{self.session}"] if self.session else []
-        return Path(self.participant.participant_id, *session, "anat")
-
     def file(self, ending: str, standard: bool = False) -> Path:
         """The path of the file with this ending, such as ``T1w.nii.gz``."""
-        return self.cohort / (_STANDARD if standard else "") / self._anat / f"{self.name}_{ending}"
+        session = [f"ses-{self.session}"] if self.session else []
+        anat = Path(self.participant.participant_id, *session, "anat")
+        return self.cohort / (_STANDARD if standard else "") / anat / f"{self.name}_{ending}"
 
     def files(self) -> list[Path]:
         """All its existing files, sorted by name."""
@@ -204,13 +187,7 @@ def read_subject(
 
 
 def scans(cohort_dir: str | os.PathLike, split: str | None = None) -> list[Subject]:
-    """All finished scans of a cohort: one per participant, or one per session and run.
-
-    Raises
-    ------
-    ValueError
-        As :func:`participants`.
-    """
+    """All finished scans of a cohort: one per participant, or one per session and run."""
     cohort, found = Path(cohort_dir), []
     for participant in participants(cohort, split):
         for path in sorted((cohort / participant.participant_id).rglob("*_T1w.nii.gz")):

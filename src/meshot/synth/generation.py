@@ -17,19 +17,19 @@ from pathlib import Path
 import numpy as np
 
 from meshot.errors import require_positive_integer
-from meshot.files import scratch_folder, whole_file
+from meshot.files import scratch_folder, write_whole
 from meshot.mesh import read_mesh
 from meshot.provenance import processor
 from meshot.synth import cohorts as cohort
 from meshot.synth.cohorts import Participant, Subject, participants, scans
 from meshot.synth.recipe import (
+    People,
     Recipe,
     drawn_appearance,
     drawn_person,
     drawn_position,
     drawn_shape,
     drawn_structures,
-    people,
     plan,
     read_recipe,
     recipe_text,
@@ -46,17 +46,10 @@ _GROWING = ("subjects", "procedural_subjects", "held_out_subjects", "days")
 
 @dataclasses.dataclass(frozen=True)
 class Visit:
-    """One participant on one day. All scans of a visit are made together and appear on disk together.
-
-    Parameters
-    ----------
-    participant : Participant
-    session : str, optional
-        For example "01". None if each participant is scanned only once.
-    """
+    """One participant on one day. All scans of a visit are made together and appear on disk together."""
 
     participant: Participant
-    session: str | None
+    session: str | None  # such as "01"; None if each participant is scanned only once
 
     @property
     def folder(self) -> Path:
@@ -91,20 +84,17 @@ def open_cohort(recipe: Recipe, folder: str | os.PathLike) -> list[Visit]:
             )
     elif folder.exists() and any(folder.iterdir()):
         raise ValueError(f"{folder} is not empty and holds no cohort; choose another folder")
-    _write(kept, recipe_text(recipe))
+    write_whole(kept, recipe_text(recipe))
     rows = ["participant_id\tsplit\tkind\tseed"]
     rows += ["\t".join(map(str, dataclasses.astuple(participant))) for participant in plan(recipe)]
-    _write(folder / "participants.tsv", "\n".join(rows) + "\n")
-    _write(folder / "dseg.tsv", "index\tname\n" + "".join(f"{i}\t{name}\n" for name, i in cohort.LABELS.items()))
+    write_whole(folder / "participants.tsv", "\n".join(rows) + "\n")
+    write_whole(folder / "dseg.tsv", "index\tname\n" + "".join(f"{i}\t{name}\n" for name, i in cohort.LABELS.items()))
     for place, kind in ((folder, "raw"), (folder / "derivatives" / "standard", "derivative")):
-        _write(place / "dataset_description.json", _description(recipe, kind))
+        content = {"Name": recipe.name, "BIDSVersion": "1.10.0", "DatasetType": kind}
+        content["License"] = "see data_synth/README.md"
+        content["GeneratedBy"] = [{"Name": "meshot", "Description": "synthetic: no person was scanned"}]
+        write_whole(place / "dataset_description.json", json.dumps(content, indent=1) + "\n")
     return [visit for visit in visits(recipe) if not (folder / visit.folder).is_dir()]
-
-
-def _description(recipe: Recipe, kind: str) -> str:
-    content = {"Name": recipe.name, "BIDSVersion": "1.10.0", "DatasetType": kind, "License": "see data_synth/README.md"}
-    content["GeneratedBy"] = [{"Name": "meshot", "Description": "synthetic: no person was scanned"}]
-    return json.dumps(content, indent=1) + "\n"
 
 
 def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Iterator[str]:
@@ -167,7 +157,7 @@ def make_visit(recipe: Recipe, folder: Path, visit: Visit) -> str:
             shutil.rmtree(target, ignore_errors=True)
             target.parent.mkdir(parents=True, exist_ok=True)
             if target == place:
-                _write(folder / "logs" / f"{'_'.join(visit.folder.parts)}.json", json.dumps(log, indent=1) + "\n")
+                write_whole(folder / "logs" / f"{'_'.join(visit.folder.parts)}.json", json.dumps(log, indent=1) + "\n")
             os.replace(source, target)
     return str(visit.folder)
 
@@ -193,7 +183,11 @@ def make_scan(recipe: Recipe, place: Subject, run: int = 0) -> dict[str, float]:
     facts = {
         "participant": dataclasses.asdict(place.participant),
         "scan_seed": scan_seed,
-        "knobs": {name: rounded(_given(value)) for name, value in knobs.items()},
+        # Without those that are None, so that parameters of later versions do not change the files of before.
+        "knobs": {
+            name: rounded({key: each for key, each in dataclasses.asdict(value).items() if each is not None})
+            for name, value in knobs.items()
+        },
         "head_to_scanner": rounded(scan.head_to_scanner.tolist()),
         "deformation_strength": rounded(surfaces.strength),
         "surfaces": surface_facts(scan, surfaces),
@@ -207,19 +201,9 @@ def _drawn(recipe: Recipe, participant: Participant) -> tuple[Shape, Anatomy, Po
     """Cortex, rest of the head, and position of a participant."""
     shape, position = drawn_shape(recipe, participant.kind), drawn_position(recipe)
     if recipe.people:
-        return drawn_person(people(recipe.people), shape, position, participant.seed)
+        return drawn_person(People.read(recipe.people), shape, position, participant.seed)
     fixed = {"head_mm": recipe.head_mm, "n_lines": recipe.n_lines, "leaf_mm": recipe.leaf_mm}
     return shape, Anatomy(**drawn_structures(recipe, participant.seed), **fixed), position
-
-
-def _given(knobs: object) -> dict:
-    """The parameters that are not None, so that those that are introduced later do not change the files of before."""
-    return {name: value for name, value in dataclasses.asdict(knobs).items() if value is not None}
-
-
-def _write(path: Path, text: str) -> None:
-    with whole_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 # Hashes of the content of a cohort: of the numbers in the files, independent of their compression.
@@ -277,8 +261,7 @@ def write_manifest(recipe: Recipe, folder: str | os.PathLike) -> None:
         "processors": sorted({log["processor"] for log in logs if "processor" in log}),
         "scans": found,
     }
-    with whole_file(folder / "manifest.json") as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_whole(folder / "manifest.json", json.dumps(content, indent=1) + "\n")
 
 
 def keep_digests(path: str | os.PathLike, folder: str | os.PathLike) -> None:
@@ -293,8 +276,7 @@ def keep_digests(path: str | os.PathLike, folder: str | os.PathLike) -> None:
     known = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     brief = [{key: entry[key] for key in ("split", "seed", "digest")} for entry in manifest["scans"].values()]
     known[manifest["recipe"]] = manifest | {"scans": dict(zip(manifest["scans"], brief, strict=True))}
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(dict(sorted(known.items())), indent=1) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(dict(sorted(known.items())), indent=1) + "\n")
 
 
 def _manifest(folder: Path) -> dict:

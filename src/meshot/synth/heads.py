@@ -82,8 +82,14 @@ def template_tissue() -> TemplateTissue:
     tentorium.
     """
     grid = mni152_t1()
-    white, pial = (_enclosed(kind, grid) for kind in ("white", "pial"))
-    maps = _sharpened(mni152_white_matter().data, mni152_grey_matter().data)
+    white, pial = (
+        sum(enclosed_fractions(fsaverage5_surface(kind, side, "MNI152"), grid, 1) for side in HEMISPHERES)
+        for kind in ("white", "pial")
+    )
+    # Fractions of white matter, grey matter and fluid, with the means of many heads moved towards 0 and 1.
+    both = mni152_white_matter().data, mni152_grey_matter().data
+    parts = np.stack([*both, np.clip(1 - both[0] - both[1], 0, 1)]) ** _SHARPNESS
+    maps = dict(zip(("white", "grey", "fluid"), parts / parts.sum(axis=0), strict=True))
     region = hindbrain_region(pial > 0.5, white > 0.5, mni152_brain_mask().data, maps["white"] + maps["grey"])
     distance = scipy.ndimage.distance_transform_edt
     soft = scipy.ndimage.gaussian_filter(region.astype(np.float32), 0.5)
@@ -115,18 +121,6 @@ def hindbrain_region(
     markers[labels == 1 + np.bincount(labels.ravel())[1:].argmax()] = 2
     gaps = np.clip(1 - scipy.ndimage.gaussian_filter(tissue, 0.7), 0, 1)
     return (watershed_regions(gaps, markers, brain | cerebrum) == 2) & ~cerebrum
-
-
-def _enclosed(kind: str, grid: Volume) -> Float[Array, "X Y Z"]:
-    meshes = [fsaverage5_surface(kind, side, "MNI152") for side in HEMISPHERES]
-    return sum(enclosed_fractions(mesh, grid, 1) for mesh in meshes)
-
-
-def _sharpened(white: Float[Array, "X Y Z"], grey: Float[Array, "X Y Z"]) -> dict[str, Float[Array, "X Y Z"]]:
-    """Fractions of white matter, grey matter and fluid, with the means of many heads moved towards 0 and 1."""
-    parts = np.stack([white, grey, np.clip(1 - white - grey, 0, 1)]) ** _SHARPNESS
-    parts /= parts.sum(axis=0)
-    return dict(zip(("white", "grey", "fluid"), parts, strict=True))
 
 
 def _large_parts(mask: Bool[Array, "X Y Z"], grid: Volume) -> Bool[Array, "X Y Z"]:
@@ -266,7 +260,12 @@ class CarriedHead:
         between white matter and cortex.
         """
         tissue, places = template_tissue(), self._template_places(grid)
-        deep, fluid = self._inner(tissue, places)
+        deep = np.clip(_sampled(tissue.deep_grey, places), 0, 1)
+        fluid = np.zeros_like(deep)
+        if self.ventricles > 0:
+            border = _sampled(tissue.ventricles, places, outside=-99.0) + _GROWTH_MM * (self.ventricles - 1)
+            fluid = np.clip(0.5 + border, 0, 1)
+            deep = deep * (1 - fluid)
         room = np.clip(0.5 + (white_depth(fractions["white"], voxel_sizes(grid)) - DEPTH_MM), 0, 1)
         inner = {"deep grey": deep * room, "fluid": fluid * room}
         outer = self._hindbrain(tissue, places, float(voxel_sizes(grid).mean()))
@@ -275,14 +274,6 @@ class CarriedHead:
         found = {"white": fractions["white"] * left, "grey": fractions["grey"] * left}
         found |= {"deep grey": inner["deep grey"], "hindbrain": np.zeros_like(left)}
         return found | outer | {"fluid": inner["fluid"] + outer["fluid"]}
-
-    def _inner(self, tissue: TemplateTissue, places: Places) -> tuple[Field, Field]:
-        """Deep grey matter and ventricles."""
-        if not self.ventricles > 0:
-            return np.clip(_sampled(tissue.deep_grey, places), 0, 1), np.zeros(places.shape[:-1])
-        border = _sampled(tissue.ventricles, places, outside=-99.0) + _GROWTH_MM * (self.ventricles - 1)
-        fluid = np.clip(0.5 + border, 0, 1)
-        return np.clip(_sampled(tissue.deep_grey, places), 0, 1) * (1 - fluid), fluid
 
     def _hindbrain(self, tissue: TemplateTissue, places: Places, voxel_mm: float) -> dict[str, Field]:
         """White matter, grey matter and fluid of cerebellum and brainstem."""

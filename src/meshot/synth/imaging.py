@@ -14,6 +14,7 @@ import torch
 
 from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
+from meshot.settings import Settings
 from meshot.types import Array, Float, Int, Tensor
 from meshot.volume import Volume, enclosed_fractions, mm_to_voxel, voxel_sizes
 
@@ -25,7 +26,7 @@ FWHM = 2 * np.sqrt(2 * np.log(2))
 
 
 @dataclasses.dataclass(frozen=True)
-class Appearance:
+class Appearance(Settings):
     """Parameters of an image: tissue signals, and artefacts of the scanner.
 
     Parameters
@@ -124,22 +125,19 @@ def tissue_fractions(
     cortex = {"white": inside_white, "grey": inside_pial - inside_white}
     fractions = (inner or Ellipsoids(())).added_to(cortex, inside_pial, grid)
     covered = sum(fractions.values())
-    fluid, skull, scalp = (
-        layer * (1 - covered) for layer in _shells(covered, voxel_sizes(grid), head_mm, sulci_mm / 2)
-    )
-    return fractions | {"fluid": fractions["fluid"] + fluid, "skull": skull, "scalp": scalp}
-
-
-def _shells(inside: Array, sizes: Array, head_mm: Sequence[float], reach: float) -> list[Array]:
-    """Fractions of fluid, skull and scalp, each with an edge one voxel wide."""
+    # Fractions of fluid, skull and scalp, each with an edge one voxel wide. The surface is half a voxel from the centre
+    # of the nearest voxel inside.
+    sizes, reach = voxel_sizes(grid), sulci_mm / 2
     sampling = sizes.tolist()
-    # The surface is half a voxel from the centre of the nearest voxel inside.
-    distance = scipy.ndimage.distance_transform_edt(inside < 0.5, sampling=sampling) - sizes.mean() / 2
-    if not len(head_mm):
+    distance = scipy.ndimage.distance_transform_edt(covered < 0.5, sampling=sampling) - sizes.mean() / 2
+    if len(head_mm):
+        ends = [_below(distance, end, sizes) for end in np.cumsum(head_mm)]
+        layers = [ends[0], ends[1] - ends[0], ends[2] - ends[1]]
+    else:
         closed = scipy.ndimage.distance_transform_edt(distance <= reach, sampling=sampling)
-        return [_below(reach - closed, 0.0, sizes), np.zeros_like(distance), np.zeros_like(distance)]
-    ends = [_below(distance, end, sizes) for end in np.cumsum(head_mm)]
-    return [ends[0], ends[1] - ends[0], ends[2] - ends[1]]
+        layers = [_below(reach - closed, 0.0, sizes), np.zeros_like(distance), np.zeros_like(distance)]
+    fluid, skull, scalp = (layer * (1 - covered) for layer in layers)
+    return fractions | {"fluid": fractions["fluid"] + fluid, "skull": skull, "scalp": scalp}
 
 
 def _below(distance: Array, end: float, sizes: Array) -> Array:
@@ -255,11 +253,6 @@ class Blemishes:
         Number of bright vessels on the surface of the brain, 60 mm long and 1 to 3 mm wide.
     lesions : float
         The share of deep white matter that has the signal of grey matter.
-
-    Raises
-    ------
-    ValueError
-        If a share is outside [0, 1], or a size is negative.
     """
 
     dura: float = 0.0
@@ -285,11 +278,17 @@ def blemished(
 ) -> Fractions:
     """Tissue fractions after lesions, vessels, leftovers and cuts, in this order."""
     rng, sizes, found = numpy_generator(generator), voxel_sizes(grid), dict(fractions)
-    bare = 1 - sum(found[name] for name in ("skull", "scalp")) - _air(found)
+    air = np.clip(1 - sum(found.values()), 0, 1)
+    bare = 1 - sum(found[name] for name in ("skull", "scalp")) - air
     if not (bare > 0.5).any():
         raise ValueError("the fractions contain no brain; blemishes need one")
     if blemishes.lesions > 0:
-        found = _with_lesions(found, sizes, blemishes.lesions, rng)
+        deep = scipy.ndimage.distance_transform_edt(found["white"] > 0.5, sampling=sizes.tolist()) > _LESION_DEPTH_MM
+        if deep.any():
+            field = smooth_noise(deep.shape, _LESION_MM / sizes, rng)
+            chosen = deep & (field > np.quantile(field[deep], 1 - blemishes.lesions))
+            moved = found["white"] * scipy.ndimage.gaussian_filter(chosen.astype(np.float64), 0.5)
+            found |= {"white": found["white"] - moved, "deep grey": found["deep grey"] + moved}
     outside = scipy.ndimage.distance_transform_edt(bare < 0.5, sampling=sizes.tolist())
     if blemishes.vessels:
         found = _replaced(found, "scalp", _vessels(outside, sizes, blemishes.vessels, rng))
@@ -303,10 +302,6 @@ def blemished(
     return found
 
 
-def _air(fractions: Fractions) -> Float[Array, "X Y Z"]:
-    return np.clip(1 - sum(fractions.values()), 0, 1)
-
-
 def _replaced(fractions: Fractions, tissue: str, share: Float[Array, "X Y Z"]) -> Fractions:
     """The fractions after ``share`` of every voxel has become one tissue."""
     return {name: part * (1 - share) + (share if name == tissue else 0) for name, part in fractions.items()}
@@ -318,17 +313,6 @@ def _patches(shape: tuple[int, ...], sizes: Float[Array, " 3"], share: float, rn
     return field > np.quantile(field, 1 - share)
 
 
-def _with_lesions(fractions: Fractions, sizes: Float[Array, " 3"], share: float, rng: np.random.Generator) -> Fractions:
-    depth = scipy.ndimage.distance_transform_edt(fractions["white"] > 0.5, sampling=sizes.tolist())
-    deep = depth > _LESION_DEPTH_MM
-    if not deep.any():
-        return fractions
-    field = smooth_noise(deep.shape, _LESION_MM / sizes, rng)
-    found = deep & (field > np.quantile(field[deep], 1 - share))
-    moved = fractions["white"] * scipy.ndimage.gaussian_filter(found.astype(np.float64), 0.5)
-    return fractions | {"white": fractions["white"] - moved, "deep grey": fractions["deep grey"] + moved}
-
-
 def _vessels(
     outside: Float[Array, "X Y Z"], sizes: Float[Array, " 3"], n_vessels: int, rng: np.random.Generator
 ) -> Float[Array, "X Y Z"]:
@@ -336,8 +320,16 @@ def _vessels(
     starts, total = np.argwhere((outside > 0) & (outside <= 2)), np.zeros(outside.shape)
     for _ in range(n_vessels):
         path = _walk(outside, sizes, starts[rng.integers(len(starts))] * sizes, rng)
-        box, share = _tube(path, outside.shape, sizes, rng.uniform(*_RADII_MM))
-        total[box] = np.maximum(total[box], share)
+        radius = rng.uniform(*_RADII_MM)
+        # In a box around the path: the share of each voxel that lies within the radius of the path.
+        margin = np.ceil(radius / sizes).astype(int) + 2
+        low = np.maximum(path.min(axis=0) - margin, 0)
+        high = np.minimum(path.max(axis=0) + margin + 1, outside.shape)
+        free = np.ones(high - low, dtype=bool)
+        free[tuple((path - low).T)] = False
+        distance = scipy.ndimage.distance_transform_edt(free, sampling=sizes.tolist())
+        box = tuple(slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
+        total[box] = np.maximum(total[box], np.clip(0.5 + (radius - distance) / sizes.mean(), 0, 1))
     return total
 
 
@@ -357,19 +349,6 @@ def _walk(
         path.append(index)
         place = place + _STEP_MM * heading
     return np.array(path)
-
-
-def _tube(
-    path: Int[Array, "n 3"], shape: tuple[int, ...], sizes: Float[Array, " 3"], radius: float
-) -> tuple[tuple[slice, ...], Float[Array, "x y z"]]:
-    """A box around a path, and the share of each of its voxels that lies within a radius of the path."""
-    margin = np.ceil(radius / sizes).astype(int) + 2
-    low, high = np.maximum(path.min(axis=0) - margin, 0), np.minimum(path.max(axis=0) + margin + 1, shape)
-    free = np.ones(high - low, dtype=bool)
-    free[tuple((path - low).T)] = False
-    distance = scipy.ndimage.distance_transform_edt(free, sampling=sizes.tolist())
-    box = tuple(slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
-    return box, np.clip(0.5 + (radius - distance) / sizes.mean(), 0, 1)
 
 
 # White matter right below the cortex, which has less myelin than deep white matter and is darker in a T1.
@@ -409,25 +388,12 @@ _VENTRICLES, _BELOW = ("ventricle", "posterior horn"), ("cerebellum", "brainstem
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Structure:
-    """An ellipsoid of tissue.
+    """An ellipsoid of tissue."""
 
-    Parameters
-    ----------
-    tissue : str
-        "deep grey", "fluid" or "hindbrain".
-    centre_mm : array
-        In head coordinates.
-    axes_mm : array
-        The half axes, as columns.
-    inside_white : bool
-        Whether it lies inside the white surfaces, and is cut off at depth ``DEPTH_MM``. Otherwise it lies outside the
-        pial surfaces, and is cut off there.
-    """
-
-    tissue: str
-    centre_mm: Float[Array, " 3"]
-    axes_mm: Float[Array, "3 3"]
-    inside_white: bool
+    tissue: str  # "deep grey", "fluid" or "hindbrain"
+    centre_mm: Float[Array, " 3"]  # in head coordinates
+    axes_mm: Float[Array, "3 3"]  # the half axes, as columns
+    inside_white: bool  # it is cut off at the depth DEPTH_MM; if not, it is cut off at the pial surfaces, outside them
 
 
 def structures_of(white: Mapping[str, Mesh], ventricles: float = 1.0, below: float = 1.0) -> list[Structure]:
@@ -450,15 +416,9 @@ def structures_of(white: Mapping[str, Mesh], ventricles: float = 1.0, below: flo
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Ellipsoids:
-    """Simple structures as the inside of a head, see :class:`meshot.synth.imaging.Interior`.
+    """Simple structures as the inside of a head, see :class:`meshot.synth.imaging.Interior`."""
 
-    Parameters
-    ----------
-    structures : sequence of Structure
-        In the order in which they are added.
-    """
-
-    structures: Sequence[Structure]
+    structures: Sequence[Structure]  # in the order in which they are added
 
     def ends(self) -> Float[Tensor, "n 3"]:
         """The ends of all half axes, in mm."""

@@ -3,15 +3,15 @@
 import dataclasses
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from meshot.errors import require_choice, require_positive_integer
 from meshot.extras import needing
 from meshot.files import named_file
-from meshot.settings import read_yaml
+from meshot.settings import Count, Length, Natural, Settings, Share, one_of, read_yaml
 from meshot.synth.cohorts import KINDS, SPLITS, Participant
 from meshot.synth.imaging import TISSUES, Appearance, Blemishes
 from meshot.synth.scanning import Anatomy, Position
@@ -20,12 +20,25 @@ from meshot.types import PLACEMENTS, Placement
 
 # Variation between people in the manner of real data sets: age, skull, voxels, contrast, blemishes.
 
-#: A number, or the two ends of a range.
 Range = tuple[float, float]
 
 
+def _ordered(least: float, words: str) -> object:
+    """A range whose ends are ordered, from ``least`` on."""
+
+    def check(ends: Range, name: str) -> Range:
+        if not least <= ends[0] <= ends[1]:
+            raise ValueError(f"{name} is {list(ends)}; a range [low, high] {words} is needed")
+        return ends
+
+    return Annotated[tuple[float, float], check]
+
+
+AboveZero = _ordered(math.nextafter(0, 1), "above 0")
+
+
 @dataclasses.dataclass(frozen=True)
-class People:
+class People(Settings):
     """How the people of a cohort and their scans differ. A pair is a range from which a number is drawn for each.
 
     Parameters
@@ -53,23 +66,18 @@ class People:
         neither dura nor cuts.
     vessels : int
         The largest number of vessels.
-
-    Raises
-    ------
-    ValueError
-        If a range is not ordered, or a share is outside [0, 1].
     """
 
     thickness: Range = (2.6, 2.2)
     atrophy: Range = (0.0, 0.4)
-    recess: Range = (0.0, 0.0)
+    recess: _ordered(0, "from 0 on") = (0.0, 0.0)
     ventricles: Range = (0.9, 1.9)
-    leaf_mm: Range = (3.0, 4.5)
-    sulci_mm: Range = (4.0, 14.0)
-    voxel_mm: Range = (0.7, 1.5)
+    leaf_mm: AboveZero = (3.0, 4.5)
+    sulci_mm: AboveZero = (4.0, 14.0)
+    voxel_mm: AboveZero = (0.7, 1.5)
     orientations: tuple[str, ...] = ("RAS", "LAS", "PSR", "LIA")
-    skull_share: float = 0.5
-    skull_mm: Range = (0.8, 1.3)
+    skull_share: Share = 0.5
+    skull_mm: AboveZero = (0.8, 1.3)
     layers_mm: tuple[float, float, float] = (3.0, 6.0, 5.0)
     dura: float = 0.25
     cut: float = 0.1
@@ -77,29 +85,10 @@ class People:
     vessels: int = 12
 
     def __post_init__(self):
-        for name in ("leaf_mm", "sulci_mm", "voxel_mm", "skull_mm"):
-            low, high = getattr(self, name)
-            if not 0 < low <= high:
-                raise ValueError(f"people: {name} is {[low, high]}; a range [low, high] above 0 is needed")
-        if not 0 <= self.recess[0] <= self.recess[1]:
-            raise ValueError(f"people: recess is {list(self.recess)}; a range [low, high] from 0 on is needed")
-        if not 0 <= self.skull_share <= 1:
-            raise ValueError(f"people: skull_share is {self.skull_share!r}; a share in [0, 1] is needed")
+        super().__post_init__()
         Blemishes(dura=self.dura, cut=self.cut, lesions=self.lesions, vessels=self.vessels)
         for letters in self.orientations:
             Position(orientation=letters)
-
-
-def people(entries: Mapping[str, object]) -> People:
-    """The variation from the entries of a recipe."""
-    known = {field.name for field in dataclasses.fields(People)}
-    unknown = sorted(str(key) for key in entries if key not in known)
-    if unknown:
-        raise ValueError(f"people names {', '.join(unknown)}, which is unknown; known are {', '.join(sorted(known))}")
-    try:
-        return People(**{key: tuple(v) if isinstance(v, list) else v for key, v in entries.items()})
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"people holds {dict(entries)}: {error}") from error
 
 
 def drawn_person(variation: People, shape: Shape, position: Position, seed: int) -> tuple[Shape, Anatomy, Position]:
@@ -135,13 +124,12 @@ def drawn_person(variation: People, shape: Shape, position: Position, seed: int)
 with needing("cortex"):
     import yaml
 
-#: A number, or the two ends of a range from which a number is drawn for each subject.
 _HELD_OUT = "held out"  # a random number stream of its own
 _EXTRAS = {"ventricles": (0.0, 3.0), "below": (0.0, 3.0)}
 
 
 @dataclasses.dataclass(frozen=True)
-class Recipe:
+class Recipe(Settings):
     """The complete description of a cohort.
 
     Parameters
@@ -187,42 +175,37 @@ class Recipe:
     """
 
     name: str
-    seed: int
-    subjects: int = 40
-    procedural_subjects: int = 0
-    held_out_subjects: int = 0
+    seed: Natural
+    subjects: Natural = 40
+    procedural_subjects: Natural = 0
+    held_out_subjects: Natural = 0
     split: Mapping[str, float] = dataclasses.field(default_factory=lambda: dict(zip(SPLITS, (0.7, 0.1, 0.2))))
-    days: int = 1
-    scans_per_day: int = 1
+    days: Count = 1
+    scans_per_day: Count = 1
     shape: Mapping[str, object] = dataclasses.field(default_factory=dict)
     procedural_shape: Mapping[str, object] = dataclasses.field(default_factory=dict)
     appearance: Mapping[str, object] = dataclasses.field(default_factory=dict)
     position: Mapping[str, object] = dataclasses.field(default_factory=dict)
     structures: Mapping[str, object] = dataclasses.field(default_factory=dict)
-    head_mm: tuple[float, ...] = ()
-    n_lines: int = 3
-    registration_mm: int = 1
+    head_mm: tuple[Length, ...] = ()
+    n_lines: Count = 3
+    registration_mm: Annotated[int, one_of((1, 2, 4, 8))] = 1
     standard: Placement = PLACEMENTS[0]
     leaf_mm: float | None = None
     people: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self):
-        for name in ("days", "scans_per_day", "n_lines"):
-            require_positive_integer(getattr(self, name), name)
-        for name in ("seed", "subjects", "procedural_subjects", "held_out_subjects"):
-            _require_count(getattr(self, name), name)
-        if self.registration_mm not in (1, 2, 4, 8):
-            raise ValueError(f"registration_mm is {self.registration_mm!r}; 1, 2, 4 or 8 is needed")
-        require_choice(self.standard, "standard", PLACEMENTS)
-        _require_split(self.split)
-        if len(self.head_mm) not in (0, 3) or not all(_is_number(x) and x > 0 for x in self.head_mm):
+        super().__post_init__()
+        _require_known(self.split, SPLITS, "split")
+        if not all(_is_number(x) and x >= 0 for x in self.split.values()) or abs(sum(self.split.values()) - 1) > 1e-9:
+            raise ValueError(f"split is {dict(self.split)}; parts >= 0 that sum to one are needed")
+        if len(self.head_mm) not in (0, 3):
             raise ValueError(f"head_mm is {list(self.head_mm)}; three thicknesses > 0 or none are needed")
-        _require_known(self.structures, list(_EXTRAS), "structures")
-        people(self.people)
+        _require_known(self.structures, _EXTRAS, "structures")
+        People.read(self.people, "people")
+        drawn_shape(self, "template"), drawn_shape(self, "procedural"), drawn_position(self)
         for end in (0, 1):  # if both ends of a range are valid, so are the values between them
-            drawn_shape(self, "template"), drawn_shape(self, "procedural")
             _appearance(self.appearance, lambda value: _range(value)[end])  # noqa: B023
-            drawn_position(self)
             for name, (low, high) in _EXTRAS.items():
                 value = _range(self.structures.get(name, 1.0))[end]
                 if not low <= value <= high:
@@ -249,21 +232,14 @@ def read_recipe(path: str | os.PathLike, **changes: object) -> Recipe:
     if not path.is_file():
         raise ValueError(f"{path} does not exist; name a YAML file, or a recipe of the package, such as tiny")
     entries = read_yaml(path)
-    if not isinstance(entries, dict):
-        raise ValueError(f"{path} holds {type(entries).__name__}; entries such as 'subjects: 40' are needed")
-    known = [field.name for field in dataclasses.fields(Recipe)]
-    _require_known(entries, known, str(path))
-    absent = [name for name in ("name", "seed") if name not in entries]
-    if absent:
-        raise ValueError(f"{path} lacks {' and '.join(absent)}")
-    entries = {k: tuple(v) if isinstance(v, list) else v for k, v in entries.items() if v is not None}
-    return Recipe(**entries | changes)
+    if isinstance(entries, dict):
+        entries = {key: value for key, value in entries.items() if value is not None} | changes
+    return Recipe.read(entries, str(path))
 
 
 def recipe_text(recipe: Recipe) -> str:
     """A recipe as YAML text. Reading it gives the same recipe."""
-    entries = {key: list(v) if isinstance(v, tuple) else v for key, v in dataclasses.asdict(recipe).items()}
-    return yaml.safe_dump(entries, sort_keys=False, allow_unicode=True)
+    return yaml.safe_dump(recipe.as_dict(), sort_keys=False, allow_unicode=True)
 
 
 def plan(recipe: Recipe) -> list[Participant]:
@@ -292,8 +268,8 @@ def _seed(recipe: Recipe, stream: str, index: int) -> int:
 def drawn_shape(recipe: Recipe, kind: str) -> Shape:
     """The parameters of the anatomy. Variation between subjects is drawn together with the surfaces."""
     knobs = recipe.shape if kind == "template" else recipe.procedural_shape
-    _require_known(knobs, [f.name for f in dataclasses.fields(Shape) if f.name != "kind"], "shape")
-    return _made(Shape, {"kind": kind} | {k: tuple(v) if isinstance(v, list) else v for k, v in knobs.items()})
+    _require_known(knobs, Shape.kinds().keys() - {"kind"}, "shape")
+    return Shape.read({"kind": kind} | dict(knobs), "shape")
 
 
 def drawn_appearance(recipe: Recipe, seed: int) -> Appearance:
@@ -310,25 +286,16 @@ def drawn_structures(recipe: Recipe, seed: int) -> dict[str, float]:
 
 def drawn_position(recipe: Recipe) -> Position:
     """The parameters of the position. They are bounds; the position of each scan is drawn within them."""
-    _require_known(recipe.position, [f.name for f in dataclasses.fields(Position)], "position")
-    return _made(Position, {k: tuple(v) if isinstance(v, list) else v for k, v in recipe.position.items()})
+    return Position.read(recipe.position, "position")
 
 
 def _appearance(knobs: Mapping[str, object], draw: Callable[[object], float]) -> Appearance:
-    _require_known(knobs, [f.name for f in dataclasses.fields(Appearance)], "appearance")
+    _require_known(knobs, Appearance.kinds(), "appearance")
     signal = knobs.get("signal")
     if not isinstance(signal, Mapping):
         raise ValueError(f"appearance: signal is {signal!r}; a number or a range for each of {', '.join(TISSUES)}")
     signal = {tissue: draw(value) for tissue, value in sorted(signal.items())}
-    rest = {name: draw(value) for name, value in sorted(knobs.items()) if name != "signal"}
-    return _made(Appearance, {"signal": signal} | rest)
-
-
-def _made(kind: type, knobs: dict) -> object:
-    try:
-        return kind(**knobs)
-    except TypeError as error:
-        raise ValueError(f"{kind.__name__} cannot be made from {knobs}: {error}") from error
+    return Appearance(**{"signal": signal} | {k: draw(v) for k, v in sorted(knobs.items()) if k != "signal"})
 
 
 def _is_number(value: object) -> bool:
@@ -342,20 +309,9 @@ def _range(value: object) -> Range:
     return float(ends[0]), float(ends[1])
 
 
-def _require_known(entries: object, known: list[str], where: str) -> None:
+def _require_known(entries: object, known: Iterable[str], where: str) -> None:
     if not isinstance(entries, Mapping):
         raise ValueError(f"{where} holds {entries!r}; entries such as 'knob: number' are needed")
     unknown = sorted(str(k) for k in entries if k not in known)
     if unknown:
-        raise ValueError(f"{where} names {', '.join(unknown)}, which is unknown; known are {', '.join(known)}")
-
-
-def _require_count(value: object, name: str) -> None:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(f"{name} is {value!r}; an integer >= 0 is needed")
-
-
-def _require_split(split: Mapping[str, float]) -> None:
-    _require_known(split, list(SPLITS), "split")
-    if not all(_is_number(part) and part >= 0 for part in split.values()) or abs(sum(split.values()) - 1) > 1e-9:
-        raise ValueError(f"split is {dict(split)}; parts >= 0 that sum to one are needed")
+        raise ValueError(f"{where} names {', '.join(unknown)}, which is unknown; known are {', '.join(sorted(known))}")

@@ -11,9 +11,10 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from meshot.anatomy import mni152_t1, placed_by_white_matter
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume, write_mesh
 from meshot.rng import Generator, numpy_generator
+from meshot.settings import Settings
 from meshot.synth import cohorts as cohort
 from meshot.synth.heads import CarriedHead, Leaves
 from meshot.synth.imaging import (
@@ -47,7 +48,7 @@ _AXES = {"R": (0, 1), "L": (0, -1), "A": (1, 1), "P": (1, -1), "S": (2, 1), "I":
 
 
 @dataclasses.dataclass(frozen=True)
-class Position:
+class Position(Settings):
     """Parameters of the random position of a head, and of the grid.
 
     Parameters
@@ -178,24 +179,12 @@ class Anatomy:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scan:
-    """A scan and its ground truth, in scanner RAS.
+    """A scan and its ground truth, in scanner RAS."""
 
-    Parameters
-    ----------
-    image : Volume
-        T1-weighted, integers in arbitrary units.
-    tissue : Volume
-        See :data:`meshot.synth.LABELS`.
-    surfaces : mapping
-        By ("white" or "pial", "left" or "right").
-    head_to_scanner : array
-        The rigid motion from head coordinates to scanner RAS.
-    """
-
-    image: Volume
-    tissue: Volume
-    surfaces: Mapping[tuple[str, str], Mesh]
-    head_to_scanner: Float[Array, "4 4"]
+    image: Volume  # T1-weighted, integers in arbitrary units
+    tissue: Volume  # see meshot.synth.LABELS
+    surfaces: Mapping[tuple[str, str], Mesh]  # by ("white" or "pial", "left" or "right")
+    head_to_scanner: Float[Array, "4 4"]  # the rigid motion from head coordinates to scanner RAS
 
 
 def simulated_scan(
@@ -218,13 +207,16 @@ def simulated_scan(
     centre = ((corners.amin(dim=0) + corners.amax(dim=0)) / 2).double().numpy()
     motion = head_position(position, centre, rng)
     surfaces = {
-        (kind, side): _placed(mesh, motion)
+        (kind, side): Mesh(
+            (transform_points(motion, mesh.vertices.detach().double()) / VERTEX_STEP).round() * VERTEX_STEP, mesh.faces
+        )
         for kind, meshes in (("white", subject.white), ("pial", subject.pial))
         for side, mesh in meshes.items()
     }
     inner = _interior(subject, anatomy, motion, seed)
     corners = [mesh.vertices for (kind, _), mesh in surfaces.items() if kind == "pial"]
-    grid = scanner_grid(_room(position, anatomy), torch.cat([*corners, inner.ends()]), rng)
+    room = dataclasses.replace(position, margin_mm=position.margin_mm + sum(anatomy.head_mm))
+    grid = scanner_grid(room, torch.cat([*corners, inner.ends()]), rng)
     white, pial = ([surfaces[kind, side] for side in ("left", "right")] for kind in ("white", "pial"))
     sulci = SULCI_MM if anatomy.sulci_mm is None else anatomy.sulci_mm
     fractions = tissue_fractions(white, pial, grid, anatomy.head_mm, anatomy.n_lines, inner, sulci)
@@ -233,15 +225,6 @@ def simulated_scan(
     image = t1_image(fractions, grid, appearance, rng)
     whole = image.with_data(np.clip(np.rint(image.data), 0, 32767).astype(np.int16))
     return Scan(whole, _tissue_labels(fractions, pial, grid), surfaces, motion)
-
-
-def _placed(mesh: Mesh, motion: Float[Array, "4 4"]) -> Mesh:
-    moved = transform_points(motion, mesh.vertices.detach().double())
-    return Mesh((moved / VERTEX_STEP).round() * VERTEX_STEP, mesh.faces)
-
-
-def _room(position: Position, anatomy: Anatomy) -> Position:
-    return dataclasses.replace(position, margin_mm=position.margin_mm + sum(anatomy.head_mm))
 
 
 def _interior(subject: CorticalSurfaces, anatomy: Anatomy, motion: Float[Array, "4 4"], seed: list[int]) -> Interior:
@@ -349,5 +332,4 @@ def write_scan(place: cohort.Subject, scan: Scan, standard: tuple[StandardScan, 
 
 
 def _write_json(path: object, content: dict) -> None:
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")

@@ -25,6 +25,7 @@ from meshot.mesh import (
     vertex_normals,
 )
 from meshot.rng import Generator, numpy_generator
+from meshot.settings import Settings
 from meshot.types import Bool, Float, Int64, Tensor
 from meshot.volume import Volume, winding_numbers
 
@@ -54,21 +55,11 @@ def random_velocity(*points: Float[Tensor, "_ 3"], warp_mm: tuple[float, ...], g
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HeadWarp:
-    """The deformation of a whole head: other sizes along the axes, then the flow of a velocity.
+    """The deformation of a whole head: other sizes along the axes, then the flow of a velocity."""
 
-    Parameters
-    ----------
-    sizes : tensor
-        Factors along x, y and z.
-    field : GridVelocity, optional
-        None for no flow.
-    n_steps : int
-        Number of Runge–Kutta steps of the flow.
-    """
-
-    sizes: Float[Tensor, " 3"]
-    field: GridVelocity | None
-    n_steps: int = 1
+    sizes: Float[Tensor, " 3"]  # factors along x, y and z
+    field: GridVelocity | None  # None for no flow
+    n_steps: int = 1  # Runge–Kutta steps of the flow
 
     def forward(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
         """Positions in the deformed head of points of the template head, in mm."""
@@ -94,26 +85,24 @@ def random_warp(meshes: list[Mesh], size_sd: float, warp_mm: tuple[float, ...], 
     The steps of the flow (Runge–Kutta of order four) are short enough that each is injective: h·L ≤ ½ for the bound L
     of the Lipschitz constant, and a step reduces no distance by more than the factor 2 − e^(h·L) > 0. Triangles between
     moving vertices may intersect where surfaces nearly touch.
+
+    Raises
+    ------
+    ValueError
+        If the velocity is too steep.
     """
     rng = numpy_generator(generator)
     sizes = random_sizes(size_sd, rng)
     if not warp_mm:
         return HeadWarp(sizes, None)
-    return HeadWarp(sizes, *_injective_flow([mesh.vertices * sizes for mesh in meshes], warp_mm, rng))
-
-
-def _injective_flow(
-    points: list[Float[Tensor, "_ 3"]], warp_mm: tuple[float, ...], generator: Generator
-) -> tuple[GridVelocity, int]:
-    """A random velocity around the points, and the number of steps with which its flow is injective."""
-    field = random_velocity(*points, warp_mm=warp_mm, generator=generator)
+    field = random_velocity(*(mesh.vertices * sizes for mesh in meshes), warp_mm=warp_mm, generator=rng)
     steepness = float(field.lipschitz_bound())
     if steepness > STEEPEST:
         raise ValueError(
             f"warp_mm = {warp_mm} gives a velocity with Lipschitz bound {steepness:.3g}; at most {STEEPEST:g} is "
             "allowed: make the warp weaker, first at its finest scale"
         )
-    return field, max(1, math.ceil(2 * steepness))
+    return HeadWarp(sizes, field, max(1, math.ceil(2 * steepness)))
 
 
 def smooth_variation(
@@ -197,7 +186,7 @@ class CorticalSurfaces:
 
 
 @dataclasses.dataclass(frozen=True)
-class Shape:
+class Shape(Settings):
     """Parameters of a subject's anatomy. Every ``_sd`` is a standard deviation; with 0 there is no such variation.
 
     Parameters
@@ -222,11 +211,6 @@ class Shape:
         Distance by which white and pial surface are moved inwards, in mm. Sulci become wider by twice as much.
     mirrored : bool, optional
         Whether each side is the mirror image of the other side of the template.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
     """
 
     kind: Kind = "template"
@@ -287,7 +271,6 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
     for strength in STRENGTHS:
         rng = np.random.default_rng(child)
         cortices = _cortices(shape, strength, rng)
-        cortices = [_mirrored(cortex) for cortex in reversed(cortices)] if shape.mirrored else cortices
         meshes = [mesh for white, pial, _ in cortices for mesh in (white, pial)]
         warp = random_warp(meshes, strength * shape.size_sd, tuple(strength * size for size in shape.warp_mm), rng)
         apart = kept_apart(warp.of_meshes(meshes))
@@ -296,16 +279,6 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
             white, pial = (dict(zip(HEMISPHERES, apart[first::2], strict=True)) for first in (0, 1))
             return CorticalSurfaces(white, pial, walls, strength, warp)
     raise ValueError(f"the surfaces of {shape} cross even without variation; lower folding, thickness or atrophy")
-
-
-def template_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
-    """A subject made from fsaverage5: see :func:`meshot.synth.synthetic_subject`."""
-    return synthetic_subject(dataclasses.replace(shape, kind="template"), seed)
-
-
-def procedural_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
-    """A subject with procedural folds: see :func:`meshot.synth.synthetic_subject`."""
-    return synthetic_subject(dataclasses.replace(shape, kind="procedural"), seed)
 
 
 def mean_surfaces(shape: Shape | None = None) -> CorticalSurfaces:
@@ -317,7 +290,7 @@ def mean_surfaces(shape: Shape | None = None) -> CorticalSurfaces:
         Used without its random variation. By default the refined fsaverage5 surfaces.
     """
     shape = Shape(folding=1.0, thickness=template_thickness()) if shape is None else shape
-    return template_subject(shape.without_variation(), 0)
+    return synthetic_subject(dataclasses.replace(shape.without_variation(), kind="template"), 0)
 
 
 def _cortices(shape: Shape, strength: float, rng: np.random.Generator) -> list[Cortex]:
@@ -330,33 +303,21 @@ def _cortices(shape: Shape, strength: float, rng: np.random.Generator) -> list[C
             (shape.atrophy, shape.atrophy_sd),
         )
     )
-    make = _template if shape.kind == "template" else _procedural
-    return [make(side, shape, strength, (folding, thickness, max(atrophy, 0.0)), rng) for side in HEMISPHERES]
-
-
-def _mirrored(cortex: Cortex) -> Cortex:
-    """The cortex of the other side: x is reversed, and so is the order of the corners of every face."""
-    white, pial, wall = cortex
-    flip = torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64)
-    return *(Mesh(mesh.vertices * flip, mesh.faces.flip(1)) for mesh in (white, pial)), wall
-
-
-def _template(
-    side: Hemisphere, shape: Shape, strength: float, subject: tuple[float, float, float], rng: np.random.Generator
-) -> Cortex:
-    folding, thickness, atrophy = subject
-    fields = smooth_variation(fsaverage5_surface("white", side).vertices, VARIATION_MM, rng, 2)
-    depth = folding * (1 + strength * shape.folding_variation * fields[:, 0])
-    scale = thickness / template_thickness() * (1 + strength * shape.thickness_variation * fields[:, 1])
-    return template_cortex(side, shape.subdivisions, depth, scale, atrophy)
-
-
-def _procedural(
-    side: Hemisphere, shape: Shape, strength: float, subject: tuple[float, float, float], rng: np.random.Generator
-) -> Cortex:
-    folding, thickness, atrophy = subject
-    variation = strength * shape.thickness_variation
-    return procedural_cortex(side, shape.subdivisions, folding, thickness, variation, atrophy, rng)
+    atrophy, variation, found = max(atrophy, 0.0), strength * shape.thickness_variation, []
+    for side in HEMISPHERES:
+        if shape.kind == "procedural":
+            part = procedural_cortex(side, shape.subdivisions, folding, thickness, variation, atrophy, rng)
+        else:
+            fields = smooth_variation(fsaverage5_surface("white", side).vertices, VARIATION_MM, rng, 2)
+            depth = folding * (1 + strength * shape.folding_variation * fields[:, 0])
+            scale = thickness / template_thickness() * (1 + variation * fields[:, 1])
+            part = template_cortex(side, shape.subdivisions, depth, scale, atrophy)
+        found.append(part)
+    if shape.mirrored:  # x is reversed, and so is the order of the corners of every face
+        flip = torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64)
+        turned = [[Mesh(m.vertices * flip, m.faces.flip(1)) for m in cortex[:2]] for cortex in reversed(found)]
+        found = [(*meshes, cortex[2]) for meshes, cortex in zip(turned, reversed(found), strict=True)]
+    return found
 
 
 # Procedural folded hemispheres: sulci along the zeros of random noise on a smooth body, not derived from a brain.
@@ -497,14 +458,11 @@ def template_cortex(
     thinnest = safe_norm(smoothly_refined(white.with_vertices(cortex), rounds).vertices)
     cortex = smoothly_refined(white.with_vertices(thickness[:, None] * cortex), rounds).vertices
     surface = offset_surface(surface, torch.full_like(thinnest, -atrophy))
-    return surface, _lifted(surface, cortex), thinnest < WALL_THICKNESS
-
-
-def _lifted(white: Mesh, cortex: Float[Tensor, "V 3"]) -> Mesh:
-    """The white surface plus the vectors through the cortex, at least ``WALL_GAP`` along the normal."""
-    normals = vertex_normals(white)
+    # The white surface plus the vectors through the cortex, at least WALL_GAP along the normal.
+    normals = vertex_normals(surface)
     missing = (WALL_GAP - (cortex * normals).sum(dim=1)).clamp(min=0)
-    return white.with_vertices(white.vertices + cortex + missing[:, None] * normals)
+    pial = surface.with_vertices(surface.vertices + cortex + missing[:, None] * normals)
+    return surface, pial, thinnest < WALL_THICKNESS
 
 
 def template_thickness() -> float:

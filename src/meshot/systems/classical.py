@@ -13,20 +13,18 @@ References: Dale, Fischl and Sereno, *Cortical surface-based analysis I*, NeuroI
 import dataclasses
 import math
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import scipy.ndimage
 import torch
 from torch import nn
 
-from meshot.anatomy import HEMISPHERES
-from meshot.errors import require_positive, require_positive_integer
+from meshot.errors import require_positive_integer
 from meshot.mesh import Mesh, taubin_smoothing, vertex_normals
-from meshot.settings import Groups
-from meshot.systems.learning import LearningSettings, completed_groups, example_data, train_part
-from meshot.systems.protocol import Example, ExampleSets, Part, Scan, SurfaceKey, SurfaceSystem
-from meshot.train import Progress
+from meshot.settings import Length, Positive, Settings, Share, Within
+from meshot.systems.learning import LearningSettings, of_both_sides, train_part
+from meshot.systems.protocol import Example, ExampleSets, Part, Run, Scan, SurfaceKey, SurfaceSystem
 from meshot.types import Array, Bool, Float, Tensor
 from meshot.volume import (
     Volume,
@@ -105,18 +103,14 @@ class Atlas(nn.Module):
             for each in fractions
         ]
         own = fractions[0] >= fractions[1]
-        nearer = np.where(fractions.max(axis=0) > 0, own, _nearer_to_first(near))
+        first, second = (scipy.ndimage.distance_transform_edt(~each) for each in near)
+        nearer = np.where(fractions.max(axis=0) > 0, own, first <= second)
         return np.stack([near[0] & nearer, near[1] & ~nearer])
 
     def deep(self, image: Volume, share: float = _DEEP) -> Bool[Array, "2 x y z"]:
         """Where almost all subjects have white matter, or what a white surface encloses besides, such as ventricles."""
         fractions = self.on_grid(image)
         return fractions >= share * fractions.max(axis=(1, 2, 3), keepdims=True)
-
-
-def _nearer_to_first(masks: list[Bool[Array, "x y z"]]) -> Bool[Array, "x y z"]:
-    first, second = (scipy.ndimage.distance_transform_edt(~each) for each in masks)
-    return first <= second
 
 
 def mean_fractions(subjects: Sequence[tuple[Sequence[Mesh], Volume]], reduction: int) -> Float[Array, "2 i j k"]:
@@ -170,7 +164,7 @@ _INNERMOST = 0.15  # smallest change of the whiteness over the reach that counts
 
 
 @dataclasses.dataclass(frozen=True)
-class SurfaceSettings:
+class SurfaceSettings(Settings):
     """Regions, bias correction and deformation.
 
     Parameters
@@ -189,31 +183,25 @@ class SurfaceSettings:
     tolerance : float
         Of the whiteness at an edge: an edge counts less the more its whiteness differs from the threshold, by a
         Gaussian of this standard deviation. Otherwise the outer border of a thin cortex would be taken for the inner.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
-    reduction: int = 4
-    margin: float = 4.0
-    bias_width: float = 20.0
-    bias_rounds: int = 2
-    smoothing: int = 5
-    rounds: int = 10
-    reach: float = 1.5
-    rate: float = 0.3
-    tolerance: float = 0.1
+    reduction: Annotated[int, Within(1, 16)] = 4
+    margin: Length = 4.0
+    bias_width: Length = 20.0
+    bias_rounds: Annotated[int, Within(0, 999)] = 2
+    smoothing: Annotated[int, Within(0, 999)] = 5
+    rounds: Annotated[int, Within(0, 999)] = 10
+    reach: Length = 1.5
+    rate: Share = 0.3
+    tolerance: Positive = 0.1
 
-    def __post_init__(self):
-        for name in ("bias_rounds", "smoothing", "rounds"):
-            require_positive_integer(getattr(self, name) + 1, f"{name} + 1", 1000)
-        for name in ("margin", "bias_width", "reach"):
-            require_positive(getattr(self, name), name, "mm")
-        require_positive(self.tolerance, "tolerance")
-        if not 0 <= self.rate <= 1:
-            raise ValueError(f"rate is {self.rate!r}; a share in [0, 1] is needed")
+
+@dataclasses.dataclass(frozen=True)
+class EdgeGroups(Settings):
+    """All settings."""
+
+    surface: SurfaceSettings
+    training: LearningSettings
 
 
 def thresholded_surface(
@@ -257,34 +245,35 @@ def moved_to_edges(mesh: Mesh, white: Volume, level: float, settings: SurfaceSet
     return mesh
 
 
-_GROUPS = {"surface": SurfaceSettings, "training": LearningSettings}
-_KEYS = tuple((side, "white") for side in HEMISPHERES)
+_KEYS = of_both_sides(("white",))
 
 
 class System(SurfaceSystem):
     """The classical way to the white surfaces of both sides. Its only trained number is a threshold."""
 
     name = "classical"
+    groups = EdgeGroups
     surfaces = _KEYS
     networks = {"atlas": Atlas}  # noqa: RUF012 (of the class, by the protocol)
 
     @classmethod
-    def complete(cls, settings: Groups) -> Groups:
-        """All settings with their defaults: the groups ``surface`` and ``training``."""
-        return completed_groups(cls.name, settings, _GROUPS)
-
-    @classmethod
-    def train_parts(
-        cls, examples: ExampleSets, settings: Groups, folder: Path | None, progress: Progress | None,
-        device: torch.device | None,
-    ) -> dict[str, Part]:  # fmt: skip
+    def train_parts(cls, examples: ExampleSets, settings: EdgeGroups, run: Run) -> dict[str, Part]:
         """Estimate the mean white matter and the threshold. Always on the processor."""
-        surface, training = SurfaceSettings(**settings["surface"]), LearningSettings(**settings["training"])
+        surface = settings.surface
         subjects = [([item.targets[key] for key in _KEYS], item.scan.image) for item in examples.training]
         fractions = mean_fractions(subjects, surface.reduction)
         atlas = Atlas(subjects[0][1].data.shape, surface.reduction, fractions)
-        both = (examples.training, examples.validation)
-        trained, kept = ([_samples(atlas, item, surface) for item in part] for part in both)
+
+        def samples(item: Example) -> tuple[Tensor, Tensor]:
+            """The whiteness of all voxels where white matter may lie, and the fractions that the true ones enclose."""
+            image = item.scan.image
+            allowed, deep = atlas.allowed(image, surface.margin).any(axis=0), atlas.deep(image).any(axis=0)
+            white = whiteness(image, deep, surface.bias_width, surface.bias_rounds)
+            truth = sum(enclosed_fractions(item.targets[key], image) for key in _KEYS)
+            chosen = allowed & ~deep
+            return tuple(torch.from_numpy(values[chosen].astype(np.float32)) for values in (white.data, truth))
+
+        trained, kept = ([samples(item) for item in part] for part in (examples.training, examples.validation))
 
         def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
             return misfit(*trained[index], atlas.level)
@@ -292,14 +281,12 @@ class System(SurfaceSystem):
         def validate() -> dict:
             return {"validation_loss": float(np.mean([float(misfit(*each, atlas.level.detach())) for each in kept]))}
 
-        made_with = settings | {"data": example_data(examples, _KEYS)}
-        place = None if folder is None else folder / "atlas"
-        return {"atlas": train_part(atlas, training, examples, loss_of, validate, made_with, place, progress)}
+        place = run.place("atlas")
+        return {"atlas": train_part(atlas, settings, examples, _KEYS, loss_of, validate, place, run.progress)}
 
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
         """The surfaces at the steepest decrease of intensity near the threshold."""
-        part = self.parts["atlas"]
-        atlas, settings = part.network, SurfaceSettings(**part.record.get("surface", {}))
+        atlas, settings = self.parts["atlas"].network, self.settings["atlas"].surface
         allowed, deep = atlas.allowed(scan.image, settings.margin), atlas.deep(scan.image)
         white = whiteness(scan.image, deep.any(axis=0), settings.bias_width, settings.bias_rounds)
         level, found = float(atlas.level.detach()), {}
@@ -307,13 +294,3 @@ class System(SurfaceSystem):
             mesh = thresholded_surface(white, level, allowed[number], deep[number], " ".join(key))
             found[key] = moved_to_edges(taubin_smoothing(mesh, settings.smoothing), white, level, settings)
         return found
-
-
-def _samples(atlas: Atlas, item: Example, settings: SurfaceSettings) -> tuple[Tensor, Tensor]:
-    """The whiteness of all voxels where white matter may lie, and the fractions that the true surfaces enclose."""
-    image = item.scan.image
-    allowed, deep = atlas.allowed(image, settings.margin).any(axis=0), atlas.deep(image).any(axis=0)
-    white = whiteness(image, deep, settings.bias_width, settings.bias_rounds)
-    truth = sum(enclosed_fractions(item.targets[key], image) for key in _KEYS)
-    chosen = allowed & ~deep
-    return tuple(torch.from_numpy(values[chosen].astype(np.float32)) for values in (white.data, truth))

@@ -18,37 +18,32 @@ interoperability*, 2022.
 
 import dataclasses
 import functools
-import math
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
 from torch import nn
 
 from meshot.anatomy import HEMISPHERES, Hemisphere
-from meshot.errors import require_positive, require_positive_integer
+from meshot.errors import require_positive_integer
 from meshot.flow import Velocity, integrate
 from meshot.loss import chamfer, squared_edge_length
 from meshot.mesh import Mesh, sample_points, simplified
 from meshot.metrics import Surface
 from meshot.model import FeatureNetwork, sample_features
 from meshot.rng import Generator
-from meshot.settings import Groups
+from meshot.settings import Count, Length, NotNegative, Settings
 from meshot.systems.learning import (
     FlowTrainingSettings,
     Template,
     TemplateSettings,
-    completed_groups,
-    example_data,
     mean_box,
     mean_distances,
+    of_both_sides,
     scaled_image,
-    surfaces_of_sides,
     train_part,
 )
-from meshot.systems.protocol import ExampleSets, Part, Scan, SurfaceKey, SurfaceSystem
-from meshot.train import Progress, chosen_device
+from meshot.systems.protocol import ExampleSets, Part, Run, Scan, SurfaceKey, SurfaceSystem
 from meshot.types import Float, Tensor
 from meshot.volume import Volume
 
@@ -56,22 +51,13 @@ from meshot.volume import Volume
 
 
 @dataclasses.dataclass(frozen=True)
-class FlowSettings:
-    """Architecture of every block: see :class:`meshot.systems.corticalflow.FlowBlock`.
+class FlowSettings(Settings):
+    """Architecture of every block: see :class:`meshot.systems.corticalflow.FlowBlock`."""
 
-    Raises
-    ------
-    ValueError
-        If the unit is not a positive number.
-    """
-
-    width: int = 8
-    depth: int = 4
-    fold: int = 2
-    velocity_unit: float = 10.0
-
-    def __post_init__(self):
-        require_positive(self.velocity_unit, "velocity_unit", "mm")
+    width: Count = 8
+    depth: Count = 4
+    fold: Count = 2
+    velocity_unit: Length = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,26 +70,19 @@ class ChainSettings(FlowTrainingSettings):
         Number of points on each surface for the Chamfer loss.
     edge_weight : float
         Weight of the mean squared edge length (mm²), relative to the squared Chamfer loss (mm²).
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range or a name is unknown.
     """
 
-    recorded_first = (
-        "n_epochs", "learning_rate", "schedule", "validate_every", "patience", "n_points", "save_every", "averaging",
-        "seed", "side", "n_faces", "n_samples", "edge_weight",
-    )  # fmt: skip
+    n_samples: Count = 10_000
+    edge_weight: NotNegative = 0.1
 
-    n_samples: int = 10_000
-    edge_weight: float = 0.1
 
-    def __post_init__(self):
-        super().__post_init__()
-        require_positive_integer(self.n_samples, "n_samples")
-        if not 0 <= self.edge_weight < math.inf:
-            raise ValueError(f"edge_weight is {self.edge_weight!r}; a number >= 0 is needed")
+@dataclasses.dataclass(frozen=True)
+class FlowGroups(Settings):
+    """All settings."""
+
+    network: FlowSettings
+    template: TemplateSettings
+    training: ChainSettings
 
 
 # One block of CorticalFlow: a U-Net that gives a stationary velocity grid, and a chain of blocks that carry a mesh.
@@ -120,16 +99,15 @@ class FlowBlock(nn.Module):
         The hemisphere of the template.
     n_before : int
         Number of blocks before this one.
-    width, depth, fold : int
-        Of the U-Net: see :class:`meshot.model.FeatureNetwork`. The velocity grid has the grid of its first level.
-    velocity_unit : float
-        In mm per unit of time. The output of the last layer is multiplied by it.
-    template : dict
-        The settings of the template, see :class:`meshot.systems.TemplateSettings`.
+    template : dict or TemplateSettings, optional
     box : tensor, optional
         The box of the template, in mm.
     generator : generator or int
         Source of the initial weights.
+    **architecture
+        Of the U-Net, see :class:`meshot.model.FeatureNetwork`: ``width``, ``depth``, ``fold``. The velocity grid has
+        the grid of its first level. ``velocity_unit``: in mm per unit of time; the output of the last layer is
+        multiplied by it.
 
     Raises
     ------
@@ -138,17 +116,20 @@ class FlowBlock(nn.Module):
     """
 
     def __init__(
-        self, side: Hemisphere, n_before: int = 0, width: int = 8, depth: int = 4, fold: int = 2,
-        velocity_unit: float = 10.0, template: dict | None = None, box: Tensor | None = None, generator: Generator = 0,
+        self, side: Hemisphere, n_before: int = 0, *, template: Mapping | TemplateSettings | None = None,
+        box: Tensor | None = None, generator: Generator = 0, **architecture: float,
     ):  # fmt: skip
         super().__init__()
         require_positive_integer(n_before + 1, "n_before + 1", 10)
-        self.arguments = {"side": side, "n_before": n_before, "width": width, "depth": depth, "fold": fold}
-        self.velocity_unit = float(velocity_unit)
-        self.template = Template(side, TemplateSettings(**template or {}), box)
-        self.features = FeatureNetwork(width, depth, fold, 3 * n_before, generator=generator)
-        self.to_flow = nn.Conv3d(width, 3, 3, padding=1)
-        draws = np.random.default_rng([n_before, width, depth]).standard_normal(tuple(self.to_flow.weight.shape))
+        own = FlowSettings.read(architecture)
+        self.arguments = {"side": side, "n_before": n_before, **own.as_dict()}
+        self.velocity_unit = float(own.velocity_unit)
+        self.template = Template(side, TemplateSettings.read(template or {}), box)
+        self.features = FeatureNetwork(own.width, own.depth, own.fold, 3 * n_before, generator=generator)
+        self.to_flow = nn.Conv3d(own.width, 3, 3, padding=1)
+        draws = np.random.default_rng([n_before, own.width, own.depth]).standard_normal(
+            tuple(self.to_flow.weight.shape)
+        )
         with torch.no_grad():
             self.to_flow.weight.copy_(INITIAL_FLOW * torch.from_numpy(draws))
             self.to_flow.bias.zero_()
@@ -156,7 +137,7 @@ class FlowBlock(nn.Module):
     def config(self) -> dict:
         """The arguments that create a network of the same architecture."""
         template = {name: getattr(self.template.settings, name) for name in ("shape", "smoothing", "splits")}
-        return self.arguments | {"velocity_unit": self.velocity_unit, "template": template}
+        return self.arguments | {"template": template}
 
     def forward(self, image: Float[Tensor, "1 1 x y z"], before: Tensor | None = None) -> Float[Tensor, "1 3 i j k"]:
         """The velocity grid, in units of ``velocity_unit``."""
@@ -192,55 +173,28 @@ def carried_through(
 
 
 def train_block(
+    network: FlowBlock,
     earlier: Sequence[FlowBlock],
-    side: Hemisphere,
+    white: Sequence[FlowBlock],
     examples: ExampleSets,
-    settings: Groups,
-    folder: Path | None = None,
-    progress: Progress | None = None,
-    device: torch.device | None = None,
-    white: Sequence[FlowBlock] = (),
+    settings: FlowGroups,
+    run: Run,
+    name: str,
 ) -> Part:
     """Train the block after ``earlier`` ones of its cascade, which stay as they are.
 
     The cascade leads from the template to the white surface; or, behind the blocks ``white``, from the surface that
     these find to the pial surface. The loss is the squared Chamfer distance between random points of both surfaces plus
-    ``edge_weight`` times the mean squared edge length.
+    ``edge_weight`` times the mean squared edge length. The state is kept under the name.
     """
-    training, key = ChainSettings(**settings["training"]), (side, "pial" if white else "white")
-    device = device or chosen_device()
-    box = mean_box([item.targets[side, "white"] for item in examples.training])  # the white cascade begins there
-    network = FlowBlock(
-        side, len(earlier), **settings["network"], template=settings["template"], box=box, generator=training.seed
-    ).to(device)
-    carry = _carrying(network, earlier, white, training, device)
-    targets = [item.targets[key].to(torch.float32).to(device) for item in examples.training]
-    truths = [Surface(item.targets[key]) for item in examples.validation]
-
-    def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
-        found = carry(examples.training[index].scan)
-        points = (sample_points(mesh, training.n_samples, draws) for mesh in (found, targets[index]))
-        return chamfer(*points) + training.edge_weight * squared_edge_length(found)
-
-    def validate() -> dict:
-        with torch.no_grad():
-            found = [carry(item.scan) for item in examples.validation]
-        return mean_distances(zip(found, truths, strict=True), training.n_points)
-
-    made_with = settings | {"data": example_data(examples, [key])}
-    return train_part(network, training, examples, loss_of, validate, made_with, folder, progress)
-
-
-def _carrying(
-    network: FlowBlock, earlier: Sequence[FlowBlock], white: Sequence[FlowBlock], training: ChainSettings,
-    device: torch.device,
-) -> Callable[[Scan], Mesh]:  # fmt: skip
-    """The template after all blocks, in a scan. What the earlier blocks do in a scan is computed once."""
+    training, side, device = settings.training, network.template.side, run.device
+    network.template.box.copy_(mean_box([item.targets[side, "white"] for item in examples.training]))
+    network.to(device)
     before, frozen = ([block.to(device).requires_grad_(False) for block in each] for each in (white, earlier))
     template = simplified(network.template.mesh(), training.n_faces).to(torch.float32).to(device)
     flow = (training.n_flow_steps, training.method)
 
-    @functools.cache
+    @functools.cache  # what the other blocks do in a scan is computed once
     def begun(scan: Scan) -> tuple[Tensor, Mesh, Tensor | None]:
         values = scaled_image(scan.image).to(device)
         with torch.no_grad():
@@ -251,11 +205,24 @@ def _carrying(
         values, mesh, grids = begun(scan)
         return network.carry(mesh, scan.image, values, grids, *flow)[0]
 
-    return carry
+    key = (side, "pial" if white else "white")
+    targets = [item.targets[key].to(torch.float32).to(device) for item in examples.training]
+    truths = [Surface(item.targets[key]) for item in examples.validation]
+
+    def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
+        found = carry(examples.training[index].scan)
+        points = (sample_points(mesh, training.n_samples, draws) for mesh in (found, targets[index]))
+        return chamfer(*points) + training.edge_weight * squared_edge_length(found)
+
+    @torch.no_grad()
+    def validate() -> dict:
+        found = (carry(item.scan) for item in examples.validation)
+        return mean_distances(zip(found, truths, strict=True), training.n_points)
+
+    return train_part(network, settings, examples, [key], loss_of, validate, run.place(name), run.progress)
 
 
 N_BLOCKS = 3
-_GROUPS = {"network": FlowSettings, "template": TemplateSettings, "training": ChainSettings}
 
 
 def _names(key: SurfaceKey) -> list[str]:
@@ -267,43 +234,42 @@ class System(SurfaceSystem):
     """CorticalFlow++: three blocks for each white surface, and three more for each pial one, if the settings say so."""
 
     name = "corticalflow"
+    groups = FlowGroups
     networks = {  # noqa: RUF012 (of the class, by the protocol)
         name: FlowBlock for side in HEMISPHERES for kind in ("white", "pial") for name in _names((side, kind))
     }
 
     @classmethod
-    def surfaces_of(cls, settings: Mapping) -> tuple[SurfaceKey, ...]:
+    def surfaces_of(cls, settings: FlowGroups) -> tuple[SurfaceKey, ...]:
         """Those of ``template.surfaces``, of both sides."""
-        return surfaces_of_sides(settings.get("template", {}))
+        return of_both_sides(settings.template.surfaces)
 
     @classmethod
-    def parts_of(cls, settings: Mapping) -> tuple[str, ...]:
+    def parts_of(cls, settings: FlowGroups) -> tuple[str, ...]:
         """The blocks of these surfaces."""
         return tuple(name for key in cls.surfaces_of(settings) for name in _names(key))
 
     @classmethod
-    def complete(cls, settings: Groups) -> Groups:
-        """All settings with their defaults: the groups ``network``, ``template`` and ``training``."""
-        return completed_groups(
-            cls.name, settings, _GROUPS,
-            lambda groups: FlowBlock("left", N_BLOCKS - 1, **groups["network"], template=groups["template"]),
-        )  # fmt: skip
+    def new_networks(cls, settings: FlowGroups) -> dict[str, FlowBlock]:
+        """The blocks of the sides in the settings."""
+        form = settings.network.as_dict() | {"template": settings.template, "generator": settings.training.seed}
+        return {
+            name: FlowBlock(key[0], k, **form)
+            for key in cls.surfaces_of(settings) if key[0] in settings.training.sides
+            for k, name in enumerate(_names(key))
+        }  # fmt: skip
 
     @classmethod
-    def train_parts(
-        cls, examples: ExampleSets, settings: Groups, folder: Path | None, progress: Progress | None,
-        device: torch.device | None,
-    ) -> dict[str, Part]:  # fmt: skip
-        """Train the blocks of the side in the settings, or of both sides, one after the other; the white ones first."""
+    def train_parts(cls, examples: ExampleSets, settings: FlowGroups, run: Run) -> dict[str, Part]:
+        """Train the blocks of one side after the other; the white ones first."""
         parts: dict[str, Part] = {}
-        for side in ChainSettings(**settings["training"]).sides:
-            own = settings | {"training": settings["training"] | {"side": side}}
+        for side in settings.training.sides:
+            own = dataclasses.replace(settings, training=dataclasses.replace(settings.training, side=side))
             white: list[FlowBlock] = []
             for key in (key for key in cls.surfaces_of(settings) if key[0] == side):
                 earlier: list[FlowBlock] = []
                 for name in _names(key):
-                    place = None if folder is None else folder / name
-                    parts[name] = train_block(earlier, side, examples, own, place, progress, device, white)
+                    parts[name] = train_block(run.networks[name], earlier, white, examples, own, run, name)
                     earlier.append(parts[name].network)
                 white = earlier
         for part in parts.values():
@@ -318,12 +284,11 @@ class System(SurfaceSystem):
         """
         values, found = scaled_image(scan.image), {}
         for key in self.surfaces:
-            parts = [self.parts[name] for name in _names(key)]
-            blocks = [part.network for part in parts]
-            training = {"n_flow_steps": 30, "method": "rk4"} | parts[0].record.get("training", {})
+            names = _names(key)
+            blocks, training = [self.parts[name].network for name in names], self.settings[names[0]].training
             box = blocks[0].template.box
             start = blocks[0].template.mesh() if key[1] == "white" else found[key[0], "white"]
-            flow = (training["n_flow_steps"], training["method"])
+            flow = (training.n_flow_steps, training.method)
             mesh, _ = carried_through(blocks, start.to(box.device, box.dtype), scan.image, values.to(box), *flow)
             if not bool(torch.isfinite(mesh.vertices).all()):
                 raise ValueError("the flow leads to vertices that are not finite: are the networks trained?")

@@ -13,33 +13,22 @@ References: Santa Cruz et al., *DeepCSR: a 3D deep learning approach for cortica
 """
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import scipy.ndimage
 import torch
 from torch import nn
 
-from meshot.errors import require_positive, require_positive_integer
+from meshot.errors import require_positive_integer
 from meshot.mesh import Mesh, taubin_smoothing
 from meshot.metrics import Surface, SurfaceSample
 from meshot.model import FeatureNetwork, initialise, sample_features
 from meshot.rng import Generator, numpy_generator
-from meshot.settings import Groups
-from meshot.systems.learning import (
-    SURFACES,
-    LearningSettings,
-    checked_surfaces,
-    completed_groups,
-    example_data,
-    scaled_image,
-    surfaces_of_sides,
-    train_part,
-)
-from meshot.systems.protocol import Example, ExampleSets, Part, Scan, SurfaceKey, SurfaceSystem, listed
-from meshot.train import Progress, chosen_device
+from meshot.settings import Count, Length, NotNegative, Settings, Within
+from meshot.systems.learning import SURFACES, LearningSettings, Surfaces, of_both_sides, scaled_image, train_part
+from meshot.systems.protocol import Example, ExampleSets, Part, Run, Scan, SurfaceKey, SurfaceSystem, listed
 from meshot.types import Array, Float, Int64, Tensor
 from meshot.volume import (
     Volume,
@@ -60,15 +49,15 @@ from meshot.volume import (
 
 
 @dataclasses.dataclass(frozen=True)
-class NetworkSettings:
+class NetworkSettings(Settings):
     """Architecture: see :class:`meshot.systems.deepcsr.DistanceNetwork`."""
 
-    width: int = 16
-    depth: int = 4
-    fold: int = 2
-    hidden: int = 64
-    n_blocks: int = 5
-    unit: float = 5.0
+    width: Count = 16
+    depth: Count = 4
+    fold: Count = 2
+    hidden: Annotated[int, Within(1, 2048)] = 64
+    n_blocks: Annotated[int, Within(1, 50)] = 5
+    unit: Length = 5.0
 
 
 class DistanceNetwork(nn.Module):
@@ -97,13 +86,10 @@ class DistanceNetwork(nn.Module):
         unit: float = 5.0, generator: Generator = 0,
     ):  # fmt: skip
         super().__init__()
-        for name, count, most in (("n_surfaces", n_surfaces, 8), ("hidden", hidden, 2048), ("n_blocks", n_blocks, 50)):
-            require_positive_integer(count, name, most)
-        require_positive(unit, "unit", "mm")
+        require_positive_integer(n_surfaces, "n_surfaces", 8)
+        own = NetworkSettings(width, depth, fold, hidden, n_blocks, unit)
+        self.arguments, self.unit = {"n_surfaces": n_surfaces, **own.as_dict()}, float(unit)
         generator = numpy_generator(generator)
-        self.arguments = {"n_surfaces": n_surfaces, "width": width, "depth": depth, "fold": fold, "hidden": hidden}
-        self.arguments |= {"n_blocks": n_blocks, "unit": float(unit)}
-        self.unit = float(unit)
         self.encoder = FeatureNetwork(width, depth, fold, decoder=False, generator=generator)
         widths = self.encoder.widths
         self.of_whole = nn.Linear(widths[-1], widths[-1])
@@ -173,7 +159,7 @@ _MARGIN_VOXELS = 0.05
 
 
 @dataclasses.dataclass(frozen=True)
-class SurfaceSettings:
+class SurfaceSettings(Settings):
     """From distances to surfaces.
 
     Parameters
@@ -186,24 +172,12 @@ class SurfaceSettings:
         Number of steps of Taubin smoothing of the surface.
     surfaces : sequence of str
         The surfaces of each side that are found: [white], or [white, pial].
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range, or the surfaces are unknown.
     """
 
-    splits: int = 1
-    blur: float = 0.5
-    smoothing: int = 5
-    surfaces: Sequence[str] = SURFACES[0]
-
-    def __post_init__(self):
-        object.__setattr__(self, "surfaces", checked_surfaces(self.surfaces))
-        require_positive_integer(self.splits, "splits", 4)
-        require_positive_integer(self.smoothing + 1, "smoothing + 1", 1000)
-        if not 0 <= self.blur < math.inf:
-            raise ValueError(f"blur is {self.blur!r}; a number >= 0 is needed, in voxels")
+    splits: Annotated[int, Within(1, 4)] = 1
+    blur: NotNegative = 0.5
+    smoothing: Annotated[int, Within(0, 999)] = 5
+    surfaces: Surfaces = SURFACES[0]
 
 
 @torch.no_grad()
@@ -218,7 +192,7 @@ def distance_grids(network: DistanceNetwork, image: Volume, splits: int = 1, eve
     network : DistanceNetwork
     image : Volume
     splits : int
-        See ``SurfaceSettings``.
+        Into how many parts the spacing of the image is divided along each axis.
     every : int
         In place of 2. With 1, the network is evaluated in every voxel.
     """
@@ -285,24 +259,21 @@ class DistanceSettings(LearningSettings):
         standard deviation (mm). The others are uniform in the image.
     largest : float
         Distances beyond this one (mm) count as this one.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
-    n_pool: int = 40_000
-    n_samples: int = 4096
-    spread: float = 2.0
-    largest: float = 10.0
+    n_pool: Count = 40_000
+    n_samples: Count = 4096
+    spread: Length = 2.0
+    largest: Length = 10.0
 
-    def __post_init__(self):
-        super().__post_init__()
-        for name in ("n_pool", "n_samples"):
-            require_positive_integer(getattr(self, name), name)
-        for name in ("spread", "largest"):
-            require_positive(getattr(self, name), name, "mm")
+
+@dataclasses.dataclass(frozen=True)
+class DistanceGroups(Settings):
+    """All settings."""
+
+    network: NetworkSettings
+    surface: SurfaceSettings
+    training: DistanceSettings
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -326,52 +297,14 @@ def distance_pool(
     near = [points + settings.spread * draws.standard_normal(points.shape) for points in near]
     places = draws.uniform(-0.5, np.array(image.data.shape) - 0.5, (settings.n_pool - n_near * len(keys), 3))
     points = np.concatenate([*near, voxel_to_mm(image, torch.from_numpy(places)).numpy()])
-    columns = [_signed(surface, example.targets[key], points, example) for surface, key in zip(surfaces, keys)]
+    columns = []
+    for surface, key in zip(surfaces, keys):
+        inside = image.with_data(enclosed_fractions(example.targets[key], image))
+        fractions = sample_volume(inside, torch.from_numpy(points)).numpy()
+        away = surface.offsets(SurfaceSample(points, np.zeros_like(points))).distances
+        columns.append(np.where(fractions > 0.5, -away, away))
     distances = np.clip(np.stack(columns, axis=1), -settings.largest, settings.largest)
     return DistancePool(torch.from_numpy(points).float(), torch.from_numpy(distances).float())
-
-
-def _signed(surface: Surface, mesh: Mesh, points: Float[Array, "n 3"], example: Example) -> Float[Array, " n"]:
-    inside = example.scan.image.with_data(enclosed_fractions(mesh, example.scan.image))
-    fractions = sample_volume(inside, torch.from_numpy(points)).numpy()
-    distances = surface.offsets(SurfaceSample(points, np.zeros_like(points))).distances
-    return np.where(fractions > 0.5, -distances, distances)
-
-
-def train_distances(
-    keys: Sequence[SurfaceKey],
-    examples: ExampleSets,
-    settings: Groups,
-    folder: Path | None = None,
-    progress: Progress | None = None,
-    device: torch.device | None = None,
-) -> Part:
-    """Train the network on the mean absolute error of the distances. It is validated on points of its own (mm)."""
-    training, device = DistanceSettings(**settings["training"]), device or chosen_device()
-    network = DistanceNetwork(len(keys), **settings["network"], generator=training.seed).to(device)
-    items = (*examples.training, *examples.validation)
-    generators = [np.random.default_rng([training.seed, _POOL, index]) for index in range(len(items))]
-    pools = [distance_pool(item, keys, training, draws) for item, draws in zip(items, generators)]
-    values = [scaled_image(item.scan.image) for item in items]
-
-    def error(index: int, chosen: Tensor | slice) -> Tensor:
-        maps, whole = network.encode(values[index].to(device))
-        points, truth = (part[chosen].to(device) for part in (pools[index].points, pools[index].distances))
-        return (network(maps, whole, items[index].scan.image, points) - truth).abs().mean()
-
-    def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
-        return error(index, torch.from_numpy(draws.integers(0, training.n_pool, training.n_samples)))
-
-    def validate() -> dict:
-        with torch.no_grad():
-            found = [float(error(index, slice(None))) for index in range(len(examples.training), len(items))]
-        return {"validation_loss": float(np.mean(found))}
-
-    made_with = settings | {"data": example_data(examples, keys)}
-    return train_part(network, training, examples, loss_of, validate, made_with, folder, progress)
-
-
-_GROUPS = {"network": NetworkSettings, "surface": SurfaceSettings, "training": DistanceSettings}
 
 
 class System(SurfaceSystem):
@@ -384,6 +317,7 @@ class System(SurfaceSystem):
     """
 
     name = "deepcsr"
+    groups = DistanceGroups
     networks = {"distances": DistanceNetwork}  # noqa: RUF012 (of the class, by the protocol)
 
     def __init__(self, parts: Mapping[str, Part]):
@@ -397,32 +331,43 @@ class System(SurfaceSystem):
                 )
 
     @classmethod
-    def surfaces_of(cls, settings: Mapping) -> tuple[SurfaceKey, ...]:
+    def surfaces_of(cls, settings: DistanceGroups) -> tuple[SurfaceKey, ...]:
         """Those of ``surface.surfaces``, of both sides."""
-        return surfaces_of_sides(settings.get("surface", {}))
+        return of_both_sides(settings.surface.surfaces)
 
     @classmethod
-    def complete(cls, settings: Groups) -> Groups:
-        """All settings with their defaults: the groups ``network``, ``surface`` and ``training``."""
-        return completed_groups(
-            cls.name,
-            settings,
-            _GROUPS,
-            lambda groups: DistanceNetwork(len(cls.surfaces_of(groups)), **groups["network"]),
-        )
+    def new_networks(cls, settings: DistanceGroups) -> dict[str, DistanceNetwork]:
+        """One network for all surfaces."""
+        n_surfaces, seed = len(cls.surfaces_of(settings)), settings.training.seed
+        return {"distances": DistanceNetwork(n_surfaces, **settings.network.as_dict(), generator=seed)}
 
     @classmethod
-    def train_parts(
-        cls, examples: ExampleSets, settings: Groups, folder: Path | None, progress: Progress | None,
-        device: torch.device | None,
-    ) -> dict[str, Part]:  # fmt: skip
-        """Train the network of all surfaces."""
-        place = None if folder is None else folder / "distances"
-        return {"distances": train_distances(cls.surfaces_of(settings), examples, settings, place, progress, device)}
+    def train_parts(cls, examples: ExampleSets, settings: DistanceGroups, run: Run) -> dict[str, Part]:
+        """Train on the mean absolute error of the distances (mm). The network is validated on points of its own."""
+        training, keys, network = settings.training, cls.surfaces_of(settings), run.networks["distances"].to(run.device)
+        items = (*examples.training, *examples.validation)
+        generators = [np.random.default_rng([training.seed, _POOL, index]) for index in range(len(items))]
+        pools = [distance_pool(item, keys, training, draws) for item, draws in zip(items, generators)]
+        values = [scaled_image(item.scan.image) for item in items]
+
+        def error(index: int, chosen: Tensor | slice) -> Tensor:
+            maps, whole = network.encode(values[index].to(run.device))
+            points, truth = (part[chosen].to(run.device) for part in (pools[index].points, pools[index].distances))
+            return (network(maps, whole, items[index].scan.image, points) - truth).abs().mean()
+
+        def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
+            return error(index, torch.from_numpy(draws.integers(0, training.n_pool, training.n_samples)))
+
+        @torch.no_grad()
+        def validate() -> dict:
+            found = [float(error(index, slice(None))) for index in range(len(examples.training), len(items))]
+            return {"validation_loss": float(np.mean(found))}
+
+        place = run.place("distances")
+        return {"distances": train_part(network, settings, examples, keys, loss_of, validate, place, run.progress)}
 
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
         """The zero level sets of the predicted distances, after a correction of their topology."""
-        part = self.parts["distances"]
-        settings = SurfaceSettings(**part.record.get("surface", {}))
-        grids = distance_grids(part.network, scan.image, settings.splits)
+        settings = self.settings["distances"].surface
+        grids = distance_grids(self.parts["distances"].network, scan.image, settings.splits)
         return {key: closed_surface(grid, " ".join(key), settings) for key, grid in zip(self.surfaces, grids)}

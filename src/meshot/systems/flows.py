@@ -1,29 +1,28 @@
-"""Architecture and training settings of a deformation network, as in a YAML file."""
+"""DDOT, CortexODE and windows: systems that deform initial white surfaces by flows, one network per hemisphere."""
 
 import dataclasses
 import hashlib
 import os
-from collections.abc import Sequence
-from pathlib import Path
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar
 
 import numpy as np
 import torch
 
-from meshot.anatomy import HEMISPHERES, Hemisphere
-from meshot.flow import integrate
+from meshot.anatomy import Hemisphere
+from meshot.flow import METHODS, integrate
 from meshot.loss import SummedLoss, SurfaceLoss, loss_setting_names, surface_loss
 from meshot.mesh import Mesh, simplified
 from meshot.metrics import Surface
-from meshot.model import N_STEPS, DeformationNetwork, ImageVelocity, require_small
-from meshot.settings import Groups, checked_groups, setting_names
-from meshot.systems.learning import FlowTrainingSettings, mean_distances, train_on_subjects
-from meshot.systems.protocol import Example, ExampleSets, Part, Scan, SurfaceKey, SurfaceSystem
-from meshot.train import Progress, Training, chosen_device, data_record, require_examples
+from meshot.model import N_STEPS, DeformationNetwork, ImageVelocity
+from meshot.settings import Count, Length, PartialSettings, Positive, Settings, Within, one_of
+from meshot.systems.learning import FlowTrainingSettings, mean_distances, of_both_sides, train_on_subjects
+from meshot.systems.protocol import Example, ExampleSets, Part, Run, Scan, SurfaceKey, SurfaceSystem
+from meshot.train import SCHEDULES, Progress, Training, chosen_device, data_record, require_examples
 from meshot.types import Tensor
 from meshot.volume import Volume, sample_volume
 
-NETWORK = {"width", "hidden", "n_scales", "size", "extent", "velocity_unit"}
+# Settings of a deformation network and its training, as in a YAML file.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,67 +34,59 @@ class DeformationSettings(FlowTrainingSettings):
     n_epochs, learning_rate, schedule, n_faces, n_flow_steps, method, validate_every, n_points
         See :class:`meshot.systems.LearningSettings` and
         :class:`meshot.systems.FlowTrainingSettings`.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range or a name is unknown.
     """
 
-    recorded_first = ("side", "n_epochs", "learning_rate", "schedule", "n_faces", "n_flow_steps", "method")
-
-    n_epochs: int = 300
-    learning_rate: float = 1e-4
-    schedule: str = "constant"
-    n_faces: int = 80_000
-    n_flow_steps: int = N_STEPS
-    method: str = "euler"
-    validate_every: int = 1
-    n_points: int = 20_000
+    n_epochs: Count = 300
+    learning_rate: Positive = 1e-4
+    schedule: Annotated[str, one_of(SCHEDULES)] = "constant"
+    n_faces: Count = 80_000
+    n_flow_steps: Count = N_STEPS
+    method: Annotated[str, one_of(METHODS)] = "euler"
+    validate_every: Count = 1
+    n_points: Count = 20_000
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class DeformationConfig:
-    """Architecture, loss and training settings of a network: ``network``, ``loss`` and ``training`` in a file."""
+@dataclasses.dataclass(frozen=True)
+class DeformationNetworkSettings(PartialSettings):
+    """Architecture: see :class:`meshot.model.DeformationNetwork`, which has the defaults."""
 
-    network: dict
-    loss: SurfaceLoss | SummedLoss
+    width: Annotated[int, Within(1, 2048)] | None = None
+    hidden: Sequence[Annotated[int, Within(1, 2048)]] | None = None
+    n_scales: Annotated[int, Within(1, 15)] | None = None
+    size: Annotated[int, Within(1, 15)] | None = None
+    extent: Length | None = None
+    velocity_unit: Length | None = None
+
+
+def _as_loss(value: object, name: str) -> SurfaceLoss | SummedLoss:
+    if not isinstance(value, SurfaceLoss | SummedLoss | Mapping):
+        raise ValueError(f"{name} is {value!r}; settings of a loss are needed, such as {{loss: chamfer}}")
+    return surface_loss(value) if isinstance(value, Mapping) else value
+
+
+@dataclasses.dataclass(frozen=True)
+class DeformationConfig(Settings):
+    """All settings of a network: the groups ``network``, ``loss`` and ``training`` of a file.
+
+    Parameters
+    ----------
+    network : DeformationNetworkSettings
+    training : DeformationSettings
+    loss : SurfaceLoss or SummedLoss
+        In a file, the settings that :func:`meshot.loss.surface_loss` reads.
+    """
+
+    network: DeformationNetworkSettings
     training: DeformationSettings
+    loss: Annotated[SurfaceLoss | SummedLoss, _as_loss] = dataclasses.field(default_factory=SurfaceLoss)
 
-    def as_dict(self) -> Groups:
-        """The settings as plain numbers and strings, for JSON."""
-        return {
-            "network": dict(self.network),
-            "loss": self.loss.settings(),
-            "training": self.training.as_dict(),
-        }
+    def as_dict(self) -> dict:
+        """The settings by group, as in a file."""
+        return super().as_dict() | {"loss": self.loss.settings()}
 
     def new_network(self) -> DeformationNetwork:
         """The untrained network in float32. Its weights are determined by the seed."""
-        return DeformationNetwork(**self.network, generator=self.training.seed).float()
-
-
-def deformation_config(content: object, name: str = "the configuration") -> DeformationConfig:
-    """Make a configuration from nested dictionaries, such as the content of a YAML file.
-
-    Raises
-    ------
-    ValueError
-        If a setting is unknown, or a value is invalid.
-    """
-    groups = checked_groups(content, _known(), name)
-    try:
-        config = DeformationConfig(
-            groups["network"], surface_loss(groups["loss"]), DeformationSettings(**groups["training"])
-        )
-        config.new_network()
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{name} is invalid: {error}") from error
-    return config
-
-
-def _known() -> dict[str, set[str]]:
-    return {"network": NETWORK, "loss": loss_setting_names(), "training": setting_names(DeformationSettings)}
+        return DeformationNetwork(**self.network.as_dict(), generator=self.training.seed).float()
 
 
 # Application of a trained network: deformation of an initial surface by the flow.
@@ -250,6 +241,7 @@ def train_deformation(
     folder: str | os.PathLike | None = None,
     progress: Progress | None = None,
     device: torch.device | None = None,
+    network: DeformationNetwork | None = None,
 ) -> Training:
     """Train a network from its initial weights, or resume a stopped training.
 
@@ -264,6 +256,8 @@ def train_deformation(
     progress : callable of (steps done, number of steps, line of the log), optional
     device : torch.device, optional
         By default the GPU if there is one, else the CPU.
+    network : DeformationNetwork, optional
+        The untrained network of the configuration, which is trained. By default a new one.
 
     Raises
     ------
@@ -279,7 +273,7 @@ def train_deformation(
     """
     require_examples(training, validation)
     settings, device = config.training, device or chosen_device()
-    network = config.new_network().to(device)
+    network = (network or config.new_network()).to(device)
     fields = [velocity_field(network, item.scan, item.initial) for item in training]
     targets = [Surface(item.target) for item in validation]
 
@@ -303,9 +297,9 @@ def carried(mesh: Mesh, field: ImageVelocity, settings: DeformationSettings) -> 
     return mesh.with_vertices(integrate(field, mesh.vertices, settings.n_flow_steps, settings.method))
 
 
-# Systems that deform initial white surfaces by flows, with one network per hemisphere.
+# The systems, which differ in their losses.
 
-_KEYS = tuple((side, "white") for side in HEMISPHERES)
+_KEYS = of_both_sides(("white",))
 
 
 class DeformationSystem(SurfaceSystem):
@@ -317,53 +311,43 @@ class DeformationSystem(SurfaceSystem):
         Default settings of the loss, in the format of ``loss`` in a YAML file.
     """
 
+    groups = DeformationConfig
     surfaces = needs = _KEYS
     networks = {"_".join(key): DeformationNetwork for key in _KEYS}  # noqa: RUF012 (of the class, by the protocol)
     loss: ClassVar[dict] = {}
 
     @classmethod
-    def config(cls, settings: Groups) -> DeformationConfig:
-        """The settings as an object.
-
-        Raises
-        ------
-        ValueError
-            If a setting is unknown, a value is invalid, or the network is too large to be stored.
-        """
-        loss = cls._loss_settings(settings.get("loss", {}))
-        config = deformation_config(settings | {"loss": loss}, f"the configuration of {cls.name}")
-        require_small(config.new_network())
-        return config
-
-    @classmethod
-    def _loss_settings(cls, given: dict) -> dict:
-        """The given settings of the loss, with those defaults of the system that the loss and the encoding use."""
-        chosen = {"terms", "loss", "encoding"} & given.keys()
-        if "terms" in chosen or "terms" in cls.loss:
-            return given if chosen else cls.loss | given
-        names = {name: given.get(name) or cls.loss[name] for name in ("loss", "encoding")}
-        return {k: v for k, v in cls.loss.items() if k in loss_setting_names(**names)} | names | given
+    def complete(cls, settings: Settings | Mapping[str, object]) -> DeformationConfig:
+        """All settings. Of the loss of the system, those remain that the given loss and encoding use."""
+        if isinstance(settings, Mapping) and isinstance(settings.get("loss", {}), Mapping):
+            given = settings.get("loss", {})
+            chosen, loss = {"terms", "loss", "encoding"} & given.keys(), cls.loss | given
+            if "terms" in chosen or "terms" in cls.loss:
+                loss = given if chosen else loss
+            else:
+                names = {name: given.get(name) or cls.loss[name] for name in ("loss", "encoding")}
+                used = loss_setting_names(**names)
+                loss = {name: value for name, value in cls.loss.items() if name in used} | names | given
+            settings = {**settings, "loss": loss}
+        return super().complete(settings)
 
     @classmethod
-    def complete(cls, settings: Groups) -> Groups:
-        """All settings with their defaults: see :class:`meshot.systems.DeformationConfig`."""
-        return cls.config(settings).as_dict()
+    def new_networks(cls, settings: DeformationConfig) -> dict[str, DeformationNetwork]:
+        """A network for each side in the settings."""
+        return {f"{side}_white": settings.new_network() for side in settings.training.sides}
 
     @classmethod
-    def train_parts(
-        cls, examples: ExampleSets, settings: Groups, folder: Path | None, progress: Progress | None,
-        device: torch.device | None,
-    ) -> dict[str, Part]:  # fmt: skip
-        """Train a network for the side in the settings, or for both sides, one after the other."""
-        config, parts = cls.config(settings), {}
-        for side in config.training.sides:
-            name, training = f"{side}_white", dataclasses.replace(config.training, side=side)
-            own = dataclasses.replace(config, training=training)
+    def train_parts(cls, examples: ExampleSets, settings: DeformationConfig, run: Run) -> dict[str, Part]:
+        """Train the networks, one after the other."""
+        parts = {}
+        for side in settings.training.sides:
+            name, training = f"{side}_white", dataclasses.replace(settings.training, side=side)
+            own = dataclasses.replace(settings, training=training)
             sets = (
                 [hemisphere_example(example, side, training.n_faces) for example in part]
                 for part in (examples.training, examples.validation)
             )
-            found = train_deformation(own, *sets, None if folder is None else folder / name, progress, device)
+            found = train_deformation(own, *sets, run.place(name), run.progress, run.device, run.networks[name])
             parts[name] = Part(found.network, own.as_dict() | {"results": found.results()}, found.log)
         return parts
 
@@ -371,49 +355,40 @@ class DeformationSystem(SurfaceSystem):
         """The initial surfaces moved by the flows, integrated with the settings of the training."""
         found = {}
         for key in self.surfaces:
-            part = self.parts["_".join(key)]
-            training = {"n_flow_steps": N_STEPS, "method": "euler"} | part.record.get("training", {})
-            found[key] = deformed(
-                scan.initial[key], scan.image, part.network, training["n_flow_steps"], training["method"]
-            )
+            network, training = self.parts["_".join(key)].network, self.settings["_".join(key)].training
+            found[key] = deformed(scan.initial[key], scan.image, network, training.n_flow_steps, training.method)
         return found
 
 
-# DDOT, the system of the paper: flows trained with sliced Wasserstein distances between oriented varifolds.
-#
-# Le et al., *Diffeomorphic Mesh Deformation via Efficient Optimal Transport for Cortical Surface Reconstruction*, ICLR
-# 2024.
-
-
 class Ddot(DeformationSystem):
-    """DDOT. The paper states no length of the scaled normals; 1 mm is one interpretation."""
+    """DDOT: sliced Wasserstein distances between oriented varifolds.
+
+    The paper states no length of the scaled normals; 1 mm is one interpretation. Le et al., *Diffeomorphic Mesh
+    Deformation via Efficient Optimal Transport for Cortical Surface Reconstruction*, ICLR 2024.
+    """
 
     name = "ddot"
     loss = {"loss": "sliced", "encoding": "varifold", "normal_scale": 1.0}  # noqa: RUF012
 
 
-# CortexODE: flows trained with squared Chamfer distances between sampled points.
-#
-# Ma et al., *CortexODE: Learning Cortical Surface Reconstruction by Neural ODEs*, IEEE Transactions on Medical Imaging,
-# 2022. Initial surface, network and schedule are those of the other systems here. Only the loss differs.
-
-
 class CortexOde(DeformationSystem):
-    """CortexODE. The factor of the loss is that of the authors; it has almost no effect with Adam."""
+    """CortexODE: squared Chamfer distances between sampled points. Only the loss differs from the other systems here.
+
+    The factor of the loss is that of the authors; it has almost no effect with Adam. Ma et al., *CortexODE: Learning
+    Cortical Surface Reconstruction by Neural ODEs*, IEEE Transactions on Medical Imaging, 2022.
+    """
 
     name = "cortexode"
     loss = {"loss": "chamfer", "encoding": "samples", "factor": 1000.0}  # noqa: RUF012
 
 
-# Windows: flows trained with sliced transport in spatial windows. This system is ours; it is not in the paper.
-#
-# In windows of 6 mm, missing area does not affect vertices far away: see chapter 32. With the setting
-# ``loss.last_window=3`` their radius falls to 3 mm during the training. The settings ``combined`` have the loss that
-# chapter 39 chooses. With this loss the flows of the package are trained: see the settings ``shipped``.
-
-
 class Windows(DeformationSystem):
-    """Sliced Wasserstein distances between varifolds, in windows around positions of the target."""
+    """Sliced Wasserstein distances between varifolds, in windows around positions of the target. Not in the paper.
+
+    In windows of 6 mm, missing area does not affect vertices far away: see chapter 32. With the setting
+    ``loss.last_window=3`` their radius falls to 3 mm during the training. The settings ``combined`` have the loss that
+    chapter 39 chooses. With this loss the flows of the package are trained: see the settings ``shipped``.
+    """
 
     name = "windows"
     loss = {  # noqa: RUF012

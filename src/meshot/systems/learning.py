@@ -1,92 +1,41 @@
-"""Common code of systems that learn: settings, templates, trainings and validation. Not a system."""
+"""What systems that learn share: settings, templates, trainings and validation. Not a system."""
 
 import dataclasses
 import functools
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Annotated
 
 import numpy as np
 import torch
 from torch import nn
 
 from meshot.anatomy import HEMISPHERES, Hemisphere, fsaverage5_surface
-from meshot.errors import require_choice, require_positive_integer
 from meshot.flow import METHODS
 from meshot.mesh import Mesh, icosphere, laplacian_smoothing, split_in_four
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
-from meshot.model import require_small
-from meshot.settings import Groups, checked_groups, setting_names
+from meshot.settings import Count, Settings, Within, one_of
 from meshot.systems.protocol import Example, ExampleSets, Part, SurfaceKey
-from meshot.train import (
-    Plan,
-    Progress,
-    Task,
-    Training,
-    data_record,
-    examples_of_step,
-    plan_of_epochs,
-    require_plan_settings,
-    train_network,
-)
+from meshot.train import Progress, Task, Training, TrainingSettings, data_record, examples_of_step, train_network
 from meshot.types import Float, Tensor
 from meshot.volume import Volume
 
-# Settings that the trainings of systems share, and their completion from a file.
+# Settings that the trainings of systems share, and the surfaces that a training is for.
 
 
 @dataclasses.dataclass(frozen=True)
-class LearningSettings:
-    """Settings of a training in which one step uses one subject.
+class LearningSettings(TrainingSettings):
+    """Settings of a training in which one step uses one subject: those of all trainings, and the following.
 
     Parameters
     ----------
-    n_epochs : int
-        Number of passes over all training subjects.
-    learning_rate, schedule, averaging
-        Of Adam: see :class:`meshot.train.Plan`.
-    validate_every, patience : int
-        In epochs. The training stops after ``patience`` consecutive validations without a lower distance (None: never).
     n_points : int
         Number of points on each surface for the distance in validation.
-    save_every : int
-        In steps.
-    seed : int
-        Seed of all random numbers. Step i uses (seed, i), so that a resumed training draws the same numbers.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range or a name is unknown.
     """
 
-    #: The settings that a record lists first. The others follow in the order of their declaration.
-    recorded_first: ClassVar[tuple[str, ...]] = ()
-
-    n_epochs: int = 100
-    learning_rate: float = 1e-3
-    schedule: str = "cosine"
-    validate_every: int = 10
-    patience: int | None = None
-    n_points: int = 10_000
-    save_every: int = 100
-    averaging: float = 0.0
-    seed: int = 0
-
-    def __post_init__(self):
-        require_plan_settings(self)
-        require_positive_integer(self.n_points, "n_points")
-
-    def plan(self, n_subjects: int) -> Plan:
-        """The settings in steps instead of epochs, for a number of training subjects."""
-        return plan_of_epochs(self, n_subjects)
-
-    def as_dict(self) -> dict:
-        """The settings by name, in the order of the records."""
-        found = dataclasses.asdict(self)
-        return {name: found[name] for name in self.recorded_first} | found
+    n_points: Count = 10_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,24 +51,12 @@ class FlowTrainingSettings(LearningSettings):
         size.
     n_flow_steps, method : int, str
         Integration of the flow: see :func:`meshot.integrate`.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range or a name is unknown.
     """
 
-    side: str = "both"
-    n_faces: int = 20_480
-    n_flow_steps: int = 30
-    method: str = "rk4"
-
-    def __post_init__(self):
-        super().__post_init__()
-        for name in ("n_faces", "n_flow_steps"):
-            require_positive_integer(getattr(self, name), name)
-        require_choice(self.side, "side", (*HEMISPHERES, "both"))
-        require_choice(self.method, "method", METHODS)
+    side: Annotated[str, one_of((*HEMISPHERES, "both"))] = "both"
+    n_faces: Count = 20_480
+    n_flow_steps: Count = 30
+    method: Annotated[str, one_of(METHODS)] = "rk4"
 
     @property
     def sides(self) -> tuple[Hemisphere, ...]:
@@ -127,77 +64,25 @@ class FlowTrainingSettings(LearningSettings):
         return HEMISPHERES if self.side == "both" else (self.side,)
 
 
-def completed_groups(
-    name: str,
-    settings: Groups,
-    kinds: Mapping[str, type],
-    new_network: Callable[[Groups], nn.Module] | None = None,
-) -> Groups:
-    """All settings of a system: the given ones, and defaults for the others.
-
-    Parameters
-    ----------
-    name : str
-        Of the system, for the messages.
-    settings : dict
-        By group, as in a YAML file.
-    kinds : mapping
-        The dataclass of each group. It checks the values.
-    new_network : callable of the completed settings, optional
-        Creates a network of the system, such as the largest one.
-
-    Raises
-    ------
-    ValueError
-        If a setting is unknown, a value is invalid, or the network is too large to be stored.
-    """
-    known = {group: setting_names(kind) for group, kind in kinds.items()}
-    given = checked_groups(settings, known, f"the configuration of {name}")
-    try:
-        found = {group: _as_dict(kind(**given[group])) for group, kind in kinds.items()}
-        if new_network is not None:
-            require_small(new_network(found))
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"the configuration of {name} is invalid: {error}") from error
-    return found
-
-
-def _as_dict(settings: object) -> dict:
-    found = settings.as_dict() if isinstance(settings, LearningSettings) else dataclasses.asdict(settings)
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in found.items()}  # as in a file
-
-
-# The surfaces that a training is for: the white ones of both sides, or the white and the pial ones.
-
 #: The surfaces of a side that a system can find together.
 SURFACES = (("white",), ("white", "pial"))
 
 
-def checked_surfaces(surfaces: object) -> tuple[str, ...]:
-    """The surfaces of a side as a tuple; YAML and JSON give a list.
-
-    Raises
-    ------
-    ValueError
-        If they are none of those that a system can find together.
-    """
+def _found_together(surfaces: object, name: str) -> tuple[str, ...]:
     if not isinstance(surfaces, list | tuple) or tuple(surfaces) not in SURFACES:
         raise ValueError(
-            f"surfaces is {surfaces!r}; [white] or [white, pial] is needed: pial surfaces are found together with the "
+            f"{name} is {surfaces!r}; [white] or [white, pial] is needed: pial surfaces are found together with the "
             "white ones"
         )
     return tuple(surfaces)
 
 
-def surfaces_of_sides(group: Mapping) -> tuple[SurfaceKey, ...]:
-    """The surfaces of both sides that a group of settings names by ``surfaces``; white surfaces by default.
+#: The setting that names the surfaces of each side that are found.
+Surfaces = Annotated[object, _found_together]
 
-    Raises
-    ------
-    ValueError
-        As :func:`checked_surfaces`.
-    """
-    kinds = checked_surfaces(group.get("surfaces", SURFACES[0]))
+
+def of_both_sides(kinds: Sequence[str]) -> tuple[SurfaceKey, ...]:
+    """The surfaces of these kinds of both sides."""
     return tuple((side, kind) for side in HEMISPHERES for kind in kinds)
 
 
@@ -223,27 +108,23 @@ def scaled_image(image: Volume) -> Float[Tensor, "1 1 x y z"]:
 
 def example_data(sets: ExampleSets, keys: Sequence[SurfaceKey]) -> dict:
     """The number of examples for training and validation, and the SHA-256 of their scans and true surfaces."""
-    return data_record(sets.training, sets.validation, lambda part: _digest(part, keys))
 
+    def digest(examples: Sequence[Example]) -> str:
+        total = hashlib.sha256()
+        for item in examples:
+            total.update(item.name.encode() + item.scan.image.data.astype(np.float32).tobytes())
+            for mesh in (item.targets[key] for key in keys):
+                total.update(mesh.vertices.double().numpy().tobytes() + mesh.faces.numpy().tobytes())
+        return total.hexdigest()
 
-def _digest(examples: Sequence[Example], keys: Sequence[SurfaceKey]) -> str:
-    total = hashlib.sha256()
-    for item in examples:
-        total.update(item.name.encode() + item.scan.image.data.astype(np.float32).tobytes())
-        for key in keys:
-            mesh = item.targets[key]
-            total.update(mesh.vertices.double().numpy().tobytes() + mesh.faces.numpy().tobytes())
-    return total.hexdigest()
+    return data_record(sets.training, sets.validation, digest)
 
 
 # Template surfaces: one smooth closed shape, placed in the mean box of the training surfaces, and what it becomes.
 
-SHAPES = ("fsaverage5", "sphere")
-MOST_SMOOTHING, MOST_SPLITS = 2000, 3
-
 
 @dataclasses.dataclass(frozen=True)
-class TemplateSettings:
+class TemplateSettings(Settings):
     """The shape of a template, and the surfaces that it becomes.
 
     Parameters
@@ -257,25 +138,12 @@ class TemplateSettings:
         How often every face is divided into four.
     surfaces : sequence of str
         The surfaces of each side that are found: [white], or [white, pial].
-
-    Raises
-    ------
-    ValueError
-        If the shape or the surfaces are unknown, or a count is outside its range.
     """
 
-    shape: Literal["fsaverage5", "sphere"] = "fsaverage5"
-    smoothing: int = 200
-    splits: int = 0
-    surfaces: Sequence[str] = SURFACES[0]
-
-    def __post_init__(self):
-        require_choice(self.shape, "shape", SHAPES)
-        object.__setattr__(self, "surfaces", checked_surfaces(self.surfaces))
-        for name, most in (("smoothing", MOST_SMOOTHING), ("splits", MOST_SPLITS)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
-                raise ValueError(f"{name} is {value!r}; an integer from 0 to {most} is needed")
+    shape: Annotated[str, one_of(("fsaverage5", "sphere"))] = "fsaverage5"
+    smoothing: Annotated[int, Within(0, 2000)] = 200
+    splits: Annotated[int, Within(0, 3)] = 0
+    surfaces: Surfaces = SURFACES[0]
 
 
 class Template(nn.Module):
@@ -335,7 +203,7 @@ def train_on_subjects(
     names: Sequence[str],
     loss_of: Callable[[int, float, np.random.Generator], Tensor],
     validate: Callable[[], dict],
-    made_with: Groups,
+    made_with: dict,
     folder: str | os.PathLike | None = None,
     progress: Progress | None = None,
 ) -> Training:
@@ -362,7 +230,6 @@ def train_on_subjects(
         If the loss or a gradient is not finite, or ``loss_of`` or ``validate`` raises a ValueError. The message names
         the step, and the subject of a loss.
     """
-
     plan = settings.plan(len(names))
 
     def loss_at(step: int) -> tuple[Tensor, str]:
@@ -390,11 +257,11 @@ def train_on_subjects(
 
 def train_part(
     network: nn.Module,
-    settings: LearningSettings,
+    settings: Settings,
     examples: ExampleSets,
+    keys: Sequence[SurfaceKey],
     loss_of: Callable[[int, float, np.random.Generator], Tensor],
     validate: Callable[[], dict],
-    made_with: Groups,
     folder: Path | None = None,
     progress: Progress | None = None,
 ) -> Part:
@@ -402,24 +269,17 @@ def train_part(
 
     Parameters
     ----------
-    network : module
-        Modified in place; at the end on the CPU, in its best state.
-    settings : LearningSettings
+    network, loss_of, validate, folder, progress
+        As there.
+    settings : Settings
+        All groups of the system. ``training`` are :class:`meshot.systems.LearningSettings`.
     examples : ExampleSets
-    loss_of, validate : callable
-    made_with : dict
-        The settings by group, and the description of the data under ``data``. The record of the part holds it.
-    folder, progress
-        See :func:`meshot.train.train_network`.
-
-    Raises
-    ------
-    ValueError, FloatingPointError
-        As :func:`meshot.systems.train_on_subjects`.
+    keys : sequence of keys
+        The true surfaces that the network learns from.
     """
-    names = [item.name for item in examples.training]
-    found = train_on_subjects(network, settings, names, loss_of, validate, made_with, folder, progress)
-    record = {name: value for name, value in made_with.items() if name != "data"}
+    names, record = [item.name for item in examples.training], settings.as_dict()
+    made_with = record | {"data": example_data(examples, keys)}
+    found = train_on_subjects(network, settings.training, names, loss_of, validate, made_with, folder, progress)
     return Part(found.network, record | {"results": found.results()}, found.log)
 
 

@@ -1,4 +1,4 @@
-"""The inputs of a system: scans, and examples for training."""
+"""The protocol of systems that find surfaces in a scan: inputs, training, weights, and the registry."""
 
 import abc
 import dataclasses
@@ -20,9 +20,9 @@ from torch import nn
 import meshot.systems
 from meshot.anatomy import Hemisphere
 from meshot.mesh import Mesh
-from meshot.model import read_weights, write_weights
-from meshot.settings import Groups, changed_groups, read_groups
-from meshot.train import Progress, require_examples
+from meshot.model import read_weights, require_small, write_weights
+from meshot.settings import Settings, read_groups
+from meshot.train import Progress, chosen_device, require_examples
 from meshot.types import PLACEMENTS, Placement
 from meshot.volume import Volume
 
@@ -76,7 +76,18 @@ class ExampleSets:
     validation: Sequence[Example]
 
 
-# One trained network of a system, and its reading from a file.
+@dataclasses.dataclass(frozen=True, eq=False)
+class Run:
+    """How a training runs: its networks before the first step, where its states are kept, what it tells, and where."""
+
+    networks: Mapping[str, nn.Module] = dataclasses.field(default_factory=dict)
+    folder: Path | None = None
+    progress: Progress | None = None
+    device: torch.device = dataclasses.field(default_factory=chosen_device)
+
+    def place(self, part: str) -> Path | None:
+        """The folder of the state of a part."""
+        return None if self.folder is None else self.folder / part
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -97,36 +108,15 @@ class Part:
     log: list[dict] = dataclasses.field(default_factory=list)
 
 
-def read_part(path: Path, kind: type[nn.Module], system: str, needed: Sequence[str]) -> Part:
-    """Read ``PART.safetensors``."""
-    if not path.is_file():
-        raise ValueError(
-            f"{path} is missing; {system} needs {', '.join(needed)}: name a folder that holds them (--weights), or "
-            f"train them (meshot train {system})"
-        )
-    network, record = read_weights(path, kind)
-    for group in ("template", "training", "results"):
-        if not isinstance(record.get(group, {}), dict):
-            raise ValueError(f"{path} has {reprlib.repr(record[group])} as its {group}; names and values are needed")
-    if record.get("system", system) != system:
-        raise ValueError(
-            f"{path} holds weights of the system {record['system']}; {system} was asked for: take --system "
-            f"{record['system']}, or other weights"
-        )
-    if record.get("part", path.stem) != path.stem:
-        raise ValueError(f"{path} holds {record['part']} of {system}; {path.stem} is needed: rename it")
-    return Part(network, record)
-
-
 # The protocol of a system: training, saving, loading, and reconstruction of surfaces from a scan.
 
 
 class SurfaceSystem(abc.ABC):
     """A trained system. Subclasses define the method; an object also has the weights.
 
-    A subclass sets ``name``, ``surfaces``, ``needs`` and ``networks``, and defines :meth:`complete`,
-    :meth:`train_parts` and :meth:`find_surfaces`. If its surfaces depend on its settings, it defines
-    :meth:`surfaces_of` and :meth:`parts_of`, and does not set ``surfaces``.
+    A subclass sets ``name``, ``groups``, ``surfaces``, ``needs`` and ``networks``, and defines :meth:`train_parts` and
+    :meth:`find_surfaces`. If its surfaces depend on its settings, it defines :meth:`surfaces_of` and :meth:`parts_of`,
+    and does not set ``surfaces``.
 
     Parameters
     ----------
@@ -137,6 +127,8 @@ class SurfaceSystem(abc.ABC):
     ----------
     name : str
         The name in the registry.
+    groups : class
+        The settings of a training: a dataclass of ``meshot.settings.Settings``, with a field for each group.
     surfaces : tuple of keys
         The surfaces that :meth:`reconstruct` of this object finds. Before a training, ask :meth:`surfaces_of`.
     needs : tuple of keys
@@ -144,6 +136,8 @@ class SurfaceSystem(abc.ABC):
     networks : mapping
         The class of each network that the system can have, by the name of the part. It must have a method ``config``
         that returns the arguments of the class.
+    settings : dict
+        The settings of each part, from its record, but for ``network`` and ``loss``, which only a training needs.
     placement : str
         How scans must be placed on the standard grid for this object: as those of its training were.
 
@@ -154,28 +148,30 @@ class SurfaceSystem(abc.ABC):
     """
 
     name: ClassVar[str]
+    groups: ClassVar[type[Settings]] = Settings
     surfaces: tuple[SurfaceKey, ...]
     needs: ClassVar[tuple[SurfaceKey, ...]] = ()
     networks: ClassVar[Mapping[str, type[nn.Module]]]
 
     def __init__(self, parts: Mapping[str, Part]):
-        records = {name: part.record for name, part in parts.items()} or {"": {}}
-        first, *others = records
-        self.surfaces, self._needed = self.surfaces_of(records[first]), self.parts_of(records[first])
+        self.settings = {name: self._recorded(name, part.record) for name, part in parts.items()}
+        first = next(iter(parts), None)
+        settings = self.settings.get(first) or self.complete({})
+        self.surfaces, self._needed = self.surfaces_of(settings), self.parts_of(settings)
         strange = sorted(parts.keys() - set(self._needed))
         if strange:
             raise ValueError(f"{self.name} has no part {', '.join(strange)}; its parts are {', '.join(self._needed)}")
-        for name in others:
-            found = self.surfaces_of(records[name])
+        for name, settings in self.settings.items():
+            found = self.surfaces_of(settings)
             if found != self.surfaces:
                 raise ValueError(
                     f"{first} of {self.name} was trained for {listed(self.surfaces)}, and {name} for {listed(found)}; "
                     "all parts must be for the same surfaces: take those of one training"
                 )
-        placements = {
-            name: record.get("results", {}).get("placement", PLACEMENTS[0]) for name, record in records.items()
+        placements: dict[str, Placement] = {
+            name: part.record.get("results", {}).get("placement", PLACEMENTS[0]) for name, part in parts.items()
         }
-        self.placement: Placement = placements[first]
+        self.placement = placements.get(first, PLACEMENTS[0])
         if len(set(placements.values())) > 1:
             each = ", ".join(f"{name} by {placement}" for name, placement in placements.items())
             raise ValueError(
@@ -184,53 +180,65 @@ class SurfaceSystem(abc.ABC):
         self.parts = dict(parts)
 
     @classmethod
-    def surfaces_of(cls, settings: Mapping) -> tuple[SurfaceKey, ...]:
-        """The surfaces that a training with these settings is for. The examples must contain them.
+    def _recorded(cls, name: str, record: Mapping) -> Settings:
+        groups = {group: record[group] for group in cls.groups.kinds().keys() & record.keys() - {"network", "loss"}}
+        return cls.groups.read(groups, f"the record of {name} of {cls.name}")
 
-        By default ``surfaces`` of the class.
+    @classmethod
+    def surfaces_of(cls, settings: Settings) -> tuple[SurfaceKey, ...]:
+        """The surfaces that a training with these settings is for, by default ``surfaces``.
 
-        Parameters
-        ----------
-        settings : mapping
-            By group, or the record of a part, which has them. Missing settings have their defaults.
-
-        Raises
-        ------
-        ValueError
-            If the settings name no surfaces that the system can find.
+        The examples must contain them.
         """
         return cls.surfaces
 
     @classmethod
-    def parts_of(cls, settings: Mapping) -> tuple[str, ...]:
+    def parts_of(cls, settings: Settings) -> tuple[str, ...]:
         """The names of the networks of a system with these settings, by default of all ``networks``.
 
         The first is the same for all settings.
-
-        Parameters
-        ----------
-        settings : mapping
-            As in :meth:`surfaces_of`.
         """
         return tuple(cls.networks)
 
     @classmethod
-    @abc.abstractmethod
-    def complete(cls, settings: Groups) -> Groups:
-        """All settings of a training: the given ones, and defaults for the others.
+    def complete(cls, settings: Settings | Mapping[str, object]) -> Settings:
+        """All settings of a training: the given ones, by group, and defaults for the others.
 
         Raises
         ------
         ValueError
-            If a setting is unknown, a value is invalid, or a network is too large to be stored.
+            If a setting is unknown, or a value is invalid.
         """
+        return cls.groups.read(settings, f"the configuration of {cls.name}")
+
+    @classmethod
+    def new_networks(cls, settings: Settings) -> dict[str, nn.Module]:
+        """The networks before the first step, by the name of the part. Called by :meth:`prepare`.
+
+        By default none: :meth:`train_parts` makes them, for example if they depend on the examples.
+        """
+        return {}
+
+    @classmethod
+    def prepare(cls, settings: Settings) -> dict[str, nn.Module]:
+        """The networks of a training before the first step. Call it before the examples are read.
+
+        Raises
+        ------
+        ValueError
+            If no network can have these settings, or it is too large to be stored.
+        """
+        try:
+            networks = cls.new_networks(settings)
+            for network in networks.values():
+                require_small(network)
+        except ValueError as error:
+            raise ValueError(f"the configuration of {cls.name} is invalid: {error}") from error
+        return networks
 
     @classmethod
     @abc.abstractmethod
-    def train_parts(
-        cls, examples: ExampleSets, settings: Groups, folder: Path | None, progress: Progress | None,
-        device: torch.device | None,
-    ) -> dict[str, Part]:  # fmt: skip
+    def train_parts(cls, examples: ExampleSets, settings: Settings, run: Run) -> dict[str, Part]:
         """Train with complete settings. Called by :meth:`train`."""
 
     @abc.abstractmethod
@@ -241,24 +249,27 @@ class SurfaceSystem(abc.ABC):
     def train(
         cls,
         examples: ExampleSets,
-        settings: Groups,
+        settings: Settings | Mapping[str, object],
         folder: str | os.PathLike | None = None,
         progress: Progress | None = None,
         device: torch.device | None = None,
+        networks: Mapping[str, nn.Module] | None = None,
     ) -> "SurfaceSystem":
         """Train the system, or resume a stopped training.
 
         Parameters
         ----------
         examples : ExampleSets
-        settings : dict
-            By group, as in a YAML file.
+        settings : Settings or dict
+            From :func:`meshot.systems.read_settings`, or by group, as in a YAML file.
         folder : path, optional
             The folder for the states of the training. A stopped training resumes from it. On one CPU thread, the final
             weights are the same as without the interruption.
         progress : callable of (steps done, number of steps, line of the log), optional
         device : torch.device, optional
             By default the GPU if there is one, else the CPU.
+        networks : mapping, optional
+            From :meth:`prepare`, which this method calls otherwise. They are trained.
 
         Raises
         ------
@@ -269,8 +280,15 @@ class SurfaceSystem(abc.ABC):
             If a loss or a gradient is not finite.
         """
         settings = cls.complete(settings)
-        cls._require_examples(examples, cls.surfaces_of(settings))
-        return cls(cls.train_parts(examples, settings, None if folder is None else Path(folder), progress, device))
+        require_examples(examples.training, examples.validation)
+        for example in (*examples.training, *examples.validation):
+            cls._require_initial(example.scan, example.name)
+            missing = [key for key in cls.surfaces_of(settings) if key not in example.targets]
+            if missing:
+                raise ValueError(f"{example.name} has no true surface {listed(missing)}; {cls.name} learns from it")
+        networks = cls.prepare(settings) if networks is None else networks
+        place = None if folder is None else Path(folder)
+        return cls(cls.train_parts(examples, settings, Run(networks, place, progress, device or chosen_device())))
 
     def reconstruct(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
         """Find the surfaces in a scan, by key, in the space of its image, in mm.
@@ -314,22 +332,30 @@ class SurfaceSystem(abc.ABC):
         """
 
         def read(name: str) -> Part:
-            return read_part(Path(folder) / f"{name}.safetensors", cls.networks[name], cls.name, needed)
+            path = Path(folder) / f"{name}.safetensors"
+            if not path.is_file():
+                raise ValueError(
+                    f"{path} is missing; {cls.name} needs {', '.join(needed)}: name a folder that holds them "
+                    f"(--weights), or train them (meshot train {cls.name})"
+                )
+            network, record = read_weights(path, cls.networks[name])
+            if not isinstance(record.get("results", {}), dict):
+                found = reprlib.repr(record["results"])
+                raise ValueError(f"{path} has {found} as its results; names and values are needed")
+            if record.get("system", cls.name) != cls.name:
+                raise ValueError(
+                    f"{path} holds weights of the system {record['system']}; {cls.name} was asked for: take --system "
+                    f"{record['system']}, or other weights"
+                )
+            if record.get("part", name) != name:
+                raise ValueError(f"{path} holds {record['part']} of {cls.name}; {name} is needed: rename it")
+            return Part(network, record)
 
-        needed = cls.parts_of({})
-        parts = {name: read(name) for name in needed[:1]}
-        for part in parts.values():  # the record of the first part says which others there are
-            needed = cls.parts_of(part.record)
+        needed = cls.parts_of(cls.complete({}))
+        first = needed[0]
+        parts = {first: read(first)}
+        needed = cls.parts_of(cls._recorded(first, parts[first].record))  # it says which others there are
         return cls(parts | {name: read(name) for name in needed[1:]})
-
-    @classmethod
-    def _require_examples(cls, examples: ExampleSets, surfaces: Sequence[SurfaceKey]) -> None:
-        require_examples(examples.training, examples.validation)
-        for example in (*examples.training, *examples.validation):
-            cls._require_initial(example.scan, example.name)
-            missing = [key for key in surfaces if key not in example.targets]
-            if missing:
-                raise ValueError(f"{example.name} has no true surface {listed(missing)}; {cls.name} learns from it")
 
     @classmethod
     def _require_initial(cls, scan: Scan, name: str) -> None:
@@ -366,7 +392,7 @@ def get_system(name: str) -> type[SurfaceSystem]:
     return known[name]
 
 
-def read_settings(kind: type[SurfaceSystem], config: str | os.PathLike, changes: Sequence[str] = ()) -> Groups:
+def read_settings(kind: type[SurfaceSystem], config: str | os.PathLike, changes: Sequence[str] = ()) -> Settings:
     """The complete settings of a training.
 
     Parameters
@@ -392,7 +418,7 @@ def read_settings(kind: type[SurfaceSystem], config: str | os.PathLike, changes:
             )
         path = packaged[str(config)]
     try:
-        return kind.complete(changed_groups(read_groups(path), changes))
+        return kind.complete(read_groups(path, changes))
     except ValueError as error:
         raise ValueError(f"{config}: {error}") from error
 

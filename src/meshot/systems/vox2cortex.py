@@ -18,15 +18,14 @@ geometric deep neural networks*, CVPR 2022.
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
+from typing import Annotated
 
 import numpy as np
 import torch
 from torch import nn
 
 from meshot.anatomy import HEMISPHERES, Hemisphere
-from meshot.errors import require_positive_integer
 from meshot.loss import laplacian_length, nearest_neighbours, normal_inconsistency, squared_edge_length
 from meshot.mesh import Mesh, face_normals, mean_curvatures, mesh_edges, sample_locations, simplified
 from meshot.metrics import Surface
@@ -41,21 +40,18 @@ from meshot.model import (
     unfolded,
 )
 from meshot.rng import Generator, numpy_generator
-from meshot.settings import Groups
+from meshot.settings import Count, Length, NotNegative, Settings, Within
 from meshot.systems.learning import (
     LearningSettings,
     Template,
     TemplateSettings,
-    completed_groups,
-    example_data,
     mean_box,
     mean_distances,
+    of_both_sides,
     scaled_image,
-    surfaces_of_sides,
     train_part,
 )
-from meshot.systems.protocol import Example, ExampleSets, Part, Scan, SurfaceKey, SurfaceSystem, listed
-from meshot.train import Progress, chosen_device
+from meshot.systems.protocol import Example, ExampleSets, Part, Run, Scan, SurfaceKey, SurfaceSystem, listed
 from meshot.types import Float, Tensor
 from meshot.volume import Volume, enclosed_fractions
 
@@ -65,14 +61,14 @@ N_STAGES = 4
 
 
 @dataclasses.dataclass(frozen=True)
-class NetworkSettings:
+class NetworkSettings(Settings):
     """Architecture: see :class:`meshot.systems.vox2cortex.MeshNetwork`."""
 
-    width: int = 8
-    depth: int = 4
-    fold: int = 2
-    n_features: int = 32
-    n_blocks: int = 2
+    width: Count = 8
+    depth: Annotated[int, Within(2, 10)] = 4
+    fold: Count = 2
+    n_features: Annotated[int, Within(1, 1024)] = 32
+    n_blocks: Annotated[int, Within(1, 20)] = 2
 
 
 class MeshNetwork(nn.Module):
@@ -94,8 +90,7 @@ class MeshNetwork(nn.Module):
         Features of a vertex.
     n_blocks : int
         Residual graph blocks in a stage.
-    template : dict
-        The settings of the templates, see :class:`meshot.systems.TemplateSettings`.
+    template : dict or TemplateSettings, optional
     boxes : mapping, optional
         The box of each template, in mm, by its name: "left" and "right" are the white ones; "left_pial", "right_pial".
     generator : generator or int
@@ -109,18 +104,13 @@ class MeshNetwork(nn.Module):
 
     def __init__(
         self, width: int = 8, depth: int = 4, fold: int = 2, n_features: int = 32, n_blocks: int = 2,
-        template: dict | None = None, boxes: Mapping[str, Tensor] | None = None, generator: Generator = 0,
+        template: Mapping | TemplateSettings | None = None, boxes: Mapping[str, Tensor] | None = None,
+        generator: Generator = 0,
     ):  # fmt: skip
         super().__init__()
-        for name, count, most in (("n_features", n_features, 1024), ("n_blocks", n_blocks, 20)):
-            require_positive_integer(count, name, most)
-        require_positive_integer(depth - 1, "depth - 1", 9)
-        shape, boxes = TemplateSettings(**template or {}), boxes or {}
-        self.arguments = {"width": width, "depth": depth, "fold": fold, "n_features": n_features, "n_blocks": n_blocks}
-        self.kinds, self.surfaces = (
-            shape.surfaces,
-            surfaces_of_sides({"surfaces": shape.surfaces}),
-        )
+        self.arguments = NetworkSettings(width, depth, fold, n_features, n_blocks).as_dict()
+        shape, boxes = TemplateSettings.read(template or {}), boxes or {}
+        self.kinds, self.surfaces = shape.surfaces, of_both_sides(shape.surfaces)
         names = {template_name(key): key[0] for key in self.surfaces}
         self.templates = nn.ModuleDict({name: Template(side, shape, boxes.get(name)) for name, side in names.items()})
         self.unet = FeatureNetwork(width, depth, fold, residual=True, generator=generator)
@@ -268,7 +258,7 @@ PIAL = {"normals": 1.25, "laplacian": 2.5, "consistency": 2.25}
 
 
 @dataclasses.dataclass(frozen=True)
-class MeshWeights:
+class MeshWeights(Settings):
     """Weights of the terms of the loss on meshes, for lengths in units of ``extent`` mm, as in the paper.
 
     They are those of white surfaces. Those of pial surfaces follow from them, see :meth:`of`.
@@ -284,26 +274,16 @@ class MeshWeights:
         In mm: half the longest side of the image in the paper.
     segmentation : float
         Of the loss of the segmentation.
-
-    Raises
-    ------
-    ValueError
-        If a number is negative, or ``extent`` is zero.
     """
 
-    chamfer: float = 1.0
-    normals: float = 0.01
-    laplacian: float = 0.1
-    consistency: float = 0.001
-    edge: float = 5.0
-    most_curvature: float = 5.0
-    extent: float = 104.0
-    segmentation: float = 1.0
-
-    def __post_init__(self):
-        for name, value in dataclasses.asdict(self).items():
-            if not 0 <= value < float("inf") or (name == "extent" and value == 0):
-                raise ValueError(f"{name} is {value!r}; a finite number >= 0 is needed, and > 0 for extent")
+    chamfer: NotNegative = 1.0
+    normals: NotNegative = 0.01
+    laplacian: NotNegative = 0.1
+    consistency: NotNegative = 0.001
+    edge: NotNegative = 5.0
+    most_curvature: NotNegative = 5.0
+    extent: Length = 104.0
+    segmentation: NotNegative = 1.0
 
     def of(self, kind: str) -> "MeshWeights":
         """The weights for a kind of surface, "white" or "pial"."""
@@ -336,74 +316,20 @@ class MeshSettings(LearningSettings):
         Number of faces of the templates in training.
     n_samples : int
         Number of points on each surface for the Chamfer distance.
-
-    Raises
-    ------
-    ValueError
-        If a number is outside its range.
     """
 
-    n_faces: int = 20_480
-    n_samples: int = 10_000
-
-    def __post_init__(self):
-        super().__post_init__()
-        for name in ("n_faces", "n_samples"):
-            require_positive_integer(getattr(self, name), name)
+    n_faces: Count = 20_480
+    n_samples: Count = 10_000
 
 
-def train_meshes(
-    examples: ExampleSets,
-    settings: Groups,
-    folder: Path | None = None,
-    progress: Progress | None = None,
-    device: torch.device | None = None,
-) -> Part:
-    """Train the network of all surfaces. It is validated on the meshes of the last stage."""
-    training, weights = MeshSettings(**settings["training"]), MeshWeights(**settings["loss"])
-    device = device or chosen_device()
-    keys = surfaces_of_sides(settings.get("template", {}))
-    boxes = {template_name(key): mean_box([item.targets[key] for item in examples.training]) for key in keys}
-    network = MeshNetwork(
-        **settings["network"], template=settings["template"], boxes=boxes, generator=training.seed
-    ).to(device)
-    templates = {side: coarse_template(network, side, training.n_faces).to(device) for side in HEMISPHERES}
-    truths = [{key: curved_target(item.targets[key].to(device)) for key in keys} for item in examples.training]
-    fractions = [true_fractions(item) for item in examples.training]
+@dataclasses.dataclass(frozen=True)
+class MeshGroups(Settings):
+    """All settings."""
 
-    def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
-        image = examples.training[index].scan.image
-        maps = network.unet(scaled_image(image).to(device))
-        total = weights.segmentation * segmentation_loss(network.segmentation(maps), fractions[index].to(device))
-        for side, template in templates.items():
-            for found in network.surfaces_after(maps, image, template, side):
-                for kind, mesh in found.items():
-                    target = truths[index][side, kind]
-                    total = total + weights.of(kind).mesh_loss(mesh, target, training.n_samples, draws)
-        return total
-
-    validate = _validation(network, templates, examples, training, device)
-    made_with = settings | {"data": example_data(examples, keys)}
-    return train_part(network, training, examples, loss_of, validate, made_with, folder, progress)
-
-
-def _validation(
-    network: MeshNetwork, templates: Mapping[Hemisphere, Mesh], examples: ExampleSets, training: MeshSettings,
-    device: torch.device,
-) -> Callable[[], dict]:  # fmt: skip
-    surfaces = [{key: Surface(item.targets[key]) for key in network.surfaces} for item in examples.validation]
-
-    @torch.no_grad()
-    def validate() -> dict:
-        pairs = []
-        for item, truths in zip(examples.validation, surfaces, strict=True):
-            maps = network.unet(scaled_image(item.scan.image).to(device))
-            for side, template in templates.items():
-                found = network.surfaces_after(maps, item.scan.image, template, side)[-1]
-                pairs += [(mesh, truths[side, kind]) for kind, mesh in found.items()]
-        return mean_distances(pairs, training.n_points)
-
-    return validate
+    network: NetworkSettings
+    template: TemplateSettings
+    loss: MeshWeights
+    training: MeshSettings
 
 
 def coarse_template(network: MeshNetwork, side: Hemisphere, n_faces: int) -> Mesh:
@@ -417,9 +343,6 @@ def true_fractions(example: Example) -> Float[Tensor, "1 2 x y z"]:
     return torch.from_numpy(np.stack(found).astype(np.float32))[None]
 
 
-_GROUPS = {"network": NetworkSettings, "template": TemplateSettings, "loss": MeshWeights, "training": MeshSettings}
-
-
 class System(SurfaceSystem):
     """Vox2Cortex for the surfaces of both sides, with one network.
 
@@ -430,6 +353,7 @@ class System(SurfaceSystem):
     """
 
     name = "vox2cortex"
+    groups = MeshGroups
     networks = {"meshes": MeshNetwork}  # noqa: RUF012 (of the class, by the protocol)
 
     def __init__(self, parts: Mapping[str, Part]):
@@ -442,25 +366,54 @@ class System(SurfaceSystem):
                 )
 
     @classmethod
-    def surfaces_of(cls, settings: Mapping) -> tuple[SurfaceKey, ...]:
+    def surfaces_of(cls, settings: MeshGroups) -> tuple[SurfaceKey, ...]:
         """Those of ``template.surfaces``, of both sides."""
-        return surfaces_of_sides(settings.get("template", {}))
+        return of_both_sides(settings.template.surfaces)
 
     @classmethod
-    def complete(cls, settings: Groups) -> Groups:
-        """All settings with their defaults: the groups ``network``, ``template``, ``loss`` and ``training``."""
-        return completed_groups(
-            cls.name, settings, _GROUPS, lambda groups: MeshNetwork(**groups["network"], template=groups["template"])
-        )
+    def new_networks(cls, settings: MeshGroups) -> dict[str, MeshNetwork]:
+        """One network for all surfaces."""
+        form = settings.network.as_dict() | {"template": settings.template, "generator": settings.training.seed}
+        return {"meshes": MeshNetwork(**form)}
 
     @classmethod
-    def train_parts(
-        cls, examples: ExampleSets, settings: Groups, folder: Path | None, progress: Progress | None,
-        device: torch.device | None,
-    ) -> dict[str, Part]:  # fmt: skip
-        """Train the network of all surfaces."""
-        place = None if folder is None else folder / "meshes"
-        return {"meshes": train_meshes(examples, settings, place, progress, device)}
+    def train_parts(cls, examples: ExampleSets, settings: MeshGroups, run: Run) -> dict[str, Part]:
+        """Train the network. It is validated on the meshes of the last stage."""
+        training, weights, keys = settings.training, settings.loss, cls.surfaces_of(settings)
+        network, device = run.networks["meshes"], run.device
+        for key in keys:
+            box = mean_box([item.targets[key] for item in examples.training])
+            network.templates[template_name(key)].box.copy_(box)
+        network.to(device)
+        templates = {side: coarse_template(network, side, training.n_faces).to(device) for side in HEMISPHERES}
+        truths = [{key: curved_target(item.targets[key].to(device)) for key in keys} for item in examples.training]
+        fractions = [true_fractions(item) for item in examples.training]
+
+        def loss_of(index: int, _done: float, draws: np.random.Generator) -> Tensor:
+            image = examples.training[index].scan.image
+            maps = network.unet(scaled_image(image).to(device))
+            total = weights.segmentation * segmentation_loss(network.segmentation(maps), fractions[index].to(device))
+            for side, template in templates.items():
+                for found in network.surfaces_after(maps, image, template, side):
+                    for kind, mesh in found.items():
+                        target = truths[index][side, kind]
+                        total = total + weights.of(kind).mesh_loss(mesh, target, training.n_samples, draws)
+            return total
+
+        surfaces = [{key: Surface(item.targets[key]) for key in keys} for item in examples.validation]
+
+        @torch.no_grad()
+        def validate() -> dict:
+            pairs = []
+            for item, true in zip(examples.validation, surfaces, strict=True):
+                maps = network.unet(scaled_image(item.scan.image).to(device))
+                for side, template in templates.items():
+                    found = network.surfaces_after(maps, item.scan.image, template, side)[-1]
+                    pairs += [(mesh, true[side, kind]) for kind, mesh in found.items()]
+            return mean_distances(pairs, training.n_points)
+
+        place = run.place("meshes")
+        return {"meshes": train_part(network, settings, examples, keys, loss_of, validate, place, run.progress)}
 
     @torch.no_grad()
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:

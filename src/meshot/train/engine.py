@@ -7,13 +7,14 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Annotated, ClassVar
 
 import numpy as np
 import torch
 from torch import nn
 
-from meshot.errors import require_choice, require_positive, require_positive_integer
-from meshot.files import naming_a_full_disk, whole_file
+from meshot.files import naming_a_full_disk, write_whole
+from meshot.settings import Count, Natural, Positive, Settings, Within, one_of
 from meshot.train.state import STATE, TrainingState, read_training, write_training
 from meshot.types import Tensor
 
@@ -57,41 +58,43 @@ class Plan:
         return self.learning_rate * 0.5 * (1 + math.cos(math.pi * step / self.n_steps))
 
 
-def plan_of_epochs(settings: object, n_examples: int) -> Plan:
-    """The plan of settings that count in epochs, for a number of training examples.
+@dataclasses.dataclass(frozen=True)
+class TrainingSettings(Settings):
+    """Settings that all trainings have.
 
     Parameters
     ----------
-    settings : object
-        With the attributes that :func:`meshot.train.require_plan_settings` checks. One step uses ``batch_size``
-        examples, or one example if there is no such attribute.
-    n_examples : int
+    n_epochs : int
+        Number of passes over all training examples.
+    learning_rate, schedule, averaging
+        Of Adam: see :class:`meshot.train.Plan`.
+    validate_every, patience : int
+        In epochs. The training stops after ``patience`` consecutive validations without a lower loss (None: never).
+    save_every : int
+        In steps.
+    seed : int
+        Seed of all random numbers. Step i uses (seed, i), so that a resumed training draws the same numbers.
     """
-    per_epoch = -(-n_examples // getattr(settings, "batch_size", 1))
-    return Plan(
-        settings.n_epochs * per_epoch, settings.validate_every * per_epoch, settings.save_every, settings.patience,
-        settings.learning_rate, settings.schedule, settings.averaging,
-    )  # fmt: skip
 
+    #: The number of examples in a step.
+    batch_size: ClassVar[int] = 1
 
-def require_plan_settings(settings: object) -> None:
-    """Check the settings that all trainings have: epochs, learning rate, patience, averaging, seed.
+    n_epochs: Count = 100
+    learning_rate: Positive = 1e-3
+    schedule: Annotated[str, one_of(SCHEDULES)] = "cosine"
+    validate_every: Count = 10
+    patience: Count | None = None
+    save_every: Count = 100
+    averaging: Annotated[float, Within(0, 1, "[)")] = 0.0
+    seed: Natural = 0
 
-    Raises
-    ------
-    ValueError
-        If one is outside its range.
-    """
-    for name in ("n_epochs", "batch_size", "validate_every", "save_every"):
-        require_positive_integer(getattr(settings, name, 1), name)
-    if settings.patience is not None:
-        require_positive_integer(settings.patience, "patience")
-    require_positive(settings.learning_rate, "learning_rate")
-    if not 0 <= settings.averaging < 1:
-        raise ValueError(f"averaging is {settings.averaging!r}; a share in [0, 1) is needed, 0 for none")
-    if isinstance(settings.seed, bool) or not isinstance(settings.seed, int) or settings.seed < 0:
-        raise ValueError(f"seed is {settings.seed!r}; an integer >= 0 is needed")
-    require_choice(settings.schedule, "schedule", SCHEDULES)
+    def plan(self, n_examples: int) -> Plan:
+        """The settings in steps instead of epochs, for a number of training examples."""
+        per_epoch = -(-n_examples // self.batch_size)
+        return Plan(
+            self.n_epochs * per_epoch, self.validate_every * per_epoch, self.save_every, self.patience,
+            self.learning_rate, self.schedule, self.averaging,
+        )  # fmt: skip
 
 
 LOG = "log.jsonl"
@@ -229,11 +232,6 @@ def train(
     -------
     dict
         The last weights.
-
-    Raises
-    ------
-    ValueError, FloatingPointError
-        As :func:`meshot.train.train_network`.
     """
     if saved is not None and os.path.exists(saved):
         read_training(saved, state, made_with)
@@ -241,7 +239,10 @@ def train(
     while not _is_done(state, plan, task):
         made = [_step(state, plan, task)]
         if state.step % plan.validate_every == 0 or state.step == plan.n_steps:
-            found = _validated(state, task)
+            with state.averaged():
+                found = task.validate(state.step)
+                if found["validation_loss"] is not None and found["validation_loss"] < state.best_loss:
+                    state.keep_as_best(found["validation_loss"])
             state.seconds, clock = state.seconds + time.process_time() - clock, time.process_time()
             made.append({"step": state.step} | found | {"cpu_seconds": round(state.seconds, 1)})
         state.lines.extend(made)
@@ -261,14 +262,6 @@ def _is_done(state: TrainingState, plan: Plan, task: Task) -> bool:
     fruitless = sum("validation_loss" in line and line["step"] > state.best_step for line in state.lines)
     out_of_patience = plan.patience is not None and fruitless >= plan.patience
     return state.step >= plan.n_steps or out_of_patience or task.is_given_up()
-
-
-def _validated(state: TrainingState, task: Task) -> dict:
-    with state.averaged():
-        found = task.validate(state.step)
-        if found["validation_loss"] is not None and found["validation_loss"] < state.best_loss:
-            state.keep_as_best(found["validation_loss"])
-    return found
 
 
 def _step(state: TrainingState, plan: Plan, task: Task) -> dict:
@@ -315,8 +308,7 @@ class TrainingLog:
     def __init__(self, path: Path | None, lines: list[dict]):
         self.path = path
         if path is not None:
-            with whole_file(path) as temporary:
-                temporary.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+            write_whole(path, "".join(json.dumps(line) + "\n" for line in lines))
 
     def add(self, line: dict) -> None:
         """Append a line to the file immediately."""

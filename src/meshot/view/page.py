@@ -17,7 +17,6 @@ from importlib import resources
 import jinja2
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
@@ -25,12 +24,6 @@ from meshot.files import whole_file
 from meshot.view.style import BLUE, ORANGE, SKY, VERMILLION, WIDTH
 
 _IMPORT = re.compile(r"""^(?:@import|import\s[^;]*?\sfrom) "([^"]+)";\n""", re.MULTILINE)
-_QUOTED = re.compile(r"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'|`(?:\\.|[^`\\])*`)""")
-#: Where white space outside quotes is redundant. The code formatter ends every statement with a semicolon.
-_LOOSE = {
-    ".js": re.compile(r"\s*([][{}();,:=<>?&|*/%])\s*| ?([+-]) (?![+-])"),
-    ".css": re.compile(r"\s*([{};,>])\s*|(?<=:)()\s+"),
-}
 _INDENT = re.compile(r"\s*\n\s*")
 _COMMENT = re.compile(r"^\s*(?:export (?=(?:async )?(?:function|const|class))|//.*\n|/\*.*\*/\n)", re.MULTILINE)
 
@@ -94,8 +87,8 @@ def filled(template: str, **values: object) -> str:
 def joined(*names: str) -> str:
     """Scripts or styles joined with everything that they import, each once and after its own imports.
 
-    Comments, redundant white space and the words ``import`` and ``export`` are removed; all parts share one scope. A
-    comment must be on a line of its own.
+    Comments on lines of their own, indents and the words ``import`` and ``export`` are removed; all parts share one
+    scope.
     """
     parts: dict[str, str] = {}
 
@@ -106,7 +99,7 @@ def joined(*names: str) -> str:
             for other in _IMPORT.findall(text):
                 add(posixpath.normpath(posixpath.join(posixpath.dirname(name), other)))
             del parts[name]
-            parts[name] = _squeezed(_IMPORT.sub("", text), _LOOSE[posixpath.splitext(name)[1]])
+            parts[name] = _INDENT.sub("\n", _COMMENT.sub("", _IMPORT.sub("", text))).strip()
 
     for name in names:
         add(name)
@@ -124,11 +117,6 @@ def still_of(figure: Figure) -> str:
 def _text(name: str) -> str:
     package, *path = name.split("/")
     return resources.files(package).joinpath(*path).read_text(encoding="utf-8")
-
-
-def _squeezed(text: str, loose: re.Pattern) -> str:
-    pieces = _QUOTED.split(_COMMENT.sub("", text))
-    return "".join(piece if i % 2 else loose.sub(r"\1\2", piece) for i, piece in enumerate(pieces)).strip()
 
 
 _TEMPLATES = jinja2.Environment(
@@ -173,15 +161,27 @@ def training_figure(log: Sequence[dict]) -> Figure:
     checked = [line["step"] for line in checks]
     upper.set(ylabel="loss")
     if "hausdorff90_mm" in measured:
-        _distances(lower, checked, checks)
+        for key, name, colour, dashes in (
+            ("hausdorff90_mm", "Hausdorff at 90 %", ORANGE, "--"),
+            ("validation_loss", "ASSD", BLUE, "-"),
+        ):
+            lower.plot(checked, [line[key] for line in checks], dashes, marker=".", color=colour, label=name)
+        lower.set(ylabel="on validation (mm)", ylim=(0, None))
     elif "dice_left" in measured:
         upper.semilogy(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
         upper.set(ylabel="cross-entropy + 1 − Dice")
-        _overlap(lower, checked, checks)
+        for side, colour, dashes in (("left", VERMILLION, "-"), ("right", BLUE, "--")):
+            dice = [line[f"dice_{side}"] for line in checks]
+            lower.plot(checked, dice, dashes, marker=".", color=colour, label=side)
+        lower.set(ylabel="Dice on validation", ylim=(None, 1.0))
     else:
         lower.plot(checked, [line["validation_loss"] for line in checks], "o-", color=ORANGE, label="validation")
         lower.set(ylabel="loss of the validation")
-    _plain_ticks(upper)
+    # Ticks of the logarithmic axis as plain numbers, also between the powers of ten where there are few of them.
+    low, high = upper.get_ylim()
+    upper.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
+    upper.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    upper.yaxis.set_minor_locator(NullLocator())
     lower.set_xlabel("step")
     lower.xaxis.set_major_locator(MaxNLocator(integer=True))
     upper.legend()
@@ -190,36 +190,8 @@ def training_figure(log: Sequence[dict]) -> Figure:
     return figure
 
 
-def _plain_ticks(axes: Axes) -> None:
-    """Ticks of a logarithmic axis as plain numbers, also between the powers of ten where there are few of them."""
-    low, high = axes.get_ylim()
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_locator(NullLocator())
-
-
-def _overlap(axes: Axes, steps: list[int], checks: list[dict]) -> None:
-    for side, colour, dashes in (("left", VERMILLION, "-"), ("right", BLUE, "--")):
-        axes.plot(steps, [line[f"dice_{side}"] for line in checks], dashes, marker=".", color=colour, label=side)
-    axes.set(ylabel="Dice on validation", ylim=(None, 1.0))
-
-
-def _distances(axes: Axes, steps: list[int], checks: list[dict]) -> None:
-    for key, name, colour, dashes in (
-        ("hausdorff90_mm", "Hausdorff at 90 %", ORANGE, "--"), ("validation_loss", "ASSD", BLUE, "-"),
-    ):  # fmt: skip
-        axes.plot(steps, [line[key] for line in checks], dashes, marker=".", color=colour, label=name)
-    axes.set(ylabel="on validation (mm)", ylim=(0, None))
-
-
 def write_training_figure(path: str | os.PathLike, log: Sequence[dict]) -> None:
-    """Write the picture of a log to a file, completely or not at all.
-
-    Raises
-    ------
-    ValueError
-        As :func:`meshot.view.training_figure`.
-    """
+    """Write the picture of a log to a file, completely or not at all."""
     figure = training_figure(log)
     with whole_file(path) as temporary:
         figure.savefig(temporary, dpi=120)

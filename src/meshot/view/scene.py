@@ -83,31 +83,22 @@ def interactive(
     meshes, values = named(meshes, values)
     limits = colour_limits(values, limits)
     sight = view_from(view)
+    aspect = STILL_SIZE[0] / STILL_SIZE[1]
+    first = next(iter(meshes))
+    frame = framing(list(meshes.values()), [sight], aspect)
+    image = surface_image(meshes[first], sight, values.get(first), limits, colour_map, STILL_SIZE, *frame)
+    still = io.BytesIO()
+    matplotlib.image.imsave(still, image, format="webp", pil_kwargs={"quality": 80})
     names = ", ".join(name for name in meshes if name) or "one surface"
     return live_page(
         "meshot/view/assets/surface_scene",
-        scene_data(meshes, values, limits, colour_map, sight, STILL_SIZE[0] / STILL_SIZE[1]),
+        scene_data(meshes, values, limits, colour_map, sight, aspect),
         f"Scene({names}; run the cell to turn it)",
         alt=alt,
         title=title,
-        still=_still(meshes, next(iter(meshes)), values, limits, colour_map, sight),
+        still=base64.b64encode(still.getvalue()).decode(),
         bar=_bar(values, limits, colour_map, bar_label(label, unit)) if values else None,
     )
-
-
-def _still(
-    meshes: Mapping[str, Mesh],
-    first: str,
-    values: Mapping[str, np.ndarray],
-    limits: tuple[float, float],
-    colour_map: str,
-    view: View,
-) -> str:
-    frame = framing(list(meshes.values()), [view], STILL_SIZE[0] / STILL_SIZE[1])
-    image = surface_image(meshes[first], view, values.get(first), limits, colour_map, STILL_SIZE, *frame)
-    buffer = io.BytesIO()
-    matplotlib.image.imsave(buffer, image, format="webp", pil_kwargs={"quality": 80})
-    return base64.b64encode(buffer.getvalue()).decode()
 
 
 def _bar(values: Mapping[str, np.ndarray], limits: tuple[float, float], colour_map: str, label: str) -> dict:
@@ -152,10 +143,16 @@ def scene_data(
     arrays: dict[bytes, np.ndarray] = {}
     items = []
     for name, mesh in meshes.items():
-        vertices = _store(arrays, _vertex_steps(places[name], low, extent))
-        faces = _store(arrays, _face_steps(mesh.faces.cpu().numpy()))
-        shades = _store(arrays, _shades(values[name], limits)) if name in values else -1
-        items.append({"name": name, "vertices": vertices, "faces": faces, "values": shades})
+        levels = np.rint((places[name] - low) / extent * LEVELS).astype(np.int64)
+        first, second, third = mesh.faces.cpu().numpy().T
+        item = {"name": name, "vertices": _store(arrays, np.diff(levels, axis=0, prepend=0).T.ravel())}
+        corners = np.concatenate([np.diff(first, prepend=0), second - first, third - first])
+        item |= {"faces": _store(arrays, corners), "values": -1}
+        if name in values:  # colour indices 1 … 255 between the limits; 0 for NaN
+            share = np.clip((values[name] - limits[0]) / (limits[1] - limits[0]), 0, 1)
+            shades = np.where(np.isnan(share), 0, 1 + np.rint(np.nan_to_num(share) * 254))
+            item["values"] = _store(arrays, shades)
+        items.append(item)
     ramp = (colormaps[colour_map](np.arange(256) / 255) * 255).round().astype(np.uint8)
     return {
         "items": items,
@@ -179,19 +176,3 @@ def _store(arrays: dict[bytes, np.ndarray], numbers: np.ndarray) -> int:
     planes = b"".join(((zigzag >> shift) & 255).astype(np.uint8).tobytes() for shift in (0, 8, 16))
     arrays.setdefault(planes, numbers)
     return list(arrays).index(planes)
-
-
-def _vertex_steps(places: np.ndarray, low: np.ndarray, extent: float) -> np.ndarray:
-    levels = np.rint((places - low) / extent * LEVELS).astype(np.int64)
-    return np.diff(levels, axis=0, prepend=0).T.ravel()
-
-
-def _face_steps(faces: np.ndarray) -> np.ndarray:
-    first, second, third = faces.T
-    return np.concatenate([np.diff(first, prepend=0), second - first, third - first])
-
-
-def _shades(numbers: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
-    """Colour indices 1 … 255 between the limits; 0 for NaN."""
-    share = np.clip((numbers - limits[0]) / (limits[1] - limits[0]), 0, 1)
-    return np.where(np.isnan(share), 0, 1 + np.rint(np.nan_to_num(share) * 254)).astype(np.int64)

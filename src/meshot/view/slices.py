@@ -16,7 +16,7 @@ from matplotlib.patheffects import withStroke
 from meshot.mesh import Mesh, plane_section
 from meshot.types import Array, Float
 from meshot.view.style import GREEN, ORANGE, PURPLE, SKY, VERMILLION, WIDTH, YELLOW
-from meshot.view.surface import Values
+from meshot.view.surface import Values, draw_letters
 from meshot.volume import Volume, mm_to_voxel, sample_volume, voxel_sizes, voxel_to_mm
 
 # Colours that are visible on a grey image, the most distinct first.
@@ -119,7 +119,8 @@ def slice_figure(
             f"margin_mm is {margin_mm!r} with {len(meshes or {})} surfaces; a number >= 0 and a surface are needed"
         )
     meshes = meshes or {}
-    through = _middle(volume, meshes) if through_mm is None else np.asarray(through_mm, dtype=float)
+    middle = np.mean(_box(meshes) if meshes else _world_box(volume), axis=0)
+    through = middle if through_mm is None else np.asarray(through_mm, dtype=float)
     low, high = _world_box(volume)
     if through.shape != (3,) or (through < low).any() or (through > high).any():
         raise ValueError(
@@ -128,30 +129,39 @@ def slice_figure(
         )
     black, white = np.percentile(volume.data, [1, 99]) if limits is None else limits
     slices = [slice_image(volume, PLANES[plane][0], float(through[PLANES[plane][0]])) for plane in planes]
-    windows = [_window(extent, PLANES[plane][1], meshes, margin_mm) for plane, (_, extent) in zip(planes, slices)]
+    windows = [extent for _, extent in slices]
+    if margin_mm is not None:  # the box around the surfaces with a margin
+        low, high = _box(meshes)
+        for k, plane in enumerate(planes):
+            shown, (left, right, bottom, top) = list(PLANES[plane][1]), windows[k]
+            (x_low, y_low), (x_high, y_high) = low[shown] - margin_mm, high[shown] + margin_mm
+            windows[k] = max(x_low, left), min(x_high, right), max(y_low, bottom), min(y_high, top)
     figure, axes = _panels(planes, windows, width_inches)
     for plane, ax, window, (image, extent) in zip(planes, axes, windows, slices):
         axis, shown, letters = PLANES[plane]
+        position = float(through[axis])
         ax.imshow(image, extent=extent, origin="lower", cmap="gray", vmin=black, vmax=white)
-        _draw_contours(ax, meshes, axis, float(through[axis]), shown)
+        widths = itertools.cycle(LINE_WIDTHS.get(len(meshes), (1.2,)))
+        for (name, mesh), colour, line in zip(meshes.items(), itertools.cycle(LINE_COLOURS), widths):
+            segments = plane_section(mesh, axis, position)[:, :, list(shown)].detach().cpu().numpy()
+            lines = LineCollection(segments, colors=colour, linewidths=line, label=name, capstyle="round")
+            ax.add_collection(lines, autolim=False)  # the limits are those of the volume
         ax.set(xlim=window[:2], ylim=window[2:])
-        _label(ax, plane, axis, float(through[axis]), shown, letters)
+        ax.set_title(f"{plane}\n{'xyz'[axis]} = {position:.1f} mm".replace("-", "−"), fontsize="medium")
+        ax.set(xlabel=f"{'xyz'[shown[0]]} (mm)", ylabel=f"{'xyz'[shown[1]]} (mm)")
+        effects = [withStroke(linewidth=3, foreground="black")]
+        draw_letters(ax, letters, 0.02, color="white", fontweight="bold", path_effects=effects)
     if len(axes) == len(CELLS):  # axes that two panels share are labelled once
         for plane, name, labels in (("coronal", "xlabel", "labelbottom"), ("sagittal", "ylabel", "labelleft")):
             axes[planes.index(plane)].set(**{name: ""})
             axes[planes.index(plane)].tick_params(**{labels: False})
-    if meshes:
-        _legend(figure, axes)
+    if meshes:  # the names of the surfaces: in the free place beside three panels, or below one or two
+        handles, names = axes[0].get_legend_handles_labels()
+        places = {"loc": "outside lower center", "ncols": len(names)}
+        if len(axes) == len(CELLS):
+            places = {"loc": "center", "bbox_to_anchor": (0.75, 0.25)}
+        figure.legend(handles, names, frameon=False, **places)
     return figure
-
-
-def _legend(figure: Figure, axes: Sequence[Axes]) -> None:
-    """The names of the surfaces: in the free place beside three panels, or below one or two."""
-    handles, names = axes[0].get_legend_handles_labels()
-    if len(axes) == len(CELLS):
-        figure.legend(handles, names, loc="center", bbox_to_anchor=(0.75, 0.25), frameon=False)
-    else:
-        figure.legend(handles, names, loc="outside lower center", ncols=len(names), frameon=False)
 
 
 def _panels(planes: Sequence[str], windows: Sequence[tuple], width_inches: float) -> tuple[Figure, list[Axes]]:
@@ -173,47 +183,10 @@ def _panels(planes: Sequence[str], windows: Sequence[tuple], width_inches: float
     return figure, [figure.add_subplot(grid[cell], facecolor="black") for cell in cells]
 
 
-def _window(
-    extent: tuple[float, float, float, float],
-    shown: tuple[int, int],
-    meshes: Mapping[str, Mesh],
-    margin_mm: float | None,
-) -> tuple[float, float, float, float]:
-    """What a panel shows of a slice: all of it, or the box around the surfaces with a margin."""
-    if margin_mm is None:
-        return extent
-    low, high = _box(meshes)
-    (left, bottom), (right, top) = low[list(shown)] - margin_mm, high[list(shown)] + margin_mm
-    return max(left, extent[0]), min(right, extent[1]), max(bottom, extent[2]), min(top, extent[3])
-
-
 def _box(meshes: Mapping[str, Mesh]) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest coordinates of all surfaces, in mm."""
     vertices = np.concatenate([mesh.vertices.detach().cpu().double().numpy() for mesh in meshes.values()])
     return vertices.min(axis=0), vertices.max(axis=0)
-
-
-def _middle(volume: Volume, meshes: Mapping[str, Mesh]) -> np.ndarray:
-    return np.mean(_box(meshes) if meshes else _world_box(volume), axis=0)
-
-
-def _draw_contours(ax: Axes, meshes: Mapping[str, Mesh], axis: int, position: float, shown: tuple[int, int]) -> None:
-    widths = itertools.cycle(LINE_WIDTHS.get(len(meshes), (1.2,)))
-    for (name, mesh), colour, width in zip(meshes.items(), itertools.cycle(LINE_COLOURS), widths):
-        segments = plane_section(mesh, axis, position)[:, :, list(shown)].detach().cpu().numpy()
-        lines = LineCollection(segments, colors=colour, linewidths=width, label=name, capstyle="round")
-        ax.add_collection(lines, autolim=False)  # the limits are those of the volume
-
-
-def _label(ax: Axes, plane: str, axis: int, position: float, shown: tuple[int, int], letters: Sequence[str]) -> None:
-    ax.set_title(f"{plane}\n{'xyz'[axis]} = {position:.1f} mm".replace("-", "−"), fontsize="medium")
-    ax.set_xlabel(f"{'xyz'[shown[0]]} (mm)")
-    ax.set_ylabel(f"{'xyz'[shown[1]]} (mm)")
-    places = [(0.02, 0.5), (0.98, 0.5), (0.5, 0.02), (0.5, 0.98)]
-    sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
-    outlined = {"color": "white", "fontweight": "bold", "path_effects": [withStroke(linewidth=3, foreground="black")]}
-    for letter, place, (across, along) in zip(letters, places, sides):
-        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, **outlined)
 
 
 # One small picture of several slices with outlines and no labels, to look at many subjects at once.

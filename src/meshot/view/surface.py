@@ -38,18 +38,10 @@ _LETTERS = ("LR", "PA", "IS")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """A direction of view.
+    """A direction of view."""
 
-    Parameters
-    ----------
-    name : str
-        The requested name, such as "lateral".
-    axes : array
-        Orthonormal rows: right and up in the picture, and towards the camera.
-    """
-
-    name: str
-    axes: Float[Array, "3 3"]
+    name: str  # as requested, such as "lateral"
+    axes: Float[Array, "3 3"]  # orthonormal rows: right and up in the picture, and towards the camera
 
     def letters(self) -> tuple[str, str, str, str]:
         """The anatomical letters at the left, right, bottom and top edges of the picture, such as A, P, I, S."""
@@ -92,18 +84,13 @@ def named(
     for name, numbers in (values or {}).items():
         if name not in meshes:
             raise ValueError(f"values are named {name!r}, which is none of the meshes: {', '.join(meshes)}")
-        found[name] = _checked(numbers, name, len(meshes[name].vertices))
+        numbers = numbers.detach().cpu().numpy() if isinstance(numbers, torch.Tensor) else numbers
+        found[name], n = np.asarray(numbers, dtype=np.float64), len(meshes[name].vertices)
+        if found[name].shape != (n,):
+            raise ValueError(f"values {name!r} has shape {found[name].shape}; ({n},) is needed, one for each vertex")
+        if not np.isfinite(found[name]).any():
+            raise ValueError(f"values {name!r} has no finite entry; leave it out to draw the mesh plain")
     return dict(meshes), found
-
-
-def _checked(numbers: Values, name: str, n_vertices: int) -> np.ndarray:
-    numbers = numbers.detach().cpu().numpy() if isinstance(numbers, torch.Tensor) else numbers
-    array = np.asarray(numbers, dtype=np.float64)
-    if array.shape != (n_vertices,):
-        raise ValueError(f"values {name!r} has shape {array.shape}; ({n_vertices},) is needed, one for each vertex")
-    if not np.isfinite(array).any():
-        raise ValueError(f"values {name!r} has no finite entry; leave it out to draw the mesh plain")
-    return array
 
 
 def colour_limits(values: Mapping[str, np.ndarray], limits: tuple[float, float] | None) -> tuple[float, float]:
@@ -155,7 +142,15 @@ def surface_image(
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="none")
     try:
         plotter.add_light(pyvista.Light(light_type="headlight"))
-        plotter.add_mesh(_polygons(pyvista, mesh, values), **_material(values, limits, colour_map))
+        vertices = mesh.vertices.detach().cpu().numpy()
+        polygons = pyvista.PolyData.from_regular_faces(vertices, mesh.faces.cpu().numpy())
+        colouring = {"color": PLAIN}
+        if values is not None:
+            polygons["values"] = np.asarray(values, dtype=float)
+            colouring = {"scalars": "values", "clim": limits, "cmap": colour_map, "nan_color": PLAIN}
+            colouring |= {"show_scalar_bar": False, "interpolate_before_map": True}
+        shading = {"smooth_shading": True, "ambient": AMBIENT, "diffuse": DIFFUSE, "specular": 0.0}
+        plotter.add_mesh(polygons, **shading, **colouring)
         plotter.enable_anti_aliasing("ssaa")
         _, up, towards = view.axes
         distance = 10 * half_height
@@ -177,22 +172,6 @@ def _drawing_library() -> ModuleType:
         with needing("cortex"):
             import pyvista
     return pyvista
-
-
-def _polygons(pyvista: ModuleType, mesh: Mesh, values: Values | None) -> object:
-    vertices = mesh.vertices.detach().cpu().numpy()
-    polygons = pyvista.PolyData.from_regular_faces(vertices, mesh.faces.cpu().numpy())
-    if values is not None:
-        polygons["values"] = np.asarray(values, dtype=float)
-    return polygons
-
-
-def _material(values: Values | None, limits: tuple[float, float], colour_map: str) -> dict:
-    shading = {"smooth_shading": True, "ambient": AMBIENT, "diffuse": DIFFUSE, "specular": 0.0}
-    if values is None:
-        return shading | {"color": PLAIN}
-    colouring = {"scalars": "values", "clim": limits, "cmap": colour_map, "nan_color": PLAIN}
-    return shading | colouring | {"show_scalar_bar": False, "interpolate_before_map": True}
 
 
 def framing(meshes: Sequence[Mesh], views: Sequence[View], aspect: float) -> tuple[Float[Array, " 3"], float]:
@@ -266,11 +245,19 @@ def surface_figure(
     centre, half_height = framing(list(meshes.values()), every_view, panel_inches[0] / panel_inches[1])
     size = tuple(round(inches * resolution) for inches in panel_inches)
     n_rows = -(-len(meshes) // abreast)
-    figure, axes = _panels(n_rows, abreast * len(views), panel_inches, resolution, bar=bool(values))
+    n_columns = abreast * len(views)
+    titles, bar_inches = 0.3 * n_rows, 0.75 * bool(values)
+    inches = panel_inches[0] * n_columns, panel_inches[1] * n_rows + titles + bar_inches
+    options = {"squeeze": False, "facecolor": "white", "layout": "constrained"}
+    figure, axes = plt.subplots(n_rows, n_columns, figsize=inches, dpi=resolution, **options)
     for (name, mesh), line in zip(meshes.items(), axes.reshape(n_rows * abreast, len(views))):
         for view, ax in zip(sights[name], line):
             image = surface_image(mesh, view, values.get(name), limits, colour_map, size, centre, half_height)
-            _draw_panel(ax, image, half_height, view.letters() if sides.get(name) else ())
+            half_width = half_height * image.shape[1] / image.shape[0]
+            ax.imshow(image, extent=(-half_width, half_width, -half_height, half_height))
+            ax.set_axis_off()
+            letters = view.letters() if sides.get(name) else ()
+            draw_letters(ax, letters, 0.01, fontsize=_text_points(), color="0.3")
             words = [name, view.name if abreast == 1 or len(views) > 1 or not name else ""]
             ax.set_title(", ".join(filter(None, words)), fontsize=_text_points())
     for ax in axes.flat[len(meshes) * len(views) :]:
@@ -283,31 +270,16 @@ def surface_figure(
     return figure
 
 
-def _panels(n_rows: int, n_columns: int, inches: tuple[float, float], resolution: int, bar: bool) -> tuple:
-    titles, bar_inches = 0.3 * n_rows, 0.75 * bar
-    return plt.subplots(
-        n_rows,
-        n_columns,
-        figsize=(inches[0] * n_columns, inches[1] * n_rows + titles + bar_inches),
-        dpi=resolution,
-        squeeze=False,
-        facecolor="white",
-        layout="constrained",
-    )
-
-
 def _text_points() -> float:
     return max(LEAST_TEXT, plt.rcParams["font.size"])
 
 
-def _draw_panel(ax: Axes, image: np.ndarray, half_height: float, letters: Sequence[str]) -> None:
-    half_width = half_height * image.shape[1] / image.shape[0]
-    ax.imshow(image, extent=(-half_width, half_width, -half_height, half_height))
-    ax.set_axis_off()
-    places = [(0.01, 0.5), (0.99, 0.5), (0.5, 0.01), (0.5, 0.99)]
+def draw_letters(ax: Axes, letters: Sequence[str], inset: float, **text: object) -> None:
+    """Write the letters of the orientation at the left, right, bottom and top of a picture."""
+    places = [(inset, 0.5), (1 - inset, 0.5), (0.5, inset), (0.5, 1 - inset)]
     sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
     for letter, place, (across, along) in zip(letters, places, sides):
-        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, fontsize=_text_points(), color="0.3")
+        ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, **text)
 
 
 def _draw_scale(ax: Axes, half_height: float, unit: str) -> None:

@@ -30,6 +30,7 @@ from .volume import (
     dice as dice,
     masked_scan as masked_scan,
     mm_to_voxel as mm_to_voxel,
+    resample as resample,
     sample_volume as sample_volume,
     transform_points as transform_points,
     volume_pyramid as volume_pyramid,

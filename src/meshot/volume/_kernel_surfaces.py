@@ -1,16 +1,13 @@
 """Distances from triangles to nearby voxels, and their propagation to the other voxels, compiled by numba."""
 
 import heapq
-from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
-from meshot._kernels import INNER, kernel
+from meshot._kernels import inner, kernel
 
 
-@no_type_check
-@njit(**INNER)
+@inner()
 def nearest_on_triangle(p, a, b, c):
     """The point of a triangle nearest to ``p``."""
     ab, ac, ap = b - a, c - a, p - a
@@ -38,7 +35,6 @@ def nearest_on_triangle(p, a, b, c):
     return a + vb / total * ab + vc / total * ac
 
 
-@no_type_check
 @kernel("distances to a surface", 5)
 def nearest_in_band(corners, sizes, shape, band):
     """Squared distance to the mesh, and nearest point, for every voxel centre (index · size) within ``band``."""
@@ -66,7 +62,6 @@ def nearest_in_band(corners, sizes, shape, band):
     return squared, foot
 
 
-@no_type_check
 @kernel("distances to a surface", 5)
 def spread_nearest(squared, foot, sizes, n_rounds):
     """Propagate nearest points between the 26 neighbours to voxels outside the band, forward and backward, in place."""
@@ -115,8 +110,7 @@ _FACES = np.flatnonzero(_DISTANCE == 1)
 _ALL = np.flatnonzero(_DISTANCE > 0)
 
 
-@njit(**INNER)
-@no_type_check  # the test suite wraps other functions in type checks, which numba cannot compile
+@inner()
 def _components(values, wanted, seeds, adjacent):
     """The number of components with the wanted value that contain at least one of the seeds."""
     seen = np.zeros(27, dtype=np.bool_)
@@ -143,14 +137,12 @@ def _components(values, wanted, seeds, adjacent):
 
 
 @kernel("the correction of topology", 5)
-@no_type_check
 def is_simple(values):
     """Whether adding the centre keeps the topology: one 26-component of the object, one 6-component of background."""
     return _components(values, True, _ALL, _ADJACENT_26) == 1 and _components(values, False, _FACES, _ADJACENT_6) == 1
 
 
 @kernel("the correction of topology", 5)
-@no_type_check
 def stays_well_composed(values):
     """Whether no two voxels of object or background meet only in an edge or corner after the centre is added."""
     for i in (-1, 1):
@@ -172,7 +164,6 @@ def stays_well_composed(values):
 
 
 @kernel("the correction of topology", 5)
-@no_type_check
 def flood(mask, priority, seed):
     """Grow a region from a seed inside a mask, in order of priority, through voxels that keep the topology of a ball.
 

@@ -5,11 +5,11 @@ import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
-from scipy.ndimage import affine_transform, gaussian_filter
+from scipy.ndimage import gaussian_filter
 
 from meshot.extras import needing
 from meshot.types import Array, Float, Tensor
-from meshot.volume.volume import Volume, transform_points, voxel_sizes
+from meshot.volume.volume import Volume, resample, transform_points, voxel_sizes
 
 with needing("cortex"):
     import SimpleITK
@@ -280,10 +280,8 @@ def standard_scan(scan: Volume, template: Volume, seed: int = 0, quick: bool = F
 def place_on_grid(scan: Volume, to_standard: Float[Array, "4 4"], centre_mm: Float[Array, " 3"]) -> StandardScan:
     """A scan on the standard grid around a centre, by a known affine from scanner RAS to that space, in mm."""
     affine = _grid_affine(centre_mm)
-    to_voxel = np.linalg.inv(scan.affine) @ np.linalg.inv(to_standard) @ affine
-    data = scan.data.astype(np.float32)
-    on_grid = affine_transform(data, to_voxel[:3, :3], to_voxel[:3, 3], SHAPE, order=1, cval=float(data.min()))
-    return StandardScan(Volume(_scaled(on_grid), affine), np.asarray(to_standard, dtype=np.float64))
+    on_grid = resample(scan, SHAPE, affine, np.linalg.inv(to_standard), outside="lowest")
+    return StandardScan(on_grid.with_data(_scaled(on_grid.data)), np.asarray(to_standard, dtype=np.float64))
 
 
 def _grid_affine(centre_mm: Float[Array, " 3"]) -> Float[Array, "4 4"]:
@@ -370,8 +368,6 @@ def _agreement(moved: Float[Array, "x y z"], first: Float[Array, "x y z"], insid
 
 def _moved(scan: Volume, target: Volume) -> tuple[Float[Array, "x y z"], Array]:
     """A scan at the voxels of another, and where it covers them."""
-    to_voxel = np.linalg.inv(scan.affine) @ np.linalg.inv(register_rigid(scan, target)) @ target.affine
-    shape = target.data.shape
-    moved = affine_transform(scan.data.astype(np.float64), to_voxel[:3, :3], to_voxel[:3, 3], shape, order=3)
-    ones = np.ones(scan.data.shape, dtype=np.float32)
-    return moved, affine_transform(ones, to_voxel[:3, :3], to_voxel[:3, 3], shape, order=1) > 0.999
+    onto = target.data.shape, target.affine, np.linalg.inv(register_rigid(scan, target))
+    covered = resample(scan.with_data(np.ones(scan.data.shape)), *onto)
+    return resample(scan, *onto, order=3).data, covered.data > 0.999

@@ -14,11 +14,11 @@ import torch
 from meshot.anatomy import HEMISPHERES, Hemisphere
 from meshot.mesh import Mesh, taubin_smoothing
 from meshot.metrics import vertex_distances
-from meshot.pipeline import tissue_surface
 from meshot.rng import numpy_generator
 from meshot.systems import Example, Scan
 from meshot.types import Array, Bool, Float, Tensor
 from meshot.volume import Volume, enclosed_fractions, isosurface, voxel_to_mm
+from meshot_book.tissue import tissue_surface
 
 #: The features of a hemisphere, as they are named in tables.
 FEATURES = ("thin gyrus", "buried sulcus", "bridged sulcus")
@@ -122,8 +122,8 @@ class Miniature:
 def miniature(seed: int, n_faces: int = 1500) -> Miniature:
     """A miniature subject with a scan of 1.5 mm. The seed decides where the features are, and the noise.
 
-    The initial surfaces are those of :func:`meshot.pipeline.tissue_surface` for a segmentation without errors, except
-    that it contains the bridges, which are as bright as white matter.
+    The initial surfaces are those of ``meshot_book.tissue.tissue_surface`` for a segmentation without errors,
+    except that it contains the bridges, which are as bright as white matter.
 
     Parameters
     ----------

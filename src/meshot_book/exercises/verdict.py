@@ -10,7 +10,7 @@ import copy
 import dataclasses
 import io
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -22,73 +22,86 @@ UNWRITTEN = "nothing is written yet; replace `raise NotImplementedError`"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Case:
-    """Arguments to try, and in words what is special about them.
+class Exercise:
+    """What is right, where an answer is tried, and what many write first.
 
     Parameters
     ----------
-    name : str
-        Ends the sentence "wrong on …".
-    arguments : tuple
-        Handed over as copies.
+    truth : callable
+        The solution.
+    cases : dict of tuples
+        In words what is special about a case (it ends the sentence "wrong on …") -> arguments, handed over as copies.
+    mistakes : dict of callables, or of tuples of them
+        A hint that leads on without giving the answer away -> the function that gets it, or several ways to write it.
+    properties : callable, optional
+        ``properties(answer, *arguments)``: what is compared, where many answers are right.
     """
 
-    name: str
-    arguments: tuple
+    truth: Callable
+    cases: dict[str, tuple]
+    mistakes: dict[str, Callable | tuple[Callable, ...]]
+    properties: Callable | None = None
+
+    def complaint(self, function: object) -> str | None:
+        """What to tell the author of a function; None if it is right."""
+        if not callable(function):
+            came = type(function).__name__
+            return f"a function is needed, but a {came} came; hand over the function without calling it"
+        tried, trouble = [], None
+        for name, arguments in self.cases.items():
+            answer, trouble = _try(self._compared(function), arguments)
+            right = _as_tensor(self._compared(self.truth)(*arguments))
+            trouble = trouble or _wrong_form(answer, right)
+            if trouble is not None:
+                trouble = trouble if trouble == UNWRITTEN else f"{trouble} (on {name})"
+                break
+            tried.append((arguments, _as_tensor(answer), name, right))
+        wrong = [name for _, answer, name, right in tried if not _close(answer, right)]
+        if not wrong:
+            return trouble
+        for hint, functions in self.mistakes.items():
+            for mistake in functions if isinstance(functions, tuple) else (functions,):
+                if self._agrees(mistake, tried):
+                    return hint
+        n_cases = len(self.cases)
+        return (
+            trouble or f"wrong on {len(wrong)} of {n_cases} cases, the first is {wrong[0]}; compute that case by hand"
+        )
+
+    def _compared(self, function: Callable) -> Callable:
+        if self.properties is None:
+            return function
+
+        def compared(*arguments: object) -> object:
+            answer = function(*arguments)
+            return None if answer is None else self.properties(answer, *arguments)
+
+        return compared
+
+    def _agrees(self, mistake: Callable, tried: list[tuple]) -> bool:
+        """Whether a mistake gives all these answers; it may not be able to take a case at all."""
+        try:
+            return all(_close(answer, _as_tensor(self._compared(mistake)(*given))) for given, answer, *_ in tried)
+        except (RuntimeError, IndexError, ZeroDivisionError):
+            return False
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Mistake:
-    """A function that many write first, and what to tell them.
+def exercise(build: Callable[[], Exercise]) -> Callable[[object], None]:
+    """Turn what builds an exercise into its checker: a function with the same name that prints one line, ✓ or ✗."""
 
-    Parameters
-    ----------
-    function : callable
-        Takes the arguments of a case.
-    hint : str
-        A sentence that leads on without giving the answer away.
-    """
+    def check(function: object) -> None:
+        found = build()
+        complaint = found.complaint(function)
+        print(f"✓ {name}: right on all {len(found.cases)} cases" if complaint is None else f"✗ {name}: {complaint}")
 
-    function: Callable
-    hint: str
+    name = check.__name__ = check.__qualname__ = build.__name__
+    check.__doc__, check.__module__, check.exercise = build.__doc__, build.__module__, build
+    return check
 
 
-def check_answer(
-    function: object, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake], name: str
-) -> None:
-    """Print one line that begins with ✓ or ✗."""
-    complaint = _complaint(function, truth, cases, mistakes)
-    print(f"✓ {name}: right on all {len(cases)} cases" if complaint is None else f"✗ {name}: {complaint}")
-
-
-def _complaint(function: object, truth: Callable, cases: Sequence[Case], mistakes: Sequence[Mistake]) -> str | None:
-    if not callable(function):
-        return f"a function is needed, but a {type(function).__name__} came; hand over the function without calling it"
-    answers, trouble = [], None
-    for case in cases:
-        answer, trouble = _try(function, case)
-        if trouble is None:
-            trouble = _wrong_form(answer, truth(*case.arguments))
-        if trouble is not None:
-            trouble = trouble if trouble == UNWRITTEN else f"{trouble} (on {case.name})"
-            break
-        answers.append(_as_tensor(answer))
-    tried = list(zip(cases, answers))
-    wrong = [case for case, answer in tried if not _close(answer, truth, case)]
-    if not wrong:
-        return trouble
-    for mistake in mistakes:
-        if all(_close(answer, mistake.function, case) for case, answer in tried):
-            return mistake.hint
-    return (
-        trouble
-        or f"wrong on {len(wrong)} of {len(cases)} cases, the first is {wrong[0].name}; compute that case by hand"
-    )
-
-
-def _try(function: Callable, case: Case) -> tuple[object, str | None]:
+def _try(function: Callable, arguments: tuple) -> tuple[object, str | None]:
     """The answer, or why there is none."""
-    given = copy.deepcopy(case.arguments)
+    given = copy.deepcopy(arguments)
     silent = io.StringIO()
     try:
         with warnings.catch_warnings(), contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent):
@@ -99,7 +112,7 @@ def _try(function: Callable, case: Case) -> tuple[object, str | None]:
     except (Exception, SystemExit) as error:
         said = str(error).strip().splitlines()
         return None, f"it raised {type(error).__name__}{': ' + said[0][:100] if said else ''}"
-    if any(not _same(before, after) for before, after in zip(case.arguments, given)):
+    if any(not _same(before, after) for before, after in zip(arguments, given)):
         return None, "it changes its arguments; work on copies (no item assignment, no functions that end in _)"
     return answer, None
 
@@ -122,7 +135,7 @@ def _same(before: object, after: object) -> bool:
     return before == after
 
 
-def _wrong_form(answer: object, right: object) -> str | None:
+def _wrong_form(answer: object, right: Tensor) -> str | None:
     if answer is None:
         return "it returns None; end it with a return statement"
     try:
@@ -131,9 +144,8 @@ def _wrong_form(answer: object, right: object) -> str | None:
         tensor = _as_tensor(answer)
     except (TypeError, ValueError, RuntimeError, OverflowError):
         return f"it returns a {type(answer).__name__}, which cannot be read as numbers"
-    wanted = _as_tensor(right)
-    if tensor.shape != wanted.shape:
-        return f"it returns shape {tuple(tensor.shape)}, but {tuple(wanted.shape)} is needed"
+    if tensor.shape != right.shape:
+        return f"it returns shape {tuple(tensor.shape)}, but {tuple(right.shape)} is needed"
     if not bool(torch.isfinite(tensor).all()):
         return "it returns numbers that are infinite or not a number; look for a division by zero"
     return None
@@ -153,12 +165,5 @@ def _as_tensor(values: object) -> Tensor:
     return torch.as_tensor(values).detach().double()
 
 
-def _close(answer: Tensor, function: Callable, case: Case) -> bool:
-    """Whether the answer is that of a function of ours, which may not be able to take the case at all."""
-    try:
-        wanted = _as_tensor(function(*case.arguments))
-    except (RuntimeError, IndexError, ZeroDivisionError):
-        return False
-    if wanted.shape != answer.shape:
-        return False
-    return bool(torch.allclose(answer, wanted, rtol=TOLERANCE, atol=TOLERANCE))
+def _close(answer: Tensor, wanted: Tensor) -> bool:
+    return wanted.shape == answer.shape and torch.allclose(answer, wanted, rtol=TOLERANCE, atol=TOLERANCE)

@@ -1,13 +1,11 @@
 """Files of experiments that chapters read: from the checkout, or fetched from the repository and checked."""
 
-import hashlib
 import http.client
 import os
 import urllib.request
 from pathlib import Path
 
 from meshot import __version__
-from meshot.files import whole_file
 from meshot.provenance import file_digest
 
 #: The environment variable with the address of the repository, such as ``https://github.com/OWNER/NAME``.
@@ -62,11 +60,7 @@ def experiment_folder(name: str) -> Path:
     for parent in (Path.cwd(), *Path.cwd().parents, _PACKAGE):
         if (parent / "src" / "meshot_book").is_dir() and (parent / "experiments" / name).is_dir():
             return parent / "experiments" / name
-    cache = _cache_folder()
-    for file, digest in digests.items():
-        if file.startswith(f"{name}/"):
-            _provide(cache / file, file, digest)
-    return cache / name
+    return _cached(name, digests)
 
 
 def checksum_lines(folder: Path) -> str:
@@ -81,43 +75,42 @@ def _checksums() -> dict[str, str]:
     return {file: digest for digest, file in (line.split("  ", 1) for line in lines)}
 
 
-def _cache_folder() -> Path:
-    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(cache) / "meshot" / f"experiments-{__version__}"
+def _cached(name: str, digests: dict[str, str]) -> Path:
+    """The folder of an experiment in the user's cache. What is not there, whole and of this version, is fetched.
 
+    The repository is asked for the version of the package, and then for its branch ``main``.
+    """
+    import pooch  # it takes half a second, and is not needed in a checkout
 
-def _provide(path: Path, file: str, digest: str) -> None:
-    """Fetch a file into the cache unless it is there, whole and of this version."""
-    if path.is_file() and file_digest(path) == digest:
-        return
-    content = _fetched(file, digest)
-    with whole_file(path) as temporary:
-        temporary.write_bytes(content)
-
-
-def _fetched(file: str, digest: str) -> bytes:
-    """The content of a file in the repository at the version of the package, or on the branch ``main``."""
+    pooch.get_logger().setLevel("WARNING")
     repository = os.environ.get(REPOSITORY, "").rstrip("/")
-    if not repository:
-        raise ValueError(
-            f"experiments/{file} is not on this machine, and no repository is named to fetch it from. Set the "
-            f"environment variable {REPOSITORY} to the address of the repository, such as "
-            f"https://github.com/OWNER/NAME, before this cell (%env {REPOSITORY}=...), or clone the "
-            "repository and open the chapter in its folder notebooks"
-        )
-    troubles = []
-    for version in (f"v{__version__}", "main"):
-        address = f"{repository}/raw/{version}/experiments/{file}"
-        try:
-            with urllib.request.urlopen(address, timeout=_SECONDS) as answer:
-                content = answer.read()
-        except (OSError, ValueError, http.client.HTTPException) as error:
-            troubles.append(f"{address}: {error}")
-            continue
-        if hashlib.sha256(content).hexdigest() == digest:
-            return content
-        troubles.append(f"{address}: the content is not that of version {__version__} (another SHA-256)")
-    raise ValueError(
-        f"experiments/{file} could not be fetched ({'; '.join(troubles)}). Check the address in {REPOSITORY} and the "
-        "connection, or clone the repository and open the chapter in its folder notebooks"
-    )
+    cache = pooch.os_cache("meshot") / f"experiments-{__version__}"
+    addresses = [f"{repository}/raw/{version}/experiments/" for version in (f"v{__version__}", "main")]
+    sources = [pooch.create(cache, address, registry=digests) for address in addresses]
+    for file in (file for file in digests if file.startswith(f"{name}/")):
+        troubles = []
+        for source in sources:
+            try:
+                source.fetch(file, downloader=_download)
+                break
+            except (OSError, ValueError, http.client.HTTPException) as error:
+                troubles.append(f"{source.get_url(file)}: {error}")
+        else:
+            if not repository:
+                raise ValueError(
+                    f"experiments/{file} is not on this machine, and no repository is named to fetch it from. Set the "
+                    f"environment variable {REPOSITORY} to the address of the repository, such as "
+                    f"https://github.com/OWNER/NAME, before this cell (%env {REPOSITORY}=...), or clone the "
+                    "repository and open the chapter in its folder notebooks"
+                )
+            raise ValueError(
+                f"experiments/{file} could not be fetched ({'; '.join(troubles)}). Check the address in {REPOSITORY} "
+                "and the connection, or clone the repository and open the chapter in its folder notebooks"
+            )
+    return cache / name
+
+
+def _download(address: str, place: str, _: object) -> None:
+    """Unlike pooch's own downloaders, this one also reads addresses of files."""
+    with urllib.request.urlopen(address, timeout=_SECONDS) as answer:
+        Path(place).write_bytes(answer.read())

@@ -1,7 +1,6 @@
 """Trainings one after another in this process, or side by side in several, each alone in its folder."""
 
 import contextlib
-import fcntl
 import os
 import subprocess
 import sys
@@ -10,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import torch
+from filelock import FileLock, Timeout
 from tqdm import tqdm
 
 from meshot_book.trainings.logs import steps_done
@@ -43,11 +43,11 @@ def alone(folder: Path, wait: bool = False) -> Iterator[None]:
         If another process has locked it, and ``wait`` is false.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "lock").open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise Busy(f"{folder.name} is being trained by another process") from error
+    try:
+        lock = FileLock(folder / "lock").acquire(timeout=-1 if wait else 0)
+    except Timeout as error:
+        raise Busy(f"{folder.name} is being trained by another process") from error
+    with lock:
         yield
 
 

@@ -6,14 +6,20 @@ import warnings
 import pytest
 import torch
 
-from meshot_book.exercises.verdict import Case, Mistake, check_answer
+from meshot_book.exercises.verdict import Exercise, exercise
 
-CASES = [Case("two", (torch.tensor([1.0, 2.0]),)), Case("three", (torch.tensor([3.0, -1.0, 0.5]),))]
-MISTAKES = [Mistake(lambda x: -2 * x, "mind the sign"), Mistake(lambda x: x[:2], "too short a look")]
+CASES = {"two": (torch.tensor([1.0, 2.0]),), "three": (torch.tensor([3.0, -1.0, 0.5]),)}
+MISTAKES = {"mind the sign": lambda x: -2 * x, "too short a look": (lambda x: x[:1], lambda x: x[:2])}
+
+
+@exercise
+def double():
+    """Twice a vector."""
+    return Exercise(lambda x: 2 * x, CASES, MISTAKES)
 
 
 def said(capsys, function):
-    check_answer(function, lambda x: 2 * x, CASES, MISTAKES, "double")
+    double(function)
     out, err = capsys.readouterr()
     assert err == ""
     assert out.count("\n") == 1
@@ -78,6 +84,19 @@ def test_the_right_answer_on_some_cases_is_no_mistake(capsys):
 
 
 def test_arguments_survive(capsys):
-    before = [case.arguments[0].clone() for case in CASES]
+    before = [given[0].clone() for given in CASES.values()]
     said(capsys, lambda x: x.zero_())
-    assert all(torch.equal(case.arguments[0], kept) for case, kept in zip(CASES, before))
+    assert all(torch.equal(given[0], kept) for given, kept in zip(CASES.values(), before))
+
+
+def test_a_checker_has_the_name_and_the_words_of_its_exercise():
+    assert (double.__name__, double.__doc__) == ("double", "Twice a vector.")
+
+
+def test_of_many_right_answers_properties_are_compared(capsys):
+    found = Exercise(
+        lambda n: [1, n - 1], {"seven": (7,)}, {"a third": lambda n: [1, 1, 5]}, lambda x, n: [sum(x), len(x)]
+    )
+    assert found.complaint(lambda n: [3, 4]) is None
+    assert found.complaint(lambda n: [2, 2, 3]) == "a third"
+    assert "returns None" in found.complaint(lambda n: None)

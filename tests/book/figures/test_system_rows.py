@@ -34,7 +34,7 @@ def networks(name, settings):
 def test_the_weights_add_up(name, config, changes):
     settings = read_settings(get_system(name), config, changes)
     steps = [step for row in system_steps(name, settings) for step in row]
-    wanted = 1 if name == "classical" else count_weights(*networks(name, settings))
+    wanted = 1 if name == "classical" else count_weights(*networks(name, settings.as_dict()))
     assert sum(step.n_weights for step in steps) == wanted
     assert any("surface" in line for step in steps for line in step.lines)
 
@@ -46,4 +46,4 @@ def test_steps_follow_the_settings():
 
 def test_an_unknown_system_is_refused():
     with pytest.raises(ValueError, match="there is no drawing of 'freesurfer'; name one of classical"):
-        system_steps("freesurfer", {})
+        system_steps("freesurfer", read_settings(get_system("ddot"), "tiny"))

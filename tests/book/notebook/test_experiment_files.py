@@ -81,9 +81,11 @@ def test_the_tag_of_the_version_comes_first(repository, root):
 def test_another_content_is_refused(repository):
     changed = repository / "raw/main/experiments" / FILE
     changed.write_text("{}")
-    with pytest.raises(ValueError, match=r"blur/results.json could not be fetched .*another SHA-256.*clone the repos"):
+    with pytest.raises(
+        ValueError, match=r"blur/results.json could not be fetched .*match the known hash.*clone the repos"
+    ):
         experiment_folder(NAME)
-    assert not (repository.parent / "cache").exists()
+    assert [path for path in (repository.parent / "cache").rglob("*") if path.is_file()] == []
 
 
 @pytest.mark.parametrize("address", ["file:///nowhere", "no address", "http://127.0.0.1:9"])

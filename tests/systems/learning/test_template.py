@@ -36,8 +36,8 @@ def test_smoothing_smooths_and_sides_differ():
     ("settings", "words"),
     [
         ({"shape": "cube"}, "shape is 'cube'; one of fsaverage5, sphere is needed"),
-        ({"smoothing": -1}, "smoothing is -1; an integer from 0 to 2000"),
-        ({"splits": 4}, "splits is 4; an integer from 0 to 3"),
+        ({"smoothing": -1}, "smoothing is -1; an integer in .0, 2000"),
+        ({"splits": 4}, "splits is 4; an integer in .0, 3"),
         ({"surfaces": ["pial"]}, r"surfaces is \['pial'\]; \[white\] or \[white, pial\] is needed"),
         ({"surfaces": "white"}, r"surfaces is 'white'; \[white\] or \[white, pial\] is needed"),
     ],

@@ -9,11 +9,9 @@ import torch
 from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import Surface
 from meshot.systems import ExampleSets
-from meshot.systems.corticalflow import ChainSettings, FlowSettings
-from meshot.systems.flows import DeformationSettings
+from meshot.systems.classical import EdgeGroups
 from meshot.systems.learning import (
     LearningSettings,
-    completed_groups,
     example_data,
     mean_distances,
     scaled_image,
@@ -24,17 +22,6 @@ from meshot.volume.volume import Volume
 from phantoms import phantom_subjects
 
 KEYS = [("left", "white")]
-
-
-def test_settings_in_epochs_become_steps():
-    plan = LearningSettings(n_epochs=3, validate_every=2).plan(5)
-    assert (plan.n_steps, plan.validate_every) == (15, 10)
-    groups = completed_groups("it", {"training": {"seed": 4}}, {"training": LearningSettings})
-    assert groups["training"] == dataclasses.asdict(LearningSettings(seed=4))
-    with pytest.raises(ValueError, match=r"the configuration of it sets training\.speed, which nothing reads"):
-        completed_groups("it", {"training": {"speed": 4}}, {"training": LearningSettings})
-    with pytest.raises(ValueError, match="the configuration of it is invalid: n_points is 0"):
-        completed_groups("it", {"training": {"n_points": 0}}, {"training": LearningSettings})
 
 
 def test_gain_and_offset_of_an_image_do_not_matter():
@@ -74,7 +61,7 @@ def test_a_step_without_a_loss_names_its_subject():
     with pytest.raises(
         FloatingPointError, match=r"the prediction of step 0 \(phantom-0\) has no loss: the mesh has no"
     ):
-        train_part(torch.nn.Linear(1, 1), LearningSettings(), sets, no_area, dict, {})
+        train_part(torch.nn.Linear(1, 1), EdgeGroups.read({}), sets, KEYS, no_area, dict)
 
 
 def test_a_validation_without_a_distance_names_its_step():
@@ -98,33 +85,3 @@ def test_a_step_uses_the_subject_the_share_done_and_the_random_numbers_of_its_in
     numbers = [np.random.default_rng([5, 1, step]).integers(1000) for step in range(6)]
     shares = [0, 1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6]
     assert seen == list(zip(np.concatenate(orders).tolist(), shares, numbers, strict=True))
-
-
-@pytest.mark.parametrize(
-    ("kind", "order"),
-    [
-        (
-            ChainSettings,
-            "n_epochs learning_rate schedule validate_every patience n_points save_every averaging seed side n_faces "
-            "n_samples edge_weight n_flow_steps method",
-        ),
-        (
-            DeformationSettings,
-            "side n_epochs learning_rate schedule n_faces n_flow_steps method validate_every patience n_points "
-            "save_every averaging seed",
-        ),
-    ],
-)
-def test_a_record_lists_the_settings_in_the_same_order_as_ever(kind, order):
-    found = completed_groups("it", {"training": {"side": "left"}}, {"training": kind})["training"]
-    assert list(found) == order.split()
-    assert found == dataclasses.asdict(kind(side="left"))
-    assert (kind(side="left").sides, kind().sides) == (("left",), ("left", "right"))
-
-
-def test_a_network_that_is_too_large_is_refused_with_the_name_of_the_system():
-    kinds = {"network": FlowSettings}
-    small, large = (lambda groups, n=n: torch.nn.Linear(groups["network"]["width"], n) for n in (1, 10**6))
-    assert completed_groups("it", {}, kinds, small) == {"network": dataclasses.asdict(FlowSettings())}
-    with pytest.raises(ValueError, match=r"the configuration of it is invalid: the weights take 36\.0 MB"):
-        completed_groups("it", {}, kinds, large)

@@ -31,7 +31,7 @@ class System(Toy):
     name, surfaces, needs, networks = "chain", (KEY,), (KEY,), {"first": Affine, "second": Affine}
 
     @classmethod
-    def train_parts(cls, examples, settings, folder, progress, device):
+    def train_parts(cls, examples, settings, run):
         def far(chain, items):
             found = 0
             for item in items:
@@ -45,7 +45,7 @@ class System(Toy):
         for name in cls.networks:
             chain.append(Affine())
             losses = (lambda: far(chain, examples.training)), (lambda: far(chain, examples.validation))
-            parts[name] = cls.trained(name, chain[-1], *losses, settings, folder, progress)
+            parts[name] = cls.trained(name, chain[-1], *losses, settings, run)
             chain[-1].requires_grad_(False)
         return parts
 

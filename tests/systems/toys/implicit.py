@@ -36,7 +36,7 @@ class System(Toy):
     name, surfaces, networks = "implicit", (KEY,), {"threshold": Threshold}
 
     @classmethod
-    def train_parts(cls, examples, settings, folder, progress, device):
+    def train_parts(cls, examples, settings, run):
         def wrong(network, items):
             found = [torch.sigmoid(20 * (torch.from_numpy(left(item.scan).data) - network.value)) for item in items]
             truths = [torch.from_numpy(enclosed_fractions(item.targets[KEY], item.scan.image)) for item in items]
@@ -44,7 +44,7 @@ class System(Toy):
 
         network = Threshold()
         losses = (lambda: wrong(network, examples.training)), (lambda: wrong(network, examples.validation))
-        return {"threshold": cls.trained("threshold", network, *losses, settings, folder, progress)}
+        return {"threshold": cls.trained("threshold", network, *losses, settings, run)}
 
     def find_surfaces(self, scan):
         return {KEY: isosurface(left(scan), float(self.parts["threshold"].network.value.detach()))}

@@ -32,14 +32,14 @@ class System(Toy):
     name, surfaces, networks = "template", SIDES, {"placement": Placement}
 
     @classmethod
-    def train_parts(cls, examples, settings, folder, progress, device):
+    def train_parts(cls, examples, settings, run):
         def far(network, items):
             pairs = [(network.placed(k), item.targets[key]) for item in items for k, key in enumerate(SIDES)]
             return sum(chamfer(varifold(mesh), varifold(goal.to(torch.float32))) for mesh, goal in pairs)
 
         network = Placement()
         losses = (lambda: far(network, examples.training)), (lambda: far(network, examples.validation))
-        return {"placement": cls.trained("placement", network, *losses, settings, folder, progress)}
+        return {"placement": cls.trained("placement", network, *losses, settings, run)}
 
     @torch.no_grad()
     def find_surfaces(self, scan):

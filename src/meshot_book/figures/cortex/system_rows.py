@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 from torch import nn
 
-from meshot.model import DeformationNetwork
-from meshot.settings import Groups
+from meshot.settings import Settings
 from meshot.systems import get_system
 from meshot_book.figures.cortex.systems import SystemStep
 
@@ -17,15 +16,15 @@ def count_weights(*modules: nn.Module) -> int:
     return sum(parameter.numel() for module in modules for parameter in module.parameters())
 
 
-def system_steps(name: str, settings: Groups) -> _Rows:
+def system_steps(name: str, settings: Settings) -> _Rows:
     """The steps of a system with some settings, from the scan to a surface.
 
     Parameters
     ----------
     name : str
         One of "classical", "deepcsr", "vox2cortex", "corticalflow", "cortexode" and "ddot".
-    settings : dict
-        Complete, see :func:`meshot.systems.read_settings`.
+    settings : Settings
+        See :func:`meshot.systems.read_settings`.
 
     Raises
     ------
@@ -34,7 +33,7 @@ def system_steps(name: str, settings: Groups) -> _Rows:
     """
     if name not in _DRAWN:
         raise ValueError(f"there is no drawing of {name!r}; name one of {', '.join(_DRAWN)}")
-    return _DRAWN[name](get_system(name).complete(settings))
+    return _DRAWN[name](settings)
 
 
 def _data(*lines: str) -> SystemStep:
@@ -49,28 +48,23 @@ def _learned(n_weights: int, *lines: str) -> SystemStep:
     return SystemStep("learned", lines, n_weights)
 
 
-def _classical(settings: Groups) -> _Rows:
-    surface = settings["surface"]
+def _classical(settings: Settings) -> _Rows:
+    surface = settings.surface
     return [
         [_data("scan"), _data("mean white matter of", "the training subjects")],
         [_fixed("bias correction: the scan relative to", "the brightness of deep white matter")],
         [_learned(1, "threshold")],
         [_fixed("largest component, filled cavities,", "genus 0, marching cubes")],
-        [
-            _fixed(
-                f"{surface['rounds']} moves to the steepest edge, up to", f"{surface['reach']} mm away, and smoothing"
-            )
-        ],
+        [_fixed(f"{surface.rounds} moves to the steepest edge, up to", f"{surface.reach} mm away, and smoothing")],
         [_data("surface")],
     ]
 
 
-def _deepcsr(settings: Groups) -> _Rows:
-    kind = get_system("deepcsr")
-    network = kind.networks["distances"](len(kind.surfaces_of(settings)), **settings["network"])
+def _deepcsr(settings: Settings) -> _Rows:
+    network = get_system("deepcsr").new_networks(settings)["distances"]
     encoder = count_weights(network.encoder, network.of_whole)
     n_maps = len(network.encoder.widths)
-    n_blocks = settings["network"]["n_blocks"]
+    n_blocks = settings.network.n_blocks
     return [
         [_data("scan"), _data("a position x, in mm")],
         [_learned(encoder, f"encoder: maps of {n_maps} resolutions,", "and one vector for the whole scan")],
@@ -87,8 +81,8 @@ def _deepcsr(settings: Groups) -> _Rows:
     ]
 
 
-def _vox2cortex(settings: Groups) -> _Rows:
-    network = get_system("vox2cortex").networks["meshes"](**settings["network"], template=settings["template"])
+def _vox2cortex(settings: Settings) -> _Rows:
+    network = get_system("vox2cortex").new_networks(settings)["meshes"]
     image = count_weights(network.unet, network.to_classes)
     return [
         [_data("scan"), _data("templates, left and right" if len(network.kinds) == 1 else "white and pial templates")],
@@ -100,12 +94,11 @@ def _vox2cortex(settings: Groups) -> _Rows:
     ]
 
 
-def _corticalflow(settings: Groups) -> _Rows:
-    system = get_system("corticalflow")
-    form = settings["network"] | {"template": settings["template"]}
-    steps = f"flow: {settings['training']['method'].upper()}, {settings['training']['n_flow_steps']} steps"
+def _corticalflow(settings: Settings) -> _Rows:
+    training = settings.training
+    steps = f"flow: {training.method.upper()}, {training.n_flow_steps} steps"
     rows = [[_data("scan"), _data("template")]]
-    for part in system.parts_of(settings):
+    for part, network in get_system("corticalflow").new_networks(settings).items():
         side, kind, number = part.split("_")
         if side == "right":
             continue
@@ -113,39 +106,37 @@ def _corticalflow(settings: Groups) -> _Rows:
         if kind == "pial" and not k:
             rows.append([_data("white surface")])
         reads = "reads the scan" if not k else f"reads the scan and {k} velocity grid{'s' * (k > 1)}"
-        n_weights = count_weights(system.networks[part]("left", k, **form))
-        rows.append([_learned(n_weights, f"U-Net {k + 1}: a velocity grid;", reads)])
+        rows.append([_learned(count_weights(network), f"U-Net {k + 1}: a velocity grid;", reads)])
         rows.append([_fixed(f"the vertices follow this grid ({steps})")])
     loss = _fixed("in training only, block by block: Chamfer", "between drawn points, and edge length")
     return [*rows, [_data("surface")], [loss]]
 
 
-def _deformation(settings: Groups, loss: tuple[str, str]) -> _Rows:
-    network = DeformationNetwork(**settings["network"])
-    form = settings["network"]
-    training = settings["training"]
+def _deformation(settings: Settings, loss: tuple[str, str]) -> _Rows:
+    network, training = settings.new_network(), settings.training
+    form = network.config()
     cubes = f"cubes of {form['size']}³ voxels at {form['n_scales']} scales"
     return [
         [_data("scan"), _data("initial surface,", "from the segmentation")],
         [_learned(count_weights(network), "velocity at x, from x and", cubes)],
-        [_fixed(f"flow: {training['method'].capitalize()}, {training['n_flow_steps']} steps")],
+        [_fixed(f"flow: {training.method.capitalize()}, {training.n_flow_steps} steps")],
         [_data("surface")],
         [_fixed(*loss)],
     ]
 
 
-def _cortexode(settings: Groups) -> _Rows:
+def _cortexode(settings: Settings) -> _Rows:
     return _deformation(settings, ("in training only: Chamfer between points", "drawn from both surfaces"))
 
 
-def _ddot(settings: Groups) -> _Rows:
-    n = settings["loss"]["n_directions"]
+def _ddot(settings: Settings) -> _Rows:
+    n = settings.loss.loss.n_directions
     return _deformation(
         settings, (f"in training only: sliced Wasserstein, {n} directions,", "between centres and normals of all faces")
     )
 
 
-_DRAWN: dict[str, Callable[[Groups], _Rows]] = {
+_DRAWN: dict[str, Callable[[Settings], _Rows]] = {
     "classical": _classical,
     "deepcsr": _deepcsr,
     "vox2cortex": _vox2cortex,

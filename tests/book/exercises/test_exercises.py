@@ -1,0 +1,197 @@
+"""Every exercise: the solution passes, each usual mistake gets its own hint, and nothing wrong is accepted."""
+
+import copy
+import re
+import sys
+
+import numpy as np
+import pytest
+import torch
+
+from meshot_book.exercises.check import EXERCISES
+
+MISTAKES = [
+    pytest.param(name, hint, mistake, id=f"{name}-{number}")
+    for name, checker in EXERCISES.items()
+    for number, (hint, functions) in enumerate(checker.exercise().mistakes.items())
+    for mistake in (functions if isinstance(functions, tuple) else (functions,))
+]
+
+
+class Unreadable(Exception):
+    """An exception without words."""
+
+
+def raise_error(*_):
+    raise Unreadable
+
+
+def interrupt(*_):
+    sys.exit()
+
+
+def stub(*_):
+    raise NotImplementedError
+
+
+#: Answers that are right nowhere, whatever is asked.
+NEVER_RIGHT = {
+    "a stub": stub,
+    "no function": 3,
+    "None": lambda *_: None,
+    "an exception": raise_error,
+    "an exit": interrupt,
+    "a division by zero": lambda *_: 1 / 0,
+    "text": lambda *_: "0.5",
+    "a dictionary": lambda *_: {"answer": 1.0},
+    "a generator": lambda *_: (x for x in (1.0, 2.0)),
+    "an object": lambda *_: object(),
+    "a function": lambda *_: len,
+    "a ragged list": lambda *_: [[1.0], [2.0, 3.0]],
+    "an integer beyond all sizes": lambda *_: 10**400,
+    "an array of objects": lambda *_: np.array([None, 1.0], dtype=object),
+    "not a number": lambda *_: float("nan"),
+    "infinity": lambda *_: float("inf"),
+    "a complex number": lambda *_: 1j,
+    "a constant": lambda *_: 0.123456,
+    "zero": lambda *_: 0.0,
+    "minus zero": lambda *_: -0.0,
+    "True": lambda *_: True,
+    "an empty tensor": lambda *_: torch.zeros(0),
+    "the first argument": lambda *given: given[0],
+    "no arguments taken": lambda: 1.0,
+}
+
+
+def spoil(change):
+    """The right answer, with every tensor in it changed."""
+
+    def spoiled(right):
+        def function(*given):
+            answer = right(*given)
+            pair = isinstance(answer, tuple) and any(isinstance(part, torch.Tensor) and part.ndim for part in answer)
+            return tuple(change(as_tensor(x)) for x in answer) if pair else change(as_tensor(answer))
+
+        return function
+
+    return spoiled
+
+
+def as_tensor(values):
+    return torch.as_tensor(values).double()
+
+
+def last_not_a_number(values):
+    values = values.clone()
+    values.view(-1)[-1:] = torch.nan
+    return values
+
+
+#: From the right function to a wrong one.
+SPOILED = {
+    "the right numbers as complex numbers": spoil(lambda values: values + 0j),
+    "a small imaginary part": spoil(lambda values: values + 1e-9j),
+    "one number that is none": spoil(last_not_a_number),
+    "one axis too many": spoil(lambda values: values[None, ..., None]),
+    "twice the right answer, end to end": spoil(lambda values: torch.cat([values.reshape(-1)] * 2)),
+    "the right numbers as text": spoil(lambda values: str(values.tolist())),
+}
+
+
+@pytest.fixture
+def said(capsys):
+    """What a checker says."""
+
+    def ask(name, function):
+        EXERCISES[name](function)
+        out, err = capsys.readouterr()
+        assert err == ""
+        return out
+
+    return ask
+
+
+exercises = pytest.mark.parametrize("name", EXERCISES)
+
+
+def test_the_chapters_ask_all_exercises_and_no_others(root):
+    sources = "".join(path.read_text(encoding="utf-8") for path in (root / "notebooks").glob("[0-9]*.md"))
+    assert set(re.findall(r"^check\.(\w+)\(", sources, re.M)) == set(EXERCISES)
+
+
+@exercises
+def test_the_solution_passes(said, name):
+    found = EXERCISES[name].exercise()
+    assert said(name, found.truth) == f"✓ {name}: right on all {len(found.cases)} cases\n"
+
+
+@pytest.mark.parametrize(("name", "hint", "mistake"), MISTAKES)
+def test_each_mistake_gets_its_own_hint_again_and_again(said, name, hint, mistake):
+    assert said(name, mistake) == said(name, mistake) == f"✗ {name}: {hint}\n"
+
+
+@exercises
+def test_what_is_right_nowhere_is_refused(name):
+    found = EXERCISES[name].exercise()
+    answers = [as_tensor(found.truth(*given)) for given in found.cases.values()] if not found.properties else []
+    wrong = NEVER_RIGHT | {kind: spoiled(found.truth) for kind, spoiled in SPOILED.items()}
+    if found.properties or any(bool((values != values.trunc()).any()) for values in answers):
+        wrong["the right answer cut to whole numbers"] = spoil(lambda values: values.long())(found.truth)
+    assert [kind for kind, function in wrong.items() if found.complaint(function) is None] == []
+
+
+def spoil_argument(value):
+    """Change a value in place; whether it could be changed."""
+    if isinstance(value, torch.Tensor) and value.numel():
+        value.view(-1)[0] = value.view(-1)[0].logical_not() if value.dtype == torch.bool else value.view(-1)[0] + 1
+    elif isinstance(value, np.ndarray) and value.size:
+        value.reshape(-1)[0] += 1
+    elif isinstance(value, list):
+        value.append(value[0] if value else 0.0)
+    elif isinstance(value, dict):
+        value["more"] = 1.0
+    else:
+        return False
+    return True
+
+
+@exercises
+def test_the_right_answer_with_changed_arguments_is_refused(name):
+    found = EXERCISES[name].exercise()
+    first = next(iter(found.cases.values()))
+    for position in (k for k, value in enumerate(first) if spoil_argument(copy.deepcopy(value))):
+
+        def meddling(*given, position=position):
+            answer = copy.deepcopy(found.truth(*given))
+            spoil_argument(given[position])
+            return answer
+
+        assert "changes its arguments" in found.complaint(meddling)
+
+
+def test_a_zero_whose_sign_is_turned_counts_as_changed(said):
+    def meddling(points, target, direction):
+        direction[direction == 0] = -0.0
+
+    assert "changes its arguments" in said("line_arrows", meddling)
+
+
+def divided_tent(corners, x):
+    """The tent without a thought for a side that is upright."""
+    low, middle, high = corners.sort().values
+    heights = torch.minimum((x - low) / (middle - low), (high - x) / (high - middle)) * 2 / (high - low)
+    return torch.where((x >= low) & (x <= high), heights, torch.zeros_like(heights))
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "words"),
+    [
+        ("without_floor", lambda value, floor: (value**2 - floor**2) ** 0.5, "complex numbers"),
+        ("tent_density", divided_tent, "division by zero"),
+        ("ghost_pair", lambda u: torch.zeros(3, 2), "return first, second"),
+        ("ghost_pair", lambda u: (torch.zeros(2), torch.zeros(2)), "points are needed"),
+        ("trap", lambda y: y[:2], "as many points as targets"),
+    ],
+)
+def test_a_near_miss_is_refused_with_its_reason(said, name, wrong, words):
+    assert re.match(f"✗ {name}: .*{words}", said(name, wrong))
