@@ -15,6 +15,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 DIGITS = 16
+#: What a module does when it is run as a script.
+MAIN = "__main__"
 _DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 _IMPORTS = (ast.Import, ast.ImportFrom)
 #: Fields of syntax trees that change no number, or whether a name is read or written, which its place says.
@@ -158,7 +160,10 @@ def _module(lines: list[ast.stmt], name: str, package: bool) -> Module:
     for line in lines:
         if isinstance(line, _IMPORTS) or (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant)):
             continue
-        if isinstance(line, ast.If) and any(name in ast.unparse(line.test) for name in ("__name__", "TYPE_CHECKING")):
+        if isinstance(line, ast.If) and "TYPE_CHECKING" in ast.unparse(line.test):
+            continue
+        if isinstance(line, ast.If) and "__name__" in ast.unparse(line.test):
+            definitions[MAIN] = [line]
             continue
         inner = [line] if isinstance(line, _DEFINITIONS) else list(ast.walk(line))
         bound = {part.name for part in inner if isinstance(part, _DEFINITIONS)}

@@ -26,7 +26,7 @@ PACKAGE = {
     ),
     "affine_run.py": "import numpy as np\nfrom pack import register as registered\n\nprint(registered(np.ones(1)))\n",
     "door_run.py": "import pack\n\n\ndef main():\n    return pack.Ball().grow()\n",
-    "plain_run.py": "from pack import ball\n\n\ndef main():\n    return ball()\n",
+    "plain_run.py": "from pack import ball\n\nif __name__ == '__main__':\n    print(ball())\n",
 }
 RUNS = ("affine_run", "door_run", "plain_run")
 
