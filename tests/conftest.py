@@ -28,7 +28,6 @@ LONG_FILES = (
     "systems/test_deformation_training.py",
     "systems/test_whole_scan_systems.py",
     "pipeline/test_reconstruction.py",
-    "experiments/test_runs.py",
     "pipeline/test_report.py",
     "fuzz/test_fuzz.py",
     "book/test_tissue.py",
