@@ -49,7 +49,7 @@ def test_every_argument_is_named_once(root):
         str(path.relative_to(root)): list(wrong(path.read_text(encoding="utf-8")))
         for path in (root / "src").rglob("*.py")
     }
-    assert len(found) > 200
+    assert len(found) > 100
     assert {path: lines for path, lines in found.items() if lines} == {}
 
 
