@@ -1,2 +1,1 @@
-from . import check as check
 from .measures import drawn_curves as drawn_curves

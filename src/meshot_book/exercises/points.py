@@ -9,7 +9,7 @@ import torch
 from meshot.loss import chamfer, wasserstein
 from meshot.measure import DiscreteMeasure
 from meshot.types import Float, Tensor
-from meshot_book.exercises.verdict import Exercise, as_points, exercise
+from meshot_book.exercises.verdict import Exercise, exercise
 from meshot_book.flows import forces
 
 # Chapter 01: descent directions of both losses, and the learning rate that momentum allows.
@@ -372,25 +372,36 @@ def lines_needed() -> Exercise:
     return Exercise(lines, cases, mistakes)
 
 
+def _as_points(values: object) -> Tensor:
+    """Coordinates that a reader returned, as float64."""
+    points = torch.as_tensor(values).detach()
+    if points.is_complex():
+        raise ValueError("complex numbers came, real coordinates are needed; look for the root of a negative number")
+    if not bool(torch.isfinite(points).all()):
+        raise ValueError("coordinates came that are infinite or not a number; look for a division by zero")
+    return points.double()
+
+
+def _of_a_pair(answer: object, directions: Float[Tensor, "L 2"]) -> Tensor:
+    """Whether the sets agree on the lines, are equally many, and differ on others."""
+    if not isinstance(answer, tuple | list) or len(answer) != 2:
+        raise ValueError("two sets of points are needed: return first, second")
+    first, second = (_as_points(points) for points in answer)
+    if first.ndim != 2 or first.shape[1] != 2 or second.ndim != 2 or second.shape[1] != 2:
+        shapes = f"{tuple(first.shape)}, {tuple(second.shape)}"
+        raise ValueError(f"(n, 2) points are needed, and the shapes are {shapes}")
+    if len(first) != len(second):
+        return torch.tensor([1, 0, 1])
+    angles = torch.arange(90, dtype=torch.float64) * math.pi / 90
+    others = torch.stack([angles.cos(), angles.sin()], dim=1)
+    scale = float(torch.cat([first, second]).abs().max()) ** 2 + 1e-12
+    agree = float(_sliced(first, second, directions.double())) < 1e-9 * scale
+    return torch.tensor([agree, True, float(_sliced(first, second, others)) > 1e-6 * scale])
+
+
 @exercise
 def ghost_pair() -> Exercise:
     """Check ``function(directions)``: two different sets of points with the same projection on every line."""
-
-    def properties(answer: object, directions: Float[Tensor, "L 2"]) -> Tensor:
-        """Whether the sets agree on the lines, are equally many, and differ on others."""
-        if not isinstance(answer, tuple | list) or len(answer) != 2:
-            raise ValueError("two sets of points are needed: return first, second")
-        first, second = (as_points(points) for points in answer)
-        if first.ndim != 2 or first.shape[1] != 2 or second.ndim != 2 or second.shape[1] != 2:
-            shapes = f"{tuple(first.shape)}, {tuple(second.shape)}"
-            raise ValueError(f"(n, 2) points are needed, and the shapes are {shapes}")
-        if len(first) != len(second):
-            return torch.tensor([1, 0, 1])
-        angles = torch.arange(90, dtype=torch.float64) * math.pi / 90
-        others = torch.stack([angles.cos(), angles.sin()], dim=1)
-        scale = float(torch.cat([first, second]).abs().max()) ** 2 + 1e-12
-        agree = float(_sliced(first, second, directions.double())) < 1e-9 * scale
-        return torch.tensor([agree, True, float(_sliced(first, second, others)) > 1e-6 * scale])
 
     def swapped(directions: Float[Tensor, "L 2"]) -> tuple[Tensor, Tensor]:
         """For each line, both sets are doubled by a shift perpendicular to it, and the copies exchanged."""
@@ -416,7 +427,7 @@ def ghost_pair() -> Exercise:
             lambda u: swapped(u[:1])
         ),
     }
-    return Exercise(swapped, cases, mistakes, properties)
+    return Exercise(swapped, cases, mistakes, _of_a_pair)
 
 
 # Chapter 04: a blur's unit, what flipped normals weigh, a debiased cost, and a trap for Chamfer.
@@ -497,6 +508,18 @@ def debiased() -> Exercise:
     return Exercise(lambda c, x, y, p: p * (c(x, y) - (c(x, x) + c(y, y)) / 2), cases, mistakes)
 
 
+def _rest_and_distance(points: object, target: Float[Tensor, "n d"]) -> Float[Tensor, " 2"]:
+    """One if every point is at rest under Chamfer, and one if W₂ to the target is above zero."""
+    points = _as_points(points)
+    if points.shape != target.shape:
+        shapes = f"shape {tuple(points.shape)} came, {tuple(target.shape)} is needed"
+        raise ValueError(f"{shapes}: as many points as targets")
+    goal = DiscreteMeasure(target)
+    force = forces(lambda x: chamfer(DiscreteMeasure(x), goal), points).norm(dim=1).max()
+    apart = wasserstein(DiscreteMeasure(points), goal)
+    return torch.tensor([float(force) < 1e-6, float(apart) > 1e-6]).double()
+
+
 @exercise
 def trap() -> Exercise:
     """Check ``function(target)``: as many points as the target has, at rest under Chamfer, and yet not the target.
@@ -504,17 +527,6 @@ def trap() -> Exercise:
     What is compared is not the points but two properties: whether all of them are at rest under Chamfer, and whether
     exact transport separates them from the target.
     """
-
-    def properties(points: object, target: Float[Tensor, "n d"]) -> Float[Tensor, " 2"]:
-        """One if every point is at rest under Chamfer, and one if W₂ to the target is above zero."""
-        points = as_points(points)
-        if points.shape != target.shape:
-            shapes = f"shape {tuple(points.shape)} came, {tuple(target.shape)} is needed"
-            raise ValueError(f"{shapes}: as many points as targets")
-        goal = DiscreteMeasure(target)
-        force = forces(lambda x: chamfer(DiscreteMeasure(x), goal), points).norm(dim=1).max()
-        apart = wasserstein(DiscreteMeasure(points), goal)
-        return torch.tensor([float(force) < 1e-6, float(apart) > 1e-6]).double()
 
     def merged_pair(target: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
         """The two nearest targets share one point, a third of the way; the one left over doubles a third target."""
@@ -540,4 +552,4 @@ def trap() -> Exercise:
             lambda y: y + 1e-4
         ),
     }
-    return Exercise(merged_pair, cases, mistakes, properties)
+    return Exercise(merged_pair, cases, mistakes, _rest_and_distance)

@@ -151,16 +151,6 @@ def _wrong_form(answer: object, right: Tensor) -> str | None:
     return None
 
 
-def as_points(values: object) -> Tensor:
-    """Coordinates that a reader returned, as float64."""
-    points = torch.as_tensor(values).detach()
-    if points.is_complex():
-        raise ValueError("complex numbers came, real coordinates are needed; look for the root of a negative number")
-    if not bool(torch.isfinite(points).all()):
-        raise ValueError("coordinates came that are infinite or not a number; look for a division by zero")
-    return points.double()
-
-
 def _as_tensor(values: object) -> Tensor:
     return torch.as_tensor(values).detach().double()
 
