@@ -38,6 +38,15 @@ def test_shifts_move_image_and_truth_alike_and_nothing_wraps_round():
     assert len(seen) > 20
 
 
+def test_shifts_beyond_the_grid_leave_nothing():
+    image = torch.ones(1, 4, 4, 4)
+    found = [
+        float(augmented(image, torch.cat([image, image]), seed, Augmentation(0.0, 90, 0.0))[0].sum())
+        for seed in range(9)
+    ]
+    assert found == [0.0] * 9
+
+
 def test_intensity_leaves_the_truth_and_the_range():
     image, fractions = phantom_examples(1)[0].tensors()
     other, truth = augmented(image, fractions, 1, Augmentation(float(0), 0, 0.3))

@@ -126,9 +126,9 @@ def augmented(
     if mirror:
         values = values.flip(1)[[0, 2, 1]]
     for axis, move in enumerate(moves, start=1):
-        values = values.roll(move, dims=axis)
-        if move:  # what enters at the border
-            values.narrow(axis, 0 if move > 0 else values.shape[axis] + move, abs(move)).zero_()
+        values, n = values.roll(move, dims=axis), values.shape[axis]
+        entered = min(abs(move), n)
+        values.narrow(axis, 0 if move > 0 else n - entered, entered).zero_()
     return values[:1], values[1:]
 
 
