@@ -112,7 +112,9 @@ def tasks_of(setting: Setting) -> Iterator[dict]:
                 own = place | {"start": start, "digest": network_digest(setting.segmentation)[:12]}
                 yield own | {"arm": START, "weights": None}
                 for each in networks:
-                    settings = {"settings": _short(json.dumps(each.settings(setting.configs[start])).encode())}
+                    settings = {
+                        "settings": _short(json.dumps(each.settings(setting.configs[start]).as_dict()).encode())
+                    }
                     for which, ending in WHICH.items():
                         digest = digest_of([each.kept(setting.configs[start], ending)])
                         yield own | {"arm": each.arm, "weights": which, "digest": digest} | settings

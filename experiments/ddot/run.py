@@ -129,7 +129,7 @@ class Setting:
         """A network, and the settings of its training."""
         (each,) = (each for each in self.there if each.name == name)
         network = read_weights(each.kept(self.config, ".safetensors"), DeformationNetwork)[0]
-        return network, each.settings(self.config)["training"]
+        return network, each.settings(self.config).as_dict()["training"]
 
 
 @functools.cache

@@ -77,7 +77,7 @@ def test_the_fair_pairs_come_first_and_nothing_is_made_twice(part, config):
 
 def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
     monkeypatch.chdir(root)
-    found = [each.settings(config) for each in part("trainings").wanted(config, ["adni_like_left_*"])]
+    found = [each.settings(config).as_dict() for each in part("trainings").wanted(config, ["adni_like_left_*"])]
     losses = [each["loss"] for each in found]
     assert len({json.dumps(each | {"loss": None}) for each in found}) == 1
     assert len({(each["loss"], each["encoding"]) for each in losses}) == len(found) == 8
@@ -85,7 +85,10 @@ def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
     assert {each["encoding"] for each in chamfer} == {"samples", "varifold"}
     assert {each["factor"] for each in chamfer} == {1000}
     assert {each["n_supports"] for each in losses if each["loss"] == "sinkhorn"} == {500}
-    others = [each.settings(config)["training"] for each in part("trainings").wanted(config, ["oasis_like_*_ddot_*"])]
+    others = [
+        each.settings(config).as_dict()["training"]
+        for each in part("trainings").wanted(config, ["oasis_like_*_ddot_*"])
+    ]
     assert [(each["side"], each["seed"]) for each in others] == [
         ("left", 0),
         ("right", 0),

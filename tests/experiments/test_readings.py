@@ -74,7 +74,7 @@ def test_every_reading_has_three_rates_and_its_own_settings(part, protocol, root
         arms = readings.rate_arms(protocol, start)
         assert len(arms) == 3 * len(readings.readings_from(protocol, start))
         config = readings.configuration(protocol, start, arms, Path("a"), Path("b"))
-        seen |= {each.arm: (each.settings(config), config["initial"]) for each in trainings.wanted(config)}
+        seen |= {each.arm: (each.settings(config).as_dict(), config["initial"]) for each in trainings.wanted(config)}
     assert len({json.dumps(each, sort_keys=True) for each in seen.values()}) == len(seen) == 33
     assert seen["ddot_104mm_0.0001"][0]["network"]["velocity_unit"] == 104
     assert seen["ddot_binary_0.002"][1] == protocol["binary"]
@@ -118,7 +118,7 @@ def test_what_two_protocols_name_alike_is_the_same_training(part, root, monkeypa
         }  # fmt: skip
         config = readings.configuration(own, "initial", arms, Path("a"), Path("b"))
         for each in trainings.wanted(config):
-            text = json.dumps(each.settings(config), sort_keys=True)
+            text = json.dumps(each.settings(config).as_dict(), sort_keys=True)
             shared |= {each.arm} if each.arm in seen else set()
             assert seen.setdefault(each.arm, text) == text
     assert len(places) == 1
@@ -147,7 +147,7 @@ def test_the_budget_of_the_paper_differs_from_the_wide_networks_in_the_number_of
             for own, name in ((wide, f"{system}_wide"), (paper, f"{system}_paper"))
         }
         config = readings.configuration(paper, "initial", arms, Path("a"), Path("b"))
-        first, second = (each.settings(config) for each in trainings.wanted(config))
+        first, second = (each.settings(config).as_dict() for each in trainings.wanted(config))
         assert first == second
     assert round(paper["epochs"] * 28, -2) == 90_000
 
