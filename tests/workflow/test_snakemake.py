@@ -13,21 +13,6 @@ def numbers_of_jobs(output: str) -> dict[str, int]:
     return {name: int(count) for name, count in re.findall(r"^(\w+) +(\d+)$", output, re.M)}
 
 
-def test_a_fresh_clone_has_nothing_to_do_and_a_changed_recipe_has(snakemake, fresh, tmp_path):
-    clone = fresh(tmp_path / "clone")
-    found = snakemake(clone, "-n")
-    assert found.returncode == 0
-    assert "Nothing to be done" in found.stdout, found.stdout
-    recipe = clone / "src/meshot/synth/recipes/test_retest.yaml"
-    recipe.write_text(recipe.read_text(encoding="utf-8").replace("\nseed: ", "\nseed: 1"), encoding="utf-8")
-    found = snakemake(clone, "-n", "--profile", "workflow/profiles/laptop")
-    assert numbers_of_jobs(found.stdout) == {
-        "all": 1, "cohort": 5, "evaluation": 4, "table": 2, "total": 12,
-    }, found.stdout  # fmt: skip
-    assert "study: src/meshot/synth/recipes/test_retest.yaml has changed" in found.stdout
-    assert not list(clone.rglob("*.lock"))
-
-
 def test_a_killed_workflow_goes_on_and_ends_the_same(snakemake, toy, tmp_path):
     pause = toy / "workflow/experiments.yaml"
     text = pause.read_text(encoding="utf-8")
