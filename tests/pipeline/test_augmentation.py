@@ -145,13 +145,13 @@ def test_a_first_placement_has_both_its_size_and_its_contrast():
     ("arguments", "words"),
     [
         ({"flip": 1.5}, "flip is 1.5"),
-        ({"intensity": 1.0}, "intensity 1.0"),
-        ({"stretch": 1.0}, "stretch 1.0"),
+        ({"intensity": 1.0}, "intensity is 1.0"),
+        ({"stretch": 1.0}, "stretch is 1.0"),
         ({"shrink": 1.0}, "shrink is 1.0"),
-        ({"contrast": -1.0}, "contrast -1.0"),
+        ({"contrast": -1.0}, "contrast is -1.0"),
         ({"shift": -1}, "shift is -1"),
         ({"turn": float("nan")}, "turn is nan"),
-        ({"bend": -2.0}, "bend -2.0"),
+        ({"bend": -2.0}, "bend is -2.0"),
     ],
 )
 def test_doors(arguments, words):

@@ -231,7 +231,7 @@ def test_configurations_are_read_and_checked(tmp_path):
 def test_a_trained_network_finds_the_sides_and_their_surfaces(examples):
     whole_voxels = {"width": 6, "depth": 3, "fold": 1}
     config = SegmentationConfig.read(
-        {"network": whole_voxels, "training": changed(n_epochs=8, learning_rate=0.005).training}
+        {"network": whole_voxels, "training": vars(changed(n_epochs=8, learning_rate=0.005).training)}
     )
     training = train_segmentation(config, *examples)
     last = training.log[-1]

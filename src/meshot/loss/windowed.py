@@ -296,6 +296,7 @@ def _in_window(
         chosen += [inside[:count].copy()] * 2
         factors.append(values[:count] / total)
         measures += [torch.from_numpy(side.rows[chosen[-1]]), torch.from_numpy(masses / total)]
+    del inside, values, masses  # as long as the whole measure
     costs, gradients = fused_slices(measures, lines, float(p), wanted, n_threads=1)
     for k, (shares, factor) in zip((1, 3), zip(measures[1::2], factors)):
         if wanted[k]:  # the masses in the window are divided by their sum

@@ -307,8 +307,9 @@ def sample_locations(
     """The cells and barycentric coordinates of a uniform random sample, see :func:`sample_points`."""
     require_positive_integer(n_points, "n_points")
     generator = numpy_generator(generator)
-    sizes = edge_lengths(shape) if isinstance(shape, Contour) else face_areas(shape)
-    cumulative = np.cumsum(sizes.detach().double().cpu().numpy())
+    with torch.no_grad():  # nothing of the whole shape is kept for a gradient
+        sizes = edge_lengths(shape) if isinstance(shape, Contour) else face_areas(shape)
+    cumulative = np.cumsum(sizes.double().cpu().numpy())
     if not cumulative[-1] > 0:
         raise ValueError(
             f"the total area or length is {cumulative[-1]:.3g}; only a shape of positive size can be sampled"
