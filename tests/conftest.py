@@ -44,7 +44,7 @@ LONG_FILES = (
 
 
 #: Only ``make test-all`` runs these: second processors, damaged files, kills, mutants, and the workflow in small.
-THOROUGH = ("everywhere/", "fuzz/", "kills/", "mutation/", "workflow/test_miniature.py", "workflow/test_stale.py")
+THOROUGH = ("everywhere/", "fuzz/", "kills/", "mutation/", "workflow/test_miniature.py")
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups

@@ -195,12 +195,11 @@ class Results:
 
     def vouch(self, tasks: Iterable[Task]) -> None:
         """Note the present digests of tasks whose numbers are those of before, so that nothing after them changes."""
-        # With the versions that they were made with, also where one of them is the input of another.
-        made = {task: self.entries.get(task.name, {}).get("made", self.version(task)) for task in tasks}
-        versions = {task.name: version for task, version in made.items()}
-        entries = {task: self.now(task) | {"made": version} for task, version in made.items()}
-        for entry in entries.values():
-            entry["inputs"] = {name: versions.get(name, version) for name, version in entry["inputs"].items()}
+        # In the order of the graph: what a task reads has its version of afterwards, also through tasks without files.
+        chosen, after, entries = set(tasks), dataclasses.replace(self), {}
+        for task in filter(chosen.__contains__, self.graph.tasks.values()):
+            made = self.entries.get(task.name, {}).get("made", self.version(task))
+            after.entries[task.name] = entries[task] = after.now(task) | {"made": made}
         self._write(entries)
 
     def _write(self, entries: dict[Task, dict]) -> None:
