@@ -214,7 +214,8 @@ def fused_slices(
 
             for work in (costs_of_thread, sums_of_thread):
                 list((map if pool is None else pool.map)(work, range(n_threads)))
-    del rows, buffers  # the peak of memory would come below
+    rows.clear()  # the peak of memory would come below
+    buffers.clear()
     # The mean gradients in points and weights, in the original order of the points.
     gradients = []
     for side, top in zip(sides, tops.sum(axis=0)):
