@@ -8,11 +8,15 @@ As a plugin of pytest (``-p kernels``) this module gives such kernels to nbval.
 """
 
 import shutil
+import sys
 import tempfile
 import weakref
 
-import nbval.kernel
-from jupyter_client.manager import KernelManager
+# Who reads a notebook would wait three seconds for a grammar of web addresses, which no notebook has.
+sys.modules.setdefault("rfc3987_syntax", None)
+
+import nbval.kernel  # noqa: E402
+from jupyter_client.manager import KernelManager  # noqa: E402
 
 
 class SeparateKernelManager(KernelManager):

@@ -5,6 +5,8 @@
 ``fresh [NAME ...]``   run into ``build/notebooks``, several at a time, and leave every tracked file as it is
 """
 
+from kernels import SeparateKernelManager  # isort: skip  # first, since it makes nbformat start at once
+
 import argparse
 import base64
 import io
@@ -24,7 +26,6 @@ from nbclient.exceptions import CellExecutionError
 from PIL import Image
 from tqdm import tqdm
 
-from kernels import SeparateKernelManager
 from meshot.files import whole_file
 from meshot_book.notebook import KERNEL_ENVIRONMENT, stated_seconds
 

@@ -1,11 +1,9 @@
-"""Exact optimal transport between discrete measures, by the network simplex algorithm of POT."""
+"""Losses between all points of two measures: exact transport, the Sinkhorn divergence, and Chamfer."""
 
 import importlib.util
 import math
 import warnings
 
-import geomloss
-import ot
 import torch
 from scipy.spatial import cKDTree
 
@@ -73,6 +71,8 @@ def wasserstein(
     unit = math.ldexp(1.0, math.frexp(size)[1] - 1) if 0 < size < math.inf else 1.0
     squared = (gaps / unit).square().sum(dim=2)
     cost = squared if p == 2 else torch.where(squared > 0, squared, torch.ones_like(squared)).pow(p / 2) * (squared > 0)
+    import ot  # here: it takes seconds, for which nobody waits who calls something else
+
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         # POT refuses arrays with gaps in memory.
@@ -183,6 +183,8 @@ def sinkhorn_divergence(
     # Annealing begins at the diameter; from one point it would begin at zero, and divide by it.
     diameter = blur if extent < POINT * blur else None
     options = {"blur": blur, "scaling": scaling, "reach": reach, "diameter": diameter, "backend": backend}
+    import geomloss
+
     loss = geomloss.SamplesLoss("sinkhorn", p=p, debias=True, **options)
     return p * loss(source.weights, source.places, target.weights, target.places)
 

@@ -6,9 +6,7 @@ import warnings
 
 import igl
 import numpy as np
-import ot
 import torch
-from geomloss import SamplesLoss
 from scipy.spatial.distance import cdist
 
 from meshot.errors import require_finite, require_positive, require_positive_integer
@@ -139,6 +137,8 @@ def exact_transport(points: Float[Array, "n d"], others: Float[Array, "m d"]) ->
     unit = max(float(np.abs(points).max()), float(np.abs(others).max())) or 1.0
     cost = cdist(points / unit, others / unit, "sqeuclidean")  # from differences: no cancellation
     masses = [np.full(len(side), 1 / len(side)) for side in (points, others)]
+    import ot  # here: it takes seconds, for which nobody waits who calls something else
+
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         squared = ot.emd2(*masses, cost, numItermax=max(10_000_000, 100 * cost.size))
@@ -177,6 +177,8 @@ def sinkhorn_distance(points: Float[Array, "n 3"], others: Float[Array, "n 3"], 
     """
     _require_equal_counts(points, others)
     require_positive(blur, "blur", "units of the points, such as 0.1 mm")
+    from geomloss import SamplesLoss
+
     loss = SamplesLoss("sinkhorn", p=2, blur=blur, scaling=0.95, debias=True, backend="tensorized")
     with torch.no_grad():
         half_squared = loss(torch.from_numpy(points), torch.from_numpy(others))
