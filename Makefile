@@ -26,9 +26,6 @@ WRITERS ?=
 # What make test leaves to make test-all.
 CHOSEN = -m "not thorough"
 
-# Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
-WARM = @$(BIN)meshot warmup
-
 # What the system has to provide, looked for before the environment is made and again, by drawing, once it is there.
 export YES
 NEEDS := python
@@ -39,7 +36,7 @@ PREFLIGHT = tools/preflight.py $(NEEDS)
 # A worker on every core, one thread in each. tests/conftest.py says which tests stay together.
 PARALLEL = -n logical --dist loadgroup --no-loadscope-reorder
 
-.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf editions notebooks text ledger lab lint lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf editions notebooks text ledger lab lint warm lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -83,7 +80,7 @@ endif
 
 book: $(READY)
 	@$(RUN) $(PREFLIGHT)
-	$(WARM)
+	@$(MAKE) --no-print-directory warm
 	@$(RUN) book/run_notebooks.py fresh
 	@$(RUN) book/build.py fresh
 
@@ -105,7 +102,7 @@ editions: $(READY)
 
 notebooks: $(READY)
 	@$(RUN) $(PREFLIGHT)
-	$(WARM)
+	@$(MAKE) --no-print-directory warm
 	@$(RUN) book/run_notebooks.py store $(NAME)
 	@$(RUN) tools/readme_picture.py
 
@@ -127,8 +124,7 @@ experiments: $(READY)
 
 test: $(READY)
 	@$(RUN) $(PREFLIGHT)
-	@$(MAKE) --no-print-directory lint
-	$(WARM)
+	@$(MAKE) --no-print-directory -j2 lint warm
 	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(RUN) -m pytest $(PARALLEL) $(CHOSEN)
 
 test-all: CHOSEN =
@@ -165,6 +161,10 @@ licences: $(READY)
 
 test-wheel: $(READY)
 	$(RUN) tests/check_wheel.py
+
+# Kernels are compiled before notebooks run: the first call in a chapter would say that it compiles them.
+warm: $(READY)
+	@$(BIN)meshot warmup
 
 lint: $(READY)
 	$(BIN)ruff check .
