@@ -119,7 +119,8 @@ class Results:
     def _code(self, starts: tuple[str, ...]) -> str:
         """The digest of the code that scripts and dotted names reach."""
         scripts = [self.root / start for start in starts if start.endswith(".py")]
-        found = [Code(each.parent, self._source).digest([each.stem]) for each in scripts if each.is_file()]
+        shared = Code(self.root / "experiments", self._source, "trials")  # the runner changes no number
+        found = [Code(each.parent, shared).digest([each.stem]) for each in scripts if each.is_file()]
         names = [start for start in starts if not start.endswith(".py")]
         return _digest([*found, self._source.digest(names)] if names else found)
 

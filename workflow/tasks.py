@@ -9,7 +9,7 @@ from pathlib import Path
 from meshot.settings import read_yaml
 
 LISTS = ("reads", "after", "writes", "makes", "clears", "code")
-KEYS = {"stage", "each", "networks_of", "trainings_of", "command", "copies", "planned", "derived", *LISTS}
+KEYS = {"stage", "each", "trainings_of", "command", "copies", "planned", "derived", *LISTS}
 RESOURCES = ("cores", "memory_mb", "minutes", "cuda")
 
 
@@ -77,7 +77,7 @@ def read_graph(path: Path, root: Path) -> Graph:
     path : path
         The YAML file.
     root : path
-        The repository, in which ``networks_of`` and ``trainings_of`` name configurations.
+        The repository, in which ``trainings_of`` names a protocol.
 
     Raises
     ------
@@ -104,37 +104,19 @@ def read_graph(path: Path, root: Path) -> Graph:
 
 def _values(entry: dict, root: Path) -> list[dict[str, str]]:
     """The values of the placeholders, for every task of an entry."""
-    if "networks_of" in entry:
-        return _networks(read_yaml(root / entry["networks_of"]))
     if "trainings_of" in entry:
-        return _trainings(read_yaml(root / entry["trainings_of"]))
+        # Every combination in the groups of a protocol, each once: see ``experiments/trials/training.py``.
+        config, found = read_yaml(root / entry["trainings_of"]), {}
+        for group in config["groups"].values():
+            for values in itertools.product(group["cohorts"], group["sides"], group["arms"], group["seeds"]):
+                cohort, side, arm, seed = map(str, values)
+                side = "both" if config["arms"][arm].get("both_sides") else side
+                training = "_".join(filter(None, (cohort, side, arm, group.get("budget"), seed)))
+                place = {"training": training, "cohort": cohort, "arm": arm, "settings": config["settings"]}
+                found[training] = place | {"system": config["arms"][arm].get("system", arm)}
+        return list(found.values())
     each = entry.get("each", {})
     return [dict(zip(each, map(str, values))) for values in itertools.product(*each.values())]
-
-
-def _networks(config: dict) -> list[dict[str, str]]:
-    """The networks of an experiment such as ``experiments/ddot``: every combination in its groups, each once."""
-    found = {}
-    for group in config["groups"].values():
-        for values in itertools.product(group["cohorts"], group["sides"], group["arms"], group["seeds"]):
-            cohort, side, arm, seed = map(str, values)
-            network = f"{cohort}_{side}_{arm}_{seed}"
-            place = {"network": network, "cohort": cohort, "side": side, "arm": arm}
-            found[network] = place | {"system": config["arms"][arm]["system"], "settings": config["settings"]}
-    return list(found.values())
-
-
-def _trainings(config: dict) -> list[dict[str, str]]:
-    """The trainings of ``experiments/comparison``: every combination in its groups, each once."""
-    found = {}
-    for group in config["groups"].values():
-        for values in itertools.product(group["cohorts"], group["sides"], group["arms"], group["seeds"]):
-            cohort, side, arm, seed = map(str, values)
-            side = "both" if config["arms"][arm].get("both_sides") else side
-            training = f"{cohort}_{side}_{arm}_{group['budget']}_{seed}"
-            place = {"training": training, "cohort": cohort, "arm": arm, "settings": config["settings"]}
-            found[training] = place | {"system": config["arms"][arm].get("system", arm)}
-    return list(found.values())
 
 
 def _task(pattern: str, entry: dict, values: dict[str, str], code: dict[str, str]) -> Task:

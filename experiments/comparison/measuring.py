@@ -112,10 +112,5 @@ def pair_rows(pair: tuple[Seen, Seen], found: Callable[[Seen], Found], sides: tu
     return rows
 
 
-def true_surfaces(scan: Seen) -> Found:
-    """The true surfaces, as if a system had found them."""
-    return scan.truths, None
-
-
 def _evaluated(mesh: Mesh, truth: Mesh, settings: dict, floors: bool = False) -> Evaluation:
     return evaluate(mesh, truth, settings["n_points"], settings["seed"], settings["n_emd_points"], floors=floors)
