@@ -41,8 +41,7 @@ from pathlib import Path
 
 import safetensors.torch
 import torch
-from arms import n_supports, planned_arms
-from fitting import Ruler, fit_once
+from fitting import Ruler, fit_once, n_supports, planned_arms
 from meshes import start_mesh, target_mesh, write_meshes
 from summary import differences, summarise
 

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import yaml
-from run import MEASURED, short
-from variants import fit_loss, pair_of_meshes
+from run import MEASURED, fit_loss, pair_of_meshes, short
 
 from meshot import evaluate
 from meshot.flow import FitSettings, fit_flow, grid_around
