@@ -1,6 +1,7 @@
 """The experiment on held-out subjects, run on phantoms: every number is there, and a stopped run goes on."""
 
 import json
+from pathlib import Path
 
 import pytest
 import torch
