@@ -64,11 +64,6 @@ def with_interval(law: Callable[[Groups, int], float], groups: Groups, target_m:
     return {"value": law(groups, target_m), "low": float(low), "high": float(high)}
 
 
-def ratios_of(groups: Groups, exact: dict[tuple[int, int], float]) -> Groups:
-    """Each value over exact W₂ of the same samples. The ratio varies less than either, since both share the draw."""
-    return {m: [value / exact[m, seed] for seed, value in enumerate(values)] for m, values in groups.items()}
-
-
 def slope_of(groups: Groups, n_draws: int, seed: int) -> dict:
     """The exponent of the mean over the number of points, with its interval."""
     slope, low, high = fitted_slope(list(groups), list(groups.values()), "mean", n_draws, seed)
@@ -246,7 +241,8 @@ def floor_row(metric: str, surface: tuple, setting: tuple, groups: Groups, exact
         laws["matching law"] = with_interval(matching_law(area_of(surface)), late, target, *options)
     elif metric not in DIRECT:
         own = {(m, seed): value for (name, m, seed), value in exact.items() if name == surface}
-        ratios = ratios_of(groups, own)
+        # Each value over exact W₂ of the same samples. The ratio varies less than either, since both share the draw.
+        ratios = {m: [value / own[m, seed] for seed, value in enumerate(values)] for m, values in groups.items()}
         row["over_exact_w2"] = [{"m": m, "values": values} for m, values in ratios.items()]
         late_ratios = {m: values for m, values in ratios.items() if m in late}
         row["ratio_at_target"] = with_interval(power_law, late_ratios, target, *options)

@@ -102,7 +102,8 @@ def sliced_rows(config: dict) -> list[dict]:
     """Sliced costs of a step along an axis and along a diagonal, compared with E|⟨θ, z⟩|^p = c ‖z‖₂^p."""
     directions, rows = quasi_directions(config["n_directions"], 3), []
     for p in config["exponents"]:
-        constant = direction_moment(3, p)
+        # E|θ₁|^p of a uniform direction in R^d.
+        constant = math.gamma(3 / 2) * math.gamma((p + 1) / 2) / (math.gamma((3 + p) / 2) * math.sqrt(math.pi))
         for name, step in two_steps(config).items():
             pair = (
                 DiscreteMeasure(torch.zeros(1, 3, dtype=torch.float64)),
@@ -114,11 +115,6 @@ def sliced_rows(config: dict) -> list[dict]:
             ratios = {f"over_{cost}": value / both[cost] for cost in both}
             rows.append({"p": p, "step": name, "value": value, "constant": constant} | ratios)
     return rows
-
-
-def direction_moment(d: int, p: float) -> float:
-    """E|θ₁|^p of a uniform direction in R^d."""
-    return math.gamma(d / 2) * math.gamma((p + 1) / 2) / (math.gamma((d + p) / 2) * math.sqrt(math.pi))
 
 
 def two_steps(config: dict) -> dict[str, Array]:
