@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.provenance import read_results
 from meshot_book.notebook import digits
 
@@ -136,6 +136,5 @@ def written(text: str) -> str:
 
 if __name__ == "__main__":
     made = written(PAGE.read_text(encoding="utf-8"))
-    with whole_file(PAGE) as temporary:
-        temporary.write_text(made, encoding="utf-8")
+    write_whole(PAGE, made)
     print("wrote book/speed.md")

@@ -20,7 +20,7 @@ import torch
 import yaml
 from tqdm import tqdm
 
-from meshot.files import naming_a_full_disk, whole_file
+from meshot.files import naming_a_full_disk, write_whole
 from meshot.provenance import write_results
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -251,6 +251,5 @@ def _read(partial: Path) -> list[dict]:
     text = partial.read_text(encoding="utf-8")
     whole = text[: text.rfind("\n") + 1]
     if whole != text:
-        with whole_file(partial) as temporary:
-            temporary.write_text(whole, encoding="utf-8")
+        write_whole(partial, whole)
     return [json.loads(line) for line in whole.splitlines()]

@@ -22,7 +22,7 @@ from pathlib import Path
 from stale import NOTES, ROOT, Results, locked, opened
 from tasks import Task
 
-from meshot.files import whole_file
+from meshot.files import whole_file, write_whole
 
 STARTED = "started.txt"
 #: Ends a process group when its input ends without a line.
@@ -70,8 +70,7 @@ def run(results: Results, task: Task, cores: int, planned: bool) -> None:
         now = Results(results.graph, results.root, results.state, results.beside)
         if now.stamp(task, planned) != stamp:
             raise ValueError(f"the settings of {task.name} changed while it ran; start again")
-        with whole_file(stamp) as temporary:
-            temporary.write_text(json.dumps(now.now(task, planned)), encoding="utf-8")
+        write_whole(stamp, json.dumps(now.now(task, planned)))
 
 
 def clear_other(results: Results, task: Task, stamp: Path) -> None:
@@ -83,8 +82,7 @@ def clear_other(results: Results, task: Task, stamp: Path) -> None:
         other = task.name in results.entries and any("missing" not in reason for reason in results.reasons(task))
     for path in [results.root / name for name in task.clears] if other else []:
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    with whole_file(started) as temporary:
-        temporary.write_text(stamp.stem, encoding="utf-8")
+    write_whole(started, stamp.stem)
 
 
 def _call(task: Task, cores: int, root: Path, lock: int) -> None:

@@ -16,7 +16,7 @@ import yaml
 from stale import ROOT, Results, opened
 from tasks import Task
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.synth import read_recipe, visits
 from meshot_book.notebook import digits, markdown_table
 
@@ -198,10 +198,7 @@ def main() -> int:
     page = ROOT / PAGE
     text = page.read_text(encoding="utf-8")
     start, end = (text.index(marker) for marker in MARKERS)
-    with whole_file(page) as temporary:
-        temporary.write_text(
-            f"{text[:start]}{MARKERS[0]}\n{block(opened('experiments'))}\n{text[end:]}", encoding="utf-8"
-        )
+    write_whole(page, f"{text[:start]}{MARKERS[0]}\n{block(opened('experiments'))}\n{text[end:]}")
     print(f"wrote {PAGE}")
     return 0
 

@@ -36,7 +36,7 @@ from typing import TextIO
 from reached import DIGITS, Code
 from tasks import Graph, Task, read_graph
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.provenance import provenance, rounded
 from meshot.settings import read_yaml
 
@@ -209,8 +209,7 @@ class Results:
                 new = {task.name: entry for task, entry in entries.items() if self.kept(task) == file}
                 found = {k: v for k, v in sorted((_entries(file) | new).items()) if k in self.graph.tasks}
                 lines = [f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in found.items()]
-                with whole_file(file) as temporary:
-                    temporary.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+                write_whole(file, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def opened(graph: str = "experiments", root: Path = ROOT) -> Results:

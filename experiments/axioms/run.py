@@ -18,6 +18,7 @@ from meshot import (
     sliced_wasserstein,
     wasserstein,
 )
+from meshot_book.statistics import short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
@@ -231,7 +232,7 @@ def followed(name: str, title: str, setting: dict, config: dict) -> dict:
         "converges_weakly": weakly,
         "bounded": bounded,
         "loss": title,
-        "values": [float(f"{value:.6g}") for value in values],
+        "values": [short(value) for value in values],
         "tends_to_zero": bool(falls),
     }
 

@@ -13,7 +13,7 @@ from meshot.loss import slice_costs
 from meshot.mesh import decimated, ellipsoid, folded_sphere
 from meshot.statistics import bootstrap_interval
 from meshot.types import Array, Tensor
-from meshot_book.statistics import fitted_slope
+from meshot_book.statistics import fitted_slope, short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
@@ -126,7 +126,7 @@ def summarise(rows: list[dict], config: dict) -> dict:
             for method in METHODS
         }
         for method in METHODS:
-            common = {"pair": pair, "d": d, "method": method, "truth": _short(truth)}
+            common = {"pair": pair, "d": d, "method": method, "truth": short(truth)}
             found.append(common | _line(errors[method], errors["random"], config))
     return {"methods": found}
 
@@ -148,11 +148,11 @@ def _line(errors: dict[int, np.ndarray], random: dict[int, np.ndarray], config: 
     at = config["compare_at"]
     return {
         "sizes": sorted(errors),
-        "rmse": [_short(np.sqrt(np.mean(errors[n] ** 2))) for n in sorted(errors)],
-        "bias": [_short(errors[n].mean()) for n in sorted(errors)],
-        "slope": _short(slope),
-        "low": _short(low),
-        "high": _short(high),
+        "rmse": [short(np.sqrt(np.mean(errors[n] ** 2))) for n in sorted(errors)],
+        "bias": [short(errors[n].mean()) for n in sorted(errors)],
+        "slope": short(slope),
+        "low": short(low),
+        "high": short(high),
         "saved": factor_saved(random[at], errors[at]),
     }
 
@@ -164,12 +164,7 @@ def factor_saved(random: np.ndarray, errors: np.ndarray) -> dict:
         return np.sqrt(np.mean(top**2, axis=axis) / np.mean(bottom**2, axis=axis))
 
     found = bootstrap_interval(random, errors, statistic=factor)
-    return {name: _short(value) for name, value in zip(("factor", "low", "high"), found)}
-
-
-def _short(value: float) -> float:
-    """The value with six significant digits, so that the committed file stays small."""
-    return float(f"{value:.6g}")
+    return {name: short(value) for name, value in zip(("factor", "low", "high"), found)}
 
 
 def measures(pair: str, d: int, config: dict) -> tuple[DiscreteMeasure, DiscreteMeasure]:

@@ -14,7 +14,7 @@ from meshot.provenance import rounded
 from meshot.types import Tensor
 from meshot_book.examples import coverage, distance_to_contour, evenness, exact_distance
 from meshot_book.flows import descend
-from meshot_book.statistics import arm_differences
+from meshot_book.statistics import arm_differences, short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
@@ -101,8 +101,8 @@ def _statistics(group: list[dict]) -> dict:
     found = {}
     for name in MEASURED:
         values = np.array([row["values"][name] for row in group])
-        found[f"{name}_mean"], found[f"{name}_sd"] = _short(values.mean()), _short(values.std(ddof=1))
-        found[f"{name}_seeds"] = [_short(value) for value in values]
+        found[f"{name}_mean"], found[f"{name}_sd"] = short(values.mean()), short(values.std(ddof=1))
+        found[f"{name}_seeds"] = [short(value) for value in values]
     return found | {"n_seeds": len(group)}
 
 
@@ -128,11 +128,6 @@ def floors(config: dict) -> list[dict]:
             kept = {key: value for key, value in row.items() if not key.endswith("_seeds") or key == "n_seeds"}
             rows.append({"polygon": name, "sampling": sampling} | kept)
     return rows
-
-
-def _short(value: float) -> float:
-    """The value with six significant digits, so that the committed file stays small."""
-    return float(f"{value:.6g}")
 
 
 def sweep_runs(config: dict) -> list[dict]:

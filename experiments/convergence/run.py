@@ -8,11 +8,12 @@ import numpy as np
 import torch
 from directions import direction_errors, direction_runs, direction_summary
 from pairs import Pair, frames, make_pair, sampled_costs
-from sizes import distance_errors, distance_runs, distance_summary, short, size_errors, size_runs, size_summary
+from sizes import distance_errors, distance_runs, distance_summary, size_errors, size_runs, size_summary
 
 from meshot import DiscreteMeasure, slice_costs
 from meshot.loss import projected_law
 from meshot.types import Array, Float
+from meshot_book.statistics import short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment

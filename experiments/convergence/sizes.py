@@ -7,7 +7,7 @@ from pairs import frames, make_pair, sampled_costs, spheres
 
 from meshot.statistics import percentile_interval
 from meshot.types import Array
-from meshot_book.statistics import averages, fitted_slope
+from meshot_book.statistics import averages, fitted_slope, short
 
 
 def size_runs(config: dict) -> list[dict]:
@@ -100,11 +100,6 @@ def _over_dimension(found: list[dict], index: int) -> dict:
 def named_slope(found: tuple[float, float, float], prefix: str = "") -> dict:
     """A slope and its interval as entries of a row."""
     return {f"{prefix}{key}": short(value) for key, value in zip(("slope", "low", "high"), found)}
-
-
-def short(value: float) -> float:
-    """The value with six significant digits, so that the committed file stays small."""
-    return float(f"{value:.6g}")
 
 
 def distance_runs(config: dict) -> list[dict]:

@@ -20,6 +20,7 @@ from meshot.metrics import (
     smallest_angles,
 )
 from meshot.types import Tensor
+from meshot_book.statistics import short
 
 
 def planned_arms(config: dict) -> list[dict]:
@@ -171,8 +172,3 @@ class Ruler:
             "area_variation": face_area_variation(mesh),
             "smallest_angle": float(smallest_angles(mesh).mean()),
         }
-
-
-def short(value: float) -> float:
-    """The value with six significant digits, so that committed files stay small."""
-    return float(f"{value:.6g}")

@@ -3,10 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from fitting import CURVES, short
+from fitting import CURVES
 
 from meshot.provenance import rounded
-from meshot_book.statistics import arm_differences
+from meshot_book.measurements import grouped
+from meshot_book.statistics import arm_differences, short
 
 READ = ("seconds", "iteration", *CURVES)
 
@@ -14,7 +15,7 @@ READ = ("seconds", "iteration", *CURVES)
 def summarise(fits: list[dict]) -> list[dict]:
     """Statistics of every arm over the seeds, at its last step and at the time when the fastest arm is finished."""
     rows = []
-    for group in _groups(fits, ("target", "start", "loss", "encoding", "supports")):
+    for group in grouped(fits, ("target", "start", "loss", "encoding", "supports")):
         kind = {name: group[0][name] for name in ("target", "start", "loss", "encoding", "supports")}
         for at, read in (("steps", at_the_end), ("seconds", lambda fit: at_seconds(fit, shared_seconds(fit, fits)))):
             values = [read(fit) for fit in group]
@@ -53,7 +54,7 @@ def at_closeness(fit: dict, level: float) -> dict[str, float]:
 def differences(fits: list[dict]) -> list[dict]:
     """Chamfer minus sliced Wasserstein, paired over seeds, at equal steps, equal time and equal closeness."""
     rows = []
-    for group in _groups(fits, ("target", "start", "encoding", "supports")):
+    for group in grouped(fits, ("target", "start", "encoding", "supports")):
         sides = {loss: {f["seed"]: f for f in group if f["loss"] == loss} for loss in ("chamfer", "sliced")}
         seeds = sorted(set(sides["chamfer"]) & set(sides["sliced"]))
         pairs = [(sides["chamfer"][seed], sides["sliced"][seed]) for seed in seeds]
@@ -97,10 +98,3 @@ def _statistics(values: list[dict]) -> dict:
         found[f"{name}_mean"] = short(numbers.mean())
         found[f"{name}_sd"] = short(numbers.std(ddof=1)) if len(numbers) > 1 else None
     return found
-
-
-def _groups(fits: list[dict], names: tuple[str, ...]) -> list[list[dict]]:
-    groups: dict[tuple, list[dict]] = {}
-    for fit in fits:
-        groups.setdefault(tuple(fit[name] for name in names), []).append(fit)
-    return list(groups.values())

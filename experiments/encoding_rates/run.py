@@ -31,6 +31,7 @@ from meshot.mesh import (
     split_in_four,
 )
 from meshot.types import Tensor
+from meshot_book.statistics import short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
@@ -140,7 +141,7 @@ def measure_level(task: dict, config: dict) -> dict:
     encoded = {rule: [atoms(mesh, rule, normal_scale) for mesh in meshes] for rule in rules}
     for p in config["exponents"]:
         rows = [_one_set(encoded, meshes, truths, k, task, p, normal_scale, config) for k in range(config["n_sets"])]
-        found["exact"][str(p)] = _short(np.mean([row["exact"] for row in rows]))
+        found["exact"][str(p)] = short(np.mean([row["exact"] for row in rows]))
         for rule in rules:
             found["atoms"].setdefault(rule, {})[str(p)] = _lists([row[rule] for row in rows])
         found["samples"][str(p)] = _lists([pair for row in rows for pair in row["samples"]])
@@ -181,11 +182,7 @@ def errors(
 
 
 def _lists(pairs: list[tuple[float, float]]) -> dict[str, list[float]]:
-    return {"other": [_short(pair[0]) for pair in pairs], "own": [_short(pair[1]) for pair in pairs]}
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.6g}")
+    return {"other": [short(pair[0]) for pair in pairs], "own": [short(pair[1]) for pair in pairs]}
 
 
 def measure_clock(task: dict, config: dict) -> dict:
@@ -216,7 +213,7 @@ def measure_clock(task: dict, config: dict) -> dict:
                 "way": way,
                 "size": size,
                 "seconds": float(f"{statistics.median(seconds):.4g}"),
-                "errors": [float(f"{error:.6g}") for error in errors],
+                "errors": [short(error) for error in errors],
             }
         )
     return {"truth": float(f"{truth:.10g}"), "rows": rows}

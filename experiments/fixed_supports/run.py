@@ -28,7 +28,7 @@ from meshot.mesh import face_areas, folded_sphere, icosphere, sample_locations, 
 from meshot.provenance import rounded
 from meshot.types import Tensor
 from meshot_book.examples import peak_saved_bytes
-from meshot_book.statistics import arm_differences
+from meshot_book.statistics import arm_differences, short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
@@ -174,11 +174,6 @@ def fit_once(task: dict, config: dict) -> dict[str, float]:
     loss = fit_loss(task["variant"], task["n_supports"], start, target, config["normal_scale"])
     values = evaluate(fit_flow(field, start, loss, settings).mesh, target, config["n_points"], n_emd_points=100)
     return {name: short(getattr(values, name).value) for name in MEASURED}
-
-
-def short(value: float) -> float:
-    """The value with six significant digits, so that committed files stay small."""
-    return float(f"{value:.6g}")
 
 
 def summarise(rows: list[dict]) -> list[dict]:

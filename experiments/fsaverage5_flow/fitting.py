@@ -9,7 +9,7 @@ import torch
 from surfaces import carried, cut_where_stretched
 from tqdm import tqdm
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.flow import Fit, FitLoss, FitSettings, Guard, fit_flow, grid_around, sliced_loss
 from meshot.loss import chamfer
 from meshot.measure import empirical, varifold
@@ -71,8 +71,7 @@ class Clock:
 
     def save(self) -> None:
         """Store them, together with the state of the fit."""
-        with whole_file(self.path) as temporary:
-            temporary.write_text(json.dumps(self.now()), encoding="utf-8")
+        write_whole(self.path, json.dumps(self.now()))
 
 
 def leg_settings(leg: dict, config: dict) -> FitSettings:

@@ -12,6 +12,7 @@ from meshot import DiscreteMeasure, Mesh, quasi_directions, sliced_wasserstein, 
 from meshot.anatomy import fsaverage5_surface
 from meshot.mesh import folded_sphere, laplacian_smoothing
 from meshot.types import Tensor
+from meshot_book.statistics import short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
@@ -42,7 +43,7 @@ def scales_of(config: dict, mesh: Mesh) -> list[float]:
     """A logarithmic grid of scales, 1 mm, and half the extent of the mesh."""
     grid = config["scales"]
     spaced = np.geomspace(grid["from"], grid["to"], grid["n"])
-    return sorted({*(float(f"{s:.6g}") for s in spaced), 1.0, float(f"{half_extent(mesh):.6g}")})
+    return sorted({*(short(s) for s in spaced), 1.0, short(half_extent(mesh))})
 
 
 def measure_pair(source: Mesh, target: Mesh, config: dict) -> dict:

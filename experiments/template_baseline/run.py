@@ -29,6 +29,7 @@ from meshot.synth import (
     standardised,
 )
 from meshot.volume import transform_points
+from meshot_book.statistics import short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
@@ -85,8 +86,8 @@ def score(task: dict, folder: Path, config: dict) -> dict:
     found = {}
     for name, mesh in guesses.items():
         judged = evaluate(mesh, true, config["n_points"], config["seed"], config["n_emd_points"]).as_dict()
-        found[name] = {key: float(f"{judged[key]['value']:.6g}") for key in MEASURED}
-        found["floor"] = {key: float(f"{judged[key]['floor']:.6g}") for key in MEASURED}
+        found[name] = {key: short(judged[key]["value"]) for key in MEASURED}
+        found["floor"] = {key: short(judged[key]["floor"]) for key in MEASURED}
     return found
 
 
@@ -101,7 +102,7 @@ def summarise(scores: list[dict]) -> list[dict]:
             row |= {f"{guess} mean": float(np.mean(values)), f"{guess} sd": float(np.std(values, ddof=1))}
             row |= {f"{guess} least": min(values), f"{guess} most": max(values)}
         row["least ratio"] = min(s["template"]["assd"] / s["perfect mask"]["assd"] for s in own)
-        rows.append({key: float(f"{v:.6g}") if isinstance(v, float) else v for key, v in row.items()})
+        rows.append({key: short(v) if isinstance(v, float) else v for key, v in row.items()})
     return rows
 
 

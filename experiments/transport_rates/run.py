@@ -18,7 +18,7 @@ from meshot import DiscreteMeasure, chamfer, quasi_directions
 from meshot.loss import slice_costs
 from meshot.mesh import Mesh, cube, face_areas, face_barycentres, split_in_four
 from meshot.metrics import Surface, SurfaceSample
-from meshot_book.statistics import fitted_slope
+from meshot_book.statistics import fitted_slope, short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
@@ -89,7 +89,7 @@ def errors(task: dict, limits: list[dict], config: dict) -> dict[str, list[float
         stream = [config["seed"], repetition, name]
         sample = draw_pair(pair, task["n_points"], config, np.random.default_rng(stream))
         found.append(measure(pair, *sample, limits, config))
-    return {p: [float(f"{row[p]:.6g}") for row in found] for p in found[0]}
+    return {p: [short(row[p]) for row in found] for p in found[0]}
 
 
 def optimal_cost(points: np.ndarray, others: np.ndarray, p: int) -> float:
@@ -162,12 +162,12 @@ def _line(group: list[dict], p: str, estimate: str, pair: dict, config: dict) ->
         "dimension": intrinsic_dimension(pair),
         "sizes": sizes,
         "n_repetitions": [len(values) for values in errors],
-        "error": [_short(np.abs(values).mean()) for values in errors],
-        "error_sd": [_short(np.abs(values).std(ddof=1)) for values in errors],
-        "bias": [_short(values.mean()) for values in errors],
-        "slope": _short(slope),
-        "low": _short(low),
-        "high": _short(high),
+        "error": [short(np.abs(values).mean()) for values in errors],
+        "error_sd": [short(np.abs(values).std(ddof=1)) for values in errors],
+        "bias": [short(values.mean()) for values in errors],
+        "slope": short(slope),
+        "low": short(low),
+        "high": short(high),
         "expected": expected_slope(estimate, pair, int(p)),
     }
 
@@ -198,11 +198,6 @@ def expected_slope(estimate: str, pair: dict, p: int) -> float | None:
     if relation == "concentric":
         return round(-2 / k, 4)
     return round(max(-2 / k, -0.5), 4) if p == 2 else None
-
-
-def _short(value: float) -> float:
-    """The value with six significant digits, so that the committed file stays small."""
-    return float(f"{value:.6g}")
 
 
 def tasks(config: dict) -> list[dict]:

@@ -21,6 +21,7 @@ from meshot.mesh import edge_lengths, face_area_vectors, icosphere, split_in_fou
 from meshot.metrics import Surface, average_surface_distance
 from meshot.types import Tensor
 from meshot_book.flows import descend
+from meshot_book.statistics import short
 
 
 def target_mesh(settings: dict) -> Mesh:
@@ -111,11 +112,6 @@ def judged(end: Mesh, goal: Mesh, config: dict) -> dict:
     edges = edge_lengths(end)
     values["edge_variation"] = float(edges.std() / edges.mean())
     return {name: short(value) for name, value in values.items()}
-
-
-def short(value: float) -> float:
-    """The value with six significant digits, so that committed files stay small."""
-    return float(f"{value:.6g}")
 
 
 def gradients_at_start(target: str, encoding: str, seed: int, config: dict) -> dict:

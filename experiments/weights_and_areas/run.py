@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import ot
 import torch
-from descents import DIMENSIONS, doubled, encoded, gradients_at_start, pleated_square, run_once, short
+from descents import DIMENSIONS, doubled, encoded, gradients_at_start, pleated_square, run_once
 from scipy import stats
 
 from meshot import Mesh, quasi_directions, sliced_wasserstein
 from meshot.loss import quantile_cost
 from meshot.mesh import face_areas, icosphere
 from meshot.provenance import rounded
-from meshot_book.statistics import arm_differences
+from meshot_book.statistics import arm_differences, short
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
