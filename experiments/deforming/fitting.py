@@ -9,7 +9,7 @@ from meshes import start_mesh, target_mesh
 
 from meshot import Mesh, evaluate, quasi_directions, sliced_wasserstein
 from meshot.flow import FitLoss, FitSettings, fit_flow, grid_around, trajectory
-from meshot.loss import ENCODINGS, LOSSES, Encoding, MeasureLoss
+from meshot.loss import ENCODINGS, LOSSES, Encoding
 from meshot.mesh import self_intersecting_faces
 from meshot.metrics import (
     Surface,
@@ -31,7 +31,8 @@ def planned_arms(config: dict) -> list[dict]:
 
 def arm_loss(arm: dict, target: Mesh, config: dict) -> FitLoss:
     """The loss between a deformed mesh and the target. Random numbers are drawn again in every call, on both sides."""
-    encoding, of_measures = _encoding(arm, config), _loss(arm, config)
+    encoding = _encoding(arm, config)
+    of_measures = None if arm["loss"] == "sliced" else LOSSES[arm["loss"]](**config.get(arm["loss"], {}))
     drawn, n_faces = arm["encoding"] == "samples" or arm["supports"] != "full", len(target.faces)
     fixed = None if drawn else encoding.measure(target, n_faces, np.random.default_rng(0))
 
@@ -60,10 +61,6 @@ def _encoding(arm: dict, config: dict) -> Encoding:
         if "n_supports" in settings:
             settings["detach_weights"] = arm.get("detached", config["few_detached"][arm["loss"]])
     return ENCODINGS[arm["encoding"]](**settings)
-
-
-def _loss(arm: dict, config: dict) -> MeasureLoss | None:
-    return None if arm["loss"] == "sliced" else LOSSES[arm["loss"]](**config.get(arm["loss"], {}))
 
 
 CURVES = ("assd", "normals", "intersecting_faces", "edge_variation", "area_variation", "smallest_angle")
@@ -112,13 +109,14 @@ def fit_once(task: dict, config: dict) -> tuple[dict, dict[str, Mesh]]:
     ruler = Ruler(goal, config)
     rows = [ruler.curve(mesh) for mesh in [begin, *watch.meshes]]
     curve = {"iteration": [0, *fitted.history["checked_iteration"]], "seconds": [0.0, *watch.checked_at]}
+    curve |= {name: [row[name] for row in rows] for name in CURVES}
     last = watch.meshes[-1]
     found = {
         "n_iterations": settings.n_iterations,
         "seconds": short(watch.checked_at[-1]),
         "lipschitz_per_step": short(float(fitted.field.lipschitz_bound()) / settings.n_steps),
         "end": ruler.all(last)[0],
-        "curve": {name: [short(x) for x in entries] for name, entries in (curve | _columns(rows)).items()},
+        "curve": {name: [short(x) for x in entries] for name, entries in curve.items()},
     }
     return found, {"end": last} | _path(fitted.field, moving, settings.n_steps)
 
@@ -130,10 +128,6 @@ def fit_settings(task: dict, config: dict) -> FitSettings:
         n_iterations=n_iterations, check_every=n_iterations // config["n_checks"], learning_rate=task["learning_rate"],
         seed=task["seed"], **config["fit"] | {"n_directions": tuple(config["fit"]["n_directions"])},
     )  # fmt: skip
-
-
-def _columns(rows: list[dict]) -> dict[str, list[float]]:
-    return {name: [row[name] for row in rows] for name in CURVES}
 
 
 @torch.no_grad()

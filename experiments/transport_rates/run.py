@@ -39,9 +39,8 @@ def chamfer_limit(pair: dict, config: dict) -> dict:
     if relation == "translated":
         return pair | {"limit": shifted_cubes(pair, config), "known_by": "closed form", "uncertainty": 0.0}
     source = cube() if pair["shape"] == "cube_surface" else MESHES[pair["shape"]]
-    values = [
-        surface_chamfer(source, MESHES["sphere_mesh"], refinement) for refinement in config["limits"]["refinements"]
-    ]
+    target = MESHES["sphere_mesh"]
+    values = [one_way(source, target, n) + one_way(target, source, n) for n in config["limits"]["refinements"]]
     # The barycentre rule has an error of c·h²: two levels give the limit, a third its accuracy.
     limits = [(4 * fine - coarse) / 3 for coarse, fine in itertools.pairwise(values)]
     return pair | {"limit": limits[-1], "known_by": "quadrature", "uncertainty": abs(limits[-1] - limits[-2])}
@@ -55,13 +54,8 @@ def shifted_cubes(pair: dict, config: dict) -> float:
     return 2 * float((translation(pair, config) ** 3 / 3).sum())
 
 
-def surface_chamfer(source: Mesh, target: Mesh, refinement: int) -> float:
-    """Chamfer between two surfaces: squared distances to faces (libigl) at the barycentres of refined faces."""
-    return one_way(source, target, refinement) + one_way(target, source, refinement)
-
-
 def one_way(source: Mesh, target: Mesh, refinement: int) -> float:
-    """The mean over the source's area of the squared distance to the target's faces."""
+    """The mean over the source's area of the squared distance to the target's faces (libigl), by barycentres."""
     # Coarse faces are divided first, so that both sides have the same refinement.
     vertices, faces = source.vertices, source.faces
     while len(faces) < 1000:
@@ -148,28 +142,26 @@ def summarise(rows: list[dict], config: dict) -> dict:
     results: dict[str, list] = {"transport": [], "sliced": [], "chamfer": []}
     for (estimate, shape, d, relation, p), group in groups.items():
         pair = {"shape": shape, "d": d, "relation": relation}
-        results[estimate].append(pair | {"p": int(p)} | _line(group, p, estimate, pair, config))
+        group = sorted(group, key=lambda row: row["task"]["n_points"])
+        sizes = [row["task"]["n_points"] for row in group]
+        errors = [np.array(row["values"][p]) for row in group]
+        first = sizes.index(config[estimate]["fit_from"])
+        slope, low, high = fitted_slope(sizes[first:], errors[first:])
+        row = pair | {
+            "p": int(p),
+            "dimension": intrinsic_dimension(pair),
+            "sizes": sizes,
+            "n_repetitions": [len(values) for values in errors],
+            "error": [short(np.abs(values).mean()) for values in errors],
+            "error_sd": [short(np.abs(values).std(ddof=1)) for values in errors],
+            "bias": [short(values.mean()) for values in errors],
+            "slope": short(slope),
+            "low": short(low),
+            "high": short(high),
+            "expected": expected_slope(estimate, pair, int(p)),
+        }
+        results[estimate].append(row)
     return results
-
-
-def _line(group: list[dict], p: str, estimate: str, pair: dict, config: dict) -> dict:
-    group = sorted(group, key=lambda row: row["task"]["n_points"])
-    sizes = [row["task"]["n_points"] for row in group]
-    errors = [np.array(row["values"][p]) for row in group]
-    first = sizes.index(config[estimate]["fit_from"])
-    slope, low, high = fitted_slope(sizes[first:], errors[first:])
-    return {
-        "dimension": intrinsic_dimension(pair),
-        "sizes": sizes,
-        "n_repetitions": [len(values) for values in errors],
-        "error": [short(np.abs(values).mean()) for values in errors],
-        "error_sd": [short(np.abs(values).std(ddof=1)) for values in errors],
-        "bias": [short(values.mean()) for values in errors],
-        "slope": short(slope),
-        "low": short(low),
-        "high": short(high),
-        "expected": expected_slope(estimate, pair, int(p)),
-    }
 
 
 def intrinsic_dimension(pair: dict) -> int:

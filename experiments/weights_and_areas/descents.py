@@ -124,7 +124,8 @@ def gradients_at_start(target: str, encoding: str, seed: int, config: dict) -> d
     def loss(vertices: Tensor, detach: bool) -> Tensor:
         return sliced_wasserstein(encoded(start.with_vertices(vertices), encoding, config, detach), goal, directions)
 
-    full, stopped = (_gradient(lambda x, d=detach: loss(x, d), start.vertices) for detach in (False, True))
+    moving = start.vertices.clone().requires_grad_()
+    full, stopped = (torch.autograd.grad(loss(moving, detach), moving)[0] for detach in (False, True))
     step = 1e-6 * torch.from_numpy(generator.standard_normal(start.vertices.shape))
     with torch.no_grad():
         slope = float(loss(start.vertices + step, False) - loss(start.vertices - step, False)) / 2
@@ -134,11 +135,6 @@ def gradients_at_start(target: str, encoding: str, seed: int, config: dict) -> d
         found[f"tangential_{name}"] = tangential_share(start, gradient)
         found[f"slope_error_{name}"] = abs(float((gradient * step).sum()) - slope) / abs(slope)
     return found
-
-
-def _gradient(loss: Callable, vertices: Tensor) -> Tensor:
-    moving = vertices.clone().requires_grad_()
-    return torch.autograd.grad(loss(moving), moving)[0]
 
 
 def tangential_share(mesh: Mesh, gradient: Tensor) -> float:

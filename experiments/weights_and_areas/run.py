@@ -9,7 +9,7 @@ import torch
 from descents import DIMENSIONS, doubled, encoded, gradients_at_start, pleated_square, run_once
 from scipy import stats
 
-from meshot import Mesh, quasi_directions, sliced_wasserstein
+from meshot import quasi_directions, sliced_wasserstein
 from meshot.loss import quantile_cost
 from meshot.mesh import face_areas, icosphere
 from meshot.provenance import rounded
@@ -59,14 +59,12 @@ def forgotten_areas(config: dict) -> list[dict]:
     rows = []
     for name, (one, other) in pairs.items():
         row = {"surface": name, "area_ratio": float(face_areas(other).sum() / face_areas(one).sum())}
-        rows.append(row | {f"sw_{encoding}": _apart(one, other, encoding, config) for encoding in DIMENSIONS})
+        for encoding, d in DIMENSIONS.items():
+            directions = quasi_directions(config["n_judging_directions"], d)
+            measures = [encoded(mesh, encoding, config) for mesh in (one, other)]
+            row[f"sw_{encoding}"] = float(sliced_wasserstein(*measures, directions)) ** 0.5
+        rows.append(row)
     return rows
-
-
-def _apart(one: Mesh, other: Mesh, encoding: str, config: dict) -> float:
-    directions = quasi_directions(config["n_judging_directions"], DIMENSIONS[encoding])
-    measures = [encoded(mesh, encoding, config) for mesh in (one, other)]
-    return float(sliced_wasserstein(*measures, directions)) ** 0.5
 
 
 MEASURED = ("sw_surface", "sw_varifold", "assd", "edge_variation")
@@ -77,7 +75,15 @@ def summarise(rows: list[dict]) -> dict:
     groups: dict[str, list[dict]] = {}
     for row in rows:
         groups.setdefault(repr(row["run"]), []).append(row)
-    descents = [group[0]["run"] | _statistics(group) for group in groups.values()]
+    descents = []
+    for group in groups.values():
+        ended = [row["values"] for row in group if not row["values"]["collapsed"]]
+        found = group[0]["run"] | {"n_seeds": len(group), "n_collapsed": len(group) - len(ended)}
+        for name in MEASURED if len(ended) > 1 else ():
+            values = np.array([row[name] for row in ended])
+            found[f"{name}_mean"], found[f"{name}_sd"] = short(values.mean()), short(values.std(ddof=1))
+            found[f"{name}_seeds"] = values.tolist()
+        descents.append(found)
     best: dict[tuple, dict] = {}
     for row in descents:
         key = row["target"], row["encoding"], row["detach_weights"]
@@ -87,16 +93,6 @@ def summarise(rows: list[dict]) -> dict:
             best[key] = row
     pairs = [(row, best.get((*key[:2], True))) for key, row in best.items() if not key[2]]
     return {"descents": descents, "differences": [_difference(*pair) for pair in pairs if pair[1]]}
-
-
-def _statistics(group: list[dict]) -> dict:
-    ended = [row["values"] for row in group if not row["values"]["collapsed"]]
-    found: dict = {"n_seeds": len(group), "n_collapsed": len(group) - len(ended)}
-    for name in MEASURED if len(ended) > 1 else ():
-        values = np.array([row[name] for row in ended])
-        found[f"{name}_mean"], found[f"{name}_sd"] = short(values.mean()), short(values.std(ddof=1))
-        found[f"{name}_seeds"] = values.tolist()
-    return found
 
 
 def _difference(full: dict, stopped: dict) -> dict:
@@ -125,20 +121,16 @@ def gradient_rows(config: dict) -> list[dict]:
     return rows
 
 
-def planned_runs(config: dict) -> list[dict]:
-    """The settings of all descents, except the seed."""
+def tasks(config: dict) -> list[tuple[dict, int]]:
+    """All settings of a descent with all seeds."""
     return [
-        {"target": target, "encoding": encoding, "detach_weights": detach, "learning_rate": rate}
+        ({"target": target, "encoding": encoding, "detach_weights": detach, "learning_rate": rate}, seed)
         for target in config["targets"]
         for encoding in config["encodings"]
         for detach in (False, True)
         for rate in config["learning_rates"]
+        for seed in config["seeds"]
     ]
-
-
-def tasks(config: dict) -> list[tuple[dict, int]]:
-    """All settings and seeds."""
-    return [(run, seed) for run in planned_runs(config) for seed in config["seeds"]]
 
 
 def work(task: tuple[dict, int], config: dict) -> dict:
