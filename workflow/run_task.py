@@ -124,8 +124,8 @@ def collect(results: Results, planned: bool) -> None:
             ended[task.name].unlink()
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The parsed command line."""
+def main(words: list[str] | None = None) -> int:
+    """Do what is asked. Returns 1 if a task failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=["run", "collect"])
     parser.add_argument("names", nargs="*", metavar="TASK")
@@ -133,12 +133,7 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--root", type=Path, default=ROOT, help="a checkout of the repository (default: this one)")
     parser.add_argument("--cores", type=int, default=1, help="number of cores of a task (default: %(default)s)")
     parser.add_argument("--planned", action="store_true", help="with the tasks that have no result yet")
-    return parser.parse_args(words)
-
-
-def main(words: list[str] | None = None) -> int:
-    """Do what is asked. Returns 1 if a task failed."""
-    asked = parsed(words)
+    asked = parser.parse_args(words)
     try:
         results = opened(asked.graph, asked.root)
         if unknown := sorted(set(asked.names) - set(results.graph.tasks)):

@@ -148,7 +148,10 @@ def block(results: Results) -> str:
     now = sum(len(visits(read_recipe(name))) for name in COHORTS)
     many = scaled(jobs, SUBJECTS / now)
     chain = longest_chain(many)
+    hours = digits(sum(job.seconds for job in chain) / 3600, 3)
     steps = ", ".join(f"`{job.task.name}` ({digits(job.seconds / 3600, 2)} h)" for job in chain)
+    cases = {f"h, {now} subjects": jobs, f"h, {SUBJECTS} subjects": many}
+    nodes = [{"nodes": n} | {head: makespan(case, n) / 3600 for head, case in cases.items()} for n in NODES]
     return "\n".join(
         [
             f"Written by `python workflow/scaling.py` from the records of the committed results. The two cohorts "
@@ -160,16 +163,11 @@ def block(results: Results) -> str:
             f"workflow takes {_hours(jobs)} processor hours with {now} subjects, and {_hours(many)} with {SUBJECTS}. "
             f"The next table has the time from start to end on nodes of {CORES} cores.",
             "",
-            markdown_table(node_table({f"h, {now} subjects": jobs, f"h, {SUBJECTS} subjects": many}), 3),
+            markdown_table(nodes, 3),
             "",
-            f"The longest chain of tasks with {SUBJECTS} subjects takes {digits(_seconds(chain) / 3600, 3)} h on any "
-            f"number of nodes: {steps}.",
+            f"The longest chain of tasks with {SUBJECTS} subjects takes {hours} h on any number of nodes: {steps}.",
         ]
     )
-
-
-def _seconds(chain: list[Job]) -> float:
-    return sum(job.seconds for job in chain)
 
 
 def _hours(jobs: dict[str, Job]) -> str:
@@ -186,11 +184,6 @@ def stage_table(jobs: dict[str, Job], many: dict[str, Job], head: str) -> list[d
             row = {"stage": stage, "tasks": len(own), "s": round(sum(now)), "s of the longest task": round(max(now))}
             rows.append(row | {head: sum(then) / 3600})
     return sorted(rows, key=lambda row: -row["s"])
-
-
-def node_table(cases: dict[str, dict[str, Job]]) -> list[dict]:
-    """Hours on several numbers of nodes, for several numbers of subjects."""
-    return [{"nodes": nodes} | {head: makespan(jobs, nodes) / 3600 for head, jobs in cases.items()} for nodes in NODES]
 
 
 def main() -> int:

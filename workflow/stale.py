@@ -162,12 +162,10 @@ class Results:
         """Why a result in the repository is out of date. The list is empty if it is not."""
         missing = [f"{path} is missing" for path in task.writes if not (self.root / path).exists()]
         if task.derived:
-            news = [up for up in self.before(task, planned) if up.writes and self._has_news(up, planned)]
+            before = (up for up in self.before(task, planned) if up.writes)
+            news = (up for up in before if self.stamp(up, planned).is_file() or self.reasons(up, planned))
             return missing + [f"{up.name} runs" for up in news]
         return missing + self.changes(task, planned)
-
-    def _has_news(self, task: Task, planned: bool) -> bool:
-        return self.stamp(task, planned).is_file() or bool(self.reasons(task, planned))
 
     def stale(self, planned: bool = False) -> dict[str, list[str]]:
         """The results in the repository that are out of date, and why."""
@@ -278,15 +276,11 @@ def vouched(results: Results, names: list[str], reason: str, small: str, uncheck
             continue
         shown = "nothing was computed" if unchecked else compared(now, changed[0], small)
         now.vouch(changed)
-        line = {
-            "date": provenance()["date"],
-            "names": [task.name for task in changed],
-            "reason": reason,
-            "shown": shown,
-        }
+        done = [task.name for task in changed]
+        line = {"date": provenance()["date"], "names": done, "reason": reason, "shown": shown}
         with (results.root / LOG).open("a", encoding="utf-8") as file:
             file.write(json.dumps(line, ensure_ascii=False) + "\n")
-        print(f"{', '.join(line['names'])}: {shown}")
+        print(f"{', '.join(done)}: {shown}")
 
 
 def compared(results: Results, task: Task, small: str) -> str:
@@ -379,21 +373,16 @@ def update(root: Path, only_list: bool) -> int:
     print(f"changed results: {', '.join(changed) or 'none'}; chapters that read them: {', '.join(chapters) or 'none'}")
     # The checksums, by which changes are seen, come after the chapters: what was stopped goes on.
     steps = [["book/run_notebooks.py", "store", *chapters]] if chapters else []
-    steps += [
-        ["benchmarks/speed_page.py"],
-        ["workflow/scaling.py"],
-        ["tools/readme_numbers.py"],
-        ["book/make_ledger.py"],
-    ]
-    for step in steps:
+    pages = ("benchmarks/speed_page.py", "workflow/scaling.py", "tools/readme_numbers.py", "book/make_ledger.py")
+    for step in [*steps, *([page] for page in pages)]:
         print("python", *step, flush=True)
         if not only_list and subprocess.run([sys.executable, *step], cwd=root, check=False).returncode:
             return 1
     return 0
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The parsed command line."""
+def main(words: list[str] | None = None) -> int:
+    """Do what is asked. Returns 1 if something failed, or a result is out of date."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=["list", "vouch", "update"], nargs="?", default="list")
     parser.add_argument("names", nargs="*", metavar="TASK", help="for vouch: tasks, or all")
@@ -407,12 +396,6 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     asked = parser.parse_args(words)
     if asked.action == "vouch" and not (asked.names and asked.reason):
         parser.error("vouch needs a task and its --reason")
-    return asked
-
-
-def main(words: list[str] | None = None) -> int:
-    """Do what is asked. Returns 1 if something failed, or a result is out of date."""
-    asked = parsed(words)
     try:
         if asked.action == "update":
             return update(asked.root, asked.only_list)
@@ -421,13 +404,11 @@ def main(words: list[str] | None = None) -> int:
         if asked.action == "list":
             print("\n".join(f"{name}: {'; '.join(reasons)}" for name, reasons in stale.items()) or "nothing is stale")
             return int(bool(stale))
-        known = [
-            task.name for task in results.graph.tasks.values() if not task.derived and not results.is_planned(task)
-        ]
+        tasks = results.graph.tasks.values()
+        known = [task.name for task in tasks if not task.derived and not results.is_planned(task)]
         if unknown := sorted(set(asked.names) - {"all", *known}):
             raise ValueError(f"no result is called {', '.join(unknown)}; there are {', '.join(known)}")
-        names = known if "all" in asked.names else asked.names
-        vouched(results, names, asked.reason, asked.small, asked.unchecked)
+        vouched(results, known if "all" in asked.names else asked.names, asked.reason, asked.small, asked.unchecked)
     except ValueError as error:
         print(error, file=sys.stderr)
         return 1

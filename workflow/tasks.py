@@ -99,7 +99,23 @@ def read_graph(path: Path, root: Path) -> Graph:
             if task.name in tasks:
                 raise ValueError(f"{path}: there are two tasks {task.name}; give one another name")
             tasks[task.name] = task
-    return Graph(_sorted({name: _resolved(task, tasks, path) for name, task in tasks.items()}, path), content["stages"])
+    for task in tasks.values():
+        # Names in place of patterns such as cohort_*, and of stages such as @cohort.
+        after: dict[str, None] = {}
+        for pattern in task.after:
+            fit = [n for n, t in tasks.items() if fnmatch.fnmatchcase(n, pattern) or f"@{t.stage}" == pattern]
+            if not (names := [name for name in fit if name != task.name]):
+                raise ValueError(f"{path}: {task.name} comes after {pattern}, which is no task; correct the name")
+            after |= dict.fromkeys(names)
+        tasks[task.name] = dataclasses.replace(task, after=tuple(after))
+    done: dict[str, Task] = {}
+    while len(done) < len(tasks):
+        ready = [task for name, task in tasks.items() if name not in done and all(up in done for up in task.after)]
+        if not ready:
+            left = ", ".join(name for name in tasks if name not in done)
+            raise ValueError(f"{path}: tasks wait for each other among {left}; remove one of their entries in after")
+        done |= {task.name: task for task in ready}
+    return Graph(done, content["stages"])
 
 
 def _values(entry: dict, root: Path) -> list[dict[str, str]]:
@@ -129,29 +145,3 @@ def _task(pattern: str, entry: dict, values: dict[str, str], code: dict[str, str
     command = " ".join(filled(entry["command"]).split())
     kind = {key: entry.get(key, False) for key in ("planned", "derived")}
     return Task(filled(pattern), entry["stage"], command, copies=copies, **kind, **lists)
-
-
-def _resolved(task: Task, tasks: dict[str, Task], path: Path) -> Task:
-    """The task with names in place of patterns such as ``cohort_*``, and of stages such as ``@cohort``."""
-    found: dict[str, None] = {}
-    for pattern in task.after:
-        names = [
-            name
-            for name, other in tasks.items()
-            if name != task.name and (fnmatch.fnmatchcase(name, pattern) or f"@{other.stage}" == pattern)
-        ]
-        if not names:
-            raise ValueError(f"{path}: {task.name} comes after {pattern}, which is no task; correct the name")
-        found |= dict.fromkeys(names)
-    return dataclasses.replace(task, after=tuple(found))
-
-
-def _sorted(tasks: dict[str, Task], path: Path) -> dict[str, Task]:
-    done: dict[str, Task] = {}
-    while len(done) < len(tasks):
-        ready = [task for name, task in tasks.items() if name not in done and all(up in done for up in task.after)]
-        if not ready:
-            left = ", ".join(name for name in tasks if name not in done)
-            raise ValueError(f"{path}: tasks wait for each other among {left}; remove one of their entries in after")
-        done |= {task.name: task for task in ready}
-    return done
