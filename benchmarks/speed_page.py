@@ -114,13 +114,7 @@ BLOCKS = {
 
 
 def with_block(text: str, name: str, block: str) -> str:
-    """The text with the block between the markers of a name replaced.
-
-    Raises
-    ------
-    ValueError
-        If a marker is missing.
-    """
+    """The text with the block between the markers of a name replaced."""
     begin, end = (marker.format(name) for marker in MARKERS)
     if begin not in text or end not in text:
         raise ValueError(f"{PAGE.name} has no {begin} ... {end}; put both lines where the table shall stand")

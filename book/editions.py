@@ -20,13 +20,7 @@ _BOARD = re.compile(r"^- \*\*(\d\d)\*\*: (.*?)(?=^- \*\*\d\d\*\*|\Z|^#)", re.M |
 
 
 def board_notes(guide: str) -> dict[str, str]:
-    """The notes for the board of each chapter, by its two digits.
-
-    Raises
-    ------
-    ValueError
-        If the guide has no section on the board.
-    """
+    """The notes for the board of each chapter, by its two digits."""
     _, found, rest = guide.partition("## On the board")
     if not found:
         raise ValueError("the teaching guide has no section 'On the board'")

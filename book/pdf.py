@@ -33,13 +33,7 @@ def joined_link(link: str, name: str, names: set[str]) -> str:
 
 
 def write_document(html: Path) -> Path:
-    """Join the pages in ``html/print.html``.
-
-    Raises
-    ------
-    ValueError
-        If no chapter is rendered there.
-    """
+    """Join the pages in ``html/print.html``."""
     chapters = chapter_pages(html)
     pages = [*(html / f"{name}.html" for name in FRONT), *chapters, *(html / f"{name}.html" for name in BACK)]
     pages = [page for page in pages if page.is_file()]

@@ -46,13 +46,7 @@ def source_notebook(source: Path) -> nbformat.NotebookNode:
 
 
 def run_notebook(source: Path, bar: tqdm) -> nbformat.NotebookNode:
-    """Run a text source in a fresh kernel and return it with its outputs.
-
-    Raises
-    ------
-    CellExecutionError
-        As soon as a cell fails.
-    """
+    """Run a text source in a fresh kernel and return it with its outputs."""
     notebook = source_notebook(source)
     client = NotebookClient(
         notebook,
@@ -101,13 +95,7 @@ def lighten_pictures(notebook: nbformat.NotebookNode, refinements: int = 1) -> N
 
 
 def retold_notebook(source: Path) -> nbformat.NotebookNode:
-    """A text source with the outputs that are stored beside it.
-
-    Raises
-    ------
-    ValueError
-        If its code is not the code that was run.
-    """
+    """A text source with the outputs that are stored beside it."""
     notebook = source_notebook(source)
     stored = nbformat.read(source.with_suffix(".ipynb"), as_version=4)
     new, old = ([cell for cell in n.cells if cell.cell_type == "code"] for n in (notebook, stored))
@@ -134,13 +122,7 @@ def write_run(source: Path, into: Path) -> None:
 
 
 def write_fresh_runs(sources: list[Path]) -> None:
-    """Run several text sources side by side, each in a process of its own, the longest first.
-
-    Raises
-    ------
-    ValueError
-        With the output of the first that fails. Those that did not begin are left out.
-    """
+    """Run several text sources side by side, each in a process of its own, the longest first."""
     ordered = sorted(sources, key=lambda source: -_seconds_before(source))
     workers = min(os.cpu_count() or 1, MOST_AT_ONCE)
     with (

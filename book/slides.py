@@ -93,13 +93,7 @@ def chapter_slides(article: Tag) -> list[Slide]:
 
 
 def write_all(html: Path) -> Path:
-    """Write the slides of all rendered chapters into ``html/slides``; the page that lists them.
-
-    Raises
-    ------
-    ValueError
-        If no chapter is rendered there.
-    """
+    """Write the slides of all rendered chapters into ``html/slides``; the page that lists them."""
     pages = chapter_pages(html)
     into = html / "slides"
     shutil.rmtree(into, ignore_errors=True)

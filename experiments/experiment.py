@@ -159,13 +159,7 @@ def _parser(script: Path, options: dict[str, tuple[str, dict]]) -> argparse.Argu
 
 
 def changed(config: dict, changes: Iterable[str]) -> dict:
-    """The configuration with other values, such as ``grid.margin=4``.
-
-    Raises
-    ------
-    ValueError
-        If there is no such setting, or the value is not YAML.
-    """
+    """The configuration with other values, such as ``grid.margin=4``."""
     config = copy.deepcopy(config)
     for change in changes:
         name, equals, value = change.partition("=")
@@ -202,11 +196,6 @@ def run_jobs(
         What the results depend on: see :func:`stamp`.
     name : str
         The description of the progress bar.
-
-    Raises
-    ------
-    TypeError
-        If a task or a result cannot be written as JSON.
     """
     done, others = finished(partial, mark), len(_read(partial))
     if len(done) < others:

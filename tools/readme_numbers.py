@@ -106,13 +106,7 @@ def block(root: Path) -> str:
 
 
 def with_numbers(text: str, root: Path) -> str:
-    """The README with its tables renewed.
-
-    Raises
-    ------
-    ValueError
-        If a mark is missing.
-    """
+    """The README with its tables renewed."""
     if text.count(BEGIN) != 1 or text.count(END) != 1:
         raise ValueError(f"README.md must have {BEGIN} and {END} once each; put them back where the tables belong")
     before, after = text.split(BEGIN)[0], text.split(END)[1]

@@ -50,13 +50,7 @@ class Code:
     only: str = ""
 
     def digest(self, starts: Iterable[str]) -> str:
-        """The digest of all that is reached from these modules and dotted names.
-
-        Raises
-        ------
-        ValueError
-            If there is no such module, or nothing of that name in it.
-        """
+        """The digest of all that is reached from these modules and dotted names."""
         found = self.reached(starts)
         lines = sorted(f"{place.name} {text}" for place, text in found.items())
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:DIGITS]

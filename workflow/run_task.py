@@ -30,13 +30,7 @@ GUARD = 'read line || kill -s TERM -- "-$0"'
 
 
 def yes_or_no(name: str, value: object) -> bool:
-    """The value of a setting of Snakemake, which is a truth value or a text.
-
-    Raises
-    ------
-    ValueError
-        If it is anything but yes, no, true or false, in letters of either case.
-    """
+    """The value of a setting of Snakemake, which is a truth value or a text."""
     found = {"yes": True, "true": True, "no": False, "false": False}.get(str(value).lower())
     if found is None:
         raise ValueError(f"{name} is {value}; it is yes, no, true or false: --config {name}=yes")
@@ -48,11 +42,6 @@ def run(results: Results, task: Task, cores: int, planned: bool) -> None:
 
     If this process is ended, by whatever signal, its command is terminated. The command holds the lock of the task,
     too: while it goes on, nobody starts it again.
-
-    Raises
-    ------
-    ValueError
-        If the command fails, leaves no result, or its settings change meanwhile.
     """
     stamp = results.stamp(task, planned)
     with locked(stamp.parent) as lock:

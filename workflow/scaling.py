@@ -106,13 +106,7 @@ def remaining(jobs: dict[str, Job]) -> dict[str, float]:
 
 
 def makespan(jobs: dict[str, Job], nodes: int, cores: int = CORES) -> float:
-    """The simulated seconds of the whole workflow on several nodes. A job runs on one node.
-
-    Raises
-    ------
-    ValueError
-        If a job needs more cores than a node has.
-    """
+    """The simulated seconds of the whole workflow on several nodes. A job runs on one node."""
     if wide := [job.task.name for job in jobs.values() if job.cores > cores]:
         raise ValueError(f"{', '.join(wide)} needs more than the {cores} cores of a node; choose larger nodes")
     left, free = remaining(jobs), [cores] * nodes

@@ -258,13 +258,7 @@ def _digest(value: object) -> str:
 
 
 def vouched(results: Results, names: list[str], reason: str, small: str, unchecked: bool) -> None:
-    """Vouch for tasks: show that a small part of each has the numbers of before, note the digests, log the reason.
-
-    Raises
-    ------
-    ValueError
-        If a file is missing, or numbers differ.
-    """
+    """Vouch for tasks: show that a small part of each has the numbers of before, note the digests, log the reason."""
     tasks = [task for task in results.graph.tasks.values() if task.name in names]
     for task in tasks:
         if gone := [path for path in task.writes if not (results.root / path).exists()]:
@@ -284,13 +278,7 @@ def vouched(results: Results, names: list[str], reason: str, small: str, uncheck
 
 
 def compared(results: Results, task: Task, small: str) -> str:
-    """Run a small part of a task with the code of its digests and with that of now, and compare all numbers.
-
-    Raises
-    ------
-    ValueError
-        If the code of then is not in the history, the part fails, or numbers differ.
-    """
+    """Run a small part of a task with the code of its digests and with that of now, and compare all numbers."""
     if "{out}" not in (small := small or SMALL.format(command=task.command)):
         raise ValueError(f"--small is {small}; it must write into the folder {{out}}")
     code = results.entries.get(task.name, {}).get("code", "")

@@ -78,11 +78,6 @@ def read_graph(path: Path, root: Path) -> Graph:
         The YAML file.
     root : path
         The repository, in which ``trainings_of`` names a protocol.
-
-    Raises
-    ------
-    ValueError
-        If an entry has an unknown key, stage or task, or two tasks have the same name, or tasks wait for each other.
     """
     content = read_yaml(path)
     for stage, found in content["stages"].items():

@@ -24,13 +24,7 @@ STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
 def peak_of(unit: Training, subject: str, config_file: Path) -> float | None:
-    """The peak in MB, measured in a new process. None if this system does not report memory.
-
-    Raises
-    ------
-    RuntimeError
-        If the process fails.
-    """
+    """The peak in MB, measured in a new process. None if this system does not report memory."""
     if not RESET.exists():
         return None
     words = ["--config", str(config_file), "--unit", unit.name, "--subject", subject]

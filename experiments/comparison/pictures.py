@@ -27,13 +27,7 @@ TRUE = "true"
 
 
 def chosen_subjects(rows: list[dict], place: dict) -> dict[str, str]:
-    """The subjects with the median and the largest mean ASSD over the systems of the place: "median" and "worst".
-
-    Raises
-    ------
-    ValueError
-        If no subject of the column is measured.
-    """
+    """The subjects with the median and the largest mean ASSD over the systems of the place: "median" and "worst"."""
     values: dict[str, list[float]] = {}
     for row in (row for row in measured(rows) if row["arm"] in place["chosen_by"]):
         column = (row["cohort"], row["side"], row["kind"], row["budget"], row["seed"])

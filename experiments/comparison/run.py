@@ -140,13 +140,7 @@ def lines_of(found: list[dict], setting: Setting) -> tuple[list[dict], list[dict
 
 @functools.cache
 def setting(config: experiment.Config) -> Setting:
-    """The trained systems and the scans.
-
-    Raises
-    ------
-    ValueError
-        If nothing is trained.
-    """
+    """The trained systems and the scans."""
     there = [each for each in finals(config) if each.is_made(config)]
     if not there:
         raise ValueError(f"no trained system is in {config['weights']}: run experiments/comparison/train.py first")

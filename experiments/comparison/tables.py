@@ -40,13 +40,7 @@ def write_rows(path: Path, rows: list[dict]) -> None:
 
 
 def read_rows(path: Path) -> list[dict]:
-    """Read rows. Empty values are None.
-
-    Raises
-    ------
-    ValueError
-        If the file is missing, a line has too few or too many columns, or a number is damaged.
-    """
+    """Read rows. Empty values are None."""
     if not path.is_file():
         raise ValueError(f"{path} does not exist; measure the trained systems with run.py")
     with path.open(encoding="utf-8", newline="") as file:
@@ -234,13 +228,7 @@ def row_digests(output: Path) -> dict[str, str]:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Make the tables of the results anew.
-
-    Raises
-    ------
-    ValueError
-        If the rows are missing, or are not those of the results, or were measured by another protocol.
-    """
+    """Make the tables of the results anew."""
     asked = arguments(__doc__, Path(__file__).parent, "results.json").parse_args(words)
     record, config = read_results(asked.output), read_config(asked.config)
     if record["results"]["rows_sha256"] != row_digests(asked.output):

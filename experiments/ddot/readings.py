@@ -81,13 +81,7 @@ def score(record: dict) -> float:
 
 
 def choice(found: dict[float, float], name: str) -> dict:
-    """The rate with the lowest score, and all scores.
-
-    Raises
-    ------
-    ValueError
-        If no rate has a score.
-    """
+    """The rate with the lowest score, and all scores."""
     if not found:
         raise ValueError(f"{name}: no rate kept a finite loss; give the reading smaller rates in the protocol")
     return {"rate": min(found, key=found.get), "assd_mm": {f"{rate:g}": value for rate, value in found.items()}}
@@ -129,15 +123,7 @@ def write_binary_surfaces(subjects: list[Subject], surfaces: InitialSurfaces) ->
 
 
 def train_arms(config: dict, file: Path, jobs: int = 1, device: str = "cpu") -> float:
-    """Train the missing networks of a configuration, which is written to ``file``. Returns the seconds of all.
-
-    Raises
-    ------
-    Busy
-        If another process is training one of them.
-    ValueError
-        If a kept network was trained with other settings.
-    """
+    """Train the missing networks of a configuration, which is written to ``file``. Returns the seconds of all."""
     write_whole(file, yaml.safe_dump(config, sort_keys=False))
     if train.main(["--config", str(file), "--jobs", str(jobs), "--device", device]):
         # Each missing training must have stopped because a loss was not finite: a second try from its last state.

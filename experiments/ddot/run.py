@@ -68,13 +68,7 @@ class Setting:
 
 @functools.cache
 def setting(config: experiment.Config) -> Setting:
-    """What the tasks are about.
-
-    Raises
-    ------
-    ValueError
-        If no network exists.
-    """
+    """What the tasks are about."""
     there = [each for each in finals(config) if each.is_made(config)]
     if not there:
         raise ValueError(f"no trained network is in {config['weights']}: run experiments/ddot/train.py first")

@@ -27,12 +27,6 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
 
 
-def map_surface(side: Hemisphere) -> Mesh:
-    """The surface of the white-matter map within the region of chapter 36, where it is one half."""
-    white, pial = (fsaverage5_surface(kind, side) for kind in ("white", "pial"))
-    return tissue_surface(restricted(mni152_white_matter(), hemisphere_region(mni152_t1(), white, pial, side))).mesh
-
-
 def against(mesh: Mesh, target: Mesh, config: dict) -> dict:
     """Average distance both ways, the median from the target to the mesh, and the ratio of the areas."""
     there, back = offsets_between(
@@ -45,16 +39,6 @@ def against(mesh: Mesh, target: Mesh, config: dict) -> dict:
     }
 
 
-def measured_average(networks: TrainedNetworks, config: dict) -> dict:
-    """Both sides, initial and final surfaces."""
-    made = reconstruct(mni152_t1(), networks.segmentation, networks.system)
-    found: dict = {}
-    for side in HEMISPHERES:
-        target, surfaces = map_surface(side), made.surfaces[side]
-        found[side] = {stage: against(getattr(surfaces, stage), target, config) for stage in ("initial", "final")}
-    return found
-
-
 STAGES = ("initial", "final")
 MEASURES = ("assd_mm", "hausdorff90_mm", "normals", "crossing_faces", "area_ratio")
 OWN = ("dice", "given_up_percent")
@@ -64,7 +48,10 @@ def summarised(scans: list[dict], config: dict) -> dict:
     """Rows by cohort and networks, rows by group of the people, and the first networks against the others."""
     plan, (first, *others) = config["plan"], config["networks"]
     people = _of(scans, "people_like", first)
-    grouped = {name: [scan for scan in people if _belongs(scan, limits)] for name, limits in config["groups"].items()}
+    grouped = {
+        name: [s for s in people if all(low <= s["about"][key] < high for key, (low, high) in limits.items())]
+        for name, limits in config["groups"].items()
+    }
     return {
         "cohorts": [
             {"cohort": cohort, "networks": name} | averaged(_of(scans, cohort, name))
@@ -84,10 +71,6 @@ def summarised(scans: list[dict], config: dict) -> dict:
 
 def _of(scans: list[dict], cohort: str, networks: str) -> list[dict]:
     return [scan for scan in scans if scan["subject"].split("/")[0] == cohort and scan["networks"] == networks]
-
-
-def _belongs(scan: dict, limits: dict[str, list[float]]) -> bool:
-    return all(low <= scan["about"][key] < high for key, (low, high) in limits.items())
 
 
 def averaged(scans: list[dict]) -> dict:
@@ -114,13 +97,7 @@ def _mean(scans: list[dict], value: Callable[[dict], float]) -> dict[str, float 
 
 
 def difference(first: list[dict], second: list[dict], allowed: float) -> dict:
-    """First minus second networks, paired over the scans: ASSD of the final surface in mm.
-
-    Raises
-    ------
-    ValueError
-        If the two sets of networks were measured on different scans.
-    """
+    """First minus second networks, paired over the scans: ASSD of the final surface in mm."""
     one, other = ({scan["subject"]: scan for scan in scans} for scans in (first, second))
     if set(one) != set(other):
         raise ValueError("the two sets of networks were measured on different scans; measure both on all of them")
@@ -140,7 +117,9 @@ def measured(subject: Subject, networks: TrainedNetworks, config: dict) -> dict:
     """All numbers of one scan."""
     made = reconstruct(subject.scan(), networks.segmentation, networks.system)
     sides = {side: of_side(made, subject.surface("white", side), side, config) for side in HEMISPHERES}
-    return {"about": about(subject), "sides": sides, **how_it_went(made)}
+    names = [warning.name for warning in made.warnings]
+    seconds = sum(made.cpu_seconds.values())
+    return {"about": about(subject), "sides": sides, "warning_names": names, "cpu_seconds": seconds}
 
 
 def of_side(made: Reconstruction, truth: Mesh, side: Hemisphere, config: dict) -> dict:
@@ -191,20 +170,6 @@ def about(subject: Subject) -> dict:
     }
 
 
-def how_it_went(made: Reconstruction) -> dict:
-    """Warnings of a reconstruction, and its seconds of processor time."""
-    names = [warning.name for warning in made.warnings]
-    return {"warning_names": names, "cpu_seconds": sum(made.cpu_seconds.values())}
-
-
-def digests(networks: TrainedNetworks) -> dict[str, str]:
-    """The digest of every network."""
-    parts = networks.system.parts
-    return {"segmentation": network_digest(networks.segmentation)} | {
-        name: network_digest(part.network) for name, part in parts.items()
-    }
-
-
 @functools.cache
 def networks(name: str, config: dict) -> TrainedNetworks:
     """The networks of a row of the plan."""
@@ -215,7 +180,12 @@ def networks(name: str, config: dict) -> TrainedNetworks:
 @functools.cache
 def used(config: dict) -> dict[str, dict[str, str]]:
     """The digests of all networks."""
-    return {name: digests(networks(name, config)) for name in config["networks"]}
+    found = {}
+    for name in config["networks"]:
+        own = networks(name, config)
+        found[name] = {"segmentation": network_digest(own.segmentation)}
+        found[name] |= {part: network_digest(each.network) for part, each in own.system.parts.items()}
+    return found
 
 
 @functools.cache
@@ -246,7 +216,15 @@ def work(task: dict, config: dict) -> dict:
 def results(rows: list[dict], config: dict) -> dict:
     """The scans, their summary, and the average."""
     scanned = [{"subject": row["task"]["subject"], "networks": row["task"]["networks"]} | row["found"] for row in rows]
-    summary, average = summarised(scanned, config), measured_average(networks("package", config), config)
+    package = networks("package", config)
+    made, average = reconstruct(mni152_t1(), package.segmentation, package.system), {}
+    for side in HEMISPHERES:
+        # The surface of the white-matter map within the region of chapter 36, where it is one half.
+        white, pial = (fsaverage5_surface(kind, side) for kind in ("white", "pial"))
+        region = hemisphere_region(mni152_t1(), white, pial, side)
+        target, surfaces = tissue_surface(restricted(mni152_white_matter(), region)).mesh, made.surfaces[side]
+        average[side] = {stage: against(getattr(surfaces, stage), target, config) for stage in STAGES}
+    summary = summarised(scanned, config)
     return rounded({"networks": used(config), "summary": summary, "average": average, "scans": scanned})
 
 

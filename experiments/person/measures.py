@@ -44,13 +44,7 @@ def _from(points: Float[Array, "n 3"], surface: Surface) -> Float[Array, " n"]:
 
 
 def spread(distances: Float[Array, " n"]) -> dict:
-    """Number, median, mean and 95th percentile of distances.
-
-    Raises
-    ------
-    ValueError
-        If there are none.
-    """
+    """Number, median, mean and 95th percentile of distances."""
     if not len(distances):
         raise ValueError("no point lies beside the cortex; is the estimate that of this scan?")
     return {

@@ -48,11 +48,6 @@ def changed_scan(scan: Volume, white: Volume, how: Mapping[str, object], seed: i
         The entry of the configuration: the kind and its sizes.
     seed : int
         Of noise and bias.
-
-    Raises
-    ------
-    ValueError
-        If the kind is unknown.
     """
     sizes = {key: value for key, value in how.items() if key != "kind"}
     if how.get("kind") not in KINDS:

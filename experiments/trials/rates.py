@@ -18,13 +18,7 @@ SCORE = "score.json"
 
 
 def changes_of(training: Training, config: dict) -> list[str]:
-    """The rate and the number of epochs of a training, as changes of settings. Without trials of rates there are none.
-
-    Raises
-    ------
-    ValueError
-        If they follow from trials that are not there, or from those of another protocol.
-    """
+    """The rate and the number of epochs of a training, as changes of settings; none if no rate is tried."""
     entry = config["arms"][training.arm]
     if training.is_trial:
         rate, epochs = training.rate, config["trials"]["epochs"]
@@ -61,13 +55,7 @@ def known_rates(config: dict) -> dict[str, dict]:
 
 
 def require_rate_of_protocol(arm: str, entry: dict, config: dict) -> None:
-    """Check that a rate was chosen by the trials of the present protocol. What an entry does not tell is not checked.
-
-    Raises
-    ------
-    ValueError
-        If it was chosen from other rates, or by trials with other settings.
-    """
+    """Check that a rate was chosen by the trials of the present protocol, as far as the entry tells."""
     own = {f"{trial.rate:g}": trial for trial in trials(config) if trial.arm == arm}
     mend = f"remove {arm} from {config['rates']}, and run train.py --only '*_{arm}_rate*'"
     scores, commands = entry.get("assd_mm", dict.fromkeys(own)), entry.get("commands", [])
@@ -123,11 +111,6 @@ def choose(config: dict, arm: str) -> dict[str, dict]:
     """Choose the rate of a system if its trials are all there, and write the file of rates. Returns all rates.
 
     Processes that train different systems wait for each other here: each adds to what the others have written.
-
-    Raises
-    ------
-    ValueError
-        If no rate of the system has a score, or its rate or a trial is that of another protocol.
     """
     own, known = [trial for trial in trials(config) if trial.arm == arm], known_rates(config)
     if arm in known:

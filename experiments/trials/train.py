@@ -39,14 +39,7 @@ STOPPED = os.EX_TEMPFAIL
 def train_one(training: Training, config: dict, device: str = "cpu") -> None:
     """Train one system on one thread, and keep its weights, records and logs. A trial also gets its score.
 
-    Raises
-    ------
-    Busy
-        If another process is training it.
-    FloatingPointError
-        If a loss is not finite. A trial is then kept without a score.
-    ValueError
-        If it needs a rate that is not chosen.
+    A trial whose loss is not finite is kept without one.
     """
     torch.set_num_threads(1)
     changes = training.changes(config, changes_of(training, config))
@@ -134,11 +127,6 @@ def run_trainings(about: str, script: str, words: list[str] | None = None) -> in
         The ``train.py`` of an experiment, which stands beside its protocol.
     words : list of str, optional
         The command line. By default, that of the process.
-
-    Raises
-    ------
-    ValueError
-        If the device is not there, or no training has a name that was asked for.
     """
     parser = arguments(about, Path(script).parent)
     parser.add_argument("--only", nargs="+", default=["*"], metavar="PATTERN", help="names, * for anything")

@@ -131,11 +131,6 @@ class Training:
             Of rate and number of epochs.
         segmentation : str, optional
             The digest of the segmentation network that made the initial surfaces.
-
-        Raises
-        ------
-        ValueError
-            If one is damaged, or was trained with other settings, or on initial surfaces of another network.
         """
         wanted, found = self.settings(config, changes), self.records(config)
         for part, record in found.items():
@@ -208,13 +203,7 @@ def finals(config: dict) -> list[Training]:
 
 
 def chosen(trainings: list[Training], only: Iterable[str]) -> list[Training]:
-    """The trainings whose names match one of the patterns.
-
-    Raises
-    ------
-    ValueError
-        If none matches.
-    """
+    """The trainings whose names match one of the patterns."""
     found = [each for each in trainings if any(fnmatch.fnmatchcase(each.name, pattern) for pattern in only)]
     if not found:
         raise ValueError(f"no training is called {' or '.join(only)}; there are {', '.join(e.name for e in trainings)}")
@@ -228,11 +217,6 @@ def require_fair(trainings: Iterable[tuple[str, Hashable, object]]) -> None:
     ----------
     trainings : iterable of tuples
         The name of each training, the column in which it is compared, and its data.
-
-    Raises
-    ------
-    ValueError
-        If two of one column were not.
     """
     found: dict[Hashable, tuple[str, object]] = {}
     for name, column, data in trainings:
@@ -269,13 +253,7 @@ def read_config(path: Path) -> dict:
 
 
 def read_json(path: Path) -> dict:
-    """A small file of a training.
-
-    Raises
-    ------
-    ValueError
-        If it is damaged.
-    """
+    """A small file of a training."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
