@@ -112,20 +112,15 @@ def _started(step: Step, n_threads: int) -> subprocess.Popen:
     return subprocess.Popen([sys.executable, "-m", "meshot.cli", *step.words], env=os.environ | threads)
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The parsed command line."""
+def main(words: list[str] | None = None) -> int:
+    """Do what is missing. Returns the exit status of a step that failed, or 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, default=FOLDER, help="folder of everything (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=1, help="processor cores (default: %(default)s)")
     parser.add_argument("--subjects", type=int, help="number of heads (default: that of the recipe)")
     parser.add_argument("--precision", default="float32", help="bfloat16 where the processor multiplies it in hardware")
     parser.add_argument("--list", action="store_true", help="print the steps, and which are finished")
-    return parser.parse_args(words)
-
-
-def main(words: list[str] | None = None) -> int:
-    """Do what is missing. Returns the exit status of a step that failed, or 0."""
-    asked = parsed(words)
+    asked = parser.parse_args(words)
     plan = stages(asked.output, asked.jobs, asked.precision, asked.subjects)
     if asked.list:
         for step in (step for stage in plan for step in stage):
