@@ -12,13 +12,13 @@ without the folds and with another connectivity. Each gives a sequence of flows 
   ``stretched``;
 - ``seconds`` (wall-clock) and ``cpu_seconds`` of all fits of the sequence, including checks; ``n_vertices``,
   ``n_faces``;
-- ``fits``, one per leg (see ``measuring.fit_record``): ``loss`` (means over ten iterations), at every check
+- ``fits``, one per leg (see ``fit_record``): ``loss`` (means over ten iterations), at every check
   ``checked_iteration``, ``checked_loss``, ``checked_crossings``, ``assd``, ``cpu_seconds``; ``backtrack_iteration``,
   ``best_iteration``, ``n_steps``; ``mending`` {``crossings`` of the leg as ``fitted``, with the start ``cut`` where the
   sequence stretches it, with the flow ``damped`` where faces intersected; ``n_faces`` after division; ``seconds``};
   ``seconds`` and ``cpu_seconds_in_all``, including repair;
 - ``before``, ``after``: ``metrics`` {name: value, unit, definition, floor}, ``smallest_angles`` {percentile: degrees};
-- ``path`` (see ``measuring.watched_path``): ``crossings`` before the first step and after every step of the sequence;
+- ``path`` (see ``watched_path``): ``crossings`` before the first step and after every step of the sequence;
   ``legs``: local Lipschitz constants, h·Lip, flips, volume factors; ``largest_move``;
 - ``stored`` (if the flow is stored): ``files``, and ``assd`` and ``intersecting_faces`` of the rounded flow in them.
 
