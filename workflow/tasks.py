@@ -116,18 +116,22 @@ def read_graph(path: Path, root: Path) -> Graph:
 def _values(entry: dict, root: Path) -> list[dict[str, str]]:
     """The values of the placeholders, for every task of an entry."""
     if "trainings_of" in entry:
-        # Every combination in the groups of a protocol, each once: see ``experiments/trials/training.py``.
-        config, found = read_yaml(root / entry["trainings_of"]), {}
-        for group in config["groups"].values():
-            for values in itertools.product(group["cohorts"], group["sides"], group["arms"], group["seeds"]):
-                cohort, side, arm, seed = map(str, values)
-                side = "both" if config["arms"][arm].get("both_sides") else side
-                training = "_".join(filter(None, (cohort, side, arm, group.get("budget"), seed)))
-                place = {"training": training, "cohort": cohort, "arm": arm, "settings": config["settings"]}
-                found[training] = place | {"system": config["arms"][arm].get("system", arm)}
-        return list(found.values())
+        return _trainings(read_yaml(root / entry["trainings_of"]))
     each = entry.get("each", {})
     return [dict(zip(each, map(str, values))) for values in itertools.product(*each.values())]
+
+
+def _trainings(config: dict) -> list[dict[str, str]]:
+    """The combinations in the groups of a protocol, each once: see ``experiments/trials/training.py``."""
+    found = {}
+    for group in config["groups"].values():
+        for values in itertools.product(group["cohorts"], group["sides"], group["arms"], group["seeds"]):
+            cohort, side, arm, seed = map(str, values)
+            side = "both" if config["arms"][arm].get("both_sides") else side
+            training = "_".join(filter(None, (cohort, side, arm, group.get("budget"), seed)))
+            place = {"training": training, "cohort": cohort, "arm": arm, "settings": config["settings"]}
+            found[training] = place | {"system": config["arms"][arm].get("system", arm)}
+    return list(found.values())
 
 
 def _task(pattern: str, entry: dict, values: dict[str, str], code: dict[str, str]) -> Task:
