@@ -257,7 +257,7 @@ def _digest(value: object) -> str:
     return hashlib.sha256(json.dumps(same, sort_keys=True).encode()).hexdigest()[:DIGITS]
 
 
-def vouched(results: Results, names: list[str], reason: str, small: str, unchecked: bool) -> None:
+def vouch_for(results: Results, names: list[str], reason: str, small: str, unchecked: bool) -> None:
     """Vouch for tasks: show that a small part of each has the numbers of before, note the digests, log the reason."""
     tasks = [task for task in results.graph.tasks.values() if task.name in names]
     for task in tasks:
@@ -396,7 +396,7 @@ def main(words: list[str] | None = None) -> int:
         known = [task.name for task in tasks if not task.derived and not results.is_planned(task)]
         if unknown := sorted(set(asked.names) - {"all", *known}):
             raise ValueError(f"no result is called {', '.join(unknown)}; there are {', '.join(known)}")
-        vouched(results, known if "all" in asked.names else asked.names, asked.reason, asked.small, asked.unchecked)
+        vouch_for(results, known if "all" in asked.names else asked.names, asked.reason, asked.small, asked.unchecked)
     except ValueError as error:
         print(error, file=sys.stderr)
         return 1
