@@ -35,22 +35,11 @@ COHORTS = {
 
 
 class Config(dict):
-    """Settings that can be an argument of a cached function.
+    """Settings that can be an argument of a cached function."""
 
-    Attributes
-    ----------
-    file : path
-        The file of the settings.
-    output : path
-        The file of the results. Further files stand beside it.
-    place : path
-        A folder for the states of the tasks, which another configuration or other code does not see. It is removed
-        once the results are written.
-    """
-
-    file: Path
-    output: Path
-    place: Path
+    file: Path  # of the settings
+    output: Path  # of the results; further files stand beside it
+    place: Path  # for the states of the tasks with these settings and this code; removed once the results are written
     __hash__ = object.__hash__  # type: ignore[assignment]
 
 
@@ -184,18 +173,8 @@ def run_jobs(
     Other inputs than settings and code, such as weights or scans, are not checked: put a digest of them into the task.
     Results with another mark stay in the file, and are used again if configuration and code are changed back.
 
-    Parameters
-    ----------
-    tasks : iterable
-        Descriptions of the tasks, as JSON values. They identify the stored results.
-    work : callable
-        Maps a task to its result, a JSON value. New and stored results have the same form.
-    partial : path
-        The file of finished tasks, one per line. Its folder is created. Remove the file once the results are written.
-    mark : str
-        What the results depend on: see :func:`stamp`.
-    name : str
-        The description of the progress bar.
+    ``partial`` is the file of finished tasks, one per line; remove it once the results are written. ``mark`` is what
+    the results depend on: see :func:`stamp`. ``name`` is the description of the progress bar.
     """
     done, others = finished(partial, mark), len(_read(partial))
     if len(done) < others:

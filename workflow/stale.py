@@ -54,23 +54,12 @@ UNLIKE = ("seconds", "stamp", "commit", "date", "command", "machine", "processor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Results:
-    """A workflow in a checkout of the repository, as it is when this is made: every file is read once.
-
-    Parameters
-    ----------
-    graph : Graph
-    root : path
-        The repository.
-    state : path
-        The folder of finished tasks and of their output.
-    beside : bool
-        Whether the digests stand beside the results, or in ``state``.
-    """
+    """A workflow in a checkout of the repository, as it is when this is made: every file is read once."""
 
     graph: Graph
-    root: Path
-    state: Path
-    beside: bool = True
+    root: Path  # the repository
+    state: Path  # the folder of finished tasks and of their output
+    beside: bool = True  # whether the digests stand beside the results, or in the folder
 
     @functools.cached_property
     def entries(self) -> dict[str, dict]:
@@ -236,10 +225,7 @@ def code_of_script(script: Path, root: Path = ROOT) -> str:
 def locked(folder: Path) -> Iterator[TextIO]:
     """Lock a folder, which is created if it is missing. If another process has locked it, wait until it is free.
 
-    Yields
-    ------
-    text file
-        Its lock. A process that inherits its descriptor holds the lock, too.
+    A process that inherits the descriptor of the lock, which is yielded, holds it, too.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / LOCK).open("w") as lock:

@@ -70,15 +70,7 @@ class Graph:
 
 
 def read_graph(path: Path, root: Path) -> Graph:
-    """Read a workflow.
-
-    Parameters
-    ----------
-    path : path
-        The YAML file.
-    root : path
-        The repository, in which ``trainings_of`` names a protocol.
-    """
+    """Read a workflow from its YAML file. ``trainings_of`` names a protocol in the repository, which is ``root``."""
     content = read_yaml(path)
     for stage, found in content["stages"].items():
         if set(found) != set(RESOURCES):

@@ -27,16 +27,7 @@ SECONDS_BETWEEN_LOOKS = 1.0
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """A command of ``meshot``.
-
-    Parameters
-    ----------
-    name : str
-    words : tuple of str
-        The command line, without ``meshot``.
-    makes : Path
-        The last file that the command writes. The step is finished if it is there.
-    """
+    """A command of ``meshot``, with its words and the last file that it writes: if that is there, it is finished."""
 
     name: str
     words: tuple[str, ...]
@@ -44,19 +35,7 @@ class Step:
 
 
 def stages(folder: Path, jobs: int = 1, precision: str = "float32", subjects: int | None = None) -> list[list[Step]]:
-    """The steps in their order. Those of one stage need nothing of each other.
-
-    Parameters
-    ----------
-    folder : path
-        Where everything is written.
-    jobs : int
-        Processor cores.
-    precision : str
-        Of the segmentation: see :class:`meshot.pipeline.segmentation.SegmentationSettings`.
-    subjects : int, optional
-        Other than the recipe states.
-    """
+    """The steps in their order. Those of one stage need nothing of each other."""
     fewer = () if subjects is None else ("--subjects", str(subjects))
     made = ("--standard", PLACEMENT, "--jobs", str(jobs), *fewer)
     cohorts = [folder / name for name in COHORTS.values()]

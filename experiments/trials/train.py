@@ -117,16 +117,8 @@ def train_missing(trainings: list[Training], config: dict, asked: argparse.Names
 def run_trainings(about: str, script: str, words: list[str] | None = None) -> int:
     """Train the trials, choose rates, and train the rest. Returns 1 if something failed or waits.
 
-    A training waits if it needs a rate whose trials are not all there.
-
-    Parameters
-    ----------
-    about : str
-        What ``--help`` says.
-    script : str
-        The ``train.py`` of an experiment, which stands beside its protocol.
-    words : list of str, optional
-        The command line. By default, that of the process.
+    A training waits if it needs a rate whose trials are not all there. ``about`` is what ``--help`` says. ``script`` is
+    the ``train.py`` of an experiment, which stands beside its protocol.
     """
     parser = arguments(about, Path(script).parent)
     parser.add_argument("--only", nargs="+", default=["*"], metavar="PATTERN", help="names, * for anything")

@@ -124,13 +124,8 @@ class Training:
     def checked_records(self, config: dict, changes: Iterable[str] = (), segmentation: str | None = None) -> dict:
         """The record of each network, with which the protocol agrees.
 
-        Parameters
-        ----------
-        config : dict
-        changes : iterable of str
-            Of rate and number of epochs.
-        segmentation : str, optional
-            The digest of the segmentation network that made the initial surfaces.
+        ``changes`` are those of rate and number of epochs; ``segmentation`` is the digest of the network that made the
+        initial surfaces.
         """
         wanted, found = self.settings(config, changes), self.records(config)
         for part, record in found.items():
@@ -211,13 +206,7 @@ def chosen(trainings: list[Training], only: Iterable[str]) -> list[Training]:
 
 
 def require_fair(trainings: Iterable[tuple[str, Hashable, object]]) -> None:
-    """Check that what is compared was trained on the same data.
-
-    Parameters
-    ----------
-    trainings : iterable of tuples
-        The name of each training, the column in which it is compared, and its data.
-    """
+    """Check that what is compared was trained on the same data: name, column of the comparison, and data of each."""
     found: dict[Hashable, tuple[str, object]] = {}
     for name, column, data in trainings:
         first, same = found.setdefault(column, (name, data))
