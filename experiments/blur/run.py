@@ -201,11 +201,6 @@ def tasks(config: dict) -> list[tuple[dict, int]]:
     return [(run, seed) for seed in config["seeds"] for run in config["losses"]]
 
 
-def work(task: tuple[dict, int], config: dict) -> dict:
-    """One fit."""
-    return run_once(*task, config)
-
-
 def results(rows: list[dict], config: dict) -> dict:
     """The fits, the limits of the divergence, and what they are compared with."""
     fits = [{"run": row["task"][0], "seed": row["task"][1], "values": row["found"]} for row in rows]
@@ -213,4 +208,4 @@ def results(rows: list[dict], config: dict) -> dict:
 
 
 if __name__ == "__main__":
-    experiment.run(__file__, tasks, work, results, "synthetic folded spheres")
+    experiment.run(__file__, tasks, lambda task, config: run_once(*task, config), results, "synthetic folded spheres")

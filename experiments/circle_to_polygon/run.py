@@ -161,11 +161,6 @@ def tasks(config: dict) -> list[tuple[dict, int]]:
     return [(run, seed) for run in sweep_runs(config) for seed in config["seeds"]]
 
 
-def work(task: tuple[dict, int], config: dict) -> dict:
-    """One run."""
-    return run_once(*task, config)
-
-
 def results(rows: list[dict], config: dict) -> dict:
     """The runs, and the floors of the metrics."""
     runs = [{"run": row["task"][0], "seed": row["task"][1], "values": row["found"]} for row in rows]
@@ -173,4 +168,4 @@ def results(rows: list[dict], config: dict) -> dict:
 
 
 if __name__ == "__main__":
-    experiment.run(__file__, tasks, work, results, "synthetic polygons")
+    experiment.run(__file__, tasks, lambda task, config: run_once(*task, config), results, "synthetic polygons")

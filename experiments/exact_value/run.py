@@ -256,11 +256,6 @@ def _judged(mesh: Mesh, target: Mesh, settings: dict) -> dict:
 PARTS = {"accuracy": accuracy, "sampling": sampling, "time": times, "descent": descents}
 
 
-def work(part: str, config: dict) -> object:
-    """The results of a part."""
-    return PARTS[part](config)
-
-
 def summarise(rows: list[dict], config: dict) -> dict:
     """The results of all parts."""
     return {row["task"]: row["found"] for row in rows}
@@ -268,4 +263,4 @@ def summarise(rows: list[dict], config: dict) -> dict:
 
 if __name__ == "__main__":
     data = "synthetic shapes; the white and pial surfaces of fsaverage5"
-    experiment.run(__file__, lambda config: list(PARTS), work, summarise, data)
+    experiment.run(__file__, lambda config: list(PARTS), lambda part, config: PARTS[part](config), summarise, data)

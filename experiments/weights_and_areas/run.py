@@ -133,11 +133,6 @@ def tasks(config: dict) -> list[tuple[dict, int]]:
     ]
 
 
-def work(task: tuple[dict, int], config: dict) -> dict:
-    """One descent."""
-    return run_once(*task, config)
-
-
 def results(rows: list[dict], config: dict) -> dict:
     """The descents, and the fast parts."""
     runs = [{"run": row["task"][0], "seed": row["task"][1], "values": row["found"]} for row in rows]
@@ -146,4 +141,4 @@ def results(rows: list[dict], config: dict) -> dict:
 
 
 if __name__ == "__main__":
-    experiment.run(__file__, tasks, work, results, "synthetic surfaces")
+    experiment.run(__file__, tasks, lambda task, config: run_once(*task, config), results, "synthetic surfaces")
