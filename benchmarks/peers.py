@@ -44,14 +44,10 @@ class Peer:
     compiles: bool = False
 
 
-def peers_folder() -> Path:
-    """The folder where "make benchmark" installs libraries that only benchmarks need."""
-    return Path(__file__).resolve().parent.parent / "build" / "peers"
-
-
 def prepare() -> dict[str, str]:
     """Make the additional libraries importable. Returns, for those that cannot run, the reason."""
-    folder = str(peers_folder())
+    # The folder where "make benchmark" installs libraries that only benchmarks need.
+    folder = str(Path(__file__).resolve().parent.parent / "build" / "peers")
     if folder not in sys.path:
         sys.path.append(folder)
     # KeOps asks another Python process for the headers of pybind11.

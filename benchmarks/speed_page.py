@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.provenance import read_results
 from meshot_book.notebook import digits
 
@@ -114,13 +114,7 @@ BLOCKS = {
 
 
 def with_block(text: str, name: str, block: str) -> str:
-    """The text with the block between the markers of a name replaced.
-
-    Raises
-    ------
-    ValueError
-        If a marker is missing.
-    """
+    """The text with the block between the markers of a name replaced."""
     begin, end = (marker.format(name) for marker in MARKERS)
     if begin not in text or end not in text:
         raise ValueError(f"{PAGE.name} has no {begin} ... {end}; put both lines where the table shall stand")
@@ -136,6 +130,5 @@ def written(text: str) -> str:
 
 if __name__ == "__main__":
     made = written(PAGE.read_text(encoding="utf-8"))
-    with whole_file(PAGE) as temporary:
-        temporary.write_text(made, encoding="utf-8")
+    write_whole(PAGE, made)
     print("wrote book/speed.md")

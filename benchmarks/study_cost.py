@@ -32,11 +32,6 @@ def measured(command: list[str]) -> dict[str, float]:
     """Processor seconds, wall-clock seconds and the largest resident memory of a command.
 
     The command is started by a small process: a child inherits the largest memory of the process that starts it.
-
-    Raises
-    ------
-    RuntimeError
-        If the command fails.
     """
     started = time.perf_counter()
     done = subprocess.run([sys.executable, "-I", "-S", "-c", LAUNCHER, *command], stdout=subprocess.PIPE, check=True)

@@ -49,7 +49,13 @@ def doors() -> dict[str, list[Entry]]:
     """The doors of both packages, in the order in which rooms import each other, and the names that each shows."""
     found = {}
     for package in ("meshot", "meshot_book"):
-        for room in ("", *_rooms_in_order(SRC / package)):
+        rooms = {folder.name for folder in (SRC / package).iterdir() if (folder / "__init__.py").is_file()}
+        needed = {}
+        for room in sorted(rooms):
+            code = "".join(file.read_text(encoding="utf-8") for file in (SRC / package / room).rglob("*.py"))
+            imported = re.findall(rf"^\s*(?:from|import) {package}\.(\w+)", code, re.MULTILINE)
+            needed[room] = sorted(set(imported) & rooms - {room})
+        for room in ("", *graphlib.TopologicalSorter(needed).static_order()):
             folder = SRC / package / room
             for stub in sorted([folder / "__init__.pyi"] if room == "" else folder.rglob("__init__.pyi")):
                 if stub.is_file():
@@ -63,16 +69,6 @@ def doors() -> dict[str, list[Entry]]:
                 if any(inspect.isroutine(entry.value) for entry in entries):
                     found[door] = entries
     return found
-
-
-def _rooms_in_order(package: Path) -> list[str]:
-    rooms = sorted(folder.name for folder in package.iterdir() if (folder / "__init__.py").is_file())
-    needed = {room: set() for room in rooms}
-    for room in rooms:
-        code = "".join(file.read_text(encoding="utf-8") for file in (package / room).rglob("*.py"))
-        imported = re.findall(rf"^\s*(?:from|import) {package.name}\.(\w+)", code, re.MULTILINE)
-        needed[room] = sorted(set(imported) & set(rooms) - {room})
-    return list(graphlib.TopologicalSorter(needed).static_order())
 
 
 def _entries(door: str, stub: ast.Module) -> list[Entry]:
@@ -125,15 +121,11 @@ def set_formulas(lines: list[str]) -> list[str]:
     found, in_example = [], False
     for line in lines:
         in_example = line.lstrip().startswith(">>>") or (in_example and bool(line.strip()))
-        parts = [line] if in_example else re.split(r"(``.*?``)", line)
-        found.append("".join(part if i % 2 or in_example else _typeset(part) for i, part in enumerate(parts)))
+        parts = re.split(r"(``.*?``)", line)
+        for pattern, formula in () if in_example else FORMULAS.items():
+            parts[::2] = [re.sub(pattern, rf":math:`{formula}`", part) for part in parts[::2]]
+        found.append("".join(parts))
     return found
-
-
-def _typeset(text: str) -> str:
-    for pattern, formula in FORMULAS.items():
-        text = re.sub(pattern, rf":math:`{formula}`", text)
-    return text
 
 
 def _lines_about(entry: Entry) -> list[str]:
@@ -143,41 +135,36 @@ def _lines_about(entry: Entry) -> list[str]:
     return set_formulas(ModuleAnalyzer.for_module(entry.module).find_attr_docs().get(("", entry.name), [""]))
 
 
-def _summary(entry: Entry) -> str:
-    """The first paragraph of what is said about a name, on one line."""
-    return re.split(r"\n\s*\n", "\n".join(_lines_about(entry)).strip())[0].replace("\n", " ")
-
-
 def _directive(entry: Entry) -> str:
-    path = f"{entry.door}.{entry.name}"
-    if inspect.isclass(entry.value):
-        members = _members(entry.value)
+    path, value = f"{entry.door}.{entry.name}", entry.value
+    if inspect.isclass(value):
+        # The public methods and properties of this package that have a docstring.
+        ours = [base for base in value.__mro__ if base.__module__.split(".")[0] in ("meshot", "meshot_book")]
+        names = dict.fromkeys(name for base in ours for name in vars(base) if not name.startswith("_"))
+        kinds = (property, classmethod, staticmethod)
+        members = [
+            name
+            for name in names
+            if isinstance(inspect.getattr_static(value, name), kinds) or inspect.isfunction(getattr(value, name))
+            if inspect.getdoc(getattr(value, name))
+        ]
         options = f"   :members: {', '.join(members)}\n" if members else ""
         return f".. autoclass:: {path}\n{options}"
-    if inspect.isroutine(entry.value):
+    if inspect.isroutine(value):
         return f".. autofunction:: {path}\n"
-    value = textwrap.shorten(assignments(entry.module)[entry.name].value, 300, placeholder=" …")
+    code = textwrap.shorten(assignments(entry.module)[entry.name].value, 300, placeholder=" …")
     about = textwrap.indent("\n".join(_lines_about(entry)), "   ")
-    return f".. py:data:: {entry.name}\n   :value: {value}\n\n{about}\n"
-
-
-def _members(owner: type) -> list[str]:
-    """The public methods and properties that a class has from this package, those with a docstring."""
-    ours = [base for base in owner.__mro__ if base.__module__.split(".")[0] in ("meshot", "meshot_book")]
-    names = dict.fromkeys(name for base in ours for name in vars(base) if not name.startswith("_"))
-    kinds = (property, classmethod, staticmethod)
-    return [
-        name
-        for name in names
-        if isinstance(inspect.getattr_static(owner, name), kinds) or inspect.isfunction(getattr(owner, name))
-        if inspect.getdoc(getattr(owner, name))
-    ]
+    return f".. py:data:: {entry.name}\n   :value: {code}\n\n{about}\n"
 
 
 def page(door: str, entries: list[Entry]) -> str:
     """The page of a door: its docstring, a table of its names, and every name."""
     about = inspect.getdoc(importlib.import_module(door))
-    rows = "".join(f"   * - :py:obj:`{e.name} <{door}.{e.name}>`\n     - {_summary(e)}\n" for e in entries)
+    rows = ""
+    for each in entries:
+        # The first paragraph of what is said about a name, on one line.
+        summary = re.split(r"\n\s*\n", "\n".join(_lines_about(each)).strip())[0].replace("\n", " ")
+        rows += f"   * - :py:obj:`{each.name} <{door}.{each.name}>`\n     - {summary}\n"
     table = f".. list-table::\n   :widths: 40 60\n   :class: names\n\n{rows}"
     whole = "\n".join(_directive(entry) for entry in entries)
     return f"{door}\n{'=' * len(door)}\n\n.. py:module:: {door}\n\n{about}\n\n{table}\n{whole}"

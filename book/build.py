@@ -33,13 +33,7 @@ MATHJAX_FILES = ("tex-chtml.js", "output/chtml/fonts/woff-v2/")
 
 
 def assemble(notebooks: Path, source: Path) -> None:
-    """Collect pages, notebooks and MathJax in one folder for Sphinx.
-
-    Raises
-    ------
-    ValueError
-        If a text source has no executed notebook.
-    """
+    """Collect pages, notebooks and MathJax in one folder for Sphinx."""
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(
         ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "assets", "claims.yaml")
@@ -73,13 +67,7 @@ def copy_mathjax(into: Path) -> None:
 
 
 def render(source: Path, html: Path) -> int:
-    """Run Sphinx in a process that ends with this one, every warning an error; the exit status.
-
-    Raises
-    ------
-    OSError
-        If a file can not be written.
-    """
+    """Run Sphinx in a process that ends with this one, every warning an error; the exit status."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=begin_worker) as pool:
         return pool.submit(_run_sphinx, source, html).result()
 

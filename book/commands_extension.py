@@ -28,9 +28,18 @@ def command_page(parser: argparse.ArgumentParser) -> str:
     for name, command in commands.choices.items():
         opening = _options_as_code(f"{_sentence(helps[name])} {command.description or ''}")
         parts.append(f"## `{parser.prog} {name}`\n\n{opening}\n")
-        parts.append(f"```text\n{_usage(command)}\n```\n")
-        parts += [_argument(action, command) for action in command._actions if action.dest != "help"]
-        parts += [_paragraph(text) for text in (command.epilog or "").split("\n\n") if text]
+        formatter = argparse.HelpFormatter(command.prog, width=WIDTH)
+        formatter.add_usage(command.usage, command._actions, command._mutually_exclusive_groups)
+        parts.append(f"```text\n{formatter.format_help().strip().removeprefix('usage: ')}\n```\n")
+        formatter = argparse.HelpFormatter(command.prog, width=WIDTH)
+        for action in (action for action in command._actions if action.dest != "help"):
+            shown = formatter._format_action_invocation(action)
+            said = _options_as_code(_sentence(formatter._expand_help(action))) if action.help else ""
+            parts.append(f"`{shown}`\n: {said or 'See the usage above.'}\n")
+        for text in filter(None, (command.epilog or "").split("\n\n")):
+            # Lines of examples are indented.
+            example = text.startswith("  ")
+            parts.append(f"```sh\n{textwrap.dedent(text)}\n```\n" if example else f"{_options_as_code(text)}\n")
     return "\n".join(parts)
 
 
@@ -38,31 +47,9 @@ def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:].rstrip('.')}."
 
 
-def _paragraph(text: str) -> str:
-    """A paragraph of the end of a help text; lines of examples are indented."""
-    return f"```sh\n{textwrap.dedent(text)}\n```\n" if text.startswith("  ") else f"{_options_as_code(text)}\n"
-
-
 def _options_as_code(text: str) -> str:
     """The text with options as code; otherwise Sphinx makes a dash of their two hyphens."""
     return re.sub(r"(?<![\w`-])--[a-z][\w-]*", lambda option: f"`{option[0]}`", text)
-
-
-def _formatter(command: argparse.ArgumentParser) -> argparse.HelpFormatter:
-    return argparse.HelpFormatter(command.prog, width=WIDTH)
-
-
-def _usage(command: argparse.ArgumentParser) -> str:
-    formatter = _formatter(command)
-    formatter.add_usage(command.usage, command._actions, command._mutually_exclusive_groups)
-    return formatter.format_help().strip().removeprefix("usage: ")
-
-
-def _argument(action: argparse.Action, command: argparse.ArgumentParser) -> str:
-    formatter = _formatter(command)
-    shown = formatter._format_action_invocation(action)
-    said = formatter._expand_help(action) if action.help else ""
-    return f"`{shown}`\n: {_options_as_code(_sentence(said)) if said else 'See the usage above.'}\n"
 
 
 def write_page(app: Sphinx) -> None:

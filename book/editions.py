@@ -20,13 +20,7 @@ _BOARD = re.compile(r"^- \*\*(\d\d)\*\*: (.*?)(?=^- \*\*\d\d\*\*|\Z|^#)", re.M |
 
 
 def board_notes(guide: str) -> dict[str, str]:
-    """The notes for the board of each chapter, by its two digits.
-
-    Raises
-    ------
-    ValueError
-        If the guide has no section on the board.
-    """
+    """The notes for the board of each chapter, by its two digits."""
     _, found, rest = guide.partition("## On the board")
     if not found:
         raise ValueError("the teaching guide has no section 'On the board'")
@@ -54,27 +48,21 @@ def instructor_edition(notebook: nbformat.NotebookNode, notes: str) -> nbformat.
     return nbformat.v4.new_notebook(cells=cells, metadata=notebook.metadata)
 
 
-def write_editions(notebooks: Path, guide: str, into: Path) -> None:
-    """Write both editions of every stored chapter."""
-    notes = board_notes(guide)
-    for path in sorted(notebooks.glob("[0-9][0-9]_*.ipynb")):
+def main() -> int:
+    """Write both editions from the command line; the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--into", type=Path, default=ROOT / "build" / "editions")
+    into = parser.parse_args().into.resolve()
+    notes = board_notes((ROOT / "book" / "teaching.md").read_text(encoding="utf-8"))
+    for path in sorted((ROOT / "notebooks").glob("[0-9][0-9]_*.ipynb")):
         notebook = nbformat.read(path, as_version=4)
         made = {
             "student": student_edition(notebook),
             "instructor": instructor_edition(notebook, notes.get(path.stem[:2], "")),
         }
         for name, edition in made.items():
-            (into / name).mkdir(parents=True, exist_ok=True)
             with whole_file(into / name / path.name) as temporary:
                 nbformat.write(edition, temporary)
-
-
-def main() -> int:
-    """Write both editions from the command line; the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--into", type=Path, default=ROOT / "build" / "editions")
-    into = parser.parse_args().into.resolve()
-    write_editions(ROOT / "notebooks", (ROOT / "book" / "teaching.md").read_text(encoding="utf-8"), into)
     print(f"open {into / 'student'} and {into / 'instructor'}")
     return 0
 

@@ -5,7 +5,7 @@ Tests compare both with the results.
 
 from pathlib import Path
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot_book.claims import ledger_page as page_of_claims
 from meshot_book.claims.rules import RULES
 from meshot_book.notebook import CHECKSUMS, checksum_lines
@@ -21,6 +21,5 @@ def ledger_page() -> str:
 
 if __name__ == "__main__":
     for path, text in ((PAGE, ledger_page()), (CHECKSUMS, checksum_lines(ROOT / "experiments"))):
-        with whole_file(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_whole(path, text)
         print(f"wrote {path.relative_to(ROOT)}")

@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import jinja2
-from bs4 import Tag
 from playwright.sync_api import sync_playwright
 
 from rendered import chapter_pages, lead_links, mathjax_settings, read_article
@@ -33,52 +32,30 @@ def joined_link(link: str, name: str, names: set[str]) -> str:
     return f"#{target}--{anchor}" if anchor else f"#{target}"
 
 
-def read_part(page: Path, names: set[str]) -> dict[str, str]:
-    """A page as a part of the document: name, title, HTML with ids of its own."""
-    article = read_article(page)
-    for tag in article.select("[id]"):
-        tag["id"] = f"{page.stem}--{tag['id']}"
-    lead_links(article, lambda link: joined_link(link, page.stem, names))
-    heading: Tag = article.find("h1")
-    return {"name": page.stem, "title": heading.get_text(), "html": article.decode_contents()}
-
-
 def write_document(html: Path) -> Path:
-    """Join the pages in ``html/print.html``.
-
-    Raises
-    ------
-    ValueError
-        If no chapter is rendered there.
-    """
+    """Join the pages in ``html/print.html``."""
     chapters = chapter_pages(html)
     pages = [*(html / f"{name}.html" for name in FRONT), *chapters, *(html / f"{name}.html" for name in BACK)]
     pages = [page for page in pages if page.is_file()]
     names = {page.stem for page in pages}
+    parts = []
+    for page in pages:
+        article = read_article(page)
+        # Ids of its own, which links within the document lead to.
+        for tag in article.select("[id]"):
+            tag["id"] = f"{page.stem}--{tag['id']}"
+        lead_links(article, lambda link, name=page.stem: joined_link(link, name, names))
+        title, content = article.find("h1").get_text(), article.decode_contents()
+        parts.append({"name": page.stem, "title": title, "html": content})
     template = jinja2.Template((ASSETS / "print.html").read_text(encoding="utf-8"))
     text = template.render(
         title="Meshes as Measures",
         style=(ASSETS / "print.css").read_text(encoding="utf-8"),
         settings=mathjax_settings(chapters[0]),
-        parts=[read_part(page, names) for page in pages],
+        parts=parts,
     )
     (html / "print.html").write_text(text, encoding="utf-8")
     return html / "print.html"
-
-
-def print_document(document: Path, pdf: Path) -> None:
-    """Print a page once its formulas are set."""
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=browser(), args=["--no-sandbox"])
-        page = opened.new_context(offline=True).new_page()
-        page.goto(document.as_uri(), wait_until="load", timeout=300_000)
-        page.evaluate("() => window.MathJax && MathJax.startup.promise.then(() => null)")
-        margin = {"top": "18mm", "bottom": "18mm", "left": "20mm", "right": "20mm"}
-        page.pdf(
-            path=pdf, format="A4", margin=margin, outline=True, tagged=True, print_background=True,
-            display_header_footer=True, header_template="<span></span>", footer_template=FOOT,
-        )  # fmt: skip
-        opened.close()
 
 
 def main() -> int:
@@ -94,7 +71,17 @@ def main() -> int:
         print(error)
         return 1
     pdf = html.parent / "meshes_as_measures.pdf"
-    print_document(document, pdf)
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=browser(), args=["--no-sandbox"])
+        page = opened.new_context(offline=True).new_page()
+        page.goto(document.as_uri(), wait_until="load", timeout=300_000)
+        page.evaluate("() => window.MathJax && MathJax.startup.promise.then(() => null)")
+        margin = {"top": "18mm", "bottom": "18mm", "left": "20mm", "right": "20mm"}
+        page.pdf(
+            path=pdf, format="A4", margin=margin, outline=True, tagged=True, print_background=True,
+            display_header_footer=True, header_template="<span></span>", footer_template=FOOT,
+        )  # fmt: skip
+        opened.close()
     document.unlink()
     print(f"open {pdf}")
     return 0

@@ -16,13 +16,7 @@ FEWEST_ANSWERS = 3
 
 
 def read_quiz(file: Path) -> list[dict]:
-    """The questions of a file.
-
-    Raises
-    ------
-    ValueError
-        If a question has fewer than three answers, not exactly one right answer, or an answer without an explanation.
-    """
+    """The questions of a file."""
     questions = yaml.safe_load(file.read_text(encoding="utf-8"))
     if not isinstance(questions, list) or not questions:
         raise ValueError(f"{file.name} holds no list of questions")

@@ -42,13 +42,7 @@ def lead_links(root: Tag, lead: Callable[[str], str]) -> None:
 
 
 def chapter_pages(html: Path) -> list[Path]:
-    """The chapters of a rendered book, in order.
-
-    Raises
-    ------
-    ValueError
-        If the folder holds none.
-    """
+    """The chapters of a rendered book, in order."""
     pages = sorted(html.glob("[0-9][0-9]_*.html"))
     if not pages:
         raise ValueError(f"{html} holds no rendered chapter; render the book first: make html")

@@ -47,13 +47,7 @@ def source_notebook(source: Path) -> nbformat.NotebookNode:
 
 
 def run_notebook(source: Path, bar: tqdm) -> nbformat.NotebookNode:
-    """Run a text source in a fresh kernel and return it with its outputs.
-
-    Raises
-    ------
-    CellExecutionError
-        As soon as a cell fails.
-    """
+    """Run a text source in a fresh kernel and return it with its outputs."""
     notebook = source_notebook(source)
     client = NotebookClient(
         notebook,
@@ -67,16 +61,12 @@ def run_notebook(source: Path, bar: tqdm) -> nbformat.NotebookNode:
         on_cell_executed=lambda cell, cell_index, execute_reply: bar.update(),
     )
     client.execute()
-    _drop_traces(notebook)
-    return notebook
-
-
-def _drop_traces(notebook: nbformat.NotebookNode) -> None:
-    """Remove what differs between machines and says nothing: the version of the language, the ids of widgets."""
+    # What differs between machines and says nothing: the version of the language, the ids of widgets, times.
     notebook.metadata.pop("language_info", None)
     notebook.metadata.pop("widgets", None)
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)
+    return notebook
 
 
 def lighten_pictures(notebook: nbformat.NotebookNode, refinements: int = 1) -> None:
@@ -102,13 +92,7 @@ def lighten_pictures(notebook: nbformat.NotebookNode, refinements: int = 1) -> N
 
 
 def retold_notebook(source: Path) -> nbformat.NotebookNode:
-    """A text source with the outputs that are stored beside it.
-
-    Raises
-    ------
-    ValueError
-        If its code is not the code that was run.
-    """
+    """A text source with the outputs that are stored beside it."""
     notebook = source_notebook(source)
     stored = nbformat.read(source.with_suffix(".ipynb"), as_version=4)
     new, old = ([cell for cell in n.cells if cell.cell_type == "code"] for n in (notebook, stored))
@@ -135,14 +119,13 @@ def write_run(source: Path, into: Path) -> None:
 
 
 def write_fresh_runs(sources: list[Path]) -> None:
-    """Run several text sources side by side, each in a process of its own, the longest first.
+    """Run several text sources side by side, each in a process of its own, the longest first."""
 
-    Raises
-    ------
-    ValueError
-        With the output of the first that fails. Those that did not begin are left out.
-    """
-    ordered = sorted(sources, key=lambda source: -_seconds_before(source))
+    def seconds_before(source: Path) -> int:
+        stored = source.with_suffix(".ipynb")
+        return stated_seconds(stored.read_text(encoding="utf-8")) if stored.is_file() else 0
+
+    ordered = sorted(sources, key=seconds_before, reverse=True)
     workers = min(os.cpu_count() or 1, MOST_AT_ONCE)
     with (
         tqdm(total=len(ordered), desc="notebooks", unit="notebook", file=sys.stdout) as bar,
@@ -158,23 +141,11 @@ def write_fresh_runs(sources: list[Path]) -> None:
             bar.update()
 
 
-def _seconds_before(source: Path) -> int:
-    stored = source.with_suffix(".ipynb")
-    return stated_seconds(stored.read_text(encoding="utf-8")) if stored.is_file() else 0
-
-
 def _run_alone(source: Path) -> subprocess.CompletedProcess:
     return subprocess.run(
         [sys.executable, __file__, "fresh", source.stem],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False,
     )  # fmt: skip
-
-
-def write_retold(source: Path) -> None:
-    """Write the notebook of a text source whose code is unchanged."""
-    notebook = retold_notebook(source)
-    with whole_file(source.with_suffix(".ipynb")) as temporary:
-        nbformat.write(notebook, temporary)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -200,7 +171,8 @@ def main(arguments: list[str] | None = None) -> int:
     for source in sources:
         try:
             if options.mode == "text":
-                write_retold(source)
+                with whole_file(source.with_suffix(".ipynb")) as temporary:
+                    nbformat.write(retold_notebook(source), temporary)
             else:
                 write_run(source, NOTEBOOKS if options.mode == "store" else ROOT / "build" / "notebooks")
         except (CellExecutionError, ValueError) as error:

@@ -14,13 +14,7 @@ from sphinx.util.docutils import SphinxDirective
 
 
 def shown_html(notebook: Path, word: str) -> str:
-    """The HTML of the first output of a notebook whose text begins with a word.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
+    """The HTML of the first output of a notebook whose text begins with a word."""
     for cell in nbformat.read(notebook, as_version=4).cells:
         for output in cell.get("outputs", []):
             data = output.get("data", {})

@@ -34,106 +34,66 @@ class Slide(NamedTuple):
     notes: str
 
 
-class Deck:
-    """Slides, in the order in which a chapter is read."""
-
-    def __init__(self) -> None:
-        self.slides: list[list[str]] = []
-        self.section = ""
-
-    def show(self, content: str, section: str | None = None) -> None:
-        """Begin a slide."""
-        self.slides.append([self.section if section is None else section, content, ""])
-
-    def add(self, content: str) -> None:
-        """Put something on the last slide."""
-        self.slides[-1][1] += content
-
-    def say(self, words: str) -> None:
-        """Put something in the notes of the last slide."""
-        self.slides[-1][2] += words
-
-
 def chapter_slides(article: Tag) -> list[Slide]:
-    """The slides of a chapter."""
-    top = article.section
-    deck = Deck()
-    deck.show(str(top.h1), "")
+    """The slides of a chapter, in the order in which it is read."""
+    top, slides, title = article.section, [], ""
+
+    def show(content: str, section: str | None = None) -> None:
+        """Begin a slide."""
+        slides.append(Slide(title if section is None else section, content, ""))
+
+    def add_section(section: Tag) -> None:
+        nonlocal title
+        heading = section.find(["h2", "h3"])
+        if QUESTIONS in heading.get_text():
+            return
+        title = heading.get_text()
+        if EXERCISES in title:
+            names = [f"<li>{tag.get_text()}</li>" for tag in section.select("h3")]
+            show(f"{heading}<ul>{''.join(names)}</ul>", "")
+            return
+        show(str(heading), "")
+        opening = True
+        for tag in section.find_all(recursive=False):
+            if tag.name == "section":
+                add_section(tag)
+            elif tag is not heading:
+                add_part(tag, opening)
+                opening = opening and tag.name != "p"
+
+    def add_part(tag: Tag, opening: bool) -> None:
+        """One piece of a section: on a slide of its own, on the slide of the opening, or in the notes."""
+        classes = set(tag.get("class", []))
+        if "cell" in classes:
+            # Code with what it prints on one slide; each figure and table on one of its own.
+            if any(word in tag.get_text() for word in UNSEEN):
+                return
+            code, output = tag.select_one(".cell_input"), tag.select_one(".cell_output")
+            shows = output is not None and output.find(["figure", "img", "table"]) is not None
+            if code:
+                show(f"{code}{output}" if output and not shows else str(code))
+            if shows:
+                show(str(output))
+        elif tag.name in ("figure", "table") or "proof" in classes or "admonition" in classes:
+            show(str(tag))
+        elif "math" in classes or opening:
+            slides[-1] = slides[-1]._replace(content=f"{slides[-1].content}{tag}")
+        else:
+            slides[-1] = slides[-1]._replace(notes=f"{slides[-1].notes}{tag}")
+
+    show(str(top.h1), "")
     for tag in top.find_all(recursive=False):
         if tag.name == "section":
-            _add_section(deck, tag)
-        elif tag.name == "ul" and len(deck.slides) == 1:
-            deck.show(f"<h2>After this chapter you can</h2>{tag}", top.h1.get_text())
+            add_section(tag)
+        elif tag.name == "ul" and len(slides) == 1:
+            show(f"<h2>After this chapter you can</h2>{tag}", top.h1.get_text())
         elif tag.name != "h1":
-            _add_part(deck, tag, False)
-    return [Slide(*slide) for slide in deck.slides]
-
-
-def _add_section(deck: Deck, section: Tag) -> None:
-    heading = section.find(["h2", "h3"])
-    if QUESTIONS in heading.get_text():
-        return
-    deck.section = heading.get_text()
-    if EXERCISES in deck.section:
-        names = [f"<li>{tag.get_text()}</li>" for tag in section.select("h3")]
-        deck.show(f"{heading}<ul>{''.join(names)}</ul>", "")
-        return
-    deck.show(str(heading), "")
-    opening = True
-    for tag in section.find_all(recursive=False):
-        if tag.name == "section":
-            _add_section(deck, tag)
-        elif tag is not heading:
-            _add_part(deck, tag, opening)
-            opening = opening and tag.name != "p"
-
-
-def _add_part(deck: Deck, tag: Tag, opening: bool) -> None:
-    """One piece of a section: on a slide of its own, on the slide of the opening, or in the notes."""
-    classes = set(tag.get("class", []))
-    if "cell" in classes:
-        _add_cell(deck, tag)
-    elif tag.name in ("figure", "table") or "proof" in classes or "admonition" in classes:
-        deck.show(str(tag))
-    elif "math" in classes or opening:
-        deck.add(str(tag))
-    else:
-        deck.say(str(tag))
-
-
-def _add_cell(deck: Deck, cell: Tag) -> None:
-    """Code with what it prints on one slide; each figure and table on one of its own."""
-    if any(word in cell.get_text() for word in UNSEEN):
-        return
-    code, output = cell.select_one(".cell_input"), cell.select_one(".cell_output")
-    shows = output is not None and output.find(["figure", "img", "table"]) is not None
-    if code:
-        deck.show(f"{code}{output}" if output and not shows else str(code))
-    if shows:
-        deck.show(str(output))
-
-
-def write_slides(page: Path, into: Path) -> Path:
-    """Write the slides of a rendered chapter."""
-    article = read_article(page)
-    lead_links(article, lambda link: f"../{page.name}{link}" if link.startswith("#") else f"../{link}")
-    for tag in article.select("[id]"):
-        del tag["id"]
-    template = jinja2.Template((ASSETS / "slides.html").read_text(encoding="utf-8"), trim_blocks=True)
-    title = article.h1.get_text()
-    text = template.render(title=title, slides=chapter_slides(article), settings=mathjax_settings(page))
-    (into / page.name).write_text(text, encoding="utf-8")
-    return into / page.name
+            add_part(tag, False)
+    return slides
 
 
 def write_all(html: Path) -> Path:
-    """Write the slides of all rendered chapters into ``html/slides``; the page that lists them.
-
-    Raises
-    ------
-    ValueError
-        If no chapter is rendered there.
-    """
+    """Write the slides of all rendered chapters into ``html/slides``; the page that lists them."""
     pages = chapter_pages(html)
     into = html / "slides"
     shutil.rmtree(into, ignore_errors=True)
@@ -144,7 +104,16 @@ def write_all(html: Path) -> Path:
     shutil.copytree(reveal / "dist" / "theme" / "fonts", into / "reveal" / "dist" / "theme" / "fonts")
     for name in ("slides.css", "slides.js"):
         shutil.copy(ASSETS / name, into)
-    links = [f'<li><a href="{write_slides(page, into).name}">{page.stem}</a></li>' for page in pages]
+    template = jinja2.Template((ASSETS / "slides.html").read_text(encoding="utf-8"), trim_blocks=True)
+    for page in pages:
+        article = read_article(page)
+        lead_links(article, lambda link, name=page.name: f"../{name}{link}" if link.startswith("#") else f"../{link}")
+        for tag in article.select("[id]"):
+            del tag["id"]
+        title, slides = article.h1.get_text(), chapter_slides(article)
+        text = template.render(title=title, slides=slides, settings=mathjax_settings(page))
+        (into / page.name).write_text(text, encoding="utf-8")
+    links = [f'<li><a href="{page.name}">{page.stem}</a></li>' for page in pages]
     index = (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>Slides</title><ul>{"".join(links)}</ul></html>'
     )

@@ -20,7 +20,7 @@ import torch
 import yaml
 from tqdm import tqdm
 
-from meshot.files import naming_a_full_disk, whole_file
+from meshot.files import naming_a_full_disk, write_whole
 from meshot.provenance import write_results
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -35,22 +35,11 @@ COHORTS = {
 
 
 class Config(dict):
-    """Settings that can be an argument of a cached function.
+    """Settings that can be an argument of a cached function."""
 
-    Attributes
-    ----------
-    file : path
-        The file of the settings.
-    output : path
-        The file of the results. Further files stand beside it.
-    place : path
-        A folder for the states of the tasks, which another configuration or other code does not see. It is removed
-        once the results are written.
-    """
-
-    file: Path
-    output: Path
-    place: Path
+    file: Path  # of the settings
+    output: Path  # of the results; further files stand beside it
+    place: Path  # for the states of the tasks with these settings and this code; removed once the results are written
     __hash__ = object.__hash__  # type: ignore[assignment]
 
 
@@ -159,13 +148,7 @@ def _parser(script: Path, options: dict[str, tuple[str, dict]]) -> argparse.Argu
 
 
 def changed(config: dict, changes: Iterable[str]) -> dict:
-    """The configuration with other values, such as ``grid.margin=4``.
-
-    Raises
-    ------
-    ValueError
-        If there is no such setting, or the value is not YAML.
-    """
+    """The configuration with other values, such as ``grid.margin=4``."""
     config = copy.deepcopy(config)
     for change in changes:
         name, equals, value = change.partition("=")
@@ -190,23 +173,8 @@ def run_jobs(
     Other inputs than settings and code, such as weights or scans, are not checked: put a digest of them into the task.
     Results with another mark stay in the file, and are used again if configuration and code are changed back.
 
-    Parameters
-    ----------
-    tasks : iterable
-        Descriptions of the tasks, as JSON values. They identify the stored results.
-    work : callable
-        Maps a task to its result, a JSON value. New and stored results have the same form.
-    partial : path
-        The file of finished tasks, one per line. Its folder is created. Remove the file once the results are written.
-    mark : str
-        What the results depend on: see :func:`stamp`.
-    name : str
-        The description of the progress bar.
-
-    Raises
-    ------
-    TypeError
-        If a task or a result cannot be written as JSON.
+    ``partial`` is the file of finished tasks, one per line; remove it once the results are written. ``mark`` is what
+    the results depend on: see :func:`stamp`. ``name`` is the description of the progress bar.
     """
     done, others = finished(partial, mark), len(_read(partial))
     if len(done) < others:
@@ -251,6 +219,5 @@ def _read(partial: Path) -> list[dict]:
     text = partial.read_text(encoding="utf-8")
     whole = text[: text.rfind("\n") + 1]
     if whole != text:
-        with whole_file(partial) as temporary:
-            temporary.write_text(whole, encoding="utf-8")
+        write_whole(partial, whole)
     return [json.loads(line) for line in whole.splitlines()]

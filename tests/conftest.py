@@ -10,7 +10,7 @@ import pytest
 from jaxtyping import config, install_import_hook
 
 ROOT = Path(__file__).resolve().parent.parent
-for folder in ("book", "tools", "tests", "tests/fuzz", "tests/loss", "tests/mutation"):
+for folder in ("book", "tools", "experiments", "tests", "tests/fuzz", "tests/loss", "tests/mutation"):
     sys.path.insert(0, str(ROOT / folder))
 
 if not os.environ.get("MESHOT_UNCHECKED"):

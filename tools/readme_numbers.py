@@ -3,7 +3,7 @@
 from pathlib import Path
 from statistics import mean
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.provenance import read_results
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -106,13 +106,7 @@ def block(root: Path) -> str:
 
 
 def with_numbers(text: str, root: Path) -> str:
-    """The README with its tables renewed.
-
-    Raises
-    ------
-    ValueError
-        If a mark is missing.
-    """
+    """The README with its tables renewed."""
     if text.count(BEGIN) != 1 or text.count(END) != 1:
         raise ValueError(f"README.md must have {BEGIN} and {END} once each; put them back where the tables belong")
     before, after = text.split(BEGIN)[0], text.split(END)[1]
@@ -121,5 +115,4 @@ def with_numbers(text: str, root: Path) -> str:
 
 if __name__ == "__main__":
     readme = ROOT / "README.md"
-    with whole_file(readme) as temporary:
-        temporary.write_text(with_numbers(readme.read_text(encoding="utf-8"), ROOT), encoding="utf-8")
+    write_whole(readme, with_numbers(readme.read_text(encoding="utf-8"), ROOT))

@@ -1,10 +1,10 @@
 """The code that a script or a function reaches, and a digest of it.
 
 From a script, names are followed to the functions, classes and constants that they mean, through imports and through
-the lazy doors (``__init__.pyi``), and from these to further ones. Only definitions in the script's folder and in
-``src`` count. The digest is that of their syntax trees. It does not depend on comments, docstrings, type hints of
-arguments, imports and files: code that is moved keeps its digest. What is named by a text only, such as a system of
-surfaces, is not found; a task names it under ``code``.
+the lazy doors (``__init__.pyi``), and from these to further ones. Only definitions in the script's folder, in
+``experiments/trials`` and in ``src`` count. The digest is that of their syntax trees. It does not depend on comments,
+docstrings, type hints of arguments, imports and files: code that is moved keeps its digest. What is named by a text
+only, such as a system of surfaces, is not found; a task names it under ``code``.
 """
 
 import ast
@@ -43,19 +43,14 @@ class Module:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Code:
-    """The code that can be imported from a folder, and from what lies below it."""
+    """The code that can be imported from a folder, or from one package in it only, and from what lies below it."""
 
     folder: Path
     below: "Code | None" = None
+    only: str = ""
 
     def digest(self, starts: Iterable[str]) -> str:
-        """The digest of all that is reached from these modules and dotted names.
-
-        Raises
-        ------
-        ValueError
-            If there is no such module, or nothing of that name in it.
-        """
+        """The digest of all that is reached from these modules and dotted names."""
         found = self.reached(starts)
         lines = sorted(f"{place.name} {text}" for place, text in found.items())
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:DIGITS]
@@ -86,7 +81,7 @@ class Code:
         path = self.folder.joinpath(*name.split("."))
         package = (path / "__init__.py").is_file()
         files = [path / "__init__.py", path / "__init__.pyi"] if package else [path.with_suffix(".py")]
-        if not files[0].is_file():
+        if not files[0].is_file() or self.only not in ("", name.split(".")[0]):
             return self.below.module(name) if self.below else None
         lines = [line for file in files if file.is_file() for line in ast.parse(file.read_bytes()).body]
         return _module(lines, name, package)

@@ -22,7 +22,7 @@ from pathlib import Path
 from stale import NOTES, ROOT, Results, locked, opened
 from tasks import Task
 
-from meshot.files import whole_file
+from meshot.files import whole_file, write_whole
 
 STARTED = "started.txt"
 #: Ends a process group when its input ends without a line.
@@ -30,13 +30,7 @@ GUARD = 'read line || kill -s TERM -- "-$0"'
 
 
 def yes_or_no(name: str, value: object) -> bool:
-    """The value of a setting of Snakemake, which is a truth value or a text.
-
-    Raises
-    ------
-    ValueError
-        If it is anything but yes, no, true or false, in letters of either case.
-    """
+    """The value of a setting of Snakemake, which is a truth value or a text."""
     found = {"yes": True, "true": True, "no": False, "false": False}.get(str(value).lower())
     if found is None:
         raise ValueError(f"{name} is {value}; it is yes, no, true or false: --config {name}=yes")
@@ -48,11 +42,6 @@ def run(results: Results, task: Task, cores: int, planned: bool) -> None:
 
     If this process is ended, by whatever signal, its command is terminated. The command holds the lock of the task,
     too: while it goes on, nobody starts it again.
-
-    Raises
-    ------
-    ValueError
-        If the command fails, leaves no result, or its settings change meanwhile.
     """
     stamp = results.stamp(task, planned)
     with locked(stamp.parent) as lock:
@@ -70,8 +59,7 @@ def run(results: Results, task: Task, cores: int, planned: bool) -> None:
         now = Results(results.graph, results.root, results.state, results.beside)
         if now.stamp(task, planned) != stamp:
             raise ValueError(f"the settings of {task.name} changed while it ran; start again")
-        with whole_file(stamp) as temporary:
-            temporary.write_text(json.dumps(now.now(task, planned)), encoding="utf-8")
+        write_whole(stamp, json.dumps(now.now(task, planned)))
 
 
 def clear_other(results: Results, task: Task, stamp: Path) -> None:
@@ -83,8 +71,7 @@ def clear_other(results: Results, task: Task, stamp: Path) -> None:
         other = task.name in results.entries and any("missing" not in reason for reason in results.reasons(task))
     for path in [results.root / name for name in task.clears] if other else []:
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    with whole_file(started) as temporary:
-        temporary.write_text(stamp.stem, encoding="utf-8")
+    write_whole(started, stamp.stem)
 
 
 def _call(task: Task, cores: int, root: Path, lock: int) -> None:
@@ -126,8 +113,8 @@ def collect(results: Results, planned: bool) -> None:
             ended[task.name].unlink()
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The parsed command line."""
+def main(words: list[str] | None = None) -> int:
+    """Do what is asked. Returns 1 if a task failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=["run", "collect"])
     parser.add_argument("names", nargs="*", metavar="TASK")
@@ -135,12 +122,7 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--root", type=Path, default=ROOT, help="a checkout of the repository (default: this one)")
     parser.add_argument("--cores", type=int, default=1, help="number of cores of a task (default: %(default)s)")
     parser.add_argument("--planned", action="store_true", help="with the tasks that have no result yet")
-    return parser.parse_args(words)
-
-
-def main(words: list[str] | None = None) -> int:
-    """Do what is asked. Returns 1 if a task failed."""
-    asked = parsed(words)
+    asked = parser.parse_args(words)
     try:
         results = opened(asked.graph, asked.root)
         if unknown := sorted(set(asked.names) - set(results.graph.tasks)):

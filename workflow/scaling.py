@@ -16,7 +16,7 @@ import yaml
 from stale import ROOT, Results, opened
 from tasks import Task
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.synth import read_recipe, visits
 from meshot_book.notebook import digits, markdown_table
 
@@ -106,13 +106,7 @@ def remaining(jobs: dict[str, Job]) -> dict[str, float]:
 
 
 def makespan(jobs: dict[str, Job], nodes: int, cores: int = CORES) -> float:
-    """The simulated seconds of the whole workflow on several nodes. A job runs on one node.
-
-    Raises
-    ------
-    ValueError
-        If a job needs more cores than a node has.
-    """
+    """The simulated seconds of the whole workflow on several nodes. A job runs on one node."""
     if wide := [job.task.name for job in jobs.values() if job.cores > cores]:
         raise ValueError(f"{', '.join(wide)} needs more than the {cores} cores of a node; choose larger nodes")
     left, free = remaining(jobs), [cores] * nodes
@@ -148,7 +142,10 @@ def block(results: Results) -> str:
     now = sum(len(visits(read_recipe(name))) for name in COHORTS)
     many = scaled(jobs, SUBJECTS / now)
     chain = longest_chain(many)
+    hours = digits(sum(job.seconds for job in chain) / 3600, 3)
     steps = ", ".join(f"`{job.task.name}` ({digits(job.seconds / 3600, 2)} h)" for job in chain)
+    cases = {f"h, {now} subjects": jobs, f"h, {SUBJECTS} subjects": many}
+    nodes = [{"nodes": n} | {head: makespan(case, n) / 3600 for head, case in cases.items()} for n in NODES]
     return "\n".join(
         [
             f"Written by `python workflow/scaling.py` from the records of the committed results. The two cohorts "
@@ -160,16 +157,11 @@ def block(results: Results) -> str:
             f"workflow takes {_hours(jobs)} processor hours with {now} subjects, and {_hours(many)} with {SUBJECTS}. "
             f"The next table has the time from start to end on nodes of {CORES} cores.",
             "",
-            markdown_table(node_table({f"h, {now} subjects": jobs, f"h, {SUBJECTS} subjects": many}), 3),
+            markdown_table(nodes, 3),
             "",
-            f"The longest chain of tasks with {SUBJECTS} subjects takes {digits(_seconds(chain) / 3600, 3)} h on any "
-            f"number of nodes: {steps}.",
+            f"The longest chain of tasks with {SUBJECTS} subjects takes {hours} h on any number of nodes: {steps}.",
         ]
     )
-
-
-def _seconds(chain: list[Job]) -> float:
-    return sum(job.seconds for job in chain)
 
 
 def _hours(jobs: dict[str, Job]) -> str:
@@ -188,20 +180,12 @@ def stage_table(jobs: dict[str, Job], many: dict[str, Job], head: str) -> list[d
     return sorted(rows, key=lambda row: -row["s"])
 
 
-def node_table(cases: dict[str, dict[str, Job]]) -> list[dict]:
-    """Hours on several numbers of nodes, for several numbers of subjects."""
-    return [{"nodes": nodes} | {head: makespan(jobs, nodes) / 3600 for head, jobs in cases.items()} for nodes in NODES]
-
-
 def main() -> int:
     """Write the section into the page."""
     page = ROOT / PAGE
     text = page.read_text(encoding="utf-8")
     start, end = (text.index(marker) for marker in MARKERS)
-    with whole_file(page) as temporary:
-        temporary.write_text(
-            f"{text[:start]}{MARKERS[0]}\n{block(opened('experiments'))}\n{text[end:]}", encoding="utf-8"
-        )
+    write_whole(page, f"{text[:start]}{MARKERS[0]}\n{block(opened('experiments'))}\n{text[end:]}")
     print(f"wrote {PAGE}")
     return 0
 

@@ -36,7 +36,7 @@ from typing import TextIO
 from reached import DIGITS, Code
 from tasks import Graph, Task, read_graph
 
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.provenance import provenance, rounded
 from meshot.settings import read_yaml
 
@@ -54,23 +54,12 @@ UNLIKE = ("seconds", "stamp", "commit", "date", "command", "machine", "processor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Results:
-    """A workflow in a checkout of the repository, as it is when this is made: every file is read once.
-
-    Parameters
-    ----------
-    graph : Graph
-    root : path
-        The repository.
-    state : path
-        The folder of finished tasks and of their output.
-    beside : bool
-        Whether the digests stand beside the results, or in ``state``.
-    """
+    """A workflow in a checkout of the repository, as it is when this is made: every file is read once."""
 
     graph: Graph
-    root: Path
-    state: Path
-    beside: bool = True
+    root: Path  # the repository
+    state: Path  # the folder of finished tasks and of their output
+    beside: bool = True  # whether the digests stand beside the results, or in the folder
 
     @functools.cached_property
     def entries(self) -> dict[str, dict]:
@@ -119,7 +108,8 @@ class Results:
     def _code(self, starts: tuple[str, ...]) -> str:
         """The digest of the code that scripts and dotted names reach."""
         scripts = [self.root / start for start in starts if start.endswith(".py")]
-        found = [Code(each.parent, self._source).digest([each.stem]) for each in scripts if each.is_file()]
+        shared = Code(self.root / "experiments", self._source, "trials")  # the runner changes no number
+        found = [Code(each.parent, shared).digest([each.stem]) for each in scripts if each.is_file()]
         names = [start for start in starts if not start.endswith(".py")]
         return _digest([*found, self._source.digest(names)] if names else found)
 
@@ -161,12 +151,10 @@ class Results:
         """Why a result in the repository is out of date. The list is empty if it is not."""
         missing = [f"{path} is missing" for path in task.writes if not (self.root / path).exists()]
         if task.derived:
-            news = [up for up in self.before(task, planned) if up.writes and self._has_news(up, planned)]
+            before = (up for up in self.before(task, planned) if up.writes)
+            news = (up for up in before if self.stamp(up, planned).is_file() or self.reasons(up, planned))
             return missing + [f"{up.name} runs" for up in news]
         return missing + self.changes(task, planned)
-
-    def _has_news(self, task: Task, planned: bool) -> bool:
-        return self.stamp(task, planned).is_file() or bool(self.reasons(task, planned))
 
     def stale(self, planned: bool = False) -> dict[str, list[str]]:
         """The results in the repository that are out of date, and why."""
@@ -208,8 +196,7 @@ class Results:
                 new = {task.name: entry for task, entry in entries.items() if self.kept(task) == file}
                 found = {k: v for k, v in sorted((_entries(file) | new).items()) if k in self.graph.tasks}
                 lines = [f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in found.items()]
-                with whole_file(file) as temporary:
-                    temporary.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+                write_whole(file, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def opened(graph: str = "experiments", root: Path = ROOT) -> Results:
@@ -238,10 +225,7 @@ def code_of_script(script: Path, root: Path = ROOT) -> str:
 def locked(folder: Path) -> Iterator[TextIO]:
     """Lock a folder, which is created if it is missing. If another process has locked it, wait until it is free.
 
-    Yields
-    ------
-    text file
-        Its lock. A process that inherits its descriptor holds the lock, too.
+    A process that inherits the descriptor of the lock, which is yielded, holds it, too.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / LOCK).open("w") as lock:
@@ -259,14 +243,8 @@ def _digest(value: object) -> str:
     return hashlib.sha256(json.dumps(same, sort_keys=True).encode()).hexdigest()[:DIGITS]
 
 
-def vouched(results: Results, names: list[str], reason: str, small: str, unchecked: bool) -> None:
-    """Vouch for tasks: show that a small part of each has the numbers of before, note the digests, log the reason.
-
-    Raises
-    ------
-    ValueError
-        If a file is missing, or numbers differ.
-    """
+def vouch_for(results: Results, names: list[str], reason: str, small: str, unchecked: bool) -> None:
+    """Vouch for tasks: show that a small part of each has the numbers of before, note the digests, log the reason."""
     tasks = [task for task in results.graph.tasks.values() if task.name in names]
     for task in tasks:
         if gone := [path for path in task.writes if not (results.root / path).exists()]:
@@ -278,25 +256,15 @@ def vouched(results: Results, names: list[str], reason: str, small: str, uncheck
             continue
         shown = "nothing was computed" if unchecked else compared(now, changed[0], small)
         now.vouch(changed)
-        line = {
-            "date": provenance()["date"],
-            "names": [task.name for task in changed],
-            "reason": reason,
-            "shown": shown,
-        }
+        done = [task.name for task in changed]
+        line = {"date": provenance()["date"], "names": done, "reason": reason, "shown": shown}
         with (results.root / LOG).open("a", encoding="utf-8") as file:
             file.write(json.dumps(line, ensure_ascii=False) + "\n")
-        print(f"{', '.join(line['names'])}: {shown}")
+        print(f"{', '.join(done)}: {shown}")
 
 
 def compared(results: Results, task: Task, small: str) -> str:
-    """Run a small part of a task with the code of its digests and with that of now, and compare all numbers.
-
-    Raises
-    ------
-    ValueError
-        If the code of then is not in the history, the part fails, or numbers differ.
-    """
+    """Run a small part of a task with the code of its digests and with that of now, and compare all numbers."""
     if "{out}" not in (small := small or SMALL.format(command=task.command)):
         raise ValueError(f"--small is {small}; it must write into the folder {{out}}")
     code = results.entries.get(task.name, {}).get("code", "")
@@ -379,21 +347,16 @@ def update(root: Path, only_list: bool) -> int:
     print(f"changed results: {', '.join(changed) or 'none'}; chapters that read them: {', '.join(chapters) or 'none'}")
     # The checksums, by which changes are seen, come after the chapters: what was stopped goes on.
     steps = [["book/run_notebooks.py", "store", *chapters]] if chapters else []
-    steps += [
-        ["benchmarks/speed_page.py"],
-        ["workflow/scaling.py"],
-        ["tools/readme_numbers.py"],
-        ["book/make_ledger.py"],
-    ]
-    for step in steps:
+    pages = ("benchmarks/speed_page.py", "workflow/scaling.py", "tools/readme_numbers.py", "book/make_ledger.py")
+    for step in [*steps, *([page] for page in pages)]:
         print("python", *step, flush=True)
         if not only_list and subprocess.run([sys.executable, *step], cwd=root, check=False).returncode:
             return 1
     return 0
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The parsed command line."""
+def main(words: list[str] | None = None) -> int:
+    """Do what is asked. Returns 1 if something failed, or a result is out of date."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=["list", "vouch", "update"], nargs="?", default="list")
     parser.add_argument("names", nargs="*", metavar="TASK", help="for vouch: tasks, or all")
@@ -407,12 +370,6 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     asked = parser.parse_args(words)
     if asked.action == "vouch" and not (asked.names and asked.reason):
         parser.error("vouch needs a task and its --reason")
-    return asked
-
-
-def main(words: list[str] | None = None) -> int:
-    """Do what is asked. Returns 1 if something failed, or a result is out of date."""
-    asked = parsed(words)
     try:
         if asked.action == "update":
             return update(asked.root, asked.only_list)
@@ -421,13 +378,11 @@ def main(words: list[str] | None = None) -> int:
         if asked.action == "list":
             print("\n".join(f"{name}: {'; '.join(reasons)}" for name, reasons in stale.items()) or "nothing is stale")
             return int(bool(stale))
-        known = [
-            task.name for task in results.graph.tasks.values() if not task.derived and not results.is_planned(task)
-        ]
+        tasks = results.graph.tasks.values()
+        known = [task.name for task in tasks if not task.derived and not results.is_planned(task)]
         if unknown := sorted(set(asked.names) - {"all", *known}):
             raise ValueError(f"no result is called {', '.join(unknown)}; there are {', '.join(known)}")
-        names = known if "all" in asked.names else asked.names
-        vouched(results, names, asked.reason, asked.small, asked.unchecked)
+        vouch_for(results, known if "all" in asked.names else asked.names, asked.reason, asked.small, asked.unchecked)
     except ValueError as error:
         print(error, file=sys.stderr)
         return 1

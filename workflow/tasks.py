@@ -9,7 +9,7 @@ from pathlib import Path
 from meshot.settings import read_yaml
 
 LISTS = ("reads", "after", "writes", "makes", "clears", "code")
-KEYS = {"stage", "each", "networks_of", "trainings_of", "command", "copies", "planned", "derived", *LISTS}
+KEYS = {"stage", "each", "trainings_of", "command", "copies", "planned", "derived", *LISTS}
 RESOURCES = ("cores", "memory_mb", "minutes", "cuda")
 
 
@@ -70,20 +70,7 @@ class Graph:
 
 
 def read_graph(path: Path, root: Path) -> Graph:
-    """Read a workflow.
-
-    Parameters
-    ----------
-    path : path
-        The YAML file.
-    root : path
-        The repository, in which ``networks_of`` and ``trainings_of`` name configurations.
-
-    Raises
-    ------
-    ValueError
-        If an entry has an unknown key, stage or task, or two tasks have the same name, or tasks wait for each other.
-    """
+    """Read a workflow from its YAML file. ``trainings_of`` names a protocol in the repository, which is ``root``."""
     content = read_yaml(path)
     for stage, found in content["stages"].items():
         if set(found) != set(RESOURCES):
@@ -99,39 +86,41 @@ def read_graph(path: Path, root: Path) -> Graph:
             if task.name in tasks:
                 raise ValueError(f"{path}: there are two tasks {task.name}; give one another name")
             tasks[task.name] = task
-    return Graph(_sorted({name: _resolved(task, tasks, path) for name, task in tasks.items()}, path), content["stages"])
+    for task in tasks.values():
+        # Names in place of patterns such as cohort_*, and of stages such as @cohort.
+        after: dict[str, None] = {}
+        for pattern in task.after:
+            fit = [n for n, t in tasks.items() if fnmatch.fnmatchcase(n, pattern) or f"@{t.stage}" == pattern]
+            if not (names := [name for name in fit if name != task.name]):
+                raise ValueError(f"{path}: {task.name} comes after {pattern}, which is no task; correct the name")
+            after |= dict.fromkeys(names)
+        tasks[task.name] = dataclasses.replace(task, after=tuple(after))
+    done: dict[str, Task] = {}
+    while len(done) < len(tasks):
+        ready = [task for name, task in tasks.items() if name not in done and all(up in done for up in task.after)]
+        if not ready:
+            left = ", ".join(name for name in tasks if name not in done)
+            raise ValueError(f"{path}: tasks wait for each other among {left}; remove one of their entries in after")
+        done |= {task.name: task for task in ready}
+    return Graph(done, content["stages"])
 
 
 def _values(entry: dict, root: Path) -> list[dict[str, str]]:
     """The values of the placeholders, for every task of an entry."""
-    if "networks_of" in entry:
-        return _networks(read_yaml(root / entry["networks_of"]))
     if "trainings_of" in entry:
         return _trainings(read_yaml(root / entry["trainings_of"]))
     each = entry.get("each", {})
     return [dict(zip(each, map(str, values))) for values in itertools.product(*each.values())]
 
 
-def _networks(config: dict) -> list[dict[str, str]]:
-    """The networks of an experiment such as ``experiments/ddot``: every combination in its groups, each once."""
-    found = {}
-    for group in config["groups"].values():
-        for values in itertools.product(group["cohorts"], group["sides"], group["arms"], group["seeds"]):
-            cohort, side, arm, seed = map(str, values)
-            network = f"{cohort}_{side}_{arm}_{seed}"
-            place = {"network": network, "cohort": cohort, "side": side, "arm": arm}
-            found[network] = place | {"system": config["arms"][arm]["system"], "settings": config["settings"]}
-    return list(found.values())
-
-
 def _trainings(config: dict) -> list[dict[str, str]]:
-    """The trainings of ``experiments/comparison``: every combination in its groups, each once."""
+    """The combinations in the groups of a protocol, each once: see ``experiments/trials/training.py``."""
     found = {}
     for group in config["groups"].values():
         for values in itertools.product(group["cohorts"], group["sides"], group["arms"], group["seeds"]):
             cohort, side, arm, seed = map(str, values)
             side = "both" if config["arms"][arm].get("both_sides") else side
-            training = f"{cohort}_{side}_{arm}_{group['budget']}_{seed}"
+            training = "_".join(filter(None, (cohort, side, arm, group.get("budget"), seed)))
             place = {"training": training, "cohort": cohort, "arm": arm, "settings": config["settings"]}
             found[training] = place | {"system": config["arms"][arm].get("system", arm)}
     return list(found.values())
@@ -147,29 +136,3 @@ def _task(pattern: str, entry: dict, values: dict[str, str], code: dict[str, str
     command = " ".join(filled(entry["command"]).split())
     kind = {key: entry.get(key, False) for key in ("planned", "derived")}
     return Task(filled(pattern), entry["stage"], command, copies=copies, **kind, **lists)
-
-
-def _resolved(task: Task, tasks: dict[str, Task], path: Path) -> Task:
-    """The task with names in place of patterns such as ``cohort_*``, and of stages such as ``@cohort``."""
-    found: dict[str, None] = {}
-    for pattern in task.after:
-        names = [
-            name
-            for name, other in tasks.items()
-            if name != task.name and (fnmatch.fnmatchcase(name, pattern) or f"@{other.stage}" == pattern)
-        ]
-        if not names:
-            raise ValueError(f"{path}: {task.name} comes after {pattern}, which is no task; correct the name")
-        found |= dict.fromkeys(names)
-    return dataclasses.replace(task, after=tuple(found))
-
-
-def _sorted(tasks: dict[str, Task], path: Path) -> dict[str, Task]:
-    done: dict[str, Task] = {}
-    while len(done) < len(tasks):
-        ready = [task for name, task in tasks.items() if name not in done and all(up in done for up in task.after)]
-        if not ready:
-            left = ", ".join(name for name in tasks if name not in done)
-            raise ValueError(f"{path}: tasks wait for each other among {left}; remove one of their entries in after")
-        done |= {task.name: task for task in ready}
-    return done

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from meshot.anatomy import HEMISPHERES
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.mesh import Mesh
 from meshot.metrics import Evaluation, evaluate, rigidly_aligned
 from meshot.pipeline import InitialSurfaces, in_scanner
@@ -49,8 +49,7 @@ def seen(subject: Subject, surfaces: InitialSurfaces) -> Seen:
     there, file = surface.is_file(), surface.with_name(f"{surface.name}.seconds")
     initial = {side: surfaces.of(subject, side) for side in HEMISPHERES}
     if not there:
-        with whole_file(file) as temporary:
-            temporary.write_text(repr((time.process_time() - started) / len(HEMISPHERES)), encoding="utf-8")
+        write_whole(file, repr((time.process_time() - started) / len(HEMISPHERES)))
     seconds = float(file.read_text(encoding="utf-8")) if file.is_file() else None
     return Seen(scan, initial, {side: subject.surface("white", side) for side in HEMISPHERES}, seconds)
 
@@ -110,11 +109,6 @@ def pair_rows(pair: tuple[Seen, Seen], found: Callable[[Seen], Found], sides: tu
         residues["icp_steps"] = len(moved.residues) - 1
         rows.append({"side": side} | {name: numbers[name] for name in PAIR_METRICS} | residues)
     return rows
-
-
-def true_surfaces(scan: Seen) -> Found:
-    """The true surfaces, as if a system had found them."""
-    return scan.truths, None
 
 
 def _evaluated(mesh: Mesh, truth: Mesh, settings: dict, floors: bool = False) -> Evaluation:

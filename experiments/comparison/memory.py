@@ -13,22 +13,18 @@ from pathlib import Path
 
 import torch
 from measuring import seen
-from units import Unit, arguments, finals, read_config, segmentation_network, system_in
 
 from meshot.pipeline import InitialSurfaces
 from meshot.synth import read_subject
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from trials.training import Training, arguments, finals, read_config, segmentation_network, trained_system
+
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
-def peak_of(unit: Unit, subject: str, config_file: Path) -> float | None:
-    """The peak in MB, measured in a new process. None if this system does not report memory.
-
-    Raises
-    ------
-    RuntimeError
-        If the process fails.
-    """
+def peak_of(unit: Training, subject: str, config_file: Path) -> float | None:
+    """The peak in MB, measured in a new process. None if this system does not report memory."""
     if not RESET.exists():
         return None
     words = ["--config", str(config_file), "--unit", unit.name, "--subject", subject]
@@ -45,7 +41,7 @@ def _status(name: str) -> int:
 
 def main(words: list[str] | None = None) -> None:
     """Reconstruct one scan and print the peak."""
-    parser = arguments(__doc__)
+    parser = arguments(__doc__, Path(__file__).parent)
     parser.add_argument("--unit", required=True, help="the name of a training")
     parser.add_argument("--subject", required=True, help="a subject of its cohort")
     asked = parser.parse_args(words)
@@ -54,7 +50,7 @@ def main(words: list[str] | None = None) -> None:
     (unit,) = (each for each in finals(config) if each.name == asked.unit)
     surfaces = InitialSurfaces(Path(config["state"]) / "initial", segmentation_network(config))
     scan = seen(read_subject(config["evaluation"]["cohorts"][unit.cohort], asked.subject), surfaces)
-    system = system_in(unit.kept(config), unit)
+    system = trained_system(unit, unit.kept(config))
     gc.collect()
     with contextlib.suppress(OSError):  # without it, the call may reuse memory that was freed before
         ctypes.CDLL("libc.so.6").malloc_trim(0)

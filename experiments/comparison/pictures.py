@@ -10,29 +10,24 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from held_out import Setting, setting_of
 from measuring import INITIAL, reconstructed
-from rows import read_rows
 from scipy.spatial import cKDTree
-from tables import MAIN, SUBJECTS, measured
-from units import FIRST_SEED, HERE, STEPS, arguments, finals, read_config
 
 from meshot.mesh import Mesh, simplified
 from meshot.metrics import vertex_distances
 from meshot_book.notebook import write_meshes
 
-PICTURES = "pictures.safetensors.gz"
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from run import Setting, setting_of
+from tables import MAIN, SUBJECTS, measured, read_rows
+
+from trials.training import FIRST_SEED, STEPS, arguments, finals, read_config
+
 TRUE = "true"
 
 
 def chosen_subjects(rows: list[dict], place: dict) -> dict[str, str]:
-    """The subjects with the median and the largest mean ASSD over the systems of the place: "median" and "worst".
-
-    Raises
-    ------
-    ValueError
-        If no subject of the column is measured.
-    """
+    """The subjects with the median and the largest mean ASSD over the systems of the place: "median" and "worst"."""
     values: dict[str, list[float]] = {}
     for row in (row for row in measured(rows) if row["arm"] in place["chosen_by"]):
         column = (row["cohort"], row["side"], row["kind"], row["budget"], row["seed"])
@@ -65,9 +60,9 @@ def surfaces_of(subject: str, place: dict, setting: Setting) -> dict[str, Mesh]:
 
 def main(words: list[str] | None = None) -> int:
     """Write the file."""
-    parser = arguments(__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=HERE / PICTURES, help="the file of surfaces")
-    parser.add_argument("--rows", type=Path, default=HERE / SUBJECTS, help="the rows of all subjects")
+    folder = Path(__file__).parent
+    parser = arguments(__doc__, folder, "pictures.safetensors.gz")
+    parser.add_argument("--rows", type=Path, default=folder / SUBJECTS, help="the rows of all subjects")
     asked = parser.parse_args(words)
     config = read_config(asked.config)
     torch.set_num_threads(config["evaluation"]["n_threads"])

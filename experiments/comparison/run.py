@@ -10,98 +10,173 @@ import functools
 import sys
 from pathlib import Path
 
-from budgets import changes_of
-from held_out import Setting, lines_of, rows_of, setting_of, tasks_of
-from rows import write_rows
-from tables import MAIN, PAIRS, SUBJECTS, row_digests, rows_beside, tables
-from units import Unit, finals, records_in
+from measuring import INITIAL, PERFECT, Found, Seen, floor_rows, pair_rows, reconstructed, seen, subject_rows
 
-from meshot.model import network_digest
-from meshot.pipeline import WEIGHTS
+from meshot.anatomy import HEMISPHERES
+from meshot.model import SegmentationNetwork, network_digest
+from meshot.pipeline import WEIGHTS, InitialSurfaces
 from meshot.provenance import provenance, rounded
-from meshot_book.measurements import digest_of
+from meshot.synth import Subject, scans
+from meshot.systems import SurfaceSystem
+from meshot_book.measurements import MAIN, METRICS, digest_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
+from memory import peak_of
+from tables import PAIRS, SUBJECTS, row_digests, rows_beside, tables, write_rows
+
+from trials.rates import changes_of
+from trials.training import Training, finals, require_fair, segmentation_network, trained_system
 
 
-def described(unit: Unit, setting: Setting) -> dict:
-    """The origin of a trained system, and its size.
+@dataclasses.dataclass(frozen=True, eq=False)
+class Setting:
+    """What the tasks are about: trained systems by name, and scans by cohort and name."""
 
-    Raises
-    ------
-    ValueError
-        If it was trained with other settings, or on initial surfaces of another segmentation network.
-    """
-    config, about = setting.config, dataclasses.asdict(unit) | {"name": unit.name}
-    wanted, networks = unit.settings(config, changes_of(unit, config)), {}
-    for part, record in records_in(unit.kept(config), unit, config).items():
-        results = record["results"]
-        # Settings introduced after the record have their defaults.
-        if unit.kind().complete(record["config"]) != wanted:
-            raise ValueError(f"{unit.name} was trained with other settings than the protocol's: train it anew")
-        other = results.get("segmentation_sha256", network_digest(setting.segmentation))
-        if unit.kind().needs and other != network_digest(setting.segmentation):
-            raise ValueError(
-                f"{unit.name} learned from initial surfaces of another segmentation network: train it anew"
-            )
-        kept = {key: results[key] for key in ("best_step", "n_steps", "cpu_seconds", "n_weights", "data")}
-        networks[part] = kept | {key: record[key] for key in ("command", "commit", "date", "machine", "processor")}
-    weights = {part: digest_of([unit.kept(config) / f"{part}{WEIGHTS}"]) for part in networks}
-    return about | {"networks": networks, "weights_sha256": weights}
+    config: dict
+    config_file: Path
+    there: dict[str, Training]
+    subjects: dict[str, dict[str, Subject]]
+    pairs: dict[str, tuple[Subject, Subject]]
+    segmentation: SegmentationNetwork
 
+    @functools.cached_property
+    def surfaces(self) -> InitialSurfaces:
+        """The initial surfaces of held-out subjects, apart from those of training."""
+        return InitialSurfaces(Path(self.config["state"]) / "initial", self.segmentation)
 
-def require_fair(trainings: list[dict], setting: Setting) -> None:
-    """Check that systems with the same input were trained on the same data.
+    @functools.lru_cache(maxsize=2)  # noqa: B019 (there is one object in a run)
+    def seen(self, subject: Subject) -> Seen:
+        """A scan; the last two are kept, which the tasks need one after another."""
+        return seen(subject, self.surfaces)
 
-    The network that makes the initial surfaces rounds differently on each make of processor: vertices differ by some
-    1e-5 mm. Systems that need these surfaces are therefore compared with those trained on the same make.
-
-    Raises
-    ------
-    ValueError
-        If two of them were not.
-    """
-    data: dict[tuple, dict] = {}
-    for each in trainings:
-        make = None
-        if setting.there[each["name"]].kind().needs:
-            make = next(iter(each["networks"].values()))["processor"]
-        first = data.setdefault((each["cohort"], each["side"], make), each)
-        one, other = (next(iter(training["networks"].values()))["data"] for training in (first, each))
-        if one != other:
-            raise ValueError(f"{each['name']} learned from other data than {first['name']}: train one of them anew")
+    @functools.cache  # noqa: B019
+    def system(self, name: str) -> SurfaceSystem | None:
+        """A trained system, or None for the initial surface."""
+        if name == INITIAL:
+            return None
+        return trained_system(self.there[name], self.there[name].kept(self.config))
 
 
-def too_few(setting: Setting) -> dict[str, int]:
-    """The cohorts with fewer held-out subjects from the template than the protocol asks for, and how many there are."""
-    counts = {c: sum(s.participant.kind == MAIN for s in those.values()) for c, those in setting.subjects.items()}
-    return {c: n for c, n in counts.items() if n < setting.config["evaluation"]["fewest_subjects"]}
+def setting_of(config: dict, config_file: Path, there: list[Training]) -> Setting:
+    """Find the scans. Without the cohort of the test-retest pairs there are no pairs."""
+    split = config["evaluation"]["split"]
+    cohorts = dict.fromkeys(each.cohort for each in there)
+    places = config["evaluation"]["cohorts"]
+    subjects = {c: {each.name: each for each in scans(places[c], split)} for c in cohorts}
+    place, pairs = config["consistency"], {}
+    if Path(place["cohort"]).is_dir() and place["trained_on"] in cohorts:
+        days: dict[str, list[Subject]] = {}
+        for scan in scans(place["cohort"]):
+            days.setdefault(f"{scan.participant.participant_id}_ses-{scan.session}", []).append(scan)
+        pairs = {name: (day[0], day[1]) for name, day in days.items() if len(day) == 2}
+    network = segmentation_network(config)
+    return Setting(config, config_file, {each.name: each for each in there}, subjects, pairs, network)
+
+
+def tasks_of(setting: Setting) -> list[dict]:
+    """All tasks, each with a digest of what it depends on: systems on held-out scans, on pairs, and their memory."""
+    digests = {
+        name: digest_of(sorted(each.kept(setting.config).glob(f"*{WEIGHTS}"))) for name, each in setting.there.items()
+    }
+    digests |= dict.fromkeys((INITIAL, PERFECT), network_digest(setting.segmentation)[:12])
+    found = []
+    for cohort, subjects in setting.subjects.items():
+        names = [INITIAL, PERFECT, *(name for name, unit in setting.there.items() if unit.cohort == cohort)]
+        for subject, scan in subjects.items():
+            place = {"what": "subject", "cohort": cohort, "subject": subject, "data": digest_of(scan.files())}
+            found += [place | {"of": name, "digest": digests[name]} for name in names]
+    trained_on = setting.config["consistency"]["trained_on"]
+    first = {name: unit for name, unit in setting.there.items() if unit.is_first}
+    names = [INITIAL, PERFECT, *(name for name, unit in first.items() if unit.cohort == trained_on)]
+    for pair, both in setting.pairs.items():
+        place = {"what": "pair", "pair": pair, "data": [digest_of(scan.files()) for scan in both]}
+        found += [place | {"of": name, "digest": digests[name]} for name in names]
+    for unit in {unit.arm: unit for unit in reversed(first.values())}.values():
+        subject = next(iter(setting.subjects[unit.cohort]))
+        found.append({"what": "memory", "of": unit.name, "subject": subject, "digest": digests[unit.name]})
+    return found
+
+
+def rows_of(task: dict, setting: Setting) -> list[dict]:
+    """The rows of a task: one for each side, or one with the memory."""
+    name, settings = task["of"], setting.config["evaluation"]
+    if task["what"] == "memory":
+        return [{"peak_mb": peak_of(setting.there[name], task["subject"], setting.config_file)}]
+
+    def found(scan: Seen) -> Found:
+        """The surfaces of the system; of a perfect one, the true ones."""
+        return (scan.truths, None) if name == PERFECT else reconstructed(scan, setting.system(name))
+
+    sides = setting.there[name].sides if name in setting.there else HEMISPHERES
+    if task["what"] == "pair":
+        pair = tuple(setting.seen(scan) for scan in setting.pairs[task["pair"]])
+        return pair_rows(pair, found, sides, setting.config)
+    scan = setting.seen(setting.subjects[task["cohort"]][task["subject"]])
+    return floor_rows(scan, settings) if name == PERFECT else subject_rows(scan, found(scan), sides, settings)
+
+
+def lines_of(found: list[dict], setting: Setting) -> tuple[list[dict], list[dict], dict[str, float | None]]:
+    """The rows of all subjects and of all pairs with what they are of, and the peak of the memory by system."""
+    subjects, pairs, memory = [], [], {}
+    for line in found:
+        task, unit = line["task"], setting.there.get(line["task"]["of"])
+        who = {"arm": task["of"], "budget": None, "seed": None} if unit is None else {
+            "arm": unit.arm, "budget": unit.budget, "seed": unit.seed}  # fmt: skip
+        rows = line["found"]["rows"]
+        if task["what"] == "memory":
+            memory[who["arm"]] = rows[0]["peak_mb"]
+        elif task["what"] == "pair":
+            scan = setting.pairs[task["pair"]][0]
+            about = {"subject": scan.participant.participant_id, "session": scan.session} | who
+            pairs += [about | row for row in rows]
+        else:
+            kind = setting.subjects[task["cohort"]][task["subject"]].participant.kind
+            about = {"cohort": task["cohort"], "subject": task["subject"], "kind": kind} | who
+            names = ("side", *METRICS, "cpu_seconds", "failed")
+            subjects += [about | {name: row.get(name) for name in names} for row in rows]
+    return subjects, pairs, memory
 
 
 @functools.cache
 def setting(config: experiment.Config) -> Setting:
-    """The trained systems and the scans.
-
-    Raises
-    ------
-    ValueError
-        If nothing is trained.
-    """
-    there = [unit for unit in finals(config) if unit.is_made(config)]
+    """The trained systems and the scans."""
+    there = [each for each in finals(config) if each.is_made(config)]
     if not there:
         raise ValueError(f"no trained system is in {config['weights']}: run experiments/comparison/train.py first")
     return setting_of(config, config.file, there)
 
 
+def column_of(training: Training, processor: str) -> tuple:
+    """The trainings with this cohort, side and make of processor are compared.
+
+    The network that makes the initial surfaces rounds differently on each make of processor: vertices differ by some
+    1e-5 mm. Systems that need these surfaces are therefore compared with those trained on the same make.
+    """
+    return training.cohort, training.side, processor if training.kind().needs else None
+
+
 @functools.cache
 def about(config: experiment.Config) -> dict:
-    """What is missing, and the trainings, which are checked."""
-    found = setting(config)
-    trainings = [described(unit, found) for unit in found.there.values()]
-    require_fair(trainings, found)
-    missing = [unit.name for unit in finals(config) if unit.name not in found.there]
-    results = {"missing": missing, "too_few_subjects": too_few(found), "n_pairs": len(found.pairs)}
+    """What is missing, and the trainings with the origin and the size of their networks, which are checked."""
+    found, trainings, columns = setting(config), [], []
+    for name, each in found.there.items():
+        segmentation, networks = network_digest(found.segmentation), {}
+        for part, record in each.checked_records(config, changes_of(each, config), segmentation).items():
+            results = record["results"]
+            kept = {key: results[key] for key in ("best_step", "n_steps", "cpu_seconds", "n_weights", "data")}
+            networks[part] = kept | {key: record[key] for key in ("command", "commit", "date", "machine", "processor")}
+        weights = {part: digest_of([each.file(config, part, WEIGHTS)]) for part in networks}
+        trainings.append(dataclasses.asdict(each) | {"name": name, "networks": networks, "weights_sha256": weights})
+        first = next(iter(networks.values()))
+        columns.append((name, column_of(each, first["processor"]), first["data"]))
+    require_fair(columns)
+    counts = {c: sum(s.participant.kind == MAIN for s in those.values()) for c, those in found.subjects.items()}
+    results = {
+        "missing": [each.name for each in finals(config) if each.name not in found.there],
+        "too_few_subjects": {c: n for c, n in counts.items() if n < config["evaluation"]["fewest_subjects"]},
+        "n_pairs": len(found.pairs),
+    }
     for name, what in (("missing", "train.py makes them"), ("too_few_subjects", "make-cohort with --held-out 8")):
         if results[name]:
             print(f"{name.replace('_', ' ')} ({what}): {results[name]}", file=sys.stderr)

@@ -4,25 +4,65 @@ Run as ``python experiments/comparison/tables.py``: it makes the tables in ``res
 and ``pairs.csv``, without any measurement. ``run.py`` does the same at its end.
 """
 
+import csv
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 from measuring import INITIAL, PAIR_METRICS, PERFECT
-from rows import read_rows
-from units import FIRST_SEED, HERE, SECONDS, STEPS, arguments, read_config
 
+from meshot.files import whole_file
 from meshot.provenance import FIELDS, file_digest, read_results, rounded, write_results
 from meshot_book.measurements import COMPARED, MAIN, grouped, paired_gaps, spread
 
-SUBJECTS, PAIRS, RESULTS = "subjects.csv", "pairs.csv", "results.json"
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from trials.training import FIRST_SEED, SECONDS, STEPS, arguments, read_config
+
+SUBJECTS, PAIRS = "subjects.csv", "pairs.csv"
 #: Metrics of which a larger value is better.
 LARGER = {"normals"}
 CLAIMED = ("emd_mm", "swd_mm", "assd_mm")
 RESIDUES = ("icp_residue_mm", "rigid_residue_mm")
+#: The columns of texts.
+TEXTS = {"cohort", "side", "subject", "session", "kind", "arm", "budget", "failed", "commit"}
 #: The parts of the results that follow from the rows.
 TABLES = ("table_1", "differences", "direct", "seeds", "table_2", "pair_differences", "claims")
+
+
+def write_rows(path: Path, rows: list[dict]) -> None:
+    """Write rows, with a column for every name that occurs. Missing values and None are empty."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with whole_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, names, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rounded(rows))
+
+
+def read_rows(path: Path) -> list[dict]:
+    """Read rows. Empty values are None."""
+    if not path.is_file():
+        raise ValueError(f"{path} does not exist; measure the trained systems with run.py")
+    with path.open(encoding="utf-8", newline="") as file:
+        names, *lines = [line for line in csv.reader(file) if line] or [[]]
+
+    def row(line: list[str]) -> dict:
+        if len(line) != len(names):
+            raise ValueError(f"a line has {len(line)} columns, and the first line {len(names)}: {','.join(line)[:60]}")
+        return {name: _value(name, text) for name, text in zip(names, line, strict=True)}
+
+    try:
+        return [row(line) for line in lines]
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged ({error}); take the committed file, or run run.py again") from error
+
+
+def _value(name: str, text: str) -> str | int | float | None:
+    if text == "":
+        return None
+    if name in TEXTS:
+        return text
+    return int(text) if text.lstrip("-").isdigit() else float(text)
 
 
 def tables(subjects: list[dict], pairs: list[dict], config: dict) -> dict:
@@ -187,38 +227,20 @@ def row_digests(output: Path) -> dict[str, str]:
     return {name: file_digest(output.with_name(name)) for name in (SUBJECTS, PAIRS)}
 
 
-def require_measured_by(measured_by: dict, config: dict, output: Path) -> None:
-    """Check that the rows were measured by the present protocol. Its group ``comparison`` is used by the tables only.
-
-    Raises
-    ------
-    ValueError
-        If another group differs.
-    """
-    names = [name for name in {**measured_by, **config} if name != "comparison"]
-    other = [name for name in names if measured_by.get(name) != config.get(name)]
-    if other:
-        raise ValueError(
-            f"the rows beside {output} were measured with other settings in {', '.join(other)}; tables can be made "
-            f"anew only if no more than the group comparison has changed: take these groups back, or run run.py again"
-        )
-
-
 def main(words: list[str] | None = None) -> int:
-    """Make the tables of the results anew.
-
-    Raises
-    ------
-    ValueError
-        If the rows are missing, or are not those of the results, or were measured by another protocol.
-    """
-    parser = arguments(__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=HERE / RESULTS, help="the file for the result")
-    asked = parser.parse_args(words)
+    """Make the tables of the results anew."""
+    asked = arguments(__doc__, Path(__file__).parent, "results.json").parse_args(words)
     record, config = read_results(asked.output), read_config(asked.config)
     if record["results"]["rows_sha256"] != row_digests(asked.output):
         raise ValueError(f"the rows beside {asked.output} are not those that were measured with it: run run.py again")
-    require_measured_by(record["config"], config, asked.output)
+    # The group of settings "comparison" is used by the tables only.
+    names = [name for name in {**record["config"], **config} if name != "comparison"]
+    if other := [name for name in names if record["config"].get(name) != config.get(name)]:
+        raise ValueError(
+            f"the rows beside {asked.output} were measured with other settings in {', '.join(other)}; tables can be "
+            "made anew only if no more than the group comparison has changed: take these groups back, or run run.py "
+            "again"
+        )
     results = record["results"] | rounded(tables(*rows_beside(asked.output), config))
     made = {name: value for name, value in record.items() if name not in FIELDS[:5]}
     write_results(asked.output, results, config, record["command"], record["data"], record["seconds"], made)

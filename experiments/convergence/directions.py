@@ -3,12 +3,12 @@
 import numpy as np
 from pairs import frames, make_pair, sampled_costs
 from scipy.special import gammaln
-from sizes import named_slope, short
+from sizes import named_slope
 
 from meshot import random_directions
 from meshot.statistics import bootstrap_interval
 from meshot.types import Array, Float, Tensor
-from meshot_book.statistics import fitted_slope
+from meshot_book.statistics import fitted_slope, short
 
 #: Length of the translation in the case "translation", along one axis, in mm.
 SHIFT_MM = 12.0

@@ -7,11 +7,11 @@ minutes on one core.
 
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import torch
 from tqdm import tqdm
-from trainings import HERE, arguments, read_config, segmentation_network
 
 from meshot.loss import SurfaceLoss, surface_loss
 from meshot.mesh import Mesh, face_areas, vertex_areas, vertex_normals
@@ -21,6 +21,10 @@ from meshot.provenance import rounded, write_results
 from meshot.synth import scans
 from meshot.systems import DeformationExample, hemisphere_example
 from meshot.types import Float, Tensor
+from meshot_book.measurements import grouped
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from trials.training import arguments, read_config, segmentation_network
 
 Arrows = Float[Tensor, "vertex 3"]
 
@@ -86,7 +90,7 @@ def measured(example: DeformationExample, losses: dict[str, SurfaceLoss], n_poin
 
 def main(words: list[str] | None = None) -> int:
     """Measure and write the results."""
-    asked = arguments(__doc__, HERE / "descent_directions.json").parse_args(words)
+    asked = arguments(__doc__, Path(__file__).parent, "descent_directions.json").parse_args(words)
     config = read_config(asked.config)
     settings, started = config["descent_directions"], time.process_time()
     torch.set_num_threads(config["evaluation"]["n_threads"])
@@ -99,19 +103,14 @@ def main(words: list[str] | None = None) -> int:
         example = hemisphere_example(surfaces.example(subject, keys, keys), settings["side"], settings["n_faces"])
         rows += measured(example, losses, settings["n_points"])
     data = f"{settings['split']} subjects of the synthetic cohorts {', '.join(config['cohorts'])}"
-    write = {"rows": rows, "means": means(rows)}, settings, "python experiments/ddot/descent_directions.py", data
-    write_results(asked.output, rounded(write[0]), *write[1:], time.process_time() - started)
+    names = [key for key in rows[0] if key not in ("subject", "loss")]
+    means = [
+        {"loss": part[0]["loss"]} | {name: float(np.mean([row[name] for row in part])) for name in names}
+        for part in grouped(rows, ("loss",))
+    ]
+    command, seconds = "python experiments/ddot/descent_directions.py", time.process_time() - started
+    write_results(asked.output, rounded({"rows": rows, "means": means}), settings, command, data, seconds)
     return 0
-
-
-def means(rows: list[dict]) -> list[dict]:
-    """The means of each loss over all subjects."""
-    found = []
-    for name in dict.fromkeys(row["loss"] for row in rows):
-        own = [row for row in rows if row["loss"] == name]
-        keys = [key for key in own[0] if key not in ("subject", "loss")]
-        found.append({"loss": name} | {key: float(np.mean([row[key] for row in own])) for key in keys})
-    return found
 
 
 if __name__ == "__main__":

@@ -6,8 +6,7 @@ first of the test split, so that it is not selected by results.
 
 import dataclasses
 import sys
-
-from trainings import HERE, arguments, read_config, segmentation_network
+from pathlib import Path
 
 from meshot.mesh import smooth_crossings
 from meshot.model import network_digest
@@ -17,13 +16,16 @@ from meshot.synth import scans
 from meshot.systems import hemisphere_example
 from meshot_book.example_file import write_example
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from trials.training import arguments, read_config, segmentation_network
+
 COHORT, SIDE = "oasis_like", "left"
 INITIAL_FACES, TARGET_FACES = 30_000, 30_000
 
 
 def main(words: list[str] | None = None) -> int:
     """Write the file."""
-    asked = arguments(__doc__, HERE / "held_out.safetensors").parse_args(words)
+    asked = arguments(__doc__, Path(__file__).parent, "held_out.safetensors").parse_args(words)
     config = read_config(asked.config)
     network = segmentation_network(config)
     subject = scans(config["cohorts"][COHORT], config["evaluation"]["split"])[0]

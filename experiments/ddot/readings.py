@@ -11,28 +11,29 @@ with the same folders wait for each other. A kept training must have the setting
 
 import contextlib
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import torch
 import yaml
-from reading_rows import Setting, courses, row_of, tasks_of
-from reading_tables import tables
 from tqdm import tqdm
-from trainings import HERE, Wanted, arguments, read_config, record_of, segmentation_network, wanted
 
 import train
-from meshot.files import whole_file
+from meshot.files import write_whole
 from meshot.mesh import write_mesh
-from meshot.pipeline import InitialSurfaces, segment, segmented_surface
+from meshot.pipeline import RECORD, InitialSurfaces, segment, segmented_surface
 from meshot.provenance import read_results, rounded, write_results
 from meshot.synth import Subject, scans
 from meshot_book.trainings import alone
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
+from reading_rows import Setting, courses, row_of, tables, tasks_of
 
+from trials.train import train_one
+from trials.training import Training, arguments, finals, read_config, segmentation_network
+
+HERE = Path(__file__).parent
 SPLITS = ("train", "validation", "test")
 STARTS = ("initial", "binary")
 
@@ -79,28 +80,8 @@ def score(record: dict) -> float:
     return float(np.mean(late))
 
 
-def require_diverged(config: dict, device: str) -> None:
-    """Check that each missing training stopped because a loss was not finite, by a second try from its last state.
-
-    Raises
-    ------
-    Busy
-        If another process is training one of them.
-    """
-    for each in wanted(config):
-        if not each.is_made(config):
-            with contextlib.suppress(FloatingPointError):
-                train.made(each, config, device)
-
-
 def choice(found: dict[float, float], name: str) -> dict:
-    """The rate with the lowest score, and all scores.
-
-    Raises
-    ------
-    ValueError
-        If no rate has a score.
-    """
+    """The rate with the lowest score, and all scores."""
     if not found:
         raise ValueError(f"{name}: no rate kept a finite loss; give the reading smaller rates in the protocol")
     return {"rate": min(found, key=found.get), "assd_mm": {f"{rate:g}": value for rate, value in found.items()}}
@@ -108,11 +89,13 @@ def choice(found: dict[float, float], name: str) -> dict:
 
 def scores(protocol: dict, name: str, config: dict) -> dict[float, float]:
     """The score of each rate of a reading. A rate whose loss was not finite has none."""
-    column = protocol["cohort"], protocol["side"]
-    rates = rates_of(protocol, protocol["readings"][name])
-    trainings = {rate: Wanted(*column, f"{name}_{rate:g}", protocol["seed"]) for rate in rates}
-    ended = {rate: each.kept(config, ".json") for rate, each in trainings.items() if each.is_made(config)}
-    return {rate: score(read_results(record)) for rate, record in ended.items()}
+    reading, found = protocol["readings"][name], {}
+    for rate in rates_of(protocol, reading):
+        column, arm = (protocol["cohort"], protocol["side"]), f"{name}_{rate:g}"
+        each = Training(*column, arm, None, protocol["seed"], reading["system"])
+        if each.is_made(config):
+            found[rate] = score(read_results(each.kept(config, RECORD)))
+    return found
 
 
 def finalists(found: dict[str, dict], protocol: dict) -> list[str]:
@@ -126,10 +109,10 @@ def finalists(found: dict[str, dict], protocol: dict) -> list[str]:
     return [name for name in found if name in {*rule["always"], *others} or name not in lowest]
 
 
-def binary_surfaces(subjects: Iterable[Subject], surfaces: InitialSurfaces) -> None:
+def write_binary_surfaces(subjects: list[Subject], surfaces: InitialSurfaces) -> None:
     """Make the missing initial surfaces from the binary mask of white matter instead of its probability."""
     torch.set_num_threads(1)
-    for subject in subjects:
+    for subject in tqdm(subjects, desc="binary surfaces"):
         scan = subject.standard()
         paths = {side: surfaces.path(subject, side, scan) for side in ("left", "right")}
         if all(path.is_file() for path in paths.values()):
@@ -139,33 +122,29 @@ def binary_surfaces(subjects: Iterable[Subject], surfaces: InitialSurfaces) -> N
             write_mesh(paths[side], segmented_surface(mask).mesh)
 
 
-def trained(config: dict, file: Path, jobs: int = 1, device: str = "cpu") -> float:
-    """Train the missing networks of a configuration, which is written to ``file``. Returns the seconds of all.
-
-    Raises
-    ------
-    ValueError
-        If a kept network was trained with other settings.
-    """
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(file) as temporary:
-        temporary.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
+def train_arms(config: dict, file: Path, jobs: int = 1, device: str = "cpu") -> float:
+    """Train the missing networks of a configuration, which is written to ``file``. Returns the seconds of all."""
+    write_whole(file, yaml.safe_dump(config, sort_keys=False))
     if train.main(["--config", str(file), "--jobs", str(jobs), "--device", device]):
-        require_diverged(config, device)
-    records = [record_of(each, config) for each in wanted(config) if each.is_made(config)]
-    return sum(record["results"]["cpu_seconds"] for record in records)
+        # Each missing training must have stopped because a loss was not finite: a second try from its last state.
+        for each in (each for each in finals(config) if not each.is_made(config)):
+            with contextlib.suppress(FloatingPointError):
+                train_one(each, config, device)
+    records = [each.checked_records(config) for each in finals(config) if each.is_made(config)]
+    return sum(record["results"]["cpu_seconds"] for those in records for record in those.values())
 
 
-def trained_from(start: str, protocol: dict, jobs: int = 1, device: str = "cpu") -> tuple[dict[str, dict], dict, float]:
+def train_readings(
+    start: str, protocol: dict, jobs: int = 1, device: str = "cpu"
+) -> tuple[dict[str, dict], dict, float]:
     """Train all readings with one start. Returns their rates, the configuration of the whole trainings, and seconds."""
     state, own = Path(protocol["state"]), readings_from(protocol, start)
     config = configuration(protocol, start, rate_arms(protocol, start), state, Path(protocol["short"]))
     if start == "binary":
         subjects = [each for split in SPLITS for each in scans(config["cohorts"][protocol["cohort"]], split)]
         subjects += scans(protocol["evaluation"]["cohort"], "test")
-        found = InitialSurfaces(protocol["binary"], segmentation_network(config))
-        binary_surfaces(tqdm(subjects, desc="binary surfaces"), found)
-    seconds = trained(config, state / f"rates_{start}.yaml", jobs, device) if config["arms"] else 0.0
+        write_binary_surfaces(subjects, InitialSurfaces(protocol["binary"], segmentation_network(config)))
+    seconds = train_arms(config, state / f"rates_{start}.yaml", jobs, device) if config["arms"] else 0.0
     rates = {
         name: {"rate": known[0], "assd_mm": {}}
         if len(known := protocol["rates"][each["rates"]]) == 1
@@ -178,25 +157,12 @@ def trained_from(start: str, protocol: dict, jobs: int = 1, device: str = "cpu")
         for name in finalists(rates, protocol)
     }
     whole = configuration(protocol, start, arms, state, Path(protocol["weights"])) | {"keep_last": True}
-    return rates, whole, seconds + trained(whole, state / f"whole_{start}.yaml", jobs, device)
-
-
-def measured_rows(setting: Setting, partial: Path) -> tuple[list[dict], float]:
-    """The measurements of all networks, and their seconds. Finished ones are read from ``partial``."""
-    torch.set_num_threads(setting.protocol["evaluation"]["n_threads"])
-    mark = experiment.stamp(__file__, setting.protocol["evaluation"])
-    found = experiment.run_jobs(tasks_of(setting), lambda task: row_of(task, setting), partial, mark, "readings")
-    rows = []
-    for line in found:
-        task = {key: line["task"][key] for key in ("start", "arm", "weights", "split", "subject")}
-        kind = setting.subjects[task["split"]][task["subject"]].participant.kind
-        rows.append(task | {"kind": kind} | line["found"])
-    return rows, sum(line["seconds"] for line in found)
+    return rates, whole, seconds + train_arms(whole, state / f"whole_{start}.yaml", jobs, device)
 
 
 def main(words: list[str] | None = None) -> int:
     """Train all readings and measure them; write their rates, courses, tables and rows."""
-    parser = arguments(__doc__, HERE / "readings" / "results.json")
+    parser = arguments(__doc__, HERE, "readings/results.json")
     parser.set_defaults(config=HERE / "readings.yaml")
     parser.add_argument("--jobs", type=int, default=1, help="number of parallel trainings (default: %(default)s)")
     parser.add_argument("--device", default="cpu", help="for the trainings, such as cuda (default: %(default)s)")
@@ -205,18 +171,25 @@ def main(words: list[str] | None = None) -> int:
     rates, configs, there, seconds = {}, {}, {}, 0.0
     with alone(Path(protocol["state"]) / "protocol", wait=True):
         for start in (start for start in STARTS if readings_from(protocol, start)):
-            own, configs[start], took = trained_from(start, protocol, asked.jobs, asked.device)
-            there[start] = [each for each in wanted(configs[start]) if each.is_made(configs[start])]
+            own, configs[start], took = train_readings(start, protocol, asked.jobs, asked.device)
+            there[start] = [each for each in finals(configs[start]) if each.is_made(configs[start])]
             rates, seconds = rates | own, seconds + took
-    partial = asked.output.with_name("partial.jsonl")
-    setting = Setting(protocol, configs, there, segmentation_network(protocol))
-    rows, took = measured_rows(setting, partial)
+    partial, settings = asked.output.with_name("partial.jsonl"), protocol["evaluation"]
+    setting, rows = Setting(protocol, configs, there, segmentation_network(protocol)), []
+    torch.set_num_threads(settings["n_threads"])
+    mark = experiment.stamp(__file__, settings)
+    # Finished measurements are read from the file.
+    for line in experiment.run_jobs(tasks_of(setting), lambda task: row_of(task, setting), partial, mark, "readings"):
+        task = {key: line["task"][key] for key in ("start", "arm", "weights", "split", "subject")}
+        kind = setting.subjects[task["split"]][task["subject"]].participant.kind
+        rows.append(task | {"kind": kind} | line["found"])
+        seconds += line["seconds"]
     results = {"rates": rates, "trainings": courses(setting)}
     results |= tables(rows, protocol["readings"], protocol["rival"]) | {"subjects": rows}
     stands_on = f"training, validation and held-out subjects of the synthetic cohort {protocol['cohort']}"
     own = "" if asked.config == HERE / "readings.yaml" else f" --config {asked.config} -o {asked.output}"
     command = f"python experiments/ddot/readings.py{own}"
-    write_results(asked.output, rounded(results), protocol, command, stands_on, seconds + took)
+    write_results(asked.output, rounded(results), protocol, command, stands_on, seconds)
     partial.unlink()
     return 0
 

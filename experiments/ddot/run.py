@@ -14,87 +14,20 @@ import json
 import sys
 from pathlib import Path
 
-import readings
-from measuring import flow_row, initial_row, seen
-from summary import summarised
-from trainings import HERE, Wanted, record_of, segmentation_network, wanted
+from measuring import Seen, flow_row, initial_row, seen
+from summary import INITIAL, summarised
 
 from meshot.model import DeformationNetwork, network_digest, read_weights
-from meshot.pipeline import InitialSurfaces
+from meshot.pipeline import WEIGHTS, InitialSurfaces
 from meshot.provenance import provenance, rounded
 from meshot.synth import Subject, scans
 from meshot_book.measurements import digest_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
+import readings
 
-INITIAL = "initial"
-
-
-def tasks_of(
-    there: list[Wanted], subjects: dict[str, dict[str, Subject]], digests: dict[str, str],
-    data: dict[str, dict[str, str]],
-) -> list[dict]:  # fmt: skip
-    """All held-out hemispheres: first the initial surface, then each flow for this cohort and side."""
-    found = []
-    for cohort, side in dict.fromkeys((each.cohort, each.side) for each in there):
-        names = [INITIAL, *(each.name for each in there if (each.cohort, each.side) == (cohort, side))]
-        for subject in subjects[cohort]:
-            place = {"cohort": cohort, "side": side, "subject": subject, "data": data[cohort][subject]}
-            found += [place | {"of": name, "digest": digests[name]} for name in names]
-    return found
-
-
-def data_digests(subjects: dict[str, dict[str, Subject]]) -> dict[str, dict[str, str]]:
-    """A digest of all files of each subject, by cohort and subject, so that regenerated cohorts are measured again."""
-    return {
-        cohort: {name: digest_of(subject.files()) for name, subject in those.items()}
-        for cohort, those in subjects.items()
-    }
-
-
-def digests_of(there: list[Wanted], config: dict, segmentation: str) -> dict[str, str]:
-    """A digest of everything a measurement depends on, to detect other weights or settings."""
-    settings = json.dumps(config["evaluation"], sort_keys=True).encode() + segmentation.encode()
-    found = {INITIAL: settings}
-    found |= {each.name: settings + each.kept(config, ".safetensors").read_bytes() for each in there}
-    return {name: hashlib.sha256(content).hexdigest()[:12] for name, content in found.items()}
-
-
-def described(each: Wanted, config: dict, segmentation: str) -> dict:
-    """The origin of a network, and its results in validation.
-
-    Raises
-    ------
-    ValueError
-        If it was trained on initial surfaces of another segmentation network.
-    """
-    record = record_of(each, config)
-    if record["results"]["segmentation_sha256"] != segmentation:
-        raise ValueError(f"{each.name} learned from initial surfaces of another segmentation network: train it anew")
-    found = record["results"]
-    (best,) = (line for line in found["validations"] if line["step"] == found["best_step"])
-    kept = {key: found[key] for key in ("best_step", "n_steps", "cpu_seconds", "n_weights", "data")}
-    kept |= {key: record[key] for key in ("command", "commit", "date")}
-    names = {"name": each.name, "cohort": each.cohort, "side": each.side, "arm": each.arm, "seed": each.seed}
-    weights = hashlib.sha256(each.kept(config, ".safetensors").read_bytes()).hexdigest()
-    return names | kept | {"validation_assd_mm": best["validation_loss"], "weights_sha256": weights}
-
-
-def require_fair(trainings: list[dict]) -> None:
-    """Check that networks for one side of one cohort were trained on the same data.
-
-    Raises
-    ------
-    ValueError
-        If two of them were not.
-    """
-    data: dict[tuple[str, str], dict] = {}
-    for each in trainings:
-        first = data.setdefault((each["cohort"], each["side"]), each)
-        if each["data"] != first["data"]:
-            raise ValueError(f"{each['name']} learned from other data than {first['name']}: train one of them anew")
-
+from trials.training import Training, finals, require_fair, segmentation_network
 
 #: In this order, since the later ones share trainings with the first.
 PROTOCOLS = ("readings", "candidates", "controls", "budget")
@@ -105,14 +38,15 @@ class Setting:
     """The networks that exist, and the held-out scans of their cohorts."""
 
     config: dict
-    there: list[Wanted]
+    there: list[Training]
     subjects: dict[str, dict[str, Subject]]
     surfaces: InitialSurfaces
 
     @functools.cached_property
     def data(self) -> dict[str, dict[str, str]]:
-        """The digests of the scans."""
-        return data_digests(self.subjects)
+        """A digest of all files of each subject, by cohort and subject: regenerated cohorts are measured again."""
+        found = self.subjects.items()
+        return {c: {name: digest_of(subject.files()) for name, subject in those.items()} for c, those in found}
 
     @functools.cached_property
     def segmentation(self) -> str:
@@ -120,7 +54,7 @@ class Setting:
         return network_digest(self.surfaces.network)
 
     @functools.lru_cache(maxsize=1)  # noqa: B019
-    def hemisphere(self, cohort: str, subject: str, side: str) -> object:
+    def hemisphere(self, cohort: str, subject: str, side: str) -> Seen:
         """What all flows see."""
         return seen(self.subjects[cohort][subject], side, self.surfaces, self.config["evaluation"])
 
@@ -128,20 +62,14 @@ class Setting:
     def network(self, name: str) -> tuple[DeformationNetwork, dict]:
         """A network, and the settings of its training."""
         (each,) = (each for each in self.there if each.name == name)
-        network = read_weights(each.kept(self.config, ".safetensors"), DeformationNetwork)[0]
+        network = read_weights(each.kept(self.config, WEIGHTS), DeformationNetwork)[0]
         return network, each.settings(self.config).as_dict()["training"]
 
 
 @functools.cache
 def setting(config: experiment.Config) -> Setting:
-    """What the tasks are about.
-
-    Raises
-    ------
-    ValueError
-        If no network exists.
-    """
-    there = [each for each in wanted(config) if each.is_made(config)]
+    """What the tasks are about."""
+    there = [each for each in finals(config) if each.is_made(config)]
     if not there:
         raise ValueError(f"no trained network is in {config['weights']}: run experiments/ddot/train.py first")
     cohorts = dict.fromkeys(each.cohort for each in there)
@@ -153,19 +81,43 @@ def setting(config: experiment.Config) -> Setting:
 def about(config: experiment.Config) -> dict:
     """What is missing, and the trainings, which are checked."""
     found = setting(config)
-    missing = [each.name for each in wanted(config) if each not in found.there]
+    missing = [each.name for each in finals(config) if each not in found.there]
     if missing:
         print(f"{len(missing)} networks are missing (train.py makes them): {', '.join(missing)}", file=sys.stderr)
-    trainings = [described(each, config, found.segmentation) for each in found.there]
-    require_fair(trainings)
+    trainings, columns = [], []
+    for each in found.there:
+        (record,) = each.checked_records(config, segmentation=found.segmentation).values()
+        results = record["results"]
+        (best,) = (line for line in results["validations"] if line["step"] == results["best_step"])
+        about = {key: getattr(each, key) for key in ("name", "cohort", "side", "arm", "seed")}
+        about |= {key: results[key] for key in ("best_step", "n_steps", "cpu_seconds", "n_weights", "data")}
+        about |= {key: record[key] for key in ("command", "commit", "date")}
+        weights = hashlib.sha256(each.kept(config, WEIGHTS).read_bytes()).hexdigest()
+        trainings.append(about | {"validation_assd_mm": best["validation_loss"], "weights_sha256": weights})
+        columns.append((each.name, (each.cohort, each.side), results["data"]))
+    require_fair(columns)
     return {"missing": missing, "trainings": trainings}
 
 
 def tasks(config: experiment.Config) -> list[dict]:
-    """All held-out hemispheres, with the initial surface and each flow."""
+    """All held-out hemispheres: first the initial surface, then each flow for this cohort and side."""
     about(config)
-    found = setting(config)
-    return tasks_of(found.there, found.subjects, digests_of(found.there, config, found.segmentation), found.data)
+    return tasks_of(setting(config))
+
+
+def tasks_of(setting: Setting) -> list[dict]:
+    """The tasks, each with a digest of what it depends on: weights, settings, and the network of initial surfaces."""
+    same = json.dumps(setting.config["evaluation"], sort_keys=True).encode() + setting.segmentation.encode()
+    depends = {INITIAL: same}
+    depends |= {each.name: same + each.kept(setting.config, WEIGHTS).read_bytes() for each in setting.there}
+    digests = {name: hashlib.sha256(content).hexdigest()[:12] for name, content in depends.items()}
+    found = []
+    for cohort, side in dict.fromkeys((each.cohort, each.side) for each in setting.there):
+        names = [INITIAL, *(each.name for each in setting.there if (each.cohort, each.side) == (cohort, side))]
+        for subject in setting.subjects[cohort]:
+            place = {"cohort": cohort, "side": side, "subject": subject, "data": setting.data[cohort][subject]}
+            found += [place | {"of": name, "digest": digests[name]} for name in names]
+    return found
 
 
 def work(task: dict, config: experiment.Config) -> dict:
@@ -178,11 +130,17 @@ def work(task: dict, config: experiment.Config) -> dict:
 
 
 def results(rows: list[dict], config: experiment.Config) -> dict:
-    """All rows, and their tables."""
-    found, by_name = setting(config), {each.name: each for each in setting(config).there}
+    """All rows with their subjects and networks, and their tables."""
+    found, measured = setting(config), []
+    by_name = {each.name: each for each in found.there}
     commits = list(dict.fromkeys(line["found"].pop("commit") for line in rows))
-    rows = [_row(line, by_name, found.subjects) for line in rows]
-    summary = summarised(rows, config["evaluation"], config["comparison"])
+    for line in rows:
+        place = {key: line["task"][key] for key in ("cohort", "side", "subject")}
+        each = by_name.get(line["task"]["of"])
+        who = {"arm": INITIAL, "seed": None} if each is None else {"arm": each.arm, "seed": each.seed}
+        kind = found.subjects[place["cohort"]][place["subject"]].participant.kind
+        measured.append(place | {"kind": kind} | who | line["found"])
+    summary = summarised(measured, config["evaluation"], config["comparison"])
     whole = {"missing": about(config)["missing"], "commits": commits, "data_sha256": found.data}
     return rounded(whole | summary | {"trainings": about(config)["trainings"]})
 
@@ -192,24 +150,13 @@ def data(config: experiment.Config) -> str:
     return f"held-out subjects of the synthetic cohorts {', '.join(setting(config).subjects)}"
 
 
-def _row(line: dict, by_name: dict[str, Wanted], subjects: dict[str, dict[str, Subject]]) -> dict:
-    """A measurement together with its subject and network."""
-    place = {key: line["task"][key] for key in ("cohort", "side", "subject")}
-    each = by_name.get(line["task"]["of"])
-    who = {"arm": INITIAL, "seed": None} if each is None else {"arm": each.arm, "seed": each.seed}
-    kind = subjects[place["cohort"]][place["subject"]].participant.kind
-    return place | {"kind": kind} | who | line["found"]
-
-
 def main(words: list[str] | None = None) -> None:
     """Measure the existing networks and write the results; with ``--all``, those of all protocols, too."""
     every = {"all": ("--all", {"action": "store_true", "help": "then measure the networks of all protocols, too"})}
-    config = experiment.run(
-        __file__, tasks, work, results, data, every, lambda config: config["evaluation"], words
-    )  # fmt: skip
+    config = experiment.run(__file__, tasks, work, results, data, every, lambda own: own["evaluation"], words)
     for name in PROTOCOLS if config and config["all"] else ():
         place = config.output.with_name(name) / "results.json"
-        readings.main(["--config", str(HERE / f"{name}.yaml"), "-o", str(place)])
+        readings.main(["--config", str(readings.HERE / f"{name}.yaml"), "-o", str(place)])
 
 
 if __name__ == "__main__":

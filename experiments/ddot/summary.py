@@ -69,7 +69,7 @@ def differences(rows: list[dict], settings: dict, comparison: dict) -> list[dict
     for part in grouped(rows, ("cohort",)):
         by_arm = _by_arm(part)
         for (first, second), side in itertools.product(_pairs(by_arm, comparison), ("left", "right", "both")):
-            one, other = (_of_side(by_arm[arm], side) for arm in (first, second))
+            one, other = (by_arm[arm].get(side, {}) for arm in (first, second))
             subjects = [subject for subject in one if subject in other]
             if len(subjects) > 1:
                 about = {"cohort": part[0]["cohort"], "side": side, "first": first, "second": second}
@@ -79,11 +79,15 @@ def differences(rows: list[dict], settings: dict, comparison: dict) -> list[dict
 
 
 def _by_arm(rows: list[dict]) -> dict[str, dict[str, dict[str, dict]]]:
-    """The numbers by arm, side and subject, for the first seed."""
+    """The numbers by arm, side and subject, for the first seed. A side is "both" for the mean of the two."""
     found: dict[str, dict[str, dict[str, dict]]] = {}
     for row in rows:
         if row["seed"] in (None, FIRST_SEED):
             found.setdefault(row["arm"], {}).setdefault(row["side"], {})[row["subject"]] = numbers(row)
+    for sides in found.values():
+        left, right = sides.get("left", {}), sides.get("right", {})
+        shared = [subject for subject in left if subject in right]
+        sides["both"] = {s: {key: (left[s][key] + right[s][key]) / 2 for key in COMPARED} for s in shared}
     return found
 
 
@@ -93,13 +97,6 @@ def _pairs(arms: Iterable[str], comparison: dict) -> list[tuple[str, str]]:
     pairs = [(ours, arm) for arm in flows if arm != ours] + [(arm, rival) for arm in comparison["also"]]
     pairs += [(arm, INITIAL) for arm in flows]
     return [pair for pair in pairs if set(pair) <= {INITIAL, *flows}]
-
-
-def _of_side(sides: dict[str, dict[str, dict]], side: str) -> dict[str, dict[str, float]]:
-    if side != "both":
-        return sides.get(side, {})
-    left, right = sides.get("left", {}), sides.get("right", {})
-    return {s: {key: (left[s][key] + right[s][key]) / 2 for key in COMPARED} for s in left if s in right}
 
 
 def resampled(gaps: list[float], settings: dict) -> dict[str, float]:
@@ -115,27 +112,19 @@ def seeds(rows: list[dict], comparison: dict) -> list[dict]:
     """
     found, arms = [], (comparison["ours"], comparison["rival"])
     for part in grouped([row for row in rows if row["arm"] in arms], ("cohort", "side")):
-        means = {arm: _mean_of_seeds(part, arm) for arm in arms}
+        means: dict[str, dict[int, dict[str, float]]] = {arm: {} for arm in arms}
+        for same in grouped(part, ("arm", "seed")):
+            values = {key: float(np.mean([numbers(row)[key] for row in same])) for key in COMPARED}
+            means[same[0]["arm"]][same[0]["seed"]] = values
         first, second = means.values()
-        shared = sorted(first.keys() & second.keys())
-        if len(shared) > 1:
-            about = {"cohort": part[0]["cohort"], "side": part[0]["side"], "seeds": shared}
-            found.append(about | {key: _over_seeds(means, shared, key) for key in COMPARED})
+        if len(shared := sorted(first.keys() & second.keys())) > 1:
+            line = {"cohort": part[0]["cohort"], "side": part[0]["side"], "seeds": shared}
+            for key in COMPARED:
+                values = {arm: [own[seed][key] for seed in shared] for arm, own in means.items()}
+                interval = dict(zip(("gap", "low", "high"), paired_interval(*values.values())))
+                line[key] = {arm: spread(own) for arm, own in values.items()} | interval
+            found.append(line)
     return found
-
-
-def _mean_of_seeds(rows: list[dict], arm: str) -> dict[int, dict[str, float]]:
-    parts = grouped([row for row in rows if row["arm"] == arm], ("seed",))
-    return {
-        part[0]["seed"]: {key: float(np.mean([numbers(row)[key] for row in part])) for key in COMPARED}
-        for part in parts
-    }
-
-
-def _over_seeds(means: dict[str, dict[int, dict[str, float]]], shared: list[int], key: str) -> dict:
-    values = {arm: [found[seed][key] for seed in shared] for arm, found in means.items()}
-    gap, low, high = paired_interval(*values.values())
-    return {arm: spread(found) for arm, found in values.items()} | {"gap": gap, "low": low, "high": high}
 
 
 def targets(rows: list[dict], wanted: dict, comparison: dict) -> list[dict]:

@@ -5,11 +5,11 @@ import time
 
 import numpy as np
 import torch
-from arms import arm_loss
 from meshes import start_mesh, target_mesh
 
-from meshot import Mesh, evaluate
+from meshot import Mesh, evaluate, quasi_directions, sliced_wasserstein
 from meshot.flow import FitLoss, FitSettings, fit_flow, grid_around, trajectory
+from meshot.loss import ENCODINGS, LOSSES, Encoding
 from meshot.mesh import self_intersecting_faces
 from meshot.metrics import (
     Surface,
@@ -20,6 +20,48 @@ from meshot.metrics import (
     smallest_angles,
 )
 from meshot.types import Tensor
+from meshot_book.statistics import short
+
+
+def planned_arms(config: dict) -> list[dict]:
+    """Every arm with all supports, except Sinkhorn; then every arm that has support points with few of them."""
+    full = [arm | {"supports": "full"} for arm in config["arms"] if arm["loss"] != "sinkhorn"]
+    return full + [arm | {"supports": config["few_supports"]} for arm in config["arms"] if arm["encoding"] != "surface"]
+
+
+def arm_loss(arm: dict, target: Mesh, config: dict) -> FitLoss:
+    """The loss between a deformed mesh and the target. Random numbers are drawn again in every call, on both sides."""
+    encoding = _encoding(arm, config)
+    of_measures = None if arm["loss"] == "sliced" else LOSSES[arm["loss"]](**config.get(arm["loss"], {}))
+    drawn, n_faces = arm["encoding"] == "samples" or arm["supports"] != "full", len(target.faces)
+    fixed = None if drawn else encoding.measure(target, n_faces, np.random.default_rng(0))
+
+    def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
+        source = encoding.measure(mesh, n_faces, generator)
+        goal = encoding.measure(target, n_faces, generator) if fixed is None else fixed
+        if of_measures is not None:
+            return of_measures(source, goal, generator)
+        # The fit determines the number of directions, which are quasi-random.
+        places = source.places
+        directions = quasi_directions(n_directions, places.shape[1], int(generator.integers(2**31)))
+        return sliced_wasserstein(source, goal, directions.to(places))
+
+    return loss
+
+
+def n_supports(arm: dict, target: Mesh) -> int:
+    """The number of support points on either side. "full" means the number of faces, for samples and varifold alike."""
+    return len(target.faces) if arm["supports"] == "full" else arm["supports"]
+
+
+def _encoding(arm: dict, config: dict) -> Encoding:
+    settings = {} if arm["supports"] == "full" or arm["encoding"] == "surface" else {"n_supports": arm["supports"]}
+    if arm["encoding"] == "varifold":
+        settings["normal_scale"] = config["normal_scale"]
+        if "n_supports" in settings:
+            settings["detach_weights"] = arm.get("detached", config["few_detached"][arm["loss"]])
+    return ENCODINGS[arm["encoding"]](**settings)
+
 
 CURVES = ("assd", "normals", "intersecting_faces", "edge_variation", "area_variation", "smallest_angle")
 
@@ -67,13 +109,14 @@ def fit_once(task: dict, config: dict) -> tuple[dict, dict[str, Mesh]]:
     ruler = Ruler(goal, config)
     rows = [ruler.curve(mesh) for mesh in [begin, *watch.meshes]]
     curve = {"iteration": [0, *fitted.history["checked_iteration"]], "seconds": [0.0, *watch.checked_at]}
+    curve |= {name: [row[name] for row in rows] for name in CURVES}
     last = watch.meshes[-1]
     found = {
         "n_iterations": settings.n_iterations,
         "seconds": short(watch.checked_at[-1]),
         "lipschitz_per_step": short(float(fitted.field.lipschitz_bound()) / settings.n_steps),
         "end": ruler.all(last)[0],
-        "curve": {name: [short(x) for x in entries] for name, entries in (curve | _columns(rows)).items()},
+        "curve": {name: [short(x) for x in entries] for name, entries in curve.items()},
     }
     return found, {"end": last} | _path(fitted.field, moving, settings.n_steps)
 
@@ -85,10 +128,6 @@ def fit_settings(task: dict, config: dict) -> FitSettings:
         n_iterations=n_iterations, check_every=n_iterations // config["n_checks"], learning_rate=task["learning_rate"],
         seed=task["seed"], **config["fit"] | {"n_directions": tuple(config["fit"]["n_directions"])},
     )  # fmt: skip
-
-
-def _columns(rows: list[dict]) -> dict[str, list[float]]:
-    return {name: [row[name] for row in rows] for name in CURVES}
 
 
 @torch.no_grad()
@@ -127,8 +166,3 @@ class Ruler:
             "area_variation": face_area_variation(mesh),
             "smallest_angle": float(smallest_angles(mesh).mean()),
         }
-
-
-def short(value: float) -> float:
-    """The value with six significant digits, so that committed files stay small."""
-    return float(f"{value:.6g}")

@@ -41,8 +41,7 @@ from pathlib import Path
 
 import safetensors.torch
 import torch
-from arms import n_supports, planned_arms
-from fitting import Ruler, fit_once
+from fitting import Ruler, fit_once, n_supports, planned_arms
 from meshes import start_mesh, target_mesh, write_meshes
 from summary import differences, summarise
 
@@ -152,7 +151,11 @@ def collect(rows: list[dict], trials: list[dict], config: dict) -> dict:
     """The results without the meshes."""
     fits = [row["task"] | row["found"] for row in rows]
     settings = [s for s in planned_settings(config) if any(all(f[k] == v for k, v in s.items()) for f in fits)]
-    tried = [{k: v for k, v in row["task"].items() if k not in SETTING} | _ends(row["found"]) for row in trials]
+    tried = [
+        {k: v for k, v in row["task"].items() if k not in SETTING}
+        | {name: row["found"]["end"][name] for name in ("assd", "edge_variation")}
+        for row in trials
+    ]
     done = [row["task"] for row in rows]
     return {
         "rates": [row for row in tried if "detached" not in row],
@@ -163,10 +166,6 @@ def collect(rows: list[dict], trials: list[dict], config: dict) -> dict:
         "differences": differences(fits),
         "missing": [task for task in planned_fits(config) if task not in done],
     }
-
-
-def _ends(found: dict) -> dict:
-    return {name: found["end"][name] for name in ("assd", "edge_variation")}
 
 
 def tasks(config: dict) -> list[dict]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from meshot.statistics import bootstrap_interval
 from meshot.types import Array
-from meshot_book.statistics import fitted_slope
+from meshot_book.statistics import fitted_slope, short
 
 QUANTITIES = ("other", "own")
 
@@ -42,13 +42,13 @@ def _rate(errors: list[list[float]], group: list[dict], p: str, first: int) -> d
     slope, low, high = fitted_slope(edges[first:], errors[first:])
     return {
         "n_faces": [row["found"]["n_faces"] for row in group],
-        "edge": [_short(edge) for edge in edges],
+        "edge": [short(edge) for edge in edges],
         "exact": [row["found"]["exact"][p] for row in group],
-        "error": [_short(np.abs(one).mean()) for one in errors],
+        "error": [short(np.abs(one).mean()) for one in errors],
         "one_sign": [bool((np.array(one) > 0).all() or (np.array(one) < 0).all()) for one in errors],
-        "slope": _short(slope),
-        "low": _short(low),
-        "high": _short(high),
+        "slope": short(slope),
+        "low": short(low),
+        "high": short(high),
     }
 
 
@@ -59,7 +59,7 @@ def ratio_of_means(samples: list[float], varifold: list[float]) -> dict:
         return top.mean(axis=axis) / bottom.mean(axis=axis)
 
     found = bootstrap_interval(np.abs(samples), np.abs(varifold), statistic=ratio)
-    return {name: _short(value) for name, value in zip(("ratio", "low", "high"), found)}
+    return {name: short(value) for name, value in zip(("ratio", "low", "high"), found)}
 
 
 def summarise_clock(rows: list[dict]) -> list[dict]:
@@ -71,8 +71,8 @@ def summarise_clock(rows: list[dict]) -> list[dict]:
                 "way": line["way"],
                 "size": line["size"],
                 "seconds": line["seconds"],
-                "error": _short(np.sqrt(np.mean(np.square(line["errors"])))),
-                "bias": _short(np.mean(line["errors"])),
+                "error": short(np.sqrt(np.mean(np.square(line["errors"])))),
+                "bias": short(np.mean(line["errors"])),
             }
             for line in row["found"]["rows"]
         ]
@@ -96,15 +96,10 @@ def crossings(lines: list[dict]) -> dict:
         slope, height = np.polyfit(seconds[-5:], errors[-5:], 1)
         needed = float(np.exp((np.log(varifold["error"]) - height) / slope))
         found[way] = {
-            "error_in_the_time_of_exact": _short(np.exp(np.interp(np.log(exact["seconds"]), seconds, errors))),
-            "slope_in_seconds": _short(slope),
-            "seconds_for_the_error_of_varifold": _short(needed),
-            "times_slower_than_varifold": _short(needed / varifold["seconds"]),
+            "error_in_the_time_of_exact": short(np.exp(np.interp(np.log(exact["seconds"]), seconds, errors))),
+            "slope_in_seconds": short(slope),
+            "seconds_for_the_error_of_varifold": short(needed),
+            "times_slower_than_varifold": short(needed / varifold["seconds"]),
             "extrapolated": bool(needed > series[-1]["seconds"]),
         }
     return found
-
-
-def _short(value: float) -> float:
-    """The value with six significant digits, so that the committed file stays small."""
-    return float(f"{value:.6g}")

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import torch
 import yaml
-from run import MEASURED, short
-from variants import fit_loss, pair_of_meshes
+from run import MEASURED, fit_loss, pair_of_meshes
 
 from meshot import evaluate
 from meshot.flow import FitSettings, fit_flow, grid_around
 from meshot.provenance import write_results
+from meshot_book.statistics import short
 
 HERE = Path(__file__).parent
 TASK = {"variant": "drawn", "n_supports": 500, "seed": 0, "n_iterations": 8}

@@ -12,13 +12,13 @@ without the folds and with another connectivity. Each gives a sequence of flows 
   ``stretched``;
 - ``seconds`` (wall-clock) and ``cpu_seconds`` of all fits of the sequence, including checks; ``n_vertices``,
   ``n_faces``;
-- ``fits``, one per leg (see ``measuring.fit_record``): ``loss`` (means over ten iterations), at every check
+- ``fits``, one per leg (see ``fit_record``): ``loss`` (means over ten iterations), at every check
   ``checked_iteration``, ``checked_loss``, ``checked_crossings``, ``assd``, ``cpu_seconds``; ``backtrack_iteration``,
   ``best_iteration``, ``n_steps``; ``mending`` {``crossings`` of the leg as ``fitted``, with the start ``cut`` where the
   sequence stretches it, with the flow ``damped`` where faces intersected; ``n_faces`` after division; ``seconds``};
   ``seconds`` and ``cpu_seconds_in_all``, including repair;
 - ``before``, ``after``: ``metrics`` {name: value, unit, definition, floor}, ``smallest_angles`` {percentile: degrees};
-- ``path`` (see ``measuring.watched_path``): ``crossings`` before the first step and after every step of the sequence;
+- ``path`` (see ``watched_path``): ``crossings`` before the first step and after every step of the sequence;
   ``legs``: local Lipschitz constants, h·Lip, flips, volume factors; ``largest_move``;
 - ``stored`` (if the flow is stored): ``files``, and ``assd`` and ``intersecting_faces`` of the rounded flow in them.
 
@@ -29,18 +29,71 @@ The stored flows are read by ``stored.stored_flow(hemisphere, task)``: the start
 import sys
 from pathlib import Path
 
-from fitting import closeness, fit_leg
-from measuring import fit_record, measured, watched_path
-from mending import mended_chain
+import numpy as np
+import torch
+from fitting import closeness, fit_leg, mended_chain
 from stored import read_flow, write_flow
 from surfaces import carried, start_surface, target_surface
 
 from meshot.anatomy import HEMISPHERES
+from meshot.flow import Fit
 from meshot.mesh import Mesh, self_intersecting_faces
-from meshot_book.flows import Leg
+from meshot.metrics import evaluate, smallest_angles
+from meshot_book.flows import Leg, chain_reports, chain_trajectory
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
+
+LOSS_STRIDE = 10  # iterations whose losses are averaged in the record
+
+
+def fit_record(leg: dict, fit: Fit, seconds: dict[str, float], mending: dict) -> dict:
+    """The record of one fit: losses, distances, intersections, backtracks, seconds."""
+    history = fit.history
+    means = [float(np.mean(history["loss"][i : i + LOSS_STRIDE])) for i in range(0, len(history["loss"]), LOSS_STRIDE)]
+    names = ("checked_iteration", "checked_loss", "checked_crossings", "backtrack_iteration", "assd", "cpu_seconds")
+    return {
+        "loss_function": leg["loss"],
+        "loss": means,
+        **{name: history[name] for name in names},
+        "best_iteration": fit.best_iteration,
+        "n_steps": fit.n_steps,
+        "mending": mending,
+        "seconds": seconds["wall"] + mending["seconds"]["wall"],
+        "cpu_seconds_in_all": seconds["cpu"] + mending["seconds"]["cpu"],
+    }
+
+
+def quality(mesh: Mesh) -> dict[str, float]:
+    """Percentiles of the smallest angles of the faces, in degrees."""
+    angles = smallest_angles(mesh)
+    return {f"percentile_{q}": float(np.percentile(angles, q)) for q in (0, 1, 50)}
+
+
+def measured(mesh: Mesh, target: Mesh, config: dict) -> dict:
+    """All metrics with their floors, and the smallest angles."""
+    ruler = evaluate(mesh, target, config["n_points"], config["seed"], config["n_emd_points"])
+    return {"metrics": ruler.as_dict(), "smallest_angles": quality(mesh)}
+
+
+def watched_path(legs: list[Leg], mesh: Mesh) -> dict:
+    """Self-intersections after every step of the sequence, and the local Jacobians of each leg along the paths."""
+    with torch.no_grad():
+        positions = chain_trajectory(legs, mesh.vertices)
+    return {
+        "crossings": [len(self_intersecting_faces(mesh.with_vertices(p))) for p in positions],
+        "legs": [
+            {
+                "steepest": report.steepest,
+                "step_times_lipschitz": report.step_times_lipschitz,
+                "bound_of_step_times_lipschitz": float(leg.field.lipschitz_bound()) / leg.n_steps,
+                "n_flips": report.n_flips,
+                "volume_factors": [float(report.volume_factors.min()), float(report.volume_factors.max())],
+            }
+            for leg, report in zip(legs, chain_reports(legs, mesh.vertices), strict=True)
+        ],
+        "largest_move": float((positions[-1] - positions[0]).norm(dim=1).max()),
+    }
 
 
 def fit_chain(side: str, task: str, target: Mesh, config: dict, place: Path) -> tuple[list[Leg], Mesh, list[dict]]:

@@ -29,11 +29,6 @@ def stored_flow(side: str, task: str) -> tuple[Mesh, list[Leg]]:
     """The start of a task, and the legs of its stored flow to the white surface.
 
     ``meshot_book.flows.chain_trajectory(legs, start.vertices)`` moves it, step by step.
-
-    Raises
-    ------
-    ValueError
-        If the flow of this task is not stored.
     """
     record = read_results(HERE / "results.json")
     result = record["results"][side][task]

@@ -15,7 +15,7 @@ import torch
 from tqdm import tqdm
 
 from meshot.anatomy import HEMISPHERES, fsaverage5_surface, mni152_brain_mask, mni152_t1, mni152_white_matter
-from meshot.files import whole_file
+from meshot.files import whole_file, write_whole
 from meshot.flow import (
     FitSettings,
     GridVelocity,
@@ -96,8 +96,7 @@ def fit(side: str, field: GridVelocity, stage: int, config: dict, place: Path) -
             bar.update(done - bar.n)
             bar.set_postfix(loss=f"{value:.4g}")
             if done % settings.save_every == 0 or done == settings.n_iterations:
-                with whole_file(clock) as temporary:
-                    temporary.write_text(json.dumps(spent + time.perf_counter() - started), encoding="utf-8")
+                write_whole(clock, json.dumps(spent + time.perf_counter() - started))
 
         fitted = fit_flow(field, initial, loss, settings, checkpoint, report)
     history = {k: fitted.history[k] for k in ("checked_iteration", "checked_loss")}

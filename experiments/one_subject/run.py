@@ -70,7 +70,7 @@ def curve(log: list[dict]) -> dict[str, list[float]]:
     return {"step": ends, "assd_mm": [line["validation_loss"] for line in checks], "loss": means}
 
 
-def trained(name: str, example: DeformationExample, config: dict, progress: Progress | None = None) -> Training:
+def train_or_resume(name: str, example: DeformationExample, config: dict, progress: Progress | None = None) -> Training:
     """Train one arm, or resume its training."""
     arm = config["arms"][name]
     system = get_system(arm["system"])
@@ -82,7 +82,7 @@ def trained(name: str, example: DeformationExample, config: dict, progress: Prog
 def train_arm(name: str, config: dict) -> dict:
     """Train one arm; its surface with the last weights, measured, and its curve."""
     example, _ = read_example(ROOT / config["example"])
-    found = trained(name, example, config)
+    found = train_or_resume(name, example, config)
     found.network.load_state_dict(found.last)
     mesh = deformed(example.initial, example.scan, found.network)
     whole = found.results()

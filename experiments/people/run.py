@@ -7,23 +7,104 @@ The cohorts of ``config.yaml`` have to be made first. ``--only people_like`` mea
 
 import functools
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from average import measured_average
-from summary import summarised
 
-from meshot.anatomy import HEMISPHERES, Hemisphere
+from meshot.anatomy import HEMISPHERES, Hemisphere, fsaverage5_surface, mni152_t1, mni152_white_matter
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces
 from meshot.metrics import Surface, average_surface_distance, hausdorff_distance, normal_agreement, offsets_between
 from meshot.model import network_digest
 from meshot.pipeline import Reconstruction, TrainedNetworks, load_networks, reconstruct
 from meshot.provenance import rounded
+from meshot.statistics import mean_interval, paired_interval
 from meshot.synth import Subject, scans
 from meshot.volume import Volume, dice, enclosed_fractions, transform_points
+from meshot_book.tissue import hemisphere_region, restricted, tissue_surface
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
+
+
+def against(mesh: Mesh, target: Mesh, config: dict) -> dict:
+    """Average distance both ways, the median from the target to the mesh, and the ratio of the areas."""
+    there, back = offsets_between(
+        Surface(mesh), Surface(target), config["n_points"], (config["seed"], config["seed"] + 1)
+    )
+    return {
+        "assd_mm": average_surface_distance(there, back),
+        "median_from_target_mm": float(np.median(back.distances)),
+        "area_ratio": float(face_areas(mesh).sum() / face_areas(target).sum()),
+    }
+
+
+STAGES = ("initial", "final")
+MEASURES = ("assd_mm", "hausdorff90_mm", "normals", "crossing_faces", "area_ratio")
+OWN = ("dice", "given_up_percent")
+
+
+def summarised(scans: list[dict], config: dict) -> dict:
+    """Rows by cohort and networks, rows by group of the people, and the first networks against the others."""
+    plan, (first, *others) = config["plan"], config["networks"]
+    people = _of(scans, "people_like", first)
+    grouped = {
+        name: [s for s in people if all(low <= s["about"][key] < high for key, (low, high) in limits.items())]
+        for name, limits in config["groups"].items()
+    }
+    return {
+        "cohorts": [
+            {"cohort": cohort, "networks": name} | averaged(_of(scans, cohort, name))
+            for cohort, names in plan.items()
+            for name in names
+        ],
+        "groups": [{"group": name} | averaged(part) for name, part in grouped.items() if part],
+        "differences": [
+            {"cohort": cohort, "against": other}
+            | difference(_of(scans, cohort, first), _of(scans, cohort, other), config["allowed_mm"][other])
+            for other in others
+            for cohort, names in plan.items()
+            if {first, other} <= set(names)
+        ],
+    }
+
+
+def _of(scans: list[dict], cohort: str, networks: str) -> list[dict]:
+    return [scan for scan in scans if scan["subject"].split("/")[0] == cohort and scan["networks"] == networks]
+
+
+def averaged(scans: list[dict]) -> dict:
+    """Means over the scans of the means of both sides, and the worst side; warnings and seconds."""
+    sides = [side for scan in scans for side in scan["sides"].values()]
+    found = {"n_scans": len(scans), "least_dice": min(side["dice"] for side in sides)}
+    found |= {name: _mean(scans, lambda side, name=name: side[name]) for name in OWN}
+    for stage in STAGES:
+        found[stage] = {name: _mean(scans, lambda side, at=(stage, name): side[at[0]][at[1]]) for name in MEASURES}
+        found[stage]["largest_assd_mm"] = max(side[stage]["assd_mm"] for side in sides)
+    found["n_with_warnings"] = sum(bool(scan["warning_names"]) for scan in scans)
+    return found | {"cpu_seconds": float(np.mean([scan["cpu_seconds"] for scan in scans]))}
+
+
+def per_scan(scans: list[dict], value: Callable[[dict], float]) -> list[float]:
+    """The mean of a number over the two sides of each scan."""
+    return [float(np.mean([value(side) for side in scan["sides"].values()])) for scan in scans]
+
+
+def _mean(scans: list[dict], value: Callable[[dict], float]) -> dict[str, float | None]:
+    values = per_scan(scans, value)
+    interval = mean_interval(values) if len(values) > 1 else (values[0], None, None)
+    return dict(zip(("mean", "low", "high"), interval))
+
+
+def difference(first: list[dict], second: list[dict], allowed: float) -> dict:
+    """First minus second networks, paired over the scans: ASSD of the final surface in mm."""
+    one, other = ({scan["subject"]: scan for scan in scans} for scans in (first, second))
+    if set(one) != set(other):
+        raise ValueError("the two sets of networks were measured on different scans; measure both on all of them")
+    values = [per_scan([rows[name] for name in one], lambda side: side["final"]["assd_mm"]) for rows in (one, other)]
+    gap, low, high = paired_interval(*values)
+    return {"n_scans": len(one), "assd_mm": {"mean": gap, "low": low, "high": high}, "holds": gap <= allowed}
+
 
 #: Options that replace the networks of the package.
 NETWORKS = {
@@ -36,7 +117,9 @@ def measured(subject: Subject, networks: TrainedNetworks, config: dict) -> dict:
     """All numbers of one scan."""
     made = reconstruct(subject.scan(), networks.segmentation, networks.system)
     sides = {side: of_side(made, subject.surface("white", side), side, config) for side in HEMISPHERES}
-    return {"about": about(subject), "sides": sides, **how_it_went(made)}
+    names = [warning.name for warning in made.warnings]
+    seconds = sum(made.cpu_seconds.values())
+    return {"about": about(subject), "sides": sides, "warning_names": names, "cpu_seconds": seconds}
 
 
 def of_side(made: Reconstruction, truth: Mesh, side: Hemisphere, config: dict) -> dict:
@@ -87,20 +170,6 @@ def about(subject: Subject) -> dict:
     }
 
 
-def how_it_went(made: Reconstruction) -> dict:
-    """Warnings of a reconstruction, and its seconds of processor time."""
-    names = [warning.name for warning in made.warnings]
-    return {"warning_names": names, "cpu_seconds": sum(made.cpu_seconds.values())}
-
-
-def digests(networks: TrainedNetworks) -> dict[str, str]:
-    """The digest of every network."""
-    parts = networks.system.parts
-    return {"segmentation": network_digest(networks.segmentation)} | {
-        name: network_digest(part.network) for name, part in parts.items()
-    }
-
-
 @functools.cache
 def networks(name: str, config: dict) -> TrainedNetworks:
     """The networks of a row of the plan."""
@@ -111,7 +180,12 @@ def networks(name: str, config: dict) -> TrainedNetworks:
 @functools.cache
 def used(config: dict) -> dict[str, dict[str, str]]:
     """The digests of all networks."""
-    return {name: digests(networks(name, config)) for name in config["networks"]}
+    found = {}
+    for name in config["networks"]:
+        own = networks(name, config)
+        found[name] = {"segmentation": network_digest(own.segmentation)}
+        found[name] |= {part: network_digest(each.network) for part, each in own.system.parts.items()}
+    return found
 
 
 @functools.cache
@@ -142,7 +216,15 @@ def work(task: dict, config: dict) -> dict:
 def results(rows: list[dict], config: dict) -> dict:
     """The scans, their summary, and the average."""
     scanned = [{"subject": row["task"]["subject"], "networks": row["task"]["networks"]} | row["found"] for row in rows]
-    summary, average = summarised(scanned, config), measured_average(networks("package", config), config)
+    package = networks("package", config)
+    made, average = reconstruct(mni152_t1(), package.segmentation, package.system), {}
+    for side in HEMISPHERES:
+        # The surface of the white-matter map within the region of chapter 36, where it is one half.
+        white, pial = (fsaverage5_surface(kind, side) for kind in ("white", "pial"))
+        region = hemisphere_region(mni152_t1(), white, pial, side)
+        target, surfaces = tissue_surface(restricted(mni152_white_matter(), region)).mesh, made.surfaces[side]
+        average[side] = {stage: against(getattr(surfaces, stage), target, config) for stage in STAGES}
+    summary = summarised(scanned, config)
     return rounded({"networks": used(config), "summary": summary, "average": average, "scans": scanned})
 
 

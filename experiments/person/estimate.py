@@ -15,13 +15,7 @@ GREY, WHITE = 1, 2
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Estimate:
-    """The parts of every voxel that are grey and white matter, in [0, 1], on one grid.
-
-    Raises
-    ------
-    ValueError
-        If the grids differ, or a value is not a part.
-    """
+    """The parts of every voxel that are grey and white matter, in [0, 1], on one grid."""
 
     grey: Volume
     white: Volume
@@ -62,11 +56,6 @@ def border_squares(estimate: Estimate) -> Mesh:
     """The faces that a voxel of grey matter shares with one of white matter, two triangles each, in mm.
 
     Triangles 2k and 2k + 1 are those of square k. Their orientation has no meaning.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
     """
     labels = estimate.labels()
     corners = np.concatenate([_squares(labels, axis) for axis in range(3)])

@@ -44,13 +44,7 @@ def _from(points: Float[Array, "n 3"], surface: Surface) -> Float[Array, " n"]:
 
 
 def spread(distances: Float[Array, " n"]) -> dict:
-    """Number, median, mean and 95th percentile of distances.
-
-    Raises
-    ------
-    ValueError
-        If there are none.
-    """
+    """Number, median, mean and 95th percentile of distances."""
     if not len(distances):
         raise ValueError("no point lies beside the cortex; is the estimate that of this scan?")
     return {
@@ -85,16 +79,8 @@ def given_up(mask: Volume, ball: Volume, labels: Volume, from_mask: Array, n_clu
 
     Volumes are in mm³ of the scan, centres in mm of the space of the mask, which is MNI152 after a reconstruction.
 
-    Parameters
-    ----------
-    mask, ball : Volume
-        Boolean, before and after the step, on one grid.
-    labels : Volume
-        Of the scan.
-    from_mask : array
-        The affine from the space of the mask to scanner RAS of the scan.
-    n_clusters : int
-        How many clusters are listed. Voxels are of one cluster if they share a corner.
+    ``mask`` and ``ball`` are before and after the step. ``from_mask`` is the affine from their space to scanner RAS of
+    the scan. Voxels are of one cluster if they share a corner.
     """
     lost = mask.data & ~ball.data
     there, places = _labels_of(mask, np.argwhere(lost), labels, from_mask)

@@ -33,22 +33,12 @@ _COINCIDE_MM = 0.05  # white and pial surface at the medial wall
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Atlas:
-    """What is carried from the template: distances in mm, and points.
+    """What is carried from the template: distances in mm, and points of the white surfaces."""
 
-    Parameters
-    ----------
-    hindbrain : Volume
-        The signed distance from the border of cerebellum and brainstem, positive inside.
-    deep : Volume
-        The distance from ventricles and deep grey matter, 0 inside.
-    wall, cortex : array
-        Points of the white surfaces at the medial wall, and elsewhere.
-    """
-
-    hindbrain: Volume
-    deep: Volume
-    wall: Float[Array, "n 3"]
-    cortex: Float[Array, "m 3"]
+    hindbrain: Volume  # the signed distance from the border of cerebellum and brainstem, positive inside
+    deep: Volume  # the distance from ventricles and deep grey matter, 0 inside
+    wall: Float[Array, "n 3"]  # at the medial wall
+    cortex: Float[Array, "m 3"]  # elsewhere
 
 
 def mni152_atlas() -> Atlas:
@@ -90,19 +80,10 @@ def region_labels(
     core_mm: float,
     deep_mm: float,
 ) -> Volume:
-    """The label of every voxel.
+    """The label of every voxel of the estimate's grid.
 
-    Parameters
-    ----------
-    grid : Volume
-        Of the estimate.
-    tissue : array
-        The part of every voxel that is grey or white matter.
-    atlas : Atlas
-    to_standard : array
-        From scanner RAS to the space of the atlas, in mm.
-    core_mm, deep_mm : float
-        See ``config.yaml``.
+    ``tissue`` is the part of every voxel that is grey or white matter, and ``to_standard`` leads from scanner RAS to
+    the space of the atlas. ``config.yaml`` says what the lengths are.
     """
     depth = _carried(atlas.hindbrain, grid, to_standard)
     labels = np.full(grid.data.shape, CORTEX, dtype=np.int8)

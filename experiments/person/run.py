@@ -89,13 +89,7 @@ def how_it_went(made: Reconstruction) -> dict:
 
 
 def require_one_grid(scan: Volume, estimate: Estimate) -> None:
-    """Check that scan and estimate share a grid.
-
-    Raises
-    ------
-    ValueError
-        If they do not.
-    """
+    """Check that scan and estimate share a grid."""
     if scan.data.shape != estimate.white.data.shape or not np.allclose(scan.affine, estimate.white.affine, atol=1e-3):
         raise ValueError(
             f"the scan is {scan} and its estimate {estimate.white}, or their affines differ: both must share one grid; "

@@ -27,16 +27,7 @@ SECONDS_BETWEEN_LOOKS = 1.0
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """A command of ``meshot``.
-
-    Parameters
-    ----------
-    name : str
-    words : tuple of str
-        The command line, without ``meshot``.
-    makes : Path
-        The last file that the command writes. The step is finished if it is there.
-    """
+    """A command of ``meshot``, with its words and the last file that it writes: if that is there, it is finished."""
 
     name: str
     words: tuple[str, ...]
@@ -44,19 +35,7 @@ class Step:
 
 
 def stages(folder: Path, jobs: int = 1, precision: str = "float32", subjects: int | None = None) -> list[list[Step]]:
-    """The steps in their order. Those of one stage need nothing of each other.
-
-    Parameters
-    ----------
-    folder : path
-        Where everything is written.
-    jobs : int
-        Processor cores.
-    precision : str
-        Of the segmentation: see :class:`meshot.pipeline.segmentation.SegmentationSettings`.
-    subjects : int, optional
-        Other than the recipe states.
-    """
+    """The steps in their order. Those of one stage need nothing of each other."""
     fewer = () if subjects is None else ("--subjects", str(subjects))
     made = ("--standard", PLACEMENT, "--jobs", str(jobs), *fewer)
     cohorts = [folder / name for name in COHORTS.values()]
@@ -112,20 +91,15 @@ def _started(step: Step, n_threads: int) -> subprocess.Popen:
     return subprocess.Popen([sys.executable, "-m", "meshot.cli", *step.words], env=os.environ | threads)
 
 
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The parsed command line."""
+def main(words: list[str] | None = None) -> int:
+    """Do what is missing. Returns the exit status of a step that failed, or 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, default=FOLDER, help="folder of everything (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=1, help="processor cores (default: %(default)s)")
     parser.add_argument("--subjects", type=int, help="number of heads (default: that of the recipe)")
     parser.add_argument("--precision", default="float32", help="bfloat16 where the processor multiplies it in hardware")
     parser.add_argument("--list", action="store_true", help="print the steps, and which are finished")
-    return parser.parse_args(words)
-
-
-def main(words: list[str] | None = None) -> int:
-    """Do what is missing. Returns the exit status of a step that failed, or 0."""
-    asked = parsed(words)
+    asked = parser.parse_args(words)
     plan = stages(asked.output, asked.jobs, asked.precision, asked.subjects)
     if asked.list:
         for step in (step for stage in plan for step in stage):

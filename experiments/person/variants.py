@@ -18,14 +18,7 @@ _BELOW_GREY = 0.45  # of the median of white matter: what is darker is taken for
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Changed:
-    """A changed scan.
-
-    Parameters
-    ----------
-    scan : Volume
-    to_person : array
-        From scanner RAS of the changed scan to that of the original, in mm.
-    """
+    """A changed scan, and the affine from its scanner RAS to that of the original, in mm."""
 
     scan: Volume
     to_person: Float[Array, "4 4"]
@@ -36,23 +29,10 @@ class Changed:
 
 
 def changed_scan(scan: Volume, white: Volume, how: Mapping[str, object], seed: int = 0) -> Changed:
-    """The scan under one of the variants of ``config.yaml``.
+    """The scan under a variant of ``config.yaml``: the kind and its sizes.
 
-    Parameters
-    ----------
-    scan : Volume
-        A brain on a background of its lowest value.
-    white : Volume
-        The part of white matter of every voxel, which shows the level of noise and of the intensities.
-    how : mapping
-        The entry of the configuration: the kind and its sizes.
-    seed : int
-        Of noise and bias.
-
-    Raises
-    ------
-    ValueError
-        If the kind is unknown.
+    The scan is a brain on a background of its lowest value. The part of white matter of every voxel shows the level of
+    noise and of the intensities. The seed is that of noise and bias.
     """
     sizes = {key: value for key, value in how.items() if key != "kind"}
     if how.get("kind") not in KINDS:

@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
-from meshes import start_mesh, target_mesh
+from scipy.spatial.transform import Rotation
 
+import meshot.mesh
 from meshot import (
     DiscreteMeasure,
     Mesh,
@@ -16,10 +17,51 @@ from meshot import (
     surface,
     varifold,
 )
-from meshot.mesh import edge_lengths, face_area_vectors
+from meshot.mesh import edge_lengths, face_area_vectors, icosphere, split_in_four
 from meshot.metrics import Surface, average_surface_distance
 from meshot.types import Tensor
 from meshot_book.flows import descend
+from meshot_book.statistics import short
+
+
+def target_mesh(settings: dict) -> Mesh:
+    """The mesh described by an entry of ``targets``."""
+    settings = dict(settings)
+    n_splits = settings.pop("splits", 0)
+    mesh = getattr(meshot.mesh, settings.pop("shape"))(**settings)
+    vertices, faces = mesh.vertices, mesh.faces
+    for _ in range(n_splits):
+        vertices, faces = split_in_four(vertices, faces)
+    return Mesh(vertices, faces)
+
+
+def start_mesh(settings: dict, generator: np.random.Generator) -> Mesh:
+    """A triangulated sphere with random rotation and jitter."""
+    sphere = icosphere(settings["subdivisions"])
+    turn = torch.from_numpy(Rotation.random(rng=generator).as_matrix().copy())
+    jitter = torch.from_numpy(generator.standard_normal(sphere.vertices.shape))
+    return sphere.with_vertices(sphere.vertices @ turn.T + settings["jitter"] * jitter)
+
+
+def doubled(mesh: Mesh) -> Mesh:
+    """Every face twice: twice the area, the same normalised measure."""
+    return Mesh(mesh.vertices.repeat(2, 1), torch.cat([mesh.faces, mesh.faces + len(mesh.vertices)]))
+
+
+def pleated_square(n_pleats: int, slope: float) -> Mesh:
+    """The unit square with pleats along x of the given slope. Its area is √(1 + slope²)."""
+    n = 2 * n_pleats
+    x = torch.linspace(0, 1, n + 1, dtype=torch.float64)
+    height = slope / n * (torch.arange(n + 1) % 2).double()
+    rows = [torch.stack([x, torch.full_like(x, y), height], dim=1) for y in (0.0, 1.0)]
+    left = torch.arange(n)
+    faces = torch.cat([_columns(left, left + 1, left + n + 2), _columns(left, left + n + 2, left + n + 1)])
+    return Mesh(torch.cat(rows), faces)
+
+
+def _columns(*corners: Tensor) -> Tensor:
+    return torch.stack(corners, dim=1)
+
 
 DIMENSIONS = {"surface": 3, "varifold": 6}
 
@@ -72,11 +114,6 @@ def judged(end: Mesh, goal: Mesh, config: dict) -> dict:
     return {name: short(value) for name, value in values.items()}
 
 
-def short(value: float) -> float:
-    """The value with six significant digits, so that committed files stay small."""
-    return float(f"{value:.6g}")
-
-
 def gradients_at_start(target: str, encoding: str, seed: int, config: dict) -> dict:
     """The gradient with and without areas: the angle between both, their tangential parts, finite differences."""
     generator = np.random.default_rng([seed, 0])
@@ -87,7 +124,8 @@ def gradients_at_start(target: str, encoding: str, seed: int, config: dict) -> d
     def loss(vertices: Tensor, detach: bool) -> Tensor:
         return sliced_wasserstein(encoded(start.with_vertices(vertices), encoding, config, detach), goal, directions)
 
-    full, stopped = (_gradient(lambda x, d=detach: loss(x, d), start.vertices) for detach in (False, True))
+    moving = start.vertices.clone().requires_grad_()
+    full, stopped = (torch.autograd.grad(loss(moving, detach), moving)[0] for detach in (False, True))
     step = 1e-6 * torch.from_numpy(generator.standard_normal(start.vertices.shape))
     with torch.no_grad():
         slope = float(loss(start.vertices + step, False) - loss(start.vertices - step, False)) / 2
@@ -97,11 +135,6 @@ def gradients_at_start(target: str, encoding: str, seed: int, config: dict) -> d
         found[f"tangential_{name}"] = tangential_share(start, gradient)
         found[f"slope_error_{name}"] = abs(float((gradient * step).sum()) - slope) / abs(slope)
     return found
-
-
-def _gradient(loss: Callable, vertices: Tensor) -> Tensor:
-    moving = vertices.clone().requires_grad_()
-    return torch.autograd.grad(loss(moving), moving)[0]
 
 
 def tangential_share(mesh: Mesh, gradient: Tensor) -> float:

@@ -82,6 +82,11 @@ def fitted_slope(
     return Slope(slope, float(low), float(high))
 
 
+def short(value: float | int | np.number) -> float:
+    """A number with six significant digits, so that files of results stay small."""
+    return float(f"{value:.6g}")
+
+
 def averages(errors: Rows, statistic: str = "mean") -> np.ndarray:
     """The average of every row of repetitions: the mean absolute error, or the root of the mean square ("rms")."""
     if statistic == "rms":

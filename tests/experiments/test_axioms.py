@@ -14,13 +14,13 @@ FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "axioms"
 
 
 def test_committed_triples_have_these_sides(part, config, results):
-    losses = part("losses")
+    losses = part("run")
     for row in results["triangles"]:
         triple = [(np.array([side["points"]]), np.array([side["weights"]])) for side in row["triple"]]
         assert all(weights.sum() == pytest.approx(1, abs=1e-9) for _, weights in triple)
         sides = losses.sides(triple, config["losses"][row["loss"]], config, 3000)[:, 0]
         assert sides == pytest.approx(row["sides"], rel=1e-4)
-        assert part("triangles").longest_share(sides[:, None])[0] == pytest.approx(row["largest_found"], rel=1e-4)
+        assert part("run").longest_share(sides[:, None])[0] == pytest.approx(row["largest_found"], rel=1e-4)
         if "largest_by_package" in row:
             assert row["largest_by_package"] == pytest.approx(row["largest_found"], rel=1e-3)
 
@@ -33,13 +33,13 @@ def test_the_solver_agrees_with_pot(part, config):
         cost, epsilon = np.linalg.norm(x[:, None] - y, axis=2) ** p / p, blur**p
         plan = ot.sinkhorn(a, b, cost, epsilon, method="sinkhorn_log", numItermax=20_000, stopThr=1e-13)
         expected = p * ((plan * cost).sum() + epsilon * (plan * np.log(plan / np.outer(a, b))).sum())
-        found = part("losses")._entropic_cost((x[None], a[None]), (y[None], b[None]), p, blur, 3000)[0]
+        found = part("run")._entropic_cost((x[None], a[None]), (y[None], b[None]), p, blur, 3000)[0]
         assert found == pytest.approx(expected, rel=1e-8)
 
 
 def test_a_search_finds_what_it_should(part, config):
     small = config | {"n_triples": 40, "n_climbs": 12, "n_neighbours": 8}
-    triangles = part("triangles")
+    triangles = part("run")
     metric = triangles.search("W", {"kind": "transport", "p": 2, "root": True}, small)
     square = triangles.search("W²", {"kind": "transport", "p": 2, "root": False}, small)
     assert metric["n_broken"] == 0
@@ -49,14 +49,14 @@ def test_a_search_finds_what_it_should(part, config):
 
 
 def test_ghosts_again(part, results):
-    assert part("ghosts").measured(4, 2, 0) == pytest.approx(results["ghosts"][3], abs=1e-9)
-    first, second = part("ghosts").ghost_pair(np.array([[0.0, 1.0], [1.0, 0.0]]))
+    assert part("run").measured(4, 2, 0) == pytest.approx(results["ghosts"][3], abs=1e-9)
+    first, second = part("run").ghost_pair(np.array([[0.0, 1.0], [1.0, 0.0]]))
     assert {tuple(x) for x in first.points.tolist()} == {(0, 0), (1, 1)}
     assert {tuple(x) for x in second.points.tolist()} == {(0, 1), (1, 0)}
 
 
 def test_sequences_end_where_they_should(part, config):
-    sequences = part("sequences")
+    sequences = part("run")
     w2 = {"kind": "transport", "p": 2, "root": True}
     walked = sequences.followed("a point approaches the target", "W₂", w2, config)
     assert walked["values"] == pytest.approx([1 / k for k in config["sequence"]], rel=1e-5)

@@ -13,7 +13,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "beyond_random"
 
 @pytest.mark.parametrize("d", [3, 6])
 def test_controls_have_mean_zero_over_the_sphere(part, config, d):
-    controls = part("estimators").Controls(*part("run").measures("moved", d, config))
+    controls = part("run").Controls(*part("run").measures("moved", d, config))
     directions = random_directions(200_000, d, 0).numpy()
     columns = np.column_stack([controls.moments_part(directions), controls.quadratic_part(directions)])
     assert columns.shape[1] == 3 + d * (d + 1) // 2 - 1
@@ -24,7 +24,7 @@ def test_means_go_their_own_way(part, config):
     """For p = 2 the cost less ⟨t, θ⟩² is the cost of the centred measures, direction by direction."""
     source, target = part("run").measures("moved", 3, config)
     directions = random_directions(20, 3, 1)
-    controls = part("estimators").Controls(source, target)
+    controls = part("run").Controls(source, target)
     left = slice_costs(source, target, directions).numpy() - (directions.numpy() @ controls.shift) ** 2
     measure = type(source)
     centred = [measure(m.points - m.weights @ m.points, m.weights) for m in (source, target)]
@@ -32,7 +32,7 @@ def test_means_go_their_own_way(part, config):
 
 
 def test_quadratics_are_integrated_without_error(part, config):
-    estimators = part("estimators")
+    estimators = part("run")
     controls = estimators.Controls(*part("run").measures("moved", 3, config))
     directions = random_directions(30, 3, 2).numpy()
     form = np.diag([1.0, 2.0, 5.0])
@@ -42,12 +42,12 @@ def test_quadratics_are_integrated_without_error(part, config):
 
 
 def test_a_method_needs_twice_the_directions_of_its_coefficients(part):
-    least = part("estimators").least_directions
+    least = part("run").least_directions
     assert [least("random", 6), least("random, moments fitted", 6), least("random, quadratics fitted", 6)] == [2, 8, 42]
 
 
 def test_factor_saved_is_a_ratio_of_root_mean_squares(part):
-    found = part("summary").factor_saved(np.array([2.0, -2.0, 2.0]), np.array([0.5, -0.5]))
+    found = part("run").factor_saved(np.array([2.0, -2.0, 2.0]), np.array([0.5, -0.5]))
     assert found == {"factor": 4.0, "low": 4.0, "high": 4.0}
 
 
@@ -56,12 +56,12 @@ def test_the_reference_leaves_biased_methods_out(part):
         10: {"random": [9.0, 9.0]},
         100: {"random": [1.0, 3.0], "quasi": [2.0, 2.2], "quasi, x fitted": [7.0, 8.0]},
     }
-    assert part("summary").reference(sizes) == pytest.approx((2 * 1 + 2.1 * 100) / 101)
+    assert part("run").reference(sizes) == pytest.approx((2 * 1 + 2.1 * 100) / 101)
 
 
 def test_committed_results_belong_to_the_configuration(part, record):
     config = record["config"]
-    n_rows = len(config["pairs"]) * len(config["dimensions"]) * len(part("estimators").METHODS)
+    n_rows = len(config["pairs"]) * len(config["dimensions"]) * len(part("run").METHODS)
     assert len(record["results"]["methods"]) == n_rows
     # Nothing is fitted by half of these: their bias is within chance of zero.
     for row in record["results"]["methods"]:

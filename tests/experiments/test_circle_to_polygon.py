@@ -21,7 +21,7 @@ def test_committed_intervals_are_those_of_a_paired_t_test(results):
 
 
 def test_runs_are_repeatable_and_paired(part, config):
-    toy = part("toy")
+    toy = part("run")
     small = config | {"n_steps": 15, "n_directions": 10}
     run = {"n_points": 40, "sampling": "random", "polygon": "letter_e", "reduction": "sum", "learning_rate": 0.5}
     sliced = run | {"loss": "sliced", "redraw": True}
@@ -32,7 +32,7 @@ def test_runs_are_repeatable_and_paired(part, config):
 
 
 def test_sum_is_n_times_the_mean(part, config):
-    toy = part("toy")
+    toy = part("run")
     run = {"n_points": 30, "sampling": "even", "polygon": "acute_star", "loss": "chamfer"}
     small = config | {"n_steps": 5}
     summed = toy.run_once(run | {"reduction": "sum", "learning_rate": 0.01}, 0, small)
@@ -41,7 +41,7 @@ def test_sum_is_n_times_the_mean(part, config):
 
 
 def test_each_regulariser_moves_the_points(part, config):
-    toy = part("toy")
+    toy = part("run")
     small = config | {"n_steps": 5}
     run = {"n_points": 30, "sampling": "even", "polygon": "acute_star", "loss": "chamfer", "reduction": "mean"}
     run["learning_rate"] = 1.0
@@ -52,7 +52,7 @@ def test_each_regulariser_moves_the_points(part, config):
 
 
 def test_summary_of_known_numbers(part):
-    summary = part("summary")
+    summary = part("run")
     run = {"part": "summary", "polygon": "p", "sampling": "even", "reduction": "mean"}
     rows = []
     for loss, values in (("chamfer", (3.0, 5.0)), ("sliced", (1.0, 2.0))):

@@ -149,7 +149,7 @@ def words_of(place):
 
 
 def test_the_protocol_is_whole(part, config):
-    units = part("units")
+    units = part("trials.training")
     trials, finals = units.trials(config), units.finals(config)
     names = [unit.name for unit in (*trials, *finals)]
     assert len(names) == len(set(names))
@@ -185,17 +185,17 @@ def test_the_turns_are_the_networks_of_a_side(part, config):
     for arm, entry in config["arms"].items():
         kind = get_system(entry.get("system", arm))
         settings = read_settings(kind, config["settings"])
-        networks = part("units").limited(kind, ("left",)).parts_of(settings)
+        networks = part("trials.training").limited(kind, ("left",)).parts_of(settings)
         assert entry.get("turns", 1) == len(networks)
-        assert part("units").has_sides(kind) == hasattr(settings.training, "side")
-        both = part("units").limited(kind, ("left", "right")).parts_of(settings)
+        assert part("trials.training").has_sides(kind) == hasattr(settings.training, "side")
+        both = part("trials.training").limited(kind, ("left", "right")).parts_of(settings)
         assert len(both) in (1, 2 * len(networks))
 
 
 def test_two_arms_of_one_system_differ_in_their_settings(part, config):
     arms = {"near": {"system": "ddot", "rates": [1e-3], "changes": ["loss.normal_scale=2"]}, "ddot": {"rates": [1e-3]}}
     own = config | {"arms": arms}
-    near, ddot = (part("units").unit_of("oasis_like", "left", arm, "steps", 0, own) for arm in arms)
+    near, ddot = (part("trials.training").training_of("oasis_like", "left", arm, "steps", 0, own) for arm in arms)
     assert (near.name, ddot.name) == ("oasis_like_left_near_steps_0", "oasis_like_left_ddot_steps_0")
     assert near.kind().name == ddot.kind().name == "ddot"
     assert near.kept(own) != ddot.kept(own)
@@ -206,7 +206,7 @@ def test_two_arms_of_one_system_differ_in_their_settings(part, config):
 def test_a_side_of_a_system_of_white_and_pial_surfaces(part):
     kind = get_system("corticalflow")
     settings = kind.complete({"template": {"surfaces": ["white", "pial"]}})
-    left = part("units").limited(kind, ("left",))
+    left = part("trials.training").limited(kind, ("left",))
     assert left.surfaces_of(settings) == (("left", "white"), ("left", "pial"))
     assert left.parts_of(settings) == tuple(f"left_{kind}_{k}" for kind in ("white", "pial") for k in (1, 2, 3))
     assert left.surfaces_of(kind.complete({})) == left({}).surfaces == (("left", "white"),)
@@ -232,14 +232,14 @@ def test_white_surfaces_are_measured_also_where_pial_ones_are_found(part):
 
 
 def test_both_budgets_give_steps(part, config, tmp_path):
-    budgets, units = part("budgets"), part("units")
+    budgets, units = part("trials.rates"), part("trials.training")
     own = config | {"rates": str(tmp_path / "rates.json")}
     rates = {
         "ddot": {"rate": 2e-3, "seconds_per_epoch": 30.0}, "vox2cortex": {"rate": 1e-3, "seconds_per_epoch": 60.0},
         "corticalflow": {"rate": 1e-3, "seconds_per_epoch": 20.0},
     }  # fmt: skip
     unit = {
-        name: units.unit_of("oasis_like", "left", arm, budget, 0, own)
+        name: units.training_of("oasis_like", "left", arm, budget, 0, own)
         for name, arm, budget in (
             ("steps", "vox2cortex", "steps"), ("seconds", "vox2cortex", "seconds"),
             ("chain", "corticalflow", "seconds"),
@@ -262,12 +262,12 @@ def test_both_budgets_give_steps(part, config, tmp_path):
 
 
 def test_everything_is_trained_by_one_command(part, whole, capsys):
-    units, config = part("units"), part("units").read_config(whole / "config.yaml")
+    units, config = part("trials.training"), part("trials.training").read_config(whole / "config.yaml")
     rates = read_results(whole / "rates.json")["results"]
     assert list(rates) == ["vox2cortex", "corticalflow", "ddot"]
     assert rates["ddot"]["rate"] == float(min(rates["ddot"]["assd_mm"], key=rates["ddot"]["assd_mm"].get))
     for unit in units.finals(config):
-        records = units.records_in(unit.kept(config), unit, config)
+        records = unit.records(config)
         assert list(records) == list(unit.parts(config))
         for record in records.values():
             if unit.arm != "classical":
@@ -284,7 +284,7 @@ def test_everything_is_trained_by_one_command(part, whole, capsys):
 
 
 def test_systems_that_choose_their_rates_at_the_same_time_do_not_lose_any(part, place, monkeypatch):
-    budgets, config = part("budgets"), part("units").read_config(place / "config.yaml")
+    budgets, config = part("trials.rates"), part("trials.training").read_config(place / "config.yaml")
     (place / "rates.json").unlink()
     read = budgets.known_rates
 
@@ -301,7 +301,7 @@ def test_systems_that_choose_their_rates_at_the_same_time_do_not_lose_any(part, 
 
 
 def test_rates_of_another_protocol_are_refused(part, place, capsys):
-    budgets, train, units = part("budgets"), part("train"), part("units")
+    budgets, train, units = part("trials.rates"), part("train"), part("trials.training")
     config = units.read_config(place / "config.yaml")
     assert budgets.choose(config, "ddot") == budgets.known_rates(config)
     ddot = config["arms"]["ddot"]
@@ -313,7 +313,7 @@ def test_rates_of_another_protocol_are_refused(part, place, capsys):
             {"arms": config["arms"] | {"ddot": ddot | {"changes": [*SMALL_DDOT, "network.width=5"]}}},
         "other settings; the protocol asks for .*seed=3: ": {"trials": config["trials"] | {"seed": 3}},
     }  # fmt: skip
-    unit = units.unit_of("alpha", "left", "ddot", "steps", 0, config)
+    unit = units.training_of("alpha", "left", "ddot", "steps", 0, config)
     for message, change in others.items():
         for ask in (lambda own: budgets.choose(own, "ddot"), lambda own: budgets.changes_of(unit, own)):
             with pytest.raises(ValueError, match=f"the rate of ddot was .*{message}"):
@@ -326,7 +326,7 @@ def test_rates_of_another_protocol_are_refused(part, place, capsys):
 
 
 def test_trials_of_another_protocol_are_not_chosen_from(part, place):
-    budgets, units = part("budgets"), part("units")
+    budgets, units = part("trials.rates"), part("trials.training")
     config = units.read_config(place / "config.yaml")
     (place / "rates.json").unlink()
     own = config | {"trials": config["trials"] | {"epochs": 3}}
@@ -337,7 +337,7 @@ def test_trials_of_another_protocol_are_not_chosen_from(part, place):
 
 
 def test_the_committed_rates_are_those_of_the_protocol(part, config, root):
-    budgets = part("budgets")
+    budgets = part("trials.rates")
     known = read_results(root / config["rates"])["results"]
     assert known.keys() == {arm for arm, entry in config["arms"].items() if entry["rates"]}
     for arm, entry in known.items():
@@ -345,7 +345,7 @@ def test_the_committed_rates_are_those_of_the_protocol(part, config, root):
 
 
 def test_weights_that_are_only_measured_take_half_the_space(part, whole):
-    units, config = part("units"), part("units").read_config(whole / "config.yaml")
+    units, config = part("trials.training"), part("trials.training").read_config(whole / "config.yaml")
     those = [unit for unit in [*units.trials(config), *units.finals(config)] if unit.arm == "ddot"]
     for unit in those:
         for name in unit.parts(config):
@@ -358,7 +358,7 @@ def test_weights_that_are_only_measured_take_half_the_space(part, whole):
 
 
 def test_the_score_is_the_distance_of_what_is_reconstructed(part, whole):
-    units, budgets = part("units"), part("budgets")
+    units, budgets = part("trials.training"), part("trials.rates")
     config = units.read_config(whole / "config.yaml")
     unit = units.trials(config)[0]
     assert unit.arm == "vox2cortex"
@@ -372,7 +372,7 @@ def test_the_score_is_the_distance_of_what_is_reconstructed(part, whole):
     )
     score = units.read_json(unit.kept(config) / budgets.SCORE)
     assert score["assd_mm"] == pytest.approx(np.mean(list(both)), rel=0.2)
-    (record,) = units.records_in(unit.kept(config), unit, config).values()
+    (record,) = unit.records(config).values()
     assert score["seconds_per_epoch"] == budgets.seconds_of_epoch(record)
 
 
@@ -380,17 +380,17 @@ def test_the_seconds_of_an_epoch_leave_out_what_comes_before_the_first_validatio
     validations = [{"step": step, "cpu_seconds": 100.0 + 2 * step} for step in (6, 12, 18)]
     results = {"validations": validations, "n_steps": 18, "cpu_seconds": 140.0}
     record = {"results": results, "config": {"training": {"n_epochs": 6}}}
-    assert part("budgets").seconds_of_epoch(record) == pytest.approx(6.0)
-    assert part("budgets").seconds_of_epoch(record | {"results": results | {"validations": validations[-1:]}}) == (
+    assert part("trials.rates").seconds_of_epoch(record) == pytest.approx(6.0)
+    assert part("trials.rates").seconds_of_epoch(record | {"results": results | {"validations": validations[-1:]}}) == (
         pytest.approx(140 / 6)
     )
 
 
 def test_a_killed_training_ends_with_the_same_weights(part, place, monkeypatch):
-    train, units = part("train"), part("units")
+    train, units = part("train"), part("trials.training")
     config = units.read_config(place / "config.yaml")
     (unit,) = (each for each in units.finals(config) if each.name == "alpha_left_corticalflow_steps_0")
-    whole = {name: p.network.state_dict() for name, p in units.system_in(unit.kept(config), unit).parts.items()}
+    whole = {name: p.network.state_dict() for name, p in units.trained_system(unit, unit.kept(config)).parts.items()}
     for folder in (unit.kept(config), unit.state(config)):
         shutil.rmtree(folder)
     real, steps = engine._step, []
@@ -408,7 +408,7 @@ def test_a_killed_training_ends_with_the_same_weights(part, place, monkeypatch):
     assert not unit.is_made(config)
     assert train.main(words) == 0
     assert steps == [0, 1, 0, 1, 1, 0, 1]
-    for name, p in units.system_in(unit.kept(config), unit).parts.items():
+    for name, p in units.trained_system(unit, unit.kept(config)).parts.items():
         assert all(torch.equal(value, whole[name][key]) for key, value in p.network.state_dict().items())
 
 
@@ -427,7 +427,7 @@ def test_a_run_stops_after_some_minutes_and_goes_on(part, place):
 
 
 def test_a_trial_without_a_finite_loss_has_no_score(part, place, capsys):
-    train, units = part("train"), part("units")
+    train, units = part("train"), part("trials.training")
     config = units.read_config(place / "config.yaml")
     config["arms"] = {"cortexode": {"rates": [1.0e-2], "changes": [*SMALL_DDOT, "loss.factor=1.0e+39"]}}
     config["groups"] = {"steps": config["groups"]["steps"] | {"arms": ["cortexode"]}}
@@ -443,7 +443,7 @@ def test_a_trial_without_a_finite_loss_has_no_score(part, place, capsys):
     assert "is not finite" in score["why"]
     config["arms"]["cortexode"]["changes"].append("network.width=5")
     with pytest.raises(ValueError, match=r"cortexode_rate0.01_0 was made with other settings; .*width=5 "):
-        part("budgets").choose(config, "cortexode")
+        part("trials.rates").choose(config, "cortexode")
     assert train.main([*words, "--only", "alpha_left_cortexode_steps_0"]) == 1
     assert "waiting for trials of rates: alpha_left_cortexode_steps_0" in capsys.readouterr().err
     with pytest.raises(ValueError, match="no training is called nobody; there are alpha_left_cortexode_rate"):
@@ -451,8 +451,8 @@ def test_a_trial_without_a_finite_loss_has_no_score(part, place, capsys):
 
 
 def test_a_training_does_not_fail_because_of_the_trials_of_another_system(part, place, monkeypatch):
-    train, asked = part("train"), []
-    real = train.choose
+    train, asked, trials = part("train"), [], part("trials.train")
+    real = trials.choose
 
     def choose(config, arm):
         asked.append(arm)
@@ -460,7 +460,7 @@ def test_a_training_does_not_fail_because_of_the_trials_of_another_system(part, 
             raise ValueError("corticalflow: no rate has a score")
         return real(config, arm)
 
-    monkeypatch.setattr(train, "choose", choose)
+    monkeypatch.setattr(trials, "choose", choose)
     assert train.main([*words_of(place), "--only", "*_ddot_steps_0"]) == 0
     assert asked == ["ddot"]
     assert train.main([*words_of(place), "--only", "*_vox2cortex_seconds_0"]) == 0
@@ -473,7 +473,7 @@ def results(whole):
     """What is measured of it, by one command."""
     torch.set_num_threads(1)
     with scripts_in(FOLDER) as load:
-        load("held_out").peak_of = lambda unit, subject, config_file: float(len(unit.name))
+        load("run").peak_of = lambda unit, subject, config_file: float(len(unit.name))
         load("run").main([*words_of(whole), "-o", str(whole / "out" / "results.json")])
     return read_results(whole / "out" / "results.json")["results"]
 
@@ -481,7 +481,7 @@ def results(whole):
 def test_every_system_is_measured_on_every_held_out_subject(part, whole, results):
     assert results["missing"] == []
     assert results["too_few_subjects"] == {"alpha": 2}
-    rows = part("rows").read_rows(whole / "out" / "subjects.csv")
+    rows = part("tables").read_rows(whole / "out" / "subjects.csv")
     assert len(rows) == 3 * (2 * 2 + 2 * 4 + 2)  # two sides: initial, perfect, ddot, vox2cortex twice, classical; left
     assert {(row["arm"], row["side"]) for row in rows if row["arm"] == "corticalflow"} == {("corticalflow", "left")}
     by_arm = {row["arm"]: row for row in rows if (row["subject"], row["side"]) == ("sub-004", "left")}
@@ -497,7 +497,7 @@ def test_every_system_is_measured_on_every_held_out_subject(part, whole, results
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peaks are read in /proc")
 def test_memory_is_measured_in_a_process_of_its_own(part, whole, monkeypatch):
-    memory, units = part("memory"), part("units")
+    memory, units = part("memory"), part("trials.training")
     config = units.read_config(whole / "config.yaml")
     (unit,) = (each for each in units.finals(config) if each.arm == "classical")
     assert 0 <= memory.peak_of(unit, "sub-004", whole / "config.yaml") < 2000
@@ -507,7 +507,7 @@ def test_memory_is_measured_in_a_process_of_its_own(part, whole, monkeypatch):
 
 
 def test_pairs_are_aligned_before_they_are_compared(part, whole, results):
-    rows = part("rows").read_rows(whole / "out" / "pairs.csv")
+    rows = part("tables").read_rows(whole / "out" / "pairs.csv")
     perfect, initial = ([r for r in rows if r["arm"] == arm] for arm in ("perfect", "initial"))
     assert [row["side"] for row in perfect] == ["left", "right"]
     for row in perfect:
@@ -535,7 +535,7 @@ def test_tables_are_made_anew_from_the_rows(part, whole, results, tmp_path):
 
 
 def test_tables_state_only_settings_with_which_the_rows_were_measured(part, tmp_path):
-    tables, config = part("tables"), part("units").read_config()
+    tables, config = part("tables"), part("trials.training").read_config(FOLDER / "config.yaml")
     output, words = tmp_path / "results.json", written(tmp_path, config)
     for name in ("results.json", "subjects.csv", "pairs.csv"):
         shutil.copy(FOLDER / name, tmp_path / name)
@@ -561,7 +561,7 @@ def test_the_committed_tables_follow_from_the_committed_rows(part, record):
 
 
 def test_the_pictured_surfaces_are_those_of_the_median_and_the_worst_subject(part, whole, results):
-    rows = part("rows").read_rows(whole / "out" / "subjects.csv")
+    rows = part("tables").read_rows(whole / "out" / "subjects.csv")
     means = {}
     for each in rows:
         if (each["side"], each["kind"], each["budget"], each["seed"]) == ("left", "template", "steps", 0):
@@ -640,7 +640,7 @@ def test_trainings_of_another_protocol_are_refused(part, place):
     run, words = part("run"), words_of(place)
     config = yaml.safe_load((place / "config.yaml").read_text(encoding="utf-8"))
     written(place, config | {"budget": {"epochs": 3, "reference": "ddot"}})
-    with pytest.raises(ValueError, match="alpha_left_ddot_steps_0 was trained with other settings than the protocol's"):
+    with pytest.raises(ValueError, match=r"_ddot_steps_0/left_white\.json was trained with other settings than the "):
         run.main([*words, "-o", str(place / "out" / "results.json")])
 
 
@@ -775,7 +775,7 @@ def test_the_seconds_of_an_initial_surface_are_kept_beside_it(part, phantom_plac
 
 
 def test_rows_are_read_as_they_were_written(part, tmp_path):
-    rows = part("rows")
+    rows = part("tables")
     given = [
         {"subject": "007", "side": "left", "n": 3, "x": 0.1, "failed": None},
         {"subject": "8", "x": -2.5, "y": 1e-7},
@@ -796,23 +796,19 @@ def test_rows_are_read_as_they_were_written(part, tmp_path):
         rows.read_rows(tmp_path / "absent.csv")
 
 
-def test_systems_are_compared_only_if_they_learned_from_the_same_data():
+def test_systems_are_compared_only_if_they_learned_from_the_same_data(part):
     kinds = {"ddot": ("left white",), "cortexode": ("left white",), "deepcsr": ()}
-    there = {
-        name: SimpleNamespace(kind=lambda needs=needs: SimpleNamespace(needs=needs)) for name, needs in kinds.items()
-    }
+    column, require = part("run").column_of, part("trials.training").require_fair
 
     def training(name, data, processor="A"):
-        return {"name": name, "cohort": "x", "side": "left", "networks": {"n": {"data": data, "processor": processor}}}
+        each = SimpleNamespace(cohort="x", side="left", kind=lambda: SimpleNamespace(needs=kinds[name]))
+        return name, column(each, processor), data
 
-    with scripts_in(FOLDER) as load:
-        require = load("run").require_fair
-        setting = SimpleNamespace(there=there)
-        require([training("ddot", 1), training("cortexode", 1), training("deepcsr", 2)], setting)
-        # Initial surfaces, which DeepCSR does not need, differ in rounding between processors.
-        require([training("ddot", 1), training("cortexode", 3, "B"), training("deepcsr", 2, "B")], setting)
-        for other in (training("cortexode", 3), training("ddot", 3)):
-            with pytest.raises(ValueError, match="learned from other data than ddot"):
-                require([training("ddot", 1), other], setting)
-        with pytest.raises(ValueError, match="deepcsr learned from other data than deepcsr"):
-            require([training("deepcsr", 2), training("deepcsr", 3, "B")], setting)
+    require([training("ddot", 1), training("cortexode", 1), training("deepcsr", 2)])
+    # Initial surfaces, which DeepCSR does not need, differ in rounding between processors.
+    require([training("ddot", 1), training("cortexode", 3, "B"), training("deepcsr", 2, "B")])
+    for other in (training("cortexode", 3), training("ddot", 3)):
+        with pytest.raises(ValueError, match="learned from other data than ddot"):
+            require([training("ddot", 1), other])
+    with pytest.raises(ValueError, match="deepcsr learned from other data than deepcsr"):
+        require([training("deepcsr", 2), training("deepcsr", 3, "B")])

@@ -79,7 +79,7 @@ def test_committed_errors_are_rebuilt(part, config, results, name):
 
 
 def test_committed_distances_and_bounds_are_rebuilt(part, config, results):
-    distance, bounds = part("distance"), part("bounds")
+    distance, bounds = part("sizes"), part("run")
     runs = [run for run in distance.distance_runs(config) if run["n_points"] == 100]
     rows = [{"run": run, "values": distance.distance_errors(run, config)} for run in runs]
     small = config | {"distance": config["distance"] | {"points": [100]}}
@@ -97,7 +97,7 @@ def test_committed_distances_and_bounds_are_rebuilt(part, config, results):
 def test_a_diameter_is_the_largest_distance(part):
     points = np.random.default_rng(2).normal(size=(700, 4))
     truth = np.linalg.norm(points[:, None] - points[None], axis=2).max()
-    assert part("bounds").diameter(points) == pytest.approx(truth, rel=1e-9)
+    assert part("run").diameter(points) == pytest.approx(truth, rel=1e-9)
 
 
 def test_a_small_slice_of_the_directions(part, config):

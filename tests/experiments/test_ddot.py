@@ -5,6 +5,7 @@ import json
 import math
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -59,12 +60,17 @@ def place(phantom_place, tmp_path, config):
     return tmp_path
 
 
+def chosen(part, config, only):
+    trainings = part("trials.training")
+    return trainings.chosen(trainings.finals(config), only)
+
+
 def weights(place, name):
     return read_weights(place / "weights" / f"{name}.safetensors", DeformationNetwork)[0].state_dict()
 
 
 def test_the_fair_pairs_come_first_and_nothing_is_made_twice(part, config):
-    names = [each.name for each in part("trainings").wanted(config)]
+    names = [each.name for each in part("trials.training").finals(config)]
     assert len(names) == len(set(names)) == 25
     assert names[:4] == [f"oasis_like_{side}_{arm}_0" for side in ("left", "right") for arm in ("ddot", "cortexode")]
     assert all(name.split("_like_")[1].split("_", 1)[1] in ("ddot_0", "cortexode_0") for name in names[:8])
@@ -77,7 +83,7 @@ def test_the_fair_pairs_come_first_and_nothing_is_made_twice(part, config):
 
 def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
     monkeypatch.chdir(root)
-    found = [each.settings(config).as_dict() for each in part("trainings").wanted(config, ["adni_like_left_*"])]
+    found = [each.settings(config).as_dict() for each in chosen(part, config, ["adni_like_left_*"])]
     losses = [each["loss"] for each in found]
     assert len({json.dumps(each | {"loss": None}) for each in found}) == 1
     assert len({(each["loss"], each["encoding"]) for each in losses}) == len(found) == 8
@@ -85,10 +91,7 @@ def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
     assert {each["encoding"] for each in chamfer} == {"samples", "varifold"}
     assert {each["factor"] for each in chamfer} == {1000}
     assert {each["n_supports"] for each in losses if each["loss"] == "sinkhorn"} == {500}
-    others = [
-        each.settings(config).as_dict()["training"]
-        for each in part("trainings").wanted(config, ["oasis_like_*_ddot_*"])
-    ]
+    others = [each.settings(config).as_dict()["training"] for each in chosen(part, config, ["oasis_like_*_ddot_*"])]
     assert [(each["side"], each["seed"]) for each in others] == [
         ("left", 0),
         ("right", 0),
@@ -98,7 +101,7 @@ def test_arms_differ_in_their_loss_alone(part, config, root, monkeypatch):
 
 def test_an_unknown_name_is_refused(part, config):
     with pytest.raises(ValueError, match="no training is called nobody; there are oasis_like_left_ddot_0"):
-        part("trainings").wanted(config, ["nobody"])
+        chosen(part, config, ["nobody"])
 
 
 def test_what_is_missing_is_trained_and_kept(part, place, capsys):
@@ -141,7 +144,7 @@ def test_a_stopped_training_ends_with_the_same_weights(part, place, monkeypatch)
 
 
 def test_a_training_that_fails_or_is_taken_does_not_stop_the_others(part, place, capfd, monkeypatch):
-    train, trainings, words = part("train"), part("trainings"), ["--config", str(place / "config.yaml")]
+    train, trainings, words = part("train"), part("trials.training"), ["--config", str(place / "config.yaml")]
     monkeypatch.setattr(processes, "SECONDS_BETWEEN_LOOKS", 0.1)
     config = trainings.read_config(place / "config.yaml")
     config["arms"]["cortexode"]["changes"] = ["loss.factor=1.0e+39"]  # beyond float32
@@ -150,7 +153,7 @@ def test_a_training_that_fails_or_is_taken_does_not_stop_the_others(part, place,
     assert "failed: alpha_left_cortexode_0;" in capfd.readouterr().err
     assert "is not finite" in (place / "state" / "alpha_left_cortexode_0" / "output.txt").read_text(encoding="utf-8")
     assert {file.stem for file in (place / "weights").glob("*.json")} == {"alpha_left_ddot_0"}
-    taken = trainings.wanted(config, ["alpha_left_ddot_1"])[0]
+    taken = chosen(part, config, ["alpha_left_ddot_1"])[0]
     with processes.alone(taken.state(config)):
         assert train.main([*words, "--only", "*ddot*"]) == 1
     assert "alpha_left_ddot_1 is being trained by another process" in capfd.readouterr().err
@@ -174,7 +177,7 @@ def test_a_training_that_fails_does_not_stop_the_others(part, place, monkeypatch
         if len(begun) == 1:
             raise ValueError("made with another data")
 
-    monkeypatch.setattr(train, "made", made)
+    monkeypatch.setattr(part("trials.train"), "train_one", made)
     assert train.main(["--config", str(place / "config.yaml")]) == 1
     assert begun == ["alpha_left_ddot_0", "alpha_left_cortexode_0", "alpha_left_ddot_1"]
     said = capsys.readouterr().err
@@ -184,15 +187,15 @@ def test_a_training_that_fails_does_not_stop_the_others(part, place, monkeypatch
 
 def test_every_training_gets_the_device(part, place, monkeypatch):
     train, used = part("train"), []
-    monkeypatch.setattr(train, "require_device", lambda name: None)
-    monkeypatch.setattr(train, "made", lambda each, config, device: used.append(device))
+    monkeypatch.setattr(part("trials.train"), "require_device", lambda name: None)
+    monkeypatch.setattr(part("trials.train"), "train_one", lambda each, config, device: used.append(device))
     assert train.main(["--config", str(place / "config.yaml"), "--device", "cuda"]) == 0
     assert set(used) == {"cuda"}
 
 
 def test_the_hole_of_a_ring_is_as_deep_as_a_ball_leaves_it(part):
     large, small, radius = 12.0, 8.0, 10.0
-    depths = part("places").sulcal_depths(torus(large, small), radius, 0.5).reshape(96, 96)
+    depths = part("measuring").sulcal_depths(torus(large, small), radius, 0.5).reshape(96, 96)
     # The ball rests on the ring, its centre on the axis at this height.
     height = math.sqrt((small + radius) ** 2 - large**2)
     deepest = math.hypot(large - small, height) - radius
@@ -203,7 +206,7 @@ def test_the_hole_of_a_ring_is_as_deep_as_a_ball_leaves_it(part):
 
 
 def test_curvature_has_the_sign_of_the_bend(part):
-    found = part("places").signed_curvatures(torus(12.0, 8.0)).reshape(96, 96)
+    found = part("measuring").signed_curvatures(torus(12.0, 8.0)).reshape(96, 96)
     for place, cosine in ((0, 1.0), (24, 0.0), (48, -1.0)):
         exact = (12 + 16 * cosine) / (2 * 8 * (12 + 8 * cosine))
         assert found[:, place].numpy() == pytest.approx(exact, rel=0.03)
@@ -215,7 +218,7 @@ def test_errors_are_means_over_the_area_of_each_bin(part):
     settings = {
         "closing_mm": 10.0, "closing_voxel_mm": 0.5, "depth_edges_mm": [1.0, 50.0], "curvature_edges": [0.0],
     }  # fmt: skip
-    found = part("places").places(ring, settings)
+    found = part("measuring").places(ring, settings)
     share = found.shares()
     assert sum(share["by_depth"]) == pytest.approx(1)
     assert share["by_depth"][2] == 0
@@ -276,22 +279,26 @@ def test_what_is_there_is_measured_once_and_what_is_missing_named(part, place, m
     assert not (place / "out" / "partial.jsonl").exists()
 
 
-def test_a_subject_made_anew_is_measured_anew(part, place, config):
-    run = part("run")
-    wanted = part("trainings").Wanted("alpha", "left", "ddot", 0)
+def test_a_subject_made_anew_is_measured_anew(part, place):
+    own = part("trials.training").read_config(place / "config.yaml")
+    run, (each,) = part("run"), chosen(part, own, ["alpha_left_ddot_0"])
+    each.kept(own, ".safetensors").parent.mkdir()
+    each.kept(own, ".safetensors").write_bytes(b"weights")
     subjects = {"alpha": {subject.name: subject for subject in scans(place / "alpha", "test")}}
-    before = run.data_digests(subjects)
+    surfaces = SimpleNamespace(network=torch.nn.Linear(2, 2))
+
+    def setting():
+        return run.Setting(own, [each], subjects, surfaces)
 
     def keys() -> set[str]:
-        tasks = run.tasks_of([wanted], subjects, {"initial": "a", wanted.name: "b"}, run.data_digests(subjects))
-        return {json.dumps(task) for task in tasks}
+        return {json.dumps(task) for task in run.tasks_of(setting())}
 
-    first = keys()
+    before, first = setting().data, keys()
     assert len(first) == 6
     path = subjects["alpha"]["sub-005"].files()[0]
     path.write_bytes(path.read_bytes() + b" ")
     assert len(keys() & first) == 4
-    assert run.data_digests(subjects)["alpha"]["sub-004"] == before["alpha"]["sub-004"]
+    assert setting().data["alpha"]["sub-004"] == before["alpha"]["sub-004"]
 
 
 def check_rows(results):
@@ -322,28 +329,28 @@ ARMS = ("initial", "ddot", "cortexode")
 
 
 def test_networks_that_cannot_be_compared_are_refused(part, place):
-    trainings, run, train = part("trainings"), part("run"), part("train")
+    trainings, train = part("trials.training"), part("train")
     words = ["--config", str(place / "config.yaml")]
     train.main([*words, "--only", "alpha_left_ddot_0"])
     config = trainings.read_config(place / "config.yaml")
-    each = trainings.wanted(config)[0]
+    each = trainings.finals(config)[0]
     with pytest.raises(ValueError, match="alpha_left_ddot_0 learned from initial surfaces of another"):
-        run.described(each, config, "0123")
-    fair = {"name": "a", "cohort": "x", "side": "left", "data": 1}
-    run.require_fair([fair, fair | {"name": "b"}, fair | {"side": "right", "data": 2}])
+        each.checked_records(config, segmentation="0123")
+    fair = ("a", ("x", "left"), 1)
+    trainings.require_fair([fair, ("b", ("x", "left"), 1), ("a", ("x", "right"), 2)])
     with pytest.raises(ValueError, match="b learned from other data than a"):
-        run.require_fair([fair, fair | {"name": "b", "data": 2}])
+        trainings.require_fair([fair, ("b", ("x", "left"), 2)])
     record = json.loads(each.kept(config, ".json").read_text(encoding="utf-8"))
     del record["config"]["loss"]["p"]  # a name that came later
     each.kept(config, ".json").write_text(json.dumps(record))
-    assert trainings.record_of(each, config)["results"]["best_step"] > 0
+    assert each.checked_records(config)["left_white"]["results"]["best_step"] > 0
     config["arms"]["ddot"]["changes"] = ["training.n_epochs=4"]
     with pytest.raises(ValueError, match="was trained with other settings than"):
-        trainings.record_of(each, config)
+        each.checked_records(config)
     record["config"]["loss"]["loss"] = "nearest"
     each.kept(config, ".json").write_text(json.dumps(record))
     with pytest.raises(ValueError, match=r"alpha_left_ddot_0.json: .*is invalid: loss is 'nearest'"):
-        trainings.record_of(each, config)
+        each.checked_records(config)
 
 
 def hemisphere(arm, seed, side, subject, assd, crossing=0.0):
@@ -443,7 +450,7 @@ def test_groups_keep_kinds_apart_and_count_crossings(part):
 @pytest.mark.skipif(not COMMITTED, reason="the networks are not trained yet, so that nothing is measured")
 def test_committed_results_follow_from_their_rows(part, record, results):
     config = record["config"]
-    planned = [each.name for each in part("trainings").wanted(config)]
+    planned = [each.name for each in part("trials.training").finals(config)]
     assert sorted(results["missing"] + [each["name"] for each in results["trainings"]]) == sorted(planned)
     for each in results["trainings"]:
         assert (FOLDER / "weights" / f"{each['name']}.safetensors").is_file()
@@ -469,7 +476,7 @@ def test_the_kept_hemisphere_is_the_first_of_the_test_split(part, place):
 @pytest.mark.parametrize("settings", ["shipped", "windows alone"])
 def test_flows_of_the_package_are_trained_as_the_compared_ones_but_on_other_heads(part, config, root, settings):
     system, left = get_system("windows"), ["training.side=left"]
-    (arm,) = part("trainings").wanted(config, ["oasis_like_left_windowed_0"])
+    (arm,) = chosen(part, config, ["oasis_like_left_windowed_0"])
     file, compared = {
         "shipped": ("shipped", read_settings(system, "combined", left)),
         "windows alone": (root / "experiments" / "people" / "windows_alone.yaml", arm.settings(config)),
@@ -484,10 +491,11 @@ def test_flows_of_the_package_are_trained_as_the_compared_ones_but_on_other_head
 
 def test_every_record_that_is_kept_was_trained_as_the_configuration_says(part, config, root, monkeypatch):
     monkeypatch.chdir(root)
-    there = [each for each in part("trainings").wanted(config) if each.is_made(config)]
+    there = [each for each in part("trials.training").finals(config) if each.is_made(config)]
     assert len(there) == len(list((FOLDER / "weights").glob("*.json"))) > 20
     for each in there:
-        assert part("trainings").record_of(each, config)["results"]["best_step"] > 0
+        (record,) = each.checked_records(config).values()
+        assert record["results"]["best_step"] > 0
 
 
 def test_descent_directions_of_a_shifted_sphere_are_known(part):

@@ -38,7 +38,7 @@ def test_every_planned_fit_is_there_or_named_as_missing(part, record):
 
 
 def test_every_arm_has_all_supports_or_few_and_sinkhorn_never_more_than_the_others(part, config):
-    arms = part("arms").planned_arms(config)
+    arms = part("fitting").planned_arms(config)
     assert len({tuple(arm[name] for name in ARM) for arm in arms}) == len(arms) == 11
     assert config["few_supports"] <= 2000
     few = [arm for arm in arms if arm["supports"] == config["few_supports"]]

@@ -16,7 +16,7 @@ def test_committed_results_are_whole(part, record):
     results, tasks = record["results"], [task for task in part("run").tasks(config) if "method" in task]
     assert len(results["savings"]) == len(tasks)
     assert len(results["errors"]) == len(tasks) * len(config["n_directions"])
-    assert results["ranking"] == part("summary").ranking(results["errors"], config["n_directions"])
+    assert results["ranking"] == part("run").ranking(results["errors"], config["n_directions"])
     assert all(row["mean_error"] < 2e-3 * row["mean"] for row in results["means"])
 
 
@@ -25,7 +25,7 @@ def test_committed_results_are_whole(part, record):
     [(3, "translation", 1, "spiral"), (6, "translation", 2, "sobol"), (2, "translation", 1, "orthogonal")],
 )
 def test_a_slice_of_it_again(part, config, record, d, pair, p, method):
-    slices, problem = part("slices"), {"d": d, "pair": pair, "p": p}
+    slices, problem = part("run"), {"d": d, "pair": pair, "p": p}
     small = config | {"n_directions": [10, 100]}
     if method in slices.NESTED:
         small["n_directions"] = config["n_directions"]
@@ -39,7 +39,7 @@ def test_a_slice_of_it_again(part, config, record, d, pair, p, method):
 
 
 def test_costs_of_each_pair_are_positive_and_its_means_repeat(part, config, record):
-    slices = part("slices")
+    slices = part("run")
     sets = [setting | {"n_directions": 3000} for setting in config["reference"]["sets"]]
     few = config | {"reference": {"n_turns": 2, "sets": sets}}
     for d in (2, 6):
@@ -58,7 +58,7 @@ def test_defaults_are_the_best_by_formula(record):
 
 
 def test_summary_of_known_numbers(part):
-    summary = part("summary")
+    summary = part("run")
     key, generator = {"d": 3, "pair": "folded", "p": 2}, np.random.default_rng(0)
     noise = generator.choice([-1.0, 1.0], size=(50, 2))
     found = [

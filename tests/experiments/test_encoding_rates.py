@@ -13,8 +13,8 @@ FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "encoding_rates"
 
 @pytest.mark.parametrize("family", ["cube", "uneven_cube"])
 def test_refining_a_polyhedron_keeps_its_surface(part, config, family):
-    for mesh in part("families").pair_of_meshes(family, 2, config):
-        coarse = part("families").pair_of_meshes(family, 0, config)
+    for mesh in part("run").pair_of_meshes(family, 2, config):
+        coarse = part("run").pair_of_meshes(family, 0, config)
         areas = face_areas(mesh)
         assert any(float(areas.sum()) == pytest.approx(float(face_areas(other).sum()), rel=1e-12) for other in coarse)
         spread = float(areas.max() / areas.min())
@@ -22,7 +22,7 @@ def test_refining_a_polyhedron_keeps_its_surface(part, config, family):
 
 
 def test_a_refined_side_is_one_side(part):
-    mesh = part("families").refined_on_one_side(cube(), 1)
+    mesh = part("run").refined_on_one_side(cube(), 1)
     small = mesh.vertices[mesh.faces[face_areas(mesh) < 0.2]].reshape(-1, 3)
     assert len(mesh.faces) == 10 + 8
     assert int(((small == small[0]).all(dim=0)).sum()) == 1
@@ -31,17 +31,17 @@ def test_a_refined_side_is_one_side(part):
 @pytest.mark.parametrize(("rule", "degree"), [("barycentres", 1), ("midpoints", 2), ("vertices", 1)])
 def test_rules_integrate_polynomials_to_their_degree(part, rule, degree):
     """Over a turned box, against a rule of degree two on a fine subdivision."""
-    box = part("families").turned_box()
-    encoded = part("stand_ins").atoms(box, rule, 0.0)
+    box = part("run").turned_box()
+    encoded = part("run").atoms(box, rule, 0.0)
     assert float(encoded.weights.sum()) == pytest.approx(1)
-    fine = part("stand_ins").atoms(part("families").refined(box, 5), "midpoints", 0.0)
+    fine = part("run").atoms(part("run").refined(box, 5), "midpoints", 0.0)
     for power in (1, 2, 4):  # odd powers about the centre of a symmetric box would vanish for every rule
         values = [float(m.weights @ m.points[:, 0] ** power) for m in (encoded, fine)]
         assert (values[0] == pytest.approx(values[1], rel=1e-6)) == (power <= degree)
 
 
 def test_samples_lie_on_their_faces_with_their_normals(part):
-    drawn = part("stand_ins").sample(cube(), 500, 0.5, np.random.default_rng(0)).points.numpy()
+    drawn = part("run").sample(cube(), 500, 0.5, np.random.default_rng(0)).points.numpy()
     assert np.allclose((drawn[:, :3] * drawn[:, 3:]).sum(axis=1), 0.25)
     assert len(np.unique(drawn[:, 3:], axis=0)) == 6
 
@@ -69,7 +69,7 @@ def test_crossings_are_read_off_power_laws(part):
 def test_a_small_part_repeats_the_committed_numbers(part, record, config, family, d):
     rates = record["results"]["rates"]
     level = config["families"][family]["levels"][0]
-    found = part("measured").measure_level({"family": family, "d": d, "level": level}, config)
+    found = part("run").measure_level({"family": family, "d": d, "level": level}, config)
     for row in (row for row in rates if (row["family"], row["d"]) == (family, d)):
         lists = found["samples"] if row["encoding"] == "samples" else found["atoms"][row["encoding"]]
         assert np.abs(lists[str(row["p"])][row["quantity"]]).mean() == pytest.approx(row["error"][0], rel=1e-5)

@@ -18,7 +18,7 @@ def committed(experiment: str) -> tuple[dict, dict]:
 
 def test_exact_values_are_made_again(part_of):
     results, config = committed("exact_value")
-    accuracy = part_of("exact_value", "accuracy")
+    accuracy = part_of("exact_value", "run")
     rows = accuracy._closed_forms(config["accuracy"], 2)
     named = {(row["case"], row["p"]): row for row in results["accuracy"]["values"]}
     for row in rows:
@@ -31,7 +31,7 @@ def test_exact_values_are_made_again(part_of):
 
 def test_sampled_errors_are_made_again(part_of):
     results, config = committed("exact_value")
-    sampling = part_of("exact_value", "sampling")
+    sampling = part_of("exact_value", "run")
     pair = sampling.pairs(config)["spheres of 40 and 38"]
     stored = next(row for row in results["sampling"] if row["pair"] == "spheres of 40 and 38")
     directions = sampling.quasi_directions(config["n_directions"], 3)
@@ -43,7 +43,7 @@ def test_sampled_errors_are_made_again(part_of):
 
 def test_a_descent_starts_where_it_did_and_falls(part_of):
     results, config = committed("exact_value")
-    fitting = part_of("exact_value", "fitting")
+    fitting = part_of("exact_value", "run")
     short = config | {"descent": config["descent"] | {"n_steps": 3}}
     run = fitting.descend_once("continuous", 0, short)
     stored = results["descent"][0]
@@ -53,7 +53,7 @@ def test_a_descent_starts_where_it_did_and_falls(part_of):
 
 def test_shares_of_the_normals_are_made_again(part_of):
     results, config = committed("normal_scale")
-    shares = part_of("normal_scale", "shares")
+    shares = part_of("normal_scale", "run")
     stored = next(row for row in results["pairs"] if row["pair"] == "folds, deep and shallow")
     pair = shares.pairs(config)["folds, deep and shallow"]
     assert shares.scales_of(config, pair[0]) == [row["scale"] for row in stored["rows"]]
@@ -64,7 +64,7 @@ def test_shares_of_the_normals_are_made_again(part_of):
 
 
 def test_where_the_normals_make_half(part_of):
-    shares = part_of("normal_scale", "shares")
+    shares = part_of("normal_scale", "run")
     rows = [{"scale": s, "share": g} for s, g in ((1.0, 0.0), (10.0, 0.25), (100.0, 0.75))]
     assert shares.crossing_scale(rows) == pytest.approx(10**1.5)
     assert shares.crossing_scale(rows[:2]) is None
@@ -72,7 +72,7 @@ def test_where_the_normals_make_half(part_of):
 
 def test_slopes_are_made_again(part_of):
     results, config = committed("sample_gradient")
-    bias = part_of("sample_gradient", "bias")
+    bias = part_of("sample_gradient", "run")
     few = config | {"losses": config["losses"] | {"n_draws": 60, "sizes": [100]}}
     for row in bias.losses(few):
         stored = next(r for r in results["losses"] if (r["case"], r["n_points"]) == (row["case"], 100))
@@ -86,7 +86,7 @@ def test_slopes_are_made_again(part_of):
 
 def test_a_polygon_descends_as_it_did(part_of):
     results, config = committed("sample_gradient")
-    fitting = part_of("sample_gradient", "fitting")
+    fitting = part_of("sample_gradient", "run")
     run = fitting.descend_once(6, "continuous", 0, config["descent"])
     stored = next(row for row in results["descent"] if (row["n_corners"], row["kind"]) == (6, "continuous"))
     assert run["sliced_distance"] == pytest.approx(stored["sliced_distance"], rel=1e-3)

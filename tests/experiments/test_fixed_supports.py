@@ -30,7 +30,7 @@ def test_committed_results_are_whole_and_paired(part, record):
 
 def test_bytes_of_a_step_rebuild(part, record, config, one_thread):
     small = config | {"cost": config["cost"] | {"subdivisions": [2, 3], "n_rounds": 1}}
-    for found in part("costs").cost_rows(small):
+    for found in part("run").cost_rows(small):
         keys = {name: found[name] for name in ("loss", "variant", "n_faces")}
         (row,) = (r for r in record["results"]["costs"] if all(r[k] == v for k, v in keys.items()))
         for name in ("step_bytes", "loss_bytes"):
@@ -52,15 +52,15 @@ def test_a_short_fit_rebuilds_its_committed_numbers(part, one_thread):
 
 
 def test_only_the_corners_of_drawn_faces_are_kept(part, config):
-    start, _ = part("variants").pair_of_meshes(3, 0, config)
-    drawn = part("variants").drawn_part(start, 50, np.random.default_rng(0))
+    start, _ = part("run").pair_of_meshes(3, 0, config)
+    drawn = part("run").drawn_part(start, 50, np.random.default_rng(0))
     faces, _ = sample_locations(start, 50, np.random.default_rng(0))
     assert len(drawn.vertices) <= 150 < len(start.vertices)
     assert torch.equal(drawn.vertices[drawn.faces], start.vertices[start.faces[faces]])
 
 
 def test_every_way_to_draw_has_the_gradient_of_all_faces_in_the_mean(part, config):
-    variants = part("variants")
+    variants = part("run")
     start, target = (mesh.to(torch.float64) for mesh in variants.pair_of_meshes(2, 0, config))
     scale, directions = config["normal_scale"], torch.arange(1.0, 7, dtype=torch.float64) / 50
 

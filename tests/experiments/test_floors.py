@@ -33,12 +33,12 @@ def values(row, m):
 )
 def test_a_committed_value_is_made_again(record, part, metric, m, surface, setting):
     task = {"metric": metric, "m": m, "surface": surface.split(), "seed": 1, "setting": setting, "scaling": 0.5}
-    found = part("samples").measured(task)
+    found = part("run").measured(task)
     assert found == pytest.approx(values(row_of(record, metric, surface, setting), m)[1], rel=1e-5)
 
 
 def test_laws_pass_through_what_obeys_them(part):
-    laws = part("extrapolation")
+    laws = part("run")
     power = {m: [3 * m**-0.4] * 4 for m in (100, 1000, 10_000)}
     assert laws.power_law(power, 100_000) == pytest.approx(3 * 1e5**-0.4)
     area, c = 50_000.0, -0.7
@@ -80,8 +80,8 @@ def test_floors_are_where_other_evidence_puts_them(record):
 
 def test_readings_follow_from_the_floors(record, part):
     results = record["results"]
-    assert part("readings").paper_number() == results["number_mm"] == 0.702
-    again = part("readings").emd_readings(results["floors"], record["config"]["from_m"])
+    assert part("run").paper_number() == results["number_mm"] == 0.702
+    again = part("run").emd_readings(results["floors"], record["config"]["from_m"])
     for one, other in zip(again, results["readings"], strict=True):
         assert one["reading"] == other["reading"]
         assert [one["low"], one["high"]] == pytest.approx([other["low"], other["high"]], rel=1e-4)

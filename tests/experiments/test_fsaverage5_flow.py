@@ -69,7 +69,7 @@ def test_a_short_leg_runs_stops_and_goes_on(part, config, tmp_path):
     assert same == seconds
     assert torch.equal(again.mesh.vertices, fit.mesh.vertices)
     mending = {"crossings": {"fitted": 0}, "n_faces": len(start.faces), "seconds": {"cpu": 1.0, "wall": 2.0}}
-    told = part("measuring").fit_record(leg, fit, seconds, mending)
+    told = part("run").fit_record(leg, fit, seconds, mending)
     assert told["loss"] == pytest.approx([np.mean(fit.history["loss"])])
     assert told["cpu_seconds_in_all"] == seconds["cpu"] + 1.0
 
@@ -82,7 +82,7 @@ def test_a_leg_that_makes_faces_cross_is_mended(part):
         field.levels[0][..., : field.levels[0].shape[3] // 2, :] = 0
         field.levels[0][:, 6:10, 6:10] *= 20
     leg = {"longest_edge": 3.0, "standstill": 3.0}
-    legs, start, told = part("mending").mended_chain(leg, [Leg(field, 4)], sphere)
+    legs, start, told = part("fitting").mended_chain(leg, [Leg(field, 4)], sphere)
     assert told["crossings"]["fitted"] > 0
     assert told["crossings"]["damped"] == 0
     end = part("surfaces").carried(legs, start)
@@ -91,11 +91,11 @@ def test_a_leg_that_makes_faces_cross_is_mended(part):
     lower = sphere.vertices[:, 2] < -8
     assert torch.equal(end.vertices[: len(lower)][lower], sphere.vertices[lower])
     # Faces that an earlier leg makes cross are a matter of that leg.
-    back, front = part("mending").stilled_chain([Leg(field, 4), Leg(field, 1)], sphere, 3.0)
+    back, front = part("fitting").stilled_chain([Leg(field, 4), Leg(field, 1)], sphere, 3.0)
     assert back.field is not field
     assert len(self_intersecting_faces(part("surfaces").carried([back], sphere))) == 0
     assert len(self_intersecting_faces(part("surfaces").carried([back, front], sphere))) == 0
-    kept = part("mending").mended_chain({}, [Leg(field, 4)], sphere)
+    kept = part("fitting").mended_chain({}, [Leg(field, 4)], sphere)
     assert kept[0][0].field is field
     assert kept[1] is sphere
     assert list(kept[2]["crossings"]) == ["fitted"]

@@ -10,7 +10,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ground_cost"
 
 @pytest.fixture
 def costs(part):
-    return part("costs")
+    return part("run")
 
 
 def test_the_committed_means_are_made_again(costs, record):

@@ -65,7 +65,7 @@ def test_a_training_that_was_stopped_gives_the_same_surface(part, small, one_thr
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run.trained("ddot", example, half | {"state": str(folder)}, stop)
+        run.train_or_resume("ddot", example, half | {"state": str(folder)}, stop)
     again = run.train_arm("ddot", half | {"state": str(folder)})
     different = {"cpu_seconds"}
     assert {k: v for k, v in again["surface"].items() if k not in different} == {

@@ -60,7 +60,7 @@ def test_committed_results_are_made_again(part, record, paper, monkeypatch):
     run = part("run")
     assert run.rounded(run.counts_read(paper, config)) == record["results"]["counts"]
     stored = record["results"]["table"]
-    few = part("inequality").direction_allowance(paper["n_directions"], 3000, config["allowance"]["quantile"], 1)
+    few = part("run").direction_allowance(paper["n_directions"], 3000, config["allowance"]["quantile"], 1)
     assert few == pytest.approx(stored["allowance"], rel=0.03)
     # One row lies within a per cent of its bound, so that the count hangs on the allowance: give it as it was.
     monkeypatch.setattr(run, "direction_allowance", lambda *_, **__: stored["allowance"])
@@ -73,7 +73,7 @@ def test_committed_results_are_made_again(part, record, paper, monkeypatch):
 
 def test_the_bounds_hold_for_real_clouds(part):
     """Random and stretched clouds obey every convention, and a translation attains the bound of p = 2."""
-    inequality = part("inequality")
+    inequality = part("run")
     generator = np.random.default_rng(0)
     u = generator.normal(size=(3000, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
@@ -100,7 +100,7 @@ def test_the_bounds_hold_for_real_clouds(part):
 
 
 def test_the_allowance_is_that_of_the_worst_translation(part):
-    inequality = part("inequality")
+    inequality = part("run")
     loose, tight = (inequality.direction_allowance(n, 500, 0.999, 0) for n in (30, 3000))
     assert loose > tight > 1
     assert tight == pytest.approx(1, abs=0.1)
@@ -117,7 +117,7 @@ def test_the_allowance_is_that_of_the_worst_translation(part):
 
 
 def test_counts(part):
-    counting = part("counting")
+    counting = part("run")
     (row,) = counting.smallest_shares([200], 1.0, 3)
     assert row["smallest_nonzero_percent"] == 1.0
     assert row["faces_below_bound"] == 2.0

@@ -90,7 +90,7 @@ def rows(config):
 
 
 def test_summary_groups_people_and_pairs_the_networks(part, config):
-    found = part("summary").summarised(rows(config), config)
+    found = part("run").summarised(rows(config), config)
     assert [(each["cohort"], each["networks"]) for each in found["cohorts"]] == [
         (cohort, name) for cohort, names in config["plan"].items() for name in names
     ]
@@ -130,7 +130,7 @@ def test_older_networks_were_trained_as_their_file_says(root):
 
 def test_networks_that_were_measured_on_other_scans_are_not_compared(part, config):
     with pytest.raises(ValueError, match="different scans; measure both"):
-        part("summary").summarised(rows(config)[:-1], config)
+        part("run").summarised(rows(config)[:-1], config)
 
 
 def test_every_person_is_in_one_group_of_each_kind(config):
@@ -141,7 +141,7 @@ def test_every_person_is_in_one_group_of_each_kind(config):
 
 def test_a_ball_that_is_too_large_against_another(part, config):
     # The faces of both balls lie up to 0.006 mm inside the spheres through their vertices.
-    found = part("average").against(icosphere(5, RADIUS + MORE), icosphere(5, RADIUS), config)
+    found = part("run").against(icosphere(5, RADIUS + MORE), icosphere(5, RADIUS), config)
     assert found["assd_mm"] == pytest.approx(MORE, abs=0.01)
     assert found["median_from_target_mm"] == pytest.approx(MORE, abs=0.01)
     assert found["area_ratio"] == pytest.approx((1 + MORE / RADIUS) ** 2)

@@ -68,13 +68,13 @@ def test_a_score_is_the_mean_of_the_second_half(part):
 
 def test_every_reading_has_three_rates_and_its_own_settings(part, protocol, root, monkeypatch):
     monkeypatch.chdir(root)
-    readings, trainings = part("readings"), part("trainings")
+    readings, trainings = part("readings"), part("trials.training")
     seen = {}
     for start in readings.STARTS:
         arms = readings.rate_arms(protocol, start)
         assert len(arms) == 3 * len(readings.readings_from(protocol, start))
         config = readings.configuration(protocol, start, arms, Path("a"), Path("b"))
-        seen |= {each.arm: (each.settings(config).as_dict(), config["initial"]) for each in trainings.wanted(config)}
+        seen |= {each.arm: (each.settings(config).as_dict(), config["initial"]) for each in trainings.finals(config)}
     assert len({json.dumps(each, sort_keys=True) for each in seen.values()}) == len(seen) == 33
     assert seen["ddot_104mm_0.0001"][0]["network"]["velocity_unit"] == 104
     assert seen["ddot_binary_0.002"][1] == protocol["binary"]
@@ -85,13 +85,13 @@ def test_every_reading_has_three_rates_and_its_own_settings(part, protocol, root
 )
 def test_every_reading_of_the_other_protocols_has_settings_of_its_own(part, root, monkeypatch, name, n_short):
     monkeypatch.chdir(root)
-    readings, trainings = part("readings"), part("trainings")
+    readings, trainings = part("readings"), part("trials.training")
     own = yaml.safe_load((FOLDER / f"{name}.yaml").read_text(encoding="utf-8"))
     arms = readings.rate_arms(own, "initial")
     assert len(arms) == n_short
     arms |= {f"{each}_9": readings.arm_of(reading, 9.0, 1) for each, reading in own["readings"].items()}
     config = readings.configuration(own, "initial", arms, Path("a"), Path("b"))
-    settings = {each.arm: each.settings(config).as_dict() for each in trainings.wanted(config)}
+    settings = {each.arm: each.settings(config).as_dict() for each in trainings.finals(config)}
     repeated = ("ddot_slow_0.0005", "ddot_slow_9") if name == "controls" else ()  # other rates of ddot_20mm
     assert len({json.dumps(each, sort_keys=True) for each in settings.values()}) == len(arms) - len(repeated)
     assert set(own.get("finalists", {"always": []})["always"]) <= own["readings"].keys()
@@ -106,7 +106,7 @@ def test_every_reading_of_the_other_protocols_has_settings_of_its_own(part, root
 
 def test_what_two_protocols_name_alike_is_the_same_training(part, root, monkeypatch):
     monkeypatch.chdir(root)
-    readings, trainings = part("readings"), part("trainings")
+    readings, trainings = part("readings"), part("trials.training")
     places, seen, shared = set(), {}, set()
     for file in SHARING:
         own = yaml.safe_load((FOLDER / f"{file}.yaml").read_text(encoding="utf-8"))
@@ -117,7 +117,7 @@ def test_what_two_protocols_name_alike_is_the_same_training(part, root, monkeypa
             for name, reading in own["readings"].items() for n_epochs in (short, whole) if n_epochs
         }  # fmt: skip
         config = readings.configuration(own, "initial", arms, Path("a"), Path("b"))
-        for each in trainings.wanted(config):
+        for each in trainings.finals(config):
             text = json.dumps(each.settings(config).as_dict(), sort_keys=True)
             shared |= {each.arm} if each.arm in seen else set()
             assert seen.setdefault(each.arm, text) == text
@@ -139,15 +139,15 @@ def test_the_known_rates_are_those_of_the_comparison(root):
 
 def test_the_budget_of_the_paper_differs_from_the_wide_networks_in_the_number_of_steps(part, root, monkeypatch):
     monkeypatch.chdir(root)
-    readings, trainings = part("readings"), part("trainings")
-    wide, paper = (readings.read_config(FOLDER / f"{name}.yaml") for name in ("budget", "paper_budget"))
+    readings, trainings = part("readings"), part("trials.training")
+    wide, paper = (trainings.read_config(FOLDER / f"{name}.yaml") for name in ("budget", "paper_budget"))
     for system in ("ddot", "cortexode"):
         arms = {
             name: readings.arm_of(own["readings"][name], 1e-4, 7)
             for own, name in ((wide, f"{system}_wide"), (paper, f"{system}_paper"))
         }
         config = readings.configuration(paper, "initial", arms, Path("a"), Path("b"))
-        first, second = (each.settings(config).as_dict() for each in trainings.wanted(config))
+        first, second = (each.settings(config).as_dict() for each in trainings.finals(config))
         assert first == second
     assert round(paper["epochs"] * 28, -2) == 90_000
 
@@ -197,7 +197,7 @@ def measured(part, place, results):
     assert len(rows) == len(results["subjects"]) == n_scans * (1 + 2 * 3)
     subject, network = (
         alpha["test"][-1],
-        part("trainings").segmentation_network({"segmentation": str(place / "segmentation.safetensors")}),
+        part("trials.training").segmentation_network({"segmentation": str(place / "segmentation.safetensors")}),
     )
     keys = [("left", "white")]
     example = InitialSurfaces(place / "initial", network).example(subject, keys, keys)
@@ -233,7 +233,7 @@ def reading_row(arm, which, subject, value, **more):
 
 
 def test_a_loss_helps_if_it_is_nearer_than_its_start_and_beats_if_nearer_than_its_rival(part):
-    table, rows = part("reading_tables"), []
+    table, rows = part("reading_rows"), []
     for k, noise in enumerate((0.001, -0.001, 0.002, -0.002)):
         name = f"s{k}"
         rows += [reading_row("start", None, name, 0.3 + noise)]
@@ -273,7 +273,7 @@ def test_a_single_rate_is_not_tried(part, place):
     own = yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
     own |= {"rates": {"mm": [0.002]}, "readings": {"cortexode": own["readings"]["cortexode"]}}
     own["readings"]["cortexode"]["epochs"], own["validate_every"] = 4, 3
-    rates, whole, _ = readings.trained_from("initial", own)
+    rates, whole, _ = readings.train_readings("initial", own)
     assert rates == {"cortexode": {"rate": 0.002, "assd_mm": {}}}
     assert whole["arms"]["cortexode"]["changes"][-2:] == ["training.n_epochs=4", "training.validate_every=3"]
     assert read_results(place / "weights" / "alpha_left_cortexode_0.json")["results"]["n_steps"] == 8
@@ -303,27 +303,27 @@ def diverging(part, place):
 
 def test_a_reading_without_a_rate_is_refused(part, place, diverging):
     readings, own = part("readings"), yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
-    assert readings.trained(diverging, place / "rates.yaml") == 0
+    assert readings.train_arms(diverging, place / "rates.yaml") == 0
     found = readings.scores(own | {"rates": {"mm": [0.002]}}, "cortexode", diverging)
     with pytest.raises(ValueError, match="cortexode: no rate kept a finite loss; give the reading smaller rates"):
         readings.choice(found, "cortexode")
 
 
 def test_a_training_that_another_process_has_is_not_taken_for_diverged(part, place, diverging):
-    readings, trainings = part("readings"), part("trainings")
-    (each,) = trainings.wanted(diverging)
+    readings, trainings = part("readings"), part("trials.training")
+    (each,) = trainings.finals(diverging)
     with (
         processes.alone(each.state(diverging)),
         pytest.raises(processes.Busy, match="is being trained by another process"),
     ):
-        readings.trained(diverging, place / "rates.yaml")
+        readings.train_arms(diverging, place / "rates.yaml")
 
 
 def test_the_second_try_is_on_the_same_device(part, place, diverging, monkeypatch):
     readings, tried = part("readings"), []
     monkeypatch.setattr(readings.train, "main", lambda words: 1)
-    monkeypatch.setattr(readings.train, "made", lambda each, config, device: tried.append(device))
-    readings.trained(diverging, place / "rates.yaml", device="cuda")
+    monkeypatch.setattr(readings, "train_one", lambda each, config, device: tried.append(device))
+    readings.train_arms(diverging, place / "rates.yaml", device="cuda")
     assert tried == ["cuda"]
 
 
@@ -331,15 +331,15 @@ def test_a_kept_training_with_other_settings_is_refused(part, place):
     readings = part("readings")
     own = yaml.safe_load((place / "readings.yaml").read_text(encoding="utf-8"))
     own |= {"rates": {"mm": [0.002]}, "readings": {"cortexode": own["readings"]["cortexode"]}, "epochs": 1}
-    readings.trained_from("initial", own)
+    readings.train_readings("initial", own)
     own["readings"]["cortexode"]["changes"] = ["training.n_points=400"]
     with pytest.raises(ValueError, match=r"alpha_left_cortexode_0\.json was trained with other settings"):
-        readings.trained_from("initial", own)
+        readings.train_readings("initial", own)
 
 
 def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):
     readings = part("readings")
-    network = part("trainings").segmentation_network({"segmentation": str(place / "segmentation.safetensors")})
+    network = part("trials.training").segmentation_network({"segmentation": str(place / "segmentation.safetensors")})
     surfaces = readings.InitialSurfaces(place / "binary", network)
     (subject,) = scans(place / "alpha", "validation")
 
@@ -349,14 +349,14 @@ def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):
         return dict.fromkeys(("left", "right"), scan.with_data(1 / (1 + np.exp(slope * (radius - 7.3)))))
 
     monkeypatch.setattr(readings, "segment", ball)
-    readings.binary_surfaces([subject], surfaces)
+    readings.write_binary_surfaces([subject], surfaces)
     first = surfaces.of(subject, "left")
     assert euler_number(first) == 2
     # The slope of the probability tells where between two voxels the border lies. A mask does not hold it.
     monkeypatch.setattr(readings, "segment", functools.partial(ball, slope=0.2))
     for path in place.glob("binary/**/*.gii"):
         path.unlink()
-    readings.binary_surfaces([subject], surfaces)
+    readings.write_binary_surfaces([subject], surfaces)
     assert torch.equal(surfaces.of(subject, "left").vertices, first.vertices)
     both = [
         segmented_surface(ball(subject.standard().volume, None, slope)["left"]).mesh.vertices for slope in (1.0, 0.2)
@@ -366,9 +366,11 @@ def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):
 
 def test_binary_surfaces_that_exist_are_kept(part, place, monkeypatch):
     readings = part("readings")
-    network = part("trainings").segmentation_network({"segmentation": str(place / "segmentation.safetensors")})
+    network = part("trials.training").segmentation_network({"segmentation": str(place / "segmentation.safetensors")})
     monkeypatch.setattr(readings, "segment", lambda *_: 1 / 0)
-    readings.binary_surfaces(scans(place / "alpha", "validation"), readings.InitialSurfaces(place / "initial", network))
+    readings.write_binary_surfaces(
+        scans(place / "alpha", "validation"), readings.InitialSurfaces(place / "initial", network)
+    )
 
 
 def test_claim_17_is_computed_from_every_protocol_that_has_results(root):

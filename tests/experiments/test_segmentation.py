@@ -1,8 +1,7 @@
 """The experiment on held-out subjects, run on phantoms: every number is there, and a stopped run goes on."""
 
-import importlib.util
 import json
-import sys
+from pathlib import Path
 
 import pytest
 import torch
@@ -12,6 +11,7 @@ from meshot.model.weights import write_weights
 from meshot.provenance import read_results
 from phantoms import write_phantom_cohort
 
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "segmentation"
 RECORD = {
     "command": "", "commit": "", "date": "", "training": "", "cohorts": "", "machine": "",
     "results": {"best_step": 1, "n_steps": 2, "cpu_seconds": 3.0, "data": {}},
@@ -23,16 +23,9 @@ class Stopped(Exception):
 
 
 @pytest.fixture
-def experiment(root, monkeypatch):
-    """The script of the experiment as a module, its folder on the path as when it is run."""
-    folder = root / "experiments" / "segmentation"
-    monkeypatch.syspath_prepend(str(folder))
-    monkeypatch.delitem(sys.modules, "summary", raising=False)
-    spec = importlib.util.spec_from_file_location("segmentation_run", folder / "run.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    yield module
-    sys.modules.pop("summary", None)
+def experiment(part):
+    """The script of the experiment as a module."""
+    return part("run")
 
 
 class Bright(SegmentationNetwork):

@@ -17,7 +17,7 @@ def committed(record, table, **wanted):
 
 def test_committed_intervals_are_those_of_a_paired_t_test(part, record):
     fits = record["results"]["fits"]
-    found = part("summary").differences(fits)
+    found = part("run").differences(fits)
     assert len(found) == len(record["results"]["differences"])
     wanted = {"pair": "coarse", "encoding": "barycentres", "spacing": 0.0}
     row = committed(record, "differences", change="loss", **wanted)
@@ -31,12 +31,12 @@ def test_committed_intervals_are_those_of_a_paired_t_test(part, record):
 
 def test_committed_counts_under_whirls_are_made_again(part, record):
     task = {"strength": 8.0, "level": 2}
-    rows = part("carrying").given_row(task, record["config"])
+    rows = part("run").given_row(task, record["config"])
     assert rows == committed(record, "given", **task)["rows"]
 
 
 def test_a_committed_fit_by_a_flow_and_one_without_are_made_again(part, record):
-    fitting = part("fitting")
+    fitting = part("run")
     task = {"pair": "coarse", "loss": "sliced", "encoding": "varifold", "spacing": 12.0, "seed": 0}
     found, kept = fitting.fit_row(task, record["config"]), committed(record, "fits", **task)
     assert (found["crossing"], found["flips"]) == (kept["crossing"], kept["flips"])
@@ -50,7 +50,7 @@ def test_a_committed_fit_by_a_flow_and_one_without_are_made_again(part, record):
 
 
 def test_a_slice_of_the_carried_meshes_is_made_again(part, record):
-    carrying = part("carrying")
+    carrying = part("run")
     config = record["config"] | {"steps": [1, 10], "rk4_steps": 2}
     config["carried"] = config["carried"] | {"factors": [2.0], "levels": [2, 3]}
     task = {"pair": "coarse", "loss": "sliced", "encoding": "varifold", "spacing": 3.0, "seed": 1}

@@ -32,7 +32,7 @@ def require_equal(again, kept, rel: float = 1e-5, abs: float = 0.0):
 
 
 def test_circle_to_polygon(part_of):
-    summary, results = part_of("circle_to_polygon", "summary"), committed("circle_to_polygon")["results"]
+    summary, results = part_of("circle_to_polygon", "run"), committed("circle_to_polygon")["results"]
     main = [row for row in results["summary"] if row["reduction"] == "mean"]
     for kept in results["differences"]:
         same = [r for r in main if (r["polygon"], r["sampling"]) == (kept["polygon"], kept["sampling"])]
@@ -52,7 +52,7 @@ def test_blur(part_of):
 
 
 def test_weights_and_areas(part_of):
-    summary, results = part_of("weights_and_areas", "summary"), committed("weights_and_areas")["results"]
+    summary, results = part_of("weights_and_areas", "run"), committed("weights_and_areas")["results"]
     for kept in results["differences"]:
         wanted = ((False, kept["rate_full"]), (True, kept["rate_stopped"]))
         arms = [
@@ -65,7 +65,7 @@ def test_weights_and_areas(part_of):
 
 def test_self_intersection(part_of):
     results = committed("self_intersection")["results"]
-    differences = part_of("self_intersection", "summary").differences(results["fits"])
+    differences = part_of("self_intersection", "run").differences(results["fits"])
     require_equal(rounded(differences), results["differences"])
 
 

@@ -27,7 +27,7 @@ def test_the_small_subject_is_summarised(root, part_of):
 
 
 def test_the_template_lies_near_the_small_subject_and_not_on_it(root, part_of):
-    baseline = part_of("template_baseline", "baseline")
+    baseline = part_of("template_baseline", "run")
     folder = root / "data_synth" / "sample"
     subject = read_subject(folder, "sub-001")
     template = baseline.template_in_standard_space(read_recipe(folder / "recipe.yaml"))

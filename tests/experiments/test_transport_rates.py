@@ -39,7 +39,7 @@ def test_exact_transport_is_that_of_the_assignment(part):
     for p, metric in ((1, "euclidean"), (2, "sqeuclidean")):
         cost = cdist(points, others, metric)
         slow = cost[linear_sum_assignment(cost)].mean()
-        assert part("measured").optimal_cost(points, others, p) == pytest.approx(slow, rel=1e-12)
+        assert part("run").optimal_cost(points, others, p) == pytest.approx(slow, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_known_distances_are_those_of_coupled_points(part, config, d, relation, 
     else:
         moved[:, :3] *= config["inner_radius"]
     known = pairs.known_distance(pair, config)
-    assert part("measured").optimal_cost(points, moved, p) ** (1 / p) == pytest.approx(known, rel=1e-9)
+    assert part("run").optimal_cost(points, moved, p) ** (1 / p) == pytest.approx(known, rel=1e-9)
 
 
 @pytest.mark.parametrize("d", [3, 6])
@@ -75,7 +75,7 @@ def test_known_slices_are_those_of_large_samples(part, config, d):
 
 
 def test_chamfer_limits(part, config):
-    limits = part("limits")
+    limits = part("run")
     concentric = limits.chamfer_limit(pair_of("sphere", 3, "concentric"), config)["limit"]
     assert concentric == pytest.approx(2 * 0.3**2)
     # One way by quadrature, on a pair where every distance is known: parallel sides of two cubes in one place.
@@ -97,12 +97,12 @@ def test_a_small_part_repeats_the_committed_numbers(part, record, config, estima
     row = results[estimate][0]
     task = {"estimate": estimate, **pair_of(row["shape"], row["d"], row["relation"])}
     task |= {"n_points": row["sizes"][0], "n_repetitions": row["n_repetitions"][0]}
-    found = part("measured").errors(task, results["limits"], config)[str(row["p"])]
+    found = part("run").errors(task, results["limits"], config)[str(row["p"])]
     assert np.abs(found).mean() == pytest.approx(row["error"][0], rel=1e-5)
 
 
 def test_expected_slopes(part):
-    expected = part("summary").expected_slope
+    expected = part("run").expected_slope
     assert expected("transport", pair_of("cube", 6, "equal"), 2) == pytest.approx(-1 / 6, abs=1e-4)
     assert expected("transport", pair_of("cube", 6, "translated"), 2) == pytest.approx(-1 / 3, abs=1e-4)
     assert expected("transport", pair_of("ellipsoid", 6, "equal"), 1) == -0.5

@@ -50,7 +50,7 @@ def test_a_rate_that_destroys_the_mesh_is_a_result(part, config):
 
 
 def test_meshes_have_the_areas_they_are_said_to_have(part, record):
-    meshes = part("meshes")
+    meshes = part("descents")
     sphere = icosphere(2)
     assert float(face_areas(meshes.doubled(sphere)).sum() / face_areas(sphere).sum()) == pytest.approx(2)
     for count in (1, 3):
@@ -61,7 +61,7 @@ def test_meshes_have_the_areas_they_are_said_to_have(part, record):
 
 
 def test_merging_errors_are_roundoff_and_a_wrong_cost_is_seen(part, config, monkeypatch):
-    checks = part("checks")
+    checks = part("run")
     small = config["merging"] | {"n_cases": 20, "exponents": [1]}
     (row,) = checks.merging_errors(small)
     assert max(row["pot_sorting"], row["pot_linear_program"], row["scipy"]) < 1e-13
@@ -71,7 +71,7 @@ def test_merging_errors_are_roundoff_and_a_wrong_cost_is_seen(part, config, monk
 
 
 def test_summary_chooses_by_its_own_loss_and_counts_the_collapsed(part):
-    summary = part("summary")
+    summary = part("run")
     rows = []
     for detach in (False, True):
         for rate, own, other in ((0.1, 2.0, 1.0), (0.3, 1.0, 3.0)):

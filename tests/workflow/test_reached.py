@@ -114,6 +114,25 @@ def test_a_package_may_import_its_own_modules_by_its_name(part, place):
     assert "taken" in {found.name for found in part("reached").Code(place).reached(["affine_run"])}
 
 
+def test_the_trainings_of_experiments_count_and_their_runner_does_not(part, tmp_path):
+    files = {"x/run.py": "import experiment\nfrom trials.train import go\ngo(experiment.run())\n",
+             "trials/__init__.py": "", "trials/train.py": "def go(n):\n    return n\n",
+             "experiment.py": "def run():\n    return 1\n"}  # fmt: skip
+    for name, text in files.items():
+        (tmp_path / "experiments" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "experiments" / name).write_text(text)
+    stale = part("stale")
+
+    def digest():
+        return stale.Results(None, tmp_path, tmp_path)._code(("experiments/x/run.py",))
+
+    before = digest()
+    edit(tmp_path, "experiments/experiment.py", "return 1", "return 2")
+    assert digest() == before
+    edit(tmp_path, "experiments/trials/train.py", "return n", "return -n")
+    assert digest() != before
+
+
 def test_a_name_that_is_none_is_refused(part, place):
     code = part("reached").Code(place)
     assert code.digest(["pack.inner.affine.register"]) == code.digest(["pack.register"])

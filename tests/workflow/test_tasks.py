@@ -13,7 +13,7 @@ from meshot.systems import get_system, system_names
 from meshot_book.claims import ledger_page
 from meshot_book.claims.rules import RULES
 from meshot_book.notebook import checksum_lines
-from scripts import scripts_in
+from trials.training import finals, read_config
 
 
 @pytest.fixture
@@ -25,12 +25,11 @@ def test_every_experiment_and_every_network_is_a_task(graphs, root):
     written = {path for task in graphs["experiments"].tasks.values() for path in task.writes}
     results = {p.relative_to(root).as_posix() for p in (root / "experiments").glob("*/results.json")}
     assert results - written == set()
-    with scripts_in(root / "experiments" / "ddot") as load:
-        trainings = load("trainings")
-        networks = {f"ddot_{each.name}" for each in trainings.wanted(trainings.read_config())}
-    with scripts_in(root / "experiments" / "comparison") as load:
-        units = load("units")
-        networks |= {f"comparison_{each.name}" for each in units.finals(units.read_config())}
+    networks = {
+        f"{name}_{each.name}"
+        for name in ("ddot", "comparison")
+        for each in finals(read_config(root / "experiments" / name / "config.yaml"))
+    }
     kinds = ("ddot_", "comparison_")
     assert {name for name in graphs["experiments"].tasks if name.count("_") > 3 and name.startswith(kinds)} == networks
 
