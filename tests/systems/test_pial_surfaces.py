@@ -27,7 +27,7 @@ SHORT = {"corticalflow": ["training.n_epochs=10"], "vox2cortex": ["training.vali
 @pytest.fixture(scope="module")
 def examples():
     torch.set_num_threads(1)
-    return ExampleSets(phantom_subjects(4, (), pial=True), phantom_subjects(2, (), 50, pial=True))
+    return ExampleSets(phantom_subjects(2, (), pial=True), phantom_subjects(1, (), 50, pial=True))
 
 
 @pytest.fixture
