@@ -21,13 +21,13 @@ BOXES = {
 NAMES = ["corticalflow", "deepcsr", "vox2cortex"]
 #: The group of settings that names the surfaces of a system.
 GROUP = {"corticalflow": "template", "deepcsr": "surface", "vox2cortex": "template"}
-SHORT = {"corticalflow": ["training.n_epochs=10"], "vox2cortex": ["training.validate_every=3"], "deepcsr": []}
+SHORT = {"corticalflow": ["training.n_epochs=5"], "vox2cortex": ["training.validate_every=3"], "deepcsr": []}
 
 
 @pytest.fixture(scope="module")
 def examples():
     torch.set_num_threads(1)
-    return ExampleSets(phantom_subjects(2, (), pial=True), phantom_subjects(1, (), 50, pial=True))
+    return ExampleSets(phantom_subjects(4, (), pial=True), phantom_subjects(2, (), 50, pial=True))
 
 
 @pytest.fixture
