@@ -1,5 +1,6 @@
 """A head so simple that a network made by hand segments it: two balls, the right one brighter, in any position."""
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -43,15 +44,19 @@ def bright_template(size: float = 4.0) -> Volume:
     return bright_head(affine, tuple(int(n // size) for n in (192, 160, 160)))
 
 
+@functools.cache
+def _standard_brightness() -> tuple[float, float]:
+    image = standard_scan(bright_template(), bright_template()).volume.data
+    return float(image.mean()), float(image.std())
+
+
 def brightness_network(scale: float = 100.0) -> SegmentationNetwork:
     """Tells left from right by how bright it is: background below .2, right above .5.
 
     Both convolutions hand on what they get, both normalisations take away the mean m of the image and divide by its
     deviation s, and the head undoes that: logits 0, k (I − .2), 2k (I − .2) − .3 k.
     """
-    template = bright_template()
-    image = standard_scan(template, template).volume.data
-    mean, deviation = float(image.mean()), float(image.std())
+    mean, deviation = _standard_brightness()
     network = SegmentationNetwork(width=1, depth=1)
     with torch.no_grad():
         for parameter in network.parameters():

@@ -1,5 +1,6 @@
 """What every test stands on: checked annotations, pinned threads, a display for VTK."""
 
+import importlib
 import os
 import random
 import sys
@@ -7,14 +8,15 @@ from pathlib import Path
 
 import hypothesis
 import pytest
-from jaxtyping import config, install_import_hook
+from jaxtyping import config
 
 ROOT = Path(__file__).resolve().parent.parent
 for folder in ("book", "tools", "experiments", "tests", "tests/fuzz", "tests/loss", "tests/mutation"):
     sys.path.insert(0, str(ROOT / folder))
 
+typechecker = importlib.import_module("typechecker")
 if not os.environ.get("MESHOT_UNCHECKED"):
-    install_import_hook(["meshot", "meshot_book"], "typechecker.check")
+    typechecker.install("meshot", "meshot_book")
 
 
 # The same drawn problems in every run, and nothing written into the checkout, which may be read-only.
@@ -47,23 +49,38 @@ LONG_FILES = (
 THOROUGH = ("everywhere/", "fuzz/", "kills/", "mutation/", "workflow/test_miniature.py")
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
+@pytest.hookimpl(tryfirst=True)  # before marks choose
 def pytest_collection_modifyitems(items):
-    """Put long files first. Tests of a file share what they build and stay on one core; a notebook is alone."""
+    """Put long files first."""
     places = {item: item.path.relative_to(ROOT / "tests").as_posix() for item in items}
     ranks = {name: rank for rank, name in enumerate((*LONG_FILES, "test_every_notebook.py"))}
     items.sort(key=lambda item: ranks.get(places[item], len(ranks)))
     for item in items:
         if places[item].startswith(THOROUGH):
             item.add_marker(pytest.mark.thorough)
-        alone = item.nodeid if places[item] == "test_every_notebook.py" else places[item]
-        item.add_marker(pytest.mark.xdist_group(alone))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Tests of a file share what they build and stay on one core; a notebook is alone.
+
+    The groups of pytest-xdist 3.8 would say so, too, but pytest 9.2 does not hear them.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            file = nodeid.split("::")[0]
+            return nodeid if file.endswith("test_every_notebook.py") else file
+
+    return ByFile(config, log)
 
 
 @pytest.fixture(autouse=True)
 def same_checks_every_run():
-    """Seed the draw by which beartype picks the one item of a list that it looks at."""
+    """Seed the draw by which beartype picks the one item of a list that it looks at; check the first calls anew."""
     random.seed(int(os.environ.get("MESHOT_CHECK_SEED", "0")))
+    typechecker.calls.clear()
 
 
 @pytest.fixture

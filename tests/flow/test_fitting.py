@@ -395,7 +395,7 @@ def test_the_flow_that_is_returned_makes_the_mesh(at_one):
     assert float(missed) < 0.2 * float(moved)
 
 
-@pytest.mark.parametrize("scale", [100.0, 1e-3])
+@pytest.mark.parametrize("scale", [pytest.param(100.0, marks=pytest.mark.thorough), 1e-3])
 def test_the_same_settings_do_at_every_size(at_one, scale):
     """Vertices are rounded differently at every size, and sixty steps of Adam enlarge that: the first steps agree."""
     few = DEFORMING_QUICK | {"n_iterations": 5}

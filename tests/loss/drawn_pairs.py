@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from meshot import DiscreteMeasure, SurfaceMeasure
 
 #: So many problems for each loss and each measure; ``make fuzz`` asks for 20 000.
-N_PROBLEMS = int(os.environ.get("MESHOT_DRAWN", "1000"))
+N_PROBLEMS = int(os.environ.get("MESHOT_DRAWN", "200"))
 SEEDS = st.integers(0, 2**32 - 1)
 DIMENSIONS = st.integers(1, 12)
 EXPONENTS = st.sampled_from([1, 1.5, 2, 3])

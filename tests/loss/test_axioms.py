@@ -4,7 +4,6 @@ import itertools
 
 import hypothesis.strategies as st
 import numpy as np
-import ot
 import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
@@ -12,10 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from meshot import (
     DiscreteMeasure,
     SurfaceMeasure,
-    chamfer,
     orthogonal_directions,
     random_directions,
-    slice_costs,
     sliced_wasserstein,
     wasserstein,
 )
@@ -31,15 +28,15 @@ def drawn(n_examples, *strategies):
 
 
 @st.composite
-def measures(draw, count=2, dimensions=(1, 2, 3, 6), empty=True):
+def measures(draw, count=2):
     """``count`` measures in one space: coarse places (ties are common), integer weights (zeros, too), 1 to 9 points."""
-    d = draw(st.sampled_from(dimensions))
+    d = draw(st.sampled_from([1, 2, 3, 6]))
     generator = np.random.default_rng(draw(SEEDS))
     found = []
     for n in draw(st.lists(st.integers(1, 9), min_size=count, max_size=count)):
         coarse, equal = draw(st.booleans()), draw(st.booleans())
         points = generator.normal(size=(n, d)) * 2
-        weights = np.ones(n) if equal else generator.integers(0 if empty else 1, 5, n).astype(float)
+        weights = np.ones(n) if equal else generator.integers(0, 5, n).astype(float)
         weights[generator.integers(n)] += 1
         if equal:
             weights[:] = 1
@@ -98,14 +95,14 @@ def about(value):
     return pytest.approx(value, rel=1e-11, abs=1e-12)
 
 
-@drawn(80, measures(), EXPONENTS, SEEDS)
+@drawn(40, measures(), EXPONENTS, SEEDS)
 def test_symmetric_and_never_negative(pair, p, seed):
     value = cost(*pair, lines(pair[0], seed), p)
     assert value >= 0
     assert value == about(cost(*pair[::-1], lines(pair[0], seed), p))
 
 
-@drawn(60, measures(1), EXPONENTS, SEEDS)
+@drawn(30, measures(1), EXPONENTS, SEEDS)
 def test_zero_between_names_of_one_measure(single, p, seed):
     """Points in another order, one of them split in two, and one more without weight: the same measure."""
     (measure,), generator = single, np.random.default_rng(seed)
@@ -121,7 +118,7 @@ def test_zero_between_names_of_one_measure(single, p, seed):
     assert cost(measure, third, lines(measure, seed), p) == about(cost(other, third, lines(measure, seed), p))
 
 
-@drawn(80, measures(3), EXPONENTS, SEEDS)
+@drawn(40, measures(3), EXPONENTS, SEEDS)
 def test_triangle_inequality(triple, p, seed):
     directions = lines(triple[0], seed)
     legs = [distance(a, b, directions, p) for a, b in itertools.combinations(triple, 2)]
@@ -134,7 +131,7 @@ def test_triangle_inequality_of_transport(triple, p):
     assert max(legs) <= sum(legs) - max(legs) + 1e-7
 
 
-@drawn(60, measures(), SEEDS)
+@drawn(30, measures(), SEEDS)
 def test_a_shift_adds_its_square(pair, seed):
     """For p = 2: the distance of the means, |Δ|²/d over whole frames, plus that of the centred measures."""
     directions, gap = frames(pair[0], seed), mean(pair[0]) - mean(pair[1])
@@ -143,27 +140,27 @@ def test_a_shift_adds_its_square(pair, seed):
     assert cost(*pair, directions, 2) == about(expected)
 
 
-@drawn(60, measures(), EXPONENTS, SEEDS)
+@drawn(30, measures(), EXPONENTS, SEEDS)
 def test_turning_all_changes_nothing(pair, p, seed):
     directions, turn = lines(pair[0], seed), frames(pair[0], seed + 1, 1)
     turned = [moved(m, lambda x: x @ turn.T) for m in pair]
     assert cost(*turned, directions @ turn.T, p) == about(cost(*pair, directions, p))
 
 
-@drawn(60, measures(), EXPONENTS, SEEDS, st.sampled_from([-3.0, 0.01, 0.5, 100.0]))
+@drawn(30, measures(), EXPONENTS, SEEDS, st.sampled_from([-3.0, 0.01, 0.5, 100.0]))
 def test_scaling_scales_with_the_exponent(pair, p, seed, factor):
     scaled = [moved(m, lambda x: factor * x) for m in pair]
     value = cost(*pair, lines(pair[0], seed), p)
     assert cost(*scaled, lines(pair[0], seed), p) == pytest.approx(abs(factor) ** p * value, rel=1e-10, abs=1e-12)
 
 
-@drawn(60, measures(), SEEDS)
+@drawn(30, measures(), SEEDS)
 def test_rising_in_the_exponent(pair, seed):
     found = [distance(*pair, lines(pair[0], seed), p) for p in (1, 1.5, 2, 3, 6)]
     assert all(a <= b * (1 + 1e-11) + 1e-12 for a, b in itertools.pairwise(found))
 
 
-@drawn(60, measures(), SEEDS)
+@drawn(30, measures(), SEEDS)
 def test_below_transport(pair, seed):
     """SW₁ ≤ W₁ whatever the directions; SW₂ ≤ W₂/√d over whole frames, where the mean of θθᵀ is I/d."""
     assert cost(*pair, lines(pair[0], seed), 1) <= float(wasserstein(*pair, 1)) * (1 + 1e-9) + 1e-9
@@ -171,23 +168,7 @@ def test_below_transport(pair, seed):
     assert cost(*pair, frames(pair[0], seed), 2) <= bound * (1 + 1e-9) + 1e-9
 
 
-@drawn(80, measures(), EXPONENTS, SEEDS)
-def test_every_direction_agrees_with_pot(pair, p, seed):
-    directions = lines(pair[0], seed)
-    sides = [(m.points @ directions.T).numpy().T for m in pair]
-    weights = [m.weights.numpy() for m in pair]
-    expected = [ot.emd2_1d(x, y, *weights, metric="minkowski", p=p) for x, y in zip(*sides, strict=True)]
-    assert slice_costs(*pair, directions, p).numpy() == pytest.approx(expected, rel=1e-9, abs=1e-11)
-
-
-@drawn(40, measures(empty=False))
-def test_chamfer_is_symmetric_and_blind_to_weights(pair):
-    assert float(chamfer(*pair)) == about(float(chamfer(*pair[::-1])))
-    other = DiscreteMeasure(pair[0].points, pair[0].weights.flip(0))
-    assert float(chamfer(pair[0], other)) == 0
-
-
-@drawn(50, soups(3), st.sampled_from([1, 2]), SEEDS)
+@drawn(30, soups(3), st.sampled_from([1, 2]), SEEDS)
 def test_axioms_of_continuous_measures(triple, p, seed):
     directions = lines(triple[0], seed)
     legs = [distance(a, b, directions, p) for a, b in itertools.combinations(triple, 2)]

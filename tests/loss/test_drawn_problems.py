@@ -1,4 +1,4 @@
-"""Every loss and every measure on a thousand drawn problems each, against a slow twin or a closed form."""
+"""Every loss and every measure on many drawn problems each, against a slow twin or a closed form."""
 
 import math
 

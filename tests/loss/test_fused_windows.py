@@ -71,7 +71,7 @@ def test_single_precision():
 @pytest.mark.parametrize("p", [1.5, 2])
 def test_gradcheck(p):
     """In the coordinates that the windows do not use, and in the weights; in all of them where the window is level."""
-    (x, a, y, b), centres, radius, lines = case("generic")
+    (x, a, y, b), centres, radius, lines = case("generic", n_windows=2)
     for width, free in ((radius, 3), (1e7, 0)):
         rest = [torch.from_numpy(values[:9, :free]) for values in (x, y)]
         moving = [torch.from_numpy(values[:9, free:].copy()).requires_grad_() for values in (x, y)]

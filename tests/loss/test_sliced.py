@@ -293,20 +293,6 @@ def test_the_value_of_pot(loss, p, m, weighted):
 
 
 @both_of_pot_properties
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_type_and_device_follow_the_input(loss, dtype):
-    source, target = problems.cloud(0, 100, 2, dtype=dtype), problems.cloud(1, 200, 2, dtype=dtype)
-    value = loss(source, target, random_directions(20, 2, 0, dtype))
-    assert value.dtype == dtype
-    assert value.device == source.points.device
-    exact = [
-        DiscreteMeasure(m.points.double(), m.weights.double() / m.weights.double().sum()) for m in (source, target)
-    ]
-    expected = pot_distance(*exact, random_directions(20, 2, 0), 2)
-    assert float(value) == pytest.approx(expected, rel={torch.float32: 1e-4, torch.float64: 1e-10}[dtype])
-
-
-@both_of_pot_properties
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("weighted", [True, False])
 def test_gradients_of_pot(loss, p, weighted):

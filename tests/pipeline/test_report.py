@@ -150,8 +150,7 @@ def test_the_overview_has_six_squares_with_the_outline_of_the_result(made):
             assert square[:5, :5].max() < 20
 
 
-@pytest.mark.parametrize("width", [400, 1280])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), [(400, "dark"), (1280, "light")])
 def test_the_page_is_whole_in_itself(made, context, width, scheme):
     with watched_page(context, made / "report.html") as (page, troubles):
         page.emulate_media(color_scheme=scheme)
@@ -213,7 +212,7 @@ def test_a_strict_reconstruction_stops_at_a_warning(place, monkeypatch, capsys):
     assert not (place / "strict").exists()
 
 
-def test_what_lies_outside_the_brain_mask_is_left_out(place, capsys):
+def test_what_lies_outside_the_brain_mask_is_left_out(place, made, capsys):
     head = bright_template()
     mask = head.with_data((head.data > 0).astype(np.float32))
     ball = head.data.copy()
@@ -223,11 +222,8 @@ def test_what_lies_outside_the_brain_mask_is_left_out(place, capsys):
     scan = ["reconstruct", str(place / "with_ball.nii.gz"), *own_weights(place), "--initial-only"]
     assert main([*scan, "-o", str(place / "masked"), "--brain-mask", str(place / "mask.nii.gz")]) == 0
     assert json.loads((place / "masked" / "report.json").read_text(encoding="utf-8"))["brain_mask"] == "mask.nii.gz"
-    write_volume(place / "without_ball.nii.gz", head)
-    scan[1] = str(place / "without_ball.nii.gz")
-    assert main([*scan, "-o", str(place / "alone")]) == 0
-    same = [(place / folder / "lh.white").read_bytes() for folder in ("masked", "alone")]
-    assert same[0][100:] == same[1][100:]
+    masked, alone = read_mesh(place / "masked" / "lh.white"), read_mesh(made / "lh.initial")  # without the ball
+    assert np.array_equal(masked.vertices, alone.vertices)
     assert main([*scan, "-o", str(place / "third"), "--brain-mask", str(place / "no_such.nii.gz")]) == 2
 
 
@@ -333,11 +329,11 @@ def test_numbers_on_the_page_have_no_exponents():
     assert [_cell(value) for value in (1138.4, 174540, 361.21, 0)] == ["1\u202f138", "174\u202f540", "361", "0"]
 
 
-def test_names_that_are_no_utf8(place, capsys):
+def test_names_that_are_no_utf8(place, quick, capsys):
     """A scan and a folder named in Latin-1: everything is written, and the report says U+FFFD for the byte."""
     scan, out = place / os.fsdecode(b"caf\xe9.nii.gz"), place / os.fsdecode(b"sal\xe9")
     shutil.copy(place / NAME, scan)
-    assert main(["reconstruct", str(scan), "-o", str(out), *own_weights(place), "--initial-only"]) == 0
+    assert main(["reconstruct", str(scan), "-o", str(out), *own_weights(place)]) == 0
     assert json.loads((out / "report.json").read_text(encoding="utf-8"))["scan"]["name"] == "caf\ufffd.nii.gz"
     assert "caf\ufffd.nii.gz" in (out / "report.html").read_text(encoding="utf-8")
     assert "sal\ufffd" in capsys.readouterr().out

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import torch
 
+from meshot.cli import main
 from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
 from meshot.mesh.io import write_mesh
 from meshot.mesh.mesh import Mesh
@@ -23,7 +24,7 @@ from meshot.provenance import processor
 from meshot.synth import generation, scanning
 from meshot.synth.cohorts import LABELS, participants, read_subject, scans
 from meshot.synth.generation import changed_files, content_hash, keep_digests, make_cohort, open_cohort, visits
-from meshot.synth.recipe import Recipe, plan
+from meshot.synth.recipe import Recipe, plan, read_recipe, recipe_text
 from meshot.synth.subject import CorticalSurfaces
 from meshot.volume.io import read_volume, write_volume
 from meshot.volume.registration import SHAPE, place_on_grid
@@ -246,34 +247,6 @@ def test_doors(quick, tmp_path, unchecked):
         subject.facts()
 
 
-def _command(*words):
-    return subprocess.run(
-        [sys.executable, "-m", "meshot.cli", "make-cohort", *map(str, words)],
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-    )
-
-
-def test_the_command_makes_a_cohort_in_parallel(tmp_path):
-    done = _command("tiny", tmp_path / "c", "--jobs", "2", "--subjects", "1")
-    assert done.returncode == 0, done.stderr
-    assert "100%" in done.stderr
-    assert [s.name for s in scans(tmp_path / "c")] == ["sub-001", "sub-p01"]
-    assert json.loads((tmp_path / "c" / "manifest.json").read_text(encoding="utf-8"))["recipe"] == "tiny"
-    assert read_volume(tmp_path / "c" / "sub-001" / "anat" / "sub-001_T1w.nii.gz").data.max() > 300
-    again = _command("tiny", tmp_path / "c", "--subjects", "1", "--check")
-    assert (again.returncode, again.stdout.strip()) == (0, "every file is as it was made")
-    refused = _command("oasis_like", tmp_path / "c")
-    assert refused.returncode == 2
-    assert "another recipe" in refused.stderr
-    assert "Traceback" not in refused.stderr
-    elsewhere = _command("tiny", tmp_path / "c", "--subjects", "1", "--standard", "white matter")
-    assert elsewhere.returncode == 2
-    assert "another recipe (different: standard)" in elsewhere.stderr
-    assert "standard is 'air'; one of grey values, white matter" in _command("tiny", "d", "--standard", "air").stderr
-
-
 OLD_CPU = {
     "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
     "ATEN_CPU_CAPABILITY": "default",
@@ -282,21 +255,41 @@ OLD_CPU = {
 }
 
 
-@pytest.mark.skipif(platform.machine() != "x86_64", reason="the features that are switched off are those of x86")
-def test_the_committed_subject_is_made_again_as_on_an_older_cpu(root, tmp_path):
-    known = set(np._core._multiarray_umath.__cpu_dispatch__)
-    features = [name for name in OLD_CPU["NPY_DISABLE_CPU_FEATURES"].split() if name in known]
-    old = os.environ | OLD_CPU | {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}
-    code = (
-        "import sys; from pathlib import Path; from meshot.synth.recipe import read_recipe;"
-        "from meshot.synth.generation import make_visit, visits; recipe = read_recipe(sys.argv[1]);"
-        "make_visit(recipe, Path(sys.argv[2]), visits(recipe)[0])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, "tiny", str(tmp_path)], env=old, capture_output=True, encoding="utf-8", check=False
-    )
+@pytest.fixture(scope="module")
+def made_by_command(tmp_path_factory):
+    """A cohort of the committed subject alone, from the command line, by a second process, as on an older CPU."""
+    folder, old = tmp_path_factory.mktemp("command"), os.environ.copy()
+    if platform.machine() == "x86_64":
+        known = set(np._core._multiarray_umath.__cpu_dispatch__)
+        features = [name for name in OLD_CPU["NPY_DISABLE_CPU_FEATURES"].split() if name in known]
+        old |= OLD_CPU | {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}
+    only = dataclasses.replace(read_recipe("tiny"), subjects=1, procedural_subjects=0)
+    (folder / "one.yaml").write_text(recipe_text(only), encoding="utf-8")
+    words = [sys.executable, "-m", "meshot.cli", "make-cohort", "one.yaml", "c", "--jobs", "2"]
+    done = subprocess.run(words, cwd=folder, env=old, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr
-    hashes = json.loads((tmp_path / "logs" / "sub-001.json").read_text(encoding="utf-8"))["hashes"]["sub-001"]
+    assert "100%" in done.stderr
+    return folder / "c"
+
+
+def test_the_command_makes_a_cohort_and_checks_it(made_by_command, capsys):
+    assert [s.name for s in scans(made_by_command)] == ["sub-001"]
+    assert json.loads((made_by_command / "manifest.json").read_text(encoding="utf-8"))["recipe"] == "tiny"
+    assert read_volume(made_by_command / "sub-001" / "anat" / "sub-001_T1w.nii.gz").data.max() > 300
+    recipe, cohort = str(made_by_command.parent / "one.yaml"), str(made_by_command)
+    assert main(["make-cohort", recipe, cohort, "--check"]) == 0
+    assert capsys.readouterr().out.strip() == "every file is as it was made"
+    for words, said in (
+        (["oasis_like", cohort], "another recipe"),
+        ([recipe, cohort, "--standard", "white matter"], "another recipe (different: standard)"),
+        ([recipe, "d", "--standard", "air"], "standard is 'air'; one of grey values, white matter"),
+    ):
+        assert main(["make-cohort", *words]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_the_committed_subject_is_made_again_as_on_an_older_cpu(root, made_by_command):
+    hashes = json.loads((made_by_command / "logs" / "sub-001.json").read_text(encoding="utf-8"))["hashes"]["sub-001"]
     kept = read_subject(root / "data_synth" / "sample", "sub-001").files()
     assert len(kept) == 8
     assert {path.name: content_hash(path) for path in kept} == {path.name: hashes[path.name] for path in kept}

@@ -21,7 +21,7 @@ BOXES = {
 NAMES = ["corticalflow", "deepcsr", "vox2cortex"]
 #: The group of settings that names the surfaces of a system.
 GROUP = {"corticalflow": "template", "deepcsr": "surface", "vox2cortex": "template"}
-SHORT = {"corticalflow": ["training.n_epochs=10"], "vox2cortex": ["training.validate_every=3"], "deepcsr": []}
+SHORT = {"corticalflow": ["training.n_epochs=5"], "vox2cortex": ["training.validate_every=3"], "deepcsr": []}
 
 
 @pytest.fixture(scope="module")

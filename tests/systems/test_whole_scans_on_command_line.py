@@ -48,7 +48,7 @@ def test_a_cohort_without_pial_surfaces_is_refused(tmp_path, monkeypatch, capsys
     )
 
 
-@pytest.mark.parametrize("pial", [False, True], ids=["white", "pial"])
+@pytest.mark.parametrize("pial", [pytest.param(False, marks=pytest.mark.thorough), True], ids=["white", "pial"])
 def test_a_system_finds_surfaces_by_its_name(pial, tmp_path, monkeypatch, capsys):
     """Templates that no network moves yet lie in the boxes of the two balls, and these are what is found."""
     monkeypatch.setattr(reconstruction, "mni152_t1", bright_template)

@@ -66,9 +66,8 @@ def test_the_distance_is_that_of_the_surfaces_and_no_faces_cross(carried):
 
 
 def test_the_result_is_the_same_again(carried):
-    _, goal, found = carried
-    again = carry_template(goal, "left", (24, 24))
-    assert torch.equal(again.mesh.vertices, found.mesh.vertices)
+    first, again = (carry_template(carried[1], "left", (3, 3)) for _ in range(2))
+    assert torch.equal(again.mesh.vertices, first.mesh.vertices)
 
 
 def test_crossings_that_cannot_be_smoothed_are_counted(monkeypatch):
