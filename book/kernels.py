@@ -8,11 +8,15 @@ As a plugin of pytest (``-p kernels``) this module gives such kernels to nbval.
 """
 
 import shutil
+import sys
 import tempfile
 import weakref
 
-import nbval.kernel
 from jupyter_client.manager import KernelManager
+
+#: nbformat loads jsonschema, which takes three seconds to make parsers of addresses if it finds this package; notebooks
+#: hold no addresses to be checked. This module is loaded before nbformat.
+sys.modules["rfc3987_syntax"] = None
 
 
 class SeparateKernelManager(KernelManager):
@@ -32,4 +36,6 @@ class SeparateKernelManager(KernelManager):
 
 def pytest_configure(config):
     """Let nbval start its kernels here."""
+    import nbval.kernel
+
     nbval.kernel.KernelManager = SeparateKernelManager

@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import zip_longest
 from pathlib import Path
 
+from kernels import SeparateKernelManager  # isort: skip: before nbformat
 import jupytext
 import nbformat
 import numpy as np
@@ -24,7 +25,6 @@ from nbclient.exceptions import CellExecutionError
 from PIL import Image
 from tqdm import tqdm
 
-from kernels import SeparateKernelManager
 from meshot.files import whole_file
 from meshot_book.notebook import KERNEL_ENVIRONMENT, stated_seconds
 

@@ -8,10 +8,12 @@ from pathlib import Path
 import hypothesis
 import pytest
 from jaxtyping import config, install_import_hook
+from xdist.scheduler import LoadFileScheduling
 
 ROOT = Path(__file__).resolve().parent.parent
 for folder in ("book", "tools", "tests", "tests/fuzz", "tests/loss", "tests/mutation"):
     sys.path.insert(0, str(ROOT / folder))
+sys.modules["rfc3987_syntax"] = None  # see book/kernels.py
 
 if not os.environ.get("MESHOT_UNCHECKED"):
     install_import_hook(["meshot", "meshot_book"], "typechecker.check")
@@ -47,17 +49,32 @@ LONG_FILES = (
 THOROUGH = ("everywhere/", "fuzz/", "kills/", "mutation/", "workflow/test_miniature.py")
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items):
-    """Put long files first. Tests of a file share what they build and stay on one core; a notebook is alone."""
+    """Put long files first."""
     places = {item: item.path.relative_to(ROOT / "tests").as_posix() for item in items}
     ranks = {name: rank for rank, name in enumerate((*LONG_FILES, "test_every_notebook.py"))}
     items.sort(key=lambda item: ranks.get(places[item], len(ranks)))
     for item in items:
         if places[item].startswith(THOROUGH):
             item.add_marker(pytest.mark.thorough)
-        alone = item.nodeid if places[item] == "test_every_notebook.py" else places[item]
-        item.add_marker(pytest.mark.xdist_group(alone))
+
+
+class ByFile(LoadFileScheduling):
+    """Tests of a file share what they build and stay on one core; a notebook is alone.
+
+    The mark ``xdist_group`` would say the same. xdist 3.8 appends it to the name of a test in a way that pytest 9.2 no
+    longer sees, so that it does nothing (pytest-xdist, issue 1386).
+    """
+
+    def _split_scope(self, nodeid):
+        return nodeid if "test_every_notebook.py" in nodeid else super()._split_scope(nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Give tests to the workers file by file."""
+    return ByFile(config, log)
 
 
 @pytest.fixture(autouse=True)
