@@ -34,7 +34,9 @@ test test-all: NEEDS := python display browser
 PREFLIGHT = tools/preflight.py $(NEEDS)
 
 # A worker on every core, one thread in each. tests/conftest.py says which tests stay together.
-PARALLEL = -n logical --no-loadscope-reorder
+PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
+# Tests start hundreds of processes: what is compiled is kept, also where PYTHONDONTWRITEBYTECODE is set.
+test test-all: export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf editions notebooks text ledger lab lint warm lock licences audit sbom benchmark cohorts clean distclean
 

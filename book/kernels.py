@@ -12,11 +12,11 @@ import sys
 import tempfile
 import weakref
 
-# Who reads a notebook would wait three seconds for a grammar of web addresses, which no notebook has.
-sys.modules.setdefault("rfc3987_syntax", None)
+from jupyter_client.manager import KernelManager
 
-import nbval.kernel  # noqa: E402
-from jupyter_client.manager import KernelManager  # noqa: E402
+#: nbformat loads jsonschema, which takes three seconds to make parsers of addresses if it finds this package; notebooks
+#: hold no addresses to be checked. This module is loaded before nbformat.
+sys.modules["rfc3987_syntax"] = None
 
 
 class SeparateKernelManager(KernelManager):
@@ -36,4 +36,6 @@ class SeparateKernelManager(KernelManager):
 
 def pytest_configure(config):
     """Let nbval start its kernels here."""
+    import nbval.kernel
+
     nbval.kernel.KernelManager = SeparateKernelManager

@@ -5,8 +5,6 @@
 ``fresh [NAME ...]``   run into ``build/notebooks``, several at a time, and leave every tracked file as it is
 """
 
-from kernels import SeparateKernelManager  # isort: skip  # first, since it makes nbformat start at once
-
 import argparse
 import base64
 import io
@@ -18,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import zip_longest
 from pathlib import Path
 
+from kernels import SeparateKernelManager  # isort: skip: before nbformat
 import jupytext
 import nbformat
 import numpy as np

@@ -9,10 +9,12 @@ from pathlib import Path
 import hypothesis
 import pytest
 from jaxtyping import config
+from xdist.scheduler import LoadFileScheduling
 
 ROOT = Path(__file__).resolve().parent.parent
 for folder in ("book", "tools", "experiments", "tests", "tests/fuzz", "tests/loss", "tests/mutation"):
     sys.path.insert(0, str(ROOT / folder))
+sys.modules["rfc3987_syntax"] = None  # see book/kernels.py
 
 typechecker = importlib.import_module("typechecker")
 if not os.environ.get("MESHOT_UNCHECKED"):
@@ -49,7 +51,7 @@ LONG_FILES = (
 THOROUGH = ("everywhere/", "fuzz/", "kills/", "mutation/", "workflow/test_miniature.py")
 
 
-@pytest.hookimpl(tryfirst=True)  # before marks choose
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items):
     """Put long files first."""
     places = {item: item.path.relative_to(ROOT / "tests").as_posix() for item in items}
@@ -60,19 +62,20 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.thorough)
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config, log):
+class ByFile(LoadFileScheduling):
     """Tests of a file share what they build and stay on one core; a notebook is alone.
 
-    The groups of pytest-xdist 3.8 would say so, too, but pytest 9.2 does not hear them.
+    The mark ``xdist_group`` would say the same. xdist 3.8 appends it to the name of a test in a way that pytest 9.2 no
+    longer sees, so that it does nothing (pytest-xdist, issue 1386).
     """
-    from xdist.scheduler import LoadScopeScheduling
 
-    class ByFile(LoadScopeScheduling):
-        def _split_scope(self, nodeid):
-            file = nodeid.split("::")[0]
-            return nodeid if file.endswith("test_every_notebook.py") else file
+    def _split_scope(self, nodeid):
+        return nodeid if "test_every_notebook.py" in nodeid else super()._split_scope(nodeid)
 
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Give tests to the workers file by file."""
     return ByFile(config, log)
 
 

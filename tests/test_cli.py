@@ -153,10 +153,10 @@ def test_the_version_is_said(capsys):
 def test_what_will_not_do_is_one_line_and_status_2(pair, tmp_path, capsys):
     (tmp_path / "broken.ply").write_bytes((tmp_path / "predicted.ply").read_bytes()[:300])
     for wrong in (
-        ["no_such_file.ply", pair[1]],
-        [str(tmp_path / "broken.ply"), pair[1]],
+        ["no_such_file.ply", pair[1], *FEW],
+        [str(tmp_path / "broken.ply"), pair[1], *FEW],
         [*pair, "--points", "0"],
-        [*pair, "--json", "-", "--tsv", "-"],
+        [*pair, *FEW, "--json", "-", "--tsv", "-"],
     ):
         assert main(["evaluate", *wrong]) == 2
         said = capsys.readouterr()

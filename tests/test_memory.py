@@ -90,10 +90,15 @@ def peaks_of(names: list[str]) -> dict[str, float]:
     return dict(map(json.loads, done.stdout.splitlines()))
 
 
+#: Three that are quick: a loss, an encoding, and one that makes all pairs.
+SOME = ["sliced", "varifold", "wasserstein"]
+
+
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peaks are read in /proc")
-def test_no_peak_is_above_its_ceiling():
-    peaks = peaks_of(list(CEILINGS))
-    assert peaks.keys() == CEILINGS.keys()
+@pytest.mark.parametrize("names", [SOME, pytest.param(sorted(CEILINGS.keys() - SOME), marks=pytest.mark.thorough)])
+def test_no_peak_is_above_its_ceiling(names):
+    peaks = peaks_of(names)
+    assert sorted(peaks) == sorted(names)
     assert {name: peak for name, peak in peaks.items() if peak > CEILINGS[name]} == {}
     # What is measured is something: not less than a third of what it was.
     assert {name: peak for name, peak in peaks.items() if peak < CEILINGS[name] / 4.5} == {}

@@ -10,7 +10,7 @@ BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
 
 @pytest.fixture
-def load():
-    """A function that loads a benchmark by its name."""
+def part():
+    """A module of the benchmarks by name."""
     with scripts_in(BENCHMARKS) as found:
         yield found

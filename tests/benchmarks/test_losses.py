@@ -9,14 +9,6 @@ import yaml
 from packaging.requirements import Requirement
 
 from meshot.provenance import read_results
-from scripts import scripts_in
-
-
-@pytest.fixture
-def part(root):
-    """A module of the benchmark by name."""
-    with scripts_in(root / "benchmarks") as load:
-        yield load
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ from meshot.provenance import read_results
 
 
 @pytest.fixture
-def ruler(load):
-    return load("ruler")
+def ruler(part):
+    return part("ruler")
 
 
 def test_every_part_is_timed_and_kept(ruler, tmp_path):

@@ -1,21 +1,10 @@
 """The benchmark of a study: what a process used, and the table of what many scans cost."""
 
 import sys
-from pathlib import Path
 
 import pytest
 
 from meshot.provenance import read_results
-from scripts import scripts_in
-
-BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
-
-
-@pytest.fixture
-def part():
-    """A module of the benchmarks by name."""
-    with scripts_in(BENCHMARKS) as load:
-        yield load
 
 
 def test_processor_time_and_memory_are_those_of_the_process(part):

@@ -6,8 +6,8 @@ from meshot.provenance import read_results
 
 
 @pytest.fixture
-def windows(load):
-    return load("windows")
+def windows(part):
+    return part("windows")
 
 
 def test_both_ways_are_timed_and_give_the_same_gradient(windows, tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from build import lighten, mend_pages
-from reader_extension import count_reading, count_words, read_chapters
+from reader_extension import count_reading, count_words
 
 cell = nbformat.v4.new_code_cell
 words = nbformat.v4.new_markdown_cell
@@ -80,12 +80,3 @@ def test_a_chapter_is_counted_up_to_its_exercises():
     assert found == (400, 1, 2, 2, 1, 12)
     assert found.minutes == 2
     assert found.head == "About 2 minutes to read: 400 words, 1 figures and tables. The code ran in 12 s."
-
-
-LONGEST_READING = 45
-
-
-def test_no_chapter_takes_longer_than_a_lesson(root):
-    minutes = {name: one.minutes for name, one in read_chapters(root / "notebooks").items()}
-    assert len(minutes) > 10
-    assert {number: taken for number, taken in minutes.items() if taken > LONGEST_READING} == {}

@@ -79,12 +79,6 @@ def test_a_page_keeps_the_rules(root, name):
     assert lapses((root / "book" / f"{name}.md").read_text(encoding="utf-8")) == []
 
 
-def test_the_ledger_keeps_its_sentences_short(root):
-    text = (root / "book" / "ledger.md").read_text(encoding="utf-8")
-    unfolded = re.sub(r"^::::\{dropdown\}.*?^::::$", "", text, flags=re.M | re.S)
-    assert lapses(unfolded) == []
-
-
 @pytest.mark.parametrize(
     ("text", "seen"),
     [

@@ -21,22 +21,17 @@ def render_page(monkeypatch, tmp_path):
     return run
 
 
-def test_a_book_takes_the_place_of_the_one_before_and_leaves_nothing_else(render_page, tmp_path, capfd):
-    for word in ("first", "second"):
-        assert render_page(f"A title\n=======\n\n{word}\n") == 0
-        html = tmp_path / "into" / "html"
-        assert word in (html / "index.html").read_text(encoding="utf-8")
+def test_a_book_takes_the_place_of_the_one_before_unless_a_warning_stops_it(render_page, tmp_path, capfd):
+    page = tmp_path / "into" / "html" / "index.html"
+    for text, shown, status, said in (
+        ("first", "first", 0, str(page)),
+        ("second", "second", 0, str(page)),
+        (":ref:`nowhere`", "second", 1, "the book was not rendered"),
+    ):
+        assert render_page(f"A title\n=======\n\n{text}\n") == status
+        assert shown in page.read_text(encoding="utf-8")
         assert [path.name for path in (tmp_path / "into").iterdir()] == ["html"]
-        assert str(html / "index.html") in capfd.readouterr().out
-
-
-def test_the_book_before_stays_if_a_warning_stops_the_new_one(render_page, tmp_path, capfd):
-    assert render_page("A title\n=======\n\nsound\n") == 0
-    assert render_page("A title\n=======\n\n:ref:`nowhere`\n") == 1
-    assert "the book was not rendered" in capfd.readouterr().out
-    html = tmp_path / "into" / "html"
-    assert "sound" in (html / "index.html").read_text(encoding="utf-8")
-    assert [path.name for path in (tmp_path / "into").iterdir()] == ["html"]
+        assert said in capfd.readouterr().out
 
 
 def test_a_chapter_that_was_not_run_is_named(monkeypatch, tmp_path, capsys):

@@ -152,7 +152,10 @@ def tidy(toy):
     (toy / "go").touch()
 
 
-@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "sign",
+    [signal.SIGTERM, *(pytest.param(sign, marks=pytest.mark.thorough) for sign in (signal.SIGINT, signal.SIGKILL))],
+)
 def test_the_command_of_a_task_ends_with_it(toy, tidy, sign):
     slow(toy)
     first = started(toy)

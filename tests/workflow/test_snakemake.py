@@ -7,7 +7,10 @@ import subprocess
 import sys
 import time
 
+import pytest
 
+
+@pytest.mark.thorough
 def test_a_killed_workflow_goes_on_and_ends_the_same(snakemake, toy, tmp_path):
     pause = toy / "workflow/experiments.yaml"
     text = pause.read_text(encoding="utf-8")

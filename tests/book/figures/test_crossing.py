@@ -3,14 +3,12 @@
 import itertools
 import re
 
-import numpy as np
 import pytest
 import torch
 
-from browser import offline_browser, page_file, watched_page
+from browser import page_file, set_width, watched_page
 from meshot_book.examples.counterexample import crossing_sides, crossing_time
 from meshot_book.figures.flows.crossing import FIELDS, crossing_figure, crossing_player, outlines, two_triangles
-from preflight import browser as browser_path
 
 SETTINGS = [
     (name, time, steps, exponent)
@@ -21,17 +19,16 @@ SETTINGS = [
 
 
 def turn(a, b, c):
-    return np.sign(np.linalg.det(np.stack([b - a, c - a])))
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    return (area > 0) - (area < 0)
 
 
 def crossing_pairs(shapes):
     """Slow twin: every side of every outline against every other."""
-    sides = [(p, q) for shape in shapes.numpy() for p, q in zip(shape, np.roll(shape, -1, axis=0), strict=True)]
-    return int(
-        sum(
-            turn(*s, t[0]) * turn(*s, t[1]) < 0 and turn(*t, s[0]) * turn(*t, s[1]) < 0
-            for s, t in itertools.combinations(sides, 2)
-        )
+    sides = [(p, q) for shape in shapes.tolist() for p, q in zip(shape, shape[1:] + shape[:1], strict=True)]
+    return sum(
+        turn(*s, t[0]) * turn(*s, t[1]) < 0 and turn(*t, s[0]) * turn(*t, s[1]) < 0
+        for s, t in itertools.combinations(sides, 2)
     )
 
 
@@ -41,10 +38,11 @@ def set_to(page, name, value):
     )
 
 
-def test_the_page_counts_what_python_counts(tmp_path):
+def test_the_page_counts_what_python_counts(tmp_path, context):
     file = page_file(tmp_path, crossing_player("two triangles"))
     corners, seen = two_triangles(), set()
-    with offline_browser(browser_path(), 400) as context, watched_page(context, file) as (page, troubles):
+    with watched_page(context, file) as (page, troubles):
+        set_width(page, 400)
         assert page.is_visible("canvas")
         assert not page.is_visible("img")
         for name, time, steps, exponent in SETTINGS:
