@@ -9,7 +9,7 @@ import torch
 
 from browser import offline_browser, page_file, watched_page
 from meshot_book.examples.counterexample import crossing_sides, crossing_time
-from meshot_book.figures.flows.crossing import FIELDS, crossing_figure, crossing_player, outlines, two_triangles
+from meshot_book.figures.flows.flow import FIELDS, crossing_figure, crossing_player, outlines, two_triangles
 from preflight import browser as browser_path
 
 SETTINGS = [
