@@ -246,14 +246,8 @@ class ProjectedLaw:
 def projected_law(measure: Measure, direction: Float[Tensor, " d"]) -> ProjectedLaw:
     """The exact distribution of ⟨θ, X⟩ for X drawn from a measure, as used by :func:`meshot.sliced_wasserstein`.
 
-    The density of a triangle is piecewise linear, that of a segment is constant. A point, or a face perpendicular to
-    the direction, gives an atom. No sampling, no gradient.
-
-    Parameters
-    ----------
-    measure : Measure
-    direction : tensor
-        A unit vector θ.
+    The direction is a unit vector θ. The density of a triangle is piecewise linear, that of a segment is constant. A
+    point, or a face perpendicular to the direction, gives an atom. No sampling, no gradient.
 
     Raises
     ------

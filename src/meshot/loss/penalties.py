@@ -21,14 +21,8 @@ def squared_edge_length(shape: Mesh | Contour, target_length: float = 0.0) -> Fl
     """The mean squared difference between the edge lengths and a target length, in squared units of the vertices.
 
     With target zero, shorter edges are better; on a closed contour of given length the sum is smallest if all edges
-    have the same length. Same as PyTorch3D's ``mesh_edge_loss``. The gradient at an edge of length zero is zero.
-
-    Parameters
-    ----------
-    shape : Mesh or Contour
-        Each edge of a mesh counts once.
-    target_length : float
-        Non-negative, in units of the vertices.
+    have the same length. Same as PyTorch3D's ``mesh_edge_loss``. The gradient at an edge of length zero is zero. Each
+    edge of a mesh counts once. The target is not negative, in units of the vertices.
 
     Raises
     ------
@@ -81,14 +75,8 @@ def cotangent_laplacian_length(mesh: Mesh, detach_weights: bool = False) -> Floa
     Unlike uniform weights, cotangent weights measure curvature and are little affected by tangential motion of
     vertices. There are two differences to PyTorch3D. The gradient includes the weights unless they are detached. A
     vertex whose faces all have zero area (only there do the weights sum to zero) counts with distance zero, so that the
-    value does not depend on the origin. The gradient of a distance that is zero is zero.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        It may be open. At its boundary the weighted means lie inside.
-    detach_weights : bool
-        Treat the weights as constants in the gradient.
+    value does not depend on the origin. The gradient of a distance that is zero is zero. The mesh may be open; at its
+    boundary the weighted means lie inside.
 
     Raises
     ------
