@@ -21,7 +21,7 @@ from meshot.provenance import (
     write_results,
 )
 from meshot_book.notebook.environment import environment_card
-from meshot_book.notebook.numbers import digits
+from meshot_book.notebook.tables import digits
 
 
 @pytest.fixture

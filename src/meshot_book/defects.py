@@ -26,10 +26,8 @@ from meshot.types import Bool, Float, Int64, Tensor
 
 
 def shifted(mesh: Mesh, shift: tuple[float, float, float]) -> Mesh:
-    """The surface translated by a vector, as after an inaccurate registration.
-
-    The distance to the original is known: W₂ is the length of the vector, SW₂ this length over √3 (without sampling).
-    """
+    """The surface translated by a vector, as after an inaccurate registration."""
+    # The distance to the original is known: W₂ is the length of the vector, SW₂ this length over √3 (without sampling).
     return mesh.with_vertices(mesh.vertices + mesh.vertices.new_tensor(shift))
 
 
@@ -48,13 +46,14 @@ def noisy(mesh: Mesh, deviation: float, generator: Generator) -> Mesh:
 def with_hole(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float) -> Mesh:
     """The surface without the faces whose barycentre lies in a ball. The result is open."""
     require_positive(radius, "radius", "units of the vertices")
-    gone = _near(face_barycentres(mesh), centre, radius)
+    gone = (face_barycentres(mesh) - centre).norm(dim=1) <= radius
     if not bool(gone.any()) or bool(gone.all()):
         raise ValueError(
             f"{int(gone.sum())} of {len(gone)} faces lie within {radius:g} of the centre; some but not all are needed: "
             "change the radius, or move the centre onto the surface"
         )
-    return _without_loose_vertices(mesh.vertices, mesh.faces[~gone])
+    used, index = torch.unique(mesh.faces[~gone], return_inverse=True)
+    return Mesh(mesh.vertices[used], index)
 
 
 def with_spike(mesh: Mesh, vertex: int, height: float) -> Mesh:
@@ -77,11 +76,9 @@ def with_blurred_folds(mesh: Mesh, centre: Float[Tensor, " 3"], radius: float, n
 
 
 def unevenly_sampled(mesh: Mesh, inside: Bool[Tensor, " F"], n_rounds: int) -> Mesh:
-    """The same surface with more triangles in one part: a change of the mesh without any error.
-
-    Each chosen face is divided into three at its barycentre, ``n_rounds`` times. Neighbouring faces do not change and
-    the mesh stays closed. The set of points of the surface does not change; the triangles become less regular.
-    """
+    """The same surface with more triangles in one part: a change of the mesh without any error."""
+    # Each chosen face is divided into three at its barycentre, ``n_rounds`` times. Neighbouring faces do not change and
+    # the mesh stays closed. The set of points of the surface does not change; the triangles become less regular.
     require_positive_integer(n_rounds, "n_rounds")
     if inside.shape != mesh.faces.shape[:1]:
         raise ValueError(f"inside has shape {tuple(inside.shape)}; one truth value for each of {len(mesh.faces)} faces")
@@ -105,15 +102,6 @@ def with_flipped_faces(mesh: Mesh, share: float, generator: Generator) -> Mesh:
     return Mesh(mesh.vertices, faces)
 
 
-def _near(points: Float[Tensor, "n 3"], centre: Float[Tensor, " 3"], radius: float) -> Bool[Tensor, " n"]:
-    return (points - centre).norm(dim=1) <= radius
-
-
-def _without_loose_vertices(vertices: Tensor, faces: Tensor) -> Mesh:
-    used, index = torch.unique(faces, return_inverse=True)
-    return Mesh(vertices[used], index)
-
-
 # Opposite walls of a sulcus, and surfaces with a bridge between them or with one wall moved through the other.
 
 FACING = 0.8  # smallest cosine between a normal and the direction to the other face
@@ -121,18 +109,10 @@ FACING = 0.8  # smallest cosine between a normal and the direction to the other 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SulcalWalls:
-    """Pairs of faces that face each other across a gap, sorted by decreasing gap.
+    """Pairs of faces that face each other across a gap, sorted by decreasing gap."""
 
-    Parameters
-    ----------
-    faces : tensor
-        Two face indices per row.
-    gaps : tensor
-        Distance between the two barycentres.
-    """
-
-    faces: Int64[Tensor, "n 2"]
-    gaps: Float[Tensor, " n"]
+    faces: Int64[Tensor, "n 2"]  # two face indices per row
+    gaps: Float[Tensor, " n"]  # distance between the two barycentres
 
 
 def facing_walls(mesh: Mesh, narrowest: float, widest: float) -> SulcalWalls:
@@ -155,10 +135,8 @@ def facing_walls(mesh: Mesh, narrowest: float, widest: float) -> SulcalWalls:
 
 
 def with_bridge(mesh: Mesh, narrowest: float = 2.0, widest: float = 8.0) -> Mesh:
-    """The surface with a handle across a sulcus: two opposite faces are replaced by a tube between them.
-
-    χ decreases by two. The pair with the widest gap is used whose tube does not intersect the surface.
-    """
+    """The surface with a handle across a sulcus: two opposite faces are replaced by a tube between them."""
+    # χ decreases by two. The pair with the widest gap is used whose tube does not intersect the surface.
     banks = facing_walls(mesh, narrowest, widest)
     n_crossing, wanted = len(self_intersecting_faces(mesh)), euler_number(mesh) - 2
     for one, other in banks.faces.tolist():
@@ -184,10 +162,8 @@ def _joined(mesh: Mesh, one: int, other: int) -> Mesh | None:
 
 
 def with_crossing(mesh: Mesh, depth: float, narrowest: float = 1.0, widest: float = 6.0) -> Mesh:
-    """The surface with one wall of a narrow sulcus moved through the other: same topology, self-intersections.
-
-    The three corners of a face are moved across the narrowest gap and by ``depth`` beyond it.
-    """
+    """The surface with one wall of a narrow sulcus moved through the other: same topology, self-intersections."""
+    # The three corners of a face are moved across the narrowest gap and by ``depth`` beyond it.
     if not depth > 0:
         raise ValueError(f"depth is {depth!r}; a length > 0 is needed, how far beyond the other bank")
     one, other = facing_walls(mesh, narrowest, widest).faces[-1].tolist()

@@ -25,7 +25,14 @@ def write_example(
     path: str | os.PathLike, example: DeformationExample, record: dict, n_target_faces: int = 30_000
 ) -> None:
     """Write a hemisphere with at most 65 536 vertices, completely or not at all."""
-    scan = _box(example)
+    # The part of the scan that can influence a flow near the surfaces.
+    volume, shape = example.scan, np.array(example.scan.data.shape)
+    places = mm_to_voxel(volume, torch.cat([example.initial.vertices, example.target.vertices]).double()).numpy()
+    low = np.clip((np.floor(places.min(axis=0)).astype(int) - _MARGIN) // _BLOCK * _BLOCK, 0, None)
+    high = np.minimum(-(-(np.ceil(places.max(axis=0)).astype(int) + _MARGIN) // _BLOCK) * _BLOCK, shape)
+    affine = volume.affine.copy()
+    affine[:3, 3] += affine[:3, :3] @ low
+    scan = Volume(volume.data[tuple(slice(a, b) for a, b in zip(low, high, strict=True))], affine)
     if scan.data.min() < 0 or scan.data.max() > 1:
         raise ValueError(f"the scan ranges from {scan.data.min():.4g} to {scan.data.max():.4g}; [0, 1] is needed")
     greys = zlib.compress(np.round(scan.data * _GREYS).astype(np.uint8).tobytes(), 9)
@@ -62,17 +69,6 @@ def read_example(path: str | os.PathLike) -> tuple[DeformationExample, dict]:
             f"{os.fspath(path)} does not hold a hemisphere ({error}); make one with write_example"
         ) from error
     return DeformationExample(record["name"], scan, initial, initial, target), record
-
-
-def _box(example: DeformationExample) -> Volume:
-    """The part of the scan that can influence a flow near the surfaces."""
-    volume, shape = example.scan, np.array(example.scan.data.shape)
-    places = mm_to_voxel(volume, torch.cat([example.initial.vertices, example.target.vertices]).double()).numpy()
-    low = np.clip((np.floor(places.min(axis=0)).astype(int) - _MARGIN) // _BLOCK * _BLOCK, 0, None)
-    high = np.minimum(-(-(np.ceil(places.max(axis=0)).astype(int) + _MARGIN) // _BLOCK) * _BLOCK, shape)
-    affine = volume.affine.copy()
-    affine[:3, 3] += affine[:3, :3] @ low
-    return Volume(volume.data[tuple(slice(a, b) for a, b in zip(low, high, strict=True))], affine)
 
 
 def _packed(name: str, mesh: Mesh) -> dict[str, Array]:

@@ -37,22 +37,10 @@ class AnalyticField(VelocityField):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Affine(AnalyticField):
-    """v = A x + b. The flow is given by the matrix exponential; the Lipschitz constant is the spectral norm of A.
-
-    Parameters
-    ----------
-    matrix : tensor
-    offset : tensor, optional
-        b, zero by default.
-
-    Raises
-    ------
-    ValueError
-        If the matrix is not square, or the offset has another length.
-    """
+    """v = A x + b. The flow is given by the matrix exponential; the Lipschitz constant is the spectral norm of A."""
 
     matrix: Float[Tensor, "d d"]
-    offset: Float[Tensor, " d"] | None = None
+    offset: Float[Tensor, " d"] | None = None  # b, zero by default
 
     def __post_init__(self):
         matrix = as_floating(self.matrix, "matrix")
@@ -87,10 +75,8 @@ def rotation(angle: float) -> Affine:
 
 
 def spiral(angle: float, growth: float) -> Affine:
-    """A rotation of the plane combined with scaling by exp(``growth``) in unit time.
-
-    Its Lipschitz constant is √(angle² + growth²).
-    """
+    """A rotation of the plane combined with scaling by exp(``growth``) in unit time."""
+    # Its Lipschitz constant is √(angle² + growth²).
     return Affine(torch.tensor([[growth, -angle], [angle, growth]], dtype=torch.float64))
 
 
@@ -251,11 +237,9 @@ class NetworkVelocity(LearnedVelocity):
 
     @torch.no_grad()
     def lipschitz_bound(self) -> Float[Tensor, ""]:
-        """The product of the spectral norms of the layers, per unit of time. The slope of tanh is at most one.
-
-        In the first layer only the columns of the position count. The bound is not tight, because the layers do not
-        all stretch the same direction.
-        """
+        """The product of the spectral norms of the layers, per unit of time. The slope of tanh is at most one."""
+        # In the first layer only the columns of the position count. The bound is not tight, because the layers do not
+        # all stretch the same direction.
         first = self.weights[0][:, : self.n_dimensions] / self.extent
         norms = [torch.linalg.matrix_norm(weight, ord=2) for weight in [first, *list(self.weights)[1:]]]
         return torch.stack(norms).prod()
@@ -266,16 +250,10 @@ class NetworkVelocity(LearnedVelocity):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Leg:
-    """One flow of a sequence: a field and its integration settings.
-
-    Parameters
-    ----------
-    field : VelocityField, or callable of (time, points)
-    n_steps, method
-        As in :func:`meshot.integrate`.
-    """
+    """One flow of a sequence: a field and its integration settings."""
 
     field: VelocityField | Velocity
+    # n_steps, method: as in :func:`meshot.integrate`
     n_steps: int = 12
     method: str = "euler"
 
@@ -312,21 +290,11 @@ PointLoss = Callable[[Tensor], Tensor]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Descent:
-    """The result of a descent: the loss before every step, and the points after selected steps.
+    """The result of a descent: the loss before every step, and the points after selected steps."""
 
-    Parameters
-    ----------
-    losses : tensor
-        Entry k is the loss before the (k + 1)-th step.
-    steps : tuple of int
-        The numbers of steps after which the points were stored, in ascending order.
-    snapshots : tensor
-        The points after these numbers of steps.
-    """
-
-    losses: Float[Tensor, " n_steps"]
-    steps: tuple[int, ...]
-    snapshots: Float[Tensor, "k n d"]
+    losses: Float[Tensor, " n_steps"]  # entry k is the loss before the (k + 1)-th step
+    steps: tuple[int, ...]  # the numbers of steps after which the points were stored, in ascending order
+    snapshots: Float[Tensor, "k n d"]  # the points after these numbers of steps
 
     @property
     def points(self) -> Float[Tensor, "n d"]:
@@ -348,17 +316,20 @@ def descend(
     momentum: float = 0.9,
     keep: Sequence[int] | None = None,
 ) -> Descent:
-    """Minimise a loss over the positions of free points, by stochastic gradient descent with momentum.
-
-    This is the toy experiment of the paper. The step is v ← momentum · v + ∇loss(x), then x ← x − learning_rate · v,
-    from v = 0, as in ``torch.optim.SGD``. Along a direction of curvature c (loss = c x² / 2) it is stable if and only
-    if 0 < learning_rate · c < 2 (1 + momentum).
-    """
+    """Minimise a loss over the positions of free points, by stochastic gradient descent with momentum."""
+    # This is the toy experiment of the paper. The step is v ← momentum · v + ∇loss(x), then x ← x − learning_rate · v,
+    # from v = 0, as in ``torch.optim.SGD``. Along a direction of curvature c (loss = c x² / 2) it is stable if and only
+    # if 0 < learning_rate · c < 2 (1 + momentum).
     points = as_floating(points, "points")
     require_shape(points, "points", None)
     require_positive_integer(n_steps, "n_steps")
-    _require_rates(learning_rate, momentum)
-    wanted = _kept_steps(keep, n_steps)
+    if not learning_rate > 0:
+        raise ValueError(f"learning_rate is {learning_rate!r}; a number > 0 is needed")
+    if not 0 <= momentum < 1:
+        raise ValueError(f"momentum is {momentum!r}; a number in [0, 1) is needed")
+    wanted = tuple(sorted({int(step) for step in keep or ()} | {n_steps}))
+    if wanted[0] < 0 or wanted[-1] > n_steps:
+        raise ValueError(f"keep asks for steps from {wanted[0]} to {wanted[-1]}; they must lie in [0, {n_steps}]")
     moving = points.detach().clone().requires_grad_()
     optimiser = torch.optim.SGD([moving], lr=learning_rate, momentum=momentum)
     losses, snapshots = [], [points.detach().clone()] if 0 in wanted else []
@@ -374,29 +345,13 @@ def descend(
     return Descent(torch.stack(losses), wanted, torch.stack(snapshots))
 
 
-def _require_rates(learning_rate: float, momentum: float) -> None:
-    if not learning_rate > 0:
-        raise ValueError(f"learning_rate is {learning_rate!r}; a number > 0 is needed")
-    if not 0 <= momentum < 1:
-        raise ValueError(f"momentum is {momentum!r}; a number in [0, 1) is needed")
-
-
-def _kept_steps(keep: Sequence[int] | None, n_steps: int) -> tuple[int, ...]:
-    kept = sorted({int(step) for step in keep or ()} | {n_steps})
-    if kept[0] < 0 or kept[-1] > n_steps:
-        raise ValueError(f"keep asks for steps from {kept[0]} to {kept[-1]}; they must lie in [0, {n_steps}]")
-    return tuple(kept)
-
-
 # Descent directions of a loss of points, at the points and at additional positions.
 
 
 def forces(loss: PointLoss, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
-    """The force on every point: −n/2 times the gradient of the loss, where n is the number of points.
-
-    The factor cancels the mean over n points and the factor 2 of a squared distance. For the mean of the squared
-    distances ‖xᵢ − yᵢ‖², the force on xᵢ is yᵢ − xᵢ, in units of the points.
-    """
+    """The force on every point: −n/2 times the gradient of the loss, where n is the number of points."""
+    # The factor cancels the mean over n points and the factor 2 of a squared distance. For the mean of the squared
+    # distances ‖xᵢ − yᵢ‖², the force on xᵢ is yᵢ − xᵢ, in units of the points.
     points = as_floating(points, "points")
     require_shape(points, "points", None)
     moving = points.detach().clone().requires_grad_()
@@ -405,10 +360,8 @@ def forces(loss: PointLoss, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"
 
 
 def probe_forces(loss: PointLoss, points: Float[Tensor, "n d"], probes: Float[Tensor, "k d"]) -> Float[Tensor, "k d"]:
-    """The force on an additional point at each probe position: one probe at a time is appended to the points.
-
-    Needs one evaluation of the loss per probe.
-    """
+    """The force on an additional point at each probe position: one probe at a time is appended to the points."""
+    # Needs one evaluation of the loss per probe.
     return torch.stack([forces(loss, torch.cat([points, probe[None]]))[-1] for probe in probes])
 
 
@@ -417,11 +370,10 @@ def probe_forces(loss: PointLoss, points: Float[Tensor, "n d"], probes: Float[Te
 
 @torch.no_grad()
 def damped(field: GridVelocity, places: Float[Tensor, "n 3"], radius: float) -> GridVelocity:
-    """A copy of the field that is zero near the given positions at all times, as one level on the finest grid.
-
-    Coefficients at most ``radius`` from a position become zero. Between ``radius`` and twice ``radius`` they are scaled
-    by a factor that rises linearly from 0 to 1. The result is a spline, so the field stays as smooth as before.
-    """
+    """A copy of the field that is zero near the given positions at all times, as one level on the finest grid."""
+    # Coefficients at most ``radius`` from a position become zero. Between ``radius`` and twice ``radius`` they are
+    # scaled by a factor that rises linearly from 0 to 1. The result is a spline, so the field stays as smooth as
+    # before.
     places = as_floating(places, "places")
     require_shape(places, "places", 3)
     if not radius > 0:
@@ -440,13 +392,11 @@ def damped(field: GridVelocity, places: Float[Tensor, "n 3"], radius: float) -> 
 def without_crossings(
     field: GridVelocity, mesh: Mesh, n_steps: int = 12, method: str = "euler", radius: float = 3.0, max_rounds: int = 20
 ) -> GridVelocity:
-    """The field, damped near every face of the mesh that its flow makes intersect another face.
-
-    Each round moves the mesh, finds the faces that intersect at the end, and damps the field along the paths of their
-    vertices. The radius grows by ``radius`` after every third round. The
-    field does not change elsewhere, and its flow remains that of a smooth field. Near the damped faces the mesh is
-    less close to the target. :class:`meshot.flow.Guard` instead changes the fit as a whole.
-    """
+    """The field, damped near every face of the mesh that its flow makes intersect another face."""
+    # Each round moves the mesh, finds the faces that intersect at the end, and damps the field along the paths of their
+    # vertices. The radius grows by ``radius`` after every third round. The field does not change elsewhere, and its
+    # flow remains that of a smooth field. Near the damped faces the mesh is less close to the target.
+    # :class:`meshot.flow.Guard` instead changes the fit as a whole.
     require_positive_integer(max_rounds, "max_rounds")
     if len(self_intersecting_faces(mesh)):
         raise ValueError(

@@ -12,18 +12,12 @@ from meshot.types import Float, Int64, Tensor
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MonotonePlan:
-    """The cells of [0, 1] on which both quantile functions are constant, in ascending order.
+    """The cells of [0, 1] on which both quantile functions are constant, in ascending order."""
 
-    Parameters
-    ----------
-    source, target : tensor
-        For every cell, the index of the source point and of the target point.
-    masses : tensor
-        The lengths of the cells: the mass transported from that source point to that target point.
-    """
-
+    # source, target: for every cell, the index of the source point and of the target point
     source: Int64[Tensor, " k"]
     target: Int64[Tensor, " k"]
+    # the lengths of the cells: the mass transported from that source point to that target point
     masses: Float[Tensor, " k"]
 
 
@@ -33,12 +27,10 @@ def monotone_plan(
     target: Float[Tensor, " m"],
     target_weights: Float[Tensor, " m"],
 ) -> MonotonePlan:
-    """The optimal plan between two discrete measures on a line, for all costs :math:`|x - y|^p` with p ≥ 1.
-
-    Mass is transported from the smallest remaining source point to the smallest remaining target point, until one of
-    the two is exhausted. At most n + m − 1 cells have mass, and only these are returned. The masses are differentiable
-    with respect to the weights, if no weight is zero and no two steps end at the same value.
-    """
+    """The optimal plan between two discrete measures on a line, for all costs :math:`|x - y|^p` with p ≥ 1."""
+    # Mass is transported from the smallest remaining source point to the smallest remaining target point, until one of
+    # the two is exhausted. At most n + m − 1 cells have mass, and only these are returned. The masses are
+    # differentiable with respect to the weights, if no weight is zero and no two steps end at the same value.
     sides = []
     for name, positions, weights in (("source", source, source_weights), ("target", target, target_weights)):
         positions = as_floating(positions, name)
@@ -93,17 +85,10 @@ def _log_moment(q: float, d: int) -> float:
 
 
 def directions_for_translation(relative_error: float, d: int, p: float = 2) -> int:
-    """The number of random directions for a relative standard error of ``relative_error``, for a translation.
-
-    This is a first choice of L that needs no computation of a loss. For a given pair of measures use
-    :meth:`meshot.SlicedEstimate.directions_needed`. In R³ with p = 2, 1 % requires 8000 directions and 10 % requires
-    80.
-
-    Raises
-    ------
-    ValueError
-        If ``relative_error`` is not above zero, or as :func:`translation_spread`.
-    """
+    """The number of random directions for a relative standard error of ``relative_error``, for a translation."""
+    # This is a first choice of L that needs no computation of a loss. For a given pair of measures use
+    # :meth:`meshot.SlicedEstimate.directions_needed`. In R³ with p = 2, 1 % requires 8000 directions and 10 % requires
+    # 80.
     if not relative_error > 0:
         raise ValueError(f"relative_error is {relative_error!r}; a share above 0 is needed, such as 0.01 for 1 %")
     return max(1, math.ceil(round((translation_spread(d, p) / relative_error) ** 2, 9)))

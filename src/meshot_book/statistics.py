@@ -50,11 +50,7 @@ class Slope(NamedTuple):
 
 
 def fitted_slope(
-    x: Values,
-    errors: Rows,
-    statistic: str = "mean",
-    n_draws: int = 2000,
-    generator: Generator = 0,
+    x: Values, errors: Rows, statistic: str = "mean", n_draws: int = 2000, generator: Generator = 0
 ) -> Slope:
     """The exponent s of error ≈ c·x^s, by least squares on logarithms, with its 95 % interval.
 
@@ -64,7 +60,19 @@ def fitted_slope(
     only one error at every x, the interval is Student's, from the residuals of the fit.
     """
     rows = [np.abs(np.asarray(row, dtype=np.float64)).reshape(-1) for row in errors]
-    _require_fit(x, rows, statistic)
+    require_choice(statistic, "statistic", STATISTICS)
+    if len(x) != len(rows):
+        raise ValueError(f"there are {len(x)} sizes and {len(rows)} rows of errors; one row for every size is needed")
+    if any(len(row) == 0 for row in rows):
+        raise ValueError("a size has no errors; at least one repetition is needed at every size")
+    needed = 3 if all(len(row) == 1 for row in rows) else 2
+    if not all(np.isfinite(size) and size > 0 for size in x) or len(set(map(float, x))) < needed:
+        raise ValueError(f"the sizes are {list(x)!r}; at least {needed} different positive numbers are needed")
+    if not all(0 < np.mean(row) < np.inf for row in rows):
+        raise ValueError(
+            "the mean error is zero or not finite at some size, and has no logarithm; leave out sizes at which the "
+            "error is exactly zero, or lies below roundoff"
+        )
     logs = np.log(np.asarray(x, dtype=np.float64))
     counts = np.array([len(row) for row in rows], dtype=np.float64)
     weights = counts * (logs - np.average(logs, weights=counts))
@@ -72,7 +80,8 @@ def fitted_slope(
     heights = np.log(averages(rows, statistic))
     slope = float(weights @ heights)
     if counts.max() == 1:
-        return _students(logs, heights, slope)
+        half = stats.t.ppf((1 + LEVEL) / 2, len(logs) - 2) * stats.linregress(logs, heights).stderr
+        return Slope(slope, float(slope - half), float(slope + half))
     generator = numpy_generator(generator)
     drawn = np.zeros(n_draws)
     for weight, row in zip(weights, rows):
@@ -92,27 +101,6 @@ def averages(errors: Rows, statistic: str = "mean") -> np.ndarray:
     if statistic == "rms":
         return np.array([np.sqrt(np.mean(np.square(row))) for row in errors])
     return np.array([np.mean(np.abs(row)) for row in errors])
-
-
-def _students(logs: np.ndarray, heights: np.ndarray, slope: float) -> Slope:
-    half = stats.t.ppf((1 + LEVEL) / 2, len(logs) - 2) * stats.linregress(logs, heights).stderr
-    return Slope(slope, float(slope - half), float(slope + half))
-
-
-def _require_fit(x: Values, rows: list[np.ndarray], statistic: str) -> None:
-    require_choice(statistic, "statistic", STATISTICS)
-    if len(x) != len(rows):
-        raise ValueError(f"there are {len(x)} sizes and {len(rows)} rows of errors; one row for every size is needed")
-    if any(len(row) == 0 for row in rows):
-        raise ValueError("a size has no errors; at least one repetition is needed at every size")
-    needed = 3 if all(len(row) == 1 for row in rows) else 2
-    if not all(np.isfinite(size) and size > 0 for size in x) or len(set(map(float, x))) < needed:
-        raise ValueError(f"the sizes are {list(x)!r}; at least {needed} different positive numbers are needed")
-    if not all(0 < np.mean(row) < np.inf for row in rows):
-        raise ValueError(
-            "the mean error is zero or not finite at some size, and has no logarithm; leave out sizes at which the "
-            "error is exactly zero, or lies below roundoff"
-        )
 
 
 # Reliability of a measurement that is repeated on the same people, and what it means for the size of a study.

@@ -32,41 +32,19 @@ DEPTH_WEIGHT = 0.02  # of probability, per voxel
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TissueSurface:
-    """A tissue surface, and intermediate results of its computation.
+    """A tissue surface, and intermediate results of its computation."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed, oriented outwards, χ = 2, without non-manifold edges and self-intersections; in mm.
-    mask : Volume
-        Boolean: the largest component of the tissue above ½, with cavities filled.
-    genus_zero_mask : Volume
-        Boolean: the part of it that has the topology of a ball.
-    """
-
-    mesh: Mesh
-    mask: Volume
-    genus_zero_mask: Volume
+    mesh: Mesh  # closed, oriented outwards, χ = 2, without non-manifold edges and self-intersections; in mm
+    mask: Volume  # boolean: the largest component of the tissue above ½, with cavities filled
+    genus_zero_mask: Volume  # boolean: the part of it that has the topology of a ball
 
 
 def tissue_surface(probability: Volume, n_faces: int = 80_000) -> TissueSurface:
-    """The surface where a tissue probability is ½, with the topology of a sphere.
-
-    Steps: threshold, largest component, filled cavities, genus-0 correction (voxels of low probability are removed
-    first), marching cubes at subvoxel accuracy, light smoothing, decimation.
-
-    Parameters
-    ----------
-    probability : Volume
-        In [0, 1], already restricted to the region that the surface may enclose.
-    n_faces : int
-        Approximate maximum number of faces.
-
-    Raises
-    ------
-    ValueError
-        If no voxel, or every voxel, is above ½.
-    """
+    """The surface where a tissue probability is ½, with the topology of a sphere."""
+    # Steps: threshold, largest component, filled cavities, genus-0 correction (voxels of low probability are removed
+    # first), marching cubes at subvoxel accuracy, light smoothing, decimation.
+    # ``probability``: in [0, 1], already restricted to the region that the surface may enclose.
+    # ``n_faces``: approximate maximum number of faces.
     mask = filled_cavities(largest_component(probability.data > 0.5))
     # Among equal probabilities, depth decides. Otherwise fronts would meet inside white matter and leave wide cuts.
     depth = scipy.ndimage.distance_transform_edt(mask)
@@ -76,10 +54,8 @@ def tissue_surface(probability: Volume, n_faces: int = 80_000) -> TissueSurface:
 
 
 def sphere_like_mesh(mesh: Mesh, n_faces: int) -> Mesh:
-    """The mesh after smoothing and decimation, with as few smoothing steps as give no self-intersections.
-
-    If every number of steps that is tried gives self-intersections, the mesh is returned unchanged.
-    """
+    """The mesh after smoothing and decimation, with as few smoothing steps as give no self-intersections."""
+    # If every number of steps that is tried gives self-intersections, the mesh is returned unchanged.
     found = topology(mesh)
     if found != SPHERE:
         raise ValueError(f"the mesh is not a topological sphere ({found}); correct the mask with genus_zero first")
@@ -101,46 +77,24 @@ _ORIGIN = torch.zeros(1, 3, dtype=torch.float64)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HemisphereRegion:
-    """The region in which white matter of one hemisphere may lie, and the part of it that is always filled.
+    """The region in which white matter of one hemisphere may lie, and the part of it that is always filled."""
 
-    Parameters
-    ----------
-    allowed : Volume
-        Boolean: cerebrum of this side, without cerebellum, brainstem and the other side.
-    filled : Volume
-        Boolean: ventricles, thalamus and basal ganglia, which a closed white surface encloses.
-    """
-
-    allowed: Volume
-    filled: Volume
+    allowed: Volume  # boolean: cerebrum of this side, without cerebellum, brainstem and the other side
+    filled: Volume  # boolean: ventricles, thalamus and basal ganglia, which a closed white surface encloses
 
 
 def hemisphere_region(
     grid: Volume, white: Mesh, pial: Mesh, side: str, margin: float = 1.5, depth: float = 3.0
 ) -> HemisphereRegion:
-    """The region of one hemisphere, from a guide surface that is accurate to a few mm.
-
-    The allowed region is inside the guide's pial surface or at most ``margin`` outside, on one side of the plane x = 0.
-    Along the medial wall of the guide, where its white and pial surfaces coincide, there is no margin, so that the
-    brainstem and the other hemisphere are excluded. The filled region is inside the guide's white surface, more than
-    ``depth`` away from its cortical part.
-
-    Parameters
-    ----------
-    grid : Volume
-        Any volume of the scan. Its values are not used. The region is cropped to the guide.
-    white, pial : Mesh
-        The guide: closed surfaces in mm, with corresponding vertices.
-    side : str
-        "left" (x < 0) or "right" (x > 0).
-    margin, depth : float
-        In mm.
-
-    Raises
-    ------
-    ValueError
-        If ``side`` is unknown, or the guide does not overlap the scan.
-    """
+    """The region of one hemisphere, from a guide surface that is accurate to a few mm."""
+    # The allowed region is inside the guide's pial surface or at most ``margin`` outside, on one side of the plane x =
+    # 0. Along the medial wall of the guide, where its white and pial surfaces coincide, there is no margin, so that the
+    # brainstem and the other hemisphere are excluded. The filled region is inside the guide's white surface, more than
+    # ``depth`` away from its cortical part.
+    # ``grid``: any volume of the scan. Its values are not used. The region is cropped to the guide.
+    # ``white``, ``pial``: the guide: closed surfaces in mm, with corresponding vertices.
+    # ``side``: "left" (x < 0) or "right" (x > 0).
+    # ``margin``, ``depth``: in mm.
     if side not in ("left", "right"):
         raise ValueError(f"side is {side!r}; 'left' or 'right' is needed")
     grid = cropped(grid, pial.vertices, CROP_VOXELS)
@@ -166,33 +120,19 @@ def _volume_of(grid: Volume, places: Array) -> Volume:
 
 
 def restricted(probability: Volume, region: HemisphereRegion, blur: float = 0.7) -> Volume:
-    """A tissue probability restricted to a region, on the grid of the region; 1 where the region is filled.
-
-    Parameters
-    ----------
-    probability : Volume
-        In [0, 1], on the grid from which the region was cropped, or on the grid of the region.
-    region : HemisphereRegion
-    blur : float
-        Standard deviation, in voxels, of the Gaussian that smooths the borders of the region. Without it, these
-        artificial borders would give a voxelised surface.
-
-    Raises
-    ------
-    ValueError
-        If the two have different grids.
-    """
+    """A tissue probability restricted to a region, on the grid of the region; 1 where the region is filled."""
+    # ``probability``: in [0, 1], on the grid from which the region was cropped, or on the grid of the region.
+    # ``blur``: standard deviation, in voxels, of the Gaussian that smooths the borders of the region. Without it, these
+    # artificial borders would give a voxelised surface.
     allowed, filled = (
         scipy.ndimage.gaussian_filter(part.data.astype(np.float32), blur) for part in (region.allowed, region.filled)
     )
-    return region.allowed.with_data(np.maximum(_on_grid(probability, region.allowed) * allowed, filled))
-
-
-def _on_grid(volume: Volume, grid: Volume) -> Array:
-    offset = transform_points(np.linalg.inv(volume.affine), voxel_to_mm(grid, _ORIGIN)).numpy()[0]
+    data, grid = probability.data, region.allowed
+    offset = transform_points(np.linalg.inv(probability.affine), voxel_to_mm(grid, _ORIGIN)).numpy()[0]
     start = np.rint(offset).astype(int)
     end = start + grid.data.shape
-    same_axes = np.allclose(volume.affine[:3, :3], grid.affine[:3, :3], atol=1e-6)
-    if not same_axes or np.abs(offset - start).max() > 1e-3 or (start < 0).any() or (end > volume.data.shape).any():
+    same_axes = np.allclose(probability.affine[:3, :3], grid.affine[:3, :3], atol=1e-6)
+    if not same_axes or np.abs(offset - start).max() > 1e-3 or (start < 0).any() or (end > data.shape).any():
         raise ValueError("the volume and the region do not share a grid; make the region from a volume of this scan")
-    return volume.data[tuple(slice(a, b) for a, b in zip(start, end, strict=True))]
+    part = data[tuple(slice(a, b) for a, b in zip(start, end, strict=True))]
+    return grid.with_data(np.maximum(part * allowed, filled))

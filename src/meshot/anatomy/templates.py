@@ -116,10 +116,8 @@ def moments_of(mask: Volume) -> Moments:
 
 
 def gaussian_transport(source: Moments, target: Moments) -> Float[Array, "4 4"]:
-    """The affine map that is the optimal transport between the normal distributions with these moments.
-
-    Its linear part is symmetric and positive definite: it scales along three orthogonal axes and turns nothing.
-    """
+    """The affine map that is the optimal transport between the normal distributions with these moments."""
+    # Its linear part is symmetric and positive definite: it scales along three orthogonal axes and turns nothing.
     root = _root(source.covariance)
     if np.linalg.cond(root) > 1e6:
         raise ValueError("the source is flat: its covariance is singular; a mass that fills space is needed")
@@ -250,17 +248,7 @@ def contrast_by_white_matter(volume: Volume, white: Bool[Array, "X Y Z"]) -> Vol
     ----------
     Dale, Fischl and Sereno, *Cortical surface-based analysis I*, NeuroImage 1999 (the value of white matter).
     """
-    relative = volume.data / _smoothed_white(volume, white)
-    grey = _level_of_grey(relative, white)
-    if not PLAUSIBLE_GREY[0] <= grey <= PLAUSIBLE_GREY[1]:
-        return volume.with_data((WHITE * relative).clip(0, 1).astype(volume.data.dtype))
-    top = 1 + (1 - grey) * (1 - WHITE) / (WHITE - GREY)
-    moved = np.interp(relative, [0, grey, 1, top], [0, GREY, WHITE, 1])
-    return volume.with_data(moved.astype(volume.data.dtype))
-
-
-def _smoothed_white(volume: Volume, white: Array) -> Float[Array, "X Y Z"]:
-    """The bias field, in units of the scan: the values inside white matter, smoothed and continued."""
+    # The bias field, in units of the scan: the values inside white matter, smoothed and continued.
     core = scipy.ndimage.binary_erosion(white, iterations=_CORE_VOXELS)
     if not core.any():
         raise ValueError(f"no voxel of the white matter lies {_CORE_VOXELS} voxels inside it: was white matter found?")
@@ -274,17 +262,18 @@ def _smoothed_white(volume: Volume, white: Array) -> Float[Array, "X Y Z"]:
         for part in (1.0, volume.data)
     )
     mean = float(volume.data[core].mean(dtype=np.float64))
-    return (total + _REGULARISATION * mean) / (weight + _REGULARISATION)
-
-
-def _level_of_grey(relative: Array, white: Array) -> float:
-    """The commonest value beside white matter, relative to white matter; 1 if there is none."""
+    relative = volume.data / ((total + _REGULARISATION * mean) / (weight + _REGULARISATION))
+    # The commonest value beside white matter, relative to white matter; 1 if there is none.
     inner, outer = (scipy.ndimage.binary_dilation(white, iterations=n) for n in _RING_VOXELS)
-    values = relative[outer & ~inner]
+    values, grey = relative[outer & ~inner], 1.0
     counts, ends = np.histogram(values, _LEVELS)
-    if not counts.any():
-        return 1.0
-    commonest = ends[scipy.ndimage.gaussian_filter1d(counts.astype(float), _SMOOTHING).argmax()] + np.diff(ends)[0] / 2
-    near = values[np.abs(values - commonest) < 4 * _SMOOTHING * np.diff(ends)[0]]
-    # Rounded, because the last bits differ between processors.
-    return round(float(np.median(near)), 3)
+    if counts.any():
+        smooth, width = scipy.ndimage.gaussian_filter1d(counts.astype(float), _SMOOTHING), np.diff(ends)[0]
+        near = values[np.abs(values - (ends[smooth.argmax()] + width / 2)) < 4 * _SMOOTHING * width]
+        # Rounded, because the last bits differ between processors.
+        grey = round(float(np.median(near)), 3)
+    if not PLAUSIBLE_GREY[0] <= grey <= PLAUSIBLE_GREY[1]:
+        return volume.with_data((WHITE * relative).clip(0, 1).astype(volume.data.dtype))
+    top = 1 + (1 - grey) * (1 - WHITE) / (WHITE - GREY)
+    moved = np.interp(relative, [0, grey, 1, top], [0, GREY, WHITE, 1])
+    return volume.with_data(moved.astype(volume.data.dtype))

@@ -32,8 +32,4 @@ from .fitting import (
     fit_progress as fit_progress,
     sliced_loss as sliced_loss,
 )
-from .integration import (
-    METHODS as METHODS,
-    integrate as integrate,
-    trajectory as trajectory,
-)
+from .integration import METHODS as METHODS, integrate as integrate, trajectory as trajectory

@@ -45,15 +45,8 @@ def sampled_lipschitz(
     """The largest spectral norm of the velocity's Jacobian over the points and over equally spaced times.
 
     The result is a lower bound of the Lipschitz constant, per unit of time, and converges to it as the points become
-    dense. For an upper bound, see :meth:`meshot.flow.VelocityField.lipschitz_bound`.
-
-    Parameters
-    ----------
-    field : VelocityField, or callable of (time, points)
-    points : tensor
-        Positions at which the Jacobian is computed.
-    n_times : int
-        Number of times in (0, 1).
+    dense. There are ``n_times`` times in (0, 1). For an upper bound, see
+    :meth:`meshot.flow.VelocityField.lipschitz_bound`.
 
     Raises
     ------

@@ -155,12 +155,10 @@ def spline_weights(offsets: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 4"
 def refined(
     coefficients: Float[Tensor, "*batch nx ny nz 3"], interpolation: str = "cubic"
 ) -> Float[Tensor, "*batch mx my mz 3"]:
-    """The coefficients of the same spline at half the spacing. An axis of n + 3 nodes becomes one of 2n + 3.
-
-    By the two-scale relation, a cubic B-spline is a sum of five B-splines of half its width, with weights
-    (1, 4, 6, 4, 1)/8; a linear one is a sum of three, with weights (1, 2, 1)/2. A sum of splines at several spacings is
-    therefore exactly one spline at the finest spacing.
-    """
+    """The coefficients of the same spline at half the spacing. An axis of n + 3 nodes becomes one of 2n + 3."""
+    # By the two-scale relation, a cubic B-spline is a sum of five B-splines of half its width, with weights (1, 4, 6,
+    # 4, 1)/8; a linear one is a sum of three, with weights (1, 2, 1)/2. A sum of splines at several spacings is
+    # therefore exactly one spline at the finest spacing.
     # The last axis first, while the arrays are small; along the first axis it is one large matrix product.
     for axis in (-2, -3, -4):
         shape = coefficients.shape[axis + 1 :]
@@ -354,13 +352,7 @@ def single_level(
 ) -> GridVelocity:
     """The field of one level with the given coefficients, in the format of :meth:`GridVelocity.coefficients`.
 
-    Parameters
-    ----------
-    coefficients : tensor
-    lower : tensor
-        The lower corner of the box, in mm.
-    spacing, interpolation
-        As :class:`GridVelocity`.
+    The lower corner of the box is in mm; spacing and interpolation are those of :class:`GridVelocity`.
     """
     # A level has one node before the box, one node after it, and one that closes the last cell.
     n_cells = torch.tensor(coefficients.shape[1:4]) - 3

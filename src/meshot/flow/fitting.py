@@ -194,11 +194,9 @@ def carried(state: FitState, mesh: Mesh, settings: FitSettings) -> Mesh:
 
 @torch.no_grad()
 def backtrack(state: FitState, mesh: Mesh, settings: FitSettings, guard: Guard) -> None:
-    """Restore the best valid state, reduce the learning rate and reset the momentum.
-
-    If the step size is too large, the number of steps is doubled until h·Lip < 1 along the paths of the current field.
-    The old number is kept if the best state would have self-intersections with more steps.
-    """
+    """Restore the best valid state, reduce the learning rate and reset the momentum."""
+    # If the step size is too large, the number of steps is doubled until h·Lip < 1 along the paths of the current
+    # field. The old number is kept if the best state would have self-intersections with more steps.
     paths = inspect_paths(state.network, mesh.vertices, state.n_steps, settings.method)
     wanted = state.n_steps
     # Doubling keeps every step inside one time interval of the field.
@@ -320,59 +318,32 @@ def fit_flow(
     def is_given_up() -> bool:
         return guard is not None and sum(line.get("backtracked", False) for line in state.lines) >= guard.max_backtracks
 
-    task = Task(loss_of, lambda _: _checked(state, mesh, loss, settings, guard, watch), hold_fine_stages, is_given_up)
+    def check(_: int) -> dict:
+        """The log entry of a check. With a guard, the fit backtracks if too many faces intersect."""
+        generator = np.random.default_rng([settings.seed, settings.n_iterations])
+        with torch.no_grad():
+            moved = carried(state, mesh, settings)
+            value = float(loss(moved, settings.n_directions[1], generator))
+        watched = {} if watch is None else {name: float(number) for name, number in watch(moved).items()}
+        for name in watched.keys() & set(HISTORY):
+            raise ValueError(
+                f"what is watched is called {name!r}, which the history holds anyway; give it another name"
+            )
+        found = {"validation_loss": value, "checked_loss": value, "watched": watched}
+        if guard is not None:
+            crossings = len(self_intersecting_faces(moved))
+            found |= {"checked_crossings": crossings, "backtracked": crossings > guard.max_crossings}
+            if found["backtracked"]:
+                backtrack(state, mesh, settings, guard)
+                found["validation_loss"] = None
+        return found
+
+    task = Task(loss_of, check, hold_fine_stages, is_given_up)
     train(state, settings.plan(), task, made_with, checkpoint, None, tell)
     with torch.no_grad():
         result = carried(state, mesh, settings)
-    return Fit(field, result, _history(state.lines, settings), state.best_step, state.n_steps)
-
-
-def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
-    """The sliced Wasserstein loss to ``target`` with new directions in every iteration, for ``fit_flow``.
-
-    Parameters
-    ----------
-    target : Mesh
-    encoding : callable of a mesh
-        For example ``lambda mesh: varifold(mesh, normal_scale=8.0)``.
-    p : float
-        Exponent of the ground cost.
-    """
-    encoded = encoding(target)
-
-    def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
-        seed = int(generator.integers(2**31))
-        directions = quasi_directions(n_directions, encoded.points.shape[1], seed).to(encoded.points)
-        return sliced_wasserstein(encoding(mesh), encoded, directions, p)
-
-    return loss
-
-
-def _checked(
-    state: FitState, mesh: Mesh, loss: FitLoss, settings: FitSettings, guard: Guard | None, watch: Watch | None
-) -> dict:
-    """The log entry of a check. With a guard, the fit backtracks if too many faces intersect."""
-    generator = np.random.default_rng([settings.seed, settings.n_iterations])
-    with torch.no_grad():
-        moved = carried(state, mesh, settings)
-        value = float(loss(moved, settings.n_directions[1], generator))
-    watched = {} if watch is None else {name: float(number) for name, number in watch(moved).items()}
-    for name in watched.keys() & set(HISTORY):
-        raise ValueError(f"what is watched is called {name!r}, which the history holds anyway; give it another name")
-    found = {"validation_loss": value, "checked_loss": value, "watched": watched}
-    if guard is not None:
-        n_crossings = len(self_intersecting_faces(moved))
-        found |= {"checked_crossings": n_crossings, "backtracked": n_crossings > guard.max_crossings}
-        if found["backtracked"]:
-            backtrack(state, mesh, settings, guard)
-            found["validation_loss"] = None
-    return found
-
-
-def _history(lines: list[dict], settings: FitSettings) -> dict[str, list[float]]:
-    """The entries of a log as columns."""
-    history: dict[str, list[float]] = {name: [] for name in HISTORY}
-    for line in lines:
+    history: dict[str, list[float]] = {name: [] for name in HISTORY}  # the entries of the log as columns
+    for line in state.lines:
         if "loss" in line:
             i = line["step"] - 1
             new = {"iteration": i, "loss": line["loss"], "n_directions": settings.n_directions_at(i)}
@@ -382,7 +353,22 @@ def _history(lines: list[dict], settings: FitSettings) -> dict[str, list[float]]
             new |= {"backtrack_iteration": line["step"]} if line.get("backtracked") else {}
         for name, value in new.items():
             history.setdefault(name, []).append(value)
-    return history
+    return Fit(field, result, history, state.best_step, state.n_steps)
+
+
+def sliced_loss(target: Mesh, encoding: Encoding, p: float = 2) -> FitLoss:
+    """The sliced Wasserstein loss to ``target`` with new directions in every iteration, for ``fit_flow``.
+
+    An encoding is, for example, ``lambda mesh: varifold(mesh, normal_scale=8.0)``; p is the exponent of the cost.
+    """
+    encoded = encoding(target)
+
+    def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
+        seed = int(generator.integers(2**31))
+        directions = quasi_directions(n_directions, encoded.points.shape[1], seed).to(encoded.points)
+        return sliced_wasserstein(encoding(mesh), encoded, directions, p)
+
+    return loss
 
 
 # Deformation of one mesh into another in one call, for meshes of any size and in any unit.
@@ -423,14 +409,7 @@ class Deformation:
     losses: tuple[float, ...]
 
     def carry(self, points: Float[Tensor, "n 3"], inverse: bool = False) -> Float[Tensor, "n 3"]:
-        """Move other points by the flow, from the space of the source to that of the target, or back.
-
-        Parameters
-        ----------
-        points : tensor
-        inverse : bool
-            Whether to move points from the space of the target to that of the source.
-        """
+        """Move other points by the flow, from the space of the source to that of the target, or back (``inverse``)."""
         return integrate(self.flow, points, self.n_steps, inverse=inverse)
 
 
@@ -512,27 +491,7 @@ def deform(
         raise ValueError("source and target are one point; meshes with an extent are needed")
     settings = FitSettings(n_iterations, _LEARNING_RATE, check_every=min(25, n_iterations), seed=seed)
     start, goal = (mesh.with_vertices((mesh.vertices.detach() - centre) / size) for mesh in (source, target))
-    relative = _relative_loss(loss, source, target, centre, size, settings)
-    spacings = tuple(detail * 2**k for k in reversed(range(_N_LEVELS)))
-    field = grid_around(start.vertices, goal.vertices, margin=_MARGIN, spacings=spacings)
-    guard = None if allow_crossings else Guard()
-    with fit_progress(settings, "deform", disable=not progress) as report:
-        fit = fit_flow(field, start, relative, settings, progress=report, guard=guard)
-    # The zero velocity if the best check is not below the loss of the source, with the directions of the checks.
-    generator = np.random.default_rng([settings.seed, settings.n_iterations])
-    with torch.no_grad():
-        unmoved = float(relative(start, settings.n_directions[1], generator))
-    checked = dict(zip(fit.history["checked_iteration"], fit.history["checked_loss"], strict=True))
-    best = checked.get(fit.best_iteration, math.inf)  # absent if every check was rejected
-    flow = (fit.field if best < unmoved else field).scaled(size, centre)
-    mesh = source.with_vertices(integrate(flow, source.vertices, fit.n_steps).detach())
-    return Deformation(mesh, flow, fit.n_steps, tuple(fit.history["checked_loss"]))
-
-
-def _relative_loss(
-    loss: MeshLoss | None, source: Mesh, target: Mesh, centre: Tensor, size: float, settings: FitSettings
-) -> FitLoss:
-    """The loss of a mesh in normalised coordinates, divided by the loss of the source, so that it has no unit."""
+    # The loss of a mesh in normalised coordinates, divided by the loss of the source, so that it has no unit.
     if loss is None:
         in_full = sliced_loss(target, functools.partial(varifold, normal_scale=_NORMAL_SCALE * size))
     else:
@@ -547,9 +506,23 @@ def _relative_loss(
     unit = abs(float(first.detach()))
     if not unit < math.inf:
         raise ValueError(f"the loss of the source is {unit}; a finite number is needed")
+    del moving, first  # and the graph of the loss
 
     def relative(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
         there = mesh.with_vertices(mesh.vertices * size + centre)
         return in_full(there, n_directions, generator) / (unit or 1.0)
 
-    return relative
+    spacings = tuple(detail * 2**k for k in reversed(range(_N_LEVELS)))
+    field = grid_around(start.vertices, goal.vertices, margin=_MARGIN, spacings=spacings)
+    guard = None if allow_crossings else Guard()
+    with fit_progress(settings, "deform", disable=not progress) as report:
+        fit = fit_flow(field, start, relative, settings, progress=report, guard=guard)
+    # The zero velocity if the best check is not below the loss of the source, with the directions of the checks.
+    generator = np.random.default_rng([settings.seed, settings.n_iterations])
+    with torch.no_grad():
+        unmoved = float(relative(start, settings.n_directions[1], generator))
+    checked = dict(zip(fit.history["checked_iteration"], fit.history["checked_loss"], strict=True))
+    best = checked.get(fit.best_iteration, math.inf)  # absent if every check was rejected
+    flow = (fit.field if best < unmoved else field).scaled(size, centre)
+    mesh = source.with_vertices(integrate(flow, source.vertices, fit.n_steps).detach())
+    return Deformation(mesh, flow, fit.n_steps, tuple(fit.history["checked_loss"]))

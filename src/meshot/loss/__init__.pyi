@@ -26,13 +26,8 @@ from .error_bar import (
     sliced_wasserstein_estimate as sliced_wasserstein_estimate,
     windowed_sliced_wasserstein_estimate as windowed_sliced_wasserstein_estimate,
 )
-from .exact import (
-    ProjectedLaw as ProjectedLaw,
-    projected_law as projected_law,
-)
-from .kernel_norm import (
-    varifold_kernel as varifold_kernel,
-)
+from .exact import ProjectedLaw as ProjectedLaw, projected_law as projected_law
+from .kernel_norm import varifold_kernel as varifold_kernel
 from .penalties import (
     cotangent_laplacian_length as cotangent_laplacian_length,
     laplacian_length as laplacian_length,
@@ -57,6 +52,4 @@ from .unbalanced import (
     sliced_unbalanced as sliced_unbalanced,
     unbalanced_sliced as unbalanced_sliced,
 )
-from .windowed import (
-    windowed_sliced_wasserstein as windowed_sliced_wasserstein,
-)
+from .windowed import windowed_sliced_wasserstein as windowed_sliced_wasserstein

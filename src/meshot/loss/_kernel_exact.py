@@ -160,11 +160,9 @@ def _share(mass):
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
 def lay_surface(projected, order, cells, weights, rank, tree, jumps, x, extent, mass, change):
-    """Write the cells of the distribution of a projected surface: one per interval between neighbouring vertices.
-
-    A face perpendicular to the direction becomes an atom: mass on the first interval of zero extent between its
-    corners. The last cell is a sentinel, which takes all mass that is left over by rounding.
-    """
+    """Write the cells of the distribution of a projected surface: one per interval between neighbouring vertices."""
+    # A face perpendicular to the direction becomes an atom: mass on the first interval of zero extent between its
+    # corners. The last cell is a sentinel, which takes all mass that is left over by rounding.
     n, size = len(projected) - 1, len(tree) // 2
     length = _place(projected, order, rank, x)
     tree[:], jumps[:], mass[:] = 0, 0, 0
@@ -233,11 +231,9 @@ def _position_of_share(change, share):
 
 @_inner
 def _piece(step, share, left, last, change, density, at):
-    """The part of a cell with the next ``step`` of its mass: its extent, its change, and the density at its end.
-
-    For a density that decreases, the end is computed from the mass ``left`` behind the part; for one that increases,
-    from the ``share`` up to its end. The other way round, digits would cancel.
-    """
+    """The part of a cell with the next ``step`` of its mass: its extent, its change, and the density at its end."""
+    # For a density that decreases, the end is computed from the mass ``left`` behind the part; for one that increases,
+    # from the ``share`` up to its end. The other way round, digits would cancel.
     if last:
         next_density, extent = 1 + change, 1 - at
     elif change == 0:
@@ -371,10 +367,9 @@ def _absolute(piece, tie, atoms, wanted, moments, moments_target):
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
 def walk(power, source, target, wanted, moments, moments_target):
-    """W_p^p between two distributions (x, extent, mass, change), and the moments of φ′ over the cells if ``wanted``.
-
-    The moments are ∫φ′ξᵏ dx for k = 0, 1, 2, where ξ goes from 0 to 1 across the cell. At an atom the first is ∫φ′ dz.
-    """
+    """W_p^p between two distributions (x, extent, mass, change), and the moments of φ′ over the cells if ``wanted``."""
+    # The moments are ∫φ′ξᵏ dx for k = 0, 1, 2, where ξ goes from 0 to 1 across the cell. At an atom the first is ∫φ′
+    # dz.
     x, dx, mass, change = source
     y, dy, mass_target, change_target = target
     tie = 1e-14 * max(abs(x[0]), abs(x[-1]), abs(y[0]), abs(y[-1]))
@@ -566,11 +561,9 @@ def _potential(moments, extent, potential):
 
 @kernel("the exact sliced loss", 15, error_model="numpy")
 def surface_gradient(law, moments, cells, weights, rank, work, to_projected, to_weights):
-    """Write the gradient in the projected vertices, and add the gradient in the weights, for one direction.
-
-    If a cell is perpendicular to the direction, its mass may be transported to several positions. The cost then has a
-    kink, and the result is the mean of φ′ over the mass, which lies between the one-sided derivatives.
-    """
+    """Write the gradient in the projected vertices, and add the gradient in the weights, for one direction."""
+    # If a cell is perpendicular to the direction, its mass may be transported to several positions. The cost then has a
+    # kink, and the result is the mean of φ′ over the mass, which lies between the one-sided derivatives.
     x, extent, mass, _ = law
     ends, order, starts, longest, table, sums, potential = work
     corners = cells.shape[1]

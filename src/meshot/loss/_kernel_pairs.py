@@ -27,11 +27,9 @@ _FRACTION = Chebyshev.interpolate(lambda x: 2.0**-x, 10, domain=[0, 1]).convert(
 
 @kernel("the kernel norm", 5)
 def sum_kernel(x, start, stop, y, masses, low, high, reach, angular, above, sums, gradients):
-    """Write the sums over the points of ``y``, weighted by ``masses``, for the points of ``x`` from start to stop.
-
-    ``gradients`` receives the gradients of the sums in the six rows of ``x``, unless it is empty. With ``above``, ``y``
-    is the same measure as ``x``, and a sum is over the points after the own one.
-    """
+    """Write the sums over the points of ``y``, weighted by ``masses``, for the points of ``x`` from start to stop."""
+    # ``gradients`` receives the gradients of the sums in the six rows of ``x``, unless it is empty. With ``above``,
+    # ``y`` is the same measure as ``x``, and a sum is over the points after the own one.
     runs = np.empty((low.shape[1], 2), np.int64)
     for first in range(start, stop, _ROWS):
         last = min(first + _ROWS, stop)

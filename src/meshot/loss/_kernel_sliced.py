@@ -71,11 +71,9 @@ def _sort_range(values, indices, scratch):
 
 @inner()
 def _sort_small(values, ascending, order, scratch):
-    """Sort by two digits of a key, then by insertion among equal keys.
-
-    If many values have the same key (because an outlier widens the range), insertion is abandoned for a merge sort.
-    Merge sort is also used for values that are not finite, and for ranges so small or large that the scale is not.
-    """
+    """Sort by two digits of a key, then by insertion among equal keys."""
+    # If many values have the same key (because an outlier widens the range), insertion is abandoned for a merge sort.
+    # Merge sort is also used for values that are not finite, and for ranges so small or large that the scale is not.
     n = len(values)
     if n == 0:
         return
@@ -210,13 +208,11 @@ _BLOCK = 512  # number of points whose coordinates fit into the first-level cach
 
 @kernel("the sliced loss", 10)
 def walk_lines(directions, p, x, y, costs, tops):
-    """Write W_p^p along every direction to ``costs``, with the gradients in positions and weights along each.
-
-    A side is (columns, weights, values, steps, ends, order, gradients, drops, scratch). ``columns`` has the points with
-    shape (d, n), one row per coordinate; the others are buffers. A row of ``gradients`` is the gradient in the
-    projected positions along one direction. The gradient in the weights is the entry of ``tops`` minus a row of
-    ``drops``. If a side has no such rows, its gradients are not computed.
-    """
+    """Write W_p^p along every direction to ``costs``, with the gradients in positions and weights along each."""
+    # A side is (columns, weights, values, steps, ends, order, gradients, drops, scratch). ``columns`` has the points
+    # with shape (d, n), one row per coordinate; the others are buffers. A row of ``gradients`` is the gradient in the
+    # projected positions along one direction. The gradient in the weights is the entry of ``tops`` minus a row of
+    # ``drops``. If a side has no such rows, its gradients are not computed.
     project(x[0], directions, x[2])
     project(y[0], directions, y[2])
     nowhere = np.empty(0)
@@ -252,11 +248,9 @@ def project(columns, directions, values):
 
 @inner()
 def _quantiles(values, weights, steps, order, ends, scratch):
-    """The quantile function of a projected measure: its steps in ascending order, and the end of each in [0, 1].
-
-    The last entry of every array is an additional step: it repeats the last position and takes the mass that rounding
-    leaves on the other side. ``values`` may share memory with ``ends``, which is filled later.
-    """
+    """The quantile function of a projected measure: its steps in ascending order, and the end of each in [0, 1]."""
+    # The last entry of every array is an additional step: it repeats the last position and takes the mass that rounding
+    # leaves on the other side. ``values`` may share memory with ``ends``, which is filled later.
     n = len(weights)
     sort(values[:n], steps[:n], order[:n], scratch)
     steps[n], order[n] = steps[n - 1], n
@@ -280,15 +274,13 @@ def _power(gap, p):
 
 @inner(fastmath={"contract"})
 def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gradients, y_drops):
-    """W_p^p on a line: a pass over the cells of [0, 1], each of which ends where a step of F⁻¹ or G⁻¹ ends.
-
-    Writes the derivatives in the positions to the gradients. The derivative in the weights is a potential. It decreases
-    by c − c′ where a step of its own side ends and the cost changes from c to c′; the sum of these decreases up to each
-    step is written to the drops. Both are written at every cell of a step, so that the last value remains. Which side
-    ends is unpredictable for the processor, so the loop has no branch on it. Each iteration waits for the comparison of
-    the previous one. The ends are therefore compared as integers, which is faster; non-negative floats have the same
-    order as their bits.
-    """
+    """W_p^p on a line: a pass over the cells of [0, 1], each of which ends where a step of F⁻¹ or G⁻¹ ends."""
+    # Writes the derivatives in the positions to the gradients. The derivative in the weights is a potential. It
+    # decreases by c − c′ where a step of its own side ends and the cost changes from c to c′; the sum of these
+    # decreases up to each step is written to the drops. Both are written at every cell of a step, so that the last
+    # value remains. Which side ends is unpredictable for the processor, so the loop has no branch on it. Each iteration
+    # waits for the comparison of the previous one. The ends are therefore compared as integers, which is faster;
+    # non-negative floats have the same order as their bits.
     one = np.uint64(1)
     i, j, x_took, y_took = np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(0)
     done, before, total, x_gradient, y_gradient, x_drop, y_drop = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -321,11 +313,9 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gra
 
 @inner()
 def _close(gradients, drops, order):
-    """Add the gradient of the additional step to the last point, and return the total decrease of the potential.
-
-    The caller adds half of the cost at the upper end to it. Then the sums of masses times potentials of both sides add
-    up to the total cost, as in the dual problem.
-    """
+    """Add the gradient of the additional step to the last point, and return the total decrease of the potential."""
+    # The caller adds half of the cost at the upper end to it. Then the sums of masses times potentials of both sides
+    # add up to the total cost, as in the dual problem.
     n = len(order) - 1
     gradients[order[n - 1]] += gradients[n]
     return drops[order[n - 1]]

@@ -19,10 +19,9 @@ _MOST = 200  # Newton steps; about 25 are usual
 
 @kernel("the unbalanced loss", 8)
 def unbalanced_lines(directions, scale, x, y, costs, tops):
-    """Write the unbalanced cost along every direction, and the gradients, as ``walk_lines`` does for transport.
-
-    ``scale`` is ρ. The gradients in the weights are ρ (1 − exp(−f/ρ)) for the source, ρ (1 − exp(f/ρ)) for the target.
-    """
+    """Write the unbalanced cost along every direction, and the gradients, as ``walk_lines`` does for transport."""
+    # ``scale`` is ρ. The gradients in the weights are ρ (1 − exp(−f/ρ)) for the source, ρ (1 − exp(f/ρ)) for the
+    # target.
     project(x[0], directions, x[2])
     project(y[0], directions, y[2])
     n, m = len(x[1]), len(y[1])
@@ -64,11 +63,9 @@ def _place(x, x_masses, n, y, y_masses, m, nodes, masses, gaps):
 
 @inner()
 def _solve(a, b, scale, work):
-    """The value. The gaps are the first row of ``work``; the flows |u| and the potentials are left in the next two.
-
-    The constraints are f' − f ≤ ℓ with multipliers ``up`` and slacks ``above``, and f − f' ≤ ℓ with ``down`` and
-    ``below``.
-    """
+    """The value. The gaps are the first row of ``work``; the flows |u| and the potentials are left in the next two."""
+    # The constraints are f' − f ≤ ℓ with multipliers ``up`` and slacks ``above``, and f − f' ≤ ℓ with ``down`` and
+    # ``below``.
     n = len(a)
     gaps, flows, f, up, down = work[0][:n], work[1][:n], work[2][:n], work[3][:n], work[4][:n]
     above, below, excess, weights, right = work[5][:n], work[6][:n], work[7][:n], work[8][:n], work[9][:n]
@@ -177,10 +174,9 @@ def _write(sign, order, nodes, flows, potentials, scale, gradients, drops):
 
 @kernel("the partial loss", 8)
 def partial_lines(directions, reach, x, y, costs, tops):
-    """Write the partial cost along every direction, and the gradients, as ``walk_lines`` does for transport.
-
-    The gradient in the weights of the source is a potential f with values in [−λ, λ]; in those of the target it is −f.
-    """
+    """Write the partial cost along every direction, and the gradients, as ``walk_lines`` does for transport."""
+    # The gradient in the weights of the source is a potential f with values in [−λ, λ]; in those of the target it is
+    # −f.
     project(x[0], directions, x[2])
     project(y[0], directions, y[2])
     n, m = len(x[1]), len(y[1])
@@ -231,11 +227,9 @@ def _merge(x, x_masses, n, y, y_masses, m, gaps, levels, from_x):
 
 @inner()
 def _find_bounds(gaps, levels, reach, low, high, rest, heaps):
-    """The interval in which every w lies at best, whatever follows to the right.
-
-    ``rest`` holds the height of the step of the derivative at each level. A gap adds a step of twice its length. Its
-    length is then cut off at either end, so that the heights sum to ``reach`` again.
-    """
+    """The interval in which every w lies at best, whatever follows to the right."""
+    # ``rest`` holds the height of the step of the derivative at each level. A gap adds a step of twice its length. Its
+    # length is then cut off at either end, so that the heights sum to ``reach`` again.
     outside = len(levels) - 1
     rest[:] = 0.0
     rest[outside] = reach
@@ -319,10 +313,8 @@ def _find_flows(gaps, levels, reach, low, high, flows, jumps):
 
 @inner()
 def _find_potentials(gaps, flows, jumps, most, low, high, potentials):
-    """A dual solution: it falls by the length of a gap along a flow, and is ±λ where mass is removed or added.
-
-    From left to right, the interval of the values that are still possible; from right to left, a choice.
-    """
+    """A dual solution: it falls by the length of a gap along a flow, and is ±λ where mass is removed or added."""
+    # From left to right, the interval of the values that are still possible; from right to left, a choice.
     a, b = -most, most
     for v in range(len(gaps)):
         if v > 0:

@@ -227,18 +227,10 @@ class SinkhornLoss(MeasureLoss):
 
 @dataclasses.dataclass(frozen=True)
 class VarifoldKernelLoss(MeasureLoss):
-    """The kernel norm of varifolds: see :func:`meshot.loss.varifold_kernel`. Not in the paper.
+    """The kernel norm of varifolds: see :func:`meshot.loss.varifold_kernel`. Not in the paper."""
 
-    Parameters
-    ----------
-    width : float
-        Of the Gaussian in space, in mm.
-    angular : str
-        The kernel of the normals: currents, varifold or oriented.
-    """
-
-    width: Length = 5.0
-    angular: Annotated[str, one_of(ANGULAR)] = "oriented"
+    width: Length = 5.0  # of the Gaussian in space, in mm
+    angular: Annotated[str, one_of(ANGULAR)] = "oriented"  # the kernel of the normals: currents, varifold or oriented
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss. Nothing is random."""
@@ -247,19 +239,11 @@ class VarifoldKernelLoss(MeasureLoss):
 
 @dataclasses.dataclass(frozen=True)
 class SlicedPartialLoss(MeasureLoss):
-    """Partial transport along directions: see :func:`meshot.loss.sliced_partial`. Not in the paper.
-
-    Parameters
-    ----------
-    reach : float
-        The length beyond which nothing is transported along a direction, in mm.
-    n_directions : int
-        Number of directions, drawn in every call.
-    """
+    """Partial transport along directions: see :func:`meshot.loss.sliced_partial`. Not in the paper."""
 
     solve: ClassVar[Callable] = staticmethod(sliced_partial)
-    reach: Length = 12.0
-    n_directions: Count = 100
+    reach: Length = 12.0  # the length beyond which nothing is transported along a direction, in mm
+    n_directions: Count = 100  # number of directions, drawn in every call
 
     def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
         """The loss along newly drawn directions."""
@@ -269,10 +253,9 @@ class SlicedPartialLoss(MeasureLoss):
 
 @dataclasses.dataclass(frozen=True)
 class SlicedUnbalancedLoss(SlicedPartialLoss):
-    """Unbalanced transport along directions: see :func:`meshot.loss.sliced_unbalanced`. Not in the paper.
+    """Unbalanced transport along directions: see :func:`meshot.loss.sliced_unbalanced`. Not in the paper."""
 
-    The settings are those of partial transport; ``reach`` is twice the weight of the penalty.
-    """
+    # The settings are those of partial transport; ``reach`` is twice the weight of the penalty.
 
     solve: ClassVar[Callable] = staticmethod(sliced_unbalanced)
 

@@ -89,11 +89,9 @@ def orthonormal_blocks(gaussian: Float[Array, "k d d"]) -> Float[Array, "k d d"]
 
 
 def repelling_lines(n: int, d: int, seed: int) -> Float[Array, "n d"]:
-    """Lines through the origin that are a local minimum of the energy Σ 1/|θᵢ − θⱼ| + 1/|θᵢ + θⱼ|.
-
-    Computed by at most 100 steps of L-BFGS from a Kronecker lattice, each with O(n²) time and memory.
-    Results are cached.
-    """
+    """Lines through the origin that are a local minimum of the energy Σ 1/|θᵢ − θⱼ| + 1/|θᵢ + θⱼ|."""
+    # Computed by at most 100 steps of L-BFGS from a Kronecker lattice, each with O(n²) time and memory. Results are
+    # cached.
     return _repelled(n, d).copy()
 
 

@@ -17,32 +17,20 @@ from meshot.workers import in_chunks
 
 
 def exact_sliced_wasserstein(
-    source: Measure,
-    target: Measure,
-    directions: Directions,
-    p: float = 2,
+    source: Measure, target: Measure, directions: Directions, p: float = 2
 ) -> Float[Tensor, ""]:
-    """The sliced Wasserstein loss SW_p^p for p = 1 or 2, from the exact distribution of every projected triangle.
-
-    It is the mean over ``directions`` of the 1D transport cost between the projected measures. Each cost is exact up to
-    roundoff, also for faces perpendicular to a direction. Differentiable with respect to the vertices (or points) and
-    the weights, but not the directions.
-    """
+    """The sliced Wasserstein loss SW_p^p for p = 1 or 2, from the exact distribution of every projected triangle."""
+    # It is the mean over ``directions`` of the 1D transport cost between the projected measures. Each cost is exact up
+    # to roundoff, also for faces perpendicular to a direction. Differentiable with respect to the vertices (or points)
+    # and the weights, but not the directions.
     directions = _checked(source, target, directions, p)
     cells = [source.cells, target.cells]
     return _ExactCost.apply(source.places, source.weights, target.places, target.weights, cells, directions, int(p))
 
 
-def exact_slice_costs(
-    source: Measure,
-    target: Measure,
-    directions: Directions,
-    p: float = 2,
-) -> Float[Tensor, " L"]:
-    """The exact cost W_p^p along every direction, without gradient.
-
-    Arguments and errors are those of :func:`meshot.loss.exact.exact_sliced_wasserstein`, the mean of these costs.
-    """
+def exact_slice_costs(source: Measure, target: Measure, directions: Directions, p: float = 2) -> Float[Tensor, " L"]:
+    """The exact cost W_p^p along every direction, without gradient."""
+    # Arguments and errors are those of :func:`meshot.loss.exact.exact_sliced_wasserstein`, the mean of these costs.
     directions = _checked(source, target, directions, p)
     unit = _unit(source.places, target.places, int(p))
     sides = [_side(m.places, m.weights, m.cells, False, unit) for m in (source, target)]
@@ -258,14 +246,8 @@ class ProjectedLaw:
 def projected_law(measure: Measure, direction: Float[Tensor, " d"]) -> ProjectedLaw:
     """The exact distribution of ⟨θ, X⟩ for X drawn from a measure, as used by :func:`meshot.sliced_wasserstein`.
 
-    The density of a triangle is piecewise linear, that of a segment is constant. A point, or a face perpendicular to
-    the direction, gives an atom. No sampling, no gradient.
-
-    Parameters
-    ----------
-    measure : Measure
-    direction : tensor
-        A unit vector θ.
+    The direction is a unit vector θ. The density of a triangle is piecewise linear, that of a segment is constant. A
+    point, or a face perpendicular to the direction, gives an atom. No sampling, no gradient.
 
     Raises
     ------

@@ -14,21 +14,15 @@ from meshot.mesh import (
     safe_norm,
     umbrella_vectors,
 )
-from meshot.types import Float, Int64, Tensor
+from meshot.types import Float, Tensor
 
 
 def squared_edge_length(shape: Mesh | Contour, target_length: float = 0.0) -> Float[Tensor, ""]:
     """The mean squared difference between the edge lengths and a target length, in squared units of the vertices.
 
     With target zero, shorter edges are better; on a closed contour of given length the sum is smallest if all edges
-    have the same length. Same as PyTorch3D's ``mesh_edge_loss``. The gradient at an edge of length zero is zero.
-
-    Parameters
-    ----------
-    shape : Mesh or Contour
-        Each edge of a mesh counts once.
-    target_length : float
-        Non-negative, in units of the vertices.
+    have the same length. Same as PyTorch3D's ``mesh_edge_loss``. The gradient at an edge of length zero is zero. Each
+    edge of a mesh counts once. The target is not negative, in units of the vertices.
 
     Raises
     ------
@@ -81,14 +75,8 @@ def cotangent_laplacian_length(mesh: Mesh, detach_weights: bool = False) -> Floa
     Unlike uniform weights, cotangent weights measure curvature and are little affected by tangential motion of
     vertices. There are two differences to PyTorch3D. The gradient includes the weights unless they are detached. A
     vertex whose faces all have zero area (only there do the weights sum to zero) counts with distance zero, so that the
-    value does not depend on the origin. The gradient of a distance that is zero is zero.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        It may be open. At its boundary the weighted means lie inside.
-    detach_weights : bool
-        Treat the weights as constants in the gradient.
+    value does not depend on the origin. The gradient of a distance that is zero is zero. The mesh may be open; at its
+    boundary the weighted means lie inside.
 
     Raises
     ------
@@ -121,29 +109,18 @@ def normal_inconsistency(shape: Mesh | Contour) -> Float[Tensor, ""]:
     """
     if isinstance(shape, Contour):
         normals = edge_normals(shape)
-        before, after = _edges_around(shape)
-        return (1 - (normals[before] * normals[after]).sum(dim=1)).mean()
+        start, end = shape.edges.unbind(dim=1)
+        every = torch.arange(len(shape.vertices), device=start.device)
+        if not (torch.equal(start.sort().values, every) and torch.equal(end.sort().values, every)):
+            raise ValueError(
+                "a vertex of the contour does not have exactly one edge in and one edge out; normal consistency is "
+                "defined on closed contours whose edges run one way round"
+            )
+        return (1 - (normals[end.argsort()] * normals[start.argsort()]).sum(dim=1)).mean()
     normals = face_normals(shape)
-    first, second, sign = _neighbours(shape)
-    return (1 - sign * (normals[first] * normals[second]).sum(dim=1)).mean()
-
-
-def _edges_around(contour: Contour) -> tuple[Int64[Tensor, " V"], Int64[Tensor, " V"]]:
-    """For every vertex, the edge that ends there and the edge that starts there."""
-    start, end = contour.edges.unbind(dim=1)
-    every = torch.arange(len(contour.vertices), device=start.device)
-    if not (torch.equal(start.sort().values, every) and torch.equal(end.sort().values, every)):
-        raise ValueError(
-            "a vertex of the contour does not have exactly one edge in and one edge out; normal consistency is defined "
-            "on closed contours whose edges run one way round"
-        )
-    return end.argsort(), start.argsort()
-
-
-def _neighbours(mesh: Mesh) -> tuple[Int64[Tensor, " P"], Int64[Tensor, " P"], Float[Tensor, " P"]]:
-    """All pairs of faces that share an edge, with sign −1 if both have the same direction along it."""
-    n_vertices, n_faces = len(mesh.vertices), len(mesh.faces)
-    sides = torch.stack([mesh.faces, mesh.faces.roll(-1, dims=1)], dim=2).reshape(-1, 2)
+    # All pairs of faces that share an edge, with sign −1 if both have the same direction along it.
+    n_vertices, n_faces = len(shape.vertices), len(shape.faces)
+    sides = torch.stack([shape.faces, shape.faces.roll(-1, dims=1)], dim=2).reshape(-1, 2)
     keys, order = (sides.amin(dim=1) * n_vertices + sides.amax(dim=1)).sort(stable=True)
     rising = (sides[:, 0] < sides[:, 1])[order]
     owners = torch.arange(n_faces, device=keys.device).repeat_interleave(3)[order]
@@ -157,5 +134,5 @@ def _neighbours(mesh: Mesh) -> tuple[Int64[Tensor, " P"], Int64[Tensor, " P"], F
     if not firsts:
         raise ValueError("no two faces of the mesh share an edge; normal consistency needs neighbours: merge vertices")
     first, second = torch.cat(firsts), torch.cat(seconds)
-    sign = torch.where(rising[first] == rising[second], -1, 1).to(mesh.vertices)
-    return owners[first], owners[second], sign
+    sign = torch.where(rising[first] == rising[second], -1, 1).to(shape.vertices)
+    return (1 - sign * (normals[owners[first]] * normals[owners[second]]).sum(dim=1)).mean()

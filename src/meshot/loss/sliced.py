@@ -20,10 +20,7 @@ from meshot.workers import in_chunks
 
 
 def sliced_wasserstein(
-    source: MeasureLike,
-    target: MeasureLike,
-    directions: Directions = 100,
-    p: float = 2,
+    source: MeasureLike, target: MeasureLike, directions: Directions = 100, p: float = 2
 ) -> Float[Tensor, ""]:
     r"""The Monte Carlo sliced Wasserstein loss SW_p^p: the mean over directions of the 1D transport cost W_p^p.
 
@@ -95,10 +92,7 @@ def sliced_wasserstein(
 
 
 def slice_costs(
-    source: MeasureLike,
-    target: MeasureLike,
-    directions: Directions = 100,
-    p: float = 2,
+    source: MeasureLike, target: MeasureLike, directions: Directions = 100, p: float = 2
 ) -> Float[Tensor, " L"]:
     """The transport cost W_p^p along every direction. Its mean is :func:`meshot.sliced_wasserstein`.
 
@@ -159,10 +153,8 @@ class _FusedSlices(torch.autograd.Function):
 def mean_of_slices(
     measures: Sequence[Tensor], directions: Float[Tensor, "L d"], p: float, walk: Callable = walk_lines
 ) -> Float[Tensor, ""]:
-    """The mean of the costs along the directions, differentiable in points and weights once.
-
-    The arguments are those of :func:`meshot.loss.sliced.fused_slices`.
-    """
+    """The mean of the costs along the directions, differentiable in points and weights once."""
+    # The arguments are those of :func:`meshot.loss.sliced.fused_slices`.
     return _FusedSlices.apply(*measures, directions, p, walk)
 
 
@@ -408,9 +400,7 @@ _CHUNK = 1 << 22  # projected points of both sides per chunk, each of which take
 
 
 def chunked_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, " L"]:
-    """The values of :func:`meshot.loss.sliced.plain_costs` with the memory of one chunk of directions.
-
-    For the gradient every chunk is computed a second time.
-    """
+    """The values of :func:`meshot.loss.sliced.plain_costs` with the memory of one chunk of directions."""
+    # For the gradient every chunk is computed a second time.
     chunks = directions.split(max(1, _CHUNK // (len(source.places) + len(target.places))))
     return torch.cat([checkpoint(plain_costs, source, target, chunk, p, use_reentrant=False) for chunk in chunks])

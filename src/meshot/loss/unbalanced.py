@@ -6,7 +6,6 @@ than transported much farther.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -97,65 +96,48 @@ def unbalanced_sliced(
 class _Unbalanced(torch.autograd.Function):
     @staticmethod
     def forward(ctx, source, source_weights, target, target_weights, directions, p, scale, tolerance, n_iterations):
-        places, weights = (source, target), (source_weights, target_weights)
-        masses = [w.detach().double().cpu().numpy() for w in weights]
-        found = _solve(places, masses, directions, p, scale, tolerance, n_iterations)
-        total = found.kept[0].sum()
-        shares = [torch.from_numpy(kept / kept.sum()) for kept in found.kept]
+        masses = [w.detach().double().cpu().numpy() for w in (source_weights, target_weights)]
+        # Potentials and the masses that they leave, with a duality gap below the tolerance.
+        potentials, relative = [np.zeros_like(m) for m in masses], np.inf
+        for _ in range(n_iterations):
+            sums = [(m * np.exp(-f / scale)).sum() for m, f in zip(masses, potentials)]
+            shift = scale / 2 * np.log(sums[0] / sums[1])  # equal sums are best
+            potentials = [potentials[0] + shift, potentials[1] - shift]
+            kept = [m * np.exp(-f / scale) for m, f in zip(masses, potentials)]
+            shares = [torch.from_numpy(k / k.sum()) for k in kept]
+            measures = (source, shares[0], target, shares[1])
+            found = fused_slices(measures, directions, p, (False, True, False, True))[1]
+            rises = [new - f for new, f in zip(found[1::2], potentials)]
+            gap = sum(rise @ k for rise, k in zip(rises, kept))
+            value = scale * sum(m.sum() - k.sum() for m, k in zip(masses, kept))
+            if gap <= tolerance * value + 1e-14 * scale:
+                break
+            relative = gap / max(value, 1e-300)
+            tilt = (rises[0] @ kept[0] - rises[1] @ kept[1]) / (2 * kept[0].sum())
+            rises = [rises[0] - tilt, rises[1] + tilt]
+            step = _best_step(kept, rises, scale)
+            potentials = [f + step * rise for f, rise in zip(potentials, rises)]
+        else:
+            raise ValueError(
+                f"the duality gap is {relative:.2g} of the value after {n_iterations} iterations; at most "
+                f"{tolerance:g} is needed: take a larger reach, more n_iterations, or a larger tolerance"
+            )
+        total = kept[0].sum()
         wanted = (ctx.needs_input_grad[0], False, ctx.needs_input_grad[2], False)
-        costs, gradients = fused_slices((source, shares[0], target, shares[1]), directions, p, wanted)
+        costs, gradients = fused_slices(measures, directions, p, wanted)
         of_points = [None if g is None else total * g for g in gradients[::2]]
-        of_weights = [scale * (1 - np.exp(-f / scale)) for f in found.potentials]
+        of_weights = [scale * (1 - np.exp(-f / scale)) for f in potentials]
         ctx.gradients = [
             None if g is None else torch.from_numpy(g).to(source)
             for g in (of_points[0], of_weights[0], of_points[1], of_weights[1])
         ]
-        penalties = sum(scale * (m.sum() - k.sum()) - f @ k for m, k, f in zip(masses, found.kept, found.potentials))
+        penalties = sum(scale * (m.sum() - k.sum()) - f @ k for m, k, f in zip(masses, kept, potentials))
         return source.new_tensor(total * costs.mean() + penalties)
 
     @staticmethod
     @once_differentiable
     def backward(ctx, grad_output):
         return *(None if g is None else grad_output * g for g in ctx.gradients), None, None, None, None, None
-
-
-class _Solution(NamedTuple):
-    potentials: list[Array]
-    kept: list[Array]
-
-
-def _solve(
-    places: tuple[Tensor, Tensor],
-    masses: list[Array],
-    directions: Tensor,
-    p: float,
-    scale: float,
-    tolerance: float,
-    n_iterations: int,
-) -> _Solution:
-    """Potentials and the masses that they leave, with a duality gap below the tolerance."""
-    potentials, relative = [np.zeros_like(m) for m in masses], np.inf
-    for _ in range(n_iterations):
-        sums = [(m * np.exp(-f / scale)).sum() for m, f in zip(masses, potentials)]
-        shift = scale / 2 * np.log(sums[0] / sums[1])  # equal sums are best
-        potentials = [potentials[0] + shift, potentials[1] - shift]
-        kept = [m * np.exp(-f / scale) for m, f in zip(masses, potentials)]
-        shares = [torch.from_numpy(k / k.sum()) for k in kept]
-        found = fused_slices((places[0], shares[0], places[1], shares[1]), directions, p, (False, True, False, True))[1]
-        rises = [new - f for new, f in zip(found[1::2], potentials)]
-        gap = sum(rise @ k for rise, k in zip(rises, kept))
-        value = scale * sum(m.sum() - k.sum() for m, k in zip(masses, kept))
-        if gap <= tolerance * value + 1e-14 * scale:
-            return _Solution(potentials, kept)
-        relative = gap / max(value, 1e-300)
-        tilt = (rises[0] @ kept[0] - rises[1] @ kept[1]) / (2 * kept[0].sum())
-        rises = [rises[0] - tilt, rises[1] + tilt]
-        step = _best_step(kept, rises, scale)
-        potentials = [f + step * rise for f, rise in zip(potentials, rises)]
-    raise ValueError(
-        f"the duality gap is {relative:.2g} of the value after {n_iterations} iterations; at most {tolerance:g} is "
-        "needed: take a larger reach, more n_iterations, or a larger tolerance"
-    )
 
 
 def _best_step(kept: list[Array], rises: list[Array], scale: float) -> float:

@@ -110,11 +110,9 @@ def windowed_sliced_wasserstein(
 
 
 def window_costs(source: Measure, target: Measure, windows: Windows, radius: float, p: float) -> Float[Array, " n"]:
-    """SW_p^p in every window that holds mass of both measures, whose mean is the windowed loss. Without gradients.
-
-    The windows are those of :func:`drawn_windows`. The other arguments, and the errors, are those of
-    :func:`meshot.windowed_sliced_wasserstein`.
-    """
+    """SW_p^p in every window that holds mass of both measures, whose mean is the windowed loss. Without gradients."""
+    # The windows are those of :func:`drawn_windows`. The other arguments, and the errors, are those of
+    # :func:`meshot.windowed_sliced_wasserstein`.
     centres, directions = windows
     pair = _checked(source, target, centres, radius, directions, p)
     costs, _ = fused_windows(*pair.on_cpu(), float(p), [False] * 4)
@@ -123,10 +121,8 @@ def window_costs(source: Measure, target: Measure, windows: Windows, radius: flo
 
 
 def drawn_windows(target: Measure, n_windows: int, n_directions: int, generator: Generator) -> Windows:
-    """Centres at positions of the target, drawn by mass, and random directions for every window.
-
-    Positions are the first three coordinates of a place, or all if there are fewer.
-    """
+    """Centres at positions of the target, drawn by mass, and random directions for every window."""
+    # Positions are the first three coordinates of a place, or all if there are fewer.
     places, draw = target.places, numpy_generator(generator)
     lines = random_directions(n_windows * n_directions, places.shape[1], draw).to(places)
     shares = target.weights.detach().double().cpu().numpy()
@@ -245,8 +241,25 @@ def fused_windows(
     totals = [np.zeros(t.shape) if want else None for t, want in zip(measures, wanted)]
     costs = []
 
-    def work(k: int) -> _Found | None:
-        return _in_window(sides, places[k], radius, lines[k], p, wanted)
+    def work(k: int) -> tuple[float, list[Array], list[Array | None]] | None:
+        """The cost in one window, the points of its four gradients, and these; None if a measure has no mass there."""
+        chosen, factors, measures = [], [], []
+        for side in sides:
+            inside, values = np.empty(len(side.weights), np.int64), np.empty(len(side.weights))
+            count = find_in_window(side.columns, places[k], radius, REACH * radius, inside, values)
+            masses = side.weights[inside[:count]] * values[:count]
+            total = masses.sum()
+            if not total > 0:
+                return None
+            chosen += [inside[:count].copy()] * 2
+            factors.append(values[:count] / total)
+            measures += [torch.from_numpy(side.rows[chosen[-1]]), torch.from_numpy(masses / total)]
+        del inside, values, masses  # as long as the whole measure
+        found, gradients = fused_slices(measures, lines[k], float(p), wanted, n_threads=1)
+        for i, (shares, factor) in zip((1, 3), zip(measures[1::2], factors)):
+            if wanted[i]:  # the masses in the window are divided by their sum
+                gradients[i] = factor * (gradients[i] - shares.numpy() @ gradients[i])
+        return found.mean(), chosen, gradients
 
     n_points = len(places) * sum(len(side.weights) for side in sides)
     n_threads = max(1, min(torch.get_num_threads(), len(places), n_points // _ALONE))
@@ -256,8 +269,8 @@ def fused_windows(
             block = range(start, min(start + step, len(places)))
             for found in map(work, block) if pool is None else pool.map(work, block):
                 if found is not None:
-                    costs.append(found.cost)
-                    for total, chosen, gradient in zip(totals, found.chosen, found.gradients):
+                    costs.append(found[0])
+                    for total, chosen, gradient in zip(totals, *found[1:]):
                         if total is not None:
                             total[chosen] += gradient
     return np.array(costs), [None if total is None else total / max(1, len(costs)) for total in totals]
@@ -268,37 +281,3 @@ class _Side:
     rows: Float[Array, "n d"]
     columns: Float[Array, "k n"]
     weights: Float[Array, " n"]
-
-
-class _Found(NamedTuple):
-    cost: float
-    chosen: list[Array]  # the points of the four gradients
-    gradients: list[Array | None]
-
-
-def _in_window(
-    sides: list[_Side],
-    centre: Float[Array, " k"],
-    radius: float,
-    lines: Float[Tensor, "L d"],
-    p: float,
-    wanted: Sequence[bool],
-) -> _Found | None:
-    """The cost in one window and its gradients at the points there; None if a measure has no mass there."""
-    chosen, factors, measures = [], [], []
-    for side in sides:
-        inside, values = np.empty(len(side.weights), np.int64), np.empty(len(side.weights))
-        count = find_in_window(side.columns, centre, radius, REACH * radius, inside, values)
-        masses = side.weights[inside[:count]] * values[:count]
-        total = masses.sum()
-        if not total > 0:
-            return None
-        chosen += [inside[:count].copy()] * 2
-        factors.append(values[:count] / total)
-        measures += [torch.from_numpy(side.rows[chosen[-1]]), torch.from_numpy(masses / total)]
-    del inside, values, masses  # as long as the whole measure
-    costs, gradients = fused_slices(measures, lines, float(p), wanted, n_threads=1)
-    for k, (shares, factor) in zip((1, 3), zip(measures[1::2], factors)):
-        if wanted[k]:  # the masses in the window are divided by their sum
-            gradients[k] = factor * (gradients[k] - shares.numpy() @ gradients[k])
-    return _Found(costs.mean(), chosen, gradients)

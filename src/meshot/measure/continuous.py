@@ -201,7 +201,15 @@ def _measure(value: object, name: str) -> Measure:
         package = "" if kind.__module__ == "builtins" else f"{kind.__module__.split('.')[0]}."
         plain = value is None or isinstance(value, bool | int | float | complex | str)
         said = repr(value) if plain else f"a {package}{kind.__qualname__}"
-        raise ValueError(f"{name} is {said}; {_remedy(value)}")
+        remedy = "points go into numpy.asarray(..., dtype=float), a triangle mesh into Mesh(vertices, faces)"
+        if kind.__module__.split(".")[0] in _FOREIGN:
+            remedy = f"convert it by {_FOREIGN[kind.__module__.split('.')[0]]}"
+        elif isinstance(value, list | tuple):
+            remedy = "convert points by torch.tensor(...), or vertices and faces by Mesh(vertices, faces)"
+        raise ValueError(
+            f"{name} is {said}; a measure, a Mesh, a Contour, or an (n, d) array or tensor of floating-point numbers "
+            f"is needed: {remedy}"
+        )
     points = as_points(value, name)
     return DiscreteMeasure(points)
 
@@ -221,14 +229,3 @@ def _point_measure(value: object, name: str) -> Measure:
 def _in_one_space(source: Measure, target: Measure) -> tuple[Measure, Measure]:
     require_same_space(source.places, target.places)
     return source, target
-
-
-def _remedy(value: object) -> str:
-    """A description of what is accepted, and of how to convert ``value``."""
-    accepted = "a measure, a Mesh, a Contour, or an (n, d) array or tensor of floating-point numbers is needed"
-    foreign = _FOREIGN.get(type(value).__module__.split(".")[0])
-    if foreign:
-        return f"{accepted}: convert it by {foreign}"
-    if isinstance(value, list | tuple):
-        return f"{accepted}: convert points by torch.tensor(...), or vertices and faces by Mesh(vertices, faces)"
-    return f"{accepted}: points go into numpy.asarray(..., dtype=float), a triangle mesh into Mesh(vertices, faces)"

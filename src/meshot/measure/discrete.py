@@ -248,11 +248,10 @@ Interpolation = Callable[[Tensor], Tensor]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Extras:
-    """Additional coordinates and their scales, validated against a shape.
+    """Additional coordinates and their scales, validated against a shape."""
 
-    Every encoding orders its coordinates in the same way: position ‖ ``normal_scale`` · unit normal ‖
-    ``feature_scale`` · features of the vertices ‖ ``feature_scale`` · features of the faces.
-    """
+    # Every encoding orders its coordinates in the same way: position ‖ ``normal_scale`` · unit normal ‖
+    # ``feature_scale`` · features of the vertices ‖ ``feature_scale`` · features of the faces.
 
     shape: Mesh | Contour
     normal_scale: float  # length of a scaled unit normal, in units of the vertices
@@ -272,7 +271,17 @@ class Extras:
             ("face_features", len(cells_of(self.shape)), "face or edge"),
         ):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, _fitting(getattr(self, name), name, vertices, n_rows, kind))
+                features = as_floating(getattr(self, name), name)
+                if features.ndim != 2 or len(features) != n_rows or features.shape[1] == 0:
+                    raise ValueError(
+                        f"{name} has shape {tuple(features.shape)}; ({n_rows}, k) is needed, one row for each {kind}"
+                    )
+                if features.dtype != vertices.dtype or features.device != vertices.device:
+                    raise ValueError(
+                        f"{name} is {features.dtype} on {features.device}, vertices {vertices.dtype} on "
+                        f"{vertices.device}: convert one with .to(...)"
+                    )
+                object.__setattr__(self, name, features)
 
     def at(self, interpolate: Interpolation, cells: Int64[Tensor, " k"], with_normals: bool) -> Float[Tensor, "n d"]:
         """The coordinates of positions on known cells."""
@@ -302,18 +311,6 @@ def cell_shares(shape: Mesh | Contour) -> Float[Tensor, " F"]:
             f"the total area or length is {float(total.detach()):.3g}; a measure needs a shape of positive size"
         )
     return sizes / total
-
-
-def _fitting(features: object, name: str, vertices: Tensor, n_rows: int, kind: str) -> Tensor:
-    features = as_floating(features, name)
-    if features.ndim != 2 or len(features) != n_rows or features.shape[1] == 0:
-        raise ValueError(f"{name} has shape {tuple(features.shape)}; ({n_rows}, k) is needed, one row for each {kind}")
-    if features.dtype != vertices.dtype or features.device != vertices.device:
-        raise ValueError(
-            f"{name} is {features.dtype} on {features.device}, vertices {vertices.dtype} on {vertices.device}: "
-            "convert one with .to(...)"
-        )
-    return features
 
 
 # Validation of weights: non-negative masses that sum to one.

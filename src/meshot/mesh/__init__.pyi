@@ -43,15 +43,8 @@ from .geometry import (
     vertex_areas as vertex_areas,
     vertex_normals as vertex_normals,
 )
-from .io import (
-    read_mesh as read_mesh,
-    write_mesh as write_mesh,
-)
-from .mesh import (
-    Contour as Contour,
-    Mesh as Mesh,
-    closed_contour as closed_contour,
-)
+from .io import read_mesh as read_mesh, write_mesh as write_mesh
+from .mesh import Contour as Contour, Mesh as Mesh, closed_contour as closed_contour
 from .shapes import (
     circle as circle,
     cube as cube,

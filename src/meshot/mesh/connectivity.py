@@ -77,18 +77,9 @@ def topology(mesh: Mesh) -> Topology:
 def self_intersecting_faces(mesh: Mesh) -> Int64[Tensor, " n"]:
     """The faces that intersect, touch or overlap another face outside the edge or corner that they share.
 
-    Each face is listed once. Vertices at the same position are merged first, so that adjacent faces of a triangle soup
-    do not count as touching.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Tested in double precision with exact predicates.
-
-    Returns
-    -------
-    tensor
-        Indices into ``mesh.faces``, ascending.
+    The result has ascending indices into ``mesh.faces``, each once. The mesh is tested in double precision with exact
+    predicates. Vertices at the same position are merged first, so that adjacent faces of a triangle soup do not count
+    as touching.
 
     Notes
     -----

@@ -33,12 +33,7 @@ def neighbour_means(mesh: Mesh) -> Float[Tensor, "V 3"]:
 def laplacian_smoothing(mesh: Mesh, n_steps: int, amount: float = 0.5) -> Mesh:
     """The mesh after ``n_steps`` steps that move each vertex towards the mean of its neighbours. The mesh shrinks.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    n_steps : int
-    amount : float
-        Fraction of the way to the mean, in (0, 1].
+    A step leads over the fraction ``amount`` of the way to the mean, in (0, 1].
 
     Raises
     ------
@@ -99,13 +94,6 @@ def smooth_crossings(mesh: Mesh, max_rounds: int = 50) -> Mesh:
     In the first five rounds only the corners of these faces move. After every five rounds the neighbourhood grows by a
     ring of vertices, so that small defects are repaired by small changes. Faces and topology stay the same.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Returned unchanged if no faces intersect.
-    max_rounds : int
-        Maximum number of rounds.
-
     Raises
     ------
     ValueError
@@ -148,14 +136,9 @@ def ring_around(mesh: Mesh, faces: Int64[Tensor, " n"], n_rings: int) -> Bool[Te
 def decimated(mesh: Mesh, n_faces: int) -> Mesh:
     """The mesh with about ``n_faces`` faces, after its shortest edges have been collapsed to their midpoints.
 
+    The mesh may be closed or open, and must be manifold. It is returned unchanged if it has at most ``n_faces`` faces.
     An edge is collapsed only if the topology stays the same. The result may have self-intersections: check it with
     :func:`meshot.mesh.self_intersecting_faces`.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed or open, manifold. Returned unchanged if it has at most ``n_faces`` faces.
-    n_faces : int
 
     Raises
     ------
@@ -170,13 +153,7 @@ def simplified(mesh: Mesh, n_faces: int) -> Mesh:
 
     Closer to the surface than :func:`meshot.mesh.decimated` (by a factor of four for a cortex reduced from
     80 000 to 20 000 faces), with larger triangles where the surface is flat. The result may have self-intersections:
-    check it with :func:`meshot.mesh.self_intersecting_faces`.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed or open, manifold. Returned unchanged if it has at most ``n_faces`` faces.
-    n_faces : int
+    check it with :func:`meshot.mesh.self_intersecting_faces`. Meshes as for :func:`meshot.mesh.decimated`.
 
     Raises
     ------
@@ -209,14 +186,8 @@ def with_edges_split(mesh: Mesh, edges: Int64[Tensor, "E 2"]) -> Mesh:
     """The same surface with a new vertex at the midpoint of each given edge, and with its faces divided there.
 
     A face with one, two or three given edges is divided into two, three or four faces. Old vertices keep their indices;
-    the vertex on the k-th edge has index V + k. Orientation and topology stay the same.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    edges : tensor
-        At least one pair of vertex indices, in any order, each edge once; see
-        :func:`meshot.mesh.mesh_edges`.
+    the vertex on the k-th edge has index V + k. Orientation and topology stay the same. The edges are at least one pair
+    of vertex indices, in any order, each edge once; see :func:`meshot.mesh.mesh_edges`.
 
     Raises
     ------
@@ -226,7 +197,21 @@ def with_edges_split(mesh: Mesh, edges: Int64[Tensor, "E 2"]) -> Mesh:
     n_vertices = len(mesh.vertices)
     edges = as_indices(edges, "edges", n_vertices).to(mesh.faces.device)
     require_shape(edges, "edges", 2)
-    new = _new_vertices(mesh, edges)  # (F, 3): on the sides ab, bc, ca, or −1
+    # The index of the new vertex on the sides ab, bc, ca of every face, (F, 3); −1 if the side is not divided.
+    sides = torch.stack([mesh.faces, mesh.faces.roll(-1, dims=1)], dim=2).sort(dim=2).values
+    wanted = edges.sort(dim=1).values
+    wanted, order = torch.sort(wanted[:, 0] * n_vertices + wanted[:, 1])
+    if bool((wanted.diff() == 0).any()):
+        raise ValueError("edges names an edge twice; name each once")
+    sides = sides[..., 0] * n_vertices + sides[..., 1]
+    place = torch.searchsorted(wanted, sides).clamp(max=len(edges) - 1)
+    found = wanted[place] == sides
+    known = torch.zeros(len(edges), dtype=torch.bool, device=edges.device)
+    known[place[found]] = True
+    if not bool(known.all()):
+        pair = edges[order[~known][0]].tolist()
+        raise ValueError(f"edges names {pair}, which no face has for a side; take pairs from mesh_edges")
+    new = torch.where(found, n_vertices + order[place], -1)
     marks = (new >= 0).long()
     # Rotate the corners so that a single divided edge is ab, and a single undivided edge is ca.
     count = marks.sum(dim=1)
@@ -241,25 +226,6 @@ def with_edges_split(mesh: Mesh, edges: Int64[Tensor, "E 2"]) -> Mesh:
         _faces(count == 3, (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)),
     ]
     return Mesh(torch.cat([mesh.vertices, mesh.vertices[edges].mean(dim=1)]), torch.cat(parts))
-
-
-def _new_vertices(mesh: Mesh, edges: Int64[Tensor, "E 2"]) -> Int64[Tensor, "F 3"]:
-    """The index of the new vertex on the sides ab, bc, ca of every face; −1 if the side is not divided."""
-    n_vertices, n_edges = len(mesh.vertices), len(edges)
-    sides = torch.stack([mesh.faces, mesh.faces.roll(-1, dims=1)], dim=2).sort(dim=2).values
-    wanted = edges.sort(dim=1).values
-    wanted, order = torch.sort(wanted[:, 0] * n_vertices + wanted[:, 1])
-    if bool((wanted.diff() == 0).any()):
-        raise ValueError("edges names an edge twice; name each once")
-    sides = sides[..., 0] * n_vertices + sides[..., 1]
-    place = torch.searchsorted(wanted, sides).clamp(max=n_edges - 1)
-    found = wanted[place] == sides
-    known = torch.zeros(n_edges, dtype=torch.bool, device=edges.device)
-    known[place[found]] = True
-    if not bool(known.all()):
-        pair = edges[order[~known][0]].tolist()
-        raise ValueError(f"edges names {pair}, which no face has for a side; take pairs from mesh_edges")
-    return torch.where(found, n_vertices + order[place], -1)
 
 
 def _faces(which: Bool[Tensor, " F"], *parts: tuple[Tensor, Tensor, Tensor]) -> Int64[Tensor, "G 3"]:

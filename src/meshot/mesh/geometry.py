@@ -181,13 +181,7 @@ def cotangent_vectors(mesh: Mesh, detach_weights: bool = False) -> tuple[Float[T
     in units of the vertices. At interior vertices of a smooth surface it is approximately normal to the surface, also
     for uneven vertices. The weights have no unit. A weight is negative if the two angles add up to more than π, but
     the sum around a vertex of a face with positive area is positive, because the other two angles of a triangle add up
-    to less than π.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    detach_weights : bool
-        Treat the weights as constants in the gradient, as PyTorch3D does.
+    to less than π. With ``detach_weights`` the weights are constants in the gradient, as in PyTorch3D.
 
     Raises
     ------
@@ -247,22 +241,10 @@ def _require_used(n_cells: Int64[Tensor, " V"], kind: str) -> None:
 def plane_section(mesh: Mesh, axis: int, position: float) -> Float[Tensor, "n 2 3"]:
     """The line segments in which the faces intersect the plane where coordinate ``axis`` equals ``position``.
 
-    Exact up to rounding, with one segment for each face that crosses the plane. A vertex on the plane counts as above
-    it, so that a closed surface gives closed lines. A face that touches the plane only from above gives no segment; one
-    that touches it from below with a corner gives a segment of length zero.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    axis : int
-        0, 1 or 2.
-    position : float
-        In units of the vertices.
-
-    Returns
-    -------
-    tensor
-        The two ends of each segment. It has no rows if the plane does not intersect the surface.
+    Exact up to rounding, with one segment, by its two ends, for each face that crosses the plane; there are no rows if
+    the plane does not intersect the surface. A vertex on the plane counts as above it, so that a closed surface gives
+    closed lines. A face that touches the plane only from above gives no segment; one that touches it from below with a
+    corner gives a segment of length zero.
 
     Raises
     ------
@@ -330,12 +312,7 @@ def sample_locations(
 def even_points(contour: Contour, n_points: int, offset: float = 0.5) -> Float[Tensor, "n 2"]:
     """Points at equal distances of arc length along the edges of a contour, in the order of the edges.
 
-    Parameters
-    ----------
-    contour : Contour
-    n_points : int
-    offset : float
-        Arc length of the first point in units of the spacing, in [0, 1).
+    The first point lies ``offset`` spacings from the start, in [0, 1).
 
     Raises
     ------
@@ -413,17 +390,7 @@ def _triangles(places: Float[Array, "V 3"], corners: list[int], k: int) -> Array
     flat = centred @ np.stack([first, second * np.sign(np.cross(first, second) @ area)], axis=1)
     if (_turns(flat[[0]], flat[1:-1], flat[2:]) >= 0).all():
         return fan
-    return np.array(corners)[_cut_ears(flat, k)]
-
-
-def _turns(a: Float[Array, "n 2"], b: Float[Array, "m 2"], c: Float[Array, "m 2"]) -> Float[Array, " m"]:
-    """Twice the signed area of triangles: positive if a → b → c turns left."""
-    ab, ac = b - a, c - a
-    return ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
-
-
-def _cut_ears(flat: Float[Array, "c 2"], k: int) -> Array:
-    """Triangulation by ear clipping: an ear is a left turn whose triangle contains no other corner."""
+    # Ear clipping: an ear is a left turn whose triangle contains no other corner.
     rest, triangles = list(range(len(flat))), []
     while len(rest) > 3:
         ear = next((i for i in range(len(rest)) if _is_ear(flat, rest, i)), None)
@@ -433,7 +400,13 @@ def _cut_ears(flat: Float[Array, "c 2"], k: int) -> Array:
         del rest[ear]
     if _turns(flat[rest[:1]], flat[rest[1:2]], flat[rest[2:]])[0] < 0:
         raise ValueError(f"polygon {k} crosses itself, so that it bounds no surface: split it where it crosses")
-    return np.array([*triangles, rest])
+    return np.array(corners)[[*triangles, rest]]
+
+
+def _turns(a: Float[Array, "n 2"], b: Float[Array, "m 2"], c: Float[Array, "m 2"]) -> Float[Array, " m"]:
+    """Twice the signed area of triangles: positive if a → b → c turns left."""
+    ab, ac = b - a, c - a
+    return ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
 
 
 def _is_ear(flat: Float[Array, "c 2"], rest: list[int], i: int) -> bool:

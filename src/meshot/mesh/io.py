@@ -16,7 +16,7 @@ import torch
 import trimesh
 
 from meshot.files import unpacked, whole_file
-from meshot.mesh.mesh import EXCHANGED, Mesh, read_exchanged, write_exchanged
+from meshot.mesh.mesh import EXCHANGED, Mesh, read_exchanged
 from meshot.types import Array
 
 PLAIN_FORMATS = ("ply", "obj", "off", "stl")
@@ -34,13 +34,8 @@ def read_mesh(path: str | os.PathLike, c_ras: tuple[float, float, float] | None 
     converted to scanner RAS with the volume information at the end of the file. The matrix of a GIfTI file is applied
     if it maps an unknown space to the scanner. The other formats carry no information about space, and their
     coordinates are not changed. In STL files, corners at the same position are merged. In GLB files, all meshes are
-    joined after the transforms of the scene, and vertices at the same position are merged.
-
-    Parameters
-    ----------
-    path : path
-    c_ras : three numbers, optional
-        The scanner coordinates of the centre of a FreeSurfer surface's volume, if the file does not contain them.
+    joined after the transforms of the scene, and vertices at the same position are merged. ``c_ras`` are the scanner
+    coordinates of the centre of a FreeSurfer surface's volume, if the file does not contain them.
 
     Raises
     ------
@@ -128,13 +123,16 @@ def write_mesh(
         if kind == "gifti":
             nibabel.save(gifti_image(vertices, faces, structure), temporary)
         elif kind == "freesurfer":
+            about = {"head": np.array([2, 0, 20]), "valid": "1  # volume info valid", "filename": "scan"}
+            about |= {"volume": np.array([256, 256, 256]), "voxelsize": np.ones(3)}
+            about |= dict(zip(("xras", "yras", "zras"), _SURFACE_AXES.T, strict=True)) | {"cras": centre}
             nibabel.freesurfer.write_geometry(
-                temporary, vertices - centre, faces, create_stamp="created by meshot", volume_info=_volume_info(centre)
+                temporary, vertices - centre, faces, create_stamp="created by meshot", volume_info=about
             )
-        elif kind in EXCHANGED:
-            write_exchanged(temporary, kind, vertices, faces)
+        elif kind in ("vtp", "vtk"):
+            mesh.to_pyvista().save(temporary)
         else:
-            trimesh.Trimesh(vertices, faces, process=False).export(temporary, file_type=kind)
+            mesh.to_trimesh().export(temporary, file_type=kind)
 
 
 def _format_of_name(path: Path) -> str | None:
@@ -210,21 +208,6 @@ def _read_freesurfer(path: Path, c_ras: tuple[float, float, float] | None) -> tu
     axes = np.column_stack([info[name] for name in ("xras", "yras", "zras")]) @ _SURFACE_AXES.T
     vertices = vertices @ axes.T + np.asarray(info["cras"], dtype=np.float64)
     return vertices, faces[:, ::-1] if np.linalg.det(axes) < 0 else faces
-
-
-def _volume_info(centre: Array) -> dict:
-    x_ras, y_ras, z_ras = _SURFACE_AXES.T
-    return {
-        "head": np.array([2, 0, 20]),
-        "valid": "1  # volume info valid",
-        "filename": "scan",
-        "volume": np.array([256, 256, 256]),
-        "voxelsize": np.ones(3),
-        "xras": x_ras,
-        "yras": y_ras,
-        "zras": z_ras,
-        "cras": centre,
-    }
 
 
 # Surfaces as GIfTI images: coordinates in scanner RAS, with the names by which Connectome Workbench knows a cortex.

@@ -114,11 +114,16 @@ class Mesh(_Shape):
 
     def to_trimesh(self) -> "trimesh.Trimesh":
         """A ``trimesh.Trimesh`` with the same vertices and faces, in the same order, without gradient."""
-        return as_trimesh(self.vertices.detach().double().cpu().numpy(), self.faces.cpu().numpy())
+        import trimesh
+
+        return trimesh.Trimesh(self.vertices.detach().double().cpu().numpy(), self.faces.cpu().numpy(), process=False)
 
     def to_pyvista(self) -> "pyvista.PolyData":
         """A ``pyvista.PolyData`` with the same vertices and faces, in the same order, without gradient."""
-        return as_pyvista(self.vertices.detach().double().cpu().numpy(), self.faces.cpu().numpy())
+        import pyvista
+
+        vertices = self.vertices.detach().double().cpu().numpy()
+        return pyvista.PolyData.from_regular_faces(vertices, self.faces.cpu().numpy())
 
     def __repr__(self) -> str:
         return f"Mesh({self.vertices.shape[0]} vertices, {self.faces.shape[0]} faces, {self.vertices.dtype})"
@@ -189,13 +194,6 @@ def trimesh_arrays(other: Any) -> tuple[Array, Array]:
     return np.array(other.vertices, np.float64), np.array(other.faces, np.int64)
 
 
-def as_trimesh(vertices: Array, faces: Array) -> "trimesh.Trimesh":
-    """A ``trimesh.Trimesh`` with the same vertices and faces, in the same order. Vertices are not merged."""
-    import trimesh
-
-    return trimesh.Trimesh(vertices, faces, process=False)
-
-
 def pyvista_arrays(other: Any) -> tuple[Array, Array]:
     """Vertices and faces of a ``pyvista.PolyData``. Strips and faces with more than three corners are triangulated."""
     import pyvista
@@ -211,19 +209,10 @@ def pyvista_arrays(other: Any) -> tuple[Array, Array]:
     return np.array(surface.points, np.float64), faces
 
 
-def as_pyvista(vertices: Array, faces: Array) -> "pyvista.PolyData":
-    """A ``pyvista.PolyData`` with the same vertices and faces, in double precision."""
-    import pyvista
-
-    return pyvista.PolyData.from_regular_faces(np.asarray(vertices), np.asarray(faces))
-
-
 def read_exchanged(path: Path, kind: str) -> tuple[Array, Array]:
-    """Vertices and faces from a file of one of the ``EXCHANGED`` formats.
-
-    A GLB file contains a scene. All its meshes are transformed as the scene says and joined, whatever their materials.
-    Vertices at the same position, such as those along seams of materials or normals, are merged.
-    """
+    """Vertices and faces from a file of one of the ``EXCHANGED`` formats."""
+    # A GLB file contains a scene. All its meshes are transformed as the scene says and joined, whatever their
+    # materials. Vertices at the same position, such as those along seams of materials or normals, are merged.
     if kind != "glb":
         import pyvista
 
@@ -235,14 +224,6 @@ def read_exchanged(path: Path, kind: str) -> tuple[Array, Array]:
     _, first, places = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
     kept = np.sort(first)
     return vertices[kept], np.searchsorted(kept, first)[places.reshape(-1)][faces]
-
-
-def write_exchanged(path: Path, kind: str, vertices: Array, faces: Array) -> None:
-    """Write a file of one of the ``EXCHANGED`` formats. The path must have the suffix of the format."""
-    if kind == "glb":
-        as_trimesh(vertices, faces).export(path, file_type=kind)
-    else:
-        as_pyvista(vertices, faces).save(path)
 
 
 def _kind(value: object) -> str:

@@ -66,15 +66,7 @@ def icosphere(
 
 
 def ellipsoid(subdivisions: int, radii: tuple[float, float, float], dtype: torch.dtype = torch.float64) -> Mesh:
-    """An icosphere stretched along the axes, centred at the origin.
-
-    Parameters
-    ----------
-    subdivisions : int
-        As :func:`icosphere`.
-    radii : three floats
-        The half-axes along x, y and z.
-    dtype : torch.dtype
+    """An icosphere stretched along the axes, centred at the origin, with half-axes ``radii`` along x, y and z.
 
     Raises
     ------
@@ -138,12 +130,9 @@ def cube(side: float = 1.0, dtype: torch.dtype = torch.float64) -> Mesh:
 
 
 def tetrahedron(corners: Float[Tensor, "4 3"] | None = None) -> Mesh:
-    """The surface of a tetrahedron. Faces are oriented outwards for any order of the corners.
+    """The surface of a tetrahedron. Faces are oriented outwards for any order of the four corners.
 
-    Parameters
-    ----------
-    corners : tensor, optional
-        Four points. The default is every other corner of the cube [−1, 1]³, a regular tetrahedron.
+    By default these are every other corner of the cube [−1, 1]³, of a regular tetrahedron.
 
     Raises
     ------
@@ -183,12 +172,8 @@ def split_in_four(
 def regular_polygon(n_corners: int, radius: float = 1.0) -> Contour:
     """A polygon with equal sides and angles, counter-clockwise, with its first corner directly above the origin.
 
-    Parameters
-    ----------
-    n_corners : int
-        At least three; the perimeter is 2 · n_corners · radius · sin(π / n_corners).
-    radius : float
-        Distance of every corner from the origin.
+    Every corner is at the distance ``radius`` from the origin; the perimeter is 2 · n_corners · radius ·
+    sin(π / n_corners).
 
     Raises
     ------

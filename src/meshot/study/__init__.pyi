@@ -13,11 +13,7 @@ from .comparison import (
     paired_surfaces as paired_surfaces,
     write_comparison as write_comparison,
 )
-from .layouts import (
-    LAYOUTS as LAYOUTS,
-    Layout as Layout,
-    layout_named as layout_named,
-)
+from .layouts import LAYOUTS as LAYOUTS, Layout as Layout, layout_named as layout_named
 from .many_visits import (
     StudySettings as StudySettings,
     reconstruct_study as reconstruct_study,

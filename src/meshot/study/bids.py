@@ -82,10 +82,6 @@ def bare_label(label: str, kind: str) -> str:
 def visits_of_files(paths: Sequence[Path]) -> list[Visit]:
     """A visit for each file; participant and session are taken from names as BIDS has them, or are the whole name.
 
-    Parameters
-    ----------
-    paths : sequence of pathlib.Path
-
     Raises
     ------
     ValueError
@@ -94,7 +90,9 @@ def visits_of_files(paths: Sequence[Path]) -> list[Visit]:
     found: dict[str, Visit] = {}
     for path in paths:
         entities = entities_of(path.name)
-        participant = entities.get("sub") or re.sub(r"[^0-9a-zA-Z]", "", _stem(path.name))
+        ending = next((e for e in sorted(ENDINGS, key=len, reverse=True) if path.name.lower().endswith(e)), "")
+        stem = path.name[: len(path.name) - len(ending)].removesuffix("_T1w")
+        participant = entities.get("sub") or re.sub(r"[^0-9a-zA-Z]", "", stem)
         if not participant:
             raise ValueError(f"{path} has no letter and no digit in its name, and gives no label; rename it")
         visit = Visit(participant, entities.get("ses"), (path,))
@@ -108,10 +106,6 @@ def visits_of_files(paths: Sequence[Path]) -> list[Visit]:
 def visits_of_folder(folder: Path) -> list[Visit]:
     """A visit for each scan in a folder that is not BIDS.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-
     Raises
     ------
     ValueError
@@ -124,11 +118,6 @@ def visits_of_folder(folder: Path) -> list[Visit]:
             "BIDS data set, or a folder of scans"
         )
     return visits_of_files(paths)
-
-
-def _stem(name: str) -> str:
-    ending = next((e for e in sorted(ENDINGS, key=len, reverse=True) if name.lower().endswith(e)), "")
-    return name[: len(name) - len(ending)].removesuffix("_T1w")
 
 
 # Files that hold a JSON object.
@@ -154,13 +143,9 @@ IGNORE = ".bidsignore"
 
 
 class Ignored:
-    """Whether ``.bidsignore`` of a data set names a path, by the rules of gitignore.
+    """Whether ``.bidsignore`` of a data set names a path, by the rules of gitignore."""
 
-    Parameters
-    ----------
-    dataset : pathlib.Path
-        The top folder.
-    """
+    # ``dataset``: the top folder.
 
     def __init__(self, dataset: Path):
         self.dataset = dataset
@@ -249,13 +234,7 @@ class Choice:
 
 
 def visits_of_bids(dataset: Path, choice: Choice | None = None) -> list[Visit]:
-    """The visits of a BIDS data set, in the order of their labels; those with trouble say why.
-
-    Parameters
-    ----------
-    dataset : pathlib.Path
-        The top folder.
-    choice : Choice, optional
+    """The visits of a BIDS data set, named by its top folder, in the order of their labels; troubled ones say why.
 
     Raises
     ------
@@ -271,7 +250,13 @@ def visits_of_bids(dataset: Path, choice: Choice | None = None) -> list[Visit]:
     if not folders:
         raise ValueError(f"{dataset} has no folder sub-...; name the top folder of a BIDS data set")
     wanted = _wanted(choice.participants, list(folders), "sub")
-    found = [visit for label in wanted for visit in _readable_visits(dataset, folders[label], choice, ignored)]
+    found = []
+    for label in wanted:
+        try:
+            found += _visits_of_participant(dataset, folders[label], choice, ignored)
+        except PermissionError as error:
+            why = f"{error.filename} cannot be read ({error.strerror}); give yourself the permission"
+            found.append(Visit(label, trouble=why))
     if choice.sessions:
         sessions = sorted({visit.session for visit in found if visit.session})
         known = _wanted(choice.sessions, sessions, "ses")
@@ -280,12 +265,7 @@ def visits_of_bids(dataset: Path, choice: Choice | None = None) -> list[Visit]:
 
 
 def missing_participants(dataset: Path) -> list[str]:
-    """The participants in ``participants.tsv`` that have no folder.
-
-    Parameters
-    ----------
-    dataset : pathlib.Path
-    """
+    """The participants in ``participants.tsv`` that have no folder."""
     table = dataset / "participants.tsv"
     if not table.is_file():
         return []
@@ -303,15 +283,6 @@ def _wanted(asked: Sequence[str], known: list[str], kind: str) -> list[str]:
     return sorted(set(labels)) if labels else sorted(known)
 
 
-def _readable_visits(dataset: Path, folder: Path, choice: Choice, ignored: Ignored) -> list[Visit]:
-    """The visits of a participant; one with trouble if a folder may not be read."""
-    try:
-        return _visits_of_participant(dataset, folder, choice, ignored)
-    except PermissionError as error:
-        why = f"{error.filename} cannot be read ({error.strerror}); give yourself the permission"
-        return [Visit(folder.name[4:], trouble=why)]
-
-
 def _require_readable(folder: Path) -> None:
     """Raise PermissionError if a folder may not be listed, which glob would take for an empty one."""
     if folder.is_dir():
@@ -326,7 +297,14 @@ def _visits_of_participant(dataset: Path, folder: Path, choice: Choice, ignored:
     found = []
     for session, place in places:
         _require_readable(place / "anat")
-        names = _named_t1(dataset, place, ignored)
+        names = []  # the scans whose whole path the specification allows, with their entities
+        for path in sorted((place / "anat").glob("*_T1w.nii*")):
+            relative = path.relative_to(dataset).as_posix()
+            match = next((m for rule in _rules() if (m := rule.match(relative))), None)
+            if match and match["suffix"] == "T1w" and not ignored(path):
+                entities = {_SHORT[key]: value for key, value in match.groupdict().items() if key in _SHORT and value}
+                if entities.get("part", "mag") == "mag":
+                    names.append((path, entities))
         if names:
             found.append(_visit(dataset, Visit(folder.name[4:], session), names, choice))
     if found:
@@ -335,19 +313,6 @@ def _visits_of_participant(dataset: Path, folder: Path, choice: Choice, ignored:
     why = f"; anat holds {', '.join(there[:4])}" if there else ""
     return [Visit(folder.name[4:], trouble=f"{folder.name} has no T1-weighted scan: a name such as "
                   f"{folder.name}_T1w.nii.gz is needed{why}")]  # fmt: skip
-
-
-def _named_t1(dataset: Path, place: Path, ignored: Ignored) -> list[tuple[Path, dict[str, str]]]:
-    """The scans whose whole path the specification allows, with their entities."""
-    found = []
-    for path in sorted((place / "anat").glob("*_T1w.nii*")):
-        relative = path.relative_to(dataset).as_posix()
-        match = next((m for rule in _rules() if (m := rule.match(relative))), None)
-        if match and match["suffix"] == "T1w" and not ignored(path):
-            entities = {_SHORT[key]: value for key, value in match.groupdict().items() if key in _SHORT and value}
-            if entities.get("part", "mag") == "mag":
-                found.append((path, entities))
-    return found
 
 
 @functools.cache
@@ -359,14 +324,28 @@ def _rules() -> list[re.Pattern]:
 
 
 def _visit(dataset: Path, visit: Visit, names: list[tuple[Path, dict[str, str]]], choice: Choice) -> Visit:
+    def bare(label: str | None) -> str | int | None:  # indices may have leading zeros
+        return int(label) if label is not None and label.isdigit() else label
+
     for key, value in (("acq", choice.acquisition), ("run", choice.run)):
         if value is not None:
-            names = [(path, found) for path, found in names if _same(found.get(key), value)]
+            names = [(path, found) for path, found in names if bare(found.get(key)) == bare(value)]
             if not names:
                 return dataclasses.replace(visit, trouble=f"{visit.label} has no T1-weighted scan with {key}-{value}")
-    trouble = _ambiguity(visit, names)
-    if trouble:
+    protocols = {tuple((k, f[k]) for k in PROTOCOL if k in f): path.name for path, f in names}
+    if len(protocols) > 1:
+        trouble = (
+            f"{visit.label} has T1-weighted scans of several protocols: {', '.join(protocols.values())}; choose one "
+            "with --acquisition, or name the others in .bidsignore"
+        )
         return dataclasses.replace(visit, trouble=trouble)
+    runs: dict[object, str] = {}
+    for path, found in names:
+        run = int(found["run"]) if "run" in found else None
+        if run in runs:
+            trouble = f"{runs[run]} and {path.name} are the same run twice; remove one, or name it in .bidsignore"
+            return dataclasses.replace(visit, trouble=trouble)
+        runs[run] = path.name
     notes = ()
     if len(names) > 1 and choice.several == "first":
         notes = (f"of {len(names)} runs only the first is used: {names[0][0].name}",)
@@ -385,29 +364,6 @@ def _visit(dataset: Path, visit: Visit, names: list[tuple[Path, dict[str, str]]]
         return dataclasses.replace(made, mask=brain_mask_of(choice.derivatives, made))
     except ValueError as error:
         return dataclasses.replace(made, trouble=str(error))
-
-
-def _same(found: str | None, wanted: str) -> bool:
-    """Whether two values of an entity agree; indices may have leading zeros."""
-    if found is not None and found.isdigit() and wanted.isdigit():
-        return int(found) == int(wanted)
-    return found == wanted
-
-
-def _ambiguity(visit: Visit, names: list[tuple[Path, dict[str, str]]]) -> str | None:
-    protocols = {tuple((k, f[k]) for k in PROTOCOL if k in f): path.name for path, f in names}
-    if len(protocols) > 1:
-        return (
-            f"{visit.label} has T1-weighted scans of several protocols: {', '.join(protocols.values())}; choose one "
-            "with --acquisition, or name the others in .bidsignore"
-        )
-    runs: dict[object, str] = {}
-    for path, found in names:
-        run = int(found["run"]) if "run" in found else None
-        if run in runs:
-            return f"{runs[run]} and {path.name} are the same run twice; remove one, or name it in .bidsignore"
-        runs[run] = path.name
-    return None
 
 
 def _sidecar_warnings(dataset: Path, path: Path) -> list[QualityWarning]:
@@ -432,10 +388,8 @@ _FREE = ("space", "desc", "sub", "ses")
 
 
 def brain_mask_of(derivatives: Path, visit: Visit) -> Path:
-    """The brain mask of a visit: a name such as ``sub-01_ses-02_desc-brain_mask.nii.gz``, on the grid of the scan.
-
-    The mask may leave out entities of the scan, but may not contradict them. The one with the most entities counts.
-    """
+    """The brain mask of a visit: a name such as ``sub-01_ses-02_desc-brain_mask.nii.gz``, on the grid of the scan."""
+    # The mask may leave out entities of the scan, but may not contradict them. The one with the most entities counts.
     scan = entities_of(visit.scans[0].name)
     folders = [derivatives.joinpath(*visit.parts, "anat"), derivatives / visit.parts[0] / "anat"]
     fitting = [

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,17 +45,7 @@ def find_surfaces(folder: str | os.PathLike, surface: str = "white") -> dict[Pla
     Three layouts are known. FreeSurfer's: ``SUBJECT/surf/lh.white``. BIDS derivatives:
     ``sub-01_hemi-L_white.surf.gii`` at any depth. The folders of ``meshot reconstruct``: ``SUBJECT/lh.white``, or the
     same with the suffix of another format. A session is a folder ``ses-…``, or the end of a name ``sub-01_ses-02``.
-
-    Parameters
-    ----------
-    folder : path
-    surface : str
-        Such as ``white`` or ``pial``.
-
-    Returns
-    -------
-    dict
-        In the order of participants, sessions and sides.
+    The result is in the order of participants, sessions and sides.
 
     Raises
     ------
@@ -66,25 +56,19 @@ def find_surfaces(folder: str | os.PathLike, surface: str = "white") -> dict[Pla
     if not folder.is_dir():
         raise ValueError(f"{folder} is no folder; name a folder with a folder for each subject")
     found: dict[Place, list[Path]] = {}
-    for path, stem in _files(folder):
-        place = _place(path.relative_to(folder), stem, surface)
-        if place is not None:
-            found.setdefault(place, []).append(path)
+    for parent, folders, names in os.walk(folder):  # without links to folders
+        folders.sort()
+        for name in sorted(names):
+            suffix = next((suffix for suffix in _SUFFIXES[1:] if name.endswith(suffix)), "")
+            place = _place(Path(parent, name).relative_to(folder), name.removesuffix(suffix), surface)
+            if place is not None:
+                found.setdefault(place, []).append(Path(parent, name))
     if not found:
         raise ValueError(
             f"{folder} holds no surface {surface}; needed are SUBJECT/surf/lh.{surface} (FreeSurfer), "
             f"sub-01_hemi-L_{surface}.surf.gii (BIDS) or SUBJECT/lh.{surface}"
         )
     return {place: _only(place, found[place]) for place in sorted(found)}
-
-
-def _files(folder: Path) -> Iterator[tuple[Path, str]]:
-    """Every file that may be a surface, without links to folders, and its name without the suffix of its format."""
-    for parent, folders, names in os.walk(folder):
-        folders.sort()
-        for name in sorted(names):
-            suffix = next((suffix for suffix in _SUFFIXES[1:] if name.endswith(suffix)), "")
-            yield Path(parent, name), name.removesuffix(suffix)
 
 
 def _place(path: Path, stem: str, surface: str) -> Place | None:
@@ -200,18 +184,9 @@ def summary_rows(found: Mapping[Place, Compared]) -> list[dict]:
         for name, metric in found[chosen[0]].evaluation.as_dict().items():
             values = _by_participant(found, chosen, name, "value")
             floors = _by_participant(found, chosen, name, "floor")
-            rows.append(
-                {
-                    "side": side,
-                    "metric": name,
-                    "name": metric["name"],
-                    "unit": metric["unit"],
-                    "participants": len(values),
-                }
-                | _entries("mean", values, None)
-                | {"floor": float(np.mean(floors))}
-                | _entries("difference", values, floors)
-            )
+            row = {"side": side, "metric": name, "name": metric["name"], "unit": metric["unit"]}
+            row |= {"participants": len(values)} | _entries("mean", values, None)
+            rows.append(row | {"floor": float(np.mean(floors))} | _entries("difference", values, floors))
     return rows
 
 
@@ -311,27 +286,22 @@ def write_comparison(
         found = compared_pairs(pairs, n_points, seed, n_emd_points, progress, align)
         summary = summary_rows(found)
         metrics = next(iter(found.values())).evaluation.as_dict()
-        rows = [_surface_row(place, pairs[place], compared) for place, compared in found.items()]
-        _write_table(
-            temporary / SURFACES_TABLE,
-            rows,
-            _dictionary(metrics, align) | {"meshot": folders | settings | provenance()},
-        )
+        rows = []
+        for place, compared in found.items():
+            row = {"participant_id": place.participant, "session_id": place.session, "side": place.side}
+            row |= dict(zip(("reconstructed", "reference"), map(printable_name, pairs[place]), strict=True))
+            if compared.residue is not None:
+                row |= {ICP_RESIDUE: compared.residue}
+            for name, metric in compared.evaluation.as_dict().items():
+                row |= {name: metric["value"], f"{name}_floor": metric["floor"]}
+            rows.append(row)
+        about = _dictionary(metrics, align) | {"meshot": folders | settings | provenance()}
+        _write_table(temporary / SURFACES_TABLE, rows, about)
         described = {name: {"Description": text} for name, text in _SUMMARY.items()}
         _write_table(temporary / SUMMARY_TABLE, [{key: row[key] for key in _SUMMARY} for row in summary], described)
         page = _page(summary, found, metrics, lost, folders | settings)
         (temporary / COMPARISON_PAGE).write_text(page, encoding="utf-8")
     return summary
-
-
-def _surface_row(place: Place, paths: tuple[Path, Path], compared: Compared) -> dict:
-    row = {"participant_id": place.participant, "session_id": place.session, "side": place.side}
-    row |= dict(zip(("reconstructed", "reference"), map(printable_name, paths), strict=True))
-    if compared.residue is not None:
-        row |= {ICP_RESIDUE: compared.residue}
-    for name, metric in compared.evaluation.as_dict().items():
-        row |= {name: metric["value"], f"{name}_floor": metric["floor"]}
-    return row
 
 
 def _dictionary(metrics: Mapping[str, Mapping], align: bool) -> dict[str, dict]:

@@ -27,13 +27,6 @@ from meshot.volume import Volume, centre_ras, resample, write_volume
 
 # The flat layout: a folder for each visit with the files that ``meshot reconstruct SCAN -o OUT`` writes.
 
-FLAT_REPORT_FOLDER = Path()
-
-
-def flat_folder(visit: Visit) -> Path:
-    """For example ``sub-01_ses-02``."""
-    return Path(visit.label)
-
 
 def arrange_flat(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> None:
     """Write surfaces, transforms and labels, and the scan if it is an average."""
@@ -42,31 +35,17 @@ def arrange_flat(folder: Path, found: Reconstruction, scan: Volume, visit: Visit
         write_volume(folder / "scan.nii.gz", scan)
 
 
-def finish_flat(folder: Path, visit: Visit, report: dict) -> None:
-    """Nothing is left to write."""
-
-
-def begin_flat(study: Path, dataset: Path | None) -> None:
-    """The study as a whole has no files of this layout."""
-
-
 # FreeSurfer's SUBJECTS_DIR: ``sub-01/surf/lh.white``, ``mri/orig.mgz``, ``mri/transforms``, ``scripts``.
 #
 # ``mri/orig.mgz`` is the scan on FreeSurfer's conformed grid: 256 voxels of 1 mm along each axis, 8 bits, around the
 # centre of the scan. Surface RAS of this grid is the space of the surfaces. ``mri/rawavg.mgz`` is the scan as it came.
 
-FREESURFER_REPORT_FOLDER = Path("report")
 N_VOXELS = 256
 #: The values of ``mri/filled.mgz`` for the left and the right hemisphere.
 FILLED = (255, 127)
 #: The initial surface is called as FreeSurfer calls the surface before it moves.
 _NAMES = {"white": "white", "initial": "orig", "fsaverage5": "white.fsaverage5", "pial": "pial"}
 _AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-
-
-def freesurfer_folder(visit: Visit) -> Path:
-    """For example ``sub-01_ses-02``."""
-    return Path(visit.label)
 
 
 def arrange_freesurfer(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> None:
@@ -86,10 +65,8 @@ def arrange_freesurfer(folder: Path, found: Reconstruction, scan: Volume, visit:
 
 
 def conformed_scan(scan: Volume) -> Volume:
-    """A scan on FreeSurfer's conformed grid, linearly interpolated, with 8 bits.
-
-    Its smallest value becomes 0, and the value below which 99.9 % of the voxels lie becomes 255.
-    """
+    """A scan on FreeSurfer's conformed grid, linearly interpolated, with 8 bits."""
+    # Its smallest value becomes 0, and the value below which 99.9 % of the voxels lie becomes 255.
     affine = np.eye(4)
     affine[:3, :3] = _AXES
     affine[:3, 3] = centre_ras(scan) - _AXES @ np.full(3, N_VOXELS / 2)
@@ -112,24 +89,14 @@ def finish_freesurfer(folder: Path, visit: Visit, report: dict) -> None:
     (scripts / "meshot.log").write_text("\n".join(lines) + "\n", encoding="utf-8", errors="replace")
 
 
-def begin_freesurfer(study: Path, dataset: Path | None) -> None:
-    """The study as a whole has no files of this layout."""
-
-
 # BIDS derivatives: ``sub-01/anat/sub-01_hemi-L_white.surf.gii`` with sidecars, and the files of the data set.
 
-BIDS_REPORT_FOLDER = Path("report")
 VERSION = "1.10.0"
 #: What the specification does not describe: pages, tables and logs of the study, transforms, and surfaces.
 IGNORED = (
     "*.html", "subjects.*", "verdicts*.tsv", "logs/", "report", "*_xfm.*", "*.surf.gii", "*_white.json", "*_pial.json",
 )  # fmt: skip
 _LABELS = "index\tname\tabbreviation\n1\tLeft cerebral white matter\tlWM\n2\tRight cerebral white matter\trWM\n"
-
-
-def bids_folder(visit: Visit) -> Path:
-    """For example ``sub-01/ses-02``."""
-    return Path(*visit.parts)
 
 
 def arrange_bids(folder: Path, found: Reconstruction, scan: Volume, visit: Visit) -> None:
@@ -160,10 +127,6 @@ def arrange_bids(folder: Path, found: Reconstruction, scan: Volume, visit: Visit
     )
     lta = lta_transform(found.registered.to_standard, scan, printable_name(visit.scans[0].name), mni152_t1())
     transform.with_name(f"{transform.name}.lta").write_text(lta, encoding="utf-8")
-
-
-def finish_bids(folder: Path, visit: Visit, report: dict) -> None:
-    """Nothing is left to write."""
 
 
 def begin_bids(study: Path, dataset: Path | None) -> None:
@@ -213,39 +176,33 @@ class Layout:
     arrange : callable
         Writes surfaces, transforms and labels.
     finish : callable
-        Writes what needs the report.
+        Writes what needs the report; by default nothing.
     begin : callable
-        Writes the files of the whole study.
+        Writes the files of the whole study; by default none.
     """
 
     name: str
     folder: Callable[[Visit], Path]
     report_folder: Path
     arrange: Callable[[Path, Reconstruction, Volume, Visit], None]
-    finish: Callable[[Path, Visit, dict], None]
-    begin: Callable[[Path, Path | None], None]
+    finish: Callable[[Path, Visit, dict], None] = lambda folder, visit, report: None
+    begin: Callable[[Path, Path | None], None] = lambda study, dataset: None
+
+
+def _by_label(visit: Visit) -> Path:
+    """For example ``sub-01_ses-02``."""
+    return Path(visit.label)
 
 
 LAYOUTS = {
-    "flat": Layout("flat", flat_folder, FLAT_REPORT_FOLDER, arrange_flat, finish_flat, begin_flat),
-    "freesurfer": Layout(
-        "freesurfer",
-        freesurfer_folder,
-        FREESURFER_REPORT_FOLDER,
-        arrange_freesurfer,
-        finish_freesurfer,
-        begin_freesurfer,
-    ),
-    "bids": Layout("bids", bids_folder, BIDS_REPORT_FOLDER, arrange_bids, finish_bids, begin_bids),
+    "flat": Layout("flat", _by_label, Path(), arrange_flat),
+    "freesurfer": Layout("freesurfer", _by_label, Path("report"), arrange_freesurfer, finish_freesurfer),
+    "bids": Layout("bids", lambda visit: Path(*visit.parts), Path("report"), arrange_bids, begin=begin_bids),
 }
 
 
 def layout_named(name: str) -> Layout:
     """A layout by its name.
-
-    Parameters
-    ----------
-    name : str
 
     Raises
     ------

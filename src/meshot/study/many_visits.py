@@ -94,11 +94,32 @@ def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progre
         torch.set_num_threads(settings.threads)
     networks, layout = _networks(settings), layout_named(settings.layout)
     folder = study / layout.folder(visit)
-    facts = _facts(visit, networks) | {"correspondence": settings.correspondence}
+    files = {printable_name(path.name): file_digest(_present(path)) for path in visit.scans}
+    mask = None if visit.mask is None else {printable_name(visit.mask.name): file_digest(_present(visit.mask))}
+    facts = {  # what the result depends on, as report.json keeps it
+        "participant_id": visit.parts[0],
+        "session_id": visit.parts[1] if visit.session else None,
+        "scans": files,
+        "mask": mask,
+        "notes": list(visit.notes),
+        "system": None if networks.system is None else networks.system.name,
+        "weights": networks.records,
+        "correspondence": settings.correspondence,
+    }
     earlier = _earlier_report(folder, layout, facts, settings)
     if earlier is not None:
         return earlier
-    scan, warnings = _scan_of(visit)
+    warnings, distinct = list(visit.warnings), {}
+    for path in visit.scans:
+        digest = file_digest(path)
+        if digest in distinct:
+            text = f"{distinct[digest].name} and {path.name} hold the same scan; it is used once"
+            warnings.append(QualityWarning("same_file_twice", text))
+        distinct.setdefault(digest, path)
+    paths = list(distinct.values())
+    scan = averaged_scan([read_volume(path) for path in paths], [path.name for path in paths])
+    if visit.mask is not None:
+        scan = masked_scan(scan, read_volume(visit.mask))
     template = mni152_t1()
     found = reconstruct(
         scan, networks.segmentation, networks.system, progress, template, settings.strict, settings.correspondence
@@ -123,21 +144,6 @@ def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progre
             raise
         return earlier
     return report
-
-
-def _facts(visit: Visit, networks: TrainedNetworks) -> dict:
-    """What the result depends on, as ``report.json`` keeps it."""
-    files = {printable_name(path.name): file_digest(_present(path)) for path in visit.scans}
-    mask = None if visit.mask is None else {printable_name(visit.mask.name): file_digest(_present(visit.mask))}
-    return {
-        "participant_id": visit.parts[0],
-        "session_id": visit.parts[1] if visit.session else None,
-        "scans": files,
-        "mask": mask,
-        "notes": list(visit.notes),
-        "system": None if networks.system is None else networks.system.name,
-        "weights": networks.records,
-    }
 
 
 def _present(path: Path) -> Path:
@@ -171,20 +177,6 @@ def _earlier_report(folder: Path, layout: Layout, facts: dict, settings: StudySe
             "it with --overwrite"
         )
     return None
-
-
-def _scan_of(visit: Visit) -> tuple[Volume, list[QualityWarning]]:
-    """The scan, or the average of the scans, inside the brain mask; and warnings."""
-    warnings, distinct = list(visit.warnings), {}
-    for path in visit.scans:
-        digest = file_digest(path)
-        if digest in distinct:
-            text = f"{distinct[digest].name} and {path.name} hold the same scan; it is used once"
-            warnings.append(QualityWarning("same_file_twice", text))
-        distinct.setdefault(digest, path)
-    paths = list(distinct.values())
-    scan = averaged_scan([read_volume(path) for path in paths], [path.name for path in paths])
-    return (scan if visit.mask is None else masked_scan(scan, read_volume(visit.mask))), warnings
 
 
 #: The table may take this share of the time of a run.
@@ -238,7 +230,14 @@ def reconstruct_study(
         raise ValueError("there is no visit to reconstruct; choose other participants or sessions")
     if dataset is not None and study.resolve() == dataset.resolve():
         raise ValueError(f"{study} is the data set itself; name another folder, such as {study / 'derivatives/meshot'}")
-    _require_writable(study)
+    try:
+        study.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=study):
+            pass
+    except OSError as error:
+        raise ValueError(
+            f"{study} cannot be written to ({error.strerror}); choose another folder, or give yourself the permission"
+        ) from error
     layout_named(settings.layout).begin(study, dataset)
     write_table(study)  # what cannot be read is found before the first scan
     add_to_log(study, f"meshot {meshot.__version__}: {len(visits)} visits, layout {settings.layout}, {jobs} processes")
@@ -246,8 +245,15 @@ def reconstruct_study(
     failed, spent, started = [], 0.0, time.perf_counter()
     with tqdm(total=len(visits), unit="visit", disable=True if tell is None else None) as bar:
         for visit, error in _outcomes(visits, study, settings, jobs, bar):
-            _record(study, visit, error)
-            failed += [] if error is None else [visit]
+            # Keep the reason of a failure, or remove that of an earlier one.
+            file = study / LOGS / f"{visit.label}_error.json"
+            if error is None:
+                file.unlink(missing_ok=True)
+            else:
+                failed.append(visit)
+                record = {"participant_id": visit.parts[0], "session_id": visit.parts[1] if visit.session else None}
+                record |= {"error": error, "scans": " ".join(printable_name(path.name) for path in visit.scans)}
+                write_whole(file, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
             line, stages = visit_lines(study, visit, settings.layout, error, earlier[visit.label])
             add_to_log(study, line + stages)
             if tell is not None:
@@ -264,10 +270,6 @@ def reconstruct_study(
 
 def write_table(study: Path) -> list[dict]:
     """Write the table of a study from what stands in its folder, and return its rows.
-
-    Parameters
-    ----------
-    study : pathlib.Path
 
     Raises
     ------
@@ -303,32 +305,6 @@ def _row(study: Path, file: Path) -> dict:
         } | numbers_of_report(report)
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"{file} is no record of a visit (it lacks {error}); remove it, or its folder") from error
-
-
-def _require_writable(study: Path) -> None:
-    try:
-        study.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=study):
-            pass
-    except OSError as error:
-        raise ValueError(
-            f"{study} cannot be written to ({error.strerror}); choose another folder, or give yourself the permission"
-        ) from error
-
-
-def _record(study: Path, visit: Visit, error: str | None) -> None:
-    """Keep the reason of a failure, or remove that of an earlier one."""
-    file = study / LOGS / f"{visit.label}_error.json"
-    if error is None:
-        file.unlink(missing_ok=True)
-        return
-    record = {
-        "participant_id": visit.parts[0],
-        "session_id": visit.parts[1] if visit.session else None,
-        "error": error,
-        "scans": " ".join(printable_name(path.name) for path in visit.scans),
-    }
-    write_whole(file, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
 
 
 def _outcomes(
@@ -396,10 +372,8 @@ LOG = "meshot.log"
 
 
 def add_to_log(study: Path, text: str) -> None:
-    """Append a line with the time (UTC) to the log of a study.
-
-    Several processes may append at the same time: each line is written at once.
-    """
+    """Append a line with the time (UTC) to the log of a study."""
+    # Several processes may append at the same time: each line is written at once.
     place = study / LOGS / LOG
     place.parent.mkdir(exist_ok=True)
     now = datetime.datetime.now(datetime.UTC)

@@ -95,14 +95,9 @@ def numbers_of_report(report: Mapping) -> dict[str, float]:
 
 
 def write_subjects(folder: str | os.PathLike, rows: Iterable[Mapping]) -> None:
-    """Write the table and its data dictionary, sorted by participant and session.
+    """Write the table and its data dictionary into the folder of a study, sorted by participant and session.
 
-    Parameters
-    ----------
-    folder : path
-        Of the study.
-    rows : iterable of mappings
-        By column. What is missing or None becomes ``n/a``.
+    The rows are mappings by column. What is missing or None becomes ``n/a``.
 
     Raises
     ------
@@ -121,12 +116,7 @@ def write_subjects(folder: str | os.PathLike, rows: Iterable[Mapping]) -> None:
 
 
 def read_subjects(folder: str | os.PathLike) -> list[dict]:
-    """The rows of the table of a study. Numbers are floats; what is missing is None.
-
-    Parameters
-    ----------
-    folder : path
-        Of the study.
+    """The rows of the table of a study, from its folder. Numbers are floats; what is missing is None.
 
     Raises
     ------
@@ -185,23 +175,13 @@ _UNITS = {"mm": "(mm)", "mm2": "(mm²)", "mm3": "(mm³)"}
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class QualityColumn:
-    """One column: what is shown of every row, what it is sorted by, and its robust scores.
-
-    Parameters
-    ----------
-    label, description : str
-    texts : list of str
-    sorted_as : list
-        Numbers or strings; None for a missing value.
-    scores : list of float
-        NaN where there is none.
-    """
+    """One column: what is shown of every row, what it is sorted by, and its robust scores."""
 
     label: str
     description: str
     texts: list[str]
-    sorted_as: list[float | str | None]
-    scores: list[float]
+    sorted_as: list[float | str | None]  # numbers or strings; None for a missing value
+    scores: list[float]  # naN where there is none
 
     def is_odd(self, row: int) -> bool:
         """Whether the robust score of a row is beyond 3.5."""
@@ -222,14 +202,24 @@ def quality_columns(subjects: list[dict]) -> list[QualityColumn]:
         for name in (*surface_columns(), "seconds", "warnings")
         if any(name in row for row in subjects)
     }
-    scores = {name: _scores(name, values) for name, values in numbers.items()}
-    names = [" ".join(filter(None, (row["participant_id"], row.get("session_id")))) for row in subjects]
-    measured = [
-        _numeric(_label(name), _description(known[name]), values, scores[name]) for name, values in numbers.items()
-    ]
+    measured, largest = [], np.full(len(subjects), np.nan)
+    for name, values in numbers.items():
+        scores = np.full(len(values), np.nan)
+        if name in _SCORED and np.count_nonzero(~np.isnan(values)) >= FEWEST_SUBJECTS:
+            scores = robust_scores(values)
+        largest = np.fmax(largest, np.abs(scores))
+        *words, unit = name.replace("_white", "").split("_")
+        label, entry = " ".join([*words, _UNITS.get(unit, unit)]), known[name]
+        description = entry["Description"] + (f" ({entry['Units']})" if "Units" in entry else "")
+        plain = [None if np.isnan(value) else float(value) for value in values]
+        measured.append(QualityColumn(label, description, [_text(x) for x in plain], plain, scores.tolist()))
+    # The largest absolute score of each row, without a mark of its own.
+    texts = ["" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.1f}" for value in largest]
+    sorted_as = [None if np.isnan(value) else min(float(value), _LARGEST) for value in largest]
+    no_scores = [math.nan] * len(subjects)
     return [
-        _words("participant", "Participant and session", names),
-        _largest(list(scores.values()), len(subjects)),
+        _words("participant", "Participant and session", [_name(row) for row in subjects]),
+        QualityColumn("largest |z|", "The largest robust z of the row", texts, sorted_as, no_scores),
         _words("status", known["status"]["Description"], [row.get("status") or "" for row in subjects]),
         *measured,
         _words("verdict", "Given on this page", [""] * len(subjects)),
@@ -242,37 +232,8 @@ def row_key(subject: dict) -> str:
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def _scores(name: str, values: np.ndarray) -> np.ndarray:
-    known = np.count_nonzero(~np.isnan(values))
-    return robust_scores(values) if name in _SCORED and known >= FEWEST_SUBJECTS else np.full(len(values), np.nan)
-
-
 def _words(label: str, description: str, texts: list[str]) -> QualityColumn:
     return QualityColumn(label, description, texts, [text or None for text in texts], [math.nan] * len(texts))
-
-
-def _numeric(label: str, description: str, values: np.ndarray, scores: np.ndarray) -> QualityColumn:
-    known = [None if np.isnan(value) else float(value) for value in values]
-    return QualityColumn(label, description, [_text(value) for value in known], known, scores.tolist())
-
-
-def _largest(scores: list[np.ndarray], n_rows: int) -> QualityColumn:
-    """The largest absolute score of each row, without a mark of its own."""
-    found = np.full(n_rows, np.nan)
-    for column in scores:
-        found = np.fmax(found, np.abs(column))
-    texts = ["" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.1f}" for value in found]
-    sorted_as = [None if np.isnan(value) else min(float(value), _LARGEST) for value in found]
-    return QualityColumn("largest |z|", "The largest robust z of the row", texts, sorted_as, [math.nan] * n_rows)
-
-
-def _label(name: str) -> str:
-    *words, unit = name.replace("_white", "").split("_")
-    return " ".join([*words, _UNITS.get(unit, unit)])
-
-
-def _description(entry: dict) -> str:
-    return entry["Description"] + (f" ({entry['Units']})" if "Units" in entry else "")
 
 
 def _text(value: float | None) -> str:
@@ -304,10 +265,6 @@ def write_quality_page(study: str | os.PathLike, embed: bool = False) -> Path:
         Whether the page holds the pictures, some 25 kB for each subject. It can then be read elsewhere; the links to
         the reports lead to files beside it.
 
-    Returns
-    -------
-    pathlib.Path
-        The page.
 
     Raises
     ------
@@ -319,16 +276,34 @@ def write_quality_page(study: str | os.PathLike, embed: bool = False) -> Path:
     if not subjects:
         raise ValueError(f"the table of {study} has no rows; reconstruct a subject first: meshot reconstruct")
     columns = quality_columns(subjects)
+    failed = sum(_failed(subject) for subject in subjects)
+    warned = sum(_warned(subject) for subject in subjects)
+    marking = f"Values beyond ±{OUTLIER_SCORE} are marked, compared with this study only."
+    n_done = len(subjects) - failed
+    if n_done < FEWEST_SUBJECTS:
+        marking = f"It is not computed here: {FEWEST_SUBJECTS} rows with surfaces are needed, and there are {n_done}."
     page = filled(
         "meshot/study/assets/quality.html",
         study=printable_name(study.resolve().name),
-        summary=_summary(subjects),
-        marking=_marking(sum(not _failed(subject) for subject in subjects)),
+        summary=f"{len(subjects)} rows: {failed} failed, {warned} with warnings.",
+        marking=marking,
         limit=OUTLIER_SCORE,
         columns=columns,
         rows=[_row(study, subject, columns, i, embed) for i, subject in enumerate(subjects)],
         data={
-            "subjects": [_subject(subject, columns, i) for i, subject in enumerate(subjects)],
+            "subjects": [
+                {
+                    "name": _name(subject),
+                    "participant": subject["participant_id"],
+                    "session": subject.get("session_id"),
+                    "key": row_key(subject),
+                    "odd": any(column.is_odd(i) for column in columns),
+                    "warned": _warned(subject),
+                    "failed": _failed(subject),
+                    "values": [column.sorted_as[i] for column in columns],
+                }
+                for i, subject in enumerate(subjects)
+            ],
             "first": 1,
             "file": "verdicts.tsv",
         },
@@ -336,18 +311,6 @@ def write_quality_page(study: str | os.PathLike, embed: bool = False) -> Path:
     path = study / QUALITY_PAGE
     write_whole(path, page)
     return path
-
-
-def _summary(subjects: list[dict]) -> str:
-    failed = sum(_failed(subject) for subject in subjects)
-    warned = sum(_warned(subject) for subject in subjects)
-    return f"{len(subjects)} rows: {failed} failed, {warned} with warnings."
-
-
-def _marking(n_measured: int) -> str:
-    if n_measured < FEWEST_SUBJECTS:
-        return f"It is not computed here: {FEWEST_SUBJECTS} rows with surfaces are needed, and there are {n_measured}."
-    return f"Values beyond ±{OUTLIER_SCORE} are marked, compared with this study only."
 
 
 def _failed(subject: dict) -> bool:
@@ -362,24 +325,14 @@ def _name(subject: dict) -> str:
     return " ".join(filter(None, (subject["participant_id"], subject.get("session_id"))))
 
 
-def _subject(subject: dict, columns: list[QualityColumn], row: int) -> dict:
-    """What the script of the page knows of a row."""
-    return {
-        "name": _name(subject),
-        "participant": subject["participant_id"],
-        "session": subject.get("session_id"),
-        "key": row_key(subject),
-        "odd": any(column.is_odd(row) for column in columns),
-        "warned": _warned(subject),
-        "failed": _failed(subject),
-        "values": [column.sorted_as[row] for column in columns],
-    }
-
-
 def _row(study: Path, subject: dict, columns: list[QualityColumn], row: int, embed: bool) -> dict:
     """What the template of the page shows of a row."""
-    report = _inside(study, subject.get("report"))
-    picture = report and report.parent / OVERVIEW
+    path = study / (subject.get("report") or "")  # a table may name a file outside the study
+    report = path if path.is_file() and path.resolve().is_relative_to(study.resolve()) else None
+    picture, shown = report and report.parent / OVERVIEW, None
+    if picture and picture.is_file():
+        data = base64.b64encode(picture.read_bytes()).decode() if embed else None
+        shown = f"data:image/webp;base64,{data}" if embed else _address(study, picture)
     reasons = [
         f"{column.label} {column.texts[row]}, robust z {column.score_text(row)}"
         for column in columns
@@ -390,7 +343,7 @@ def _row(study: Path, subject: dict, columns: list[QualityColumn], row: int, emb
     return {
         "name": _name(subject),
         "report": report and _address(study, report),
-        "picture": _picture(study, picture, embed) if picture and picture.is_file() else None,
+        "picture": shown,
         "error": subject.get("error"),
         "reasons": reasons,
         "cells": [
@@ -404,17 +357,5 @@ def _row(study: Path, subject: dict, columns: list[QualityColumn], row: int, emb
     }
 
 
-def _inside(study: Path, name: str | None) -> Path | None:
-    """A file that a table names, if it exists and is in the study."""
-    path = study / (name or "")
-    return path if path.is_file() and path.resolve().is_relative_to(study.resolve()) else None
-
-
 def _address(study: Path, path: Path) -> str:
     return quote(os.fsencode(path.relative_to(study).as_posix()))
-
-
-def _picture(study: Path, path: Path, embed: bool) -> str:
-    if not embed:
-        return _address(study, path)
-    return f"data:image/webp;base64,{base64.b64encode(path.read_bytes()).decode()}"

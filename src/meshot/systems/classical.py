@@ -47,25 +47,13 @@ _DEEP = 0.9  # mean fraction from which a voxel counts as deep white matter
 
 
 class Atlas(nn.Module):
-    """The mean white matter of both sides over the training subjects, on a coarse grid, and a threshold.
+    """The mean white matter of both sides over the training subjects, on a coarse grid, and a threshold."""
 
-    Parameters
-    ----------
-    shape : sequence of int
-        Number of voxels of a scan along each axis.
-    reduction : int
-        Number of voxels of a scan along each axis in one voxel of the atlas.
-    fractions : array, optional
-        The atlas: the mean fraction of every coarse voxel that the white surfaces of left and right enclose. By default
-        zero, until weights are loaded.
-    level : float
-        The initial threshold, relative to the intensity of deep white matter.
-
-    Raises
-    ------
-    ValueError
-        If the shape is not a multiple of the reduction.
-    """
+    # ``shape``: number of voxels of a scan along each axis.
+    # ``reduction``: number of voxels of a scan along each axis in one voxel of the atlas.
+    # ``fractions``: the atlas: the mean fraction of every coarse voxel that the white surfaces of left and right
+    # enclose. By default zero, until weights are loaded.
+    # ``level``: the initial threshold, relative to the intensity of deep white matter.
 
     def __init__(
         self, shape: Sequence[int], reduction: int = 4, fractions: Float[Array, "2 i j k"] | None = None,
@@ -129,11 +117,9 @@ def _blocks(data: Float[Array, "x y z"], reduction: int) -> Float[Array, "i j k"
 
 
 def whiteness(image: Volume, deep: Bool[Array, "x y z"], width: float, n_rounds: int) -> Volume:
-    """The scan with a smooth gain field removed, relative to the intensity of deep white matter, which is near 1.
-
-    In every round, bright voxels (above .85) count as white matter. The mean of their logarithms under a Gaussian is
-    the logarithm of the gain. The method is a simple form of bias correction; N4 and FreeSurfer do more.
-    """
+    """The scan with a smooth gain field removed, relative to the intensity of deep white matter, which is near 1."""
+    # In every round, bright voxels (above .85) count as white matter. The mean of their logarithms under a Gaussian is
+    # the logarithm of the gain. The method is a simple form of bias correction; N4 and FreeSurfer do more.
     middle = float(np.median(image.data[deep])) if deep.any() else 0.0
     if not middle > 0 or not math.isfinite(middle):
         raise ValueError(
@@ -165,34 +151,22 @@ _INNERMOST = 0.15  # smallest change of the whiteness over the reach that counts
 
 @dataclasses.dataclass(frozen=True)
 class SurfaceSettings(Settings):
-    """Regions, bias correction and deformation.
+    """Regions, bias correction and deformation."""
 
-    Parameters
-    ----------
-    reduction : int
-        See :class:`meshot.systems.classical.Atlas`.
-    margin : float
-        In mm: how far white matter may lie from where it was in some training subject.
-    bias_width : float
-        In mm: the standard deviation of the Gaussian of the bias correction.
-    bias_rounds, smoothing, rounds : int
-        Rounds of the bias correction; steps of Taubin smoothing of the first surface; rounds of the deformation.
-    reach, rate : float
-        In every round, a vertex looks for the steepest decrease of intensity up to ``reach`` mm along its normal, and
-        moves ``rate`` of the way.
-    tolerance : float
-        Of the whiteness at an edge: an edge counts less the more its whiteness differs from the threshold, by a
-        Gaussian of this standard deviation. Otherwise the outer border of a thin cortex would be taken for the inner.
-    """
-
-    reduction: Annotated[int, Within(1, 16)] = 4
-    margin: Length = 4.0
-    bias_width: Length = 20.0
+    reduction: Annotated[int, Within(1, 16)] = 4  # see :class:`meshot.systems.classical.Atlas`
+    margin: Length = 4.0  # in mm: how far white matter may lie from where it was in some training subject
+    bias_width: Length = 20.0  # in mm: the standard deviation of the Gaussian of the bias correction
+    # bias_rounds, smoothing, rounds: rounds of the bias correction; steps of Taubin smoothing of the first surface;
+    # rounds of the deformation
     bias_rounds: Annotated[int, Within(0, 999)] = 2
     smoothing: Annotated[int, Within(0, 999)] = 5
     rounds: Annotated[int, Within(0, 999)] = 10
+    # reach, rate: in every round, a vertex looks for the steepest decrease of intensity up to ``reach`` mm along its
+    # normal, and moves ``rate`` of the way
     reach: Length = 1.5
     rate: Share = 0.3
+    # of the whiteness at an edge: an edge counts less the more its whiteness differs from the threshold, by a Gaussian
+    # of this standard deviation. Otherwise the outer border of a thin cortex would be taken for the inner.
     tolerance: Positive = 0.1
 
 
@@ -225,10 +199,8 @@ def thresholded_surface(
 
 
 def moved_to_edges(mesh: Mesh, white: Volume, level: float, settings: SurfaceSettings, n_offsets: int = 13) -> Mesh:
-    """The surface after rounds of a move to the steepest outward decrease of intensity, each with light smoothing.
-
-    Vertices that see no edge within their reach only take part in the smoothing.
-    """
+    """The surface after rounds of a move to the steepest outward decrease of intensity, each with light smoothing."""
+    # Vertices that see no edge within their reach only take part in the smoothing.
     offsets = torch.linspace(-settings.reach, settings.reach, n_offsets, dtype=torch.float64)
     between = (offsets[1:] + offsets[:-1]) / 2
     for _ in range(settings.rounds):

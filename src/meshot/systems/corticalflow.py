@@ -62,17 +62,10 @@ class FlowSettings(Settings):
 
 @dataclasses.dataclass(frozen=True)
 class ChainSettings(FlowTrainingSettings):
-    """Settings of the training of every block: those of all trainings of flows, and the following.
+    """Settings of the training of every block: those of all trainings of flows, and the following."""
 
-    Parameters
-    ----------
-    n_samples : int
-        Number of points on each surface for the Chamfer loss.
-    edge_weight : float
-        Weight of the mean squared edge length (mm²), relative to the squared Chamfer loss (mm²).
-    """
-
-    n_samples: Count = 10_000
+    n_samples: Count = 10_000  # number of points on each surface for the Chamfer loss
+    # weight of the mean squared edge length (mm²), relative to the squared Chamfer loss (mm²)
     edge_weight: NotNegative = 0.1
 
 
@@ -91,29 +84,15 @@ INITIAL_FLOW = 1e-3  # standard deviation of the initial weights of the last lay
 
 
 class FlowBlock(nn.Module):
-    """A U-Net from a scan, and the velocity grids of the blocks before it, to a velocity grid.
+    """A U-Net from a scan, and the velocity grids of the blocks before it, to a velocity grid."""
 
-    Parameters
-    ----------
-    side : str
-        The hemisphere of the template.
-    n_before : int
-        Number of blocks before this one.
-    template : dict or TemplateSettings, optional
-    box : tensor, optional
-        The box of the template, in mm.
-    generator : generator or int
-        Source of the initial weights.
-    **architecture
-        Of the U-Net, see :class:`meshot.model.FeatureNetwork`: ``width``, ``depth``, ``fold``. The velocity grid has
-        the grid of its first level. ``velocity_unit``: in mm per unit of time; the output of the last layer is
-        multiplied by it.
-
-    Raises
-    ------
-    ValueError
-        If a count or the unit is outside its range.
-    """
+    # ``side``: the hemisphere of the template.
+    # ``n_before``: number of blocks before this one.
+    # ``box``: the box of the template, in mm.
+    # ``generator``: source of the initial weights.
+    # ``**architecture``: of the U-Net, see :class:`meshot.model.FeatureNetwork`: ``width``, ``depth``, ``fold``. The
+    # velocity grid has the grid of its first level. ``velocity_unit``: in mm per unit of time; the output of the last
+    # layer is multiplied by it.
 
     def __init__(
         self, side: Hemisphere, n_before: int = 0, *, template: Mapping | TemplateSettings | None = None,
@@ -181,12 +160,10 @@ def train_block(
     run: Run,
     name: str,
 ) -> Part:
-    """Train the block after ``earlier`` ones of its cascade, which stay as they are.
-
-    The cascade leads from the template to the white surface; or, behind the blocks ``white``, from the surface that
-    these find to the pial surface. The loss is the squared Chamfer distance between random points of both surfaces plus
-    ``edge_weight`` times the mean squared edge length. The state is kept under the name.
-    """
+    """Train the block after ``earlier`` ones of its cascade, which stay as they are."""
+    # The cascade leads from the template to the white surface; or, behind the blocks ``white``, from the surface that
+    # these find to the pial surface. The loss is the squared Chamfer distance between random points of both surfaces
+    # plus ``edge_weight`` times the mean squared edge length. The state is kept under the name.
     training, side, device = settings.training, network.template.side, run.device
     network.template.box.copy_(mean_box([item.targets[side, "white"] for item in examples.training]))
     network.to(device)
@@ -278,10 +255,8 @@ class System(SurfaceSystem):
 
     @torch.no_grad()
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
-        """The templates carried by the blocks of the white surfaces, and these by the blocks of the pial ones.
-
-        The flows are integrated with the settings of the training.
-        """
+        """The templates carried by the blocks of the white surfaces, and these by the blocks of the pial ones."""
+        # The flows are integrated with the settings of the training.
         values, found = scaled_image(scan.image), {}
         for key in self.surfaces:
             names = _names(key)

@@ -61,25 +61,12 @@ class NetworkSettings(Settings):
 
 
 class DistanceNetwork(nn.Module):
-    """Signed distances (mm, negative inside) of points from several surfaces in one scan.
+    """Signed distances (mm, negative inside) of points from several surfaces in one scan."""
 
-    Parameters
-    ----------
-    n_surfaces : int
-    width, depth, fold : int
-        Of the encoder: see :class:`meshot.model.FeatureNetwork`.
-    hidden, n_blocks : int
-        Number of neurons, and of residual blocks, of the decoder.
-    unit : float
-        In mm. The output of the last layer is multiplied by it.
-    generator : generator or int
-        Source of the initial weights.
-
-    Raises
-    ------
-    ValueError
-        If a count is not a positive integer, or the unit is not a positive length.
-    """
+    # ``width``, ``depth``, ``fold``: of the encoder: see :class:`meshot.model.FeatureNetwork`.
+    # ``hidden``, ``n_blocks``: number of neurons, and of residual blocks, of the decoder.
+    # ``unit``: in mm. The output of the last layer is multiplied by it.
+    # ``generator``: source of the initial weights.
 
     def __init__(
         self, n_surfaces: int = 2, width: int = 16, depth: int = 4, fold: int = 2, hidden: int = 64, n_blocks: int = 5,
@@ -160,24 +147,12 @@ _MARGIN_VOXELS = 0.05
 
 @dataclasses.dataclass(frozen=True)
 class SurfaceSettings(Settings):
-    """From distances to surfaces.
+    """From distances to surfaces."""
 
-    Parameters
-    ----------
-    splits : int
-        Into how many parts the spacing of the image is divided along each axis.
-    blur : float
-        Standard deviation of the Gaussian that smooths the distances, in voxels of the grid.
-    smoothing : int
-        Number of steps of Taubin smoothing of the surface.
-    surfaces : sequence of str
-        The surfaces of each side that are found: [white], or [white, pial].
-    """
-
-    splits: Annotated[int, Within(1, 4)] = 1
-    blur: NotNegative = 0.5
-    smoothing: Annotated[int, Within(0, 999)] = 5
-    surfaces: Surfaces = SURFACES[0]
+    splits: Annotated[int, Within(1, 4)] = 1  # into how many parts the spacing of the image is divided along each axis
+    blur: NotNegative = 0.5  # standard deviation of the Gaussian that smooths the distances, in voxels of the grid
+    smoothing: Annotated[int, Within(0, 999)] = 5  # number of steps of Taubin smoothing of the surface
+    surfaces: Surfaces = SURFACES[0]  # the surfaces of each side that are found: [white], or [white, pial]
 
 
 @torch.no_grad()
@@ -185,16 +160,8 @@ def distance_grids(network: DistanceNetwork, image: Volume, splits: int = 1, eve
     """The predicted distances (mm, negative inside) on a grid over the image, one volume for each surface.
 
     The network is evaluated in every second voxel along each axis. Where it then expects a surface within three voxels,
-    it is evaluated in every voxel. Elsewhere the distances are interpolated.
-
-    Parameters
-    ----------
-    network : DistanceNetwork
-    image : Volume
-    splits : int
-        Into how many parts the spacing of the image is divided along each axis.
-    every : int
-        In place of 2. With 1, the network is evaluated in every voxel.
+    it is evaluated in every voxel. Elsewhere the distances are interpolated. The spacing of the image is divided into
+    ``splits`` parts along each axis. With ``every`` 1, the network is evaluated in every voxel.
     """
     affine = image.affine.copy()
     affine[:3, :3] /= splits
@@ -222,11 +189,9 @@ def distance_grids(network: DistanceNetwork, image: Volume, splits: int = 1, eve
 
 
 def closed_surface(distance: Volume, name: str, settings: SurfaceSettings) -> Mesh:
-    """The zero level set of a distance, with the topology of a sphere.
-
-    Steps: smoothing, the largest component of the inside, filled cavities, genus-0 correction by depth, marching cubes,
-    light smoothing.
-    """
+    """The zero level set of a distance, with the topology of a sphere."""
+    # Steps: smoothing, the largest component of the inside, filled cavities, genus-0 correction by depth, marching
+    # cubes, light smoothing.
     smooth = scipy.ndimage.gaussian_filter(distance.data, settings.blur) if settings.blur else distance.data
     depth = distance.with_data(-smooth)
     if not (depth.data > 0).any():
@@ -246,25 +211,15 @@ _POOL = 2  # random number stream
 
 @dataclasses.dataclass(frozen=True)
 class DistanceSettings(LearningSettings):
-    """Settings of the training: those of all trainings, and the following.
+    """Settings of the training: those of all trainings, and the following."""
 
-    Parameters
-    ----------
-    n_pool : int
-        Number of points of each subject whose true distances are computed once, before the training.
-    n_samples : int
-        Number of them in one step.
-    spread : float
-        Nine tenths of the points are near the surfaces: points on them, displaced by normal random vectors with this
-        standard deviation (mm). The others are uniform in the image.
-    largest : float
-        Distances beyond this one (mm) count as this one.
-    """
-
+    # number of points of each subject whose true distances are computed once, before the training
     n_pool: Count = 40_000
-    n_samples: Count = 4096
+    n_samples: Count = 4096  # number of them in one step
+    # nine tenths of the points are near the surfaces: points on them, displaced by normal random vectors with this
+    # standard deviation (mm). The others are uniform in the image.
     spread: Length = 2.0
-    largest: Length = 10.0
+    largest: Length = 10.0  # distances beyond this one (mm) count as this one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -287,10 +242,9 @@ class DistancePool:
 def distance_pool(
     example: Example, keys: Sequence[SurfaceKey], settings: DistanceSettings, draws: np.random.Generator
 ) -> DistancePool:
-    """Random points near the surfaces and in the image, with their true distances.
-
-    The distance to the faces is exact. Its sign is that of the enclosed fraction of the voxels, interpolated, minus ½.
-    """
+    """Random points near the surfaces and in the image, with their true distances."""
+    # The distance to the faces is exact. Its sign is that of the enclosed fraction of the voxels, interpolated, minus
+    # ½.
     image, surfaces = example.scan.image, [Surface(example.targets[key]) for key in keys]
     n_near = int(0.9 * settings.n_pool) // len(keys)
     near = [surface.sample(n_near, draws).points for surface in surfaces]
@@ -308,13 +262,7 @@ def distance_pool(
 
 
 class System(SurfaceSystem):
-    """DeepCSR for the surfaces of both sides, with one network.
-
-    Raises
-    ------
-    ValueError
-        If the network has distances for another number of surfaces than the settings in its record name.
-    """
+    """DeepCSR for the surfaces of both sides, with one network."""
 
     name = "deepcsr"
     groups = DistanceGroups

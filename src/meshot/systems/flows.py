@@ -96,13 +96,8 @@ def standardised(image: Volume, surface: Mesh) -> Volume:
     """An image scaled to mean 0 and standard deviation 1 over the vertices of a surface.
 
     In an image scaled to [0, 1], the border of white matter is a change of about 1/12 around a value of .6, which is
-    small compared with the mean. Standardising removes the mean, and also gain and offset of the scanner.
-
-    Parameters
-    ----------
-    image : Volume
-    surface : Mesh
-        In the space of the image.
+    small compared with the mean. Standardising removes the mean, and also gain and offset of the scanner. The surface
+    is in the space of the image.
 
     Raises
     ------
@@ -119,10 +114,8 @@ def standardised(image: Volume, surface: Mesh) -> Volume:
 
 
 def velocity_field(network: DeformationNetwork, image: Volume, surface: Mesh) -> ImageVelocity:
-    """The velocity field of a network in an image that is standardised over a surface.
-
-    It follows the network when its weights change.
-    """
+    """The velocity field of a network in an image that is standardised over a surface."""
+    # It follows the network when its weights change.
     path = "visited" if next(network.parameters()).device.type == "cpu" else "cut"
     return network.velocity_in(standardised(image, surface), path)
 
@@ -200,16 +193,7 @@ class DeformationExample:
 
 
 def hemisphere_example(example: Example, side: Hemisphere, n_faces: int) -> DeformationExample:
-    """Make an example of one hemisphere for training or validation.
-
-    Parameters
-    ----------
-    example : Example
-        With an initial white surface of that side.
-    side : str
-    n_faces : int
-        Number of faces of the coarse surface.
-    """
+    """One hemisphere of an example, which has its initial white surface, with ``n_faces`` faces in the coarse one."""
     key, image = (side, "white"), example.scan.image
     initial = example.scan.initial[key]
     return DeformationExample(
@@ -361,11 +345,10 @@ class DeformationSystem(SurfaceSystem):
 
 
 class Ddot(DeformationSystem):
-    """DDOT: sliced Wasserstein distances between oriented varifolds.
+    """DDOT: sliced Wasserstein distances between oriented varifolds."""
 
-    The paper states no length of the scaled normals; 1 mm is one interpretation. Le et al., *Diffeomorphic Mesh
-    Deformation via Efficient Optimal Transport for Cortical Surface Reconstruction*, ICLR 2024.
-    """
+    # The paper states no length of the scaled normals; 1 mm is one interpretation. Le et al., *Diffeomorphic Mesh
+    # Deformation via Efficient Optimal Transport for Cortical Surface Reconstruction*, ICLR 2024.
 
     name = "ddot"
     loss = {"loss": "sliced", "encoding": "varifold", "normal_scale": 1.0}  # noqa: RUF012
@@ -383,12 +366,11 @@ class CortexOde(DeformationSystem):
 
 
 class Windows(DeformationSystem):
-    """Sliced Wasserstein distances between varifolds, in windows around positions of the target. Not in the paper.
+    """Sliced Wasserstein distances between varifolds, in windows around positions of the target. Not in the paper."""
 
-    In windows of 6 mm, missing area does not affect vertices far away: see chapter 32. With the setting
-    ``loss.last_window=3`` their radius falls to 3 mm during the training. The settings ``combined`` have the loss that
-    chapter 39 chooses. With this loss the flows of the package are trained: see the settings ``shipped``.
-    """
+    # In windows of 6 mm, missing area does not affect vertices far away: see chapter 32. With the setting
+    # ``loss.last_window=3`` their radius falls to 3 mm during the training. The settings ``combined`` have the loss
+    # that chapter 39 chooses. With this loss the flows of the package are trained: see the settings ``shipped``.
 
     name = "windows"
     loss = {  # noqa: RUF012

@@ -10,7 +10,6 @@ import reprlib
 from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import ClassVar
 
@@ -409,7 +408,13 @@ def read_settings(kind: type[SurfaceSystem], config: str | os.PathLike, changes:
     ValueError
         If the file or configuration does not exist, it is not YAML, or a value is invalid.
     """
-    path, packaged = Path(config), _packaged(kind)
+    # The configurations of the package by name: in the folder of a system that is a package, or in settings/NAME.
+    path, packaged, module = Path(config), {}, importlib.import_module(kind.__module__)
+    if hasattr(module, "__path__") or module.__package__:
+        is_package = hasattr(module, "__path__")
+        folder = files(module) if is_package else files(module.__package__) / "settings" / kind.name
+        found = folder.iterdir() if folder.is_dir() else ()
+        packaged = {file.name.removesuffix(".yaml"): file for file in found if file.name.endswith(".yaml")}
     if path.suffix not in (".yaml", ".yml"):
         if str(config) not in packaged:
             raise ValueError(
@@ -421,20 +426,6 @@ def read_settings(kind: type[SurfaceSystem], config: str | os.PathLike, changes:
         return kind.complete(read_groups(path, changes))
     except ValueError as error:
         raise ValueError(f"{config}: {error}") from error
-
-
-def _packaged(kind: type[SurfaceSystem]) -> dict[str, Traversable]:
-    """The paths of the configurations by name: in the folder of a system that is a package, or in ``settings/NAME``."""
-    module = importlib.import_module(kind.__module__)
-    if hasattr(module, "__path__"):
-        folder = files(module)
-    elif module.__package__:
-        folder = files(module.__package__) / "settings" / kind.name
-    else:
-        return {}
-    if not folder.is_dir():
-        return {}
-    return {f.name.removesuffix(".yaml"): f for f in folder.iterdir() if f.name.endswith(".yaml")}
 
 
 def _systems() -> dict[str, type[SurfaceSystem]]:
@@ -460,14 +451,9 @@ def default_system() -> str:
 
 
 def load_system(name: str | None = None, folder: str | os.PathLike | None = None) -> SurfaceSystem:
-    """Load a trained system.
+    """Load a trained system by its name, by default that of the package.
 
-    Parameters
-    ----------
-    name : str, optional
-        The name of the system. By default that of the package.
-    folder : path, optional
-        A folder written by :meth:`meshot.systems.SurfaceSystem.save`. By default the weights in the package.
+    The folder was written by :meth:`meshot.systems.SurfaceSystem.save`. By default it is that of the package.
 
     Raises
     ------

@@ -72,35 +72,20 @@ class NetworkSettings(Settings):
 
 
 class MeshNetwork(nn.Module):
-    """From a scan to a segmentation and, in four stages, to the surfaces of both sides.
+    """From a scan to a segmentation and, in four stages, to the surfaces of both sides."""
 
-    Every stage reads features of the U-Net at the vertices, on two levels of the encoder and two of the decoder, passes
-    them with its own features, the positions and the side through residual graph blocks, and moves every vertex by a
-    graph convolution. Early stages read coarse levels, late stages fine ones.
-
-    With ``surfaces: [white, pial]`` in the settings of the templates, the white and the pial template of a side have
-    the same faces, and move together. In every stage, a vertex then also reads the features of the corresponding vertex
-    of the other surface, the way to it, and which of both surfaces it is on.
-
-    Parameters
-    ----------
-    width, depth, fold : int
-        Of the U-Net: see :class:`meshot.model.FeatureNetwork`.
-    n_features : int
-        Features of a vertex.
-    n_blocks : int
-        Residual graph blocks in a stage.
-    template : dict or TemplateSettings, optional
-    boxes : mapping, optional
-        The box of each template, in mm, by its name: "left" and "right" are the white ones; "left_pial", "right_pial".
-    generator : generator or int
-        Source of the initial weights. Those that move vertices are zero.
-
-    Raises
-    ------
-    ValueError
-        If a count is outside its range.
-    """
+    # Every stage reads features of the U-Net at the vertices, on two levels of the encoder and two of the decoder,
+    # passes them with its own features, the positions and the side through residual graph blocks, and moves every
+    # vertex by a graph convolution. Early stages read coarse levels, late stages fine ones.
+    # With ``surfaces: [white, pial]`` in the settings of the templates, the white and the pial template of a side have
+    # the same faces, and move together. In every stage, a vertex then also reads the features of the corresponding
+    # vertex of the other surface, the way to it, and which of both surfaces it is on.
+    # ``width``, ``depth``, ``fold``: of the U-Net: see :class:`meshot.model.FeatureNetwork`.
+    # ``n_features``: features of a vertex.
+    # ``n_blocks``: residual graph blocks in a stage.
+    # ``boxes``: the box of each template, in mm, by its name: "left" and "right" are the white ones; "left_pial",
+    # "right_pial".
+    # ``generator``: source of the initial weights. Those that move vertices are zero.
 
     def __init__(
         self, width: int = 8, depth: int = 4, fold: int = 2, n_features: int = 32, n_blocks: int = 2,
@@ -153,14 +138,22 @@ class MeshNetwork(nn.Module):
     def surfaces_after(self, maps: list[Tensor], image: Volume, mesh: Mesh, side: Hemisphere) -> list[dict[str, Mesh]]:
         """The surfaces of one side after each of the four stages, by kind."""
         n, box, found = len(mesh.vertices), self.templates[side].box, []
-        edges, numbers = mesh_edges(mesh), self._numbers(mesh, side)
+        # The side of every vertex as a number, and its kind if there is more than one.
+        pairs = [mesh.vertices.new_tensor([HEMISPHERES.index(side), k]).expand(n, 2) for k in range(len(self.kinds))]
+        numbers = torch.cat(pairs)[:, : len(self.kinds)]
+        edges = mesh_edges(mesh)
         edges = torch.cat([edges + k * n for k in range(len(self.kinds))])
         extent = (box[1] - box[0]).max() / 2
 
         def own(vertices: Tensor) -> Tensor:
             return torch.cat([2 * (vertices - box[0]) / (box[1] - box[0]) - 1, numbers], dim=1)
 
-        vertices = self._starts(mesh, side)
+        # The vertices of a white template, and then the same in the box of the pial template.
+        starts = [mesh.vertices]
+        for kind in self.kinds[1:]:
+            lower, upper = self.templates[template_name((side, kind))].box
+            starts.append(lower + (mesh.vertices - box[0]) / (box[1] - box[0]) * (upper - lower))
+        vertices = torch.cat(starts)
         features = self.begin(own(vertices), edges)
         for k, stage in enumerate(self.stages):
             sampled = sample_features([maps[level] for level in self.levels(k)], image, vertices)
@@ -173,22 +166,6 @@ class MeshNetwork(nn.Module):
             parts = vertices.split(n) if len(self.kinds) > 1 else [vertices]
             found.append({kind: mesh.with_vertices(part) for kind, part in zip(self.kinds, parts)})
         return found
-
-    def _starts(self, mesh: Mesh, side: Hemisphere) -> Float[Tensor, "v 3"]:
-        """The vertices of a white template, and then the same in the box of the pial template."""
-        (low, high), found = self.templates[side].box, [mesh.vertices]
-        for kind in self.kinds[1:]:
-            lower, upper = self.templates[template_name((side, kind))].box
-            found.append(lower + (mesh.vertices - low) / (high - low) * (upper - lower))
-        return torch.cat(found)
-
-    def _numbers(self, mesh: Mesh, side: Hemisphere) -> Float[Tensor, "v _"]:
-        """The side of every vertex as a number, and its kind if there is more than one."""
-        found = [
-            mesh.vertices.new_tensor([HEMISPHERES.index(side), k]).expand(len(mesh.vertices), 2)
-            for k in range(len(self.kinds))
-        ]
-        return torch.cat(found)[:, : len(self.kinds)]
 
 
 def template_name(key: SurfaceKey) -> str:
@@ -259,31 +236,20 @@ PIAL = {"normals": 1.25, "laplacian": 2.5, "consistency": 2.25}
 
 @dataclasses.dataclass(frozen=True)
 class MeshWeights(Settings):
-    """Weights of the terms of the loss on meshes, for lengths in units of ``extent`` mm, as in the paper.
+    """Weights of the terms of the loss on meshes, for lengths in units of ``extent`` mm, as in the paper."""
 
-    They are those of white surfaces. Those of pial surfaces follow from them, see :meth:`of`.
+    # They are those of white surfaces. Those of pial surfaces follow from them, see :meth:`of`.
 
-    Parameters
-    ----------
-    chamfer, normals, laplacian, consistency, edge : float
-        Of the weighted Chamfer distance, the normals of its pairs, the length of the uniform Laplacian, the normals of
-        neighbouring faces, and the mean squared edge length.
-    most_curvature : float
-        The largest weight of a pair in the Chamfer distance.
-    extent : float
-        In mm: half the longest side of the image in the paper.
-    segmentation : float
-        Of the loss of the segmentation.
-    """
-
+    # chamfer, normals, laplacian, consistency, edge: of the weighted Chamfer distance, the normals of its pairs, the
+    # length of the uniform Laplacian, the normals of neighbouring faces, and the mean squared edge length
     chamfer: NotNegative = 1.0
     normals: NotNegative = 0.01
     laplacian: NotNegative = 0.1
     consistency: NotNegative = 0.001
     edge: NotNegative = 5.0
-    most_curvature: NotNegative = 5.0
-    extent: Length = 104.0
-    segmentation: NotNegative = 1.0
+    most_curvature: NotNegative = 5.0  # the largest weight of a pair in the Chamfer distance
+    extent: Length = 104.0  # in mm: half the longest side of the image in the paper
+    segmentation: NotNegative = 1.0  # of the loss of the segmentation
 
     def of(self, kind: str) -> "MeshWeights":
         """The weights for a kind of surface, "white" or "pial"."""
@@ -308,18 +274,10 @@ class MeshWeights(Settings):
 
 @dataclasses.dataclass(frozen=True)
 class MeshSettings(LearningSettings):
-    """Settings of the training: those of all trainings, and the following.
+    """Settings of the training: those of all trainings, and the following."""
 
-    Parameters
-    ----------
-    n_faces : int
-        Number of faces of the templates in training.
-    n_samples : int
-        Number of points on each surface for the Chamfer distance.
-    """
-
-    n_faces: Count = 20_480
-    n_samples: Count = 10_000
+    n_faces: Count = 20_480  # number of faces of the templates in training
+    n_samples: Count = 10_000  # number of points on each surface for the Chamfer distance
 
 
 @dataclasses.dataclass(frozen=True)
@@ -344,13 +302,7 @@ def true_fractions(example: Example) -> Float[Tensor, "1 2 x y z"]:
 
 
 class System(SurfaceSystem):
-    """Vox2Cortex for the surfaces of both sides, with one network.
-
-    Raises
-    ------
-    ValueError
-        If the network moves other surfaces than the settings in its record name.
-    """
+    """Vox2Cortex for the surfaces of both sides, with one network."""
 
     name = "vox2cortex"
     groups = MeshGroups

@@ -14,6 +14,4 @@ from .engine import (
     train as train,
     train_network as train_network,
 )
-from .state import (
-    TrainingState as TrainingState,
-)
+from .state import TrainingState as TrainingState

@@ -361,11 +361,7 @@ def require_examples(training: Sequence, validation: Sequence) -> None:
 def examples_of_step(step: int, n_examples: int, seed: int, batch_size: int = 1) -> list[int]:
     """The indices of the training examples of a step. Every epoch visits all examples in a new random order.
 
-    Parameters
-    ----------
-    step, n_examples, seed : int
-    batch_size : int
-        Number of examples in a step. The last step of an epoch has fewer if ``n_examples`` is not a multiple of it.
+    The last step of an epoch has fewer than ``batch_size`` examples if ``n_examples`` is not a multiple of it.
     """
     epoch, place = divmod(step, -(-n_examples // batch_size))
     order = np.random.default_rng([seed, _ORDER, epoch]).permutation(n_examples)

@@ -121,7 +121,19 @@ def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict
         if header["kind"] != str(state.network):
             raise ValueError(f"its network is {header['kind']}")
         own, best, moments = stored_parts(tensors, state.network, state.optimiser)
-        progress = _progress(header, state.extras)
+        found = {name: header[name] for name in ("step", "best_step", "seconds", "lines", "extras", "best_extras")}
+        step, best_step, seconds = (header[name] for name in ("step", "best_step", "seconds"))
+        if type(step) is not int or type(best_step) is not int or not 0 <= best_step <= step:
+            raise ValueError(f"it is at step {step!r}, its best at {best_step!r}")
+        if not isinstance(seconds, int | float) or not 0 <= seconds < math.inf:
+            raise ValueError(f"it took {seconds!r} seconds")
+        if not isinstance(header["lines"], list) or not all(isinstance(line, dict) for line in header["lines"]):
+            raise ValueError("its log is no list of entries")
+        kinds = {name: type(value) for name, value in state.extras.items()}
+        for one in (header["extras"], header["best_extras"]):
+            if not isinstance(one, dict) or {name: type(value) for name, value in one.items()} != kinds:
+                raise ValueError(f"its extras are {one!r}")
+        found |= {name: float.fromhex(header[name]) for name in ("best_loss", "rate_factor")}
         if state.average is not None:
             state.average.load_state_dict({name.removeprefix("average/"): value for name, value in average.items()})
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
@@ -129,25 +141,8 @@ def read_training(path: str | os.PathLike, state: TrainingState, made_with: dict
     state.network.load_state_dict(own)
     state.optimiser.load_state_dict({"state": moments, "param_groups": state.optimiser.state_dict()["param_groups"]})
     state.best = best
-    for name, value in progress.items():
+    for name, value in found.items():
         setattr(state, name, value)
-
-
-def _progress(header: dict, extras: dict) -> dict:
-    """The other values of the state, by name."""
-    found = {name: header[name] for name in ("step", "best_step", "seconds", "lines", "extras", "best_extras")}
-    step, best_step, seconds = (header[name] for name in ("step", "best_step", "seconds"))
-    if type(step) is not int or type(best_step) is not int or not 0 <= best_step <= step:
-        raise ValueError(f"it is at step {step!r}, its best at {best_step!r}")
-    if not isinstance(seconds, int | float) or not 0 <= seconds < math.inf:
-        raise ValueError(f"it took {seconds!r} seconds")
-    if not isinstance(header["lines"], list) or not all(isinstance(line, dict) for line in header["lines"]):
-        raise ValueError("its log is no list of entries")
-    kinds = {name: type(value) for name, value in extras.items()}
-    for one in (header["extras"], header["best_extras"]):
-        if not isinstance(one, dict) or {name: type(value) for name, value in one.items()} != kinds:
-            raise ValueError(f"its extras are {one!r}")
-    return found | {name: float.fromhex(header[name]) for name in ("best_loss", "rate_factor")}
 
 
 def _read(path: str | os.PathLike) -> tuple[dict, dict[str, Tensor]]:
@@ -189,13 +184,9 @@ def stored_parts(
     for part in ("network", "best"):
         if _forms(parts[part]) != _forms(module.state_dict()):
             raise ValueError(f"{part} has other tensors")
-    return parts["network"], parts["best"], _moments(parts["adam"], optimiser)
-
-
-def _moments(stored: dict[str, Tensor], optimiser: torch.optim.Adam) -> dict[int, dict[str, Tensor]]:
     parameters = [parameter for group in optimiser.param_groups for parameter in group["params"]]
     found: dict[int, dict[str, Tensor]] = {}
-    for key, value in stored.items():
+    for key, value in parts["adam"].items():
         index, _, name = key.partition("/")
         if not index.isdecimal() or int(index) >= len(parameters) or name not in _MOMENTS:
             raise ValueError(f"adam/{key} is unknown")
@@ -204,7 +195,7 @@ def _moments(stored: dict[str, Tensor], optimiser: torch.optim.Adam) -> dict[int
         found.setdefault(int(index), {})[name] = value
     if any(set(moments) != _MOMENTS for moments in found.values()):
         raise ValueError("moments of the optimiser are missing")
-    return found
+    return parts["network"], parts["best"], found
 
 
 def _forms(tensors: dict[str, Tensor]) -> dict[str, tuple]:

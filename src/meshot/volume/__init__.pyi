@@ -1,7 +1,4 @@
-from .io import (
-    read_volume as read_volume,
-    write_volume as write_volume,
-)
+from .io import read_volume as read_volume, write_volume as write_volume
 from .registration import (
     StandardScan as StandardScan,
     averaged_scan as averaged_scan,

@@ -51,25 +51,20 @@ def write_volume(path: str | os.PathLike, volume: Volume) -> None:
         raise ValueError(f"{path.name} does not end in .nii, .nii.gz, .mgh or .mgz; choose one of them")
     data = volume.data.astype(np.uint8) if volume.data.dtype == bool else volume.data
     narrowed = {"f": np.float32, "i": np.int32, "u": np.uint32}[data.dtype.kind] if data.itemsize > 4 else data.dtype
-    image = (_mgh if path.suffix in (".mgh", ".mgz") else _nifti)(data.astype(narrowed), volume.affine)
+    data, affine = data.astype(narrowed), volume.affine
+    if path.suffix in (".mgh", ".mgz"):
+        directions = affine[:3, :3] / np.linalg.norm(affine[:3, :3], axis=0)
+        if np.abs(directions.T @ directions - np.eye(3)).max() > 1e-3:
+            raise ValueError("the axes of the grid are not orthogonal, and MGH cannot hold that; write .nii.gz instead")
+        fitting = data if data.dtype in (np.uint8, np.int16, np.int32, np.float32) else data.astype(np.float32)
+        image = nibabel.MGHImage(fitting, affine)
+    else:
+        image = nibabel.Nifti1Image(data, affine)
+        image.header.set_xyzt_units("mm")
+        image.set_sform(affine, code="scanner")
+        image.set_qform(affine, code="scanner")
     with whole_file(path) as temporary:
         nibabel.save(image, temporary)
-
-
-def _nifti(data: Array, affine: Array) -> nibabel.Nifti1Image:
-    image = nibabel.Nifti1Image(data, affine)
-    image.header.set_xyzt_units("mm")
-    image.set_sform(affine, code="scanner")
-    image.set_qform(affine, code="scanner")
-    return image
-
-
-def _mgh(data: Array, affine: Array) -> nibabel.MGHImage:
-    directions = affine[:3, :3] / np.linalg.norm(affine[:3, :3], axis=0)
-    if np.abs(directions.T @ directions - np.eye(3)).max() > 1e-3:
-        raise ValueError("the axes of the grid are not orthogonal, and MGH cannot hold that; write .nii.gz instead")
-    fitting = data if data.dtype in (np.uint8, np.int16, np.int32, np.float32) else data.astype(np.float32)
-    return nibabel.MGHImage(fitting, affine)
 
 
 # Checks of image files before their voxels are read: complete, three axes of real numbers, size as declared.

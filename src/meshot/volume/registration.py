@@ -1,8 +1,7 @@
 """Affine registration of one image to another, by mutual information."""
 
-import contextlib
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -22,30 +21,14 @@ _FEWEST_BLOCKS = 4
 
 @dataclasses.dataclass(frozen=True)
 class _Search:
-    """How much work a registration does.
+    """How much work a registration does."""
 
-    Parameters
-    ----------
-    voxels_mm : tuple of float
-        The voxels of the levels, coarse to fine.
-    averaged_mm : float
-        Both images are first averaged over blocks, to voxels of about this size; 0: they are not.
-    shares : tuple of float
-        Which part of the voxels of a level is looked at.
-    smoothing_mm : tuple of float
-        Standard deviation of the smoothing of a level.
-    n_iterations : int
-        The most steps of a level.
-    shortest_step_mm : float
-        Below this length of a step a level ends.
-    """
-
-    voxels_mm: tuple[float, ...]
-    averaged_mm: float
-    shares: tuple[float, ...]
-    smoothing_mm: tuple[float, ...]
-    n_iterations: int
-    shortest_step_mm: float
+    voxels_mm: tuple[float, ...]  # the voxels of the levels, coarse to fine
+    averaged_mm: float  # both images are first averaged over blocks, to voxels of about this size; 0: they are not
+    shares: tuple[float, ...]  # which part of the voxels of a level is looked at
+    smoothing_mm: tuple[float, ...]  # standard deviation of the smoothing of a level
+    n_iterations: int  # the most steps of a level
+    shortest_step_mm: float  # below this length of a step a level ends
 
 
 #: 18 to 30 s a scan.
@@ -85,10 +68,8 @@ def register_affine(moving: Volume, fixed: Volume, seed: int = 0, quick: bool = 
 
 
 def register_rigid(moving: Volume, fixed: Volume, seed: int = 0) -> Float[Array, "4 4"]:
-    """The rotation and translation that take scanner RAS of ``moving`` to scanner RAS of ``fixed``, in mm.
-
-    For two scans of one person: the head is rigid. Otherwise as :func:`register_affine`.
-    """
+    """The rotation and translation that take scanner RAS of ``moving`` to scanner RAS of ``fixed``, in mm."""
+    # For two scans of one person: the head is rigid. Otherwise as :func:`register_affine`.
     found = _registered(moving, fixed, seed, THOROUGH, _rigid)
     return np.linalg.inv(LPS @ _as_matrix(found) @ LPS)
 
@@ -97,19 +78,28 @@ def _registered(moving: Volume, fixed: Volume, seed: int, search: _Search, find:
     _require_contrast(moving, "moving")
     _require_contrast(fixed, "fixed")
     for volume, name in ((moving, "moving"), (fixed, "fixed")):
-        _require_blocks(volume, name, search.averaged_mm)
-    images = [_averaged(_as_image(volume), search.averaged_mm) for volume in (fixed, moving)]
-    with _one_thread():
-        return find(*images, seed, search)
-
-
-@contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
-    """Sums in a fixed order, so that the result repeats; ITK's number of threads is global."""
+        blocks = np.array(volume.data.shape) // _block_shape(voxel_sizes(volume), search.averaged_mm)
+        if blocks.min() < _FEWEST_BLOCKS:
+            extent = " × ".join(f"{length:.3g}" for length in volume.data.shape * voxel_sizes(volume))
+            raise ValueError(
+                f"the {name} image has {' × '.join(map(str, volume.data.shape))} voxels and spans {extent} mm: it is "
+                "too thin to be registered; give the image of a whole head"
+            )
+    images = []
+    for volume in (fixed, moving):
+        # A grid whose axes are not orthogonal is refused by ITK, and none comes from a scanner.
+        image = SimpleITK.GetImageFromArray(np.ascontiguousarray(volume.data.astype(np.float32).transpose(2, 1, 0)))
+        sizes, in_lps = voxel_sizes(volume), LPS @ volume.affine
+        image.SetSpacing(sizes.tolist())
+        image.SetOrigin(in_lps[:3, 3].tolist())
+        image.SetDirection((in_lps[:3, :3] / sizes).ravel().tolist())
+        # The means of blocks of about this size.
+        images.append(SimpleITK.BinShrink(image, _block_shape(image.GetSpacing(), search.averaged_mm)))
+    # Sums in a fixed order, so that the result repeats; ITK's number of threads is global.
     before = SimpleITK.ProcessObject.GetGlobalDefaultNumberOfThreads()
     SimpleITK.ProcessObject.SetGlobalDefaultNumberOfThreads(1)
     try:
-        yield
+        return find(*images, seed, search)
     finally:
         SimpleITK.ProcessObject.SetGlobalDefaultNumberOfThreads(before)
 
@@ -133,25 +123,19 @@ def _rigid_then_affine(
 
 
 def _found(
-    fixed: SimpleITK.Image,
-    moving: SimpleITK.Image,
-    start: SimpleITK.Transform,
-    seed: int,
-    search: _Search,
+    fixed: SimpleITK.Image, moving: SimpleITK.Image, start: SimpleITK.Transform, seed: int, search: _Search
 ) -> SimpleITK.CompositeTransform:
     method = SimpleITK.ImageRegistrationMethod()
     method.SetMetricAsMattesMutualInformation(numberOfHistogramBins=32)
     method.SetMetricSamplingStrategy(method.RANDOM)
     method.SetMetricSamplingPercentagePerLevel(search.shares, seed=seed + 1)  # 0 would mean the time of day
     method.SetInterpolator(SimpleITK.sitkLinear)
-    method.SetShrinkFactorsPerLevel(_shrink_factors(fixed, search.voxels_mm))
+    spacing = min(fixed.GetSpacing())
+    method.SetShrinkFactorsPerLevel([max(1, round(target / spacing)) for target in search.voxels_mm])
     method.SetSmoothingSigmasPerLevel(search.smoothing_mm)
     method.SmoothingSigmasAreSpecifiedInPhysicalUnitsOn()
     method.SetOptimizerAsRegularStepGradientDescent(
-        learningRate=2.0,
-        minStep=search.shortest_step_mm,
-        numberOfIterations=search.n_iterations,
-        relaxationFactor=0.6,
+        learningRate=2.0, minStep=search.shortest_step_mm, numberOfIterations=search.n_iterations, relaxationFactor=0.6
     )
     method.SetOptimizerScalesFromPhysicalShift()
     method.SetInitialTransform(start, inPlace=False)
@@ -163,30 +147,9 @@ def _found(
         ) from error
 
 
-def _shrink_factors(image: SimpleITK.Image, voxels_mm: tuple[float, ...]) -> list[int]:
-    spacing = min(image.GetSpacing())
-    return [max(1, round(target / spacing)) for target in voxels_mm]
-
-
-def _averaged(image: SimpleITK.Image, voxels_mm: float) -> SimpleITK.Image:
-    """The means of blocks of about this size."""
-    return SimpleITK.BinShrink(image, _block_shape(image.GetSpacing(), voxels_mm))
-
-
 def _block_shape(sizes: Iterable[float], voxels_mm: float) -> list[int]:
     """How many voxels of these sizes make a block of about this size, along each axis."""
     return [max(1, round(voxels_mm / size)) for size in sizes]
-
-
-def _as_image(volume: Volume) -> SimpleITK.Image:
-    """The volume for ITK; a grid whose axes are not orthogonal is refused by ITK, and none comes from a scanner."""
-    image = SimpleITK.GetImageFromArray(np.ascontiguousarray(volume.data.astype(np.float32).transpose(2, 1, 0)))
-    sizes = voxel_sizes(volume)
-    in_lps = LPS @ volume.affine
-    image.SetSpacing(sizes.tolist())
-    image.SetOrigin(in_lps[:3, 3].tolist())
-    image.SetDirection((in_lps[:3, :3] / sizes).ravel().tolist())
-    return image
 
 
 def _as_matrix(transform: SimpleITK.AffineTransform | SimpleITK.Euler3DTransform) -> Float[Array, "4 4"]:
@@ -201,16 +164,6 @@ def _as_matrix(transform: SimpleITK.AffineTransform | SimpleITK.Euler3DTransform
 def _require_contrast(volume: Volume, name: str) -> None:
     if volume.data.min() == volume.data.max():
         raise ValueError(f"the {name} image is {volume.data.flat[0]} everywhere: there is nothing to register")
-
-
-def _require_blocks(volume: Volume, name: str, voxels_mm: float) -> None:
-    blocks = np.array(volume.data.shape) // _block_shape(voxel_sizes(volume), voxels_mm)
-    if blocks.min() < _FEWEST_BLOCKS:
-        extent = " × ".join(f"{length:.3g}" for length in volume.data.shape * voxel_sizes(volume))
-        raise ValueError(
-            f"the {name} image has {' × '.join(map(str, volume.data.shape))} voxels and spans {extent} mm: it is too "
-            "thin to be registered; give the image of a whole head"
-        )
 
 
 # The standard grid of the paper: scans in MNI152 space, on one grid, with values in [0, 1].
@@ -279,17 +232,16 @@ def standard_scan(scan: Volume, template: Volume, seed: int = 0, quick: bool = F
 
 def place_on_grid(scan: Volume, to_standard: Float[Array, "4 4"], centre_mm: Float[Array, " 3"]) -> StandardScan:
     """A scan on the standard grid around a centre, by a known affine from scanner RAS to that space, in mm."""
-    affine = _grid_affine(centre_mm)
-    on_grid = resample(scan, SHAPE, affine, np.linalg.inv(to_standard), outside="lowest")
-    return StandardScan(on_grid.with_data(_scaled(on_grid.data)), np.asarray(to_standard, dtype=np.float64))
-
-
-def _grid_affine(centre_mm: Float[Array, " 3"]) -> Float[Array, "4 4"]:
-    """Voxel indices to mm for a grid whose box, from the outer sides of its voxels, lies around the centre."""
+    # The box of the grid, from the outer sides of its voxels, lies around the centre.
     sizes = np.divide(EXTENT_MM, SHAPE)
     affine = np.diag([*sizes, 1.0])
     affine[:3, 3] = centre_mm - sizes * (np.array(SHAPE) - 1) / 2
-    return affine
+    on_grid = resample(scan, SHAPE, affine, np.linalg.inv(to_standard), outside="lowest")
+    low, high = on_grid.data.min(), on_grid.data.max()
+    if low == high:
+        raise ValueError(f"the scan is {low} all over the standard grid: is it in the place that its affine says?")
+    scaled = on_grid.with_data((on_grid.data - low) / (high - low))
+    return StandardScan(scaled, np.asarray(to_standard, dtype=np.float64))
 
 
 def centre_of_mass(volume: Volume) -> Float[Array, " 3"]:
@@ -309,13 +261,6 @@ def centre_of_mass(volume: Volume) -> Float[Array, " 3"]:
     return volume.affine[:3, :3] @ (np.array(axes) / weights.sum()) + volume.affine[:3, 3]
 
 
-def _scaled(data: Float[Array, "x y z"]) -> Float[Array, "x y z"]:
-    low, high = data.min(), data.max()
-    if low == high:
-        raise ValueError(f"the scan is {low} all over the standard grid: is it in the place that its affine says?")
-    return (data - low) / (high - low)
-
-
 # The average of several scans of one person, which has less noise than one.
 
 #: Inside the head. Simulated repeats with noise of 8 % of the largest value reach .99, inverted contrast reaches .1.
@@ -326,14 +271,8 @@ def averaged_scan(scans: Sequence[Volume], names: Sequence[str] | None = None) -
     """The mean of several scans of one head on the grid of the first, after rigid registration to the first.
 
     Each scan is scaled so that it differs least from the first in the mean square, and is interpolated once with cubic
-    splines. A voxel that some scans do not cover is the mean of the others.
-
-    Parameters
-    ----------
-    scans : sequence of Volume
-        Of one person, with the same contrast. Grids and positions may differ.
-    names : sequence of str, optional
-        What errors call the scans.
+    splines. A voxel that some scans do not cover is the mean of the others. The scans are of one person, with the same
+    contrast; grids and positions may differ. Errors call the scans by their ``names``.
 
     Raises
     ------
@@ -346,8 +285,14 @@ def averaged_scan(scans: Sequence[Volume], names: Sequence[str] | None = None) -
     first = scans[0].data.astype(np.float64)
     total, covered = first.copy(), np.ones(first.shape)
     for scan, name in zip(scans[1:], names[1:], strict=True):
-        moved, inside = _moved(scan, scans[0])
-        agreement = _agreement(moved, first, inside)
+        # The scan at the voxels of the first one, and where it covers them.
+        onto = scans[0].data.shape, scans[0].affine, np.linalg.inv(register_rigid(scan, scans[0]))
+        inside = resample(scan.with_data(np.ones(scan.data.shape)), *onto).data > 0.999
+        moved = resample(scan, *onto, order=3).data
+        # The correlation of both inside the head, after smoothing by one voxel, which removes most noise.
+        smooth = [gaussian_filter(image, 1.0) for image in (moved, first)]
+        head = inside & (smooth[1] > smooth[1].mean())
+        agreement = float(np.corrcoef(smooth[0][head], smooth[1][head])[0, 1]) if head.any() else 0.0
         if not agreement >= LOWEST_CORRELATION:
             raise ValueError(
                 f"{name} and {names[0]} agree poorly after registration (correlation {agreement:.2f}; "
@@ -357,17 +302,3 @@ def averaged_scan(scans: Sequence[Volume], names: Sequence[str] | None = None) -
         total[inside] += scale * moved[inside]
         covered += inside
     return scans[0].with_data((total / covered).astype(np.float32))
-
-
-def _agreement(moved: Float[Array, "x y z"], first: Float[Array, "x y z"], inside: Array) -> float:
-    """The correlation of two images inside the head, after smoothing by one voxel, which removes most noise."""
-    smooth = [gaussian_filter(image, 1.0) for image in (moved, first)]
-    head = inside & (smooth[1] > smooth[1].mean())
-    return float(np.corrcoef(smooth[0][head], smooth[1][head])[0, 1]) if head.any() else 0.0
-
-
-def _moved(scan: Volume, target: Volume) -> tuple[Float[Array, "x y z"], Array]:
-    """A scan at the voxels of another, and where it covers them."""
-    onto = target.data.shape, target.affine, np.linalg.inv(register_rigid(scan, target))
-    covered = resample(scan.with_data(np.ones(scan.data.shape)), *onto)
-    return resample(scan, *onto, order=3).data, covered.data > 0.999

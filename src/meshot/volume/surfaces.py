@@ -78,10 +78,8 @@ def winding_numbers(mesh: Mesh, grid: Volume, n_lines: int = 3) -> Float[Array, 
 
 
 def _corners(mesh: Mesh, grid: Volume) -> Float[Array, "F 3 3"]:
-    """The corners of every face in voxel indices, with a negligible shift.
-
-    Without the shift, a line through a vertex or an edge could be counted twice or not at all.
-    """
+    """The corners of every face in voxel indices, with a negligible shift."""
+    # Without the shift, a line through a vertex or an edge could be counted twice or not at all.
     corners = mm_to_voxel(grid, mesh.vertices.detach().double().cpu()).numpy()
     return (corners + np.array([1.37e-7, 2.91e-7, 0.0]))[mesh.faces.cpu().numpy()]
 
@@ -182,20 +180,9 @@ def isosurface(volume: Volume, level: float = 0.5) -> Mesh:
     """The closed level set of a volume, by marching cubes, with outward normals.
 
     The volume is padded by one voxel with its minimum, so that the surface is closed even if the object reaches the
-    border. The vertices are transformed by the affine once. If the affine is a reflection, faces are reversed.
-
-    Parameters
-    ----------
-    volume : Volume
-        A mask or a field that is larger inside.
-    level : float
-        In the units of the volume.
-
-    Returns
-    -------
-    Mesh
-        float64, in mm. Its topology is that of the voxels above the level if these are well-composed, see
-        :func:`meshot.volume.genus_zero`.
+    border. The vertices are transformed by the affine once. If the affine is a reflection, faces are reversed. The
+    volume is a mask, or a field that is larger inside; the level is in its units. The mesh is in float64, in mm. Its
+    topology is that of the voxels above the level if these are well-composed, see :func:`meshot.volume.genus_zero`.
 
     Raises
     ------

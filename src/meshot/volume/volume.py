@@ -35,8 +35,31 @@ class Volume:
 
     def __post_init__(self):
         data, affine = np.asarray(self.data), np.asarray(self.affine, dtype=np.float64)
-        _require_image(data)
-        _require_affine(affine)
+        if data.ndim != 3:
+            raise ValueError(
+                f"data has shape {data.shape}; three axes are needed: take one image out of a series first"
+            )
+        if data.size == 0:
+            raise ValueError(f"data is empty (shape {data.shape}); at least one voxel along each axis is needed")
+        if data.dtype.kind not in "biuf":
+            raise ValueError(f"data has dtype {data.dtype}; real numbers or booleans are needed")
+        bad = ~np.isfinite(data)
+        if bad.any():
+            first = tuple(int(i) for i in np.argwhere(bad)[0])
+            raise ValueError(
+                f"data has {int(bad.sum())} voxels that are NaN or infinite, the first at {first}: replace them, say, "
+                "by 0"
+            )
+        if affine.shape != (4, 4) or not np.isfinite(affine).all():
+            raise ValueError(f"affine has shape {affine.shape} or is not finite; a finite 4 × 4 matrix is needed")
+        if not np.array_equal(affine[3], [0, 0, 0, 1]):
+            raise ValueError(f"affine ends in the row {affine[3].tolist()}; [0, 0, 0, 1] is needed: is it transposed?")
+        lengths = np.linalg.norm(affine[:3, :3], axis=0)
+        if not lengths.min() > 0 or abs(np.linalg.det(affine[:3, :3] / np.maximum(lengths, 1e-300))) < 1e-6:
+            raise ValueError(
+                f"affine is singular (its columns are {lengths.tolist()} mm long): voxels have no volume; mend the "
+                "header"
+            )
         object.__setattr__(self, "data", data)
         object.__setattr__(self, "affine", affine)
 
@@ -56,33 +79,6 @@ class Volume:
 
     def __repr__(self) -> str:
         return f"Volume({' × '.join(map(str, self.data.shape))}, {self.data.dtype})"
-
-
-def _require_image(data: Array) -> None:
-    if data.ndim != 3:
-        raise ValueError(f"data has shape {data.shape}; three axes are needed: take one image out of a series first")
-    if data.size == 0:
-        raise ValueError(f"data is empty (shape {data.shape}); at least one voxel along each axis is needed")
-    if data.dtype.kind not in "biuf":
-        raise ValueError(f"data has dtype {data.dtype}; real numbers or booleans are needed")
-    bad = ~np.isfinite(data)
-    if bad.any():
-        first = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise ValueError(
-            f"data has {int(bad.sum())} voxels that are NaN or infinite, the first at {first}: replace them, say, by 0"
-        )
-
-
-def _require_affine(affine: Array) -> None:
-    if affine.shape != (4, 4) or not np.isfinite(affine).all():
-        raise ValueError(f"affine has shape {affine.shape} or is not finite; a finite 4 × 4 matrix is needed")
-    if not np.array_equal(affine[3], [0, 0, 0, 1]):
-        raise ValueError(f"affine ends in the row {affine[3].tolist()}; [0, 0, 0, 1] is needed: is it transposed?")
-    lengths = np.linalg.norm(affine[:3, :3], axis=0)
-    if not lengths.min() > 0 or abs(np.linalg.det(affine[:3, :3] / np.maximum(lengths, 1e-300))) < 1e-6:
-        raise ValueError(
-            f"affine is singular (its columns are {lengths.tolist()} mm long): voxels have no volume; mend the header"
-        )
 
 
 def transform_points(affine: Array, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
@@ -118,18 +114,8 @@ def centre_ras(volume: Volume) -> tuple[float, float, float]:
 def sample_volume(volume: Volume, points_mm: Float[Tensor, "n 3"], outside: float = 0.0) -> Float[Tensor, " n"]:
     """Trilinear interpolation of a volume at points in scanner RAS. Differentiable with respect to the points.
 
-    Parameters
-    ----------
-    volume : Volume
-    points_mm : tensor
-        One row per point, in mm.
-    outside : float
-        The value of every voxel outside the grid. Over one voxel next to the grid, the interpolation is linear.
-
-    Returns
-    -------
-    tensor
-        In the units of the volume and the dtype of the points.
+    Every voxel outside the grid has the value ``outside``; over one voxel next to the grid, the interpolation is
+    linear. The result is in the units of the volume and the dtype of the points.
     """
     places = mm_to_voxel(volume, points_mm) + 1
     data = torch.as_tensor(np.pad(volume.data, 1, constant_values=outside)).to(points_mm)
@@ -192,13 +178,7 @@ def resample(
 def cropped(volume: Volume, points_mm: Float[Tensor, "n 3"], margin: int = 3) -> Volume:
     """The smallest box of voxels around a set of points, plus a margin, at the same position in world space.
 
-    Parameters
-    ----------
-    volume : Volume
-    points_mm : tensor
-        The points that the box must contain, in scanner RAS.
-    margin : int
-        Number of voxels added on each side, within the volume.
+    The points are in scanner RAS. The margin is added on each side, in voxels, within the volume.
 
     Raises
     ------
@@ -224,13 +204,8 @@ def cropped(volume: Volume, points_mm: Float[Tensor, "n 3"], margin: int = 3) ->
 def volume_pyramid(volume: Volume, n_scales: int = 3) -> tuple[Volume, ...]:
     """The volume, and its means over blocks of 2³, 4³, ... voxels, each with its affine.
 
-    If the number of voxels along an axis is odd, a layer of zeros is added.
-
-    Parameters
-    ----------
-    volume : Volume
-    n_scales : int
-        Number of volumes, including the given one.
+    There are ``n_scales`` volumes, including the given one. If the number of voxels along an axis is odd, a layer of
+    zeros is added.
 
     Raises
     ------
@@ -240,16 +215,13 @@ def volume_pyramid(volume: Volume, n_scales: int = 3) -> tuple[Volume, ...]:
     require_positive_integer(n_scales, "n_scales")
     levels = [volume]
     while len(levels) < n_scales:
-        levels.append(_halved(levels[-1]))
+        fine = levels[-1]
+        data = np.pad(fine.data.astype(np.result_type(fine.data, np.float32)), [(0, n % 2) for n in fine.data.shape])
+        x, y, z = (n // 2 for n in data.shape)
+        affine = fine.affine @ np.diag([2.0, 2.0, 2.0, 1.0])
+        affine[:3, 3] += fine.affine[:3, :3] @ np.full(3, 0.5)  # the centre of the first block is between eight voxels
+        levels.append(Volume(data.reshape(x, 2, y, 2, z, 2).mean(axis=(1, 3, 5)), affine))
     return tuple(levels)
-
-
-def _halved(volume: Volume) -> Volume:
-    data = np.pad(volume.data.astype(np.result_type(volume.data, np.float32)), [(0, n % 2) for n in volume.data.shape])
-    x, y, z = (n // 2 for n in data.shape)
-    affine = volume.affine @ np.diag([2.0, 2.0, 2.0, 1.0])
-    affine[:3, 3] += volume.affine[:3, :3] @ np.full(3, 0.5)  # the centre of the first block is between eight voxels
-    return Volume(data.reshape(x, 2, y, 2, z, 2).mean(axis=(1, 3, 5)), affine)
 
 
 # Removal of everything outside a given brain mask from a scan.
@@ -258,11 +230,7 @@ def _halved(volume: Volume) -> Volume:
 def masked_scan(scan: Volume, mask: Volume) -> Volume:
     """The scan with its minimum value outside the mask.
 
-    Parameters
-    ----------
-    scan : Volume
-    mask : Volume
-        On the grid of the scan: zero outside the brain, non-zero inside, as written by SynthStrip and HD-BET.
+    The mask is on the grid of the scan: zero outside the brain, non-zero inside, as written by SynthStrip and HD-BET.
 
     Raises
     ------
@@ -293,12 +261,7 @@ def masked_scan(scan: Volume, mask: Volume) -> Volume:
 def bright_volume(scan: Volume) -> float:
     """The volume of the brighter of two classes of voxels, in mm³: that of a brain on a dark background.
 
-    The classes are separated by Otsu's threshold.
-
-    Parameters
-    ----------
-    scan : Volume
-        Not constant.
+    The classes are separated by Otsu's threshold. The scan must not be constant.
     """
     with needing("cortex"):
         from skimage.filters import threshold_otsu
@@ -311,14 +274,8 @@ def white_matter_probability(t1: Volume, brain: Volume) -> Volume:
 
     Two thresholds divide the intensities inside the brain into three classes with minimal variance within classes
     (Otsu): fluid, grey, white. The upper threshold is mapped to ½. On both sides the map is linear up to the mean of
-    the class. No atlas and no training are used.
-
-    Parameters
-    ----------
-    t1 : Volume
-        T1-weighted, so that white matter is brightest, without strong bias field.
-    brain : Volume
-        Boolean, on the same grid.
+    the class. No atlas and no training are used. The scan is T1-weighted, so that white matter is brightest, without
+    strong bias field; the brain mask is boolean, on the same grid.
 
     Raises
     ------

@@ -63,13 +63,7 @@ Rule = Callable[..., Verdict]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Entry:
-    """A claim, its verdict, and the records of the experiments that its rule reads; none if it is not tested.
-
-    Raises
-    ------
-    ValueError
-        If the words of the claim do not fit the verdict.
-    """
+    """A claim, its verdict, and the records of the experiments that its rule reads; none if it is not tested."""
 
     claim: dict
     verdict: Verdict
@@ -175,13 +169,11 @@ class _Forms(string.Formatter):
 
 
 def fill(template: str, values: dict) -> str:
-    """The template with the values, as by ``str.format``, and with more formats.
-
-    A list is written with commas, or with what stands before the format of its items: ``;``, ``|``, ``and``; ``to``
-    gives its two ends. A ``−`` before the format of a number is the minus sign of the text. ``words`` writes a name
-    with spaces, ``interval`` a difference, ``spread`` mean ± standard deviation, ``percent`` a share, ``yes`` a truth
-    value. What is missing is a dash.
-    """
+    """The template with the values, as by ``str.format``, and with more formats."""
+    # A list is written with commas, or with what stands before the format of its items: ``;``, ``|``, ``and``; ``to``
+    # gives its two ends. A ``−`` before the format of a number is the minus sign of the text. ``words`` writes a name
+    # with spaces, ``interval`` a difference, ``spread`` mean ± standard deviation, ``percent`` a share, ``yes`` a truth
+    # value. What is missing is a dash.
     return _Forms().vformat(template, (), values)
 
 

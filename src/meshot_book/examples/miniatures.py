@@ -132,13 +132,23 @@ def miniature(seed: int, n_faces: int = 1500) -> Miniature:
         Approximate number of faces of the initial surfaces.
     """
     draws = numpy_generator(seed)
-    grid = _grid()
+    affine = np.diag([*_SIZES, 1.0])
+    affine[:3, 3] = -_SIZES * (np.array(_SHAPE) - 1) / 2
+    grid = Volume(np.zeros(_SHAPE), affine)
     folds, targets, initial = {}, {}, {}
     inside = np.zeros(_SHAPE)
     for side in HEMISPHERES:
         folds[side] = Folds(*draws.uniform(-1.5, 1.5, 3).tolist())
-        target = _placed(folded_ball(folds[side]), side)
-        bright = np.maximum(enclosed_fractions(target, grid), _bridge(grid, folds[side], side))
+        mesh = folded_ball(folds[side])
+        # In the frame of its hemisphere, in its place in the head. A reflection reverses the faces.
+        vertices = mesh.vertices * mesh.vertices.new_tensor(_signs(side)) + mesh.vertices.new_tensor(_CENTRES[side])
+        target = Mesh(vertices, mesh.faces if side == "left" else mesh.faces.flip(1))
+        indices = torch.from_numpy(np.indices(_SHAPE).reshape(3, -1).T.astype(np.float64))
+        places = _in_frame(voxel_to_mm(grid, indices), side).numpy()
+        scaled = (places - (folds[side].bridged, 0.0, -8.0)) / (2.5, 1.5, 1.2)
+        # Nine tenths in an ellipsoid between the banks of the bridged sulcus.
+        bridge = 0.9 * (np.linalg.norm(scaled, axis=1) < 1).reshape(_SHAPE)
+        bright = np.maximum(enclosed_fractions(target, grid), bridge)
         inside += bright
         targets[side, "white"] = target.to(torch.float32)
         initial[side, "white"] = tissue_surface(grid.with_data(bright), n_faces).mesh.to(torch.float32)
@@ -147,29 +157,9 @@ def miniature(seed: int, n_faces: int = 1500) -> Miniature:
     return Miniature(Example(f"miniature {seed}", scan, targets), folds)
 
 
-def _grid() -> Volume:
-    affine = np.diag([*_SIZES, 1.0])
-    affine[:3, 3] = -_SIZES * (np.array(_SHAPE) - 1) / 2
-    return Volume(np.zeros(_SHAPE), affine)
-
-
-def _bridge(grid: Volume, folds: Folds, side: Hemisphere) -> Float[Array, "x y z"]:
-    """Nine tenths in an ellipsoid between the banks of the bridged sulcus."""
-    indices = torch.from_numpy(np.indices(_SHAPE).reshape(3, -1).T.astype(np.float64))
-    places = _in_frame(voxel_to_mm(grid, indices), side).numpy()
-    scaled = (places - (folds.bridged, 0.0, -8.0)) / (2.5, 1.5, 1.2)
-    return 0.9 * (np.linalg.norm(scaled, axis=1) < 1).reshape(_SHAPE)
-
-
 def _signs(side: Hemisphere) -> tuple[float, float, float]:
     return (1.0, 1.0, 1.0) if side == "left" else (-1.0, 1.0, 1.0)
 
 
 def _in_frame(places: Float[Tensor, "n 3"], side: Hemisphere) -> Float[Tensor, "n 3"]:
     return (places - places.new_tensor(_CENTRES[side])) * places.new_tensor(_signs(side))
-
-
-def _placed(mesh: Mesh, side: Hemisphere) -> Mesh:
-    """A surface in the frame of a hemisphere, in its place in the head. A reflection reverses the faces."""
-    vertices = mesh.vertices * mesh.vertices.new_tensor(_signs(side)) + mesh.vertices.new_tensor(_CENTRES[side])
-    return Mesh(vertices, mesh.faces if side == "left" else mesh.faces.flip(1))

@@ -12,16 +12,9 @@ from meshot_book.flows import AnalyticField
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Accelerated(AnalyticField):
-    """(1 + rate · t) times a steady field: the same paths, passed through at another pace.
+    """(1 + rate · t) times a steady field: the same paths, passed through at another pace."""
 
-    Parameters
-    ----------
-    field : AnalyticField
-        That does not depend on time.
-    rate : float
-    """
-
-    field: AnalyticField
+    field: AnalyticField  # that does not depend on time
     rate: float
 
     def __call__(self, time: Float[Tensor, ""], points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:

@@ -345,11 +345,7 @@ def luck_of_the_best() -> Exercise:
         normal = scipy.stats.norm
         return deviation * scipy.integrate.quad(lambda x: x * n * normal.pdf(x) * normal.sf(x) ** (n - 1), -12, 12)[0]
 
-    cases = {
-        "two scores": (2, 0.01),
-        "a single score": (1, 0.02),
-        "fourteen scores": (14, 0.006),
-    }
+    cases = {"two scores": (2, 0.01), "a single score": (1, 0.02), "fourteen scores": (14, 0.006)}
     mistakes = {
         "the smallest score is too small, so the number is negative": lambda n, s: -luck(n, s),
         "this is the luck for a deviation of one; it is proportional to the deviation": lambda n, s: luck(n, 1.0),

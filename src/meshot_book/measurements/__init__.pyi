@@ -1,3 +1,10 @@
-from .digests import digest_of as digest_of
-from .metrics import COMPARED as COMPARED, METRICS as METRICS, metric_values as metric_values
-from .rows import MAIN as MAIN, grouped as grouped, paired_gaps as paired_gaps, spread as spread
+from .rows import (
+    COMPARED as COMPARED,
+    MAIN as MAIN,
+    METRICS as METRICS,
+    digest_of as digest_of,
+    grouped as grouped,
+    metric_values as metric_values,
+    paired_gaps as paired_gaps,
+    spread as spread,
+)

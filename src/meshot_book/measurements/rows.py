@@ -1,9 +1,13 @@
 """Rows of measured surfaces: grouped by columns, averaged, and compared over pairs."""
 
+import hashlib
 from collections.abc import Hashable, Iterable, Mapping
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
+from meshot.metrics import Evaluation
 from meshot.statistics import paired_interval
 
 #: The kind of the held-out subjects that are like those of the training; procedural subjects are reported apart.
@@ -42,3 +46,30 @@ def paired_gaps(
         gap, low, high = paired_interval([first[k][metric] for k in shared], [second[k][metric] for k in shared])
         found[metric] = {"gap": gap, "low": low, "high": high}
     return found
+
+
+# The metrics that experiments store for a surface, with their units in the names.
+
+#: Names in the results, and in an evaluation.
+METRICS = {
+    "emd_mm": "emd", "swd_mm": "swd", "assd_mm": "assd", "hausdorff90_mm": "hausdorff", "normals": "normals",
+    "crossing_faces": "intersecting_faces", "crossing_percent": "intersecting_share", "euler_number": "euler_number",
+}  # fmt: skip
+#: The metrics that two surfaces are compared by.
+COMPARED = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm", "normals", "crossing_percent")
+
+
+def metric_values(evaluation: Evaluation, what: Literal["value", "floor"] = "value") -> dict[str, float]:
+    """The values of all metrics, or their floors, by their names in the results."""
+    return {key: getattr(getattr(evaluation, name), what) for key, name in METRICS.items()}
+
+
+# Digests of files, by which a measurement notices that what it depends on has changed.
+
+
+def digest_of(paths: Iterable[Path]) -> str:
+    """Twelve digits that depend on the names and contents of files, in their order."""
+    total = hashlib.sha256()
+    for path in paths:
+        total.update(path.name.encode() + path.read_bytes())
+    return total.hexdigest()[:12]

@@ -13,5 +13,4 @@ from .mesh_files import (
     read_vertex_values as read_vertex_values,
     write_meshes as write_meshes,
 )
-from .numbers import digits as digits
-from .tables import Table as Table, markdown_table as markdown_table, table as table
+from .tables import Table as Table, digits as digits, markdown_table as markdown_table, table as table

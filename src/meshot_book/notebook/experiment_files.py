@@ -53,33 +53,16 @@ def experiment_folder(name: str) -> Path:
     ValueError
         If there is no such experiment, or a file is neither on this machine nor can be fetched.
     """
-    digests = _checksums()
+    lines = CHECKSUMS.read_text(encoding="utf-8").splitlines()
+    digests = {file: digest for digest, file in (line.split("  ", 1) for line in lines)}
     known = sorted({file.partition("/")[0] for file in digests})
     if name not in known:
         raise ValueError(f"there is no experiment {name!r}; name one of {', '.join(known)}")
     for parent in (Path.cwd(), *Path.cwd().parents, _PACKAGE):
         if (parent / "src" / "meshot_book").is_dir() and (parent / "experiments" / name).is_dir():
             return parent / "experiments" / name
-    return _cached(name, digests)
-
-
-def checksum_lines(folder: Path) -> str:
-    """The checksums of the files that chapters read, as ``sha256sum`` writes them, for a folder of experiments."""
-    files = sorted({file for pattern in READ_BY_CHAPTERS for file in folder.glob(pattern)})
-    return "".join(f"{file_digest(file)}  {file.relative_to(folder).as_posix()}\n" for file in files)
-
-
-def _checksums() -> dict[str, str]:
-    """The SHA-256 of every file, by its path relative to the folder ``experiments``."""
-    lines = CHECKSUMS.read_text(encoding="utf-8").splitlines()
-    return {file: digest for digest, file in (line.split("  ", 1) for line in lines)}
-
-
-def _cached(name: str, digests: dict[str, str]) -> Path:
-    """The folder of an experiment in the user's cache. What is not there, whole and of this version, is fetched.
-
-    The repository is asked for the version of the package, and then for its branch ``main``.
-    """
+    # In the user's cache. What is not there, whole and of this version, is fetched: the repository is asked for the
+    # version of the package, and then for its branch main.
     import pooch  # it takes half a second, and is not needed in a checkout
 
     pooch.get_logger().setLevel("WARNING")
@@ -108,6 +91,12 @@ def _cached(name: str, digests: dict[str, str]) -> Path:
                 "and the connection, or clone the repository and open the chapter in its folder notebooks"
             )
     return cache / name
+
+
+def checksum_lines(folder: Path) -> str:
+    """The checksums of the files that chapters read, as ``sha256sum`` writes them, for a folder of experiments."""
+    files = sorted({file for pattern in READ_BY_CHAPTERS for file in folder.glob(pattern)})
+    return "".join(f"{file_digest(file)}  {file.relative_to(folder).as_posix()}\n" for file in files)
 
 
 def _download(address: str, place: str, _: object) -> None:

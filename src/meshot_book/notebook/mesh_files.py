@@ -43,7 +43,13 @@ def write_meshes(
         known = [k for k, other in enumerate(faces) if torch.equal(other, mesh.faces)]
         entry = {"faces": known[0] if known else len(faces), "like": None}
         faces += [] if known else [mesh.faces]
-        whole = _whole(mesh, step, name)
+        whole = (mesh.vertices.detach().double() / step).round().to(torch.int32).T
+        if len(mesh.vertices) > _LARGEST or int(whole.abs().max()) >= _LARGEST:
+            raise ValueError(
+                f"{name} has {len(mesh.vertices)} vertices up to {float(mesh.vertices.abs().max()):.4g} from the "
+                f"origin; at most {_LARGEST} vertices within {_LARGEST - 1} steps of {step} are stored: simplify it, "
+                "or take longer steps"
+            )
         similar = [other for other, its in entries.items() if its["faces"] == entry["faces"]]
         if similar:
             entry["like"] = min(similar, key=lambda other: float((whole - places[other]).abs().double().mean()))
@@ -54,17 +60,6 @@ def write_meshes(
     header = {"meshes": json.dumps({"step": step, "entries": entries})}
     with whole_file(path) as temporary:
         temporary.write_bytes(gzip.compress(safetensors.torch.save(tensors, header), compresslevel=9, mtime=0))
-
-
-def _whole(mesh: Mesh, step: float, name: str) -> torch.Tensor:
-    whole = (mesh.vertices.detach().double() / step).round().to(torch.int32).T
-    if len(mesh.vertices) > _LARGEST or int(whole.abs().max()) >= _LARGEST:
-        raise ValueError(
-            f"{name} has {len(mesh.vertices)} vertices up to {float(mesh.vertices.abs().max()):.4g} from the origin; "
-            f"at most {_LARGEST} vertices within {_LARGEST - 1} steps of {step} are stored: simplify it, or take "
-            "longer steps"
-        )
-    return whole
 
 
 def read_meshes(path: Path) -> dict[str, Mesh]:

@@ -2,12 +2,12 @@
 
 import dataclasses
 import html
+import math
 import re
 
 from markupsafe import Markup
 
 from meshot.view import filled
-from meshot_book.notebook.numbers import digits
 
 _MATHEMATICS = re.compile(r"\$([^$]+)\$")
 _UNIT = re.compile(r"(.+?)\s+(\([^()]+\))")
@@ -119,3 +119,15 @@ def _number(text: str) -> str:
 def _rich(text: str) -> str:
     """Escaped text with mathematics in the form that MathJax and Jupyter expect."""
     return _MATHEMATICS.sub(r"\\(\1\\)", html.escape(text, quote=False))
+
+
+# Formatting of numbers: four significant digits, so that stored outputs agree between CPUs.
+
+
+def digits(value: float, n_digits: int = 4) -> str:
+    """A number with ``n_digits`` significant digits, never as minus zero."""
+    value = float(value)
+    if not math.isfinite(value):
+        return str(value)
+    text = f"{value:.{n_digits}g}"
+    return "0" if float(text) == 0 else text

@@ -12,7 +12,8 @@ import torch
 from filelock import FileLock, Timeout
 from tqdm import tqdm
 
-from meshot_book.trainings.logs import steps_done
+from meshot.pipeline import STATE_FOLDER
+from meshot.provenance import rounded
 
 SECONDS_BETWEEN_LOOKS = 5.0
 #: The file in the folder of a training with what its process printed.
@@ -122,3 +123,33 @@ def _started(command: list[str], folder: Path) -> subprocess.Popen:
     one_thread = dict.fromkeys(("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
     with (folder / OUTPUT).open("a") as output:
         return subprocess.Popen(command, stdout=output, stderr=output, env=os.environ | one_thread | _KEEP_MEMORY)
+
+
+# Logs of trainings: how far one has come, and a shorter log for a learning curve.
+
+CURVE_POINTS = 110
+
+
+def steps_done(folder: Path) -> int:
+    """The approximate number of steps of a training so far: the lines of its logs, of which a few are validations.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of a training of a system, see :func:`meshot.pipeline.run_system_training`. The steps of all its
+        networks are added.
+    """
+    return sum(path.read_bytes().count(b"\n") for path in (folder / STATE_FOLDER).glob("*/log.jsonl"))
+
+
+def thinned(log: list[dict], n_points: int = CURVE_POINTS) -> list[dict]:
+    """A log for a learning curve: all validations, and the mean loss over each of ``n_points`` intervals of steps."""
+    steps = [line for line in log if "loss" in line]
+    size = max(1, len(steps) // n_points)
+    means = []
+    for start in range(0, len(steps), size):
+        part = steps[start : start + size]
+        means.append(part[-1] | {"loss": sum(line["loss"] for line in part) / len(part)})
+    checks = [line for line in log if "validation_loss" in line]
+    # A validation is listed after the step that it follows.
+    return rounded(sorted([*means, *checks], key=lambda line: (line["step"], "validation_loss" in line)))

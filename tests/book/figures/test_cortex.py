@@ -9,11 +9,8 @@ from meshot.mesh.shapes import icosphere
 from meshot.model.deformation import DeformationNetwork
 from meshot.systems import get_system, read_settings
 from meshot.volume.volume import Volume
-from meshot_book.figures.cortex.compared import compared_slices
-from meshot_book.figures.cortex.network import network_boxes, network_figure
-from meshot_book.figures.cortex.panels import slice_panels
-from meshot_book.figures.cortex.system_rows import system_steps
-from meshot_book.figures.cortex.systems import SystemStep, system_figure
+from meshot_book.figures.cortex.panels import compared_slices, slice_panels
+from meshot_book.figures.cortex.systems import SystemStep, network_boxes, network_figure, system_figure, system_steps
 
 AFFINE = np.diag([1.0, 1.0, 1.0, 1.0])
 

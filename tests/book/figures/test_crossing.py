@@ -8,7 +8,7 @@ import torch
 
 from browser import page_file, set_width, watched_page
 from meshot_book.examples.counterexample import crossing_sides, crossing_time
-from meshot_book.figures.flows.crossing import FIELDS, crossing_figure, crossing_player, outlines, two_triangles
+from meshot_book.figures.flows.flow import FIELDS, crossing_figure, crossing_player, outlines, two_triangles
 
 SETTINGS = [
     (name, time, steps, exponent)

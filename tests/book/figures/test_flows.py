@@ -9,7 +9,7 @@ from meshot.flow.fields import VelocityField
 from meshot.mesh.shapes import icosphere
 from meshot.view.style import BLACK, LOSS_COLOURS
 from meshot.volume.volume import Volume
-from meshot_book.figures.flows.deformation_charts import arm_line, arms_figure, histogram_figure, trade_off_figure
+from meshot_book.figures.flows.deformation import arm_line, arms_figure, histogram_figure, trade_off_figure
 from meshot_book.figures.flows.flow import (
     bent_grid_figure,
     cell_areas,
@@ -17,9 +17,10 @@ from meshot_book.figures.flows.flow import (
     share_figure,
     steps_figure,
     trajectory_figure,
+    velocities_on_slice,
+    velocity_figure,
 )
-from meshot_book.figures.flows.velocity import velocities_on_slice, velocity_figure
-from meshot_book.figures.measures.stepping import step_errors_figure
+from meshot_book.figures.measures.slopes import step_errors_figure
 
 ARMS = {"Chamfer, varifold": ([1, 2, 3], [4.0, 2.0, 1.0]), "sliced Wasserstein, samples": ([1, 2, 3], [4.0, 3.0, 2.0])}
 

@@ -13,10 +13,9 @@ from meshot.loss.exact import projected_law
 from meshot.mesh.shapes import circle, cube, letter_e, tetrahedron
 from meshot_book.figures.lines.line import cells_figure, distribution_figure, pairing_figure, pairs_of, step_heights
 from meshot_book.figures.measures import intervals_figure, printed_figure
-from meshot_book.figures.measures.cost import FAMILY_COLOURS, cost_figure
 from meshot_book.figures.measures.projection import draw_density, law_figure, turned_densities_figure
 from meshot_book.figures.measures.schematics import _leaves, banks_figure, encodings_figure, tree_figure
-from meshot_book.figures.measures.slopes import draw_slopes
+from meshot_book.figures.measures.slopes import FAMILY_COLOURS, cost_figure, draw_slopes
 from meshot_book.lines import monotone_plan
 
 ROWS = [

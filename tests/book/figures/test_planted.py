@@ -11,8 +11,14 @@ import torch
 from browser import page_file, watched_page
 from meshot.mesh.shapes import icosphere
 from meshot_book.defects import shifted
-from meshot_book.figures.measures.planted import Window, ratio_figure, round_length, sections_figure
-from meshot_book.figures.measures.planted_errors import PlantedState, planted_player
+from meshot_book.figures.measures.planted import (
+    PlantedState,
+    Window,
+    planted_player,
+    ratio_figure,
+    round_length,
+    sections_figure,
+)
 
 SPHERE = icosphere(3, 10.0)
 WINDOW = Window(torch.tensor([0.0, 0.0, 10.0], dtype=torch.float64), 1, 6.0)

@@ -16,10 +16,18 @@ from meshot.loss.directions import random_directions
 from meshot.mesh.geometry import even_points
 from meshot.mesh.shapes import star
 from meshot.view.style import LOSS_COLOURS, LOSS_DASHES, VERMILLION, loss_line, use_style
-from meshot_book.figures.points.directions import directions_figure, disc_places
-from meshot_book.figures.points.force import ForceField, force_panels
-from meshot_book.figures.points.player import point_player
-from meshot_book.figures.points.points import box_around, curves_figure, draw_contour, force_figure, process_figure
+from meshot_book.figures.points.points import (
+    ForceField,
+    box_around,
+    curves_figure,
+    directions_figure,
+    disc_places,
+    draw_contour,
+    force_figure,
+    force_panels,
+    point_player,
+    process_figure,
+)
 
 
 def test_a_line_has_one_place_in_the_disc():

@@ -10,7 +10,7 @@ import torch
 
 from browser import page_file, watched_page
 from meshot.view.page import joined
-from meshot_book.figures.lines.sorting import sorting_player
+from meshot_book.figures.lines.line import sorting_player
 
 SOURCE, TARGET = [1.0, 2.2, 2.9, 5.5], [3.0, 4.4, 0.8, 7.2, 9.3]
 ARITHMETIC = joined("meshot_book/figures/assets/pairing.js", "meshot_book/figures/assets/random.js")

@@ -7,7 +7,7 @@ from meshot.systems import get_system, read_settings
 from meshot.systems.corticalflow import FlowBlock
 from meshot.systems.deepcsr import DistanceNetwork
 from meshot.systems.vox2cortex import MeshNetwork
-from meshot_book.figures.cortex.system_rows import count_weights, system_steps
+from meshot_book.figures.cortex.systems import count_weights, system_steps
 
 NAMES = ("classical", "deepcsr", "vox2cortex", "corticalflow", "cortexode", "ddot")
 

@@ -12,8 +12,7 @@ from browser import page_file, watched_page
 from meshot.loss.sliced import slice_costs, sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
 from meshot.view.page import joined
-from meshot_book.figures.lines.turned_line import turning_player
-from meshot_book.figures.lines.turning import line_costs, turning_figure
+from meshot_book.figures.lines.line import line_costs, turning_figure, turning_player
 
 ARITHMETIC = joined("meshot_book/figures/assets/line_costs.js", "meshot_book/figures/assets/random.js")
 GENERATOR = np.random.default_rng(3)

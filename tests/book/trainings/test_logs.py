@@ -1,6 +1,6 @@
 """Logs of trainings: thinned for a curve, and counted while a training runs."""
 
-from meshot_book.trainings.logs import steps_done, thinned
+from meshot_book.trainings.processes import steps_done, thinned
 
 
 def test_a_thinned_log_keeps_means_and_validations():

@@ -86,10 +86,8 @@ def _by_size(rows: list[dict], quantity: str) -> list[dict]:
 
 
 def memory_verdict(record: dict) -> Verdict:
-    """Claim 21: must Sinkhorn store a number for every pair of support points?
-
-    A library's dense variant is compared with its lazy one, at the largest size at which the dense one was run.
-    """
+    """Claim 21: must Sinkhorn store a number for every pair of support points?"""
+    # A library's dense variant is compared with its lazy one, at the largest size at which the dense one was run.
     rows = [row for row in record["results"]["memory"] if row["peer"].startswith("Sinkhorn")]
     found = []
     for library in ("GeomLoss", "OTT"):
@@ -244,11 +242,9 @@ def supports_verdict(record: dict) -> Verdict:
 
 
 def evenness_verdict(record: dict) -> Verdict:
-    """Claim 22: does sliced Wasserstein leave more even triangles than Chamfer? The gaps are Chamfer minus sliced.
-
-    A loss leads after equal steps, after equal seconds or at equal closeness if it is more even in more comparisons
-    than the other.
-    """
+    """Claim 22: does sliced Wasserstein leave more even triangles than Chamfer? The gaps are Chamfer minus sliced."""
+    # A loss leads after equal steps, after equal seconds or at equal closeness if it is more even in more comparisons
+    # than the other.
     every, measures = record["results"]["differences"], ("assd", "edge_variation", "area_variation")
     rows = [row for row in every if row["edge_variation_low"] is not None]  # several seeds
 

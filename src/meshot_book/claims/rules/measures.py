@@ -130,11 +130,9 @@ def weights_verdict(record: dict) -> Verdict:
 
 
 def floor_verdict(record: dict) -> Verdict:
-    """Claim 15: does an EMD of .70 mm measure the quality of a surface?
-
-    It does under a reading (which distance, which root) whose floor, from two samples of one surface, is at most half
-    the number. Squares are additive, so that three quarters of its square are then due to the surfaces.
-    """
+    """Claim 15: does an EMD of .70 mm measure the quality of a surface?"""
+    # It does under a reading (which distance, which root) whose floor, from two samples of one surface, is at most half
+    # the number. Squares are additive, so that three quarters of its square are then due to the surfaces.
     readings, number = record["results"]["readings"], record["results"]["number_mm"]
     usable = [row for row in readings if row["high"] <= 0.5 * number]
     floors = []

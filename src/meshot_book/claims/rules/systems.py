@@ -4,25 +4,15 @@ The protocols in ``experiments/comparison`` and ``experiments/ddot`` say what ea
 95 % interval of the paired difference (Student) excludes zero.
 """
 
-from meshot_book.claims.ledger import (
-    AT_THIS_BUDGET,
-    IN_PART,
-    NOT_REPRODUCED,
-    NOT_TESTED,
-    REPRODUCED,
-    Verdict,
-    where,
-)
+from meshot_book.claims.ledger import AT_THIS_BUDGET, IN_PART, NOT_REPRODUCED, NOT_TESTED, REPRODUCED, Verdict, where
 from meshot_book.measurements import MAIN, paired_gaps
 
 DISTANCES = ("emd_mm", "swd_mm", "assd_mm")
 
 
 def systems_verdict(record: dict) -> Verdict:
-    """Claim 13: is DDOT better than the four other systems of the paper's Table 1?
-
-    A cell is a distance (EMD, SWD, ASSD) of all rivals on one side of one cohort, at equal steps.
-    """
+    """Claim 13: is DDOT better than the four other systems of the paper's Table 1?"""
+    # A cell is a distance (EMD, SWD, ASSD) of all rivals on one side of one cohort, at equal steps.
     results, plan, names = record["results"], record["config"]["comparison"], _names(record)
     cells = where(results["claims"]["best"], budget="steps")
     by_metric = {metric: _count(where(cells, metric=metric)) for metric in DISTANCES}
@@ -86,10 +76,9 @@ def _seconds_agree(results: dict, plan: dict) -> bool:
 
 
 def _seeds_agree(results: dict, plan: dict) -> bool:
-    """Whether each seed of our system has smaller mean distances than the same seed of every rival.
-
-    A system that finds both sides with one network has seeds on both. The side without seeds of our system is left out.
-    """
+    """Whether each seed of our system has smaller mean distances than the same seed of every rival."""
+    # A system that finds both sides with one network has seeds on both. The side without seeds of our system is left
+    # out.
     lines = where(results["seeds"], budget="steps")
     pairs = [
         (ours, where(lines, arm=rival, cohort=ours["cohort"], side=ours["side"]))
@@ -128,10 +117,8 @@ def consistency_verdict(record: dict) -> Verdict:
 
 
 def local_verdict(record: dict) -> Verdict:
-    """Claim 25: is the winning loss better than Chamfer, for every column, budget and seed?
-
-    Both systems have the same network, and differ in the loss and in the average of weights.
-    """
+    """Claim 25: is the winning loss better than Chamfer, for every column, budget and seed?"""
+    # Both systems have the same network, and differ in the loss and in the average of weights.
     ours, rival, measures = "local", "cortexode", ("assd_mm", "hausdorff90_mm", "swd_mm", "normals", "crossing_percent")
     gaps = where(record["results"]["direct"], first=ours, second=rival)
     better = [[gap[measure]["better"] for measure in measures] for gap in gaps]
@@ -150,11 +137,9 @@ def local_verdict(record: dict) -> Verdict:
 
 
 def table_verdict(record: dict) -> Verdict:
-    """Claim 14: are the EMD and SWD columns consistent?
-
-    On the same points SW₂ ≤ W₂/√3, up to the error of the directions. The columns are consistent if, under one
-    convention (exponent, root, half), every row satisfies its inequality.
-    """
+    """Claim 14: are the EMD and SWD columns consistent?"""
+    # On the same points SW₂ ≤ W₂/√3, up to the error of the directions. The columns are consistent if, under one
+    # convention (exponent, root, half), every row satisfies its inequality.
     table = record["results"]["table"]
     orders = {"printed": table["as_printed"], "swapped": table["oasis_exchanged"]}  # the first reading is rooted
     least = {order: min(found, key=lambda row: row["n_broken"]) for order, found in orders.items()}
@@ -180,10 +165,8 @@ def table_verdict(record: dict) -> Verdict:
 
 
 def counts_verdict(record: dict, trained: dict) -> Verdict:
-    """Claim 16: shares of crossing faces of trained flows, before repair, and those of the paper's table as counts.
-
-    In how many columns (cohort and side) is DDOT below the bound, and CortexODE above DDOT by the stated factor?
-    """
+    """Claim 16: shares of crossing faces of trained flows, before repair, and those of the paper's table as counts."""
+    # In how many columns (cohort and side) is DDOT below the bound, and CortexODE above DDOT by the stated factor?
     counts, plan = record["results"]["counts"], trained["config"]["comparison"]
     bound, wanted = counts["bound_percent"], counts["stated_factor"]
     (share,) = where(counts["shares"], n_faces=counts["typical_faces"])
@@ -217,12 +200,10 @@ def counts_verdict(record: dict, trained: dict) -> Verdict:
 
 
 def exchanges_verdict(controls: dict, readings: dict, candidates: dict, budget: dict) -> Verdict:
-    """Claim 17: exchanges of DDOT, readings of the paper, the kernel norm, and longer and wider trainings.
-
-    All results are those of the last weights, on held-out subjects. An exchange is compared with DDOT with the same
-    rates. The kernel norm is no exchange of the paper: another protocol trained it, with the same data and steps. There
-    is one seed on one column, so that the claim is at best reproduced in part.
-    """
+    """Claim 17: exchanges of DDOT, readings of the paper, the kernel norm, and longer and wider trainings."""
+    # All results are those of the last weights, on held-out subjects. An exchange is compared with DDOT with the same
+    # rates. The kernel norm is no exchange of the paper: another protocol trained it, with the same data and steps.
+    # There is one seed on one column, so that the claim is at best reproduced in part.
     ours = "ddot_20mm"
     exchanged = [arm for arm, each in controls["config"]["readings"].items() if "changes" in each]
     nearer = [arm for arm in exchanged if _decided(controls, arm, "beats")]
@@ -311,11 +292,9 @@ def _reading(record: dict, arm: str) -> dict:
 
 
 def own_loss_verdict(readings: dict, budget: dict, alone: dict) -> Verdict:
-    """Claim 26: is a surface with a smaller sliced loss nearer to the truth?
-
-    The loss is that of the training, before and after the flow, with the last weights on held-out subjects. Trainings
-    on one subject alone have no such subjects, and are stated only.
-    """
+    """Claim 26: is a surface with a smaller sliced loss nearer to the truth?"""
+    # The loss is that of the training, before and after the flow, with the last weights on held-out subjects. Trainings
+    # on one subject alone have no such subjects, and are stated only.
     rows = [
         _reading(record, arm)
         for record in (readings, budget)

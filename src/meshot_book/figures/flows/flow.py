@@ -4,13 +4,35 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+import torch
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
+from meshot.errors import require_choice, require_positive_integer
+from meshot.flow import VelocityField, integrate
+from meshot.mesh import Mesh, plane_section
 from meshot.types import Array, Float, Tensor
-from meshot.view import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, WIDTH, legend_above
+from meshot.view import (
+    BLACK,
+    BLUE,
+    GREEN,
+    LINE_COLOURS,
+    ORANGE,
+    PLANES,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    WIDTH,
+    Page,
+    legend_above,
+    live_page,
+    slice_image,
+    still_of,
+)
+from meshot.volume import Volume
+from meshot_book.flows import AnalyticField, Push, Vortex
 
 METHOD_LINES = {
     "euler": {"color": ORANGE, "linestyle": "-", "marker": "o"},
@@ -188,3 +210,177 @@ def share_figure(
         ax.tick_params(length=0)
     axes[-1, 0].set_xlabel(x_label)
     return figure
+
+
+# What a velocity field looks like: a slice of the image with an arrow at every place of a grid.
+
+
+@torch.no_grad()
+def velocities_on_slice(
+    field: VelocityField, volume: Volume, plane: str, position_mm: float, n_arrows: int, like: Tensor
+) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
+    """Places of an even grid on a plane through a volume, and the velocity at time 0 there, in mm per unit of time."""
+    require_positive_integer(n_arrows, "n_arrows")
+    require_choice(plane, "plane", PLANES)
+    axis, shown, _ = PLANES[plane]
+    left, right, bottom, top = slice_image(volume, axis, position_mm)[1]
+    spacing = max(right - left, top - bottom) / n_arrows
+    across, along = (np.arange(low + spacing / 2, high, spacing) for low, high in ((left, right), (bottom, top)))
+    points = np.full((len(along), len(across), 3), float(position_mm))
+    points[..., shown[0]], points[..., shown[1]] = across, along[:, None]
+    places = torch.from_numpy(points.reshape(-1, 3)).to(like)
+    moves = field.prepared()(places.new_zeros(()), places)
+    return places.double().cpu().numpy(), moves.double().cpu().numpy()
+
+
+def velocity_figure(
+    field: VelocityField,
+    volume: Volume,
+    plane: str,
+    position_mm: float,
+    meshes: Mapping[str, Mesh] | None = None,
+    n_arrows: int = 36,
+    magnification: float = 1.0,
+    longest: float | None = None,
+) -> Figure:
+    """A slice with arrows: their direction and length are the velocity within the slice, their colour its whole speed.
+
+    Parameters
+    ----------
+    field : VelocityField
+    volume : Volume
+    plane : str
+        "axial", "coronal" or "sagittal".
+    position_mm : float
+        Where the plane is.
+    n_arrows : int
+        Along the longer side.
+    meshes : mapping, optional
+        Surfaces by name, drawn where they meet the slice; the arrows get the dtype of the first.
+    magnification : float
+        How many times longer arrows are drawn than the way that the velocity would lead.
+    longest : float, optional
+        The speed at the end of the colour bar, in mm per unit of time; the 99th percentile if left out.
+
+    Raises
+    ------
+    ValueError
+        If the plane has another name, ``n_arrows`` is not a positive integer, or ``magnification`` is not positive.
+    """
+    if not magnification > 0:
+        raise ValueError(f"magnification is {magnification!r}; a number > 0 is needed")
+    meshes = meshes or {}
+    like = next((mesh.vertices for mesh in meshes.values()), torch.zeros(0))
+    places, moves = velocities_on_slice(field, volume, plane, position_mm, n_arrows, like)
+    axis, shown, _ = PLANES[plane]
+    image, extent = slice_image(volume, axis, position_mm)
+    speeds = np.linalg.norm(moves, axis=1)
+    top = longest or max(float(np.quantile(speeds, 0.99)), 1e-12)
+    ratio = (extent[3] - extent[2]) / (extent[1] - extent[0])
+    figure, ax = plt.subplots(figsize=(WIDTH, min(0.82 * WIDTH * ratio, 1.1 * WIDTH) + 0.8), layout="constrained")
+    ax.imshow(image, extent=extent, origin="lower", cmap="gray", alpha=0.55)
+    for (name, mesh), colour in zip(meshes.items(), LINE_COLOURS, strict=False):
+        segments = plane_section(mesh, axis, position_mm)[:, :, list(shown)].detach().cpu().numpy()
+        ax.add_collection(LineCollection(segments, colors=colour, linewidths=1.5, label=name), autolim=False)
+    flat = magnification * moves[:, list(shown)]
+    arrows = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.003, "cmap": "viridis", "clim": (0, top)}
+    drawn = ax.quiver(*places[:, list(shown)].T, *flat.T, speeds, **arrows)
+    label = "speed (mm per unit of time)" + (f"; arrows × {magnification:g}" if magnification != 1 else "")
+    figure.colorbar(drawn, ax=ax, label=label, location="bottom", shrink=0.7, aspect=35)
+    ax.set(xlabel=f"{'xyz'[shown[0]]} (mm)", ylabel=f"{'xyz'[shown[1]]} (mm)", aspect="equal")
+    if meshes:
+        figure.legend(loc="outside upper center", ncols=len(meshes))
+    return figure
+
+
+# Two triangles under a flow of their points: a page on which a reader makes them cross, whole in itself, offline.
+
+LOWER = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]]
+#: What the page offers to move the triangles, by the names that its buttons have.
+FIELDS: dict[str, AnalyticField] = {"push": Push(-1.0, 0.3), "whirl": Vortex(6.0, 0.5)}
+
+
+def two_triangles(gap: float = 0.3) -> Float[Tensor, "2 3 2"]:
+    """A triangle below, its upper side on y = 0 from −1 to 1, and one above with its tip at (0, gap).
+
+    The section, at z = 0, through a pair of triangles in space as in :func:`meshot_book.examples.tip_over_face`.
+
+    Raises
+    ------
+    ValueError
+        If the gap is not in (0, 1).
+    """
+    if not 0 < gap < 1:
+        raise ValueError(f"gap is {gap!r}; a height in (0, 1) is needed")
+    upper = [[0.0, gap], [0.4, gap + 1], [-0.4, gap + 1]]
+    return torch.tensor([LOWER, upper], dtype=torch.float64)
+
+
+def outlines(
+    field: AnalyticField, corners: Float[Tensor, "k 3 2"], time: float, n_steps: int, n_pieces: int
+) -> Float[Tensor, "k m 2"]:
+    """The outlines of triangles with every side cut into ``n_pieces``, moved for ``time`` by Euler steps.
+
+    Only the cuts are moved; between them the outline is straight.
+
+    Raises
+    ------
+    ValueError
+        If a count is not a positive integer.
+    """
+    require_positive_integer(n_pieces, "n_pieces")
+    shares = torch.arange(n_pieces, dtype=corners.dtype)[:, None] / n_pieces
+    starts, ends = corners[:, :, None], corners.roll(-1, dims=1)[:, :, None]
+    points = (starts + shares * (ends - starts)).flatten(0, 2)
+    moved = integrate(lambda t, x: time * field(t, x), points, n_steps)
+    return moved.reshape(len(corners), 3 * n_pieces, 2)
+
+
+def crossing_figure(field: AnalyticField, gap: float, time: float, n_steps: int, pieces: tuple[int, ...]) -> Figure:
+    """Two triangles moved for some time, a panel for every number of pieces that their sides are cut into."""
+    # Dotted: where the flow takes the sides themselves.
+    corners = two_triangles(gap)
+    curves = outlines(field, corners, time, n_steps, 64)
+    size = (WIDTH, 1.3 * WIDTH / len(pieces))
+    figure, axes = plt.subplots(1, len(pieces), figsize=size, layout="constrained", squeeze=False, sharey=True)
+    for ax, n_pieces in zip(axes[0], pieces):
+        moved = outlines(field, corners, time, n_steps, n_pieces)
+        for straight, curve, colour in zip(moved.numpy(), curves.numpy(), (BLUE, ORANGE)):
+            ax.fill(*straight.T, facecolor=(colour, 0.35), edgecolor=colour, linewidth=2)
+            ax.plot(*np.vstack([curve, curve[:1]]).T, color="0.25", linewidth=1.2, linestyle=":")
+        title = "corners only" if n_pieces == 1 else f"sides in {n_pieces} pieces"
+        ax.set(title=title, xlabel="$x$ (units)", aspect="equal", xlim=(-1.6, 1.6), ylim=(-2.1, 1.5))
+    axes[0, 0].set_ylabel("$y$ (units)")
+    return figure
+
+
+def crossing_player(description: str, gap: float = 0.3) -> Page:
+    """Two triangles, a push or a whirl, and sliders for time, Euler steps, and the pieces of each side.
+
+    A still picture comes first and stays where scripts may not run. Nothing moves unless the reader moves it. The page
+    says how large h·L is and how many pairs of sides cross.
+
+    Parameters
+    ----------
+    description : str
+        What is to be seen, for those who do not see it.
+    gap : float
+        Height of the tip over the side below, as in :func:`two_triangles`.
+
+    Raises
+    ------
+    ValueError
+        If the gap is not in (0, 1).
+    """
+    fields = {}
+    for name, field in FIELDS.items():
+        reach = field.width if isinstance(field, Push) else field.radius
+        fields[name] = {"strength": field.strength, "reach": reach, "lipschitz": float(field.lipschitz_bound())}
+    data = {"corners": two_triangles(gap).tolist(), "fields": fields, "colours": [BLUE, ORANGE]}
+    return live_page(
+        "meshot_book/figures/assets/crossing_player",
+        data,
+        "CrossingPlayer(run the cell to move two triangles)",
+        alt=description,
+        still=still_of(crossing_figure(FIELDS["push"], gap, 0.6, 8, (1, 16))),
+    )

@@ -3,6 +3,6 @@ from .line import (
     distribution_figure as distribution_figure,
     draw_pairing as draw_pairing,
     pairs_of as pairs_of,
+    sorting_player as sorting_player,
+    turning_player as turning_player,
 )
-from .sorting import sorting_player as sorting_player
-from .turned_line import turning_player as turning_player

@@ -1,15 +1,18 @@
 """Pictures of measures on a line: points, couplings, distribution and quantile functions."""
 
+import math
 from collections.abc import Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from meshot.errors import as_floating, require_shape
 from meshot.types import Array, Float, Tensor
-from meshot.view import BLACK, BLUE, GREY, TARGET, VERMILLION, WIDTH
-from meshot_book.lines import MonotonePlan
+from meshot.view import BLACK, BLUE, GREY, ORANGE, TARGET, VERMILLION, WIDTH, Page, live_page, still_of
+from meshot_book.lines import MonotonePlan, monotone_plan
 
 BEHIND_TEXT = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none"}
 Pairs = Sequence[tuple[int, int, float]]
@@ -73,8 +76,7 @@ def step_heights(
 
 
 def distribution_figure(
-    source: tuple[Float[Tensor, " n"], Float[Tensor, " n"]],
-    target: tuple[Float[Tensor, " m"], Float[Tensor, " m"]],
+    source: tuple[Float[Tensor, " n"], Float[Tensor, " n"]], target: tuple[Float[Tensor, " m"], Float[Tensor, " m"]]
 ) -> Figure:
     """Left both distribution functions, right both quantile functions, with the area between them shaded."""
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.1), layout="constrained")
@@ -126,3 +128,184 @@ def cells_figure(
     ax.spines["left"].set_visible(False)
     ax.tick_params(axis="y", length=0)
     return figure
+
+
+# One line through the plane: what two clouds cast on it, how sorting pairs them, and the cost over all angles.
+
+#: Distances of the two rows of projections from the middle, in radii of the clouds.
+ROWS = (1.25, 1.5)
+
+
+def turning_figure(source: Float[Tensor, "n 2"], target: Float[Tensor, "n 2"], angle: float) -> Figure:
+    """Two clouds of equally many points, a line at an angle with its sorted pairs, and the cost by angle."""
+    x, y = (points.detach().cpu().double().numpy() for points in (source, target))
+    figure, (plane, curve) = plt.subplots(1, 2, figsize=(WIDTH, 0.56 * WIDTH), layout="constrained")
+    _draw_plane(plane, x, y, math.radians(angle))
+    degrees = np.arange(180)
+    costs = line_costs(x, y, degrees)
+    curve.plot(degrees, costs, color=BLACK)
+    curve.axhline(costs.mean(), color=GREY, linestyle="--")
+    curve.set_title("dashed: mean over all angles", fontsize=11)
+    curve.plot([angle], line_costs(x, y, np.array([angle])), "o", color=BLACK, markersize=8)
+    curve.set(xlabel="angle of the line (degrees)", ylabel="$W_2^2$ on the line (units²)", ylim=(0, None))
+    curve.set_xticks([0, 45, 90, 135, 180])
+    return figure
+
+
+def line_costs(source: Float[Array, "n 2"], target: Float[Array, "n 2"], degrees: Array) -> Float[Array, " L"]:
+    """W₂² on the lines at these angles, to be drawn: the mean over sorted pairs."""
+    lines = np.stack([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))], axis=1)
+    gaps = np.sort(lines @ source.T, axis=1) - np.sort(lines @ target.T, axis=1)
+    return np.square(gaps).mean(axis=1)
+
+
+def radius_of(source: Array, target: Array) -> float:
+    """The largest distance from the middle of the picture."""
+    return float(np.linalg.norm(np.concatenate([source, target]), axis=1).max())
+
+
+def _draw_plane(ax: Axes, source: Array, target: Array, angle: float) -> None:
+    along, across = np.array([math.cos(angle), math.sin(angle)]), np.array([math.sin(angle), -math.cos(angle)])
+    radius, feet = radius_of(source, target), []
+    for points, row, colour, marker, name in ((source, 0, BLUE, "o", "source"), (target, 1, ORANGE, "s", "target")):
+        foot = (points @ along)[:, None] * along + ROWS[row] * radius * across
+        feet.append(foot[np.argsort(points @ along)])
+        for point, end in zip(points, foot):
+            ax.plot(*np.stack([point, end]).T, color=colour, linewidth=0.6, alpha=0.4, zorder=1)
+        ends = np.outer([-1.1 * radius, 1.1 * radius], along) + ROWS[row] * radius * across
+        ax.plot(*ends.T, color=GREY, linewidth=1, zorder=1)
+        ax.scatter(*points.T, color=colour, marker=marker, s=26, zorder=3, label=name)
+        ax.scatter(*foot.T, color=colour, marker=marker, s=14, zorder=3)
+    for pair in zip(*feet):
+        ax.plot(*np.stack(pair).T, color=BLACK, linewidth=1, zorder=2)
+    limit = 1.9 * radius
+    ax.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal", xlabel="$x$ (units)", ylabel="$y$ (units)")
+    ax.legend(loc="upper left", fontsize=9, handletextpad=0.1)
+
+
+# A line that a reader turns: projections, sorted pairs and the cost by angle on a page whole in itself, offline.
+
+MOST_POINTS = 60
+
+
+def turning_player(
+    source: Float[Tensor, "n 2"], target: Float[Tensor, "n 2"], description: str, angle: int = 30
+) -> Page:
+    """Two clouds and a line to be turned by slider, keyboard or hand, with random lines to be drawn and averaged.
+
+    A still picture comes first and stays where scripts may not run. Nothing moves unless the reader moves it; a reader
+    who asks for reduced motion sees the line step instead of glide.
+
+    Parameters
+    ----------
+    source, target : tensor
+        Equally many points of equal mass, at most 60.
+    description : str
+        What is to be seen, for those who do not see it.
+    angle : int
+        Where the line starts, in degrees from 0 to 179.
+
+    Raises
+    ------
+    ValueError
+        If the clouds differ in size or are too large, the angle is out of range, or there is no description.
+    """
+    if not description.strip():
+        raise ValueError("description is empty; say what is to be seen, for readers who do not see it")
+    if angle not in range(180):
+        raise ValueError(f"angle is {angle!r}; whole degrees from 0 to 179 are needed")
+    clouds = {name: _places(points, name) for name, points in (("source", source), ("target", target))}
+    sizes = {name: len(points) for name, points in clouds.items()}
+    if sizes["source"] != sizes["target"] or sizes["source"] > MOST_POINTS:
+        raise ValueError(f"the clouds have {sizes} points; equally many, at most {MOST_POINTS}, are needed")
+    data = {name: points.tolist() for name, points in clouds.items()} | {"angle": angle, "rows": ROWS}
+    return live_page(
+        "meshot_book/figures/assets/turning",
+        data,
+        f"TurningPlayer({sizes['source']} points on either side; run the cell to turn the line)",
+        alt=description,
+        still=still_of(turning_figure(*clouds.values(), angle)),
+    )
+
+
+def _places(points: object, name: str) -> Tensor:
+    points = as_floating(points, name)
+    require_shape(points, name, 2)
+    return points.detach().cpu().double()
+
+
+# Sorting as transport: a page on which a reader drags points and sees them paired, whole in itself, offline.
+
+
+def sorting_player(
+    source: Float[Tensor, " n"],
+    target: Float[Tensor, " m"],
+    description: str,
+    source_masses: Float[Tensor, " n"] | None = None,
+    target_masses: Float[Tensor, " m"] | None = None,
+    exponents: Sequence[float] = (1, 1.5, 2, 3),
+) -> Page:
+    """Two rows of points to be dragged, the pairing redrawn at once with its cost, sorted or at random.
+
+    A still picture comes first and stays where scripts may not run. Nothing moves unless the reader moves it. Every
+    point can be dragged by mouse or finger, or moved by the arrow keys; up and down change its mass.
+
+    Parameters
+    ----------
+    source, target : tensor
+        Positions where the points start, between 0 and 10.
+    description : str
+        What is to be seen, for those who do not see it.
+    source_masses, target_masses : tensor, optional
+        Above zero, of any sum: what "unequal masses" starts from; equal if left out.
+    exponents : sequence of float
+        The choices of p, each at least 1; the page starts at 2 if it is one of them, else at the first.
+
+    Raises
+    ------
+    ValueError
+        If positions leave the row, masses do not fit, an exponent is below 1, or there is no description.
+    """
+    if not description.strip():
+        raise ValueError("description is empty; say what is to be seen, for readers who do not see it")
+    if not exponents or min(exponents) < 1:
+        raise ValueError(f"exponents is {tuple(exponents)}; one or more numbers >= 1 are needed: below, sorting fails")
+    places = {"source": _positions(source, "source"), "target": _positions(target, "target")}
+    masses = {
+        "source": _masses(source_masses, places["source"], "source_masses"),
+        "target": _masses(target_masses, places["target"], "target_masses"),
+    }
+    data = {"range": [0, 10], "exponent": 2 if 2 in exponents else exponents[0]}
+    data |= {name: values.tolist() for name, values in places.items()}
+    data |= {f"{name}_masses": values.tolist() for name, values in masses.items()}
+    n_points = len(places["source"]) + len(places["target"])
+    return live_page(
+        "meshot_book/figures/assets/sorting",
+        data,
+        f"SortingPlayer({n_points} points; run the cell to move them)",
+        alt=description,
+        still=_picture(places["source"], places["target"]),
+        exponents=[(f"{p:g}", p == data["exponent"]) for p in exponents],
+    )
+
+
+def _positions(values: object, name: str) -> Tensor:
+    values = as_floating(values, name).detach().cpu().double()
+    if values.ndim != 1 or not len(values) or float(values.min()) < 0 or float(values.max()) > 10:
+        raise ValueError(f"{name} has shape {tuple(values.shape)}; (n,) positions between 0 and 10 are needed")
+    return values
+
+
+def _masses(values: object | None, places: Tensor, name: str) -> Tensor:
+    values = torch.ones_like(places) if values is None else as_floating(values, name).detach().cpu().double()
+    if values.shape != places.shape or float(values.min()) <= 0:
+        raise ValueError(f"{name} has shape {tuple(values.shape)}; {tuple(places.shape)} numbers > 0 are needed")
+    return values
+
+
+def _picture(source: Tensor, target: Tensor) -> str:
+    """The optimal pairing of equal masses."""
+    a, b = (torch.full_like(x, 1 / len(x)) for x in (source, target))
+    plan = monotone_plan(source, a, target, b)
+    figure = pairing_figure((source, a), (target, b), {"sorted": pairs_of(plan)})
+    return still_of(figure)

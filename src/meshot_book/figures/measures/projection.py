@@ -78,7 +78,16 @@ def turned_densities_figure(measure: SurfaceMeasure, angles: Sequence[float]) ->
         theta = torch.zeros(d, dtype=measure.vertices.dtype)
         theta[0], theta[1] = np.cos(np.radians(angle)), np.sin(np.radians(angle))
         laws.append(projected_law(measure, theta))
-        _draw_from_above(ax, measure, theta[:2].numpy())
+        corners = measure.vertices[measure.cells][..., :2].numpy()
+        for cell in corners:
+            closed = np.concatenate([cell, cell[:1]])
+            ax.plot(closed[:, 0], closed[:, 1], color=GREY, linewidth=0.8)
+        reach = 0.75 * float(np.abs(corners).max())
+        arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 2}
+        ax.annotate("", 1.9 * reach * theta[:2].numpy(), (0, 0), arrowprops=arrow)
+        ax.set(xlim=(-2.1 * reach, 2.1 * reach), ylim=(-2.1 * reach, 2.1 * reach))
+        ax.set_aspect("equal")
+        ax.set_axis_off()
         ax.set_title(f"{angle:g}°")
     for ax, law in zip(axes[1], laws):
         draw_density(ax, law)
@@ -87,15 +96,3 @@ def turned_densities_figure(measure: SurfaceMeasure, angles: Sequence[float]) ->
     axes[1, 0].set_ylim(0, 1.6 * max(float(law.densities.max()) for law in laws))
     axes[1, 0].set_ylabel("density")
     return figure
-
-
-def _draw_from_above(ax: Axes, measure: SurfaceMeasure, theta: Float[Array, " 2"]) -> None:
-    corners = measure.vertices[measure.cells][..., :2].numpy()
-    for cell in corners:
-        closed = np.concatenate([cell, cell[:1]])
-        ax.plot(closed[:, 0], closed[:, 1], color=GREY, linewidth=0.8)
-    reach = 0.75 * float(np.abs(corners).max())
-    ax.annotate("", 1.9 * reach * theta, (0, 0), arrowprops={"arrowstyle": "-|>", "color": BLUE, "linewidth": 2})
-    ax.set(xlim=(-2.1 * reach, 2.1 * reach), ylim=(-2.1 * reach, 2.1 * reach))
-    ax.set_aspect("equal")
-    ax.set_axis_off()

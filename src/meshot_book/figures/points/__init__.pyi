@@ -1,10 +1,11 @@
-from .directions import directions_figure as directions_figure
-from .force import ForceField as ForceField, force_panels as force_panels
-from .player import point_player as point_player
 from .points import (
+    ForceField as ForceField,
     curves_figure as curves_figure,
+    directions_figure as directions_figure,
     draw_contour as draw_contour,
     draw_points as draw_points,
     force_figure as force_figure,
+    force_panels as force_panels,
+    point_player as point_player,
     process_figure as process_figure,
 )

@@ -1,5 +1,7 @@
 """Pictures of points on their way to a contour: the process, the forces, the curves."""
 
+import base64
+import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
 
@@ -9,9 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from meshot.errors import require_positive_integer
 from meshot.mesh import Contour
-from meshot.types import Float, Tensor
-from meshot.view import BLACK, LOSS_COLOURS, TARGET, WIDTH, loss_line
+from meshot.types import Array, Float, Tensor
+from meshot.view import BLACK, BLUE, GREY, LOSS_COLOURS, TARGET, WIDTH, Page, live_page, loss_line, still_of
 
 Limits = tuple[float, float, float, float]
 LONGEST_ARROW = 0.45
@@ -95,20 +98,17 @@ def force_figure(
         _draw_directions(ax, probes.numpy(), probe_forces[title].numpy())
         colour = next((c for name, c in LOSS_COLOURS.items() if title.startswith(name)), BLACK)
         draw_points(ax, points[title], colour, s=5)
-        _draw_arrows(ax, points[title][::every].numpy(), forces[title][::every].numpy(), colour, scales[title])
+        arrows = forces[title][::every].numpy()
+        lines = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.006, "headwidth": 3.5, "headlength": 4}
+        lengths = np.linalg.norm(arrows, axis=1)
+        # A point at rest would be drawn as a dot of its own.
+        seen = lengths > 1e-3
+        drawn = arrows[seen] * (np.minimum(lengths[seen] * scales[title], LONGEST_ARROW) / lengths[seen])[:, None]
+        ax.quiver(*points[title][::every].numpy()[seen].T, *drawn.T, color=colour, zorder=4, **lines)
         ax.set_title(title)
     for ax in list(axes.flat)[len(points) :]:
         ax.set_visible(False)
     return figure
-
-
-def _draw_arrows(ax: Axes, places: np.ndarray, arrows: np.ndarray, colour: str, scale: float) -> None:
-    lines = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.006, "headwidth": 3.5, "headlength": 4}
-    lengths = np.linalg.norm(arrows, axis=1)
-    # A point at rest would be drawn as a dot of its own.
-    seen = lengths > 1e-3
-    drawn = arrows[seen] * (np.minimum(lengths[seen] * scale, LONGEST_ARROW) / lengths[seen])[:, None]
-    ax.quiver(*places[seen].T, *drawn.T, color=colour, zorder=4, **lines)
 
 
 def _arrow_scales(forces: Mapping[str, Tensor]) -> dict[str, float]:
@@ -155,21 +155,16 @@ def curves_figure(
             ax.axhline(height, color=TARGET, linewidth=1.4, linestyle=dashes, label=text)
         ax.set(ylabel=label, yscale=scales[1])
         if scales[1] == "log":
-            _label_decades(ax)
+            low, high = ax.get_ylim()
+            steps = (1.0,) if high / low > 200 else (1.0, 2.0, 5.0)
+            ax.yaxis.set_major_locator(LogLocator(subs=steps))
+            ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            ax.yaxis.set_minor_formatter(NullFormatter())
         ax.set_xscale(scales[0], **({"linthresh": 1} if scales[0] == "symlog" else {}))
     axes[-1, 0].set_xlabel(x_label)
     handles, names = axes[-1, 0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=2 if len(names) > 3 else len(names))
     return figure
-
-
-def _label_decades(ax: Axes) -> None:
-    """Few labels in plain numbers, also where an axis spans less than a decade."""
-    low, high = ax.get_ylim()
-    steps = (1.0,) if high / low > 200 else (1.0, 2.0, 5.0)
-    ax.yaxis.set_major_locator(LogLocator(subs=steps))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _panels(n_rows: int, n_columns: int, contour: Contour) -> tuple[Figure, np.ndarray]:
@@ -193,3 +188,217 @@ def box_around(contour: Contour, margin: float = 0.12) -> Limits:
 
 def _steps(step: int) -> str:
     return "start" if step == 0 else f"after {step} step" + "s" * (step != 1)
+
+
+# Directions in space as lines through a half sphere, seen from above.
+
+
+def directions_figure(sets: Mapping[str, Float[Tensor, "L 3"]], columns: int = 2) -> Figure:
+    """A disc for each set: every line as the place where it leaves the upper half sphere, equal areas kept equal.
+
+    θ and −θ are one line and one place. The rim is the horizon; opposite places on it are the same line.
+
+    Parameters
+    ----------
+    sets : mapping
+        Title → unit rows in R³.
+    columns : int
+        Discs in a row.
+    """
+    rows = -(-len(sets) // columns)
+    size = (WIDTH, rows * (WIDTH / columns + 0.3))
+    figure, axes = plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False)
+    for ax in axes.flat:
+        ax.set_axis_off()
+    for ax, (title, directions) in zip(axes.flat, sets.items()):
+        places = disc_places(directions.detach().cpu().numpy())
+        ax.add_patch(plt.Circle((0, 0), 1, facecolor="none", edgecolor=GREY, linewidth=1.5))
+        ax.scatter(places[:, 0], places[:, 1], color=BLUE, s=22, linewidths=0)
+        ax.set(xlim=(-1.05, 1.05), ylim=(-1.05, 1.05), aspect="equal", title=title)
+    return figure
+
+
+def disc_places(directions: Float[Array, "L 3"]) -> Float[Array, "L 2"]:
+    """Lambert's projection of the upper half sphere onto the unit disc, after turning every line upward."""
+    upward = directions * np.where(directions[:, 2:] < 0, -1.0, 1.0)
+    return upward[:, :2] / np.sqrt(1 + upward[:, 2:])
+
+
+# Descent directions side by side: points, their target, and the direction at every point.
+
+SMALLEST = 1e-3  # in mm; a shorter arrow is not drawn
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ForceField:
+    """What one panel shows.
+
+    Parameters
+    ----------
+    points : tensor
+        What moves.
+    forces : tensor
+        The negative gradient at every point, in units of the points.
+    target : tensor
+        What is aimed at.
+    """
+
+    points: Float[Tensor, "n 2"]
+    forces: Float[Tensor, "n 2"]
+    target: Float[Tensor, "m 2"]
+
+
+def force_panels(
+    fields: Mapping[str, ForceField],
+    limits: Limits,
+    longest: float = np.inf,
+    columns: int = 2,
+    bar: float = 20.0,
+    every: int = 1,
+    typical: float | None = None,
+) -> Figure:
+    """One panel for every field, at equal scale, arrows at their true length or scaled by a stated factor.
+
+    Parameters
+    ----------
+    fields : mapping
+        By title, which may run over several lines; the loss that it begins with sets the colour.
+    limits : four floats
+        Left, right, bottom, top, in mm.
+    longest : float
+        In mm; longer arrows are cut to this length, and get a disc at their start, so that a cut is seen.
+    columns : int
+        Panels in a row.
+    bar : float
+        The length of the scale bar at the lower left, in mm.
+    every : int
+        Draw the arrow of every so-manieth point only.
+    typical : float, optional
+        In mm. In each panel all arrows are scaled by one factor, 1, 2 or 5 times a power of ten, the largest that
+        leaves nine tenths of the arrows at most this long. The title states the factor. Left out: true lengths.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to show, ``columns`` or ``every`` is not a positive integer, or ``longest`` or
+        ``typical`` is not above zero.
+    """
+    require_positive_integer(columns, "columns")
+    require_positive_integer(every, "every")
+    if not fields:
+        raise ValueError("fields is empty; at least one force field is needed")
+    if not longest > 0:
+        raise ValueError(f"longest is {longest!r}; a length > 0 in mm is needed, or infinity for arrows never cut")
+    if typical is not None and not typical > 0:
+        raise ValueError(f"typical is {typical!r}; a length > 0 in mm is needed, or None for arrows at true length")
+    factors = {title: _scale(field, typical) for title, field in fields.items()}
+    if typical is not None:
+        fields = {f"{title}\narrows × {factors[title]:g}": field for title, field in fields.items()}
+        factors = dict(zip(fields, factors.values()))
+    rows = -(-len(fields) // columns)
+    lines = max(title.count("\n") + 1 for title in fields)
+    height = WIDTH / columns * (limits[3] - limits[2]) / (limits[1] - limits[0]) + 0.24 * lines
+    options = {"figsize": (WIDTH, rows * height), "layout": "constrained", "squeeze": False}
+    figure, axes = plt.subplots(rows, columns, **options)
+    for ax in axes.flat:
+        ax.set(xlim=limits[:2], ylim=limits[2:], aspect="equal")
+        ax.set_axis_off()
+    for ax, (title, field) in zip(axes.flat, fields.items()):
+        colour = next((c for name, c in LOSS_COLOURS.items() if title.startswith(name)), BLACK)
+        factor = factors[title]
+        points, forces, target = (x.detach().cpu().numpy() for x in (field.points, field.forces, field.target))
+        ax.scatter(*target.T, s=22, facecolors="none", edgecolors=TARGET, marker="s", linewidths=1, zorder=1)
+        ax.scatter(*points.T, s=9, color=colour, linewidths=0, zorder=3)
+        points, forces = points[::every], factor * forces[::every]
+        lengths = np.linalg.norm(forces, axis=1)
+        cut = lengths > longest
+        ax.scatter(*points[cut].T, s=70, facecolors="none", edgecolors=colour, zorder=3)
+        # A point at rest would be drawn as a dot of its own.
+        seen = lengths > SMALLEST * factor
+        drawn = forces[seen] * (np.minimum(lengths[seen], longest) / lengths[seen])[:, None]
+        arrow = {"angles": "xy", "scale_units": "xy", "scale": 1, "headwidth": 3.5, "headlength": 4}
+        ax.quiver(*points[seen].T, *drawn.T, color=colour, zorder=4, units="inches", width=0.02, **arrow)
+        ax.set_title(title)
+    _draw_bar(axes[-1, 0], limits, bar)
+    return figure
+
+
+def _scale(field: ForceField, typical: float | None) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that leaves nine tenths of the arrows at most ``typical`` long."""
+    if typical is None:
+        return 1.0
+    lengths = field.forces.detach().norm(dim=1)
+    wanted = typical / max(float(lengths.quantile(0.9)), SMALLEST)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= wanted))
+
+
+def _draw_bar(ax: Axes, limits: Limits, bar: float) -> None:
+    left, low = limits[0] + 0.02 * (limits[1] - limits[0]), limits[2] + 0.03 * (limits[3] - limits[2])
+    ax.plot([left, left + bar], [low, low], color=BLACK, linewidth=2.5, solid_capstyle="butt")
+    ax.annotate(f"{bar:g} mm", (left, low), xytext=(0, 4), textcoords="offset points")
+
+
+# Motion that a reader can stop: a small page with a slider, whole in itself, that needs no network.
+
+LEVELS = 65535
+
+
+def point_player(
+    frames: Mapping[str, Float[Tensor, "k n 2"]], steps: Sequence[int], contour: Contour, description: str
+) -> Page:
+    """Points moving to a contour, a panel for every loss, with a slider, a button, and a still picture first.
+
+    It starts at rest. Where a reader asks for reduced motion, frames change one by one instead of gliding. Without
+    scripts the still picture stays.
+
+    Parameters
+    ----------
+    frames : mapping
+        Name of the loss → the points at each of ``steps``; positions are stored in 16 bits, far below a pixel.
+    steps : sequence of int
+        The moments, rising.
+    contour : Contour
+        The target, in grey.
+    description : str
+        What is to be seen, for those who do not see it.
+
+    Raises
+    ------
+    ValueError
+        If a loss does not have one frame for each step.
+    """
+    for name, points in frames.items():
+        if len(points) != len(steps):
+            raise ValueError(f"{name} has {len(points)} frames for {len(steps)} steps; one for each is needed")
+    left, right, bottom, top = box_around(contour)
+    corners = contour.vertices[contour.edges].detach().cpu().numpy().round(4).tolist()
+    data = {
+        "box": [left, right, bottom, top],
+        "edges": corners,
+        "steps": [int(step) for step in steps],
+        "panels": [
+            {
+                "name": name,
+                "colour": LOSS_COLOURS.get(name, BLACK),
+                "points": _packed(points, (left, right, bottom, top)),
+            }
+            for name, points in frames.items()
+        ],
+    }
+    still = {name: {int(steps[-1]): points[-1]} for name, points in frames.items()}
+    return live_page(
+        "meshot_book/figures/assets/point_player",
+        data,
+        f"Player({len(steps)} frames; run the cell to see it move)",
+        alt=description,
+        still=still_of(process_figure(still, contour)),
+        last=len(steps) - 1,
+    )
+
+
+def _packed(points: Float[Tensor, "k n 2"], box: tuple[float, float, float, float]) -> str:
+    """Positions in the box as little-endian 16-bit integers, base64."""
+    low, size = np.array(box[::2]), np.array([box[1] - box[0], box[3] - box[2]])
+    share = (points.detach().cpu().double().numpy() - low) / size
+    return base64.b64encode(np.rint(share.clip(0, 1) * LEVELS).astype("<u2").tobytes()).decode()
