@@ -42,7 +42,7 @@ test test-all: export PYTHONDONTWRITEBYTECODE =
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
-	@echo "make test       lint, unit tests, notebooks against their stored outputs, every page in a browser"
+	@echo "make test       lint, unit tests, notebooks against their stored outputs, pages in a browser"
 	@echo "make test-all   make test with what it leaves out, and the five below: hours"
 	@echo "make fuzz       read 5000 damaged files, solve 20000 drawn problems of every loss (FILES=500 for fewer)"
 	@echo "make kill       kill everything that writes at 20 random moments each (WRITERS='fit files' KILLS=5 for less)"

@@ -27,23 +27,25 @@ hypothesis.settings.load_profile("repeatable")
 
 #: Files that take long go first, so that no core waits for one of them at the end; notebooks follow, the longest first.
 LONG_FILES = (
-    "book/test_reading.py",
     "workflow/test_miniature.py",
-    "systems/test_deformation_training.py",
-    "systems/test_whole_scan_systems.py",
-    "pipeline/test_reconstruction.py",
-    "pipeline/test_report.py",
-    "fuzz/test_fuzz.py",
-    "book/test_tissue.py",
-    "synth/test_cohorts.py",
-    "experiments/test_ddot.py",
+    "book/test_reading.py",
     "experiments/test_comparison.py",
-    "loss/test_exact.py",
+    "synth/test_cohorts.py",
+    "loss/test_error_bar.py",
+    "pipeline/test_report.py",
     "loss/test_drawn_problems.py",
-    "test_memory.py",
+    "book/test_extensions.py",
+    "experiments/test_ddot.py",
+    "flow/test_fitting.py",
+    "pipeline/test_pretended_cuda.py",
+    "experiments/test_readings.py",
+    "pipeline/test_reconstruction.py",
+    "systems/test_whole_scan_systems.py",
+    "systems/test_deformation_training.py",
+    "workflow/test_stale.py",
+    "fuzz/test_fuzz.py",
     "kills/test_kills.py",
     "everywhere/test_everywhere.py",
-    "book/test_pages.py",
 )
 
 

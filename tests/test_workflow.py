@@ -6,7 +6,6 @@ import importlib.util
 import json
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -115,11 +114,8 @@ def test_containers_copy_what_there_is_and_install_extras_that_there_are(root, r
     assert re.search(r"^torch==", (root / "requirements.lock").read_text(encoding="utf-8"), re.M)
 
 
-@pytest.mark.parametrize("shell", ["sh", "dash"])
-def test_the_steps_are_shell(recipes, shell):
+def test_the_steps_are_shell(recipes):
     steps, sections = recipes
-    if shutil.which(shell) is None:
-        pytest.skip(f"{shell} is not installed")
     texts = ["\n".join(sections[name]) for name in ("post", "environment", "runscript")]
     for text in [*texts, *(argument for instruction, argument in steps if instruction == "RUN")]:
-        subprocess.run([shell, "-n", "-c", text], check=True)
+        subprocess.run(["sh", "-n", "-c", text], check=True)

@@ -1,6 +1,8 @@
 """What the tests of an experiment share; a test file names its experiment's folder as ``FOLDER``."""
 
 import contextlib
+import functools
+import importlib
 
 import pytest
 import torch
@@ -15,6 +17,16 @@ from meshot.provenance import read_results
 from meshot.synth.cohorts import scans
 from phantoms import write_phantom_cohort
 from scripts import scripts_in
+
+
+@pytest.fixture(scope="session", autouse=True)
+def code_is_read_once(root):
+    """What an experiment runs, which takes seconds to read, is the same for all tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(root / "experiments"))
+        experiment = importlib.import_module("experiment")
+        patch.setattr(experiment, "code_of_script", functools.cache(experiment.code_of_script))
+        yield
 
 
 @pytest.fixture

@@ -169,22 +169,6 @@ def torus(large, small, n=96):
     return Mesh(vertices, torch.cat([torch.stack([a, b, c], dim=1), torch.stack([a, c, d], dim=1)]))
 
 
-def test_a_training_that_fails_does_not_stop_the_others(part, place, monkeypatch, capsys):
-    train, begun = part("train"), []
-
-    def made(each: object, *_: object) -> None:
-        begun.append(each.name)
-        if len(begun) == 1:
-            raise ValueError("made with another data")
-
-    monkeypatch.setattr(part("trials.train"), "train_one", made)
-    assert train.main(["--config", str(place / "config.yaml")]) == 1
-    assert begun == ["alpha_left_ddot_0", "alpha_left_cortexode_0", "alpha_left_ddot_1"]
-    said = capsys.readouterr().err
-    assert "made with another data" in said
-    assert said.endswith("failed: alpha_left_ddot_0\n")
-
-
 def test_every_training_gets_the_device(part, place, monkeypatch):
     train, used = part("train"), []
     monkeypatch.setattr(part("trials.train"), "require_device", lambda name: None)

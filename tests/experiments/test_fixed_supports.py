@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from scipy import stats
 
 from meshot import Mesh, varifold
 from meshot.measure.discrete import varifold_sample
@@ -15,17 +14,13 @@ from meshot.provenance import read_results
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fixed_supports"
 
 
-def test_committed_results_are_whole_and_paired(part, record):
+def test_committed_results_are_whole(part, record):
     config = record["config"]
     results, costs = record["results"], config["cost"]
     assert len(results["costs"]) == len(costs["subdivisions"]) * len(costs["losses"]) * len(costs["variants"])
     planned = {(task["variant"], task["n_supports"]) for task in part("run").planned_fits(config)}
     assert {(row["variant"], row["n_supports"]) for row in results["fits"]} == planned
     assert all(row["n_seeds"] == len(config["fits"]["seeds"]) >= 5 for row in results["fits"])
-    whole = results["fits"][0]["assd_seeds"]
-    for row, fit in zip(results["differences"], results["fits"][1:], strict=True):
-        interval = stats.ttest_rel(fit["assd_seeds"], whole).confidence_interval(0.95)
-        assert (row["assd_low"], row["assd_high"]) == pytest.approx(tuple(interval), rel=1e-3)
 
 
 def test_bytes_of_a_step_rebuild(part, record, config, one_thread):

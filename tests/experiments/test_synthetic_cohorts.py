@@ -26,6 +26,7 @@ def test_the_small_subject_is_summarised(root, part_of):
     assert found["crossing_faces"] == 0
 
 
+@pytest.mark.thorough
 def test_the_template_lies_near_the_small_subject_and_not_on_it(root, part_of):
     baseline = part_of("template_baseline", "run")
     folder = root / "data_synth" / "sample"

@@ -52,7 +52,5 @@ def test_a_task_that_ended_after_snakemake_was_killed_does_not_hide_the_others(s
 
 
 def test_planned_tasks_run_if_the_setting_says_yes_and_not_if_it_says_no(snakemake, toy):
-    found = {word: snakemake(toy, "-n", "--config", f"planned={word}") for word in ("yes", "no", "perhaps")}
-    assert ["later" in found[word].stdout for word in ("yes", "no")] == [True, False], found["no"].stdout
-    assert found["perhaps"].returncode != 0
-    assert "planned is perhaps; it is yes, no, true or false" in found["perhaps"].stdout
+    found = [snakemake(toy, "-n", "--config", f"planned={word}").stdout for word in ("yes", "no")]
+    assert ["later" in said for said in found] == [True, False], found[1]

@@ -131,6 +131,7 @@ def test_changed_code_makes_exactly_its_dependents_stale_and_a_comment_none(part
     assert "cohort_adni_like has changed (its code has changed)" in why
 
 
+@pytest.mark.thorough
 def test_snakemake_has_nothing_to_do_and_after_a_changed_recipe_its_dependents(snakemake, clone, restored):
     found = snakemake(clone, "-n")
     assert found.returncode == 0

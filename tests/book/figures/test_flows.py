@@ -7,29 +7,18 @@ from matplotlib.quiver import Quiver
 
 from meshot.flow.fields import VelocityField
 from meshot.mesh.shapes import icosphere
-from meshot.view.style import BLACK, LOSS_COLOURS
 from meshot.volume.volume import Volume
-from meshot_book.figures.flows.deformation import arm_line, arms_figure, histogram_figure, trade_off_figure
+from meshot_book.figures.flows.deformation import arms_figure, histogram_figure, trade_off_figure
 from meshot_book.figures.flows.flow import (
     bent_grid_figure,
     cell_areas,
     map_figure,
-    share_figure,
-    steps_figure,
-    trajectory_figure,
     velocities_on_slice,
     velocity_figure,
 )
 from meshot_book.figures.measures.slopes import step_errors_figure
 
 ARMS = {"Chamfer, varifold": ([1, 2, 3], [4.0, 2.0, 1.0]), "sliced Wasserstein, samples": ([1, 2, 3], [4.0, 3.0, 2.0])}
-
-
-def test_an_arm_has_the_colour_of_its_loss_and_the_marker_of_its_encoding():
-    assert arm_line("Chamfer, varifold")["color"] == LOSS_COLOURS["Chamfer"]
-    assert arm_line("Sinkhorn, samples")["marker"] == arm_line("Chamfer, samples")["marker"]
-    assert arm_line("Chamfer, samples")["marker"] != arm_line("Chamfer, varifold")["marker"]
-    assert arm_line("something else")["color"] == BLACK
 
 
 def test_histograms_share_their_bins_and_hold_every_value():
@@ -89,24 +78,6 @@ def test_cells_that_are_turned_over_are_filled():
     assert len(filled[1]) == int((cell_areas(bent) < 0).sum()) > 0
     assert [len(ax.collections[0].get_segments()) for ax in figure.axes] == [10, 10]
     assert [len(ax.lines) for ax in figure.axes] == [0, 2 * 5]
-
-
-def test_trajectories():
-    times, positions = torch.linspace(0, 1, 4), torch.arange(8.0).reshape(4, 2)
-    figure = trajectory_figure({"a": (times, positions), "b": (times, positions)}, columns=2)
-    np.testing.assert_array_equal(figure.axes[1].lines[1].get_ydata(), [1, 3, 5, 7])
-
-
-def test_lines_over_steps():
-    lines = {"euler": ([1, 2], [1.0, 0.5]), "rk4": ([1, 2], [1.0, 0.06])}
-    figure = steps_figure({"error (units)": lines}, {"euler": 1})
-    assert [line.get_label() for line in figure.axes[0].lines] == ["euler, order 1", "rk4"]
-    assert figure.axes[0].get_xscale() == figure.axes[0].get_yscale() == "log"
-
-
-def test_shares_are_written_in_their_fields():
-    figure = share_figure({"one": np.array([[0.0, 12.5], [3.0, 100.0]])}, ["a", "b"], ["c", "d"], "x", "y")
-    assert [text.get_text() for text in figure.axes[0].texts] == ["0", "12", "3", "1e+02"]
 
 
 def test_maps_have_x_to_the_right():

@@ -19,7 +19,6 @@ from meshot.view.style import LOSS_COLOURS, LOSS_DASHES, VERMILLION, loss_line, 
 from meshot_book.figures.points.points import (
     ForceField,
     box_around,
-    curves_figure,
     directions_figure,
     disc_places,
     draw_contour,
@@ -159,14 +158,6 @@ def test_force_figure_keeps_directions():
         np.cross(np.pad(arrows, ((0, 0), (0, 1))), np.pad(POINTS.numpy(), ((0, 0), (0, 1)))), 0, atol=1e-12
     )
     assert len(resting[1].U) == 0
-
-
-def test_curves_figure_marks_floors():
-    curves = {"one (mm)": {"Chamfer": ([0, 1, 10], [3, 2, 1])}, "two (mm)": {"Chamfer": ([0, 1, 10], [3, 2, 1])}}
-    figure = curves_figure(curves, "step", {"two (mm)": {"floor": 0.5}})
-    assert [ax.get_ylabel() for ax in figure.axes] == list(curves)
-    assert len(figure.axes[0].lines) == 1
-    assert figure.axes[1].lines[1].get_ydata()[0] == 0.5
 
 
 def test_player_holds_the_points_and_reaches_nowhere():
