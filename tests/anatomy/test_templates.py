@@ -31,6 +31,7 @@ from meshot.mesh.geometry import signed_volume
 from meshot.volume.registration import EXTENT_MM, SHAPE, place_on_grid
 from meshot.volume.surfaces import enclosed_fractions
 from meshot.volume.volume import Volume, transform_points, voxel_sizes
+from refusals import refuses
 
 
 @pytest.fixture(autouse=True)
@@ -69,8 +70,7 @@ def test_the_surfaces_are_spheres_of_the_right_side(hemisphere):
 
 @pytest.mark.parametrize(("kind", "side"), [("inner", "left"), ("white", "both")])
 def test_other_surfaces_do_not_exist(unchecked, kind, side):
-    with pytest.raises(ValueError, match="no surface"):
-        fsaverage5_surface(kind, side)
+    refuses("no surface", fsaverage5_surface, kind, side)
 
 
 def some_moments(seed):

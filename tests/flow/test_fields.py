@@ -15,6 +15,7 @@ from meshot.flow.fields import (
     write_velocity,
 )
 from meshot.flow.integration import integrate
+from refusals import refuses
 
 
 def lattice(*shape, seed=0, dtype=torch.float64):
@@ -155,12 +156,9 @@ def test_single_precision_stays_single(tmp_path, field):
 
 
 def test_what_does_not_fit_is_said(tmp_path, field):
-    with pytest.raises(ValueError, match="larger step"):
-        quantised_velocity(field, 1e-6)
-    with pytest.raises(ValueError, match="positive"):
-        quantised_velocity(field, 0.0)
-    with pytest.raises(ValueError, match=r"safetensors\.gz"):
-        write_velocity(tmp_path / "v.npz", field)
+    refuses("larger step", quantised_velocity, field, 1e-6)
+    refuses("positive", quantised_velocity, field, 0.0)
+    refuses(r"safetensors\.gz", write_velocity, tmp_path / "v.npz", field)
 
 
 def test_broken_files_are_refused(tmp_path, field):
@@ -169,7 +167,5 @@ def test_broken_files_are_refused(tmp_path, field):
     whole = path.read_bytes()
     for content in (b"", b"garbage", whole[: len(whole) // 2]):
         path.write_bytes(content)
-        with pytest.raises(ValueError, match="not a complete velocity file"):
-            read_velocity(path)
-    with pytest.raises(ValueError, match="not a complete velocity file"):
-        read_velocity(tmp_path / "missing.safetensors.gz")
+        refuses("not a complete velocity file", read_velocity, path)
+    refuses("not a complete velocity file", read_velocity, tmp_path / "missing.safetensors.gz")

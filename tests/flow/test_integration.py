@@ -9,6 +9,7 @@ from meshot.flow.integration import integrate, trajectory
 from meshot_book.examples.memory import peak_saved_bytes
 from meshot_book.examples.unsteady import Accelerated, Drifting
 from meshot_book.flows import NetworkVelocity, Vortex, spiral
+from refusals import refuses
 
 FIELDS = {
     "spiral, faster and faster": Accelerated(spiral(1.2, 0.3), 1.0),
@@ -105,7 +106,7 @@ def test_adjoint_reaches_every_tensor_of_the_field(method):
     assert float((direct - adjoint).norm() / direct.norm()) < (0.05 if method == "euler" else 1e-4)
 
 
-@pytest.mark.parametrize("method", ["euler", "rk4", "dopri5"])
+@pytest.mark.parametrize("method", ["rk4", "dopri5"])
 def test_memory_of_the_adjoint_does_not_grow_with_the_steps(method):
     field = NetworkVelocity(2, 16, last_scale=1.0)
 
@@ -170,10 +171,8 @@ def test_gradient_in_the_points(method):
     ],
 )
 def test_doors(arguments, words):
-    with pytest.raises(ValueError, match=words):
-        integrate(**({"field": logistic, "points": POINTS} | arguments))
+    refuses(words, integrate, **{"field": logistic, "points": POINTS} | arguments)
 
 
 def test_doors_behind_the_annotations(unchecked):
-    with pytest.raises(ValueError, match="one row per item"):
-        integrate(logistic, POINTS[0])
+    refuses("one row per item", integrate, logistic, POINTS[0])

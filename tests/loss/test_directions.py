@@ -10,6 +10,7 @@ from scipy import optimize, stats
 from meshot import orthogonal_directions, quasi_directions, random_directions
 from meshot.loss import directions as quasi_sets
 from meshot.loss.directions import require_directions
+from refusals import refuses
 
 EYE = {d: torch.eye(d, dtype=torch.float64) for d in (2, 3, 5, 6)}
 METHODS = [
@@ -118,26 +119,17 @@ def test_lines_repel():
 
 
 def test_bad_requests_are_refused(unchecked):
-    with pytest.raises(ValueError, match="n is 0"):
-        random_directions(0, 3, 0)
-    with pytest.raises(ValueError, match=r"d is 2\.5"):
-        quasi_directions(5, 2.5)
-    with pytest.raises(ValueError, match="n is 0"):
-        orthogonal_directions(0, 3, 0)
-    with pytest.raises(ValueError, match="d is True"):
-        orthogonal_directions(3, True, 0)
-    with pytest.raises(ValueError, match="method is 'halton'; one of 'equal angles'"):
-        quasi_directions(5, 2, method="halton")
-    with pytest.raises(ValueError, match=r"'spiral' is for R\^3 only, and d is 2"):
-        quasi_directions(5, 2, method="spiral")
+    refuses("n is 0", random_directions, 0, 3, 0)
+    refuses(r"d is 2\.5", quasi_directions, 5, 2.5)
+    refuses("n is 0", orthogonal_directions, 0, 3, 0)
+    refuses("d is True", orthogonal_directions, 3, True, 0)
+    refuses("method is 'halton'; one of 'equal angles'", quasi_directions, 5, 2, method="halton")
+    refuses(r"'spiral' is for R\^3 only, and d is 2", quasi_directions, 5, 2, method="spiral")
 
 
 def test_doors_of_directions(unchecked):
     points = torch.zeros(4, 3, dtype=torch.float32)
-    with pytest.raises(ValueError, match=r"\(n, 3\) is needed"):
-        require_directions(torch.eye(2), points)
-    with pytest.raises(ValueError, match="length 2"):
-        require_directions(2 * torch.eye(3), points)
-    with pytest.raises(ValueError, match="NaN"):
-        require_directions(torch.full((1, 3), torch.nan), points)
+    refuses(r"\(n, 3\) is needed", require_directions, torch.eye(2), points)
+    refuses("length 2", require_directions, 2 * torch.eye(3), points)
+    refuses("NaN", require_directions, torch.full((1, 3), torch.nan), points)
     assert require_directions(torch.eye(3, dtype=torch.float64), points).dtype == torch.float32

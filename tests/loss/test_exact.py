@@ -1,5 +1,6 @@
 """The exact sliced loss and its projected laws: closed forms, slow twins, degenerate faces, gradients, doors."""
 
+import functools
 import math
 
 import numpy as np
@@ -20,11 +21,12 @@ from meshot import (
     triangulate,
     varifold,
 )
-from meshot.loss import _kernel_exact as _kernel_exact_law, _kernel_exact as _kernel_exact_walk
+from meshot.loss import _kernel_exact
 from meshot.loss.exact import exact_sliced_wasserstein, projected_law
 from meshot.measure.continuous import SurfaceMeasure
 from meshot.mesh.mesh import Contour, closed_contour
 from meshot.mesh.shapes import cube, folded_sphere, icosphere, letter_e, split_in_four, tetrahedron
+from refusals import refuses
 
 both = pytest.mark.parametrize("p", [1, 2])
 
@@ -93,10 +95,8 @@ def test_awkward_cells(seed):
         ends = [SurfaceMeasure(v, m.cells, m.weights) for v, m in zip(vertices, pair, strict=True)]
         cost = exact_sliced_wasserstein(*ends, directions, p)
         cost.backward()
-        expected, scale = (
-            oracles_exact.sliced_cost(*pair, directions, p),
-            max(float(m.vertices.abs().max()) for m in pair),
-        )
+        expected = oracles_exact.sliced_cost(*pair, directions, p)
+        scale = max(float(m.vertices.abs().max()) for m in pair)
         assert float(cost.detach()) == pytest.approx(expected, abs=1e-12 * scale**p)
         growth = sum(float((v.grad * v.detach()).sum()) for v in vertices)
         assert growth == pytest.approx(p * expected, abs=1e-11 * scale**p)
@@ -134,14 +134,12 @@ def test_translation(size):
     shift = size * torch.tensor([0.3, -0.2, 0.5], dtype=torch.float64)
     sphere, directions = folded_sphere(3, 1.0, 0.2), block(0)
     pair = surface(sphere), surface(moved(sphere, shift))
-    squared = float(shift.square().sum())
-    assert float(exact_sliced_wasserstein(*pair, directions)) == pytest.approx(squared / 3, rel=3e-14 / size, abs=0)
+    exactly = functools.partial(pytest.approx, rel=3e-14 / size, abs=0)
+    assert float(exact_sliced_wasserstein(*pair, directions)) == exactly(float(shift.square().sum()) / 3)
     for theta in directions:
-        along = float(shift @ theta)
-        assert float(exact_sliced_wasserstein(*pair, theta[None])) == pytest.approx(along**2, rel=3e-14 / size, abs=0)
-        assert float(exact_sliced_wasserstein(*pair, theta[None], 1)) == pytest.approx(
-            abs(along), rel=3e-14 / size, abs=0
-        )
+        for p in (1, 2):
+            found = exact_sliced_wasserstein(*pair, theta[None], p)
+            assert float(found) == exactly(abs(float(shift @ theta)) ** p)
 
 
 def test_translation_of_twenty_thousand_faces():
@@ -222,18 +220,14 @@ def test_points_as_atoms(p):
 @both
 def test_points_against_a_surface(p):
     """A point is a triangle whose corners coincide."""
-    points, mesh, directions = (
-        varifold(icosphere(0), normal_scale=0.5),
-        surface(tetrahedron(), normal_scale=0.5),
-        random_directions(5, 6, 0),
-    )
+    points, mesh = varifold(icosphere(0), normal_scale=0.5), surface(tetrahedron(), normal_scale=0.5)
+    directions = random_directions(5, 6, 0)
     corners = torch.arange(3 * len(points.points)).view(-1, 3)
     collapsed = SurfaceMeasure(points.points.repeat_interleave(3, dim=0), corners, points.weights)
     expected = oracles_exact.sliced_cost(collapsed, mesh, directions, p)
     for measure in (points, collapsed):
-        assert float(exact_sliced_wasserstein(measure, mesh, directions, p)) == pytest.approx(
-            expected, rel=1e-12, abs=0
-        )
+        found = float(exact_sliced_wasserstein(measure, mesh, directions, p))
+        assert found == pytest.approx(expected, rel=1e-12, abs=0)
 
 
 def encoded_pairs(seed: int):
@@ -242,22 +236,11 @@ def encoded_pairs(seed: int):
     first, second = tetrahedron(torch.from_numpy(generator.standard_normal((4, 3)))), icosphere(0)
     second = moved(second, 0.1 * torch.from_numpy(generator.standard_normal((12, 3))))
     line, loop = (closed_contour(torch.from_numpy(generator.standard_normal((n, 2)))) for n in (5, 7))
+    lifted, points = (functools.partial(encode, normal_scale=0.7) for encode in (surface, varifold))
     return {
         "surfaces": (first, surface, second, surface, 3),
-        "surfaces with normals": (
-            first,
-            lambda s: surface(s, normal_scale=0.7),
-            second,
-            lambda s: surface(s, normal_scale=0.7),
-            6,
-        ),
-        "surface and points": (
-            first,
-            lambda s: surface(s, normal_scale=0.7),
-            second,
-            lambda s: varifold(s, normal_scale=0.7),
-            6,
-        ),
+        "surfaces with normals": (first, lifted, second, lifted, 6),
+        "surface and points": (first, lifted, second, points, 6),
         "contours": (line, surface, loop, surface, 2),
     }
 
@@ -356,12 +339,9 @@ def test_single_precision_in_and_out():
 
 def test_doors():
     sphere, eye = surface(icosphere(0)), torch.eye(3, dtype=torch.float64)
-    with pytest.raises(ValueError, match=r"p is 3; .* p = 1 and 2"):
-        exact_sliced_wasserstein(sphere, sphere, eye, 3)
-    with pytest.raises(ValueError, match="same space"):
-        exact_sliced_wasserstein(sphere, surface(icosphere(0), normal_scale=1.0), eye)
-    with pytest.raises(ValueError, match="unit rows"):
-        exact_sliced_wasserstein(sphere, sphere, 2 * eye)
+    refuses(r"p is 3; .* p = 1 and 2", exact_sliced_wasserstein, sphere, sphere, eye, 3)
+    refuses("same space", exact_sliced_wasserstein, sphere, surface(icosphere(0), normal_scale=1.0), eye)
+    refuses("unit rows", exact_sliced_wasserstein, sphere, sphere, 2 * eye)
     with pytest.raises(ValueError, match=r"pass directions.detach\(\)"):
         exact_sliced_wasserstein(sphere, sphere, eye.requires_grad_())
 
@@ -370,11 +350,9 @@ def test_the_sliced_loss_takes_continuous_measures():
     sphere, points, directions = surface(icosphere(1)), problems.cloud(0, 9, 3), random_directions(4, 3, 0)
     for pair in ((sphere, sphere), (sphere, points), (points, sphere)):
         assert torch.equal(sliced_wasserstein(*pair, directions, 1), exact_sliced_wasserstein(*pair, directions, 1))
-    with pytest.raises(ValueError, match=r"p is 1.5; .* p = 1 and 2"):
-        sliced_wasserstein(points, sphere, directions, 1.5)
+    refuses(r"p is 1.5; .* p = 1 and 2", sliced_wasserstein, points, sphere, directions, 1.5)
 
 
-both_of_exact_degenerate = pytest.mark.parametrize("p", [1, 2])
 CORNERS = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]], dtype=torch.float64)
 #: Two coincident corners, three corners on a line, three coincident corners.
 COLLAPSED = {
@@ -390,7 +368,7 @@ def directions() -> torch.Tensor:
     return torch.cat([random_directions(6, 3, 0), torch.eye(3, dtype=torch.float64)])
 
 
-@both_of_exact_degenerate
+@both
 @pytest.mark.parametrize("name", COLLAPSED)
 def test_a_collapsed_face_weighs_nothing(name, p):
     """The value, and the gradient of the vertices that are not its own, are those without the face."""
@@ -408,7 +386,7 @@ def test_a_collapsed_face_weighs_nothing(name, p):
     torch.testing.assert_close(gradients[0], gradients[1], rtol=1e-9, atol=1e-12)
 
 
-@both_of_exact_degenerate
+@both
 def test_it_is_the_limit_of_faces_that_collapse(p):
     def value(gap: float) -> float:
         vertices = CORNERS + gap * torch.tensor([[0.0], [0], [0], [1]], dtype=torch.float64)
@@ -432,17 +410,17 @@ def test_a_law_without_numbers_is_refused_and_not_walked_for_ever(side):
     broken = (law[0], law[1], np.array([np.nan, np.nan, np.inf]), law[3])
     pair = (broken, law) if side == 0 else (law, broken)
     with pytest.raises(ValueError, match="did not reach their ends"):
-        _kernel_exact_walk.walk(2, *pair, (False, False), np.zeros((3, 3)), np.zeros((3, 3)))
+        _kernel_exact.walk(2, *pair, (False, False), np.zeros((3, 3)), np.zeros((3, 3)))
 
 
 @pytest.mark.parametrize("mass", [np.nan, np.inf, 0.0])
 def test_masses_that_are_no_numbers_are_refused(mass):
     law = tuple(np.empty(5) for _ in range(4))
     with pytest.raises(ValueError, match="NaN, infinite or zero"):
-        _kernel_exact_law.lay_points(np.array([0.0, 1]), np.array([0, 1]), np.array([mass, mass]), *law)
+        _kernel_exact.lay_points(np.array([0.0, 1]), np.array([0, 1]), np.array([mass, mass]), *law)
 
 
-@both_of_exact_degenerate
+@both
 @pytest.mark.parametrize("scale", [1e-150, 1e-120, 1e-12, 1e12, 1e90, 1e150])
 def test_the_scale_does_not_matter(p, scale):
     """The coordinates are scaled by a power of two, so that only their own rounding under ``scale`` is left."""
@@ -464,8 +442,7 @@ def test_the_scale_does_not_matter(p, scale):
 def test_a_cost_beyond_float64_is_refused():
     vertices = torch.eye(3, dtype=torch.float64) * 1e160
     measure = SurfaceMeasure(vertices, torch.tensor([[0, 1, 2]]), torch.ones(1).double())
-    with pytest.raises(ValueError, match="exceeds float64"):
-        exact_sliced_wasserstein(measure, measure, torch.eye(3).double())
+    refuses("exceeds float64", exact_sliced_wasserstein, measure, measure, torch.eye(3).double())
 
 
 X, Y = (torch.eye(3, dtype=torch.float64)[k] for k in (0, 1))
@@ -568,7 +545,6 @@ def test_faces_with_more_corners_have_the_law_of_their_triangles():
 
 
 def test_doors_of_projection(unchecked):
-    with pytest.raises(ValueError, match="unit rows"):
-        projected_law(surface(cube()), 2 * X)
+    refuses("unit rows", projected_law, surface(cube()), 2 * X)
     with pytest.raises(ValueError, match="3"):
         projected_law(varifold(cube(), normal_scale=1.0), X)

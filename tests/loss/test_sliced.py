@@ -15,6 +15,7 @@ from meshot.loss.directions import random_directions
 from meshot.loss.sliced import plain_sliced_wasserstein, sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
 from meshot.mesh.shapes import icosphere
+from refusals import refuses
 
 
 def weighted(rng, n, zeros=0):
@@ -262,14 +263,11 @@ def test_with_a_continuous_measure_they_are_values():
 def test_single_precision_and_doors(unchecked):
     source, target = (DiscreteMeasure(m.points.float(), m.weights.float()) for m in measures("discrete"))
     assert slice_costs(source, target, LINES).dtype == torch.float32
-    with pytest.raises(ValueError, match=r"p is 0.5"):
-        slice_costs(source, target, LINES, 0.5)
+    refuses(r"p is 0.5", slice_costs, source, target, LINES, 0.5)
     with pytest.raises(ValueError, match="p is 3"):
         slice_costs(measures("continuous")[0], measures("discrete")[1], LINES, 3)
-    with pytest.raises(ValueError, match="unit rows"):
-        slice_costs(source, target, 2 * LINES)
-    with pytest.raises(ValueError, match="same space"):
-        slice_costs(source, problems.cloud(0, 3, 2, dtype=torch.float32), LINES)
+    refuses("unit rows", slice_costs, source, target, 2 * LINES)
+    refuses("same space", slice_costs, source, problems.cloud(0, 3, 2, dtype=torch.float32), LINES)
 
 
 both_of_pot_properties = pytest.mark.parametrize("loss", [sliced_wasserstein, plain_sliced_wasserstein])

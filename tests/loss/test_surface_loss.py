@@ -33,6 +33,7 @@ from meshot.loss.composed import (
 from meshot.loss.directions import random_directions
 from meshot.measure.discrete import varifold_sample
 from meshot.mesh.shapes import icosphere
+from refusals import refuses
 
 SOURCE, TARGET = icosphere(2, 10.0), icosphere(3, 12.0, centre=(1.0, 0.0, 0.0))
 
@@ -150,14 +151,12 @@ def test_masses_of_samples_carry_a_gradient_if_asked():
     ],
 )
 def test_settings_that_will_not_do(settings, words):
-    with pytest.raises(ValueError, match=words):
-        surface_loss(settings)
+    refuses(words, surface_loss, settings)
 
 
 @pytest.mark.parametrize("encoding", ["varifold", "samples"])
 def test_a_switch_is_true_or_false(encoding, unchecked):
-    with pytest.raises(ValueError, match="detach_weights is 1; true or false is needed"):
-        surface_loss({"encoding": encoding, "detach_weights": 1})
+    refuses("detach_weights is 1; true or false is needed", surface_loss, {"encoding": encoding, "detach_weights": 1})
 
 
 def test_a_sum_has_terms_with_encodings_of_their_own():

@@ -12,6 +12,7 @@ import oracles
 import problems
 from meshot import DiscreteMeasure, chamfer, sinkhorn_divergence, wasserstein
 from meshot.loss.transport import nearest_neighbours
+from refusals import refuses
 
 
 @pytest.mark.parametrize(("n", "m", "d"), [(30, 21, 3), (1, 9, 2), (9, 1, 6), (200, 300, 6)])
@@ -55,8 +56,7 @@ def test_brute_force_does_not_cancel():
 
 def test_door():
     measure = problems.cloud(0, 3, 2)
-    with pytest.raises(ValueError, match="neighbours is 'ball'"):
-        chamfer(measure, measure, "ball")
+    refuses("neighbours is 'ball'", chamfer, measure, measure, "ball")
 
 
 @pytest.mark.parametrize(("p", "tolerance"), [(1, 2e-4), (2, 1e-9)])
@@ -90,11 +90,6 @@ def test_a_large_blur_agrees_with_another_library():
     expected = regularised(source, target) - (regularised(source, source) + regularised(target, target)) / 2
     found = float(sinkhorn_divergence(source, target, blur=0.8, scaling=0.99))
     assert found == pytest.approx(expected, rel=1e-3)
-
-
-def test_zero_between_equal_measures():
-    measure = problems.cloud(0, 30, 3, weighted=True)
-    assert abs(float(sinkhorn_divergence(measure, measure))) < 1e-12
 
 
 def test_the_gradient_of_a_translation_is_twice_the_shift():
@@ -151,8 +146,7 @@ def test_a_backend_on_keops_says_what_is_missing_or_agrees(backend):
 )
 def test_doors(change, message):
     measure = problems.cloud(0, 3, 2)
-    with pytest.raises(ValueError, match=message):
-        sinkhorn_divergence(measure, measure, **change)
+    refuses(message, sinkhorn_divergence, measure, measure, **change)
 
 
 def test_hasty_annealing_may_go_below_zero_and_patience_mends_it():

@@ -11,6 +11,7 @@ import problems
 from meshot import quasi_directions, random_directions, sliced_wasserstein
 from meshot.loss.windowed import windowed_sliced_wasserstein
 from meshot.measure.discrete import DiscreteMeasure
+from refusals import refuses
 
 CENTRES = torch.tensor([[0.0, 0.1, 0.0], [0.5, -0.4, 0.2]], dtype=torch.float64)
 RADIUS = 0.6
@@ -85,8 +86,7 @@ def test_windows_in_empty_places_do_not_count():
 def test_what_does_not_fit_is_refused(change, words):
     source, target = pair()
     given = {"source": source, "target": target, "centres": CENTRES, "radius": RADIUS, "directions": lines(3)}
-    with pytest.raises(ValueError, match=words):
-        windowed_sliced_wasserstein(**(given | change))
+    refuses(words, windowed_sliced_wasserstein, **given | change)
 
 
 REACH = 2.5  # in radii
@@ -170,8 +170,7 @@ def test_parallel_sheets_are_measured_within_the_reach_and_not_beyond():
         found = float(windowed_sliced_wasserstein(flat, lifted, ORIGIN, radius, lines[None]))
         assert found == pytest.approx(float(((lines @ normal) * height).square().mean()), rel=0.02)
     beyond = DiscreteMeasure(flat.points + 2.6 * radius * normal, flat.weights)
-    with pytest.raises(ValueError, match="holds mass of both measures"):
-        windowed_sliced_wasserstein(flat, beyond, ORIGIN, radius, lines[None])
+    refuses("holds mass of both measures", windowed_sliced_wasserstein, flat, beyond, ORIGIN, radius, lines[None])
 
 
 @pytest.mark.parametrize("p", [1, 1.5, 2, 3])

@@ -6,6 +6,7 @@ import torch
 from meshot import Contour, Mesh, SurfaceMeasure, surface
 from meshot.mesh.mesh import closed_contour
 from meshot.mesh.shapes import icosphere
+from refusals import refuses
 
 
 def two_triangles() -> Mesh:
@@ -92,8 +93,7 @@ def test_doors_of_the_encoding(unchecked, arguments, message):
 
 def test_a_shape_without_size_is_refused():
     point = Contour(torch.zeros(2, 2), torch.tensor([[0, 1]]))
-    with pytest.raises(ValueError, match="positive size"):
-        surface(point)
+    refuses("positive size", surface, point)
 
 
 @pytest.mark.parametrize(
@@ -111,5 +111,4 @@ def test_a_shape_without_size_is_refused():
 def test_doors_of_the_measure(unchecked, changed, message):
     good = {"vertices": torch.eye(4), "cells": torch.tensor([[0, 1, 2]]), "weights": torch.ones(1)}
     SurfaceMeasure(**good)
-    with pytest.raises(ValueError, match=message):
-        SurfaceMeasure(**(good | changed))
+    refuses(message, SurfaceMeasure, **good | changed)

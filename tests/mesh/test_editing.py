@@ -17,6 +17,7 @@ from meshot.mesh.geometry import edge_lengths, face_areas, face_normals, mesh_ed
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import cube, icosphere, split_in_four
 from meshot.metrics.distances import vertex_distances
+from refusals import refuses
 
 
 @pytest.fixture
@@ -60,17 +61,13 @@ def test_no_steps_change_nothing(rough):
 @pytest.mark.parametrize("bad", [-1, 1.5, True])
 def test_steps_are_checked(rough, unchecked, bad):
     for smoothing in (laplacian_smoothing, taubin_smoothing):
-        with pytest.raises(ValueError, match="n_steps"):
-            smoothing(rough, bad)
+        refuses("n_steps", smoothing, rough, bad)
 
 
 def test_amounts_are_checked(rough):
-    with pytest.raises(ValueError, match="amount"):
-        laplacian_smoothing(rough, 1, amount=1.5)
-    with pytest.raises(ValueError, match="amount"):
-        taubin_smoothing(rough, 1, amount=0.0)
-    with pytest.raises(ValueError, match="pass_band"):
-        taubin_smoothing(rough, 1, pass_band=2.5)
+    refuses("amount", laplacian_smoothing, rough, 1, amount=1.5)
+    refuses("amount", taubin_smoothing, rough, 1, amount=0.0)
+    refuses("pass_band", taubin_smoothing, rough, 1, pass_band=2.5)
 
 
 @pytest.mark.parametrize("fewer", [decimated, simplified])
@@ -82,8 +79,7 @@ def test_a_sphere_stays_a_sphere(fewer):
     assert float((found.vertices.norm(dim=1) - 10).abs().max()) < 0.3
     assert fewer(sphere, 10_000) is sphere
     assert fewer(sphere.to(torch.float32), 640).vertices.dtype == torch.float32
-    with pytest.raises(ValueError, match="n_faces is 0"):
-        fewer(sphere, 0)
+    refuses("n_faces is 0", fewer, sphere, 0)
 
 
 def test_quadric_errors_stay_near_a_curved_surface():
@@ -159,10 +155,8 @@ def test_long_edges_are_gone_after_some_rounds():
     ],
 )
 def test_doors(edges, words):
-    with pytest.raises(ValueError, match=words):
-        with_edges_split(TRIANGLE, torch.tensor(edges, dtype=torch.int64).reshape(-1, 2))
+    refuses(words, with_edges_split, TRIANGLE, torch.tensor(edges, dtype=torch.int64).reshape(-1, 2))
 
 
 def test_pairs_are_needed(unchecked):
-    with pytest.raises(ValueError, match="edges"):
-        with_edges_split(TRIANGLE, torch.tensor([[0, 1, 2]]))
+    refuses("edges", with_edges_split, TRIANGLE, torch.tensor([[0, 1, 2]]))

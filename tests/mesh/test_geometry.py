@@ -26,6 +26,7 @@ from meshot.mesh.geometry import (
 )
 from meshot.mesh.mesh import Contour, closed_contour
 from meshot.mesh.shapes import cube, ellipsoid, folded_sphere, icosphere, tetrahedron
+from refusals import refuses
 
 SQUARE = closed_contour(torch.tensor([[0.0, 0], [2, 0], [2, 2], [0, 2]], dtype=torch.float64))
 
@@ -169,13 +170,9 @@ def test_a_face_without_area_has_no_angles_and_a_finite_gradient():
     cotangent_vectors(mesh)[0].square().sum().backward()
     assert bool(torch.isfinite(vertices.grad).all())
     alone = Mesh(vertices.detach(), torch.tensor([[0, 1, 2], [1, 0, 2]]))
-    with pytest.raises(ValueError, match="vertex 3 belongs to no face"):
-        mean_curvatures(alone)
+    refuses("vertex 3 belongs to no face", mean_curvatures, alone)
     flat = Mesh(vertices.detach()[:3], torch.tensor([[0, 1, 2]]))
     assert mean_curvatures(flat).tolist() == [0, 0, 0]
-
-
-SAMPLING_SQUARE = closed_contour(torch.tensor([[0.0, 0], [2, 0], [2, 2], [0, 2]], dtype=torch.float64))
 
 
 def uneven_mesh() -> Mesh:
@@ -209,7 +206,7 @@ def test_points_are_uniform_on_a_triangle():
 
 
 def test_points_are_uniform_on_a_contour():
-    points = sample_points(SAMPLING_SQUARE, 20_000, 2)
+    points = sample_points(SQUARE, 20_000, 2)
     on_edge = (points == 0) | (points == 2)
     assert bool(on_edge.any(dim=1).all())
     bottom = points[points[:, 1] == 0][:, 0]
@@ -227,10 +224,10 @@ def test_a_seed_repeats_and_points_follow_the_vertices():
 
 
 def test_even_points_are_even():
-    points = even_points(SAMPLING_SQUARE, 16)
+    points = even_points(SQUARE, 16)
     gaps = (points - points.roll(-1, 0)).abs().sum(dim=1)
     assert torch.allclose(gaps, torch.full((16,), 0.5, dtype=torch.float64))
-    assert torch.equal(even_points(SAMPLING_SQUARE, 4, offset=0), SAMPLING_SQUARE.vertices)
+    assert torch.equal(even_points(SQUARE, 4, offset=0), SQUARE.vertices)
 
 
 def test_even_points_skip_edges_without_length():
@@ -241,20 +238,15 @@ def test_even_points_skip_edges_without_length():
 
 @pytest.mark.parametrize("n_points", [0, -3, 2.5])
 def test_counts_are_checked(unchecked, n_points):
-    with pytest.raises(ValueError, match="n_points"):
-        sample_points(SAMPLING_SQUARE, n_points, 0)
-    with pytest.raises(ValueError, match="n_points"):
-        even_points(SAMPLING_SQUARE, n_points)
+    refuses("n_points", sample_points, SQUARE, n_points, 0)
+    refuses("n_points", even_points, SQUARE, n_points)
 
 
 def test_a_shape_without_size_cannot_be_sampled():
     point = Contour(torch.ones(2, 2), torch.tensor([[0, 1]]))
-    with pytest.raises(ValueError, match="positive size"):
-        sample_points(point, 5, 0)
-    with pytest.raises(ValueError, match="no length"):
-        even_points(point, 5)
-    with pytest.raises(ValueError, match=r"\[0, 1\)"):
-        even_points(SAMPLING_SQUARE, 5, offset=1.0)
+    refuses("positive size", sample_points, point, 5, 0)
+    refuses("no length", even_points, point, 5)
+    refuses(r"\[0, 1\)", even_points, SQUARE, 5, offset=1.0)
 
 
 def test_arc_length_of_a_circle():
@@ -311,8 +303,7 @@ def test_the_gradient_reaches_the_vertices():
 
 
 def test_an_axis_that_does_not_exist_is_refused():
-    with pytest.raises(ValueError, match="axis is 3"):
-        plane_section(icosphere(0), 3, 0.0)
+    refuses("axis is 3", plane_section, icosphere(0), 3, 0.0)
 
 
 def box(lengths, corner):

@@ -11,6 +11,7 @@ import trimesh
 from meshot import Mesh, random_directions, read_mesh, sliced_wasserstein, surface, triangulate, write_mesh
 from meshot.mesh.geometry import face_area_vectors, face_areas, signed_volume
 from meshot.mesh.shapes import cube, folded_sphere
+from refusals import refuses
 
 
 def same(mesh: Mesh, other: Mesh) -> bool:
@@ -129,8 +130,7 @@ def test_pyvista_reads_and_writes_the_same_files(tmp_path, suffix):
     ],
 )
 def test_what_is_no_mesh_of_trimesh_is_refused(unchecked, value, words):
-    with pytest.raises(ValueError, match=words):
-        Mesh.from_trimesh(value)
+    refuses(words, Mesh.from_trimesh, value)
 
 
 @pytest.mark.parametrize(
@@ -142,17 +142,14 @@ def test_what_is_no_mesh_of_trimesh_is_refused(unchecked, value, words):
     ],
 )
 def test_what_is_no_mesh_of_pyvista_is_refused(unchecked, value, words):
-    with pytest.raises(ValueError, match=words):
-        Mesh.from_pyvista(value)
+    refuses(words, Mesh.from_pyvista, value)
 
 
 def test_a_file_without_triangles_is_refused(tmp_path):
     pyvista.ImageData(dimensions=(3, 3, 3)).save(tmp_path / "image.vtk")
-    with pytest.raises(ValueError, match=r"image.vtk cannot be read as a vtk mesh: a pyvista.ImageData was given"):
-        read_mesh(tmp_path / "image.vtk")
+    refuses(r"image.vtk cannot be read as a vtk mesh: a pyvista.ImageData was given", read_mesh, tmp_path / "image.vtk")
     (tmp_path / "no.glb").write_bytes(b"glTF, but not really")
-    with pytest.raises(ValueError, match=r"no.glb cannot be read as a glb mesh"):
-        read_mesh(tmp_path / "no.glb")
+    refuses(r"no.glb cannot be read as a glb mesh", read_mesh, tmp_path / "no.glb")
 
 
 STAR = [(math.cos(a) * r, math.sin(a) * r) for a, r in zip(np.arange(10) * math.pi / 5, [3, 1] * 5, strict=True)]

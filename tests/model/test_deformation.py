@@ -14,6 +14,7 @@ from meshot.flow.integration import integrate
 from meshot.model.deformation import CubeConvolution, DeformationNetwork, VisitedFeatures
 from meshot.volume.volume import Volume, voxel_to_mm
 from pretended_cuda import pretended_cuda
+from refusals import refuses
 
 
 def volume(seed: int) -> Volume:
@@ -136,8 +137,7 @@ def test_the_same_seed_gives_the_same_network_and_torchs_generator_is_left_alone
     ],
 )
 def test_doors(arguments, words):
-    with pytest.raises(ValueError, match=words):
-        DeformationNetwork(**arguments)
+    refuses(words, DeformationNetwork, **arguments)
 
 
 def test_an_unknown_path_is_refused(network, unchecked):
@@ -268,15 +268,12 @@ def test_the_features_change_no_faster_than_the_bound(affine):
 
 
 def test_doors_of_cubes():
-    with pytest.raises(ValueError, match="size is 4; an odd number"):
-        CubeConvolution(size=4)
-    with pytest.raises(ValueError, match="n_features is 0"):
-        CubeConvolution(n_features=0)
+    refuses("size is 4; an odd number", CubeConvolution, size=4)
+    refuses("n_features is 0", CubeConvolution, n_features=0)
     layer = CubeConvolution(2, 2, 3)
     one = (image(np.eye(4)),)
     for path in (layer.maps, layer.stacked):
-        with pytest.raises(ValueError, match="1 images were given, 2 are needed"):
-            path(one)
+        refuses("1 images were given, 2 are needed", path, one)
 
 
 def test_a_point_that_is_not_a_number_has_no_features_and_the_others_theirs():

@@ -8,6 +8,7 @@ from meshot.mesh.geometry import mesh_edges
 from meshot.mesh.shapes import icosphere, tetrahedron
 from meshot.model.features import FeatureNetwork, GraphConvolution, ResidualGraphBlock, sample_features
 from meshot.volume.volume import Volume
+from refusals import refuses
 
 IMAGE = Volume(np.zeros((8, 16, 8)), np.array([[-2.0, 0, 0, 7], [0, 1.5, 0, -3], [0, 0, 1, 4], [0, 0, 0, 1]]))
 
@@ -61,8 +62,7 @@ def test_gradients_in_maps_and_points():
 def test_grids_that_do_not_divide_are_refused():
     with pytest.raises(ValueError, match=r"image has \(8, 6, 8\) voxels; each axis must be a multiple of 4"):
         FeatureNetwork(2, 2, 2)(torch.rand(1, 1, 8, 6, 8))
-    with pytest.raises(ValueError, match="the width of the last level is 1024"):
-        FeatureNetwork(512, 2)
+    refuses("the width of the last level is 1024", FeatureNetwork, 512, 2)
 
 
 def test_a_vertex_hears_the_mean_of_its_neighbours():

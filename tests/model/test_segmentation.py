@@ -9,6 +9,7 @@ from torch import nn
 
 from meshot.model.segmentation import SegmentationNetwork, folded, segmentation_loss, soft_dice, unfolded
 from meshot.volume.volume import dice
+from refusals import refuses
 
 
 @pytest.mark.parametrize(("width", "depth", "fold"), [(2, 1, 1), (3, 3, 1), (4, 2, 2)])
@@ -88,14 +89,12 @@ def test_gradients_reach_every_weight():
     ],
 )
 def test_images_of_other_sizes_are_refused(unchecked, shape, message):
-    with pytest.raises(ValueError, match=message):
-        SegmentationNetwork(2, 3)(torch.zeros(shape))
+    refuses(message, SegmentationNetwork(2, 3), torch.zeros(shape))
 
 
 @pytest.mark.parametrize("bad", [{"width": 0}, {"depth": 0}, {"fold": 1.5}])
 def test_counts_must_be_positive(unchecked, bad):
-    with pytest.raises(ValueError, match="integer >= 1"):
-        SegmentationNetwork(**bad)
+    refuses("integer >= 1", SegmentationNetwork, **bad)
 
 
 def test_dice_of_two_boxes():
@@ -170,9 +169,6 @@ def test_extreme_logits_stay_finite():
 
 
 def test_other_shapes_and_weights_are_refused(unchecked):
-    with pytest.raises(ValueError, match="must agree"):
-        segmentation_loss(torch.zeros(1, 3, 2, 2, 2), torch.zeros(1, 2, 2, 2, 3))
-    with pytest.raises(ValueError, match="must agree"):
-        soft_dice(torch.zeros(1, 2), torch.zeros(2, 2))
-    with pytest.raises(ValueError, match="dice_weight is -1"):
-        segmentation_loss(torch.zeros(1, 3, 2, 2, 2), torch.zeros(1, 2, 2, 2, 2), -1)
+    refuses("must agree", segmentation_loss, torch.zeros(1, 3, 2, 2, 2), torch.zeros(1, 2, 2, 2, 3))
+    refuses("must agree", soft_dice, torch.zeros(1, 2), torch.zeros(2, 2))
+    refuses("dice_weight is -1", segmentation_loss, torch.zeros(1, 3, 2, 2, 2), torch.zeros(1, 2, 2, 2, 2), -1)

@@ -6,6 +6,7 @@ import torch
 
 from meshot.model.segmentation import SegmentationNetwork
 from meshot.model.weights import halve_weights, read_weights, write_weights
+from refusals import refuses
 
 
 def test_weights_and_record_come_back(tmp_path):
@@ -37,31 +38,25 @@ def test_half_of_a_file_has_nearly_the_same_weights(tmp_path):
     with torch.no_grad():
         next(network.parameters())[0, 0, 0, 0, 0] = 1e5
     write_weights(whole, network, {})
-    with pytest.raises(ValueError, match="as float16 has 1 entries that are NaN or infinite"):
-        halve_weights(whole, half)
+    refuses("as float16 has 1 entries that are NaN or infinite", halve_weights, whole, half)
     whole.write_bytes(whole.read_bytes()[:-40])
-    with pytest.raises(ValueError, match="w is not a whole file of weights"):
-        halve_weights(whole, half)
+    refuses("w is not a whole file of weights", halve_weights, whole, half)
     assert read_weights(half, SegmentationNetwork)[1]["seed"] == 5
 
 
 def test_other_files_are_named(tmp_path):
     path = tmp_path / "w.safetensors"
-    with pytest.raises(ValueError, match=r"w\.safetensors does not hold the weights"):
-        read_weights(path, SegmentationNetwork)
+    refuses(r"w\.safetensors does not hold the weights", read_weights, path, SegmentationNetwork)
     write_weights(path, SegmentationNetwork(2, 2), {})
     whole = path.read_bytes()
     path.write_bytes(whole[:-40])
-    with pytest.raises(ValueError, match="does not hold the weights"):
-        read_weights(path, SegmentationNetwork)
+    refuses("does not hold the weights", read_weights, path, SegmentationNetwork)
     safetensors.torch.save_file({"a": torch.zeros(2)}, path)
-    with pytest.raises(ValueError, match="does not hold the weights"):
-        read_weights(path, SegmentationNetwork)
+    refuses("does not hold the weights", read_weights, path, SegmentationNetwork)
     safetensors.torch.save_file(
         {"a": torch.zeros(2)}, path, metadata={"SegmentationNetwork": '{"network": {"width": 2}}'}
     )
-    with pytest.raises(ValueError, match="does not hold the weights"):
-        read_weights(path, SegmentationNetwork)
+    refuses("does not hold the weights", read_weights, path, SegmentationNetwork)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
@@ -78,5 +73,4 @@ def test_weights_that_are_no_numbers_are_refused(tmp_path, value):
 def test_records_that_are_none_are_refused(tmp_path, header):
     path = tmp_path / "w.safetensors"
     safetensors.torch.save_file({"a": torch.zeros(2)}, path, metadata={"SegmentationNetwork": header})
-    with pytest.raises(ValueError, match="does not hold the weights"):
-        read_weights(path, SegmentationNetwork)
+    refuses("does not hold the weights", read_weights, path, SegmentationNetwork)

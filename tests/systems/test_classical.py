@@ -20,6 +20,7 @@ from meshot.systems.classical import (
 from meshot.volume.surfaces import enclosed_fractions, winding_numbers
 from meshot.volume.volume import Volume
 from phantoms import AFFINE, SHAPE, phantom_subjects
+from refusals import refuses
 
 GRID = Volume(np.zeros(SHAPE), AFFINE)
 BALL = icosphere(4, 8.0, (-10.0, 0.0, 0.0))
@@ -36,8 +37,7 @@ def test_a_smooth_gain_is_removed():
     torch.testing.assert_close(
         whiteness(scan.with_data(7 * scan.data), deep, 6.0, 4).data, flat.data, rtol=1e-9, atol=0
     )
-    with pytest.raises(ValueError, match="the median intensity in deep white matter is 0; a T1 on the standard grid"):
-        whiteness(GRID, deep, 6.0, 1)
+    refuses("the median intensity in deep white matter is 0; a T1 on the standard grid", whiteness, GRID, deep, 6.0, 1)
 
 
 def test_a_surface_moves_to_the_steepest_decrease():
@@ -81,8 +81,7 @@ def test_the_sides_are_kept_apart_and_the_grid_is_required():
         assert (deep & inside).sum() > 0.9 * deep.sum()
     with pytest.raises(ValueError, match=r"the scan has \(4, 4, 4\) voxels, those of the training \(32, 24, 24\)"):
         atlas.on_grid(Volume(np.zeros((4, 4, 4)), np.eye(4)))
-    with pytest.raises(ValueError, match="every axis must be a multiple of 5"):
-        Atlas(SHAPE, 5)
+    refuses("every axis must be a multiple of 5", Atlas, SHAPE, 5)
     nothing = np.zeros(SHAPE, dtype=bool)
     with pytest.raises(ValueError, match="no voxel is as bright as white matter for the surface left white"):
         thresholded_surface(GRID, 0.8, nothing, nothing, "left white")

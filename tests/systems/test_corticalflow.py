@@ -4,11 +4,9 @@ import pytest
 import torch
 
 from meshot.flow.integration import integrate
-from meshot.mesh.editing import simplified
-from meshot.metrics.distances import Surface
-from meshot.systems import ExampleSets, Part, Run, Scan, get_system, read_settings
-from meshot.systems.corticalflow import FlowBlock, carried_through, train_block
-from meshot.systems.learning import mean_distances, scaled_image
+from meshot.systems import ExampleSets, Scan, get_system
+from meshot.systems.corticalflow import FlowBlock, carried_through
+from meshot.systems.learning import scaled_image
 from phantoms import phantom_subjects
 
 SMALL = {"width": 2, "depth": 2, "template": {"shape": "sphere"}, "box": torch.tensor([[-18.0, -8, -8], [-2, 8, 8]])}
@@ -40,25 +38,6 @@ def test_a_velocity_is_the_grid_in_its_unit(examples):
     grid = torch.ones(1, 3, 16, 12, 12) * torch.tensor([1.0, 2, 3])[None, :, None, None, None]
     found = block.velocity(grid, scan.image)(torch.zeros(()), torch.rand(5, 3))
     torch.testing.assert_close(found, torch.tensor([4.0, 8, 12]).expand(5, 3))
-
-
-def test_a_second_block_leaves_the_first_as_it_is_and_both_come_nearer_than_the_template():
-    sets = ExampleSets(phantom_subjects(4, ()), phantom_subjects(2, (), 50))
-    settings = read_settings(get_system("corticalflow"), "tiny", ["training.side=left", "training.n_epochs=12"])
-    networks = get_system("corticalflow").prepare(settings)
-
-    def trained(k: int, earlier: list) -> Part:
-        name = f"left_white_{k}"
-        return train_block(networks[name], earlier, [], sets, settings, Run(), name)
-
-    first = trained(1, [])
-    before = {name: value.clone() for name, value in first.network.state_dict().items()}
-    second = trained(2, [first.network])
-    assert all(torch.equal(value, before[name]) for name, value in first.network.state_dict().items())
-    template = simplified(first.network.template.mesh(), 500)
-    start = mean_distances(((template, Surface(item.targets["left", "white"])) for item in sets.validation), 2000)
-    for part in (first, second):
-        assert min(x["validation_loss"] for x in part.log if "validation_loss" in x) < 0.9 * start["validation_loss"]
 
 
 def test_one_side_alone_is_not_enough_to_reconstruct(examples):

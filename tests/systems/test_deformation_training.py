@@ -32,6 +32,7 @@ from meshot.systems.flows import (
 )
 from meshot.volume.volume import sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
+from refusals import refuses
 
 TINY = DeformationConfig.read(
     {
@@ -103,18 +104,15 @@ def test_a_field_that_is_kept_follows_the_network(examples):
 
 
 def test_the_radius_of_windows_falls_with_the_steps(examples):
-    def losses(**own):
-        loss = {"loss": "windowed", "n_windows": 4, "n_directions": 8, "normal_scale": 1.0} | own
+    def losses(window, last):
+        loss = {"loss": "windowed", "n_windows": 4, "n_directions": 8, "normal_scale": 1.0, "window": window}
+        loss |= {"last_window": last} if last else {}
         config = DeformationConfig.read(TINY.as_dict() | {"loss": loss})
         # So small a rate that the network stays as it is: only the radius can change a loss.
         config = dataclasses.replace(config, training=dataclasses.replace(config.training, learning_rate=1e-30))
         return [line["loss"] for line in train_deformation(config, *examples).log if "loss" in line]
 
-    fixed, falling, fourth = (
-        losses(window=6.0),
-        losses(window=6.0, last_window=3.0),
-        losses(window=6.0 * 0.5 ** (4 / 9)),
-    )
+    fixed, falling, fourth = map(losses, (6.0, 6.0, 6.0 * 0.5 ** (4 / 9)), (None, 3.0, None))
     assert len(fixed) == 9
     assert falling[0] == fixed[0]
     # The same network and draws. The two radii differ by a rounding, a loss in float32 by 6e-8 of its size.
@@ -188,8 +186,7 @@ def test_validation_subjects_of_one_name_keep_their_own_truth(examples):
 
 
 def test_no_examples_and_another_training_are_refused(tmp_path, examples):
-    with pytest.raises(ValueError, match="0 examples for training and 1 for validation"):
-        train_deformation(TINY, [], examples[1])
+    refuses("0 examples for training and 1 for validation", train_deformation, TINY, [], examples[1])
     train_deformation(changed(n_epochs=1), *examples, folder=tmp_path)
     with pytest.raises(ValueError, match="made with another training"):
         train_deformation(changed(n_epochs=1, seed=9), *examples, folder=tmp_path)
@@ -205,8 +202,7 @@ def test_a_constant_scan_is_refused_before_the_first_step(examples):
 def test_a_flow_that_leaves_finite_numbers_is_refused(examples):
     network = DeformationNetwork(4, (4,), 1, 3)
     torch.nn.init.constant_(network.to_velocity.bias, float("nan"))
-    with pytest.raises(ValueError, match="not finite"):
-        deformed(examples[0][0].initial, examples[0][0].scan, network)
+    refuses("not finite", deformed, examples[0][0].initial, examples[0][0].scan, network)
 
 
 def test_gain_and_offset_of_the_scanner_do_not_matter(whole, examples):
@@ -264,12 +260,10 @@ def test_initial_surfaces_are_made_once_for_each_network(tmp_path, cohort, monke
         InitialSurfaces(tmp_path / "initial", SegmentationNetwork(2, 1, generator=1)).examples(
             [cohort], "train", RIGHT, RIGHT
         )
-    with pytest.raises(ValueError, match="no scan of the split 'test'"):
-        surfaces.examples([cohort], "test", RIGHT, RIGHT)
+    refuses("no scan of the split 'test'", surfaces.examples, [cohort], "test", RIGHT, RIGHT)
     (bare, _) = surfaces.examples([cohort], "train", RIGHT, ())  # for a system that needs none
     assert (bare.scan.initial, set(bare.targets)) == ({}, set(RIGHT))
-    with pytest.raises(ValueError, match="none is made of right pial"):
-        surfaces.examples([cohort], "train", RIGHT, [("right", "pial")])
+    refuses("none is made of right pial", surfaces.examples, [cohort], "train", RIGHT, [("right", "pial")])
 
 
 def test_initial_surfaces_are_found_by_their_scan(tmp_path, cohort, monkeypatch):

@@ -5,6 +5,7 @@ import re
 import pytest
 
 from meshot.systems.protocol import get_system, read_settings, system_names
+from refusals import refuses
 
 PACKAGE = '''
 from meshot.systems.template import System as Template
@@ -41,8 +42,7 @@ def test_what_lies_in_the_folder_is_found_and_what_it_shares_is_not(toys):
 
 def test_the_unknown_is_refused_and_the_known_are_listed(toys):
     known = re.escape(", ".join(system_names()))
-    with pytest.raises(ValueError, match=f"there is no system 'nothing'; known are {known}$"):
-        get_system("nothing")
+    refuses(f"there is no system 'nothing'; known are {known}$", get_system, "nothing")
 
 
 def test_a_package_from_elsewhere_registers_an_entry_point(elsewhere):
@@ -50,8 +50,7 @@ def test_a_package_from_elsewhere_registers_an_entry_point(elsewhere):
     kind = get_system("elsewhere")
     assert read_settings(kind, "quick").as_dict() == {"training": {"n_steps": 3, "learning_rate": 0.1}}
     assert read_settings(kind, "quick", ["training.learning_rate=2.0"]).training.learning_rate == 2.0
-    with pytest.raises(ValueError, match="elsewhere has no setting 'slow'; it has quick, or name a YAML file"):
-        read_settings(kind, "slow")
+    refuses("elsewhere has no setting 'slow'; it has quick, or name a YAML file", read_settings, kind, "slow")
 
 
 def test_settings_of_a_file_are_refused_by_its_name(toys, tmp_path):

@@ -9,6 +9,7 @@ from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
 from meshot.systems import Example, ExampleSets, Scan, get_system, read_settings
 from phantoms import phantom_subjects
+from refusals import refuses
 
 NAMES = ["corticalflow", "deepcsr", "vox2cortex", "classical"]
 #: The largest mean distance (mm) of the vertices that is accepted of a tiny training.
@@ -82,13 +83,10 @@ def test_what_does_not_fit_is_refused(kind, examples, whole, tmp_path):
         kind.train(ExampleSets([one], [poor]), {})
     name = next(iter(whole.parts))
     some = kind({})
-    with pytest.raises(ValueError, match=f"{kind.name} has no trained {name}"):
-        some.reconstruct(scan)
+    refuses(f"{kind.name} has no trained {name}", some.reconstruct, scan)
     whole.save(tmp_path)
     (tmp_path / f"{name}.safetensors").write_bytes(b"")
-    with pytest.raises(ValueError, match="does not hold the weights of a"):
-        kind.load(tmp_path)
+    refuses("does not hold the weights of a", kind.load, tmp_path)
     twin = type("Twin", (kind,), {"name": "twin"})
     whole.save(tmp_path)
-    with pytest.raises(ValueError, match=f"holds weights of the system {kind.name}; twin was asked for"):
-        twin.load(tmp_path)
+    refuses(f"holds weights of the system {kind.name}; twin was asked for", twin.load, tmp_path)

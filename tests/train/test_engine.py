@@ -9,6 +9,7 @@ import torch
 from meshot.train import engine
 from meshot.train.engine import Plan, Task, read_log, train, train_network
 from meshot.train.state import TrainingState
+from refusals import refuses
 
 PLAN = Plan(12, 3, 4, None, 0.1, "constant")
 
@@ -78,8 +79,7 @@ def test_the_last_weights_are_those_of_the_last_validation(tmp_path, averaging):
     assert float(last["weight"]) == seen[12] != seen[found.best_step]
     assert (float(last["weight"]) == float(found.last["weight"])) == (averaging == 0)
     (tmp_path / engine.STATE).write_bytes(b"torn")
-    with pytest.raises(ValueError, match="is not a whole state of a training"):
-        TrainingState.read_last_weights(tmp_path)
+    refuses("is not a whole state of a training", TrainingState.read_last_weights, tmp_path)
 
 
 @pytest.mark.parametrize("averaging", [0.0, 0.9])

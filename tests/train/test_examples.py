@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from meshot.train.engine import data_record, examples_of_step, require_examples
+from refusals import refuses
 
 
 @pytest.mark.parametrize("batch_size", [1, 2, 3, 7])
@@ -27,8 +28,7 @@ def test_the_seed_decides_the_order():
 def test_both_sets_are_needed(training, validation):
     require_examples([1], [1])
     words = f"{len(training)} examples for training and {len(validation)} for validation came; at least one of each"
-    with pytest.raises(ValueError, match=words):
-        require_examples(training, validation)
+    refuses(words, require_examples, training, validation)
 
 
 def test_the_record_counts_and_digests_both_sets():

@@ -10,6 +10,7 @@ from torch import nn
 from meshot.flow.fields import GridVelocity
 from meshot.flow.fitting import FitState
 from meshot.train.state import read_tensors, read_training, stored_parts, write_training
+from refusals import refuses
 
 
 def trained(n_inputs: int = 3) -> tuple[nn.Module, torch.optim.Adam]:
@@ -66,23 +67,19 @@ def test_every_damage_is_seen(name):
     network, optimiser = trained()
     tensors = tensors_of(network, optimiser)
     DAMAGE[name](tensors)
-    with pytest.raises(ValueError, match=r"has other tensors|is unknown|has the shape|are missing"):
-        stored_parts(tensors, network, optimiser)
+    refuses(r"has other tensors|is unknown|has the shape|are missing", stored_parts, tensors, network, optimiser)
 
 
 @pytest.mark.parametrize("header", ["[1]", "{", "{}", '{"made": 1}', "[" * 100_000, "null"])
 def test_headers_that_are_none(tmp_path, header):
     safetensors.torch.save_file({"a": torch.zeros(1)}, tmp_path / "a.safetensors", metadata={"x": header})
-    with pytest.raises(ValueError, match=r".+"):
-        read_tensors(tmp_path / "a.safetensors", "x", "made")
+    refuses(r".+", read_tensors, tmp_path / "a.safetensors", "x", "made")
 
 
 def test_files_that_are_none(tmp_path):
-    with pytest.raises(ValueError, match=r".+"):
-        read_tensors(tmp_path / "missing", "x", "made")
+    refuses(r".+", read_tensors, tmp_path / "missing", "x", "made")
     (tmp_path / "a").write_bytes(b"\xff" * 200)
-    with pytest.raises(ValueError, match=r".+"):
-        read_tensors(tmp_path / "a", "x", "made")
+    refuses(r".+", read_tensors, tmp_path / "a", "x", "made")
 
 
 def fit_state() -> FitState:

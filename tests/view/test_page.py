@@ -11,6 +11,7 @@ from meshot.mesh.shapes import icosphere
 from meshot.view import page as pages
 from meshot.view.page import filled, joined, live_page
 from meshot.view.scene import interactive
+from refusals import refuses
 
 SCENE = "meshot/view/assets/surface_scene"
 
@@ -55,8 +56,7 @@ def test_a_template_that_misses_a_value_is_refused():
 
 
 def test_numbers_that_json_does_not_know_are_refused():
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        live_page(SCENE, {"low": [float("nan")]}, "", alt="", title="", still="", bar=None)
+    refuses("not JSON compliant", live_page, SCENE, {"low": [float("nan")]}, "", alt="", title="", still="", bar=None)
 
 
 def test_data_cannot_close_the_script_and_words_cannot_open_a_tag():

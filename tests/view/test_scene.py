@@ -17,6 +17,7 @@ from browser import page_file, watched_page
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import folded_sphere, icosphere
 from meshot.view.scene import interactive
+from refusals import refuses
 
 ALT = "a sphere, coloured by height"
 
@@ -246,5 +247,4 @@ def test_words_are_escaped_and_the_bar_names_its_unit_and_what_lies_beyond():
     ],
 )
 def test_bad_requests_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        interactive(icosphere(0), **arguments)
+    refuses(message, interactive, icosphere(0), **arguments)

@@ -13,6 +13,7 @@ from matplotlib import colormaps
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import ellipsoid, icosphere
 from meshot.view.surface import AMBIENT, surface_figure, surface_image, view_from
+from refusals import refuses
 
 SIZE = (240, 180)
 SIDES = ("left", "right", "anterior", "posterior", "superior", "inferior")
@@ -143,8 +144,7 @@ def test_surfaces_stand_abreast():
     assert places[0].x1 < places[1].x0
     figure = surface_figure(meshes, views=("left", "right"), abreast=2, resolution=60)
     assert [ax.get_title() for ax in figure.axes[:4]] == ["a, left", "a, right", "b, left", "b, right"]
-    with pytest.raises(ValueError, match="abreast"):
-        surface_figure(meshes, views=("left",), abreast=0)
+    refuses("abreast", surface_figure, meshes, views=("left",), abreast=0)
 
 
 @pytest.mark.parametrize(("radius", "length"), [(20.0, 10.0), (100.0, 50.0), (0.45, 0.2)])
@@ -171,8 +171,7 @@ def test_the_scale_bar_has_its_length(radius, length):
     ],
 )
 def test_bad_requests_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        surface_figure(icosphere(1), **arguments)
+    refuses(message, surface_figure, icosphere(1), **arguments)
 
 
 @pytest.mark.parametrize(
@@ -184,8 +183,7 @@ def test_bad_requests_are_refused(arguments, message):
     ],
 )
 def test_values_without_a_mesh_are_refused(meshes, values, message):
-    with pytest.raises(ValueError, match=message):
-        surface_figure(meshes, values)
+    refuses(message, surface_figure, meshes, values)
 
 
 @pytest.mark.parametrize(("default", "drawn"), [(10.0, 12.0), (14.0, 14.0)])

@@ -5,6 +5,7 @@ import pytest
 
 from affines import OBLIQUE
 from meshot.volume.volume import Volume, volume_pyramid
+from refusals import refuses
 
 
 def test_every_level_is_the_mean_of_eight_voxels_of_the_one_before():
@@ -30,5 +31,4 @@ def test_odd_axes_are_filled_up_with_zeros_and_whole_numbers_become_fractions():
 
 
 def test_at_least_one_level_is_needed():
-    with pytest.raises(ValueError, match="n_scales is 0"):
-        volume_pyramid(Volume(np.ones((2, 2, 2)), np.eye(4)), 0)
+    refuses("n_scales is 0", volume_pyramid, Volume(np.ones((2, 2, 2)), np.eye(4)), 0)

@@ -16,6 +16,7 @@ from meshot.volume.volume import (
     voxel_sizes,
     voxel_to_mm,
 )
+from refusals import refuses
 
 
 @pytest.fixture
@@ -42,13 +43,11 @@ def ramp() -> Volume:
     ],
 )
 def test_the_door(data, affine, words):
-    with pytest.raises(ValueError, match=words):
-        Volume(data, affine)
+    refuses(words, Volume, data, affine)
 
 
 def test_other_data_must_fit_the_grid():
-    with pytest.raises(ValueError, match="one value for each voxel"):
-        Volume(np.zeros((2, 2, 2)), np.eye(4)).with_data(np.zeros((2, 2, 3)))
+    refuses("one value for each voxel", Volume(np.zeros((2, 2, 2)), np.eye(4)).with_data, np.zeros((2, 2, 3)))
 
 
 def test_there_and_back_through_an_oblique_affine(ramp):
@@ -88,8 +87,7 @@ def test_cropping_leaves_everything_in_place(ramp):
     box = cropped(ramp, points, margin=1)
     assert box.data.shape == (5, 4, 4)
     torch.testing.assert_close(sample_volume(box, points), sample_volume(ramp, points))
-    with pytest.raises(ValueError, match="do not overlap"):
-        cropped(ramp, points + 500)
+    refuses("do not overlap", cropped, ramp, points + 500)
 
 
 @pytest.mark.parametrize("order", [1, 3])

@@ -6,6 +6,7 @@ import torch
 from meshot.mesh.connectivity import SPHERE, topology
 from meshot.mesh.shapes import icosphere
 from meshot.systems.learning import Template, TemplateSettings, mean_box, template_shape
+from refusals import refuses
 
 
 def test_the_mean_box_is_the_mean():
@@ -43,5 +44,4 @@ def test_smoothing_smooths_and_sides_differ():
     ],
 )
 def test_shapes_that_do_not_exist_are_refused(settings, words, unchecked):
-    with pytest.raises(ValueError, match=words):
-        TemplateSettings(**settings)
+    refuses(words, TemplateSettings, **settings)

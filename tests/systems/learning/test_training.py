@@ -20,6 +20,7 @@ from meshot.systems.learning import (
 )
 from meshot.volume.volume import Volume
 from phantoms import phantom_subjects
+from refusals import refuses
 
 KEYS = [("left", "white")]
 
@@ -30,8 +31,7 @@ def test_gain_and_offset_of_an_image_do_not_matter():
     torch.testing.assert_close(one, louder, atol=1e-5, rtol=0)
     assert one.shape == (1, 1, 4, 4, 4)
     assert float(one.mean()) == pytest.approx(0, abs=1e-6)
-    with pytest.raises(ValueError, match="the image is 3 everywhere; a scan is needed"):
-        scaled_image(Volume(np.full((2, 2, 2), 3.0), np.eye(4)))
+    refuses("the image is 3 everywhere; a scan is needed", scaled_image, Volume(np.full((2, 2, 2), 3.0), np.eye(4)))
 
 
 def test_the_digest_knows_scans_and_truths():
@@ -48,8 +48,7 @@ def test_distances_are_means_over_pairs():
     found = mean_distances([(inner, outer), (inner, Surface(inner))], 500)
     assert found["validation_loss"] == pytest.approx(0.5, abs=0.02)
     broken = inner.with_vertices(inner.vertices * float("nan"))
-    with pytest.raises(ValueError, match="NaN or infinite"):
-        mean_distances([(broken, outer)], 500)
+    refuses("NaN or infinite", mean_distances, [(broken, outer)], 500)
 
 
 def no_area(*_):
