@@ -132,15 +132,9 @@ class Subject:
 def participants(
     cohort_dir: str | os.PathLike, split: str | None = None, unfinished: bool = False
 ) -> list[Participant]:
-    """The participants of a cohort, sorted by name.
+    """The participants of a cohort, sorted by name: those of one split of ``SPLITS``, by default of all.
 
-    Parameters
-    ----------
-    cohort_dir : path
-    split : str, optional
-        One of ``SPLITS``. By default all.
-    unfinished : bool
-        Whether to include participants that are planned but not yet made.
+    If ``unfinished``, participants are included that are planned but not yet made.
 
     Raises
     ------

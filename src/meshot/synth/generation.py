@@ -100,12 +100,7 @@ def open_cohort(recipe: Recipe, folder: str | os.PathLike) -> list[Visit]:
 def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Iterator[str]:
     """Make the missing visits of a cohort, and yield the folder of each when it is complete on disk.
 
-    Parameters
-    ----------
-    recipe : Recipe
-    folder : path
-    jobs : int
-        Number of processes, each with one thread.
+    There are ``jobs`` processes, each with one thread.
 
     Raises
     ------
@@ -131,10 +126,8 @@ def make_cohort(recipe: Recipe, folder: str | os.PathLike, jobs: int = 1) -> Ite
 
 
 def make_visit(recipe: Recipe, folder: Path, visit: Visit) -> str:
-    """Make all scans of one visit in a hidden folder, then move them to their final place.
-
-    A visit that another run has made in the meantime stays, because both are the same.
-    """
+    """Make all scans of one visit in a hidden folder, then move them to their final place."""
+    # A visit that another run has made in the meantime stays, because both are the same.
     place = folder / visit.folder
     derived = folder / "derivatives" / "standard" / visit.folder
     with scratch_folder(folder) as made:

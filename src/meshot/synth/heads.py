@@ -268,15 +268,7 @@ class CarriedHead:
             deep = deep * (1 - fluid)
         room = np.clip(0.5 + (white_depth(fractions["white"], voxel_sizes(grid)) - DEPTH_MM), 0, 1)
         inner = {"deep grey": deep * room, "fluid": fluid * room}
-        outer = self._hindbrain(tissue, places, float(voxel_sizes(grid).mean()))
-        outer = {name: part * (1 - inside_pial) for name, part in outer.items()}
-        left = 1 - sum(inner.values())
-        found = {"white": fractions["white"] * left, "grey": fractions["grey"] * left}
-        found |= {"deep grey": inner["deep grey"], "hindbrain": np.zeros_like(left)}
-        return found | outer | {"fluid": inner["fluid"] + outer["fluid"]}
-
-    def _hindbrain(self, tissue: TemplateTissue, places: Places, voxel_mm: float) -> dict[str, Field]:
-        """White matter, grey matter and fluid of cerebellum and brainstem."""
+        # White matter, grey matter and fluid of cerebellum and brainstem.
         parts = (tissue.hindbrain, tissue.hindbrain_white, tissue.hindbrain_grey)
         inside, white, grey = (_sampled(part, places) for part in parts)
         if self.leaves is not None:
@@ -284,10 +276,17 @@ class CarriedHead:
             chosen = (grey > _LEAST) & ~((np.abs(places[..., 0]) < width) & (places[..., 1] > front))
             depths = _sampled(tissue.hindbrain_depth, places)[chosen]
             random = np.random.default_rng(self.seed)
-            fluid, core = leaf_fractions(places[chosen], depths, self.leaves, voxel_mm, random)
-            white[chosen] += core * grey[chosen]
-            grey[chosen] *= 1 - core - fluid
-        return {"hindbrain white": white, "hindbrain grey": grey, "fluid": inside - white - grey}
+            in_leaves, core_share = leaf_fractions(
+                places[chosen], depths, self.leaves, float(voxel_sizes(grid).mean()), random
+            )
+            white[chosen] += core_share * grey[chosen]
+            grey[chosen] *= 1 - core_share - in_leaves
+        outer = {"hindbrain white": white, "hindbrain grey": grey, "fluid": inside - white - grey}
+        outer = {name: part * (1 - inside_pial) for name, part in outer.items()}
+        left = 1 - sum(inner.values())
+        found = {"white": fractions["white"] * left, "grey": fractions["grey"] * left}
+        found |= {"deep grey": inner["deep grey"], "hindbrain": np.zeros_like(left)}
+        return found | outer | {"fluid": inner["fluid"] + outer["fluid"]}
 
     def _template_places(self, grid: Volume) -> Places:
         """The position in MNI152 of every voxel, in mm."""

@@ -15,7 +15,7 @@ import torch
 from meshot.mesh import Mesh
 from meshot.rng import Generator, numpy_generator
 from meshot.settings import Settings
-from meshot.types import Array, Float, Int, Tensor
+from meshot.types import Array, Float, Tensor
 from meshot.volume import Volume, enclosed_fractions, mm_to_voxel, voxel_sizes
 
 TISSUES = ("white", "grey", "deep grey", "hindbrain", "fluid", "skull", "scalp")
@@ -180,11 +180,9 @@ def t1_image(
 
 
 def smooth_noise(shape: Sequence[int], length: Float[Array, " 3"], generator: Generator) -> Float[Array, "X Y Z"]:
-    """A smooth random field of mean 0 and standard deviation 1 on a grid.
-
-    It interpolates independent normal numbers on knots ``length`` voxels apart by cubic splines. The cost does not
-    increase with ``length``.
-    """
+    """A smooth random field of mean 0 and standard deviation 1 on a grid."""
+    # It interpolates independent normal numbers on knots ``length`` voxels apart by cubic splines. The cost does not
+    # increase with ``length``.
     rng = numpy_generator(generator)
     step = np.maximum(np.asarray(length, dtype=np.float64), 1.0)
     knots = rng.standard_normal(tuple(np.ceil(np.array(shape) / step).astype(int) + 4))
@@ -197,11 +195,9 @@ def smooth_noise(shape: Sequence[int], length: Float[Array, " 3"], generator: Ge
 def with_motion(
     signal: Float[Array, "X Y Z"], spread: Float[Array, " 3"], generator: Generator
 ) -> Float[Array, "X Y Z"]:
-    """The magnitude of an image of a head that moves at two moments of the scan.
-
-    The planes of its Fourier transform along the second axis are measured one after the other. A displacement
-    multiplies the later ones by a phase. The head is in its place when the middle plane is measured.
-    """
+    """The magnitude of an image of a head that moves at two moments of the scan."""
+    # The planes of its Fourier transform along the second axis are measured one after the other. A displacement
+    # multiplies the later ones by a phase. The head is in its place when the middle plane is measured.
     rng = numpy_generator(generator)
     frequencies = [np.fft.fftfreq(n) for n in signal.shape]
     order = np.argsort(frequencies[1])
@@ -216,10 +212,8 @@ def with_motion(
 
 
 def rician_noise(signal: Float[Array, "*shape"], sigma: float, generator: Generator) -> Float[Array, "*shape"]:
-    """The magnitude of a signal with normal noise of standard deviation ``sigma`` in both channels of the receiver.
-
-    Without signal the values follow a Rayleigh distribution with mean σ √(π/2).
-    """
+    """The magnitude of a signal with normal noise of standard deviation ``sigma`` in both channels of the receiver."""
+    # Without signal the values follow a Rayleigh distribution with mean σ √(π/2).
     rng = numpy_generator(generator)
     real = signal + sigma * rng.standard_normal(signal.shape)
     return np.hypot(real, sigma * rng.standard_normal(signal.shape))
@@ -291,7 +285,33 @@ def blemished(
             found |= {"white": found["white"] - moved, "deep grey": found["deep grey"] + moved}
     outside = scipy.ndimage.distance_transform_edt(bare < 0.5, sampling=sizes.tolist())
     if blemishes.vessels:
-        found = _replaced(found, "scalp", _vessels(outside, sizes, blemishes.vessels, rng))
+        # Random walks that stay near the surface of the brain.
+        starts, total = np.argwhere((outside > 0) & (outside <= 2)), np.zeros(outside.shape)
+        for _ in range(blemishes.vessels):
+            place = starts[rng.integers(len(starts))] * sizes
+            heading, path, last = rng.standard_normal(3), [], np.array(outside.shape) - 1
+            for _ in range(_STEPS):
+                index = np.clip(np.round(place / sizes), 0, last).astype(int)
+                ends = np.clip(index + np.array([-1, 1])[:, None, None] * np.eye(3, dtype=int), 0, last)
+                slope = outside[tuple(ends[1].T)] - outside[tuple(ends[0].T)]
+                away = slope / max(np.linalg.norm(slope), 1e-9)
+                heading = _STIFFNESS * heading + (1 - _STIFFNESS) * rng.standard_normal(3)
+                heading -= (heading @ away) * away + 0.2 * (outside[tuple(index)] - 1.5) * away
+                heading /= max(np.linalg.norm(heading), 1e-9)
+                path.append(index)
+                place = place + _STEP_MM * heading
+            path = np.array(path)
+            radius = rng.uniform(*_RADII_MM)
+            # In a box around the path: the share of each voxel that lies within the radius of the path.
+            margin = np.ceil(radius / sizes).astype(int) + 2
+            low = np.maximum(path.min(axis=0) - margin, 0)
+            high = np.minimum(path.max(axis=0) + margin + 1, outside.shape)
+            free = np.ones(high - low, dtype=bool)
+            free[tuple((path - low).T)] = False
+            distance = scipy.ndimage.distance_transform_edt(free, sampling=sizes.tolist())
+            box = tuple(slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
+            total[box] = np.maximum(total[box], np.clip(0.5 + (radius - distance) / sizes.mean(), 0, 1))
+        found = _replaced(found, "scalp", total)
     if blemishes.dura > 0:
         layer = (outside > 0) & (outside <= blemishes.dura_mm) & _patches(bare.shape, sizes, blemishes.dura, rng)
         found = _replaced(found, "scalp", layer.astype(np.float64))
@@ -311,44 +331,6 @@ def _patches(shape: tuple[int, ...], sizes: Float[Array, " 3"], share: float, rn
     """A random part of space, with a share of about ``share``."""
     field = smooth_noise(shape, _PATCH_MM / sizes, rng)
     return field > np.quantile(field, 1 - share)
-
-
-def _vessels(
-    outside: Float[Array, "X Y Z"], sizes: Float[Array, " 3"], n_vessels: int, rng: np.random.Generator
-) -> Float[Array, "X Y Z"]:
-    """The share of vessels in every voxel: random walks along the surface of the brain."""
-    starts, total = np.argwhere((outside > 0) & (outside <= 2)), np.zeros(outside.shape)
-    for _ in range(n_vessels):
-        path = _walk(outside, sizes, starts[rng.integers(len(starts))] * sizes, rng)
-        radius = rng.uniform(*_RADII_MM)
-        # In a box around the path: the share of each voxel that lies within the radius of the path.
-        margin = np.ceil(radius / sizes).astype(int) + 2
-        low = np.maximum(path.min(axis=0) - margin, 0)
-        high = np.minimum(path.max(axis=0) + margin + 1, outside.shape)
-        free = np.ones(high - low, dtype=bool)
-        free[tuple((path - low).T)] = False
-        distance = scipy.ndimage.distance_transform_edt(free, sampling=sizes.tolist())
-        box = tuple(slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
-        total[box] = np.maximum(total[box], np.clip(0.5 + (radius - distance) / sizes.mean(), 0, 1))
-    return total
-
-
-def _walk(
-    outside: Float[Array, "X Y Z"], sizes: Float[Array, " 3"], place: Float[Array, " 3"], rng: np.random.Generator
-) -> Int[Array, "n 3"]:
-    """The voxels of a random walk that stays near the surface of the brain."""
-    heading, path, last = rng.standard_normal(3), [], np.array(outside.shape) - 1
-    for _ in range(_STEPS):
-        index = np.clip(np.round(place / sizes), 0, last).astype(int)
-        ends = np.clip(index + np.array([-1, 1])[:, None, None] * np.eye(3, dtype=int), 0, last)
-        slope = outside[tuple(ends[1].T)] - outside[tuple(ends[0].T)]
-        away = slope / max(np.linalg.norm(slope), 1e-9)
-        heading = _STIFFNESS * heading + (1 - _STIFFNESS) * rng.standard_normal(3)
-        heading -= (heading @ away) * away + 0.2 * (outside[tuple(index)] - 1.5) * away
-        heading /= max(np.linalg.norm(heading), 1e-9)
-        path.append(index)
-        place = place + _STEP_MM * heading
-    return np.array(path)
 
 
 # White matter right below the cortex, which has less myelin than deep white matter and is darker in a T1.

@@ -243,11 +243,9 @@ def recipe_text(recipe: Recipe) -> str:
 
 
 def plan(recipe: Recipe) -> list[Participant]:
-    """The participants of a cohort. A larger number of subjects does not change the first ones.
-
-    Each subject is assigned to the split whose share is furthest below its target. Every multiple of ten subjects is
-    therefore divided exactly. The order introduces no bias, since every subject is drawn independently.
-    """
+    """The participants of a cohort. A larger number of subjects does not change the first ones."""
+    # Each subject is assigned to the split whose share is furthest below its target. Every multiple of ten subjects is
+    # therefore divided exactly. The order introduces no bias, since every subject is drawn independently.
     counts, found = dict.fromkeys(SPLITS, 0), []
     for i in range(recipe.subjects):
         split = max(SPLITS, key=lambda s: recipe.split.get(s, 0.0) * (i + 1) - counts[s])

@@ -23,7 +23,6 @@ from meshot.synth.imaging import (
     Appearance,
     Blemishes,
     Ellipsoids,
-    Interior,
     blemished,
     moved_structure,
     structures_of,
@@ -192,15 +191,7 @@ def simulated_scan(
 ) -> Scan:
     """Simulate a scan: place the head in the scanner, compute the tissue fractions, and make the image.
 
-    Parameters
-    ----------
-    subject : CorticalSurfaces
-        In head coordinates.
-    anatomy : Anatomy
-    appearance : Appearance
-    position : Position
-    seed : list of int
-        Seed of the position, the grid, and the image.
+    The subject is in head coordinates. The seed is that of the position, the grid, and the image.
     """
     rng = np.random.default_rng(seed)
     corners = torch.cat([mesh.vertices.detach() for mesh in subject.pial.values()])
@@ -213,7 +204,13 @@ def simulated_scan(
         for kind, meshes in (("white", subject.white), ("pial", subject.pial))
         for side, mesh in meshes.items()
     }
-    inner = _interior(subject, anatomy, motion, seed)
+    if anatomy.leaf_mm is None:
+        structures = structures_of(subject.white, anatomy.ventricles, anatomy.below)
+        inner = Ellipsoids([moved_structure(structure, motion) for structure in structures])
+    elif subject.warp is None:
+        raise ValueError("the subject has no warp to carry the average with; make it with synthetic_subject")
+    else:
+        inner = CarriedHead(subject.warp, motion, anatomy.ventricles, Leaves(anatomy.leaf_mm), [*seed, _LEAVES])
     corners = [mesh.vertices for (kind, _), mesh in surfaces.items() if kind == "pial"]
     room = dataclasses.replace(position, margin_mm=position.margin_mm + sum(anatomy.head_mm))
     grid = scanner_grid(room, torch.cat([*corners, inner.ends()]), rng)
@@ -224,31 +221,18 @@ def simulated_scan(
         fractions = blemished(fractions, grid, anatomy.blemishes, np.random.default_rng([*seed, _BLEMISHES]))
     image = t1_image(fractions, grid, appearance, rng)
     whole = image.with_data(np.clip(np.rint(image.data), 0, 32767).astype(np.int16))
-    return Scan(whole, _tissue_labels(fractions, pial, grid), surfaces, motion)
-
-
-def _interior(subject: CorticalSurfaces, anatomy: Anatomy, motion: Float[Array, "4 4"], seed: list[int]) -> Interior:
-    if anatomy.leaf_mm is None:
-        found = structures_of(subject.white, anatomy.ventricles, anatomy.below)
-        return Ellipsoids([moved_structure(structure, motion) for structure in found])
-    if subject.warp is None:
-        raise ValueError("the subject has no warp to carry the average with; make it with synthetic_subject")
-    return CarriedHead(subject.warp, motion, anatomy.ventricles, Leaves(anatomy.leaf_mm), [*seed, _LEAVES])
-
-
-def _tissue_labels(fractions: Mapping[str, Float[Array, "X Y Z"]], pial: list[Mesh], grid: Volume) -> Volume:
-    """The tissue with the largest fraction of each voxel, or air."""
+    # The tissue with the largest fraction of each voxel, or air.
     left, right = (enclosed_fractions(mesh, grid, 1) for mesh in pial)
-    side = right > left
+    on_right = right > left
     hindbrain = sum((fractions[t] for t in SAME_SIGNAL if t in fractions), fractions["hindbrain"])
     fractions = {t: part for t, part in fractions.items() if t not in SAME_SIGNAL} | {"hindbrain": hindbrain}
     most, labels = 1 - sum(fractions.values()), np.zeros(grid.data.shape, dtype=np.uint8)
     for tissue, part in fractions.items():
         sided = tissue in ("white", "grey")
         value = np.uint8(cohort.LABELS[f"left {tissue}" if sided else tissue])
-        labels = np.where(part > most, value + side if sided else value, labels)
+        labels = np.where(part > most, value + on_right if sided else value, labels)
         most = np.maximum(part, most)
-    return Volume(labels, grid.affine)
+    return Scan(whole, Volume(labels, grid.affine), surfaces, motion)
 
 
 @functools.cache

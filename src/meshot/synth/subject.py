@@ -80,17 +80,10 @@ class HeadWarp:
 
 
 def random_warp(meshes: list[Mesh], size_sd: float, warp_mm: tuple[float, ...], generator: Generator) -> HeadWarp:
-    """A random deformation of a head that contains the meshes.
-
-    The steps of the flow (Runge–Kutta of order four) are short enough that each is injective: h·L ≤ ½ for the bound L
-    of the Lipschitz constant, and a step reduces no distance by more than the factor 2 − e^(h·L) > 0. Triangles between
-    moving vertices may intersect where surfaces nearly touch.
-
-    Raises
-    ------
-    ValueError
-        If the velocity is too steep.
-    """
+    """A random deformation of a head that contains the meshes."""
+    # The steps of the flow (Runge–Kutta of order four) are short enough that each is injective: h·L ≤ ½ for the bound L
+    # of the Lipschitz constant, and a step reduces no distance by more than the factor 2 − e^(h·L) > 0. Triangles
+    # between moving vertices may intersect where surfaces nearly touch.
     rng = numpy_generator(generator)
     sizes = random_sizes(size_sd, rng)
     if not warp_mm:
@@ -257,11 +250,6 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
     intersections of triangles are removed by smoothing. If that fails, all random variation is reduced, see
     ``CorticalSurfaces.strength``.
 
-    Parameters
-    ----------
-    shape : Shape
-    seed : generator or int
-
     Raises
     ------
     ValueError
@@ -270,7 +258,29 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
     child = int(numpy_generator(seed).integers(2**62))
     for strength in STRENGTHS:
         rng = np.random.default_rng(child)
-        cortices = _cortices(shape, strength, rng)
+        # White surface, pial surface and wall of each side, before the warp.
+        folding, thickness, atrophy = (
+            mean + strength * sd * float(np.clip(rng.standard_normal(), -2, 2))
+            for mean, sd in (
+                (shape.folding, shape.folding_sd),
+                (shape.thickness, shape.thickness_sd),
+                (shape.atrophy, shape.atrophy_sd),
+            )
+        )
+        atrophy, variation, cortices = max(atrophy, 0.0), strength * shape.thickness_variation, []
+        for side in HEMISPHERES:
+            if shape.kind == "procedural":
+                part = procedural_cortex(side, shape.subdivisions, folding, thickness, variation, atrophy, rng)
+            else:
+                fields = smooth_variation(fsaverage5_surface("white", side).vertices, VARIATION_MM, rng, 2)
+                depth = folding * (1 + strength * shape.folding_variation * fields[:, 0])
+                scale = thickness / template_thickness() * (1 + variation * fields[:, 1])
+                part = template_cortex(side, shape.subdivisions, depth, scale, atrophy)
+            cortices.append(part)
+        if shape.mirrored:  # x is reversed, and so is the order of the corners of every face
+            flip = torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64)
+            turned = [[Mesh(m.vertices * flip, m.faces.flip(1)) for m in part[:2]] for part in reversed(cortices)]
+            cortices = [(*pair, part[2]) for pair, part in zip(turned, reversed(cortices), strict=True)]
         meshes = [mesh for white, pial, _ in cortices for mesh in (white, pial)]
         warp = random_warp(meshes, strength * shape.size_sd, tuple(strength * size for size in shape.warp_mm), rng)
         apart = kept_apart(warp.of_meshes(meshes))
@@ -282,42 +292,9 @@ def synthetic_subject(shape: Shape, seed: Generator) -> CorticalSurfaces:
 
 
 def mean_surfaces(shape: Shape | None = None) -> CorticalSurfaces:
-    """The mean subject of a shape: a prediction that does not depend on the scan.
-
-    Parameters
-    ----------
-    shape : Shape, optional
-        Used without its random variation. By default the refined fsaverage5 surfaces.
-    """
+    """The mean subject of a shape, without its variation; by default the refined fsaverage5 surfaces."""
     shape = Shape(folding=1.0, thickness=template_thickness()) if shape is None else shape
     return synthetic_subject(dataclasses.replace(shape.without_variation(), kind="template"), 0)
-
-
-def _cortices(shape: Shape, strength: float, rng: np.random.Generator) -> list[Cortex]:
-    """White surface, pial surface and wall of each side, before the warp."""
-    folding, thickness, atrophy = (
-        mean + strength * sd * float(np.clip(rng.standard_normal(), -2, 2))
-        for mean, sd in (
-            (shape.folding, shape.folding_sd),
-            (shape.thickness, shape.thickness_sd),
-            (shape.atrophy, shape.atrophy_sd),
-        )
-    )
-    atrophy, variation, found = max(atrophy, 0.0), strength * shape.thickness_variation, []
-    for side in HEMISPHERES:
-        if shape.kind == "procedural":
-            part = procedural_cortex(side, shape.subdivisions, folding, thickness, variation, atrophy, rng)
-        else:
-            fields = smooth_variation(fsaverage5_surface("white", side).vertices, VARIATION_MM, rng, 2)
-            depth = folding * (1 + strength * shape.folding_variation * fields[:, 0])
-            scale = thickness / template_thickness() * (1 + variation * fields[:, 1])
-            part = template_cortex(side, shape.subdivisions, depth, scale, atrophy)
-        found.append(part)
-    if shape.mirrored:  # x is reversed, and so is the order of the corners of every face
-        flip = torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64)
-        turned = [[Mesh(m.vertices * flip, m.faces.flip(1)) for m in cortex[:2]] for cortex in reversed(found)]
-        found = [(*meshes, cortex[2]) for meshes, cortex in zip(turned, reversed(found), strict=True)]
-    return found
 
 
 # Procedural folded hemispheres: sulci along the zeros of random noise on a smooth body, not derived from a brain.
@@ -348,17 +325,33 @@ def procedural_cortex(
     atrophy: float,
     generator: Generator,
 ) -> tuple[Mesh, Mesh, Bool[Tensor, " V"]]:
-    """White surface, pial surface and medial wall of one hemisphere.
-
-    The white surface is a sphere mapped to a body whose half-axes are smaller where the noise is near zero. Bodies of
-    different depths are nested, so the surface does not intersect itself. Vertices are redistributed so that faces have
-    similar areas. The surface is moved inwards by ``atrophy``. The pial surface is the white one offset outwards by the
-    thickness, or by less where a sulcus is too narrow.
-    """
+    """White surface, pial surface and medial wall of one hemisphere."""
+    # The white surface is a sphere mapped to a body whose half-axes are smaller where the noise is near zero. Bodies of
+    # different depths are nested, so the surface does not intersect itself. Vertices are redistributed so that faces
+    # have similar areas. The surface is moved inwards by ``atrophy``. The pial surface is the white one offset outwards
+    # by the thickness, or by less where a sulcus is too narrow.
     rng = numpy_generator(generator)
-    body = _Body(side, min(folding * _DEPTH, _DEEPEST), _noise(rng))
+    # Noise with wavelengths around WAVELENGTH and its gradient, as splines, and the position of the first node.
+    lower = -np.array([LATERAL + MEDIAL + 16, LENGTH + 10, HEIGHT + 10])
+    shape = np.ceil(-2 * lower / _SPACING).astype(int)
+    waves = np.fft.fftn(rng.standard_normal(tuple(shape)))
+    frequencies = np.meshgrid(*[np.fft.fftfreq(n, _SPACING) for n in shape], indexing="ij")
+    numbers = WAVELENGTH * np.sqrt(sum(f**2 for f in frequencies))
+    waves *= np.exp(-(((numbers - 1) / _BANDWIDTH) ** 2) / 2)
+    waves /= np.fft.ifftn(waves).real.std()
+    band = np.fft.ifftn(waves).real
+    slopes = [np.fft.ifftn(2j * np.pi * f * waves).real for f in frequencies]
+    splines = [torch.from_numpy(np.stack(parts, axis=-1)) for parts in ([band] * 3, slopes)]
+    body = _Body(side, min(folding * _DEPTH, _DEEPEST), (tuple(splines), torch.from_numpy(lower)))
     sphere = icosphere(subdivisions)
-    directions = _spread(sphere, body)
+    # Directions that are denser where the surface is larger: each moves to the area-weighted mean of its faces.
+    directions, faces = sphere.vertices, sphere.faces
+    for _ in range(_SPREADING):
+        areas = face_areas(sphere.with_vertices(body.surface(directions)))
+        growth = (areas / areas.mean()).clamp(max=_LARGEST_GROWTH)
+        centres = (growth[:, None] * directions[faces].mean(dim=1)).repeat_interleave(3, dim=0)
+        sums = torch.zeros_like(directions).index_add(0, faces.flatten(), centres)
+        directions = sums / torch.linalg.vector_norm(sums, dim=1, keepdim=True)
     outside = 1 - body.wall(directions)
     white = laplacian_smoothing(sphere.with_vertices(body.surface(directions)), _WALL_SMOOTHINGS)
     white = offset_surface(white, torch.full_like(outside, -atrophy))
@@ -399,33 +392,6 @@ class _Body:
         return torch.stack([across * x + midline, (LENGTH - inset) * y, (HEIGHT - inset) * z], dim=1)
 
 
-def _noise(rng: np.random.Generator) -> tuple[tuple[Tensor, Tensor], Float[Tensor, " 3"]]:
-    """Noise with wavelengths around ``WAVELENGTH`` and its gradient, as splines, and the position of the first node."""
-    lower = -np.array([LATERAL + MEDIAL + 16, LENGTH + 10, HEIGHT + 10])
-    shape = np.ceil(-2 * lower / _SPACING).astype(int)
-    waves = np.fft.fftn(rng.standard_normal(tuple(shape)))
-    frequencies = np.meshgrid(*[np.fft.fftfreq(n, _SPACING) for n in shape], indexing="ij")
-    numbers = WAVELENGTH * np.sqrt(sum(f**2 for f in frequencies))
-    waves *= np.exp(-(((numbers - 1) / _BANDWIDTH) ** 2) / 2)
-    waves /= np.fft.ifftn(waves).real.std()
-    band = np.fft.ifftn(waves).real
-    slopes = [np.fft.ifftn(2j * np.pi * f * waves).real for f in frequencies]
-    splines = [torch.from_numpy(np.stack(parts, axis=-1)) for parts in ([band] * 3, slopes)]
-    return tuple(splines), torch.from_numpy(lower)
-
-
-def _spread(sphere: Mesh, body: _Body) -> Float[Tensor, "V 3"]:
-    """Directions that are denser where the surface is larger: each moves to the area-weighted mean of its faces."""
-    directions, faces = sphere.vertices, sphere.faces
-    for _ in range(_SPREADING):
-        areas = face_areas(sphere.with_vertices(body.surface(directions)))
-        growth = (areas / areas.mean()).clamp(max=_LARGEST_GROWTH)
-        centres = (growth[:, None] * directions[faces].mean(dim=1)).repeat_interleave(3, dim=0)
-        sums = torch.zeros_like(directions).index_add(0, faces.flatten(), centres)
-        directions = sums / torch.linalg.vector_norm(sums, dim=1, keepdim=True)
-    return directions
-
-
 # Cortical surfaces made from fsaverage5 with deeper or shallower folds and another cortical thickness.
 
 SUBDIVISIONS = 5  # of fsaverage5
@@ -440,13 +406,11 @@ WALL_THICKNESS = 0.5
 def template_cortex(
     side: Hemisphere, subdivisions: int, folding: Float[Tensor, " n"], thickness: Float[Tensor, " n"], atrophy: float
 ) -> tuple[Mesh, Mesh, Bool[Tensor, " V"]]:
-    """White surface, pial surface and medial wall of one hemisphere, made from fsaverage5 with modified folds.
-
-    Let S be the white surface W after smoothing that removes its folds, and let α be the depth of folds. The new white
-    surface is S + α (W − S), moved inwards by ``atrophy``. The vectors P − W to the pial surface P are scaled by s. On
-    the medial wall the surfaces are kept .1 mm apart. Folds are changed on the vertices of fsaverage5. The result is
-    then refined smoothly.
-    """
+    """White surface, pial surface and medial wall of one hemisphere, made from fsaverage5 with modified folds."""
+    # Let S be the white surface W after smoothing that removes its folds, and let α be the depth of folds. The new
+    # white surface is S + α (W − S), moved inwards by ``atrophy``. The vectors P − W to the pial surface P are scaled
+    # by s. On the medial wall the surfaces are kept .1 mm apart. Folds are changed on the vertices of fsaverage5. The
+    # result is then refined smoothly.
     white, pial = (fsaverage5_surface(kind, side) for kind in ("white", "pial"))
     smooth = laplacian_smoothing(white, _FOLD_SMOOTHINGS).vertices
     shift = torch.tensor([-_WHITE_APART if side == "left" else _WHITE_APART, 0.0, 0.0], dtype=torch.float64)
@@ -485,13 +449,12 @@ _MARGIN = 4.0  # mm, beyond the largest distance
 
 
 def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
-    """Move every vertex of a closed surface outwards by a distance in mm (inwards if negative), as far as possible.
-
-    The vertices follow the flow of one smooth velocity field: the negative gradient of the enclosed volume's indicator
-    function, blurred by 1.3 mm, scaled to unit speed. Where walls face each other, the gradient vanishes and the
-    velocity is lower. Trajectories do not meet, so that the walls of a sulcus approach each other and stop. A vertex
-    stops when its distance from the start is the requested one, or after twice the time for the largest distance.
-    """
+    """Move every vertex of a closed surface outwards by a distance in mm (inwards if negative), as far as possible."""
+    # The vertices follow the flow of one smooth velocity field: the negative gradient of the enclosed volume's
+    # indicator function, blurred by 1.3 mm, scaled to unit speed. Where walls face each other, the gradient vanishes
+    # and the velocity is lower. Trajectories do not meet, so that the walls of a sulcus approach each other and stop. A
+    # vertex stops when its distance from the start is the requested one, or after twice the time for the largest
+    # distance.
     if len(distances) != len(mesh.vertices) or float(distances.min()) * float(distances.max()) < 0:
         raise ValueError(
             f"{len(distances)} distances from {float(distances.min()):.3g} to {float(distances.max()):.3g} mm for "
@@ -502,7 +465,19 @@ def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
     farthest = float(distances.abs().max())
     if farthest == 0:
         return mesh
-    coefficients, lower = _outward_field(mesh, farthest + _MARGIN)
+    # Spline coefficients of the velocity on a grid around the mesh, whose first node is at ``lower``.
+    vertices, margin = mesh.vertices.detach(), farthest + _MARGIN
+    lower = torch.floor(vertices.amin(dim=0) - margin)
+    shape = [int(n) for n in torch.ceil((vertices.amax(dim=0) + margin - lower) / _VOXEL)]
+    affine = np.diag([_VOXEL, _VOXEL, _VOXEL, 1.0])
+    affine[:3, 3] = lower.numpy()
+    # Deep folds may intersect and have regions with winding number -1, which count as outside.
+    inside = winding_numbers(mesh, Volume(np.zeros(shape, dtype=np.float32), affine), n_lines=2).clip(0, 1)
+    orders = np.eye(3, dtype=int).tolist()
+    downhill = np.stack([-scipy.ndimage.gaussian_filter(inside, _BLUR / _VOXEL, order=o) for o in orders], axis=-1)
+    downhill /= _VOXEL
+    speed = np.linalg.norm(downhill, axis=-1, keepdims=True)
+    coefficients = torch.from_numpy(downhill / (speed + _FLAT)).to(vertices)
     step = _STEP if float(distances.sum()) > 0 else -_STEP
 
     def velocity(points: Tensor) -> Tensor:
@@ -520,22 +495,6 @@ def offset_surface(mesh: Mesh, distances: Float[Tensor, " V"]) -> Mesh:
         reached = torch.where(moving, torch.maximum(reaches, reached), reached)
         place = torch.where(moving[:, None], following, place)
     return mesh.with_vertices(result)
-
-
-def _outward_field(mesh: Mesh, margin: float) -> tuple[Float[Tensor, "X Y Z 3"], Float[Tensor, " 3"]]:
-    """Spline coefficients of the velocity field on a grid around the mesh, and the position of its first node."""
-    vertices = mesh.vertices.detach()
-    lower = torch.floor(vertices.amin(dim=0) - margin)
-    shape = [int(n) for n in torch.ceil((vertices.amax(dim=0) + margin - lower) / _VOXEL)]
-    affine = np.diag([_VOXEL, _VOXEL, _VOXEL, 1.0])
-    affine[:3, 3] = lower.numpy()
-    # Deep folds may intersect and have regions with winding number -1, which count as outside.
-    inside = winding_numbers(mesh, Volume(np.zeros(shape, dtype=np.float32), affine), n_lines=2).clip(0, 1)
-    orders = np.eye(3, dtype=int).tolist()
-    downhill = np.stack([-scipy.ndimage.gaussian_filter(inside, _BLUR / _VOXEL, order=o) for o in orders], axis=-1)
-    downhill /= _VOXEL
-    speed = np.linalg.norm(downhill, axis=-1, keepdims=True)
-    return torch.from_numpy(downhill / (speed + _FLAT)).to(vertices), lower
 
 
 # Removal of self-intersections, and of intersections between surfaces of one head.
@@ -563,18 +522,14 @@ def united(meshes: list[Mesh]) -> Mesh:
 
 
 def crossing_faces(meshes: list[Mesh]) -> Int64[Tensor, " n"]:
-    """The faces that intersect another face of the same or another mesh, as indices into the joined meshes.
-
-    If there are none, and the meshes are closed, any two of them are nested or disjoint.
-    """
+    """The faces that intersect another face of the same or another mesh, as indices into the joined meshes."""
+    # If there are none, and the meshes are closed, any two of them are nested or disjoint.
     return self_intersecting_faces(united(meshes))
 
 
 def kept_apart(meshes: list[Mesh]) -> list[Mesh] | None:
-    """The meshes rounded to multiples of 2⁻¹³ mm, and smoothed near intersecting faces until no faces intersect.
-
-    Each round smooths and checks only the neighbourhood of intersecting faces, and then checks all meshes again.
-    """
+    """The meshes rounded to multiples of 2⁻¹³ mm, and smoothed near intersecting faces until no faces intersect."""
+    # Each round smooths and checks only the neighbourhood of intersecting faces, and then checks all meshes again.
     whole = united(meshes)
     whole = whole.with_vertices(on_lattice(whole.vertices))
     for _ in range(_ROUNDS):
@@ -583,21 +538,17 @@ def kept_apart(meshes: list[Mesh]) -> list[Mesh] | None:
             parts = whole.vertices.split([len(mesh.vertices) for mesh in meshes])
             return [mesh.with_vertices(part) for mesh, part in zip(meshes, parts, strict=True)]
         try:
-            whole = _mended_around(whole, crossing)
+            points = whole.vertices.numpy()
+            tree = scipy.spatial.cKDTree(points[np.unique(whole.faces[crossing].numpy())])
+            near = torch.from_numpy(tree.query(points, distance_upper_bound=_REACH)[0] < _REACH)
+            used, faces = torch.unique(whole.faces[near[whole.faces].any(dim=1)], return_inverse=True)
+            part = smooth_crossings(Mesh(whole.vertices[used], faces), _CROSSING_SMOOTHINGS)
+            vertices = whole.vertices.clone()
+            vertices[used] = on_lattice(part.vertices)
+            whole = whole.with_vertices(vertices)
         except ValueError:  # smoothing failed
             return None
     return None
-
-
-def _mended_around(whole: Mesh, crossing: Int64[Tensor, " n"]) -> Mesh:
-    points = whole.vertices.numpy()
-    tree = scipy.spatial.cKDTree(points[np.unique(whole.faces[crossing].numpy())])
-    near = torch.from_numpy(tree.query(points, distance_upper_bound=_REACH)[0] < _REACH)
-    used, faces = torch.unique(whole.faces[near[whole.faces].any(dim=1)], return_inverse=True)
-    part = smooth_crossings(Mesh(whole.vertices[used], faces), _CROSSING_SMOOTHINGS)
-    vertices = whole.vertices.clone()
-    vertices[used] = on_lattice(part.vertices)
-    return whole.with_vertices(vertices)
 
 
 # Smooth refinement of triangle meshes by Loop subdivision.
