@@ -11,6 +11,7 @@ from meshot.settings import parsed_yaml, read_groups, read_yaml
 from meshot.synth.recipe import read_recipe
 from meshot.systems import get_system, read_settings
 from meshot.systems.flows import DeformationConfig
+from refusals import refuses
 
 #: Nine levels, ten aliases each: 10⁹ values in 300 characters.
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -25,13 +26,10 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
 )
 def test_yaml_that_is_not_read(tmp_path, text):
     (tmp_path / "c.yaml").write_text(text)
-    with pytest.raises(ValueError, match="cannot be read as plain YAML"):
-        read_yaml(tmp_path / "c.yaml")
-    with pytest.raises(ValueError, match="cannot be read as plain YAML"):
-        read_recipe(tmp_path / "c.yaml")
+    refuses("cannot be read as plain YAML", read_yaml, tmp_path / "c.yaml")
+    refuses("cannot be read as plain YAML", read_recipe, tmp_path / "c.yaml")
     (tmp_path / "c.yaml").write_text("{}")
-    with pytest.raises(ValueError, match="the value is no YAML"):
-        read_groups(tmp_path / "c.yaml", [f"a.b={text}"])
+    refuses("the value is no YAML", read_groups, tmp_path / "c.yaml", [f"a.b={text}"])
 
 
 def test_bytes_that_are_no_text(tmp_path):
@@ -95,16 +93,14 @@ def test_deformation_settings(change, unchecked):
 
 @pytest.mark.parametrize("change", BAD_SEGMENTATION)
 def test_segmentation_settings(change, unchecked):
-    with pytest.raises(ValueError, match=re.escape(BAD_SEGMENTATION[change])):
-        read_segmentation_config("tiny", [change])
+    refuses(re.escape(BAD_SEGMENTATION[change]), read_segmentation_config, "tiny", [change])
 
 
 def test_the_largest_that_pass():
     assert SegmentationConfig.read({"network": {"width": 2, "depth": 9}}).network.depth == 9
     assert DeformationConfig.read({"network": {"width": 4, "hidden": [2048], "size": 3}}).network.width == 4
     assert Augmentation(shift=10_000).shift == 10_000
-    with pytest.raises(ValueError, match="last level is 1024"):
-        SegmentationConfig.read({"network": {"width": 512, "depth": 2}}).new_network()
+    refuses("last level is 1024", SegmentationConfig.read({"network": {"width": 512, "depth": 2}}).new_network)
 
 
 def test_a_command_with_names_that_are_no_text_can_be_written_down():

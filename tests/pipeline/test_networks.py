@@ -12,6 +12,7 @@ from meshot.pipeline import reconstruction as networks
 from meshot.pipeline.reconstruction import SEGMENTATION, load_networks, segmentation_weights
 from meshot.provenance import read_results
 from meshot.systems import default_system, get_system, protocol as shipped, read_settings, system_names
+from refusals import refuses
 
 PARTS = ["left_white", "right_white"]
 
@@ -37,32 +38,27 @@ def test_without_a_system_its_files_are_not_needed(folder):
     for name in PARTS:
         (folder / f"{name}.safetensors").unlink()
     assert load_networks(segmentation=folder / SEGMENTATION, initial_only=True).system is None
-    with pytest.raises(ValueError, match=r"left_white.safetensors is missing; ddot needs left_white, right_white: "):
-        load(folder)
+    refuses(r"left_white.safetensors is missing; ddot needs left_white, right_white: ", load, folder)
 
 
 def test_the_shipped_ones_are_used_if_no_folder_is_named(folder, monkeypatch):
     for module in (networks, shipped):
         monkeypatch.setattr(module, "SHIPPED", folder)
     (folder / "manifest.json").write_text('{"default_system": "cortexode"}')
-    with pytest.raises(ValueError, match=r"no weights of cortexode come with .* \(meshot train cortexode CONFIG .*-o"):
-        load_networks()
+    refuses(r"no weights of cortexode come with .* \(meshot train cortexode CONFIG .*-o", load_networks)
     (folder / "cortexode").mkdir()
     for name in PARTS:
         shutil.move(folder / f"{name}.safetensors", folder / "cortexode")
     assert load_networks().records[SEGMENTATION]["command"] == "made by hand"
     assert load_networks().system.name == "cortexode"
     (folder / SEGMENTATION).unlink()
-    with pytest.raises(ValueError, match="this installation came without them"):
-        segmentation_weights()
-    with pytest.raises(ValueError, match=r"segmentation\.safetensors does not exist; name their file"):
-        segmentation_weights(folder / SEGMENTATION)
+    refuses("this installation came without them", segmentation_weights)
+    refuses(r"segmentation\.safetensors does not exist; name their file", segmentation_weights, folder / SEGMENTATION)
 
 
 def test_sides_are_not_taken_for_a_segmentation(folder):
     shutil.copy(folder / "left_white.safetensors", folder / SEGMENTATION)
-    with pytest.raises(ValueError, match="does not hold the weights of a SegmentationNetwork"):
-        load(folder)
+    refuses("does not hold the weights of a SegmentationNetwork", load, folder)
 
 
 def with_record(folder, part, record):
@@ -85,16 +81,14 @@ def test_a_flow_from_other_initial_surfaces_is_refused(folder):
     with_record(folder, "left_white", {"results": {"segmentation_sha256": network_digest(segmentation)}})
     load(folder)
     with_record(folder, "left_white", {"results": {"segmentation_sha256": "0" * 64}})
-    with pytest.raises(ValueError, match=r"left_white.* learned from initial surfaces of another network than"):
-        load(folder)
+    refuses(r"left_white.* learned from initial surfaces of another network than", load, folder)
 
 
 @pytest.mark.parametrize("group", ["training", "results"])
 @pytest.mark.parametrize("content", [None, 3, "left", ["side"]])
 def test_a_record_whose_groups_are_none_is_refused(folder, group, content):
     with_record(folder, "left_white", {group: content})
-    with pytest.raises(ValueError, match=r"holds .*; groups of settings are|as its results; names"):
-        load(folder)
+    refuses(r"holds .*; groups of settings are|as its results; names", load, folder)
 
 
 def test_what_is_shipped_can_be_read(root):

@@ -17,6 +17,7 @@ from meshot.pipeline.reconstruction import reconstruct
 from meshot.systems import Part, SurfaceSystem, get_system
 from meshot.volume.registration import StandardScan, place_on_grid
 from meshot.volume.volume import Volume
+from refusals import refuses
 
 SHIFTS = {"left": (0.0, 1.5, 2.0), "right": (1.0, 0.0, -1.0)}
 TO_TEMPLATE = np.eye(4)
@@ -112,8 +113,7 @@ def test_doors(networks):
     blind = brightness_network()
     with torch.no_grad():
         blind.head.bias[2] = -1e6
-    with pytest.raises(ValueError, match="no white matter on the right"):
-        reconstruct(scan, blind, None, template=scan)
+    refuses("no white matter on the right", reconstruct, scan, blind, None, template=scan)
 
 
 class FixedBalls(SurfaceSystem):

@@ -8,6 +8,7 @@ from meshot.pipeline.segmentation import block_means, digest, example, read_exam
 from meshot.volume.surfaces import enclosed_fractions
 from meshot.volume.volume import Volume, sample_volume
 from phantoms import AFFINE, SHAPE, phantom_examples, phantom_scan, phantom_surfaces
+from refusals import refuses
 
 
 @pytest.fixture(scope="module")
@@ -57,17 +58,12 @@ def test_the_digest_sees_names_values_and_order():
 
 def test_bad_examples_are_refused(unchecked, surfaces, tmp_path):
     scan = phantom_scan(surfaces, 0).volume
-    with pytest.raises(ValueError, match="one surface each"):
-        example("one", scan, {"left": surfaces["left"]})
+    refuses("one surface each", example, "one", scan, {"left": surfaces["left"]})
     with pytest.raises(ValueError, match=r"in \[0, 1\] are needed"):
         example("one", scan.with_data(scan.data * 300), surfaces)
     far = {side: mesh.with_vertices(mesh.vertices + 500) for side, mesh in surfaces.items()}
-    with pytest.raises(ValueError, match="are both in the same space"):
-        example("one", scan, far)
-    with pytest.raises(ValueError, match="multiple of 5"):
-        example("one", scan, surfaces, reduction=5)
-    with pytest.raises(ValueError, match="is no cohort"):
-        read_examples([tmp_path], "train")
+    refuses("are both in the same space", example, "one", scan, far)
+    refuses("multiple of 5", example, "one", scan, surfaces, reduction=5)
+    refuses("is no cohort", read_examples, [tmp_path], "train")
     (tmp_path / "participants.tsv").write_text("participant_id\tsplit\tkind\tseed\n")
-    with pytest.raises(ValueError, match="no scan of the split 'test'"):
-        read_examples([tmp_path], "test")
+    refuses("no scan of the split 'test'", read_examples, [tmp_path], "test")

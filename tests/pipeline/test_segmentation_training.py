@@ -26,6 +26,7 @@ from meshot.pipeline.segmentation import (
 from meshot.train.engine import read_log
 from meshot.train.state import TrainingState, read_training, write_training
 from phantoms import phantom_examples, phantom_scan, phantom_surfaces
+from refusals import refuses
 
 TINY = SegmentationConfig.read(
     {
@@ -92,6 +93,7 @@ train_segmentation(TINY, phantom_examples(3), phantom_examples(2, seed=50), fold
 """
 
 
+@pytest.mark.thorough  # a training of a flow is killed in make test, too, by the same engine
 def test_a_process_killed_by_the_system_goes_on(tmp_path, whole, examples, root):
     killed_after_its_first_state(VICTIM.format(folder=str(tmp_path)), root / "tests", tmp_path)
     resumed = train_segmentation(TINY, *examples, folder=tmp_path)
@@ -124,8 +126,7 @@ def test_a_training_starts_from_a_trained_network_and_leaves_it_alone(tmp_path, 
 def test_a_training_from_another_start_is_another_training(tmp_path, whole, examples):
     short = changed(n_epochs=1)
     train_segmentation(short, *examples, folder=tmp_path, start=whole.network)
-    with pytest.raises(ValueError, match="start_sha256"):
-        train_segmentation(short, *examples, folder=tmp_path)
+    refuses("start_sha256", train_segmentation, short, *examples, folder=tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -170,8 +171,7 @@ def test_a_state_of_another_training_is_refused(tmp_path, examples):
 
 def test_examples_must_be_there_and_alike(examples):
     for training, validation in (([], examples[1]), (examples[0], [])):
-        with pytest.raises(ValueError, match="at least one of each is needed"):
-            train_segmentation(TINY, training, validation)
+        refuses("at least one of each is needed", train_segmentation, TINY, training, validation)
     with pytest.raises(ValueError, match=r"on grids \[\(16, 12, 12\), \(32, 24, 24\)\]; all must be on one grid"):
         train_segmentation(TINY, examples[0], phantom_examples(1, reduction=2))
 
@@ -181,10 +181,8 @@ def test_a_log_that_was_cut_short_is_read_up_to_there(tmp_path):
     path.write_text('{"step": 1}\n{"step": 2}\n{"st')
     assert read_log(path) == [{"step": 1}, {"step": 2}]
     path.write_text('{"step"\n{"step": 2}\n')
-    with pytest.raises(ValueError, match="is no log"):
-        read_log(path)
-    with pytest.raises(ValueError, match="does not exist"):
-        read_log(tmp_path / "none.jsonl")
+    refuses("is no log", read_log, path)
+    refuses("does not exist", read_log, tmp_path / "none.jsonl")
 
 
 @pytest.mark.parametrize(
@@ -198,8 +196,7 @@ def test_a_log_that_was_cut_short_is_read_up_to_there(tmp_path):
     ],
 )
 def test_settings_outside_their_range_are_refused(settings, message):
-    with pytest.raises(ValueError, match=message):
-        SegmentationSettings.read(settings)
+    refuses(message, SegmentationSettings.read, settings)
 
 
 def test_configurations_are_read_and_checked(tmp_path):
@@ -220,12 +217,9 @@ def test_configurations_are_read_and_checked(tmp_path):
         ("network: [1", "cannot be read as plain YAML"),
     ):
         path.write_text(text)
-        with pytest.raises(ValueError, match=message):
-            read_segmentation_config(path)
-    with pytest.raises(ValueError, match="does not exist"):
-        read_segmentation_config(tmp_path / "none.yaml")
-    with pytest.raises(ValueError, match="the package has paper, people, small, tiny"):
-        read_segmentation_config("none")
+        refuses(message, read_segmentation_config, path)
+    refuses("does not exist", read_segmentation_config, tmp_path / "none.yaml")
+    refuses("the package has paper, people, small, tiny", read_segmentation_config, "none")
 
 
 def test_a_trained_network_finds_the_sides_and_their_surfaces(examples):
@@ -261,8 +255,7 @@ def test_every_step_sees_another_variant_and_every_epoch_another_order(examples)
 @pytest.mark.parametrize("line", ["3", "[]", "[" * 100_000, "1" * 5000, "\udcff"])
 def test_a_line_of_a_log_that_holds_no_names(tmp_path, line):
     (tmp_path / "log.jsonl").write_bytes((line + "\n").encode("utf-8", "surrogateescape"))
-    with pytest.raises(ValueError, match="is no log of a training"):
-        read_log(tmp_path / "log.jsonl")
+    refuses("is no log of a training", read_log, tmp_path / "log.jsonl")
 
 
 def rewritten(path, change, header_change):
@@ -307,7 +300,6 @@ def test_a_state_of_another_form_is_refused_and_changes_nothing(tmp_path, change
     read_training(tmp_path / "s.safetensors", state(), {"a": 1})
     rewritten(tmp_path / "s.safetensors", change, header_change)
     second, untouched = state(), state()
-    with pytest.raises(ValueError, match="remove it to start anew"):
-        read_training(tmp_path / "s.safetensors", second, {"a": 1})
+    refuses("remove it to start anew", read_training, tmp_path / "s.safetensors", second, {"a": 1})
     assert same(second.network, untouched.network)
     assert second.step == 0

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from meshot.study.bids import Choice, missing_participants, sidecar_of, visits_of_bids
+from refusals import refuses
 
 
 @pytest.fixture
@@ -118,15 +119,12 @@ def test_a_description_that_will_not_do(dataset, text, why):
     add(dataset, "sub-01_T1w.nii")
     file = dataset / "dataset_description.json"
     file.unlink() if text is None else file.write_text(text)
-    with pytest.raises(ValueError, match=why):
-        visits_of_bids(dataset)
+    refuses(why, visits_of_bids, dataset)
 
 
 def test_no_participants_and_no_folder(dataset):
-    with pytest.raises(ValueError, match=r"no folder sub-"):
-        visits_of_bids(dataset)
-    with pytest.raises(ValueError, match="is no folder"):
-        visits_of_bids(dataset / "nowhere")
+    refuses(r"no folder sub-", visits_of_bids, dataset)
+    refuses("is no folder", visits_of_bids, dataset / "nowhere")
 
 
 @pytest.mark.parametrize("closed", ["sub-01", "sub-01/anat", "sub-01/ses-b"])

@@ -10,6 +10,7 @@ from meshot.mesh.io import read_mesh
 from meshot.pipeline import CarriedTemplate
 from meshot.study import layout_named, many_visits as one_visit, visits_of_files
 from meshot.volume.io import read_volume
+from refusals import refuses
 
 
 @pytest.fixture
@@ -44,8 +45,7 @@ def test_a_study_without_it_is_not_taken_for_one_with_it(quick, settings, turned
     (visit,) = visits_of_files([turned_scan])
     made = one_visit.reconstruct_visit(visit, tmp_path, settings)
     asked = dataclasses.replace(settings, correspondence=True)
-    with pytest.raises(ValueError, match="made before with another choice of --template"):
-        one_visit.reconstruct_visit(visit, tmp_path, asked)
+    refuses("made before with another choice of --template", one_visit.reconstruct_visit, visit, tmp_path, asked)
     again = one_visit.reconstruct_visit(visit, tmp_path, dataclasses.replace(asked, overwrite=True))
     assert (made["correspondence"], again["correspondence"]) == (False, True)
     # What has more than is asked for is kept.

@@ -14,6 +14,7 @@ from meshot.study import many_visits, many_visits as one_visit
 from meshot.study.bids import Visit, visits_of_bids
 from meshot.study.many_visits import reconstruct_study, write_table
 from meshot.study.quality import read_subjects
+from refusals import refuses
 
 
 def statuses(study):
@@ -83,8 +84,7 @@ def test_other_scans_are_not_taken_for_those_that_were_done(tmp_path, dataset, s
     one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
     image = nibabel.load(visit.scans[0])
     nibabel.save(nibabel.Nifti1Image(np.asarray(image.dataobj) * 2, image.affine), visit.scans[0])
-    with pytest.raises(ValueError, match="made before with another scans"):
-        one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
+    refuses("made before with another scans", one_visit.reconstruct_visit, visit, tmp_path / "study", settings)
     again = one_visit.dataclasses.replace(settings, overwrite=True)
     report = one_visit.reconstruct_visit(visit, tmp_path / "study", again)
     assert one_visit.reconstruct_visit(visit, tmp_path / "study", settings)["scans"] == report["scans"]
@@ -106,8 +106,7 @@ def test_of_two_runs_of_one_visit_the_first_to_end_is_taken(tmp_path, dataset, s
         report = one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
         assert report == json.loads((tmp_path / "study" / visit.label / "report.json").read_text(encoding="utf-8"))
     else:
-        with pytest.raises(ValueError, match="made before with another scans"):
-            one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
+        refuses("made before with another scans", one_visit.reconstruct_visit, visit, tmp_path / "study", settings)
     assert not list((tmp_path / "study").rglob(".writing*"))
 
 
@@ -117,8 +116,7 @@ def test_a_folder_with_other_things_is_kept(tmp_path, dataset, settings, quick):
     precious.write_text("years")
     (visit,) = [visit for visit in visits_of_bids(dataset) if visit.participant == "02"]
     again = one_visit.dataclasses.replace(settings, overwrite=True)
-    with pytest.raises(ValueError, match="holds something else"):
-        one_visit.reconstruct_visit(visit, tmp_path / "study", again)
+    refuses("holds something else", one_visit.reconstruct_visit, visit, tmp_path / "study", again)
     assert precious.read_text(encoding="utf-8") == "years"
 
 
@@ -130,8 +128,7 @@ def test_a_group_average_is_seen_and_strict_refuses_it(tmp_path, dataset, settin
     assert not (tmp_path / "study").exists()
     report = one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
     assert report["warning_names"][0] == "group_average"
-    with pytest.raises(ValueError, match="Without --strict"):
-        one_visit.reconstruct_visit(visit, tmp_path / "study", strict)
+    refuses("Without --strict", one_visit.reconstruct_visit, visit, tmp_path / "study", strict)
 
 
 def test_nothing_is_left_of_a_visit_that_fails_at_the_end(tmp_path, dataset, settings, quick, monkeypatch):
@@ -175,15 +172,11 @@ def test_a_process_that_is_killed_takes_only_its_own_visit(tmp_path, settings):
 
 def test_bad_places_and_numbers(tmp_path, dataset, settings):
     visits = visits_of_bids(dataset)
-    with pytest.raises(ValueError, match="is the data set itself"):
-        reconstruct_study(visits, dataset, settings, dataset=dataset)
+    refuses("is the data set itself", reconstruct_study, visits, dataset, settings, dataset=dataset)
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(ValueError, match="cannot be written to"):
-        reconstruct_study(visits, tmp_path / "file", settings)
-    with pytest.raises(ValueError, match="no visit"):
-        reconstruct_study([], tmp_path / "study", settings)
-    with pytest.raises(ValueError, match="jobs is 0"):
-        reconstruct_study(visits, tmp_path / "study", settings, jobs=0)
+    refuses("cannot be written to", reconstruct_study, visits, tmp_path / "file", settings)
+    refuses("no visit", reconstruct_study, [], tmp_path / "study", settings)
+    refuses("jobs is 0", reconstruct_study, visits, tmp_path / "study", settings, jobs=0)
 
 
 def test_without_permission_the_folder_is_named(tmp_path, dataset, settings, monkeypatch):
@@ -198,8 +191,7 @@ def test_without_permission_the_folder_is_named(tmp_path, dataset, settings, mon
 def test_a_report_that_is_none_is_named_before_the_first_visit(tmp_path, settings):
     (tmp_path / "sub-01").mkdir()
     (tmp_path / "sub-01" / "report.json").write_text("{}")
-    with pytest.raises(ValueError, match="is no record of a visit"):
-        write_table(tmp_path)
+    refuses("is no record of a visit", write_table, tmp_path)
     with pytest.raises(ValueError, match="is no record of a visit"):
         reconstruct_study([Visit("02", trouble="none")], tmp_path, settings, tell=lambda line: pytest.fail(line))
 

@@ -7,6 +7,7 @@ import pytest
 
 from meshot.study import quality as subjects_table
 from meshot.study.quality import DICTIONARY, TABLE, columns, numbers_of_report, read_subjects, write_subjects
+from refusals import refuses
 
 NUMBERS = {
     "final": {
@@ -55,8 +56,7 @@ def test_what_is_written_is_read_in_order(tmp_path):
 
 
 def test_an_unknown_column_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="the columns mood"):
-        write_subjects(tmp_path, [{"participant_id": "sub-01", "mood": "fine"}])
+    refuses("the columns mood", write_subjects, tmp_path, [{"participant_id": "sub-01", "mood": "fine"}])
     assert not (tmp_path / TABLE).exists()
 
 
@@ -74,5 +74,4 @@ def test_an_unknown_column_is_refused(tmp_path):
 def test_what_is_no_table_of_a_study_is_refused(tmp_path, text, why):
     if text is not None:
         (tmp_path / TABLE).write_bytes(text)
-    with pytest.raises(ValueError, match=why):
-        subjects_table.read_subjects(tmp_path)
+    refuses(why, subjects_table.read_subjects, tmp_path)

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from meshot.study.bids import Visit, bare_label, entities_of, visits_of_files, visits_of_folder
+from refusals import refuses
 
 
 def test_the_names_of_a_visit():
@@ -26,8 +27,7 @@ def test_labels_with_and_without_their_kind(label, expected):
 
 @pytest.mark.parametrize("label", ["", "sub-", "a b", "a/b", "../x"])
 def test_what_is_no_label(label):
-    with pytest.raises(ValueError, match="is no label"):
-        bare_label(label, "sub")
+    refuses("is no label", bare_label, label, "sub")
 
 
 def test_files_have_labels_by_their_names():
@@ -38,10 +38,8 @@ def test_files_have_labels_by_their_names():
 
 
 def test_files_that_would_be_the_same_are_refused():
-    with pytest.raises(ValueError, match="would both be sub-ab"):
-        visits_of_files([Path("a_b.nii"), Path("ab.nii.gz")])
-    with pytest.raises(ValueError, match="no letter and no digit"):
-        visits_of_files([Path("---.nii")])
+    refuses("would both be sub-ab", visits_of_files, [Path("a_b.nii"), Path("ab.nii.gz")])
+    refuses("no letter and no digit", visits_of_files, [Path("---.nii")])
 
 
 def test_a_folder_of_scans(tmp_path):
@@ -49,5 +47,4 @@ def test_a_folder_of_scans(tmp_path):
         (tmp_path / name).touch()
     assert [visit.label for visit in visits_of_folder(tmp_path)] == ["sub-a", "sub-b"]
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ValueError, match="holds no scan"):
-        visits_of_folder(tmp_path / "empty")
+    refuses("holds no scan", visits_of_folder, tmp_path / "empty")

@@ -16,6 +16,7 @@ from meshot.study.bids import Visit
 from meshot.study.comparison import find_surfaces
 from meshot.study.layouts import conformed_scan
 from meshot.volume.io import read_volume
+from refusals import refuses
 
 VISIT = Visit("01", "b", entities=(("acq", "x"),))
 #: The shift of the flow, in mm of the template.
@@ -188,5 +189,4 @@ def test_a_pial_surface_has_the_place_that_others_expect(name, place, tmp_path, 
 
 
 def test_an_unknown_layout_is_refused():
-    with pytest.raises(ValueError, match="no layout 'fs'; known are flat, freesurfer, bids"):
-        layout_named("fs")
+    refuses("no layout 'fs'; known are flat, freesurfer, bids", layout_named, "fs")
