@@ -16,12 +16,10 @@ _NOWHERE = "no folder to keep them in can be written to: set NUMBA_CACHE_DIR to 
 
 
 def kernel(purpose: str, seconds: int, **options: Any) -> Callable[[Callable], Any]:
-    """Decorate a function so that numba compiles it on its first call and caches the result on disk.
-
-    The cache is in ``__pycache__`` beside the source file, or in the user's cache if the package folder is not
-    writable, or in ``NUMBA_CACHE_DIR``. If none of these is writable, every process compiles the function again. The
-    compiled function releases the GIL.
-    """
+    """Decorate a function so that numba compiles it on its first call and caches the result on disk."""
+    # The cache is in ``__pycache__`` beside the source file, or in the user's cache if the package folder is not
+    # writable, or in ``NUMBA_CACHE_DIR``. If none of these is writable, every process compiles the function again. The
+    # compiled function releases the GIL.
     options = {"nogil": True} | options
 
     def compiled(function: Callable) -> Any:

@@ -46,11 +46,9 @@ def write_whole(path: str | os.PathLike, text: str) -> None:
 
 @contextlib.contextmanager
 def whole_folder(path: str | os.PathLike, replace: bool = False) -> Iterator[Path]:
-    """Yield a temporary folder beside ``path`` that is renamed to ``path`` if the block ends without an error.
-
-    If something else appears at ``path`` while the block runs, it is left as it is, and this call raises. Of two runs
-    that write the same folder, the first to end therefore succeeds.
-    """
+    """Yield a temporary folder beside ``path`` that is renamed to ``path`` if the block ends without an error."""
+    # If something else appears at ``path`` while the block runs, it is left as it is, and this call raises. Of two runs
+    # that write the same folder, the first to end therefore succeeds.
     path = Path(path)
     if path.exists() and not path.is_dir():
         raise ValueError(f"{path} is a file; a folder is needed: choose another name")

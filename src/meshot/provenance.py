@@ -121,11 +121,9 @@ def package_version(name: str) -> str:
 
 
 def commit_of(package: Path) -> str:
-    """The commit of the checkout that contains the package, with "+changes" if code has changed since.
-
-    Code means tracked files of the package and of the book's package, and scripts and settings in ``experiments/``.
-    Results do not count.
-    """
+    """The commit of the checkout that contains the package, with "+changes" if code has changed since."""
+    # Code means tracked files of the package and of the book's package, and scripts and settings in ``experiments/``.
+    # Results do not count.
     try:
         head = subprocess.run(
             ["git", "rev-parse", "--short=12", "HEAD"], cwd=package, capture_output=True, text=True, check=True

@@ -51,13 +51,7 @@ Length, Share = Annotated[float, Within(0, ends="()", unit="mm")], Annotated[flo
 
 
 def checked(value: object, kind: object, name: str) -> object:
-    """The value of a setting, after a check against its annotation. A list becomes a tuple, a mapping its settings.
-
-    Raises
-    ------
-    ValueError
-        If the value is not possible. The message says what came, and what is needed.
-    """
+    """The value of a setting, after a check against its annotation. A list becomes a tuple, a mapping its settings."""
     checks: Sequence = ()
     if typing.get_origin(kind) is Annotated:
         kind, *checks = typing.get_args(kind)
@@ -110,11 +104,10 @@ Read = TypeVar("Read", bound="Settings")
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """A frozen dataclass of settings, or of groups of settings, which checks its values against their annotations.
+    """A frozen dataclass of settings, or of groups of settings, which checks its values against their annotations."""
 
-    Annotations are bool, int, float, str and literals; optional ones; tuples and sequences; other settings; and
-    ``Annotated`` ones with :class:`Within`, or with functions of value and name that return the value or raise.
-    """
+    # Annotations are bool, int, float, str and literals; optional ones; tuples and sequences; other settings; and
+    # ``Annotated`` ones with :class:`Within`, or with functions of value and name that return the value or raise.
 
     def __post_init__(self):
         for name, kind in self.kinds().items():
@@ -129,13 +122,7 @@ class Settings:
 
     @classmethod
     def read(cls: type[Read], content: object, name: str = "the configuration") -> Read:
-        """The settings in a mapping, such as the content of a YAML file. Those that are missing have their defaults.
-
-        Raises
-        ------
-        ValueError
-            If a setting is unknown, or a value is not possible. The message begins with the name.
-        """
+        """The settings in a mapping, such as the content of a YAML file. Those that are missing have their defaults."""
         if isinstance(content, cls):
             return content
         kinds = cls.kinds()
@@ -221,10 +208,8 @@ def parsed_yaml(text: str) -> object:
 
 
 def read_groups(path: str | os.PathLike | Traversable, changes: Sequence[str] = ()) -> Groups:
-    """The groups of settings in a YAML file, with some settings changed.
-
-    A change has the form ``group.setting=value``, with a value in YAML.
-    """
+    """The groups of settings in a YAML file, with some settings changed."""
+    # A change has the form ``group.setting=value``, with a value in YAML.
     file = path if isinstance(path, Traversable) else Path(path)
     if not file.is_file():
         raise ValueError(f"{path} does not exist; a YAML file with groups of settings is needed")

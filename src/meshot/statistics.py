@@ -124,17 +124,7 @@ def percentile_interval(drawn: Values, axis: int = -1) -> Array:
     For resampling that :func:`bootstrap_interval` does not support: samples of several sizes, or several statistics of
     the same draws.
 
-    Parameters
-    ----------
-    drawn : sequence of float
-        The statistic of each draw.
-    axis : int
-        The axis of the draws.
-
-    Returns
-    -------
-    numpy.ndarray
-        Low and high, along the first axis. It unpacks as ``low, high``.
+    The draws are along ``axis``. Low and high are along the first axis of the result, which unpacks as ``low, high``.
     """
     tail = (1 - LEVEL) / 2
     return np.quantile(np.asarray(drawn), [tail, 1 - tail], axis=axis)

@@ -32,11 +32,9 @@ Result = TypeVar("Result")
 
 
 def in_chunks(work: Callable[[int, int], Result], n_items: int, smallest: int = 1) -> list[Result]:
-    """The results of ``work(start, stop)`` on contiguous chunks that cover ``range(n_items)``, in order.
-
-    There are ``torch.get_num_threads()`` chunks, or fewer so that each has at least ``smallest`` items. The number
-    depends on nothing else. Sums over chunks are therefore the same in every run with the same number of threads.
-    """
+    """The results of ``work(start, stop)`` on contiguous chunks that cover ``range(n_items)``, in order."""
+    # There are ``torch.get_num_threads()`` chunks, or fewer so that each has at least ``smallest`` items. The number
+    # depends on nothing else. Sums over chunks are therefore the same in every run with the same number of threads.
     n_chunks = max(1, min(torch.get_num_threads(), n_items // smallest))
     bounds = [n_items * i // n_chunks for i in range(n_chunks + 1)]
     if n_chunks == 1:

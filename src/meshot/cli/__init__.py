@@ -16,10 +16,8 @@ COMMANDS = (evaluate, reconstruct, quality, table, make_cohort, train, warmup)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; the exit status is 0, or 2 where the input will not do (one line on stderr says why).
-
-    ``meshot reconstruct --strict`` exits with 3 where the result would come with a warning.
-    """
+    """Run one command; the exit status is 0, or 2 where the input will not do (one line on stderr says why)."""
+    # ``meshot reconstruct --strict`` exits with 3 where the result would come with a warning.
     chosen = make_parser().parse_args(arguments)
     try:
         with warnings.catch_warnings():

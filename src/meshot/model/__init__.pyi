@@ -1,8 +1,4 @@
-from .deformation import (
-    N_STEPS as N_STEPS,
-    DeformationNetwork as DeformationNetwork,
-    ImageVelocity as ImageVelocity,
-)
+from .deformation import N_STEPS as N_STEPS, DeformationNetwork as DeformationNetwork, ImageVelocity as ImageVelocity
 from .features import (
     FeatureNetwork as FeatureNetwork,
     GraphConvolution as GraphConvolution,

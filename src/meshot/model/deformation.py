@@ -153,18 +153,15 @@ class ImageVelocity(LearnedVelocity):
         # What is computed from the convolution weight takes its place, so that its gradient is not counted twice.
         others = [parameter for parameter in network.parameters() if parameter is not network.cubes.weight]
         if self.path == "cut":
-            stacked, kernels = self._stacked(), network.cubes.corner_kernels()
+            weight, kept = network.cubes.weight, self._kept
+            # The images are kept, and made again if the network has moved.
+            if kept is None or kept.values.device != weight.device or kept.values.dtype != weight.dtype:
+                self._kept = network.cubes.stacked(self.images)
+            stacked, kernels = self._kept, network.cubes.corner_kernels()
             return Prepared(lambda _, at: network(at, network.cubes.cut(stacked, kernels, at)), (*others, kernels))
         maps = network.cubes.maps(images)
         tensors = (*others, *(level.values for level in maps))
         return Prepared(lambda _, points: network(points, network.cubes.at(maps, points)), tensors)
-
-    def _stacked(self) -> StackedImages:
-        """The images for the path "cut". They are kept, and made again if the network has moved."""
-        weight = self.network.cubes.weight
-        if self._kept is None or self._kept.values.device != weight.device or self._kept.values.dtype != weight.dtype:
-            self._kept = self.network.cubes.stacked(self.images)
-        return self._kept
 
     def forward(self, time: Float[Tensor, ""], points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
         """The velocity of every point."""
@@ -241,33 +238,18 @@ def corner_rows(
 
 
 class CubeConvolution(nn.Module):
-    """A 3D convolution over the cubes of voxels around a point, with one cube for every scale of an image.
+    """A 3D convolution over the cubes of voxels around a point, with one cube for every scale of an image."""
 
-    z(x) = b + Σ_s Σ_o w_s[o] · I_s(x + o). Here o runs over the size³ offsets by whole voxels of scale s, and I_s is
-    the image at scale s with trilinear interpolation, zero outside. Because the offsets are whole voxels, two
-    computations are equivalent: extracting the cubes at every point and convolving them (:meth:`cut`), and convolving
-    the image once and interpolating the result (:meth:`maps` and :meth:`at`). They agree up to rounding in values and
-    gradients, also in gradients with respect to the points.
-
-    Parameters
-    ----------
-    n_features : int
-    n_scales : int
-        Number of images, at 1, 2, 4, ... times the voxel size.
-    size : int
-        Number of voxels along each side of a cube, odd.
-    generator : generator or int
-        Source of the initial weights, normal with standard deviation 1/√(inputs). The bias is initially zero.
-
-    Raises
-    ------
-    ValueError
-        If a count is not a positive integer, or ``size`` is even.
-
-    References
-    ----------
-    Le et al., ICLR 2024, appendix (network architecture); Ma et al., *CortexODE*, IEEE TMI 2022.
-    """
+    # z(x) = b + Σ_s Σ_o w_s[o] · I_s(x + o). Here o runs over the size³ offsets by whole voxels of scale s, and I_s is
+    # the image at scale s with trilinear interpolation, zero outside. Because the offsets are whole voxels, two
+    # computations are equivalent: extracting the cubes at every point and convolving them (:meth:`cut`), and convolving
+    # the image once and interpolating the result (:meth:`maps` and :meth:`at`). They agree up to rounding in values and
+    # gradients, also in gradients with respect to the points.
+    # ``n_scales``: number of images, at 1, 2, 4, ... times the voxel size.
+    # ``size``: number of voxels along each side of a cube, odd.
+    # ``generator``: source of the initial weights, normal with standard deviation 1/√(inputs). The bias is initially
+    # zero.
+    # Le et al., ICLR 2024, appendix (network architecture); Ma et al., *CortexODE*, IEEE TMI 2022.
 
     def __init__(self, n_features: int = 128, n_scales: int = 3, size: int = 5, generator: Generator = 0):
         super().__init__()
@@ -311,10 +293,9 @@ class CubeConvolution(nn.Module):
         return torch.stack(padded).flatten(3).permute(2, 3, 0, 1).flatten(2)
 
     def cut(self, images: StackedImages, kernels: Tensor, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n features"]:
-        """The same features, from cubes extracted around every point. On a CPU slow for many points.
-
-        ``kernels`` are those of :meth:`corner_kernels`. They follow the weights, so they are made again in every step.
-        """
+        """The same features, from cubes extracted around every point. On a CPU slow for many points."""
+        # ``kernels`` are those of :meth:`corner_kernels`. They follow the weights, so they are made again in every
+        # step.
         voxels, shares = images.corners(points)
         at_corners = torch.bmm(voxels, kernels).unflatten(2, (8, -1))  # (scales, n, 8, features)
         return self.bias + (at_corners * shares[..., None]).sum(dim=(0, 2))
@@ -330,11 +311,10 @@ class CubeConvolution(nn.Module):
 
 
 class VisitedFeatures:
-    """The features of :meth:`meshot.model.deformation.CubeConvolution.at`, convolved only at visited voxels.
+    """The features of :meth:`meshot.model.deformation.CubeConvolution.at`, convolved only at visited voxels."""
 
-    A surface is near only about a tenth of the voxels in its bounding box. Rows of features for all scales are kept in
-    one table, so that each voxel is convolved once. Runs on a CPU. Only first derivatives are available.
-    """
+    # A surface is near only about a tenth of the voxels in its bounding box. Rows of features for all scales are kept
+    # in one table, so that each voxel is convolved once. Runs on a CPU. Only first derivatives are available.
 
     def __init__(self, cubes: CubeConvolution, images: tuple[Volume, ...]):
         self.cubes = cubes
@@ -372,11 +352,10 @@ class _Level:
 
 
 class _Interpolated(torch.autograd.Function):
-    """Features at positions on every level, and the table of rows including the new ones.
+    """Features at positions on every level, and the table of rows including the new ones."""
 
-    The table is passed from call to call, and its gradient in the opposite order. Each call adds its own gradient to
-    it, uses the part of the rows that it made for the gradient of the weight, and passes on the rest.
-    """
+    # The table is passed from call to call, and its gradient in the opposite order. Each call adds its own gradient to
+    # it, uses the part of the rows that it made for the gradient of the weight, and passes on the rest.
 
     @staticmethod
     def forward(ctx, features, weight, before, *places):

@@ -163,14 +163,7 @@ class GraphConvolution(nn.Module):
         self.own, self.others = nn.Linear(n_in, n_out), nn.Linear(n_in, n_out, bias=False)
 
     def forward(self, features: Float[Tensor, "v c"], edges: Int64[Tensor, "e 2"]) -> Float[Tensor, "v d"]:
-        """The new features.
-
-        Parameters
-        ----------
-        features : tensor
-        edges : tensor
-            Every edge once, as a pair of vertex indices.
-        """
+        """The new features. The edges are pairs of vertex indices, every edge once."""
         sent, ends, starts = self.others(features), edges.flatten(), edges.flip(1).flatten()
         n_neighbours = torch.bincount(ends, minlength=len(features)).clamp(min=1).to(sent)
         return self.own(features) + torch.zeros_like(sent).index_add(0, ends, sent[starts]) / n_neighbours[:, None]
@@ -208,12 +201,12 @@ class ResidualGraphBlock(nn.Module):
 
 
 class StackedImages:
-    """Images of several scales on one device, each with a border of zeros, one after the other in a flat tensor.
+    """Images of several scales on one device, each with a border of zeros, one after the other in a flat tensor."""
 
-    A cube around a point needs the voxels at whole distances from it, each interpolated with the same weights. So the
-    (size + 1)³ voxels around are taken once. Interpolation and convolution are both linear. The convolution comes first
-    (:meth:`meshot.model.deformation.CubeConvolution.cut`), as one matrix product: interpolated cubes are never stored.
-    """
+    # A cube around a point needs the voxels at whole distances from it, each interpolated with the same weights. So the
+    # (size + 1)³ voxels around are taken once. Interpolation and convolution are both linear. The convolution comes
+    # first (:meth:`meshot.model.deformation.CubeConvolution.cut`), as one matrix product: interpolated cubes are never
+    # stored.
 
     def __init__(self, images: tuple[Volume, ...], size: int, like: Tensor):
         half = size // 2
@@ -236,12 +229,10 @@ class StackedImages:
     def corners(
         self, points: Float[Tensor, "n 3"]
     ) -> tuple[Float[Tensor, "scales n voxels"], Float[Tensor, "scales n 8"]]:
-        """The voxels around points in mm, zero outside the image, and the weights of the eight cubes among them.
-
-        A cube around a point is the weighted sum of the eight cubes of (size)³ voxels that begin at the corners of the
-        first voxel, in the order of ``np.ndindex(2, 2, 2)``. The weights are those of trilinear
-        interpolation, and differentiable in the points.
-        """
+        """The voxels around points in mm, zero outside the image, and the weights of the eight cubes among them."""
+        # A cube around a point is the weighted sum of the eight cubes of (size)³ voxels that begin at the corners of
+        # the first voxel, in the order of ``np.ndindex(2, 2, 2)``. The weights are those of trilinear interpolation,
+        # and differentiable in the points.
         # Distant points are clipped to the border, where all cubes are zero.
         places = torch.minimum((points @ self.turn + self.shift).clamp(min=0), self.last)
         lower = torch.minimum(places.detach().nan_to_num().floor(), self.last - 1)

@@ -47,10 +47,6 @@ def halve_weights(source: str | os.PathLike, target: str | os.PathLike) -> None:
 
     :func:`read_weights` reads it as float32. A weight above 6e-5 in magnitude changes by less than 0.05 %.
 
-    Parameters
-    ----------
-    source, target : path
-
     Raises
     ------
     ValueError
@@ -92,13 +88,7 @@ def network_digest(network: nn.Module) -> str:
 
 
 def read_weights(path: str | os.PathLike, kind: type[Network]) -> tuple[Network, dict]:
-    """Read a network (float32, in evaluation mode) and the record of its training.
-
-    Parameters
-    ----------
-    path : path
-    kind : type
-        The class of the network, such as ``SegmentationNetwork``.
+    """Read a network of a class, such as ``SegmentationNetwork`` (float32, in evaluation mode), and its record.
 
     Raises
     ------

@@ -1,11 +1,5 @@
-from .correspondence import (
-    CarriedTemplate as CarriedTemplate,
-    carry_template as carry_template,
-)
-from .initial_surface import (
-    PROBABILITY_WEIGHT_MM as PROBABILITY_WEIGHT_MM,
-    segmented_surface as segmented_surface,
-)
+from .correspondence import CarriedTemplate as CarriedTemplate, carry_template as carry_template
+from .initial_surface import PROBABILITY_WEIGHT_MM as PROBABILITY_WEIGHT_MM, segmented_surface as segmented_surface
 from .quality import (
     QualityWarning as QualityWarning,
     average_warnings as average_warnings,
@@ -44,13 +38,5 @@ from .segmentation import (
     segment as segment,
     train_segmentation as train_segmentation,
 )
-from .training import (
-    InitialSurfaces as InitialSurfaces,
-    run_system_training as run_system_training,
-)
-from .training_files import (
-    LOG as LOG,
-    RECORD as RECORD,
-    STATE_FOLDER as STATE_FOLDER,
-    WEIGHTS as WEIGHTS,
-)
+from .training import InitialSurfaces as InitialSurfaces, run_system_training as run_system_training
+from .training_files import LOG as LOG, RECORD as RECORD, STATE_FOLDER as STATE_FOLDER, WEIGHTS as WEIGHTS

@@ -3,13 +3,14 @@
 :func:`carry_template` carries the white surface of fsaverage5 to the white surface of one person by fitted flows.
 """
 
+import contextlib
 import dataclasses
 
 import numpy as np
 import torch
 
 from meshot.anatomy import Hemisphere, fsaverage5_surface
-from meshot.flow import FitLoss, FitSettings, fit_flow, grid_around, sliced_loss
+from meshot.flow import FitSettings, fit_flow, grid_around, sliced_loss
 from meshot.loss import chamfer
 from meshot.measure import empirical, varifold
 from meshot.mesh import Mesh, self_intersecting_faces, simplified, smooth_crossings
@@ -69,9 +70,22 @@ def carry_template(surface: Mesh, side: Hemisphere, n_iterations: tuple[int, int
         outside the bounding box of the template.
     """
     template = fsaverage5_surface("white", side, "MNI152")
-    _require_overlap(surface, template)
+    low, high = template.vertices.amin(dim=0), template.vertices.amax(dim=0)
+    middle = surface.vertices.detach().double().cpu().mean(dim=0)
+    if not bool(((low < middle) & (middle < high)).all()):
+        raise ValueError(
+            f"the centre of the surface is at {[round(x, 1) for x in middle.tolist()]} mm, outside the box of the "
+            "template; a white surface of this side in MNI152 coordinates is needed"
+        )
     goal = surface.with_vertices(surface.vertices.detach().double().cpu())
-    losses = (_transport_loss(goal), _distance_loss(goal))
+    coarse = simplified(goal, _N_FACES).to(torch.float32)
+    fine = goal.to(torch.float32)
+
+    def distance(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
+        drawn = (empirical(each, _N_POINTS, generator, detach_weights=True) for each in (mesh, fine))
+        return chamfer(*drawn)
+
+    losses = (sliced_loss(coarse, lambda mesh: varifold(mesh, normal_scale=_NORMAL_SCALE)), distance)
     moved = template.to(torch.float32)
     for k, loss in enumerate(losses):
         field = grid_around(
@@ -81,41 +95,11 @@ def carry_template(surface: Mesh, side: Hemisphere, n_iterations: tuple[int, int
             n_iterations[k], _RATES[k], _N_STEPS, check_every=n_iterations[k], coarse_share=_COARSE_SHARES[k]
         )
         moved = fit_flow(field, moved, loss, settings).mesh
-    moved = moved.to(torch.float64)
-    n_before = len(self_intersecting_faces(moved))
-    mesh = _without_crossings(moved) if n_before else moved
+    mesh = moved.to(torch.float64)
+    n_before = len(self_intersecting_faces(mesh))
+    if n_before:
+        with contextlib.suppress(ValueError):  # smoothing failed
+            mesh = smooth_crossings(mesh)
     n_after = len(self_intersecting_faces(mesh)) if n_before else 0
     offsets = offsets_between(Surface(mesh), Surface(goal), _N_MEASURED)
     return CarriedTemplate(mesh, average_surface_distance(*offsets), n_before, n_after)
-
-
-def _transport_loss(goal: Mesh) -> FitLoss:
-    coarse = simplified(goal, _N_FACES).to(torch.float32)
-    return sliced_loss(coarse, lambda mesh: varifold(mesh, normal_scale=_NORMAL_SCALE))
-
-
-def _distance_loss(goal: Mesh) -> FitLoss:
-    fine = goal.to(torch.float32)
-
-    def loss(mesh: Mesh, n_directions: int, generator: np.random.Generator) -> Tensor:
-        drawn = (empirical(each, _N_POINTS, generator, detach_weights=True) for each in (mesh, fine))
-        return chamfer(*drawn)
-
-    return loss
-
-
-def _without_crossings(mesh: Mesh) -> Mesh:
-    try:
-        return smooth_crossings(mesh)
-    except ValueError:
-        return mesh
-
-
-def _require_overlap(surface: Mesh, template: Mesh) -> None:
-    low, high = template.vertices.amin(dim=0), template.vertices.amax(dim=0)
-    middle = surface.vertices.detach().double().cpu().mean(dim=0)
-    if not bool(((low < middle) & (middle < high)).all()):
-        raise ValueError(
-            f"the centre of the surface is at {[round(x, 1) for x in middle.tolist()]} mm, outside the box of the "
-            "template; a white surface of this side in MNI152 coordinates is needed"
-        )

@@ -27,27 +27,13 @@ _MARGIN_VOXELS = 0.05
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SegmentedSurface:
-    """The initial surface of one hemisphere, with intermediate results. Volumes are cropped to the hemisphere.
+    """The initial surface of one hemisphere, with intermediate results. Volumes are cropped to the hemisphere."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed, oriented outwards, χ = 2, without non-manifold edges and self-intersections; in mm.
-    raw_mesh : Mesh
-        The same before smoothing.
-    distance : Volume
-        Signed distance from the level set ½ of the probability, in mm, negative inside.
-    mask : Volume
-        Boolean: the largest component of the inside, with cavities filled.
-    genus_zero_mask : Volume
-        Boolean: the part of it that has the topology of a ball.
-    """
-
-    mesh: Mesh
-    raw_mesh: Mesh
-    distance: Volume
-    mask: Volume
-    genus_zero_mask: Volume
+    mesh: Mesh  # closed, oriented outwards, χ = 2, without non-manifold edges and self-intersections; in mm
+    raw_mesh: Mesh  # the same before smoothing
+    distance: Volume  # signed distance from the level set ½ of the probability, in mm, negative inside
+    mask: Volume  # boolean: the largest component of the inside, with cavities filled
+    genus_zero_mask: Volume  # boolean: the part of it that has the topology of a ball
 
 
 def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -> SegmentedSurface:
@@ -56,14 +42,8 @@ def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -
     Steps: largest component above ½, filled cavities, signed distance, genus-0 correction, marching cubes on the
     distance, light smoothing. The genus-0 correction first removes voxels that are close to the outside or have a low
     probability. The distance measures the thickness of a bridge to a fraction of a voxel, but does not separate two
-    gyri that touch. The probability is lower between such gyri, but is 1 in thin and thick parts alike.
-
-    Parameters
-    ----------
-    probability : Volume
-        In [0, 1], of one hemisphere. Its axes must be orthogonal.
-    n_smoothing : int
-        Number of steps of Taubin smoothing.
+    gyri that touch. The probability is lower between such gyri, but is 1 in thin and thick parts alike. It is that of
+    one hemisphere, with orthogonal axes; ``n_smoothing`` are the steps of Taubin smoothing.
 
     Raises
     ------
@@ -78,13 +58,9 @@ def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -
     margin = _MARGIN_VOXELS * float(voxel_sizes(box).min())
     field = separated_field(box.with_data(-distance.data), ball, 0.0, margin)
     raw = isosurface(field, 0.0)
-    mesh = _without_crossings(taubin_smoothing(raw, n_smoothing), raw)
-    return SegmentedSurface(mesh, raw, distance, box.with_data(mask), box.with_data(ball))
-
-
-def _without_crossings(smoothed: Mesh, raw: Mesh) -> Mesh:
-    """The smoothed mesh with self-intersections repaired; if that fails, the raw mesh, repaired if necessary."""
+    # If the self-intersections of the smoothed mesh cannot be repaired: the raw mesh, repaired if necessary.
     try:
-        return smooth_crossings(smoothed)
+        mesh = smooth_crossings(taubin_smoothing(raw, n_smoothing))
     except ValueError:
-        return raw if not len(self_intersecting_faces(raw)) else smooth_crossings(raw)
+        mesh = raw if not len(self_intersecting_faces(raw)) else smooth_crossings(raw)
+    return SegmentedSurface(mesh, raw, distance, box.with_data(mask), box.with_data(ball))

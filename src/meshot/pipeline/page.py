@@ -8,10 +8,9 @@ import scipy.ndimage
 import torch
 
 from meshot.mesh import Mesh
-from meshot.pipeline.initial_surface import SegmentedSurface
 from meshot.pipeline.reconstruction import Reconstruction
 from meshot.pipeline.segmentation import in_scanner
-from meshot.types import Array, Bool, Float
+from meshot.types import Array, Float
 from meshot.view import LINE_COLOURS, PLANES, Cut, filled, interactive, slice_figure, slice_sheet, still_of
 from meshot.volume import Volume, isosurface, resample, voxel_sizes
 
@@ -78,7 +77,12 @@ def _meshes(found: Reconstruction) -> dict[str, Mesh]:
         stages["final surface"] = [s.final for s in found.surfaces.values()]
     pial = [s.pial for s in found.surfaces.values() if s.pial is not None]
     stages |= {"pial surface": pial} if pial else {}
-    return {name: _together(parts) for name, parts in stages.items()}
+    found = {}
+    for name, parts in stages.items():
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in parts)])
+        faces = [mesh.faces + int(start) for mesh, start in zip(parts, starts)]
+        found[name] = Mesh(torch.cat([mesh.vertices for mesh in parts]), torch.cat(faces))
+    return found
 
 
 def _limits(scan: Volume) -> tuple[float, float]:
@@ -124,39 +128,11 @@ def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]
         return f"<p>{error}</p>"
 
 
-def _together(meshes: list[Mesh]) -> Mesh:
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + int(start) for mesh, start in zip(meshes, starts)]
-    return Mesh(torch.cat([mesh.vertices for mesh in meshes]), torch.cat(faces))
-
-
 Rows = list[tuple]
 
 
 def reconstruction_page(report: dict, slices: Sequence[Picture], given_up: Sequence[Picture], view: str) -> str:
     """The page as HTML."""
-    return filled(
-        "meshot/pipeline/assets/report.html",
-        report=report,
-        slices=slices,
-        given_up=given_up,
-        view=view,
-        meshes=_mesh_rows(report),
-        pial=_has_pial(report),
-        moves=_move_rows(report),
-        voxel_mm=" × ".join(f"{v:g}" for v in report["scan"]["voxel_mm"]),
-        seconds=_second_rows(report["seconds"]),
-        matrix="\n".join(" ".join(f"{value:11.6f}" for value in row) for row in report["to_standard"]),
-        records="\n".join(f"{name}: {_record(record)}" for name, record in report["weights"].items()),
-    )
-
-
-def _has_pial(report: dict) -> bool:
-    return all(numbers.get("pial") for numbers in report["surfaces"].values())
-
-
-def _mesh_rows(report: dict) -> Rows:
-    """The table of the meshes: a header, and a row for each number."""
     surfaces = report["surfaces"]
     meshes = [
         ("vertices", "n_vertices"), ("faces", "n_faces"), ("Euler number χ (a sphere has 2)", "euler_number"),
@@ -167,7 +143,32 @@ def _mesh_rows(report: dict) -> Rows:
     stages = (("initial", "final") if report["system"] else ("initial",)) + ("pial",) * _has_pial(report)
     columns = [(side, stage) for side in surfaces for stage in stages]
     rows = [(label, *(_cell(surfaces[side][stage][key]) for side, stage in columns)) for label, key in meshes]
-    return [("", *(f"{side}, {stage}" for side, stage in columns)), *rows]
+    # The times: a header, a row for each stage, and the total.
+    clocks = [report["seconds"]["processor"], report["seconds"]["clock"]]
+    seconds = [(stage, *(_cell(clock[stage]) for clock in clocks)) for stage in clocks[0]]
+    seconds.append(("in all", *(_cell(sum(clock.values())) for clock in clocks)))
+    records = []
+    for name, record in report["weights"].items():
+        known = [f"{key} {record[key]}" for key in ("commit", "date", "cohorts", "command") if key in record]
+        records.append(f"{name}: {'; '.join(known) or 'no record'}")
+    return filled(
+        "meshot/pipeline/assets/report.html",
+        report=report,
+        slices=slices,
+        given_up=given_up,
+        view=view,
+        meshes=[("", *(f"{side}, {stage}" for side, stage in columns)), *rows],
+        pial=_has_pial(report),
+        moves=_move_rows(report),
+        voxel_mm=" × ".join(f"{v:g}" for v in report["scan"]["voxel_mm"]),
+        seconds=[("stage", "processor (s)", "clock (s)"), *seconds],
+        matrix="\n".join(" ".join(f"{value:11.6f}" for value in row) for row in report["to_standard"]),
+        records="\n".join(records),
+    )
+
+
+def _has_pial(report: dict) -> bool:
+    return all(numbers.get("pial") for numbers in report["surfaces"].values())
 
 
 def _move_rows(report: dict) -> Rows:
@@ -203,19 +204,6 @@ def _move_rows(report: dict) -> Rows:
     return [("", *report["surfaces"]), *((label, *map(_cell, values)) for label, *values in rows)]
 
 
-def _second_rows(seconds: dict) -> Rows:
-    """The table of times: a header, a row for each stage, and the total."""
-    columns = [seconds["processor"], seconds["clock"]]
-    rows = [(stage, *(_cell(column[stage]) for column in columns)) for stage in seconds["processor"]]
-    total = ("in all", *(_cell(sum(column.values())) for column in columns))
-    return [("stage", "processor (s)", "clock (s)"), *rows, total]
-
-
-def _record(record: dict) -> str:
-    known = [f"{key} {record[key]}" for key in ("commit", "date", "cohorts", "command") if key in record]
-    return "; ".join(known) or "no record"
-
-
 def _cell(value: float) -> str:
     if isinstance(value, float) and not abs(value) >= 1000:
         text = f"{value:.3g}"
@@ -229,64 +217,32 @@ def _cell(value: float) -> str:
 MOST_PIECES, FEWEST_VOXELS = 3, 10
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Piece:
-    """A connected part of the white matter that was given up.
-
-    Parameters
-    ----------
-    side : str
-    mask : Volume
-        In the standard space.
-    n_voxels : int
-    """
-
-    side: str
-    mask: Volume
-    n_voxels: int
-
-
 def given_up_pictures(found: Reconstruction, scan: Volume) -> list[Picture]:
-    """Slices of the scan through the largest pieces of white matter that were given up, with their outlines.
-
-    Each piece is shown in the plane in which it is largest. Pieces of fewer than ten voxels are not shown.
-    """
-    lost = {side: _lost(surface.segmented) for side, surface in found.surfaces.items()}
-    pieces = [piece for side, mask in lost.items() for piece in _largest_pieces(side, mask)]
-    pieces = sorted(pieces, key=lambda piece: -piece.n_voxels)[:MOST_PIECES]
-    outlines = {side: in_scanner(_surface(lost[side]), found.scan) for side in {piece.side for piece in pieces}}
-    return [_picture(piece, outlines[piece.side], found, scan) for piece in pieces]
-
-
-def _lost(segmented: SegmentedSurface) -> Volume:
-    return segmented.mask.with_data(segmented.mask.data & ~segmented.genus_zero_mask.data)
-
-
-def _largest_pieces(side: str, lost: Volume) -> list[Piece]:
-    labels, _ = scipy.ndimage.label(lost.data, structure=np.ones((3, 3, 3)))
-    counts = np.bincount(labels.ravel())
-    counts[0] = 0
-    largest = [label for label in np.argsort(-counts)[:MOST_PIECES] if counts[label] >= FEWEST_VOXELS]
-    return [Piece(side, lost.with_data(labels == label), int(counts[label])) for label in largest]
-
-
-def _surface(mask: Volume) -> Mesh:
-    return isosurface(mask.with_data(mask.data.astype(float)))
-
-
-def _picture(piece: Piece, outline: Mesh, found: Reconstruction, scan: Volume) -> Picture:
-    final = found.surfaces[piece.side].final
-    plane, through = _best_cut(piece.mask.data, found, piece.mask.affine)
-    volume = piece.n_voxels * abs(np.linalg.det(piece.mask.affine @ np.linalg.inv(found.scan.to_standard))) / 1000
-    what = f"a piece of {volume:.1f} cm³ on the {piece.side}"
-    return layer_picture(scan, {"surface": final, "given up": outline}, plane, through, what)
-
-
-def _best_cut(mask: Bool[Array, "x y z"], found: Reconstruction, affine: Float[Array, "4 4"]) -> tuple[str, np.ndarray]:
-    """The plane in which the piece has most voxels in one layer, and a point of that layer in the scanner, in mm."""
-    layers = {plane: mask.sum(axis=tuple({0, 1, 2} - {axis})) for plane, (axis, *_) in PLANES.items()}
-    plane = max(layers, key=lambda name: layers[name].max())
-    axis = PLANES[plane][0]
-    inside = np.argwhere(mask)
-    middle = inside[inside[:, axis] == int(layers[plane].argmax())].mean(axis=0)
-    return plane, (np.linalg.inv(found.scan.to_standard) @ affine @ [*middle, 1.0])[:3]
+    """Slices of the scan through the largest pieces of white matter that were given up, with their outlines."""
+    # Each piece is shown in the plane in which it is largest. Pieces of fewer than ten voxels are not shown.
+    lost, pieces = {}, []
+    for side, surface in found.surfaces.items():
+        whole = surface.segmented.mask
+        lost[side] = whole.with_data(whole.data & ~surface.segmented.genus_zero_mask.data)
+        labels, _ = scipy.ndimage.label(lost[side].data, structure=np.ones((3, 3, 3)))
+        counts = np.bincount(labels.ravel())
+        counts[0] = 0
+        largest = [label for label in np.argsort(-counts)[:MOST_PIECES] if counts[label] >= FEWEST_VOXELS]
+        pieces += [(side, labels == label, int(counts[label])) for label in largest]
+    pieces = sorted(pieces, key=lambda piece: -piece[2])[:MOST_PIECES]
+    outlines = {}
+    for side in {side for side, _, _ in pieces}:
+        solid = lost[side].with_data(lost[side].data.astype(float))
+        outlines[side] = in_scanner(isosurface(solid), found.scan)
+    to_scanner, pictures = np.linalg.inv(found.scan.to_standard), []
+    for side, mask, n_voxels in pieces:
+        # The plane in which the piece has most voxels in one layer, and a point of that layer in the scanner, in mm.
+        layers = {plane: mask.sum(axis=tuple({0, 1, 2} - {axis})) for plane, (axis, *_) in PLANES.items()}
+        plane = max(layers, key=lambda name, layers=layers: layers[name].max())
+        inside, affine = np.argwhere(mask), lost[side].affine
+        middle = inside[inside[:, PLANES[plane][0]] == int(layers[plane].argmax())].mean(axis=0)
+        through = (to_scanner @ affine @ [*middle, 1.0])[:3]
+        volume = n_voxels * abs(np.linalg.det(affine @ to_scanner)) / 1000
+        meshes = {"surface": found.surfaces[side].final, "given up": outlines[side]}
+        pictures.append(layer_picture(scan, meshes, plane, through, f"a piece of {volume:.1f} cm³ on the {side}"))
+    return pictures

@@ -179,13 +179,7 @@ def scan_warnings(scan: StandardScan, template: Volume) -> list[QualityWarning]:
 
 
 def average_warnings(scan: StandardScan, template: Volume) -> list[QualityWarning]:
-    """Whether a scan is so like the template, an average of 152 heads, that it must be an average too.
-
-    Parameters
-    ----------
-    scan : StandardScan
-    template : Volume
-    """
+    """Whether a scan is so like the template, an average of 152 heads, that it must be an average too."""
     contrast = contrast_with(scan.volume, template)
     if contrast < HIGHEST_CONTRAST:
         return []
@@ -255,24 +249,20 @@ def surface_warnings(
             f"handles; {100 * LARGEST_LOSS:.0f} % or less is usual"
         )
         found.append(QualityWarning("voxels_given_up", text, loss))
-    if repaired is not None and _much_was_repaired(repaired):
+    if repaired is None:
+        return found
+    # A few faces cross after nearly every flow; that alone is in the numbers, not among the warnings.
+    many = repaired.n_crossing > LARGEST_CROSSING * len(repaired.mesh.faces)
+    if many or repaired.n_backtracks > 0 or repaired.largest_move > LARGEST_REPAIR_MM:
         share = 100 * repaired.n_crossing / len(final.faces)
         text = (
             f"{repaired.n_crossing} faces ({share:.2g} %) of the {side} surface crossed after the flow; the repair "
-            f"moved vertices by up to {repaired.largest_move:.2g} mm" + _backtracks(repaired)
+            f"moved vertices by up to {repaired.largest_move:.2g} mm"
         )
+        if repaired.n_backtracks:
+            text += f", with {repaired.n_backtracks} backtracks towards the initial surface"
         found.append(QualityWarning("crossing_faces", text, share))
     return found
-
-
-def _much_was_repaired(repaired: RepairedSurface) -> bool:
-    """A few faces cross after nearly every flow; that alone is in the numbers, not among the warnings."""
-    many = repaired.n_crossing > LARGEST_CROSSING * len(repaired.mesh.faces)
-    return many or repaired.n_backtracks > 0 or repaired.largest_move > LARGEST_REPAIR_MM
-
-
-def _backtracks(repaired: RepairedSurface) -> str:
-    return f", with {repaired.n_backtracks} backtracks towards the initial surface" if repaired.n_backtracks else ""
 
 
 def voxels_given_up(segmented: SegmentedSurface) -> tuple[int, float]:

@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from meshot.anatomy import HEMISPHERES, Hemisphere, from_mni152, in_mni152, mni152_t1, placed_by_white_matter
@@ -21,7 +21,7 @@ from meshot.pipeline.quality import (
     volume_warnings,
 )
 from meshot.pipeline.segmentation import in_scanner, white_matter
-from meshot.systems import SHIPPED, Scan, SurfaceKey, SurfaceSystem, load_system
+from meshot.systems import SHIPPED, Scan, SurfaceSystem, load_system
 from meshot.types import PLACEMENTS, Placement
 from meshot.volume import StandardScan, Volume, largest_component, standard_scan
 
@@ -32,14 +32,9 @@ Progress = Callable[[str, int, int], None]
 
 
 class StageClock:
-    """A timer for stages, which also reports progress.
+    """A timer for stages, which also reports progress."""
 
-    Parameters
-    ----------
-    n_stages : int
-    progress : callable, optional
-        Called at the start of each stage.
-    """
+    # ``progress``: called at the start of each stage.
 
     def __init__(self, n_stages: int, progress: Progress | None = None):
         self.n_stages, self.progress = n_stages, progress
@@ -72,31 +67,20 @@ _REPAIR = {"max_rounds": 40, "largest_share": 0.03}
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HemisphereSurface:
-    """The white surface of one hemisphere, and the pial one if the system finds it.
+    """The white surface of one hemisphere, and the pial one if the system finds it."""
 
-    Parameters
-    ----------
-    initial, final : Mesh
-        The initial white surface and the result of the system, in scanner RAS of the scan, in mm, with outward
-        normals. If the system deforms the initial surface, both have the same faces, Euler number 2, and no crossing
-        faces.
-    segmented : SegmentedSurface
-        The stages of the initial surface, in the standard space.
-    repaired : RepairedSurface or None
-        The surface after the repair of crossing faces, with a record of the repair, in the standard space. None if the
-        system does not deform an initial surface.
-    carried : CarriedTemplate or None
-        The surface of the template in the place of ``final``, if it was asked for.
-    pial : Mesh or None
-        In the space of ``final``, as the system gives it: faces that cross are not repaired. None if the system finds
-        white surfaces only.
-    """
-
+    # initial, final: the initial white surface and the result of the system, in scanner RAS of the scan, in mm, with
+    # outward normals. If the system deforms the initial surface, both have the same faces, Euler number 2, and no
+    # crossing faces.
     initial: Mesh
     final: Mesh
-    segmented: SegmentedSurface
+    segmented: SegmentedSurface  # the stages of the initial surface, in the standard space
+    # the surface after the repair of crossing faces, with a record of the repair, in the standard space. None if the
+    # system does not deform an initial surface.
     repaired: RepairedSurface | None
-    carried: CarriedTemplate | None = None
+    carried: CarriedTemplate | None = None  # the surface of the template in the place of ``final``, if it was asked for
+    # in the space of ``final``, as the system gives it: faces that cross are not repaired. None if the system finds
+    # white surfaces only.
     pial: Mesh | None = None
 
     def meshes(self) -> dict[str, Mesh]:
@@ -207,7 +191,15 @@ def reconstruct(
             mesh = final.get(key, segmented[key[0]].mesh)
             carried[key] = carried_in_place(mesh, key[0], placement)
     clock.end()
-    surfaces = {side: _surface(side, segmented[side], final, settlement, carried, standard) for side in HEMISPHERES}
+    surfaces = {}
+    for side in HEMISPHERES:
+        key, start = (side, "white"), in_scanner(segmented[side].mesh, standard)
+        white, pial = (in_scanner(final[k], standard) if k in final else None for k in (key, (side, "pial")))
+        placed = carried.get(key)
+        if placed is not None:
+            placed = dataclasses.replace(placed, mesh=in_scanner(placed.mesh, standard))
+        white = start if white is None else white
+        surfaces[side] = HemisphereSurface(start, white, segmented[side], settlement.get(key), placed, pial)
     name = None if system is None else system.name
     for side, surface in surfaces.items():
         warnings += surface_warnings(side, surface.final, surface.segmented, surface.repaired)
@@ -215,23 +207,6 @@ def reconstruct(
         require_no_warnings(warnings)
     seconds = clock.cpu_seconds, clock.wall_seconds
     return Reconstruction(standard, surfaces, *seconds, tuple(warnings), name, registered)
-
-
-def _surface(
-    side: Hemisphere,
-    segmented: SegmentedSurface,
-    final: Mapping[SurfaceKey, Mesh],
-    repaired: Mapping[SurfaceKey, RepairedSurface],
-    carried: Mapping[SurfaceKey, CarriedTemplate],
-    scan: StandardScan,
-) -> HemisphereSurface:
-    key, initial = (side, "white"), in_scanner(segmented.mesh, scan)
-    white, pial = (None if kind not in final else in_scanner(final[kind], scan) for kind in (key, (side, "pial")))
-    template = carried.get(key)
-    if template is not None:
-        template = dataclasses.replace(template, mesh=in_scanner(template.mesh, scan))
-    white = initial if white is None else white
-    return HemisphereSurface(initial, white, segmented, repaired.get(key), template, pial)
 
 
 # The trained networks of a reconstruction: the segmentation network and a system, with the package's weights.
@@ -276,10 +251,8 @@ def segmentation_weights(path: str | os.PathLike | None = None) -> Path:
 
 
 def require_placement(segmentation: SegmentationNetwork, placement: Placement, what: str) -> None:
-    """Check that a segmentation network can place scans as they are needed.
-
-    A network that learned from scans placed by their white matter knows the other placement, too.
-    """
+    """Check that a segmentation network can place scans as they are needed."""
+    # A network that learned from scans placed by their white matter knows the other placement, too.
     if placement != PLACEMENTS[0] and segmentation.placement == PLACEMENTS[0]:
         raise ValueError(
             f"{what} needs scans that are placed by {placement}, and the segmentation network learned from scans that "

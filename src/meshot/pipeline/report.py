@@ -13,7 +13,6 @@ from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
 from meshot.files import printable_name, whole_folder
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume, topology, write_mesh
 from meshot.metrics import vertex_distances
-from meshot.pipeline.correspondence import CarriedTemplate
 from meshot.pipeline.page import given_up_pictures, overview, reconstruction_page, slice_pictures, surface_view
 from meshot.pipeline.quality import voxels_given_up
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction, StageClock, TrainedNetworks, reconstruct
@@ -82,7 +81,12 @@ def write_reconstruction(
         If the scan, the folder or a number will not do.
     """
     path, folder = Path(path), Path(folder)
-    _require_free(folder, replace)
+    # Refuse before minutes are spent; and never take away what is no reconstruction.
+    if folder.is_dir() and any(folder.iterdir()):
+        if not replace:
+            raise ValueError(f"{folder} exists and is not empty; choose another folder, or replace it with --overwrite")
+        if not (folder / REPORT).is_file() or not (folder / PAGE).is_file():
+            raise ValueError(f"{folder} holds no reconstruction, and is not replaced; choose another folder")
     scan = read_volume(path)
     if brain_mask is not None:
         scan = masked_scan(scan, read_volume(brain_mask))
@@ -133,7 +137,17 @@ def write_found(
     with clock.stage("surfaces and numbers"):
         distances = {side: vertex_distances(s.final, s.initial) for side, s in found.surfaces.items()}
         place = (arrange or write_flat)(folder, found, scan)
-        report = _report(found, scan, name, networks, distances) | dict(facts or {})
+        report = {
+            "scan": numbers_of_scan(scan, name),
+            "warnings": [warning.text for warning in found.warnings],
+            "warning_names": [warning.name for warning in found.warnings],
+            "warning_values": [warning.value for warning in found.warnings],
+            "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
+            "system": found.system,
+            "to_standard": found.registered.to_standard.tolist(),
+            "weights": networks.records,
+        }
+        report |= provenance() | dict(facts or {})
     with clock.stage("pictures"):
         slices, given_up = slice_pictures(found, scan), given_up_pictures(found, scan)
         view = surface_view(found, distances)
@@ -143,41 +157,25 @@ def write_found(
         "clock": _rounded(found.wall_seconds | clock.wall_seconds),
         "threads": torch.get_num_threads(),
     }
-    _write_texts(place, report, reconstruction_page(report, slices, given_up, view))
+    transform = {
+        "from": f"scanner RAS of {report['scan']['name']}, in mm",
+        "to": "MNI152, in mm",
+        "matrix": report["to_standard"],
+    }
+    for file, content in ((REPORT, report), (TIMING, report["seconds"]), (TRANSFORM, transform)):
+        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+        (place / file).write_text(text + "\n", encoding="utf-8")
+    (place / PAGE).write_text(reconstruction_page(report, slices, given_up, view), encoding="utf-8")
     return report
 
 
 def structure_of(side: Hemisphere, name: str) -> tuple[str, str]:
-    """The names by which Connectome Workbench knows a surface.
-
-    Parameters
-    ----------
-    side : str
-    name : str
-        Such as "white", "initial" or "pial". All but "pial" are white surfaces.
-    """
+    """The names by which Connectome Workbench knows a surface. All names but "pial" are those of white surfaces."""
     return f"Cortex{side.capitalize()}", "Pial" if name == "pial" else "GrayWhite"
 
 
-def _require_free(folder: Path, replace: bool) -> None:
-    """Refuse before minutes are spent; and never take away what is no reconstruction."""
-    if not folder.is_dir() or not any(folder.iterdir()):
-        return
-    if not replace:
-        raise ValueError(f"{folder} exists and is not empty; choose another folder, or replace it with --overwrite")
-    if not (folder / REPORT).is_file() or not (folder / PAGE).is_file():
-        raise ValueError(f"{folder} holds no reconstruction, and is not replaced; choose another folder")
-
-
 def write_flat(folder: Path, found: Reconstruction, scan: Volume) -> Path:
-    """Write surfaces, white matter and transforms into a folder, without texts and pictures; returns the folder.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-    found : Reconstruction
-    scan : Volume
-    """
+    """Write surfaces, white matter and transforms into a folder, without texts and pictures; returns the folder."""
     for side, surface in found.surfaces.items():
         for name, mesh in surface.meshes().items():
             for suffix in FORMATS:
@@ -186,33 +184,6 @@ def write_flat(folder: Path, found: Reconstruction, scan: Volume) -> Path:
     (folder / ITK).write_text(itk_transform(found.registered.to_standard), encoding="utf-8")
     (folder / LTA).write_text(lta_transform(found.registered.to_standard, scan, "scan", mni152_t1()), encoding="utf-8")
     return folder
-
-
-def _report(
-    found: Reconstruction, scan: Volume, name: str, networks: TrainedNetworks, distances: dict[str, np.ndarray]
-) -> dict:
-    return {
-        "scan": numbers_of_scan(scan, name),
-        "warnings": [warning.text for warning in found.warnings],
-        "warning_names": [warning.name for warning in found.warnings],
-        "warning_values": [warning.value for warning in found.warnings],
-        "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
-        "system": found.system,
-        "to_standard": found.registered.to_standard.tolist(),
-        "weights": networks.records,
-    } | provenance()
-
-
-def _write_texts(folder: Path, report: dict, page: str) -> None:
-    transform = {
-        "from": f"scanner RAS of {report['scan']['name']}, in mm",
-        "to": "MNI152, in mm",
-        "matrix": report["to_standard"],
-    }
-    for name, content in ((REPORT, report), (TIMING, report["seconds"]), (TRANSFORM, transform)):
-        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
-        (folder / name).write_text(text + "\n", encoding="utf-8")
-    (folder / PAGE).write_text(page, encoding="utf-8")
 
 
 def _rounded(seconds: dict[str, float]) -> dict[str, float]:
@@ -237,28 +208,34 @@ def numbers_of_scan(scan: Volume, name: str) -> dict:
 def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]) -> dict:
     """Statistics of one hemisphere: all meshes, distances between them, and the repair."""
     n_lost, share = voxels_given_up(surface.segmented)
-    repaired = surface.repaired
-    return {
-        "initial": _counts(surface.initial) | _measures(surface.initial),
-        "final": _counts(surface.final) | _measures(surface.final),
-        "distance_from_initial_mm": _of_distances(distances),
-        "pial": None if surface.pial is None else _of_pial(surface.pial, surface.final),
-        "fsaverage5": None if surface.carried is None else _of_template(surface.carried),
-        "n_voxels_given_up": n_lost,
-        "share_of_voxels_given_up": share,
-        "repair": None
-        if repaired is None
-        else {
+    repaired, carried, pial = surface.repaired, surface.carried, surface.pial
+    repair = of_template = of_pial = None
+    if pial is not None:
+        distances_mm = {"distance_from_white_mm": _of_distances(vertex_distances(pial, surface.final))}
+        of_pial = _of_mesh(pial) | distances_mm
+    if carried is not None:
+        of_template = {
+            "n_vertices": len(carried.mesh.vertices),
+            "distance_mm": carried.distance_mm,
+            "n_faces_crossing_before": carried.n_crossing_before,
+            "n_self_intersecting_faces": carried.n_crossing,
+        }
+    if repaired is not None:
+        repair = {
             "n_faces_crossing_before": repaired.n_crossing,
             "n_backtracks": repaired.n_backtracks,
             "largest_move_mm": repaired.largest_move,
-        },
+        }
+    return {
+        "initial": _of_mesh(surface.initial),
+        "final": _of_mesh(surface.final),
+        "distance_from_initial_mm": _of_distances(distances),
+        "pial": of_pial,
+        "fsaverage5": of_template,
+        "n_voxels_given_up": n_lost,
+        "share_of_voxels_given_up": share,
+        "repair": repair,
     }
-
-
-def _of_pial(pial: Mesh, white: Mesh) -> dict:
-    distances = {"distance_from_white_mm": _of_distances(vertex_distances(pial, white))}
-    return _counts(pial) | _measures(pial) | distances
 
 
 def _of_distances(distances: Float[Array, " V"]) -> dict:
@@ -269,16 +246,7 @@ def _of_distances(distances: Float[Array, " V"]) -> dict:
     }
 
 
-def _of_template(carried: CarriedTemplate) -> dict:
-    return {
-        "n_vertices": len(carried.mesh.vertices),
-        "distance_mm": carried.distance_mm,
-        "n_faces_crossing_before": carried.n_crossing_before,
-        "n_self_intersecting_faces": carried.n_crossing,
-    }
-
-
-def _counts(mesh: Mesh) -> dict:
+def _of_mesh(mesh: Mesh) -> dict:
     found = topology(mesh)
     return {
         "n_vertices": len(mesh.vertices),
@@ -287,11 +255,6 @@ def _counts(mesh: Mesh) -> dict:
         "n_components": found.n_components,
         "n_boundary_edges": found.n_boundary_edges,
         "n_nonmanifold_edges": found.n_nonmanifold_edges,
-    }
-
-
-def _measures(mesh: Mesh) -> dict:
-    return {
         "n_self_intersecting_faces": len(self_intersecting_faces(mesh)),
         "volume_cm3": float(signed_volume(mesh)) / 1000,
         "area_cm2": float(face_areas(mesh).sum()) / 100,
@@ -299,13 +262,7 @@ def _measures(mesh: Mesh) -> dict:
 
 
 def seconds_by_stage(seconds: Mapping[str, float]) -> str:
-    """The time of each stage and the total, such as ``registration 3.1 s, white matter 0.4 s, total 3.5 s``.
-
-    Parameters
-    ----------
-    seconds : mapping
-        By stage.
-    """
+    """The time of each stage and the total, such as ``registration 3.1 s, white matter 0.4 s, total 3.5 s``."""
     parts = [f"{stage} {value:.1f} s" for stage, value in seconds.items()]
     return ", ".join([*parts, f"total {sum(seconds.values()):.1f} s"])
 
@@ -321,12 +278,7 @@ def itk_transform(to_standard: Float[Array, "4 4"]) -> str:
     """The text of an ITK transform that resamples the scan to the template, for ANTs, SimpleITK and 3D Slicer.
 
     ITK counts in LPS, and its transforms take points of the image that is made to points of the image that is read:
-    here points of the template to points of the scan.
-
-    Parameters
-    ----------
-    to_standard : array
-        Takes scanner RAS to the template, in mm.
+    here points of the template to points of the scan. ``to_standard`` takes scanner RAS to the template, in mm.
     """
     matrix = _LPS @ np.linalg.inv(to_standard) @ _LPS
     numbers = " ".join(f"{value:.17g}" for value in [*matrix[:3, :3].ravel(), *matrix[:3, 3]])

@@ -65,51 +65,29 @@ _FIRST_SHARE = 0.5  # of scans as the first registration leaves them
 
 @dataclasses.dataclass(frozen=True)
 class Augmentation(Settings):
-    """Ranges of the random augmentation of a training scan.
+    """Ranges of the random augmentation of a training scan."""
 
-    Parameters
-    ----------
-    flip : float
-        Probability, in [0, 1], of a reflection that exchanges left and right.
-    shift : int
-        Maximum translation along each axis, in voxels.
-    intensity : float
-        Maximum relative change of contrast (gamma) and brightness, in [0, 1).
-    turn : float
-        Maximum rotation about each axis, in degrees.
-    stretch : float
-        Maximum relative scaling along each axis, in [0, 1).
-    shrink : float
-        In half of the cases, the largest relative reduction of all axes together, in [0, 1). A first registration may
-        make a head with its skull this much too small.
-    contrast : float
-        In the same cases, the largest change of the logarithm of the exponent gamma; a smooth bias field with a
-        quarter of it as its largest logarithm. The contrast is adjusted only after the first registration.
-    bend : float
-        Standard deviation of a smooth displacement, in voxels.
-    """
-
-    flip: Share = 0.5
-    shift: Annotated[int, Within(0, 10_000)] = 4
+    flip: Share = 0.5  # probability, in [0, 1], of a reflection that exchanges left and right
+    shift: Annotated[int, Within(0, 10_000)] = 4  # maximum translation along each axis, in voxels
+    # maximum relative change of contrast (gamma) and brightness, in [0, 1)
     intensity: Annotated[float, Within(0, 1, "[)")] = 0.2
-    turn: NotNegative = 0.0
-    stretch: Annotated[float, Within(0, 1, "[)")] = 0.0
+    turn: NotNegative = 0.0  # maximum rotation about each axis, in degrees
+    stretch: Annotated[float, Within(0, 1, "[)")] = 0.0  # maximum relative scaling along each axis, in [0, 1)
+    # in half of the cases, the largest relative reduction of all axes together, in [0, 1). A first registration may
+    # make a head with its skull this much too small.
     shrink: Annotated[float, Within(0, 1, "[)")] = 0.0
+    # in the same cases, the largest change of the logarithm of the exponent gamma; a smooth bias field with a quarter
+    # of it as its largest logarithm. The contrast is adjusted only after the first registration.
     contrast: NotNegative = 0.0
-    bend: NotNegative = 0.0
+    bend: NotNegative = 0.0  # standard deviation of a smooth displacement, in voxels
 
 
 def augmented(
-    image: Float[Tensor, "1 x y z"],
-    fractions: Float[Tensor, "2 x y z"],
-    generator: Generator,
-    by: Augmentation,
+    image: Float[Tensor, "1 x y z"], fractions: Float[Tensor, "2 x y z"], generator: Generator, by: Augmentation
 ) -> tuple[Float[Tensor, "1 x y z"], Float[Tensor, "2 x y z"]]:
-    """Apply the same random augmentation to a scan and to its true fractions.
-
-    A reflection of the first axis also exchanges the two maps, because a left hemisphere becomes a right one. Voxels
-    that enter at a border are zero.
-    """
+    """Apply the same random augmentation to a scan and to its true fractions."""
+    # A reflection of the first axis also exchanges the two maps, because a left hemisphere becomes a right one. Voxels
+    # that enter at a border are zero.
     generator = numpy_generator(generator)
     mirror, moves = generator.random() < by.flip, generator.integers(-by.shift, by.shift + 1, 3).tolist()
     gamma, gain = 1 + by.intensity * generator.uniform(-1, 1, 2)
@@ -122,7 +100,19 @@ def augmented(
         image = (image**gamma * bias.exp()).clamp(max=1)
     values = torch.cat([image, fractions])
     if by.turn or by.stretch or by.shrink or by.bend:
-        values = _warped(values, generator, by, first)
+        # Rotate, scale and deform about the centre of the grid, in voxels.
+        shape = values.shape[1:]
+        turned = Rotation.from_euler("xyz", generator.uniform(-by.turn, by.turn, 3), degrees=True).as_matrix()
+        matrix = turned * (1 + by.stretch * generator.uniform(-1, 1, 3))
+        if first:
+            matrix /= 1 - by.shrink * generator.random()
+        axes = [torch.arange(n, dtype=values.dtype) - (n - 1) / 2 for n in shape]
+        places = torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1) @ torch.from_numpy(matrix).to(values).T
+        nodes = torch.from_numpy(generator.normal(scale=by.bend, size=(1, 3, *(_BEND_NODES,) * 3))).to(values)
+        bends = interpolate(nodes, size=tuple(shape), mode="trilinear", align_corners=True)[0].movedim(0, -1)
+        # grid_sample expects the last axis first, and coordinates from -1 to 1 between the outermost voxels.
+        halves = values.new_tensor([max(n - 1, 1) / 2 for n in shape])
+        values = grid_sample(values[None], ((places + bends) / halves).flip(-1)[None], align_corners=True)[0]
     if mirror:
         values = values.flip(1)[[0, 2, 1]]
     for axis, move in enumerate(moves, start=1):
@@ -130,22 +120,6 @@ def augmented(
         entered = min(abs(move), n)
         values.narrow(axis, 0 if move > 0 else n - entered, entered).zero_()
     return values[:1], values[1:]
-
-
-def _warped(values: Float[Tensor, "3 x y z"], generator: np.random.Generator, by: Augmentation, first: bool) -> Tensor:
-    """Rotate, scale and deform about the centre of the grid, in voxels."""
-    shape = values.shape[1:]
-    turned = Rotation.from_euler("xyz", generator.uniform(-by.turn, by.turn, 3), degrees=True).as_matrix()
-    matrix = turned * (1 + by.stretch * generator.uniform(-1, 1, 3))
-    if first:
-        matrix /= 1 - by.shrink * generator.random()
-    axes = [torch.arange(n, dtype=values.dtype) - (n - 1) / 2 for n in shape]
-    places = torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1) @ torch.from_numpy(matrix).to(values).T
-    nodes = torch.from_numpy(generator.normal(scale=by.bend, size=(1, 3, *(_BEND_NODES,) * 3))).to(values)
-    bends = interpolate(nodes, size=tuple(shape), mode="trilinear", align_corners=True)[0].movedim(0, -1)
-    # grid_sample expects the last axis first, and coordinates from -1 to 1 between the outermost voxels.
-    halves = values.new_tensor([max(n - 1, 1) / 2 for n in shape])
-    return grid_sample(values[None], ((places + bends) / halves).flip(-1)[None], align_corners=True)[0]
 
 
 # Settings of the training of the segmentation network, read from a YAML file.
@@ -156,32 +130,19 @@ SETTINGS = Path(__file__).parent / "settings"
 
 @dataclasses.dataclass(frozen=True)
 class SegmentationSettings(Augmentation, TrainingSettings):
-    """Settings of the training of the segmentation network: those of all trainings, the augmentation, and these.
+    """Settings of the training of the segmentation network: those of all trainings, the augmentation, and these."""
 
-    Parameters
-    ----------
-    learning_rate, schedule, validate_every, save_every
-        See :class:`meshot.train.TrainingSettings`.
-    batch_size : int
-        Number of scans per step.
-    dice_weight : float
-        Weight of the overlap term relative to the cross-entropy.
-    soft_labels : bool
-        Whether the target of a voxel is its enclosed fraction, or this fraction rounded to 0 or 1.
-    reduction : int
-        Number of voxels along each axis that are averaged into one at the start.
-    precision : str
-        "float32" or "bfloat16". The latter convolves in 16 bits, which is faster only on hardware that supports it.
-    """
-
+    # learning_rate, schedule, validate_every, save_every: see :class:`meshot.train.TrainingSettings`
     learning_rate: Positive = 1e-4
     schedule: Annotated[str, one_of(SCHEDULES)] = "constant"
     validate_every: Count = 1
     save_every: Count = 50
-    batch_size: Count = 1
-    dice_weight: NotNegative = 1.0
+    batch_size: Count = 1  # number of scans per step
+    dice_weight: NotNegative = 1.0  # weight of the overlap term relative to the cross-entropy
+    # whether the target of a voxel is its enclosed fraction, or this fraction rounded to 0 or 1
     soft_labels: bool = True
-    reduction: Count = 1
+    reduction: Count = 1  # number of voxels along each axis that are averaged into one at the start
+    # "float32" or "bfloat16". The latter convolves in 16 bits, which is faster only on hardware that supports it.
     precision: Annotated[str, one_of(("float32", "bfloat16"))] = "float32"
 
 
@@ -297,10 +258,7 @@ def reduced_volume(volume: Volume, reduction: int) -> Volume:
 
 
 def read_examples(
-    cohorts: Sequence[str | os.PathLike],
-    split: str,
-    reduction: int = 1,
-    progress: Callable[[list], Iterable] = iter,
+    cohorts: Sequence[str | os.PathLike], split: str, reduction: int = 1, progress: Callable[[list], Iterable] = iter
 ) -> list[Example]:
     """Read the examples of all scans of a split, from one or more cohorts on disk."""
     return [
@@ -511,11 +469,7 @@ def run_segmentation_training(
 def segment(scan: Volume, network: SegmentationNetwork) -> dict[Hemisphere, Volume]:
     """The probability of white matter of each side, on the grid of the scan.
 
-    Parameters
-    ----------
-    scan : Volume
-        On the standard grid (or the coarser grid on which the network was trained), in [0, 1].
-    network : SegmentationNetwork
+    The scan is in [0, 1], on the standard grid, or on the coarser grid on which the network was trained.
 
     Raises
     ------

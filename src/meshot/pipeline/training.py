@@ -26,16 +26,7 @@ from meshot.pipeline.training_files import (
 )
 from meshot.provenance import provenance
 from meshot.synth import Subject
-from meshot.systems import (
-    SHIPPED,
-    Example,
-    ExampleSets,
-    Scan,
-    SurfaceKey,
-    SurfaceSystem,
-    get_system,
-    read_settings,
-)
+from meshot.systems import SHIPPED, Example, ExampleSets, Scan, SurfaceKey, SurfaceSystem, get_system, read_settings
 from meshot.types import PLACEMENTS
 from meshot.volume import StandardScan
 
@@ -118,11 +109,6 @@ class InitialSurfaces:
 
     A stored surface is identified by the weights of the network and by the scan, not by the name of the cohort. Changes
     of the code that computes it are not detected: empty the folder after such a change.
-
-    Parameters
-    ----------
-    folder : path
-    network : SegmentationNetwork
     """
 
     def __init__(self, folder: str | os.PathLike, network: SegmentationNetwork):

@@ -24,11 +24,9 @@ Trained = TypeVar("Trained")
 
 
 def run_watched_training(folder: Path, made: dict, train: Callable[[Progress], Trained]) -> Trained:
-    """Run a training with a progress bar that shows the last loss and the last validation.
-
-    ``made`` is the provenance at the start of the command, since files may change while it runs. It is appended to
-    ``sessions.jsonl`` in the folder when the first step has been taken.
-    """
+    """Run a training with a progress bar that shows the last loss and the last validation."""
+    # ``made`` is the provenance at the start of the command, since files may change while it runs. It is appended to
+    # ``sessions.jsonl`` in the folder when the first step has been taken.
     with tqdm(desc="train", unit="step") as bar:
         shown: dict[str, str] = {}
 
@@ -46,11 +44,9 @@ def run_watched_training(folder: Path, made: dict, train: Callable[[Progress], T
 
 
 def whole_record(folder: Path, config: dict, results: dict, command: str, cohorts: Sequence[str | os.PathLike]) -> dict:
-    """The record of a trained network: settings, results, command, names of the cohorts and provenance.
-
-    The provenance is that of the last session in which a step was taken. ``commits`` in the results lists those of all
-    sessions.
-    """
+    """The record of a trained network: settings, results, command, names of the cohorts and provenance."""
+    # The provenance is that of the last session in which a step was taken. ``commits`` in the results lists those of
+    # all sessions.
     sessions = read_log(folder / SESSIONS) if (folder / SESSIONS).is_file() else [provenance()]
     commits = list(dict.fromkeys(session["commit"] for session in sessions))
     names = [Path(cohort).absolute().name for cohort in cohorts]
@@ -58,10 +54,8 @@ def whole_record(folder: Path, config: dict, results: dict, command: str, cohort
 
 
 def write_record(folder: Path, name: str, record: dict, log: list[dict]) -> None:
-    """Write the record of a trained network with its provenance, its log, and a picture of the log.
-
-    The files in ``folder`` are ``NAME.json``, ``NAME.log.jsonl`` and ``NAME.png``.
-    """
+    """Write the record of a trained network with its provenance, its log, and a picture of the log."""
+    # The files in ``folder`` are ``NAME.json``, ``NAME.log.jsonl`` and ``NAME.png``.
     made = {key: record[key] for key in provenance() if key in record}
     config = {key: value for key, value in record.items() if key not in (*made, "results", "command", "cohorts")}
     results, data = record["results"], f"synthetic cohorts {', '.join(record['cohorts'])}"

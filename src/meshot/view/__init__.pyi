@@ -1,6 +1,4 @@
-from .display import (
-    require_display as require_display,
-)
+from .display import require_display as require_display
 from .page import (
     Page as Page,
     filled as filled,
@@ -9,9 +7,7 @@ from .page import (
     training_figure as training_figure,
     write_training_figure as write_training_figure,
 )
-from .scene import (
-    interactive as interactive,
-)
+from .scene import interactive as interactive
 from .slices import (
     LINE_COLOURS as LINE_COLOURS,
     PLANES as PLANES,
@@ -37,8 +33,4 @@ from .style import (
     loss_line as loss_line,
     use_style as use_style,
 )
-from .surface import (
-    COLOUR_MAP as COLOUR_MAP,
-    Values as Values,
-    surface_figure as surface_figure,
-)
+from .surface import COLOUR_MAP as COLOUR_MAP, Values as Values, surface_figure as surface_figure

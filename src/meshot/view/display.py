@@ -41,11 +41,9 @@ sys.exit(0 if window.GetClassName() == sys.argv[1] and window.SupportsOpenGL() e
 
 @functools.cache
 def usable_window() -> str | None:
-    """The name of a VTK window class that can draw off screen on this machine, or None.
-
-    Each candidate draws once in a separate process (.3 s), so that a crash does no harm. The class named by the
-    environment variable ``VTK_DEFAULT_OPENGL_WINDOW`` is tried first.
-    """
+    """The name of a VTK window class that can draw off screen on this machine, or None."""
+    # Each candidate draws once in a separate process (.3 s), so that a crash does no harm. The class named by the
+    # environment variable ``VTK_DEFAULT_OPENGL_WINDOW`` is tried first.
     candidates = dict.fromkeys([os.environ.get(VARIABLE, ""), *WINDOWS.get(sys.platform, WINDOWS["linux"])])
     return next((name for name in candidates if name and _draws(name)), None)
 

@@ -85,11 +85,9 @@ def filled(template: str, **values: object) -> str:
 
 
 def joined(*names: str) -> str:
-    """Scripts or styles joined with everything that they import, each once and after its own imports.
-
-    Comments on lines of their own, indents and the words ``import`` and ``export`` are removed; all parts share one
-    scope.
-    """
+    """Scripts or styles joined with everything that they import, each once and after its own imports."""
+    # Comments on lines of their own, indents and the words ``import`` and ``export`` are removed; all parts share one
+    # scope.
     parts: dict[str, str] = {}
 
     def add(name: str) -> None:
@@ -136,10 +134,7 @@ _TEMPLATES.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan
 def training_figure(log: Sequence[dict]) -> Figure:
     """The loss of every step with its running mean, and below it the validation: Dice, distances in mm, or the loss.
 
-    Parameters
-    ----------
-    log : sequence of dict
-        The log of a :class:`meshot.train.Training`.
+    The log is that of a :class:`meshot.train.Training`.
 
     Raises
     ------

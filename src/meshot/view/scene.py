@@ -130,12 +130,10 @@ def scene_data(
     view: View,
     aspect: float,
 ) -> dict:
-    """The input of the viewer as JSON values, with all arrays packed into one string.
-
-    Arrays are integers (vertices on a grid, corner indices, colour indices), mostly differences of neighbours. They are
-    zigzag-encoded, split into three planes of bytes, compressed together, and encoded in base64. Equal arrays are
-    stored once.
-    """
+    """The input of the viewer as JSON values, with all arrays packed into one string."""
+    # Arrays are integers (vertices on a grid, corner indices, colour indices), mostly differences of neighbours. They
+    # are zigzag-encoded, split into three planes of bytes, compressed together, and encoded in base64. Equal arrays are
+    # stored once.
     centre, half_height = framing(list(meshes.values()), [view], aspect)
     places = {name: mesh.vertices.detach().cpu().double().numpy() - centre for name, mesh in meshes.items()}
     every = np.concatenate(list(places.values()))

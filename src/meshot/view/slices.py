@@ -38,22 +38,10 @@ def slice_image(
 ) -> tuple[Float[Array, "rows columns"], tuple[float, float, float, float]]:
     """The volume on the plane where world coordinate ``axis`` equals ``position_mm``, and its extent in mm.
 
-    The plane is in scanner coordinates, for any orientation of the voxels, which are interpolated linearly. Outside the
-    volume the image is NaN.
-
-    Parameters
-    ----------
-    volume : Volume
-    axis : int
-        0 (sagittal), 1 (coronal) or 2 (axial).
-    position_mm : float
-    spacing : float, optional
-        Size of the picture's pixels in mm. By default the smallest voxel side.
-
-    Returns
-    -------
-    tuple
-        The pixels, with the first row at the bottom, and (left, right, bottom, top), the outer edges of the border.
+    The plane is in scanner coordinates, for any orientation of the voxels, which are interpolated linearly: axis 0 is
+    sagittal, 1 coronal, 2 axial. Outside the volume the image is NaN. ``spacing`` is the size of the pixels in mm, by
+    default the smallest voxel side. The first row of pixels is at the bottom, and the extent is (left, right, bottom,
+    top), the outer edges of the border.
     """
     spacing = float(voxel_sizes(volume).min()) if spacing is None else spacing
     low, high = _world_box(volume)
@@ -204,11 +192,7 @@ class Cut(NamedTuple):
 
 
 def slice_sheet(
-    cuts: Sequence[Cut],
-    mesh: Mesh,
-    limits: tuple[float, float],
-    colour: str = LINE_COLOURS[0],
-    columns: int = 3,
+    cuts: Sequence[Cut], mesh: Mesh, limits: tuple[float, float], colour: str = LINE_COLOURS[0], columns: int = 3
 ) -> bytes:
     """Slices side by side, each in a square of 240 pixels, as a WebP file. The right of the subject is on the right.
 

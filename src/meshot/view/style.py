@@ -12,12 +12,7 @@ GREY = "#8C8C8C"
 
 #: Targets are grey. Each loss has the same colour in the whole book.
 TARGET = GREY
-LOSS_COLOURS = {
-    "Chamfer": VERMILLION,
-    "sliced Wasserstein": BLUE,
-    "exact Wasserstein": GREEN,
-    "Sinkhorn": PURPLE,
-}
+LOSS_COLOURS = {"Chamfer": VERMILLION, "sliced Wasserstein": BLUE, "exact Wasserstein": GREEN, "Sinkhorn": PURPLE}
 #: Each loss also has the same dashes, for print and where colours cannot be distinguished.
 LOSS_DASHES = {"Chamfer": "-", "sliced Wasserstein": "--", "exact Wasserstein": "-.", "Sinkhorn": ":"}
 

@@ -175,10 +175,8 @@ def _drawing_library() -> ModuleType:
 
 
 def framing(meshes: Sequence[Mesh], views: Sequence[View], aspect: float) -> tuple[Float[Array, " 3"], float]:
-    """The centre and the half height with which all meshes are completely visible in all views, with a small margin.
-
-    ``aspect`` is width divided by height.
-    """
+    """The centre and the half height with which all meshes are completely visible in all views, with a small margin."""
+    # ``aspect`` is width divided by height.
     vertices = np.concatenate([mesh.vertices.detach().cpu().double().numpy() for mesh in meshes])
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     reach = [np.abs((vertices - centre) @ view.axes[:2].T).max(axis=0) for view in views]
@@ -262,7 +260,14 @@ def surface_figure(
             ax.set_title(", ".join(filter(None, words)), fontsize=_text_points())
     for ax in axes.flat[len(meshes) * len(views) :]:
         ax.set_axis_off()
-    _draw_scale(axes[-1, 0], half_height, length_unit)
+    # A scale bar of a round length at the lower right, at most half of the half height.
+    ax, magnitude = axes[-1, 0], 10.0 ** np.floor(np.log10(half_height / 2))
+    length = magnitude * max(step for step in (1, 2, 5) if step * magnitude <= half_height / 2)
+    right, bottom = ax.get_xlim()[1], -0.97 * half_height
+    ax.plot([0.97 * right - length, 0.97 * right], [bottom, bottom], color="0.2", linewidth=2, solid_capstyle="butt")
+    place = 0.97 * right - length / 2, bottom + 0.03 * half_height
+    text = f"{length:g} {length_unit}".strip()
+    ax.text(*place, text, ha="center", va="bottom", fontsize=_text_points())
     if values:
         colours = ScalarMappable(Normalize(*limits), colour_map)
         options = {"extend": pointed_ends(values, limits), "location": "bottom", "aspect": 40, "shrink": 0.6}
@@ -280,15 +285,3 @@ def draw_letters(ax: Axes, letters: Sequence[str], inset: float, **text: object)
     sides = [("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top")]
     for letter, place, (across, along) in zip(letters, places, sides):
         ax.text(*place, letter, transform=ax.transAxes, ha=across, va=along, **text)
-
-
-def _draw_scale(ax: Axes, half_height: float, unit: str) -> None:
-    """Draw a scale bar of a round length at the lower right, at most half of the half height."""
-    magnitude = 10.0 ** np.floor(np.log10(half_height / 2))
-    length = magnitude * max(step for step in (1, 2, 5) if step * magnitude <= half_height / 2)
-    right, bottom = ax.get_xlim()[1], -0.97 * half_height
-    ax.plot([0.97 * right - length, 0.97 * right], [bottom, bottom], color="0.2", linewidth=2, solid_capstyle="butt")
-    text = f"{length:g} {unit}".strip()
-    ax.text(
-        0.97 * right - length / 2, bottom + 0.03 * half_height, text, ha="center", va="bottom", fontsize=_text_points()
-    )
