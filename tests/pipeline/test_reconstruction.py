@@ -42,7 +42,11 @@ def networks():
     return brightness_network(), get_system("ddot")(parts)
 
 
-@pytest.fixture(scope="module", params=[(1, 1, 1), (-1, 1, 1)], ids=["oblique", "mirrored"])
+#: Studies reconstruct a mirrored scan in make test, too.
+MIRRORED = pytest.param((-1, 1, 1), marks=pytest.mark.thorough)
+
+
+@pytest.fixture(scope="module", params=[(1, 1, 1), MIRRORED], ids=["oblique", "mirrored"])
 def made(request, networks):
     affine, shape = turned_grid(request.param)
     assert np.linalg.det(affine) * request.param[0] > 0

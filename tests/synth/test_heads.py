@@ -12,6 +12,7 @@ from meshot.synth.imaging import TISSUES, Appearance
 from meshot.synth.scanning import Anatomy, Position, simulated_scan
 from meshot.synth.subject import CorticalSurfaces, HeadWarp
 from meshot.volume.volume import Volume
+from refusals import refuses
 
 STILL = HeadWarp(torch.ones(3, dtype=torch.float64), None)
 TO_MNI = MNI305_TO_MNI152
@@ -135,8 +136,7 @@ def test_a_subject_without_a_warp_is_refused():
     appearance = Appearance(dict.fromkeys(TISSUES, 100.0))
     with pytest.raises(ValueError, match="the subject has no warp"):
         simulated_scan(CorticalSurfaces(ball, larger, wall), Anatomy(leaf_mm=4.0), appearance, Position(), [0])
-    with pytest.raises(ValueError, match=r"below is 0\.9; with leaf_mm"):
-        Anatomy(below=0.9, leaf_mm=4.0)
+    refuses(r"below is 0\.9; with leaf_mm", Anatomy, below=0.9, leaf_mm=4.0)
 
 
 def arc(radius: float, degrees: float, n: int) -> np.ndarray:
@@ -188,5 +188,4 @@ def test_waves_shift_the_leaves_and_the_seed_repeats():
 
 @pytest.mark.parametrize("sizes", [{"width": 0.0}, {"depth": -1.0}, {"fissure": np.nan}, {"width": 2.0, "cortex": 1.0}])
 def test_impossible_leaves_are_refused(sizes):
-    with pytest.raises(ValueError, match="is not possible: sizes are > 0"):
-        Leaves(**sizes)
+    refuses("is not possible: sizes are > 0", Leaves, **sizes)

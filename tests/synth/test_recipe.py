@@ -22,6 +22,7 @@ from meshot.synth.recipe import (
 )
 from meshot.synth.scanning import Position
 from meshot.synth.subject import Shape
+from refusals import refuses
 
 SIGNAL = dict.fromkeys(("white", "grey", "deep grey", "hindbrain", "fluid", "skull", "scalp"), 100.0)
 LEAST = {"name": "x", "seed": 1, "appearance": {"signal": SIGNAL}}
@@ -128,8 +129,7 @@ def test_shapes_and_positions_get_their_knobs():
     ],
 )
 def test_every_knob_is_checked(unchecked, entries, words):
-    with pytest.raises(ValueError, match=words):
-        recipe(**entries)
+    refuses(words, recipe, **entries)
 
 
 @pytest.mark.parametrize(
@@ -144,13 +144,11 @@ def test_every_knob_is_checked(unchecked, entries, words):
 )
 def test_broken_files_are_refused(tmp_path, text, words):
     (tmp_path / "a.yaml").write_text(text)
-    with pytest.raises(ValueError, match=words):
-        read_recipe(tmp_path / "a.yaml")
+    refuses(words, read_recipe, tmp_path / "a.yaml")
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="does not exist"):
-        read_recipe(tmp_path / "no.yaml")
+    refuses("does not exist", read_recipe, tmp_path / "no.yaml")
 
 
 def drawn(n: int = 200, **entries: object) -> list:
@@ -210,8 +208,7 @@ def test_a_recess_makes_the_cortex_thicker_by_moving_its_white_surface():
     ],
 )
 def test_entries_that_will_not_do(unchecked, entries, words):
-    with pytest.raises(ValueError, match=words):
-        People.read(entries, "people")
+    refuses(words, People.read, entries, "people")
 
 
 def test_a_recipe_without_people_is_drawn_as_before():

@@ -29,6 +29,7 @@ from meshot.synth.scanning import (
 from meshot.synth.subject import CorticalSurfaces
 from meshot.volume.registration import SHAPE
 from meshot.volume.volume import mm_to_voxel, sample_volume, transform_points, voxel_sizes
+from refusals import refuses
 
 SIGNAL = {"white": 440.0, "grey": 310.0, "deep grey": 360.0, "hindbrain": 365.0, "fluid": 110.0} | {
     "skull": 60.0,
@@ -205,5 +206,4 @@ def test_the_grid_holds_everything_and_points_where_its_letters_say(letters, obl
     ],
 )
 def test_doors(unchecked, knobs, words):
-    with pytest.raises(ValueError, match=words):
-        Position(**knobs)
+    refuses(words, Position, **knobs)

@@ -19,6 +19,7 @@ from meshot.synth.subject import (
     synthetic_subject,
     template_cortex,
 )
+from refusals import refuses
 
 SMALL = Shape(subdivisions=5, folding=1.0)  # 10 242 vertices
 ONE = torch.ones(10_242, dtype=torch.float64)
@@ -147,17 +148,14 @@ def test_a_draw_that_crosses_is_made_weaker(monkeypatch):
     ],
 )
 def test_impossible_shapes_are_refused(unchecked, knobs, said):
-    with pytest.raises(ValueError, match=said):
-        Shape(**knobs)
+    refuses(said, Shape, **knobs)
 
 
 def test_surfaces_that_do_not_belong_together_are_refused(unchecked):
     ball = icosphere(1)
     both, wall = dict.fromkeys(HEMISPHERES, ball), {side: torch.zeros(42, dtype=torch.bool) for side in HEMISPHERES}
-    with pytest.raises(ValueError, match=r"pial has \['left'\]"):
-        CorticalSurfaces(both, {"left": ball}, wall)
-    with pytest.raises(ValueError, match="faces of the right"):
-        CorticalSurfaces(both, {"left": ball, "right": icosphere(2)}, wall)
+    refuses(r"pial has \['left'\]", CorticalSurfaces, both, {"left": ball}, wall)
+    refuses("faces of the right", CorticalSurfaces, both, {"left": ball, "right": icosphere(2)}, wall)
     with pytest.raises(ValueError, match="left wall names 3 vertices"):
         CorticalSurfaces(both, both, wall | {"left": torch.zeros(3, dtype=torch.bool)})
 
@@ -172,5 +170,4 @@ def test_a_mirrored_subject_is_the_mirror_image_before_its_warp(unchecked):
             assert float((one.vertices * flip - two.vertices).norm(dim=1).median()) < 1e-3
             assert float(signed_volume(two)) > 0
         assert torch.equal(plain.wall[side], mirrored.wall[other])
-    with pytest.raises(ValueError, match="mirrored is 2"):
-        Shape(mirrored=2)
+    refuses("mirrored is 2", Shape, mirrored=2)
