@@ -25,7 +25,7 @@ def kind(request, toys):
 
 @pytest.fixture
 def examples(kind):
-    return ExampleSets(phantom_subjects(1, kind.needs), phantom_subjects(1, kind.needs, 50))
+    return ExampleSets(phantom_subjects(2, kind.needs), phantom_subjects(1, kind.needs, 50))
 
 
 def test_a_toy_goes_all_the_way(kind, examples, tmp_path):
