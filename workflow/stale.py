@@ -243,7 +243,7 @@ def _digest(value: object) -> str:
     return hashlib.sha256(json.dumps(same, sort_keys=True).encode()).hexdigest()[:DIGITS]
 
 
-def vouch_for(results: Results, names: list[str], reason: str, small: str, unchecked: bool) -> None:
+def vouch_for(results: Results, names: list[str], reason: str, small: str, unchecked: bool, then: str) -> None:
     """Vouch for tasks: show that a small part of each has the numbers of before, note the digests, log the reason."""
     tasks = [task for task in results.graph.tasks.values() if task.name in names]
     for task in tasks:
@@ -254,7 +254,7 @@ def vouch_for(results: Results, names: list[str], reason: str, small: str, unche
         if not (changed := [task for task in group if task.name not in now.entries or now.changes(task)]):
             print(f"{', '.join(task.name for task in group)}: nothing has changed")
             continue
-        shown = "nothing was computed" if unchecked else compared(now, changed[0], small)
+        shown = "nothing was computed" if unchecked else compared(now, changed[0], small, then)
         now.vouch(changed)
         done = [task.name for task in changed]
         line = {"date": provenance()["date"], "names": done, "reason": reason, "shown": shown}
@@ -263,22 +263,28 @@ def vouch_for(results: Results, names: list[str], reason: str, small: str, unche
         print(f"{', '.join(done)}: {shown}")
 
 
-def compared(results: Results, task: Task, small: str) -> str:
-    """Run a small part of a task with the code of its digests and with that of now, and compare all numbers."""
+def compared(results: Results, task: Task, small: str, named: str) -> str:
+    """Run a small part of a task with the code of its digests, or of a named commit, and with that of now; compare."""
     if "{out}" not in (small := small or SMALL.format(command=task.command)):
         raise ValueError(f"--small is {small}; it must write into the folder {{out}}")
     code = results.entries.get(task.name, {}).get("code", "")
     git = ["git", "-C", str(results.root)]
-    look = [*git, "log", "-1", "--format=%H", f"-S{code}", "--", str(results.kept(task))]
-    commit = subprocess.run(look, capture_output=True, encoding="utf-8", check=True).stdout.strip()
-    if not (code and commit):
-        raise ValueError(f"the history does not have the code of {task.name}; run it whole, or fetch the history")
+    find = ["log", "-1", "--format=%H", f"-S{code}", "--", str(results.kept(task))]
+    look = [*git, *(["rev-parse", "--verify", f"{named}^{{commit}}"] if named else find)]
+    commit = subprocess.run(look, capture_output=True, encoding="utf-8", check=False).stdout.strip()
+    if not commit or not (code or named):
+        raise ValueError(
+            f"the history does not have {named or f'the code of {task.name}'}; run it whole, or fetch the history"
+        )
     with tempfile.TemporaryDirectory() as place:
         old = Path(place, "then")
         subprocess.run([*git, "worktree", "add", "--detach", "-q", str(old), commit], check=True)
         try:
-            if Results(results.graph, old, results.state)._code(task.starts) != code:
-                raise ValueError(f"the digests of {task.name} were noted with changes after {commit}; run it whole")
+            if not named and Results(results.graph, old, results.state)._code(task.starts) != code:
+                raise ValueError(
+                    f"the digests of {task.name} were noted with changes after {commit}, or by another rule; "
+                    "run it whole, or name the commit to compare with: --then COMMIT"
+                )
             outs = []
             for root in (old, results.root):
                 outs.append(Path(place, f"out{len(outs)}"))
@@ -362,6 +368,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("names", nargs="*", metavar="TASK", help="for vouch: tasks, or all")
     parser.add_argument("--reason", help="for vouch: why no number changes")
     parser.add_argument("--small", metavar="COMMAND", default="", help="for vouch: a part that writes into {out}")
+    parser.add_argument("--then", metavar="COMMIT", default="", help="for vouch: the code to compare with")
     parser.add_argument("--unchecked", action="store_true", help="for vouch: compute nothing, which the log says, too")
     parser.add_argument("--list", action="store_true", dest="only_list", help="for update: only say what it would do")
     parser.add_argument("--graph", default="experiments", help="the name of the YAML file (default: %(default)s)")
@@ -382,7 +389,14 @@ def main(words: list[str] | None = None) -> int:
         known = [task.name for task in tasks if not task.derived and not results.is_planned(task)]
         if unknown := sorted(set(asked.names) - {"all", *known}):
             raise ValueError(f"no result is called {', '.join(unknown)}; there are {', '.join(known)}")
-        vouch_for(results, known if "all" in asked.names else asked.names, asked.reason, asked.small, asked.unchecked)
+        vouch_for(
+            results,
+            known if "all" in asked.names else asked.names,
+            asked.reason,
+            asked.small,
+            asked.unchecked,
+            asked.then,
+        )
     except ValueError as error:
         print(error, file=sys.stderr)
         return 1
