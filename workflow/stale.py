@@ -11,7 +11,8 @@ compared by value, and code by what a run reaches: comments, docstrings and move
 digests stand beside the result, in ``digests.json``.
 
 ``vouch`` is for an edit that changes no number. It runs a small part with the code of then and with that of now,
-compares all numbers to six digits, and notes the new digests. The reason is logged in ``experiments/vouched.jsonl``.
+compares all numbers to six digits, and notes the new digests. ``--then`` names the commit with the code of then, if the history does
+not show it by the digests. The reason is logged in ``experiments/vouched.jsonl``.
 ``update`` writes everything that is made from results: the chapters that read the changed ones, the ledger, README and
 the pages on cost. ``update --list`` only says what it would write.
 """
@@ -296,18 +297,21 @@ def compared(results: Results, task: Task, small: str, named: str) -> str:
                 if subprocess.run(words, cwd=root, env=environment, check=False).returncode:
                     raise ValueError(f"{small} failed in {root}; name another part: --small 'COMMAND -o {{out}}/NAME'")
             then, now = (
-                {f"{f.name}{key}": value for f in sorted(out.iterdir()) for key, value in numbers_of(f).items()}
+                {
+                    f"{file.relative_to(out)}{key}": value
+                    for file in sorted(path for path in out.rglob("*") if path.is_file())
+                    for key, value in numbers_of(file).items()
+                }
                 for out in outs
             )
         finally:
             subprocess.run([*git, "worktree", "remove", "--force", str(old)], check=True)
     count = len(then)
-    if other := [
-        f"{name} {key}" for name in then for key in then[name] if then[name][key] != now.get(name, {}).get(key)
-    ]:
+    if not count or then.keys() != now.keys():
+        odd = sorted(then.keys() ^ now.keys())[:1] or ["nothing"]
+        raise ValueError(f"{small} has left {count} values, and now {len(now)}; only one of both has {odd[0]}")
+    if other := [place for place in then if then[place] != now[place]]:
         raise ValueError(f"{len(other)} of {count} values differ, such as {other[0]}: {task.name} must run anew")
-    if not count or {name: len(values) for name, values in now.items()} != {n: len(v) for n, v in then.items()}:
-        raise ValueError(f"{small} has left {', '.join(then) or 'nothing'}, and now {', '.join(now) or 'nothing'}")
     return f"{small}: all {count} values are those of {commit[:12]}"
 
 
