@@ -11,8 +11,8 @@ compared by value, and code by what a run reaches: comments, docstrings and move
 digests stand beside the result, in ``digests.json``.
 
 ``vouch`` is for an edit that changes no number. It runs a small part with the code of then and with that of now,
-compares all numbers to six digits, and notes the new digests. ``--then`` names the commit with the code of then, if the history does
-not show it by the digests. The reason is logged in ``experiments/vouched.jsonl``.
+compares all numbers to six digits, and notes the new digests. If the history does not show the code of then by its
+digests, ``--then`` names the commit. The reason is logged in ``experiments/vouched.jsonl``.
 ``update`` writes everything that is made from results: the chapters that read the changed ones, the ledger, README and
 the pages on cost. ``update --list`` only says what it would write.
 """
