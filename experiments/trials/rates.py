@@ -150,6 +150,6 @@ def choose(config: dict, arm: str) -> dict[str, dict]:
         rates = rounded({name: rates[name] for name in config["arms"] if name in rates})
         stands_on = f"training and validation subjects of the synthetic cohort {config['trials']['cohort']}"
         seconds = sum(each["seconds_of_trials"] for each in rates.values())
-        command = "python experiments/comparison/train.py --only '*_rate*'"
+        command = f"{config.get('train', 'python experiments/comparison/train.py')} --only '*_rate*'"
         write_results(Path(config["rates"]), rates, config, command, stands_on, seconds)
         return rates
