@@ -35,6 +35,9 @@ PREFLIGHT = tools/preflight.py $(NEEDS)
 
 # A worker on every core, one thread in each. tests/conftest.py says which tests stay together.
 PARALLEL = -n logical --dist loadfile --no-loadscope-reorder
+# Several kernels and workers share the cores. A thread that waits must sleep: one that spins takes the core of another
+# process, and a training on two threads then takes five times as long.
+book notebooks test test-all: export OMP_WAIT_POLICY = PASSIVE
 # Tests start hundreds of processes: what is compiled is kept, also where PYTHONDONTWRITEBYTECODE is set.
 test test-all: export PYTHONDONTWRITEBYTECODE =
 
