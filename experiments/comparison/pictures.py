@@ -19,8 +19,9 @@ from meshot_book.notebook import write_meshes
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from run import Setting, setting_of
-from tables import MAIN, SUBJECTS, measured, read_rows
+from tables import MAIN, SUBJECTS, measured
 
+from trials.rows import read_rows
 from trials.training import FIRST_SEED, STEPS, arguments, finals, read_config
 
 TRUE = "true"

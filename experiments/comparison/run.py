@@ -23,9 +23,10 @@ from meshot_book.measurements import MAIN, METRICS, digest_of
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
 from memory import peak_of
-from tables import PAIRS, SUBJECTS, row_digests, rows_beside, tables, write_rows
+from tables import PAIRS, SUBJECTS, row_digests, rows_beside, tables
 
 from trials.rates import changes_of
+from trials.rows import write_rows
 from trials.training import Training, finals, require_fair, segmentation_network, trained_system
 
 

@@ -4,7 +4,6 @@ Run as ``python experiments/comparison/tables.py``: it makes the tables in ``res
 and ``pairs.csv``, without any measurement. ``run.py`` does the same at its end.
 """
 
-import csv
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from measuring import INITIAL, PAIR_METRICS, PERFECT
 
-from meshot.files import whole_file
 from meshot.provenance import FIELDS, file_digest, read_results, rounded, write_results
 from meshot_book.measurements import COMPARED, MAIN, grouped, paired_gaps, spread
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
+from trials.rows import read_rows
 from trials.training import FIRST_SEED, SECONDS, STEPS, arguments, read_config
 
 SUBJECTS, PAIRS = "subjects.csv", "pairs.csv"
@@ -24,45 +23,8 @@ SUBJECTS, PAIRS = "subjects.csv", "pairs.csv"
 LARGER = {"normals"}
 CLAIMED = ("emd_mm", "swd_mm", "assd_mm")
 RESIDUES = ("icp_residue_mm", "rigid_residue_mm")
-#: The columns of texts.
-TEXTS = {"cohort", "side", "subject", "session", "kind", "arm", "budget", "failed", "commit"}
 #: The parts of the results that follow from the rows.
 TABLES = ("table_1", "differences", "direct", "seeds", "table_2", "pair_differences", "claims")
-
-
-def write_rows(path: Path, rows: list[dict]) -> None:
-    """Write rows, with a column for every name that occurs. Missing values and None are empty."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    with whole_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, names, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rounded(rows))
-
-
-def read_rows(path: Path) -> list[dict]:
-    """Read rows. Empty values are None."""
-    if not path.is_file():
-        raise ValueError(f"{path} does not exist; measure the trained systems with run.py")
-    with path.open(encoding="utf-8", newline="") as file:
-        names, *lines = [line for line in csv.reader(file) if line] or [[]]
-
-    def row(line: list[str]) -> dict:
-        if len(line) != len(names):
-            raise ValueError(f"a line has {len(line)} columns, and the first line {len(names)}: {','.join(line)[:60]}")
-        return {name: _value(name, text) for name, text in zip(names, line, strict=True)}
-
-    try:
-        return [row(line) for line in lines]
-    except ValueError as error:
-        raise ValueError(f"{path} is damaged ({error}); take the committed file, or run run.py again") from error
-
-
-def _value(name: str, text: str) -> str | int | float | None:
-    if text == "":
-        return None
-    if name in TEXTS:
-        return text
-    return int(text) if text.lstrip("-").isdigit() else float(text)
 
 
 def tables(subjects: list[dict], pairs: list[dict], config: dict) -> dict:

@@ -481,7 +481,7 @@ def results(whole):
 def test_every_system_is_measured_on_every_held_out_subject(part, whole, results):
     assert results["missing"] == []
     assert results["too_few_subjects"] == {"alpha": 2}
-    rows = part("tables").read_rows(whole / "out" / "subjects.csv")
+    rows = part("trials.rows").read_rows(whole / "out" / "subjects.csv")
     assert len(rows) == 3 * (2 * 2 + 2 * 4 + 2)  # two sides: initial, perfect, ddot, vox2cortex twice, classical; left
     assert {(row["arm"], row["side"]) for row in rows if row["arm"] == "corticalflow"} == {("corticalflow", "left")}
     by_arm = {row["arm"]: row for row in rows if (row["subject"], row["side"]) == ("sub-004", "left")}
@@ -507,7 +507,7 @@ def test_memory_is_measured_in_a_process_of_its_own(part, whole, monkeypatch):
 
 
 def test_pairs_are_aligned_before_they_are_compared(part, whole, results):
-    rows = part("tables").read_rows(whole / "out" / "pairs.csv")
+    rows = part("trials.rows").read_rows(whole / "out" / "pairs.csv")
     perfect, initial = ([r for r in rows if r["arm"] == arm] for arm in ("perfect", "initial"))
     assert [row["side"] for row in perfect] == ["left", "right"]
     for row in perfect:
@@ -561,7 +561,7 @@ def test_the_committed_tables_follow_from_the_committed_rows(part, record):
 
 
 def test_the_pictured_surfaces_are_those_of_the_median_and_the_worst_subject(part, whole, results):
-    rows = part("tables").read_rows(whole / "out" / "subjects.csv")
+    rows = part("trials.rows").read_rows(whole / "out" / "subjects.csv")
     means = {}
     for each in rows:
         if (each["side"], each["kind"], each["budget"], each["seed"]) == ("left", "template", "steps", 0):
@@ -775,7 +775,7 @@ def test_the_seconds_of_an_initial_surface_are_kept_beside_it(part, phantom_plac
 
 
 def test_rows_are_read_as_they_were_written(part, tmp_path):
-    rows = part("tables")
+    rows = part("trials.rows")
     given = [
         {"subject": "007", "side": "left", "n": 3, "x": 0.1, "failed": None},
         {"subject": "8", "x": -2.5, "y": 1e-7},
