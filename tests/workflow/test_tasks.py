@@ -27,10 +27,14 @@ def test_every_experiment_and_every_network_is_a_task(graphs, root):
     assert results - written == set()
     networks = {
         f"{name}_{each.name}"
-        for name in ("ddot", "comparison")
-        for each in finals(read_config(root / "experiments" / name / "config.yaml"))
+        for name, protocol in (
+            ("ddot", "ddot/config"),
+            ("comparison", "comparison/config"),
+            ("rivals", "comparison/rivals"),
+        )
+        for each in finals(read_config(root / "experiments" / f"{protocol}.yaml"))
     }
-    kinds = ("ddot_", "comparison_")
+    kinds = ("ddot_", "comparison_", "rivals_")
     assert {name for name in graphs["experiments"].tasks if name.count("_") > 3 and name.startswith(kinds)} == networks
 
 
