@@ -11,3 +11,4 @@ from .ledger import (
     ledger_page as ledger_page,
     read_entries as read_entries,
 )
+from .rules import own_loss_points as own_loss_points

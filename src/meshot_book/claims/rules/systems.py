@@ -291,6 +291,35 @@ def _reading(record: dict, arm: str) -> dict:
     return _mean_row(record, arm) | named | {"n_steps": training["n_steps"]} | gaps
 
 
+def own_loss_points(readings: dict, controls: dict, budget: dict, alone: dict) -> list[dict]:
+    """The quotients of loss and ASSD, after the flow over before it, of every network trained with the loss of DDOT.
+
+    One point for the best and one for the last weights on each split, a mean over its subjects; and one for each
+    training on one subject alone, whose split is "alone".
+    """
+    found = {}
+    for record in (readings, controls, budget):
+        for row in record["results"]["means"]:
+            # Other losses and encodings have names of their own; DDOT is in two protocols, trained once.
+            if row["kind"] == MAIN and row["arm"].startswith("ddot"):
+                (start,) = where(
+                    record["results"]["means"], arm="start", **{k: row[k] for k in ("start", "split", "kind")}
+                )
+                quotients = {
+                    "loss": row["loss_after"]["mean"] / row["loss_before"]["mean"],
+                    "assd": row["assd_mm"]["mean"] / start["assd_mm"]["mean"],
+                }
+                place = (row["arm"], row["split"], row["weights"])
+                found[place] = dict(zip(("arm", "split", "weights"), place, strict=True)) | quotients
+    surfaces = {row["arm"]: row for row in alone["results"]["surfaces"]}
+    for arm, each in alone["config"]["arms"].items():
+        if each["system"] == "ddot":
+            pairs = (("loss", "sliced_20"), ("assd", "assd_mm"))
+            quotients = {key: surfaces[arm][name] / surfaces["initial"][name] for key, name in pairs}
+            found[arm, "alone"] = {"arm": arm, "split": "alone", "weights": "last"} | quotients
+    return list(found.values())
+
+
 def own_loss_verdict(readings: dict, budget: dict, alone: dict) -> Verdict:
     """Claim 26: is a surface with a smaller sliced loss nearer to the truth?"""
     # The loss is that of the training, before and after the flow, with the last weights on held-out subjects. Trainings
