@@ -101,9 +101,7 @@ def direction_allowance(n_directions: int, n_draws: int, quantile: float, seed: 
     return float(np.quantile(largest, quantile))
 
 
-def excess(
-    emd: float, swd: float, convention: dict, allowance: float, rounding: float, blurred: float = 1.0
-) -> float:
+def excess(emd: float, swd: float, convention: dict, allowance: float, rounding: float, blurred: float = 1.0) -> float:
     """SWD over its largest value in the row. Above 1 the row violates the inequality, with allowance for rounding."""
     bound = convention["bound"] * allowance ** convention["directions"] * (emd + rounding)
     bound *= blurred ** convention.get("blurred", 0)

@@ -76,9 +76,9 @@ class Entry:
         written, found = self.claim["status"], self.verdict.status
         if (found == THEOREM) != ("proof" in self.claim):
             raise ValueError(
-                f"claim {self.claim['id']} ({self.claim['claim']}): its status is {found!r}, but it "
-                f"{'names no proof' if found == THEOREM else 'names a proof'}. A claim has a proof if and only if it is "
-                "a theorem: correct it in claims.yaml"
+                f"claim {self.claim['id']} ({self.claim['claim']}): its status is {found!r}, but it names "
+                f"{'no' if found == THEOREM else 'a'} proof. A claim names a proof if and only if it is a theorem: "
+                "correct it in claims.yaml"
             )
         if written == found and self.verdict.fits:
             return

@@ -115,7 +115,8 @@ def memory_verdict(record: dict) -> Verdict:
     status = NOT_REPRODUCED if spared else REPRODUCED
     return Verdict(
         status if lazy else NOT_TESTABLE,
-        {"lazy": lazy, "dense": dense, "grown": grown, "highest": highest},
+        {"exponent": min((row["exponent"] for row in lazy), default=None), "lazy": lazy, "dense": dense}
+        | {"grown": grown, "highest": highest},
         (_by_size([row | {"megabytes": row["bytes"] * 1e-6} for row in rows], "megabytes"),),
         fits=bool(dense) and all(row["exponent"] >= highest for row in dense),
     )
@@ -143,24 +144,26 @@ def self_intersection_verdict(record: dict, deforming: dict, ddot: dict, budget:
         if (found := where(ddot["results"]["summary"], arm=arm))
     ]
     # Longer and wider trainings: last weights, held-out subjects, before any repair.
-    for training in budget["results"]["trainings"]:
-        arm = training["arm"]
-        found = where(budget["results"]["means"], arm=arm, weights="last", split="test", kind=MAIN)
-        title = f"{budget['config']['readings'][arm]['title']} after {training['n_steps']} steps"
-        networks.append({"name": title, "percent": [row["crossing_percent"]["mean"] for row in found]})
+    longer = [
+        {"name": f"{budget['config']['readings'][training['arm']]['title']} after {training['n_steps']} steps"}
+        | {"percent": row["crossing_percent"]["mean"]}
+        for training in budget["results"]["trainings"]
+        for row in where(budget["results"]["means"], arm=training["arm"], weights="last", split="test", kind=MAIN)
+    ]
+    shares = [percent for each in networks for percent in each["percent"]] + [each["percent"] for each in longer]
     numbers = {
         name: {"crossed": sum(map(bool, found)), "n": len(found), "most": max(found, default=0)}
         for name, found in (("fits", fits), ("free", free), ("safe", safe), ("others", others))
     }
     share, share_of_free = (numbers[name]["crossed"] / numbers[name]["n"] for name in ("fits", "free"))
     status = IN_PART if share < min(0.5, share_of_free) else NOT_REPRODUCED
-    if not any(safe) and not any(fits) and not any(max(each["percent"]) for each in networks):
+    if not any(safe) and not any(fits) and not any(shares):
         status = REPRODUCED
     numbers["by_spacing"] = [
         {"spacing": spacing, "crossed": sum(map(bool, found)), "n": len(found)}
         for spacing, found in sorted(by_spacing.items(), reverse=True)
     ]
-    return Verdict(status, numbers | {"networks": networks}, (_crossing_rows(record),))
+    return Verdict(status, numbers | {"networks": networks, "longer": longer}, (_crossing_rows(record),))
 
 
 def _crossing_rows(record: dict) -> list[dict]:

@@ -29,7 +29,7 @@ def theorem_verdict(record: dict) -> Verdict:
         "slopes": shown,
         "most": most,
         "growth": most["error"][-1] / most["error"][1],
-        "apart": most["apart"][1:],
+        "apart": [most["apart"][1], most["apart"][-1]],
         "in_distance": sorted(where(distance, n_points=most["n_points"]), key=lambda row: row["p"]),
         "shares": [
             {"p": p, "share": max(share for each, share in pairs if each == p)} for p in sorted({p for p, _ in pairs})
@@ -62,7 +62,7 @@ def transport_rate_verdict(record: dict) -> Verdict:
     for row in transport:
         stated, theory = -1 / row["d"], -0.5 if row["expected"] is None else row["expected"]
         if not _holds(row, stated):
-            cases["faster" if row["slope"] < stated else "slower"].append(row)
+            cases["faster" if row["high"] < stated else "slower"].append(row)
         else:
             both = abs(stated - theory) > SLACK and _holds(row, theory)
             cases["undecided" if both else "follows"].append(row)
