@@ -95,7 +95,28 @@ def test_a_claim_without_results_or_judge_is_an_error(house):
         page(house, {7: judge})
 
 
-def test_a_status_must_be_one_of_the_eight():
+def test_a_theorem_names_its_proof_and_nothing_else_does(house):
+    theorem = {7: lambda record: ledger.Verdict(ledger.THEOREM, {"gain": 2.0}, ([{"gain": 2.0}],))}
+    claims = house / "claims.yaml"
+    claims.write_text(CLAIM.replace("status: reproduced", "status: theorem"))
+    with pytest.raises(ValueError, match=r"claim 7 \(a gain\): its status is 'theorem', but it names no proof"):
+        page(house, theorem)
+    claims.write_text(CLAIM.replace("status: reproduced", "status: theorem, proof: 'by {prf:ref}`thm-gain`'"))
+    found = page(house, theorem)
+    assert "[Theorem.]{.claim-status} It gains." in found
+    assert "Proof\n: by {prf:ref}`thm-gain`\n" in found
+    claims.write_text(CLAIM.replace("status: reproduced", "status: reproduced, proof: somewhere"))
+    with pytest.raises(ValueError, match="its status is 'reproduced', but it names a proof"):
+        page(house, {7: judge})
+    assert "Proof" not in page_without_proof(house)
+
+
+def page_without_proof(house):
+    (house / "claims.yaml").write_text(CLAIM)
+    return page(house, {7: judge})
+
+
+def test_a_status_must_be_one_of_the_nine():
     with pytest.raises(ValueError, match="splendid"):
         ledger.Verdict("splendid", {})
 

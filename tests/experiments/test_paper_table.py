@@ -8,7 +8,11 @@ from pathlib import Path
 import numpy as np
 import ot
 import pytest
+import torch
 import yaml
+from scipy.stats import norm
+
+from meshot import sinkhorn_divergence
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "paper_table"
 #: The paper's LaTeX source, which is not ours to distribute: arXiv has it.
@@ -90,6 +94,7 @@ def test_the_bounds_hold_for_real_clouds(part):
             "½ W2² and SW2, one root": (w2_squared / 2, sw2_squared**0.5),
             "√(½ W2²) and SW2": ((w2_squared / 2) ** 0.5, sw2_squared**0.5),
             "W1 and SW1": (w1, sw1),
+            "√S and SW2, S a Sinkhorn divergence": (w2_squared**0.5, sw2_squared**0.5),  # S is W2² without a blur
         }
         assert list(columns) == list(inequality.CONVENTIONS)
         for name, (emd, swd) in columns.items():
@@ -97,6 +102,28 @@ def test_the_bounds_hold_for_real_clouds(part):
     shift = {"W2 and SW2, roots taken": (1, 3**-0.5), "½ W2² and SW2, one root": (0.5, 3**-0.5), "W1 and SW1": (1, 0.5)}
     for name, (emd, swd) in shift.items():
         assert inequality.excess(emd, swd, inequality.CONVENTIONS[name], 1.0, 0.0) == pytest.approx(1)
+
+
+def test_the_divergence_of_gaussians_is_the_one_that_sinkhorn_finds(part):
+    """On a line of 300 quantiles, with the blur of GeomLoss at p = 2."""
+    inequality = part("run")
+    quantiles = torch.from_numpy(norm.ppf((np.arange(300) + 0.5) / 300))[:, None]
+    for blur in (1.0, 2.5):
+        found = sinkhorn_divergence(2.8 * quantiles, 2.0 * quantiles, blur=blur, scaling=0.95)
+        assert float(found) == pytest.approx(inequality.divergence(2.8, 2.0, blur), rel=0.03)
+    assert inequality.divergence(2.8, 2.0, 1e-3) == pytest.approx(0.64, rel=1e-3)  # (2.8 − 2)², without a blur
+
+
+def test_a_blur_makes_the_divergence_smaller(part):
+    inequality = part("run")
+    factors = [inequality.divergence_factor([28.0, 27.0], blur, 50) for blur in (1.0, 10.0, 28.0)]
+    assert 1 <= factors[0] < factors[1] < factors[2] < 1.2
+    plain, blurred = (
+        inequality.excess(1.0, 0.6, inequality.CONVENTIONS[name], 1.0, 0.0, 1.21)
+        for name in ("W2 and SW2, roots taken", "√S and SW2, S a Sinkhorn divergence")
+    )
+    assert blurred == pytest.approx(plain / 1.1)
+    assert not set(inequality.UNRELATED) & set(inequality.CONVENTIONS)
 
 
 def test_the_allowance_is_that_of_the_worst_translation(part):

@@ -7,6 +7,7 @@ from .ledger import (
     NOT_TESTABLE as NOT_TESTABLE,
     NOT_TESTED as NOT_TESTED,
     REPRODUCED as REPRODUCED,
+    THEOREM as THEOREM,
     Verdict as Verdict,
     ledger_page as ledger_page,
     read_entries as read_entries,

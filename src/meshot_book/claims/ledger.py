@@ -24,7 +24,9 @@ NOT_REPRODUCED = "not reproduced"
 AT_THIS_BUDGET = "not reproduced at this budget"
 NOT_TESTABLE = "not testable here"
 NOT_TESTED = "not yet tested"
-STATUSES = (REPRODUCED, IN_PART, ASSUMING, CHOICE, NOT_REPRODUCED, AT_THIS_BUDGET, NOT_TESTABLE, NOT_TESTED)
+#: A proof decides the claim, so that no measurement can give it another status.
+THEOREM = "theorem"
+STATUSES = (REPRODUCED, IN_PART, ASSUMING, CHOICE, NOT_REPRODUCED, AT_THIS_BUDGET, THEOREM, NOT_TESTABLE, NOT_TESTED)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -34,18 +36,19 @@ class Verdict:
     Parameters
     ----------
     status : str
-        One of the eight statuses, which are the upper-case names of :mod:`meshot_book.claims`.
+        One of the nine statuses, which are the upper-case names of :mod:`meshot_book.claims`.
     numbers : dict
         The numbers in the words of the claim, by name.
     tables : tuple of lists
         The rows of each table behind the verdict.
     fits : bool
-        Whether all that the words say without a number is true.
+        Whether all that the words say without a number is true, and, for a theorem, whether the measurements agree with
+        it.
 
     Raises
     ------
     ValueError
-        If the status is not one of the eight.
+        If the status is not one of the nine.
     """
 
     status: str
@@ -71,6 +74,12 @@ class Entry:
 
     def __post_init__(self):
         written, found = self.claim["status"], self.verdict.status
+        if (found == THEOREM) != ("proof" in self.claim):
+            raise ValueError(
+                f"claim {self.claim['id']} ({self.claim['claim']}): its status is {found!r}, but it names "
+                f"{'no' if found == THEOREM else 'a'} proof. A claim names a proof if and only if it is a theorem: "
+                "correct it in claims.yaml"
+            )
         if written == found and self.verdict.fits:
             return
         why = f"now say {found!r}" if written != found else "deny a fact that the words state"
@@ -208,8 +217,10 @@ _HEAD = """# Claims ledger
 
 This page has a verdict on each claim of the paper {cite:p}`le2024ddot`, and on questions of our own that the paper
 leaves open. Every number and status is computed from the result files in `experiments/`. The sentences are written by
-people, and a test fails where the results no longer support one. The data sets of the paper are under data-use
-agreements. Its tables are therefore rebuilt on other data, which the details of each claim name.
+people, and a test fails where the results no longer support one. A claim with the status *theorem* is decided by a
+proof. Its measurements illustrate the proof, and no measurement could give it another status. The data sets of the
+paper are under data-use agreements. Its tables are therefore rebuilt on other data, which the details of each claim
+name.
 """
 _PAPER = """## What the paper claims
 """
@@ -261,6 +272,7 @@ def _details(entry: Entry) -> str:
     found = {
         "The paper": f"{claim['paper']} ({claim['where']})",
         "Ours": entry.words("found"),
+        "Proof": claim.get("proof"),
         "Rule": entry.words("rule"),
         "Chapter": f"[](<project:{claim['chapter']}.ipynb>)",
         "Data": claim.get("data") or of_each(lambda record: record["data"]),
@@ -268,6 +280,6 @@ def _details(entry: Entry) -> str:
         "Commit": of_each(lambda record: f"`{record['commit']}`, {record['date']}"),
     }
     lines = ["::::{dropdown} Numbers, rule and provenance"]
-    lines += [f"{name}\n: {text}\n" for name, text in found.items()]
+    lines += [f"{name}\n: {text}\n" for name, text in found.items() if text]
     tables = [table(rows, columns) for rows, columns in zip(entry.verdict.tables, claim["tables"], strict=True)]
     return "\n".join([*lines, "\n\n".join(tables), "::::"])

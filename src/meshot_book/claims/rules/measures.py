@@ -2,7 +2,7 @@
 
 from statistics import mean
 
-from meshot_book.claims.ledger import CHOICE, IN_PART, NOT_REPRODUCED, REPRODUCED, Verdict, ends, where
+from meshot_book.claims.ledger import CHOICE, IN_PART, NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Verdict, ends, where
 from meshot_book.measurements import grouped
 
 
@@ -132,9 +132,11 @@ def weights_verdict(record: dict) -> Verdict:
 def floor_verdict(record: dict) -> Verdict:
     """Claim 15: does an EMD of .70 mm measure the quality of a surface?"""
     # It does under a reading (which distance, which root) whose floor, from two samples of one surface, is at most half
-    # the number. Squares are additive, so that three quarters of its square are then due to the surfaces.
+    # the number. Squares are additive, so that three quarters of its square are then due to the surfaces. An interval
+    # that contains the half decides nothing.
     readings, number = record["results"]["readings"], record["results"]["number_mm"]
     usable = [row for row in readings if row["high"] <= 0.5 * number]
+    useless = [row for row in readings if row["low"] > 0.5 * number]
     floors = []
     names = {"sw2": "SW₂", "point_to_point": "ASSD to the nearest point", "point_to_face": "ASSD to the faces"}
     for metric, name in names.items():
@@ -149,9 +151,13 @@ def floor_verdict(record: dict) -> Verdict:
         "number": number,
         "beyond": sum(row["low"] >= number for row in readings),
         "usable": len(usable),
+        "useless": len(useless),
+        "undecided": [row["reading"] for row in readings if row not in usable and row not in useless],
         "n": len(readings),
     }
-    status = NOT_REPRODUCED if not usable else REPRODUCED if len(usable) == len(readings) else CHOICE
+    status = REPRODUCED if len(usable) == len(readings) else CHOICE
+    if not usable:
+        status = NOT_REPRODUCED if useless else NOT_TESTABLE
     return Verdict(status, numbers, (readings, floors))
 
 

@@ -150,6 +150,9 @@ def table_verdict(record: dict) -> Verdict:
     for printed, swapped in zip(*orders.values(), strict=True):
         worst = max(swapped["broken"], key=swapped["broken"].get, default=None)
         readings.append({"printed": printed, "swapped": swapped, "worst": worst, "by": swapped["broken"].get(worst)})
+    for name in table["unrelated"]:  # no inequality
+        nothing = {"convention": name, "n_broken": None, "n_rows": None}
+        readings.append({"printed": nothing, "swapped": nothing, "worst": None, "by": None})
     odd = [  # columns whose smallest deviation is far below the next one
         {"odd": f"{row['table']}, {row['part']}: the smallest deviation of {row['column'].upper()}"}
         | {"printed": f"± {row['sd']:.3g} ({row['system']})", "beside": f"± {row['next_sd']:.3g}, the next one up"}
@@ -161,7 +164,10 @@ def table_verdict(record: dict) -> Verdict:
         for cell in where(table["printed_twice"], equal=False)
     ]
     numbers = {"least": least, "rooted": {order: found[0] for order, found in orders.items()}}
-    return Verdict(status, numbers | {"pattern": table["pattern"], "allowance": table["allowance"]}, (readings, odd))
+    blurred = {order: found[-1] for order, found in orders.items()}
+    numbers |= {"blurred": blurred, "sinkhorn": table["sinkhorn"]}
+    numbers |= {"n_tested": len(table["conventions"]), "pattern": table["pattern"], "allowance": table["allowance"]}
+    return Verdict(status, numbers, (readings, odd), fits="Sinkhorn" in blurred["printed"]["convention"])
 
 
 def counts_verdict(record: dict, trained: dict) -> Verdict:
