@@ -64,9 +64,9 @@ EVEN = {
 }
 PAIR = "direct/first=local&second=cortexode&budget=seconds&cohort=adni_like&side=left"
 WON = each("direct/first=local&second=cortexode/{}/better", *MEASURES, value="ours")
-NEARER = {f"{k}:differences/second=start&weights=last/assd_mm": {"gap": -0.1, "low": -0.2, "high": -0.05}
-          for k in (0, 1)}  # fmt: skip
-FARTHER, OPEN = {"gap": 0.1, "low": 0.05, "high": 0.2}, {"gap": 0.0, "low": -0.1, "high": 0.1}
+AFTER = [f"{k}:means/weights={which}/assd_mm/mean" for k in (0, 1, 2) for which in ("best", "last")]
+ALONE = [f"3:surfaces/arm={arm}/assd_mm" for arm in ("ddot", "ddot_long", "ddot_half", "ddot_wide")]
+NEARER, FARTHER = (dict.fromkeys(AFTER + ALONE, value) for value in (0.01, 9.0))
 CASES = [
     (1, {"differences/*/coverage_high": -0.1}, REPRODUCED),
     (1, {"differences/*/w2_low": -0.01}, NOT_REPRODUCED),
@@ -176,13 +176,14 @@ CASES = [
     (25, WON | {f"{PAIR}/emd_mm/better": "other"}, REPRODUCED, "50 of 50"),  # not one of the five
     (25, WON | each(PAIR + "/{}/better", *MEASURES, value="undecided"), AT_THIS_BUDGET, "45 of 50"),
     (25, {"direct": []}, NOT_TESTED),
-    (26, NEARER, REPRODUCED, "0 of 8"),
-    (26, NEARER | {"0:differences/first=ddot_1mm&second=start&weights=last/assd_mm": OPEN}, IN_PART),
-    (26, NEARER | {"1:differences/first=ddot_wide&second=start&weights=last/assd_mm": FARTHER}, NOT_REPRODUCED),
-    (26, NEARER | {"0:differences/first=cortexode&second=start&weights=last/assd_mm": FARTHER}, REPRODUCED),
-    (26, NEARER | {"0:differences/first=ddot_1mm&second=start&weights=last/assd_mm": FARTHER,
-                   "0:means/arm=ddot_1mm&weights=last/loss_after/mean": 9e9}, REPRODUCED, "0 of 7"),
-    (26, each("{}:means/split=test&weights=last/loss_after/mean", 0, 1, value=9e9), NOT_TESTED),
+    (26, NEARER, REPRODUCED, "0 of 52"),
+    (26, NEARER | {"3:surfaces/arm=ddot_half/assd_mm": 9.0}, IN_PART, "0 of 52"),
+    (26, FARTHER, NOT_REPRODUCED, "52 of 52"),
+    (26, FARTHER | {"0:means/arm=ddot_1mm&weights=last&split=test/assd_mm/mean": 0.01}, IN_PART, "51 of 52"),
+    (26, NEARER | {"0:means/arm=cortexode&weights=last/assd_mm/mean": 9.0}, REPRODUCED),  # another loss
+    (26, {"0:means/arm=ddot_1mm&weights=last/loss_after/mean": 9e9}, IN_PART, "49 of 49"),  # a loss that grows
+    (26, {f"{k}:means/weights={which}/loss_after/mean": 9e9 for k in (0, 1, 2) for which in ("best", "last")}
+         | {place.replace("assd_mm", "sliced_20"): 9e9 for place in ALONE}, NOT_TESTED),
 ]  # fmt: skip
 #: Results that leave the status, and deny what the words say without a number.
 DENIALS = [
