@@ -66,7 +66,10 @@ def weights_of(bright, standard, tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+# The system of the package's networks in make test; the others in make test-all.
+@pytest.mark.parametrize(
+    "name", [name if name == "windows" else pytest.param(name, marks=pytest.mark.thorough) for name in SYSTEMS]
+)
 def test_every_system_finds_the_same_surfaces(name, scan, standard, bright, weights_of, monkeypatch):
     monkeypatch.setattr(reconstruction, "standard_scan", lambda *_, **__: standard)
     weights, found = weights_of(name), {}
@@ -114,6 +117,7 @@ def reconstructed(scan, bright, small, tmp_path):
     return run
 
 
+@pytest.mark.thorough
 def test_the_command_line_writes_the_same(reconstructed, capsys):
     expected = reconstructed(False, "cpu")
     said = [json.loads((expected / "report.json").read_text(encoding="utf-8"))["warnings"]]

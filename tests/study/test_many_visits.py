@@ -160,6 +160,7 @@ def test_a_scan_without_permission_is_named(tmp_path, dataset, settings, monkeyp
         one_visit.reconstruct_visit(visit, tmp_path / "study", settings)
 
 
+@pytest.mark.thorough
 def test_a_process_that_is_killed_takes_only_its_own_visit(tmp_path, settings):
     """In two processes, one of which is ended from outside; the other visits fail for reasons of their own."""
     visits = [DeadlyVisit("01", trouble="deadly"), *(Visit(f"0{i}", trouble=f"trouble {i}") for i in (2, 3))]
