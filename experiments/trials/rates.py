@@ -7,9 +7,10 @@ import torch
 
 from meshot.anatomy import HEMISPHERES
 from meshot.metrics import Surface, average_surface_distance, offsets_between
-from meshot.pipeline import RECORD, InitialSurfaces
+from meshot.pipeline import LOG, RECORD, InitialSurfaces
 from meshot.provenance import read_results, rounded, write_results
 from meshot.synth import scans
+from meshot.train import read_log
 from meshot_book.trainings import alone
 from trials.training import SECONDS, Training, has_sides, read_json, segmentation_network, trained_system, trials
 
@@ -75,7 +76,8 @@ def require_rate_of_protocol(arm: str, entry: dict, config: dict) -> None:
 def score_of(folder: Path, trial: Training, config: dict, device: torch.device | None = None) -> dict:
     """The score of the trial in a folder, and the seconds of an epoch.
 
-    The score is the mean ASSD (mm) over the validation subjects of the column of the trials. Seconds are those of both
+    The score is the mean ASSD (mm) over the validation subjects of the column of the trials. An arm that is
+    ``chosen_by: loss`` also has the mean of its own loss over the last tenth of the steps. Seconds are those of both
     sides of a cohort. If the system does not find a surface, there is no score, and the reason.
     """
     system, side = trained_system(trial, folder, device), config["trials"]["side"]
@@ -91,7 +93,13 @@ def score_of(folder: Path, trial: Training, config: dict, device: torch.device |
         values.append(average_surface_distance(*offsets_between(found, truth, config["evaluation"]["n_points"])))
     turns, n_trained = config["arms"][trial.arm].get("turns", 1), len(HEMISPHERES) if has_sides(trial.kind()) else 1
     seconds = sum(seconds_of_epoch(read_results(folder / f"{part}{RECORD}")) for part in trial.parts(config))
-    return {"assd_mm": float(np.mean(values)), "seconds_per_epoch": n_trained * seconds / turns}
+    own = {}
+    if config["arms"][trial.arm].get("chosen_by") == "loss":
+        logs = [read_log(folder / f"{part}{LOG}") for part in trial.parts(config)]
+        steps = [(line["step"], line["loss"]) for log in logs for line in log if "loss" in line]
+        late = 0.9 * max(step for step, _ in steps)
+        own["loss"] = float(np.mean([loss for step, loss in steps if step >= late]))
+    return {"assd_mm": float(np.mean(values)), **own, "seconds_per_epoch": n_trained * seconds / turns}
 
 
 def seconds_of_epoch(record: dict) -> float:
@@ -132,13 +140,15 @@ def choose(config: dict, arm: str) -> dict[str, dict]:
                 f"folders {trial.kept(config)} and {trial.state(config)}, and run train.py again"
             )
         ended += records if score["assd_mm"] is not None else []
-    found = {rate: score["assd_mm"] for rate, score in scores.items() if score["assd_mm"] is not None}
+    by = config["arms"][arm].get("chosen_by", "assd_mm")
+    found = {rate: score[by] for rate, score in scores.items() if score["assd_mm"] is not None}
     if not found:
         raise ValueError(f"{arm}: no rate has a score; give it other rates in the protocol, and say so there")
     best = min(found, key=found.get)
     choice = {
         "rate": best,
         "assd_mm": {f"{rate:g}": score["assd_mm"] for rate, score in scores.items()},
+        **({by: {f"{rate:g}": score.get(by) for rate, score in scores.items()}} if by != "assd_mm" else {}),
         "why_not": {f"{rate:g}": score["why"] for rate, score in scores.items() if score["assd_mm"] is None},
         "seconds_per_epoch": scores[best]["seconds_per_epoch"],
         "seconds_of_trials": sum(record["results"]["cpu_seconds"] for record in ended),

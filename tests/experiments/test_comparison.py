@@ -24,7 +24,7 @@ from meshot.pipeline.training import InitialSurfaces
 from meshot.provenance import read_results, write_results
 from meshot.synth.cohorts import scans
 from meshot.systems import Scan, get_system, read_settings, system_names
-from meshot.train import engine
+from meshot.train import engine, read_log
 from meshot_book.notebook import read_meshes, read_vertex_values
 from nested import require_equal
 from phantoms import phantom_scan, phantom_surfaces
@@ -374,6 +374,26 @@ def test_the_score_is_the_distance_of_what_is_reconstructed(part, whole):
     assert score["assd_mm"] == pytest.approx(np.mean(list(both)), rel=0.2)
     (record,) = unit.records(config).values()
     assert score["seconds_per_epoch"] == budgets.seconds_of_epoch(record)
+
+
+def test_an_arm_can_choose_its_rate_by_its_own_loss(part, place):
+    units, budgets = part("trials.training"), part("trials.rates")
+    config = units.read_config(place / "config.yaml")
+    config["arms"]["ddot"]["chosen_by"] = "loss"
+    (place / "rates.json").unlink()
+    own = [trial for trial in units.trials(config) if trial.arm == "ddot"]
+    found = budgets.score_of(own[0].kept(config), own[0], config)
+    (part_name,) = own[0].parts(config)
+    lines = read_log(own[0].kept(config) / f"{part_name}.log.jsonl")
+    steps = [(line["step"], line["loss"]) for line in lines if "loss" in line]
+    assert found["loss"] == np.mean([loss for step, loss in steps if step >= 0.9 * max(steps)[0]])
+    for number, trial in enumerate(own):  # the nearest has the largest loss
+        score = units.read_json(trial.kept(config) / budgets.SCORE) | {"assd_mm": 1.0 + number, "loss": 9.0 - number}
+        (trial.kept(config) / budgets.SCORE).write_text(json.dumps(score))
+    assert budgets.choose(config, "ddot")["ddot"]["rate"] == own[-1].rate
+    del config["arms"]["ddot"]["chosen_by"]
+    (place / "rates.json").unlink()
+    assert budgets.choose(config, "ddot")["ddot"]["rate"] == own[0].rate
 
 
 def test_the_seconds_of_an_epoch_leave_out_what_comes_before_the_first_validation(part):
