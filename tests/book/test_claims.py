@@ -15,8 +15,8 @@ from meshot_book.claims import (
     NOT_REPRODUCED,
     NOT_TESTABLE,
     NOT_TESTED,
+    PROVED,
     REPRODUCED,
-    THEOREM,
     ledger,
 )
 from meshot_book.claims.rules import RULES
@@ -282,7 +282,7 @@ def test_other_results_give_another_status(case, claims, records):
 def test_every_status_can_flip_but_that_of_a_theorem(claims):
     """What measurements cannot change is a theorem, and results that contradict it are an error."""
     flipped = {number for number, _, status, *_ in CASES if status != claims[number]["status"]}
-    theorems = {number for number, claim in claims.items() if claim["status"] == THEOREM}
+    theorems = {number for number, claim in claims.items() if claim["status"] == PROVED}
     assert set(RULES) == set(claims)
     assert flipped == set(claims) - theorems
     assert theorems <= {number for number, _ in DENIALS}

@@ -96,14 +96,18 @@ def test_a_claim_without_results_or_judge_is_an_error(house):
 
 
 def test_a_theorem_names_its_proof_and_nothing_else_does(house):
-    theorem = {7: lambda record: ledger.Verdict(ledger.THEOREM, {"gain": 2.0}, ([{"gain": 2.0}],))}
+    theorem = {7: lambda record: ledger.Verdict(ledger.PROVED, {"gain": 2.0}, ([{"gain": 2.0}],))}
     claims = house / "claims.yaml"
-    claims.write_text(CLAIM.replace("status: reproduced", "status: theorem"))
-    with pytest.raises(ValueError, match=r"claim 7 \(a gain\): its status is 'theorem', but it names no proof"):
+    claims.write_text(CLAIM.replace("status: reproduced", "status: decided by a proof"))
+    with pytest.raises(
+        ValueError, match=r"claim 7 \(a gain\): its status is 'decided by a proof', but it names no proof"
+    ):
         page(house, theorem)
-    claims.write_text(CLAIM.replace("status: reproduced", "status: theorem, proof: 'by {prf:ref}`thm-gain`'"))
+    claims.write_text(
+        CLAIM.replace("status: reproduced", "status: decided by a proof, proof: 'by {prf:ref}`thm-gain`'")
+    )
     found = page(house, theorem)
-    assert "[Theorem.]{.claim-status} It gains." in found
+    assert "[Decided by a proof.]{.claim-status} It gains." in found
     assert "Proof\n: by {prf:ref}`thm-gain`\n" in found
     claims.write_text(CLAIM.replace("status: reproduced", "status: reproduced, proof: somewhere"))
     with pytest.raises(ValueError, match="its status is 'reproduced', but it names a proof"):

@@ -25,8 +25,8 @@ AT_THIS_BUDGET = "not reproduced at this budget"
 NOT_TESTABLE = "not testable here"
 NOT_TESTED = "not yet tested"
 #: A proof decides the claim, so that no measurement can give it another status.
-THEOREM = "theorem"
-STATUSES = (REPRODUCED, IN_PART, ASSUMING, CHOICE, NOT_REPRODUCED, AT_THIS_BUDGET, THEOREM, NOT_TESTABLE, NOT_TESTED)
+PROVED = "decided by a proof"
+STATUSES = (REPRODUCED, IN_PART, ASSUMING, CHOICE, NOT_REPRODUCED, AT_THIS_BUDGET, PROVED, NOT_TESTABLE, NOT_TESTED)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -74,10 +74,10 @@ class Entry:
 
     def __post_init__(self):
         written, found = self.claim["status"], self.verdict.status
-        if (found == THEOREM) != ("proof" in self.claim):
+        if (found == PROVED) != ("proof" in self.claim):
             raise ValueError(
                 f"claim {self.claim['id']} ({self.claim['claim']}): its status is {found!r}, but it names "
-                f"{'no' if found == THEOREM else 'a'} proof. A claim names a proof if and only if it is a theorem: "
+                f"{'no' if found == PROVED else 'a'} proof. A claim names a proof if and only if it is a theorem: "
                 "correct it in claims.yaml"
             )
         if written == found and self.verdict.fits:
@@ -217,9 +217,9 @@ _HEAD = """# Claims ledger
 
 This page has a verdict on each claim of the paper {cite:p}`le2024ddot`, and on questions of our own that the paper
 leaves open. Every number and status is computed from the result files in `experiments/`. The sentences are written by
-people, and a test fails where the results no longer support one. A claim with the status *theorem* is decided by a
-proof. Its measurements illustrate the proof, and no measurement could give it another status. The data sets of the
-paper are under data-use agreements. Its tables are therefore rebuilt on other data, which the details of each claim
+people, and a test fails where the results no longer support one. A claim that is *decided by a proof* is true or false
+by that proof. Its measurements illustrate the proof, and no measurement could give it another status. The data sets of
+the paper are under data-use agreements. Its tables are therefore rebuilt on other data, which the details of each claim
 name.
 """
 _PAPER = """## What the paper claims

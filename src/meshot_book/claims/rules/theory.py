@@ -1,6 +1,6 @@
 """Claims 2 to 5, 11 and 24: the theorem, rates of convergence, axioms of a metric, and the ground cost."""
 
-from meshot_book.claims.ledger import ASSUMING, IN_PART, NOT_REPRODUCED, REPRODUCED, THEOREM, Verdict, fill, where
+from meshot_book.claims.ledger import ASSUMING, IN_PART, NOT_REPRODUCED, PROVED, REPRODUCED, Verdict, fill, where
 
 #: How far beyond the ends of a fitted interval an exponent may lie and still count as agreed: logarithms and small
 #: samples move fitted slopes by about as much.
@@ -37,7 +37,7 @@ def theorem_verdict(record: dict) -> Verdict:
         "slack": SLACK,
     }
     return Verdict(
-        THEOREM,
+        PROVED,
         numbers,
         (
             [row | {"fewest": row["n_repetitions"][-1]} for row in sizes],
@@ -180,7 +180,7 @@ def axioms_verdict(record: dict) -> Verdict:
         "tolerance": tolerance,
     }
     return Verdict(
-        THEOREM,
+        PROVED,
         numbers,
         (triangles, ghosts, [row | {"last": row["values"][-1]} for row in sequences]),
         fits=kept and breaks and weak and len(found) == len(ghosts),
@@ -203,4 +203,4 @@ def ground_cost_verdict(record: dict) -> Verdict:
         "n_asked": len(asked),
         "agrees": agrees,
     }
-    return Verdict(THEOREM, numbers, (rows, asked), fits=bool(others) and [row["p"] for row in same] == [2])
+    return Verdict(PROVED, numbers, (rows, asked), fits=bool(others) and [row["p"] for row in same] == [2])
