@@ -67,6 +67,12 @@ WON = each("direct/first=local&second=cortexode/{}/better", *MEASURES, value="ou
 AFTER = [f"{k}:means/weights={which}/assd_mm/mean" for k in (0, 1, 2) for which in ("best", "last")]
 ALONE = [f"3:surfaces/arm={arm}/assd_mm" for arm in ("ddot", "ddot_long", "ddot_half", "ddot_wide")]
 NEARER, FARTHER = (dict.fromkeys(AFTER + ALONE, value) for value in (0.01, 9.0))
+LAST = [
+    f"2:means/arm=ddot_{name}&weights=last/crossing_percent/mean"
+    for name in ("20mm", "1mm", "104mm", "binary", "constant", "all_faces")
+]
+LAST += [f"3:means/arm={arm}&weights=last/crossing_percent/mean" for arm in ("ddot_long", "ddot_wide")]
+SMALL, CROSSING = (dict.fromkeys(LAST, value) for value in (0.0, 60.0))
 CASES = [
     (1, {"differences/*/coverage_high": -0.1}, REPRODUCED),
     (1, {"differences/*/w2_low": -0.01}, NOT_REPRODUCED),
@@ -136,12 +142,14 @@ CASES = [
     (15, {"readings/*/high": 0.35}, REPRODUCED),
     (15, {"readings/*/high": 0.36}, NOT_REPRODUCED),
     (15, {"readings/*/low": 0.34, "readings/*/high": 0.36}, NOT_TESTABLE),
-    (16, {"counts/factors/*/factor": 130.0}, REPRODUCED),
-    (16, {"1:table_1/arm=ddot/crossing_percent/mean": 0.5}, NOT_REPRODUCED),
-    (16, {"1:table_1/arm=cortexode/crossing_percent/mean": 0.0}, NOT_REPRODUCED),
-    (16, {"1:table_1/arm=ddot&cohort=adni_like&side=left/crossing_percent/mean": 0.5}, IN_PART, "3 of 4"),
-    (16, {"1:table_1/arm=ddot&budget=steps/crossing_percent/mean": 5e-5}, IN_PART, "4 of 4"),
-    (16, {"1:table_1/budget=seconds/crossing_percent/mean": 60.0}, IN_PART, "4 of 4"),
+    (16, SMALL | {"counts/factors/*/factor": 130.0}, REPRODUCED, "8 of 8"),
+    (16, SMALL, IN_PART, "8 of 8"),  # the printed factor is not reached
+    (16, {"counts/factors/*/factor": 130.0}, CHOICE, "2 of 8"),
+    (16, CROSSING | {"1:table_1/arm=ddot/crossing_percent/mean": 0.5}, NOT_REPRODUCED, "0 of 8"),
+    (16, CROSSING | {"1:table_1/arm=cortexode/crossing_percent/mean": 0.0}, NOT_REPRODUCED),
+    (16, SMALL | {"1:table_1/arm=ddot&cohort=adni_like&side=left/crossing_percent/mean": 0.5}, CHOICE, "8 of 8"),
+    (16, SMALL | {"1:table_1/arm=ddot&budget=steps/crossing_percent/mean": 5e-5}, IN_PART),
+    (16, SMALL | {"1:table_1/budget=seconds/crossing_percent/mean": 60.0}, IN_PART),
     (16, {"1:table_1": []}, NOT_TESTED),
     (17, HELPS | {"1:decided/ddot_1mm/last/beats": True}, IN_PART, "1 of 6"),
     (17, HELPS, AT_THIS_BUDGET, "0 of 6"),
