@@ -77,15 +77,18 @@ def better(low: float, high: float, metric: str) -> str:
     return "ours" if (low > 0) == (metric in LARGER) else "other"
 
 
-def differences(rows: list[dict], ours: str) -> list[dict]:
-    """Our system at equal steps minus every other row of a column, paired over the subjects from the template."""
+def differences(rows: list[dict], ours: str, own_budget: str | None = STEPS) -> list[dict]:
+    """Our system at equal steps minus every other row of a column, paired over the subjects from the template.
+
+    The initial surface has no budget: it is compared in the same way.
+    """
     found = []
     for part in grouped([row for row in measured(rows) if row["kind"] == MAIN], ("cohort", "side")):
         by_arm = {
             (line[0]["arm"], line[0]["budget"]): {row["subject"]: row for row in line}
             for line in grouped(part, ("arm", "budget"))
         }
-        mine = by_arm.pop((ours, STEPS), {})
+        mine = by_arm.pop((ours, own_budget), {})
         for (arm, budget), other in by_arm.items():
             gap = {} if arm == PERFECT else _gap(mine, other, COMPARED)
             if gap:
@@ -156,7 +159,15 @@ def claims(rows: list[dict], gaps: list[dict], pair_gaps: list[dict], comparison
     ]  # fmt: skip
     initial = [gap for gap in gaps if gap["second"] == INITIAL]
     start = [{key: gap[key] for key in ("cohort", "side")} | {"assd_mm": gap["assd_mm"]["better"]} for gap in initial]
-    found = {"best": best, "against_initial": start, "crossing": _crossing(rows, ours)}
+    # What would the rule for claim 13 say of the surface that no system has touched?
+    untouched = differences(rows, INITIAL, None)
+    by_nothing = [
+        {"cohort": cohort, "side": side, "metric": metric}
+        | _against([gap for gap in untouched if (gap["cohort"], gap["side"], gap["budget"]) == (cohort, side, STEPS)],
+                   rivals, metric)
+        for cohort, side in columns for metric in CLAIMED
+    ]  # fmt: skip
+    found = {"best": best, "best_of_initial": by_nothing, "against_initial": start, "crossing": _crossing(rows, ours)}
     return found | {"consistency": [{"metric": m} | _against(pair_gaps, rivals, m) for m in PAIR_METRICS]}
 
 

@@ -692,6 +692,8 @@ def test_who_is_better_follows_from_the_interval(part, config):
     }  # fmt: skip
     assert best["seconds", "emd_mm"]["other"] == ["vox2cortex"]
     assert found["claims"]["against_initial"] == [{"cohort": "a", "side": "left", "assd_mm": "ours"}]
+    untouched = {x["metric"]: x for x in found["claims"]["best_of_initial"]}  # by the same rule as DDOT
+    assert (untouched["assd_mm"]["ours"], untouched["assd_mm"]["other"]) == ([], ["deepcsr", "cortexode"])
     (crossing,) = found["claims"]["crossing"]
     assert (crossing["n_subjects"], crossing["n_subjects_crossing"], crossing["mean_percent"]) == (4, 1, 0.05)
     line = next(x for x in found["table_1"] if (x["arm"], x["kind"]) == ("ddot", "template"))

@@ -48,6 +48,7 @@ def systems_verdict(record: dict) -> Verdict:
     numbers = {
         "cells": all_cells,
         "n_cells": len(cells),
+        "initial": _count(results["claims"]["best_of_initial"]),
         "metrics": by_metric,
         "farther": in_assd.count("other"),
         "n_assd": len(in_assd),
