@@ -10,6 +10,7 @@ import datetime
 import json
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -26,7 +27,11 @@ TEXT, VALUES = ROOT / "book" / "report" / "report.typ", ROOT / "book" / "report"
 PDF = ROOT / "build" / "report.pdf"
 #: The fields of an entry of ``values.yaml``.
 FIELDS = {"of", "claim", "stored", "row", "column", "files", "at", "take", "over", "show", "printed", "place"}
-TAKEN = {"sum": sum, "count": len, "min": min, "max": max, "mean": lambda found: sum(found) / len(found)}
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+TAKEN = {
+    "sum": sum, "count": len, "ends": lambda found: [min(found), max(found)],
+    "mean": lambda found: sum(found) / len(found),
+}  # fmt: skip
 #: A step of a key: a name; ``[3]``; ``[a=b, c=d]``, the one row with these values; ``[* a=b]``, all such rows; ``[*]``.
 STEP = re.compile(r"\.?(?P<name>[\w-]+)|\[(?P<choice>[^\]]*)\]")
 #: What may stand in the words with digits in it, beside formulas, names such as MNI152, and citations.
@@ -195,8 +200,15 @@ def _row(name: str, text: str, file: str, key: str, commit: str) -> dict[str, st
 
 
 def typographic(text: str) -> str:
-    """The text with minus signs in place of hyphens before numbers, and thin spaces in place of ``_`` within them."""
-    return re.sub(r"(?<=\d)_(?=\d{3})", "\N{NARROW NO-BREAK SPACE}", re.sub(r"(?<![\w^])-(?=\d)", "−", text))
+    """The text with minus signs, powers of ten, and thin spaces in long numbers, as a book has them."""
+    text = re.sub(r"(?<=\d)_(?=\d{3})", "\N{NARROW NO-BREAK SPACE}", text)
+    text = re.sub(r"\b(\d)e(-?)0*(\d+)\b", _power, text)
+    return re.sub(r"(?<![\w^])-(?=\d)", "−", text)
+
+
+def _power(found: re.Match) -> str:
+    raised = f"10{(found[2] + found[3]).translate(RAISED)}"
+    return raised if found[1] == "1" else f"{found[1]}·{raised}"
 
 
 def claim_rows(entries: Iterable[Entry]) -> list[dict]:
@@ -208,7 +220,7 @@ def claim_rows(entries: Iterable[Entry]) -> list[dict]:
             {
                 "id": str(entry.claim["id"]),
                 "ours": entry.claim.get("ours", False),
-                "claim": markup(entry.claim["claim"]),
+                "claim": markup(typographic(entry.claim["claim"])),
                 "status": entry.verdict.status,
                 "number": markup(typographic(entry.words("number"))),
                 "meaning": markup(entry.words("meaning")),
@@ -238,7 +250,7 @@ def _formula(latex: str) -> str:
 
 
 #: What names a place, such as a table of the paper or a row of the ledger.
-PLACES = re.compile(r"\b(?:Tables?|Theorem|Findings?|[Rr]ows?) \d+(?:(?:,| and| to) \d+)*")
+PLACES = re.compile(r"\b(?:Tables?|Theorem|Findings?|chapters?|[Rr]ows?) \d+(?:(?:,| and| to) \d+)*")
 
 
 def words_of(text: str) -> str:
@@ -285,9 +297,7 @@ def content(root: Path = ROOT, text: str | None = None, stated: dict | None = No
     entries = {entry.claim["id"]: entry for entry in found}
     values = {name: value_of(name, entry, root, entries) for name, entry in stated.items()}
     claims = claim_rows(found)
-    statuses = {}
-    for row in claims:
-        statuses[row["status"]] = statuses.get(row["status"], 0) + 1
+    statuses = Counter(row["status"] for row in claims).most_common()
     figures = sorted(set(re.findall(r'figure-of\("([^"]*)"', text)))
     dates = [read_results(file)["date"] for file in (root / "experiments").glob("**/results.json")]
     sources = [*values.values(), *(row["source"] for row in claims)]
