@@ -202,7 +202,7 @@ def _row(name: str, text: str, file: str, key: str, commit: str) -> dict[str, st
 def typographic(text: str) -> str:
     """The text with minus signs, powers of ten, and thin spaces in long numbers, as a book has them."""
     text = re.sub(r"(?<=\d)_(?=\d{3})", "\N{NARROW NO-BREAK SPACE}", text)
-    text = re.sub(r"\b(\d)e(-?)0*(\d+)\b", _power, text)
+    text = re.sub(r"\b(\d(?:\.\d+)?)e[+]?(-?)0*(\d+)\b", _power, text)
     return re.sub(r"(?<![\w^])-(?=\d)", "−", text)
 
 
@@ -267,7 +267,9 @@ def words_of(text: str) -> str:
 def typed_numbers(text: str) -> list[str]:
     """The numbers that are typed in the words of a text in Typst, with digits or as words from seven on."""
     digits = re.findall(r"(?<![A-Za-z0-9])\d[\d.,]*", words_of(text))
-    spelled = r"\b(?:seven|eight|nine|ten|eleven|twelve|\w+teen|twenty|\w+ty-\w+|\w*hundreds?|\w*thousands?|millions?)\b"
+    spelled = (
+        r"\b(?:seven|eight|nine|ten|eleven|twelve|\w+teen|twenty|\w+ty-\w+|\w*hundreds?|\w*thousands?|millions?)\b"
+    )
     return digits + re.findall(spelled, words_of(text), re.IGNORECASE)
 
 
@@ -317,7 +319,12 @@ def write_report(to: Path = PDF, root: Path = ROOT) -> Path:
     day = datetime.datetime.fromisoformat(found["date"]).replace(tzinfo=datetime.UTC)
     to.parent.mkdir(parents=True, exist_ok=True)
     pdf = typst.compile(
-        TEXT, root=ROOT, sys_inputs={"content": json.dumps(found)}, ignore_system_fonts=True, timestamp=day, format="pdf"
+        TEXT,
+        root=ROOT,
+        sys_inputs={"content": json.dumps(found)},
+        ignore_system_fonts=True,
+        timestamp=day,
+        format="pdf",
     )
     with whole_file(to) as temporary:
         temporary.write_bytes(pdf)
