@@ -41,7 +41,7 @@ book notebooks test test-all: export OMP_WAIT_POLICY = PASSIVE
 # Tests start hundreds of processes: what is compiled is kept, also where PYTHONDONTWRITEBYTECODE is set.
 test test-all: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf editions notebooks text ledger lab lint warm lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf report editions notebooks text ledger lab lint warm lock licences audit sbom benchmark cohorts clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -57,6 +57,7 @@ help:
 	@echo "make html       render the book from the stored outputs (seconds)"
 	@echo "make slides     slides of every chapter in build/html/slides, from the rendered book"
 	@echo "make pdf        the whole book as build/meshes_as_measures.pdf, from the rendered book"
+	@echo "make report     the reproduction report as build/report.pdf, every number of it from a committed result"
 	@echo "make editions   notebooks for students (no solutions) and instructors (board notes) in build/editions"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
@@ -101,6 +102,9 @@ slides: build/html/index.html
 pdf: build/html/index.html
 	@$(RUN) tools/preflight.py browser
 	@$(RUN) book/pdf.py
+
+report: $(READY)
+	@$(RUN) book/report.py
 
 editions: $(READY)
 	@$(RUN) book/editions.py

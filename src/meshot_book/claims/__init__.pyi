@@ -8,7 +8,9 @@ from .ledger import (
     NOT_TESTED as NOT_TESTED,
     PROVED as PROVED,
     REPRODUCED as REPRODUCED,
+    Entry as Entry,
     Verdict as Verdict,
+    fill as fill,
     ledger_page as ledger_page,
     read_entries as read_entries,
 )
