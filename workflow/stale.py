@@ -26,6 +26,7 @@ import hashlib
 import itertools
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -49,6 +50,8 @@ NOTES = "MESHOT_NOTES"
 LOCK = "lock"
 #: The small part of an experiment: the first of its tasks. Other tasks need ``--small``.
 SMALL = "{command} --only 1 -o {{out}}/results.json"
+#: The folder in which the runner keeps the states of tasks is called after settings and code.
+STATES = re.compile(r"^partial/[0-9a-f]+/")
 #: What differs from run to run.
 UNLIKE = ("seconds", "stamp", "commit", "date", "command", "machine", "processor", "versions")
 
@@ -298,7 +301,7 @@ def compared(results: Results, task: Task, small: str, named: str) -> str:
                     raise ValueError(f"{small} failed in {root}; name another part: --small 'COMMAND -o {{out}}/NAME'")
             then, now = (
                 {
-                    f"{file.relative_to(out)}{key}": value
+                    f"{STATES.sub('partial/', file.relative_to(out).as_posix())}{key}": value
                     for file in sorted(path for path in out.rglob("*") if path.is_file())
                     for key, value in numbers_of(file).items()
                 }

@@ -176,7 +176,7 @@ def test_what_is_not_json_is_refused_before_it_is_kept(runner, tmp_path):
 
 #: Experiments whose tasks come from what is not in the repository.
 WITH_DATA = {"cohorts", "comparison", "correspondence", "ddot", "grid_floor", "people", "person", "segmentation"}
-WITH_DATA |= {"template_baseline"}
+WITH_DATA |= {"new_heads", "template_baseline"}
 SCRIPTS = sorted(EXPERIMENTS.glob("*/run.py"))
 
 

@@ -96,3 +96,23 @@ def test_a_part_that_leaves_nothing_or_other_values_shows_nothing(part, place, v
     assert "has left 0 values, and now 0" in capsys.readouterr().err
     assert vouch("--small", "true") == 1
     assert "it must write into the folder {out}" in capsys.readouterr().err
+
+
+def test_states_are_compared_although_their_folder_is_called_after_the_code(part, place, vouch):
+    kept = """
+    import hashlib, pathlib
+    state = pathlib.Path(place).parent / "partial" / hashlib.sha256(open(__file__, "rb").read()).hexdigest()[:16]
+    state.mkdir(parents=True)
+    (state / "state.json").write_text(json.dumps({"half": total() / 2}))
+"""
+    script = SCRIPT.replace("    open(place", f"{kept}    open(place")
+    (place / "experiments/sum/run.py").write_text(script, encoding="utf-8")
+    part("stale").opened(root=place).note(part("stale").opened(root=place).graph.tasks.values())
+    who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+    subprocess.run(["git", *who, "commit", "-qam", "with states"], cwd=place, check=True)
+    (place / "experiments/sum/run.py").write_text(script.replace("sum([1, 2, 3])", "1 + 2 + 3"), encoding="utf-8")
+    assert stale(part, place)
+    assert vouch() == 0
+    assert not stale(part, place)
+    (place / "experiments/sum/run.py").write_text(script.replace("total() / 2", "total() / 3"), encoding="utf-8")
+    assert vouch() == 1  # a state with another number
