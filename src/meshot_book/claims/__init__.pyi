@@ -14,4 +14,4 @@ from .ledger import (
     ledger_page as ledger_page,
     read_entries as read_entries,
 )
-from .rules import own_loss_points as own_loss_points
+from .rules.systems import own_loss_points as own_loss_points

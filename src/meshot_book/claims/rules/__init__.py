@@ -6,7 +6,6 @@ from meshot_book.claims.rules.systems import (
     consistency_verdict as consistency_verdict,
     exchanges_verdict as exchanges_verdict,
     local_verdict as local_verdict,
-    own_loss_points as own_loss_points,
     systems_verdict as systems_verdict,
 )
 
