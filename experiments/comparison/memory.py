@@ -12,12 +12,12 @@ import sys
 from pathlib import Path
 
 import torch
-from measuring import seen
 
 from meshot.pipeline import InitialSurfaces
 from meshot.synth import read_subject
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
+from trials.scanned import seen
 from trials.training import Training, arguments, finals, read_config, segmentation_network, trained_system
 
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")

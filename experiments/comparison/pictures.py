@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from measuring import INITIAL, reconstructed
 from scipy.spatial import cKDTree
 
 from meshot.mesh import Mesh, simplified
@@ -22,6 +21,7 @@ from run import Setting, setting_of
 from tables import MAIN, SUBJECTS, measured
 
 from trials.rows import read_rows
+from trials.scanned import INITIAL, reconstructed
 from trials.training import FIRST_SEED, STEPS, arguments, finals, read_config
 
 TRUE = "true"

@@ -10,7 +10,7 @@ import functools
 import sys
 from pathlib import Path
 
-from measuring import INITIAL, PERFECT, Found, Seen, floor_rows, pair_rows, reconstructed, seen, subject_rows
+from measuring import PERFECT, floor_rows, pair_rows, subject_rows
 
 from meshot.anatomy import HEMISPHERES
 from meshot.model import SegmentationNetwork, network_digest
@@ -27,6 +27,7 @@ from tables import PAIRS, SUBJECTS, row_digests, rows_beside, tables
 
 from trials.rates import changes_of
 from trials.rows import write_rows
+from trials.scanned import INITIAL, Found, Seen, reconstructed, seen
 from trials.training import Training, finals, require_fair, segmentation_network, trained_system
 
 

@@ -9,13 +9,14 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from measuring import INITIAL, PAIR_METRICS, PERFECT
+from measuring import PAIR_METRICS, PERFECT
 
 from meshot.provenance import FIELDS, file_digest, read_results, rounded, write_results
 from meshot_book.measurements import COMPARED, MAIN, grouped, paired_gaps, spread
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from trials.rows import read_rows
+from trials.scanned import INITIAL
 from trials.training import FIRST_SEED, SECONDS, STEPS, arguments, read_config
 
 SUBJECTS, PAIRS = "subjects.csv", "pairs.csv"

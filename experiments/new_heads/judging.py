@@ -17,13 +17,13 @@ from meshot_book.measurements import grouped, spread
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from trials.rows import read_rows
+from trials.scanned import INITIAL
 from trials.training import arguments, read_config
 
 MEASURES = (
     "assd_mm", "hausdorff90_mm", "beyond_percent", "signed_mm", "normals", "crossing_percent", "exact_sw_mm",
 )  # fmt: skip
 LARGER = {"normals"}
-INITIAL = "initial"
 RIVALS_13 = ("deepcsr", "vox2cortex", "corticalflow", "cortexode", "cortexode_104mm")
 RIVALS_25 = ("cortexode", "cortexode_104mm", "cortexode_averaged", "varifold_averaged", "ddot_104mm")
 UNITS = {"mm": ("ddot", "cortexode"), "104 mm": ("ddot_104mm", "cortexode_104mm")}

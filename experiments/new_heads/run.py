@@ -28,10 +28,10 @@ from meshot.metrics import (
     rigidly_aligned,
 )
 from meshot.model import DeformationNetwork, SegmentationNetwork, network_digest, read_weights
-from meshot.pipeline import RECORD, WEIGHTS, InitialSurfaces, in_scanner, segmentation_weights
+from meshot.pipeline import RECORD, WEIGHTS, InitialSurfaces, in_scanner
 from meshot.provenance import read_results, rounded
 from meshot.synth import Subject, scans
-from meshot.systems import Scan, deformed
+from meshot.systems import SurfaceSystem, deformed
 from meshot_book.measurements import digest_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
@@ -39,9 +39,9 @@ import experiment
 from judging import judged
 
 from trials.rows import read_rows, write_rows
-from trials.training import LAST, finals, read_config, trained_system
+from trials.scanned import INITIAL, Seen, reconstructed, seen
+from trials.training import LAST, Training, finals, read_config, segmentation_network, trained_system
 
-INITIAL = "initial"
 #: The files of a network that is kept without a folder: COHORT_SIDE_ARM_SEED.
 NAME = re.compile(r"(?P<cohort>oasis_like|adni_like)_(?P<side>left|right)_(?P<arm>.+)_(?P<seed>\d+)")
 
@@ -57,7 +57,16 @@ class Trained:
     budget: str
     seed: int
     which: str
-    place: Path
+    place: Path  # the folder of its networks; without a training, the name of the files of one flow
+    training: Training | None = None
+
+    def weights(self) -> Path:
+        """The file of the weights of one flow."""
+        return self.place.with_name(self.place.name + (WEIGHTS if self.which == "best" else LAST))
+
+    def digest(self) -> str:
+        """Twelve digits of the weights."""
+        return digest_of([self.weights()] if self.training is None else sorted(self.place.glob(f"*{WEIGHTS}")))
 
     @property
     def name(self) -> str:
@@ -67,26 +76,37 @@ class Trained:
         return "/".join(map(str, parts))
 
 
+def has_folders(protocol: dict) -> bool:
+    """Whether the trainings of a protocol are kept in folders: those with a budget are."""
+    return any(group.get("budget") for group in protocol.get("groups", {}).values())
+
+
 def trained(path: Path) -> list[Trained]:
     """The systems of a protocol whose weights are committed."""
     protocol, name = read_config(path), f"{path.parent.name}/{path.stem}"
-    if "readings" not in protocol and any(group.get("budget") for group in protocol["groups"].values()):
+    if has_folders(protocol):
         return [
-            Trained(name, each.cohort, each.sides, each.arm, each.budget, each.seed, "best", each.kept(protocol))
+            Trained(name, each.cohort, each.sides, each.arm, each.budget, each.seed, "best", each.kept(protocol), each)
             for each in finals(protocol)
             if each.is_made(protocol)
         ]
     arms, found = protocol.get("readings") or protocol["arms"], []
     for file in sorted(Path(protocol["weights"]).glob(f"*{WEIGHTS}")):
         which, ending = ("last", LAST) if file.name.endswith(LAST) else ("best", WEIGHTS)
-        known = NAME.fullmatch(file.name.removesuffix(ending))
+        place = file.with_name(file.name.removesuffix(ending))
         # An initial surface from a binary mask is another start; the protocols share a folder.
-        if known and known["arm"] in arms and arms[known["arm"]].get("start", INITIAL) == INITIAL:
-            place = file.with_name(file.name.removesuffix(ending))
-            found.append(
-                Trained(name, known["cohort"], (known["side"],), known["arm"], "own", int(known["seed"]), which, place)
-            )
+        if (known := NAME.fullmatch(place.name)) and arms.get(known["arm"], {"start": ""}).get(
+            "start", INITIAL
+        ) == INITIAL:
+            about = known["cohort"], (known["side"],), known["arm"], "own", int(known["seed"])
+            found.append(Trained(name, *about, which, place))
     return found
+
+
+def untrained(path: Path) -> list[str]:
+    """The trainings of a protocol that have no weights yet, where it can say so."""
+    protocol = read_config(path)
+    return [each.name for each in finals(protocol) if not each.is_made(protocol)] if has_folders(protocol) else []
 
 
 @functools.cache
@@ -125,14 +145,7 @@ def pairs(config: experiment.Config) -> dict[str, list[Subject]]:
 @functools.cache
 def segmentation(config: experiment.Config) -> SegmentationNetwork:
     """The network that makes the initial surfaces."""
-    return read_weights(segmentation_weights(config["segmentation"]), SegmentationNetwork)[0]
-
-
-def digest(each: Trained) -> str:
-    """Twelve digits of the weights of a system."""
-    if each.budget != "own":
-        return digest_of(sorted(each.place.glob(f"*{WEIGHTS}")))
-    return digest_of([each.place.with_name(each.place.name + (WEIGHTS if each.which == "best" else LAST))])
+    return segmentation_network(config)
 
 
 def tasks(config: experiment.Config) -> list[dict]:
@@ -143,65 +156,47 @@ def tasks(config: experiment.Config) -> list[dict]:
         for name, subject in those.items():
             place = {"what": "head", "cohort": cohort, "subject": name, "data": digest_of(subject.files())}
             found += [place | {"of": INITIAL, "digest": start}]
-            found += [place | {"of": each.name, "digest": digest(each)} for each in systems]
+            found += [place | {"of": each.name, "digest": each.digest()} for each in systems]
     first = [e for e in everything(config).values() if (e.cohort, e.budget, e.seed) == ("oasis_like", "steps", 0)]
     for name, both in pairs(config).items():
         place = {"what": "pair", "subject": name, "data": [digest_of(scan.files()) for scan in both]}
         found += [
             place | {"of": INITIAL, "digest": start},
-            *(place | {"of": e.name, "digest": digest(e)} for e in first),
+            *(place | {"of": e.name, "digest": e.digest()} for e in first),
         ]
     return found
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Seen:
-    """A scan with its initial surfaces in standard space, and its true surfaces in scanner space."""
-
-    scan: object
-    initial: dict[str, Mesh]
-    truths: dict[str, Surface]
-
-
 @functools.lru_cache(maxsize=2)
-def seen(subject: Subject, config: experiment.Config) -> Seen:
-    """Read a scan; the last two are kept."""
-    scan, surfaces = subject.standard(), InitialSurfaces(config["initial"], segmentation(config))
-    initial = {side: surfaces.of(subject, side, scan) for side in HEMISPHERES}
-    return Seen(scan, initial, {side: Surface(subject.surface("white", side)) for side in HEMISPHERES})
+def scanned(subject: Subject, config: experiment.Config) -> tuple[Seen, dict[str, Surface]]:
+    """A scan, and its true surfaces with their search trees; the last two are kept."""
+    found = seen(subject, InitialSurfaces(config["initial"], segmentation(config)))
+    return found, {side: Surface(mesh) for side, mesh in found.truths.items()}
 
 
 def found_by(name: str, subject: Subject, config: experiment.Config) -> dict[str, Mesh] | str:
     """The white surfaces of a system in scanner space, or why it found none."""
-    there = seen(subject, config)
+    scan, _ = scanned(subject, config)
     if name == INITIAL:
-        return {side: in_scanner(mesh, there.scan) for side, mesh in there.initial.items()}
+        return reconstructed(scan, None)[0]
     each = everything(config)[name]
+    if each.training is not None:
+        return reconstructed(scan, system_of(name, config))[0]
+    (side,) = each.sides
+    network = read_weights(each.weights(), DeformationNetwork)[0]
+    training = read_results(each.place.with_name(each.place.name + RECORD))["config"]["training"]
     try:
-        if each.budget == "own":
-            (side,) = each.sides
-            network = read_weights(
-                each.place.with_name(each.place.name + (WEIGHTS if each.which == "best" else LAST)), DeformationNetwork
-            )[0]
-            training = read_results(each.place.with_name(each.place.name + RECORD))["config"]["training"]
-            flow = training["n_flow_steps"], training["method"]
-            return {side: in_scanner(deformed(there.initial[side], there.scan.volume, network, *flow), there.scan)}
-        system = system_of(name, config)
-        given = Scan(there.scan.volume, {key: there.initial[key[0]] for key in type(system).needs})
-        made = system.reconstruct(given)
+        moved = deformed(scan.initial[side], scan.scan.volume, network, training["n_flow_steps"], training["method"])
     except ValueError as error:
         return str(error)
-    return {side: in_scanner(mesh, there.scan) for (side, kind), mesh in made.items() if kind == "white"}
+    return {side: in_scanner(moved, scan.scan)}
 
 
 @functools.lru_cache(maxsize=4)
-def system_of(name: str, config: experiment.Config) -> object:
+def system_of(name: str, config: experiment.Config) -> SurfaceSystem:
     """A trained system that is kept in a folder."""
     each = everything(config)[name]
-    protocol = read_config(next(Path(path) for path in config["protocols"] if each.protocol.endswith(Path(path).stem)
-                                and each.protocol.startswith(Path(path).parent.name)))  # fmt: skip
-    training = next(t for t in finals(protocol) if t.kept(protocol) == each.place)
-    return trained_system(training, each.place)
+    return trained_system(each.training, each.place)
 
 
 def measures(mesh: Mesh, truth: Surface, settings: dict) -> dict[str, float]:
@@ -229,16 +224,15 @@ def work(task: dict, config: experiment.Config) -> dict:
     """A row for each side."""
     started, name, settings = time.process_time(), task["of"], config["evaluation"]
     sides = HEMISPHERES if name == INITIAL else everything(config)[name].sides
-    scanned = (
-        [heads(config)[task["cohort"]][task["subject"]]] if task["what"] == "head" else pairs(config)[task["subject"]]
-    )
-    surfaces = [found_by(name, subject, config) for subject in scanned]
+    is_head, subject = task["what"] == "head", task["subject"]
+    subjects = [heads(config)[task["cohort"]][subject]] if is_head else pairs(config)[subject]
+    surfaces = [found_by(name, each, config) for each in subjects]
     if failed := [each for each in surfaces if isinstance(each, str)]:
         return {"rows": [{"side": side, "failed": failed[0]} for side in sides]}
     rows = []
     for side in sides:
-        if task["what"] == "head":
-            values = measures(surfaces[0][side], seen(scanned[0], config).truths[side], settings)
+        if is_head:
+            values = measures(surfaces[0][side], scanned(subjects[0], config)[1][side], settings)
         else:
             first, second = (each[side] for each in surfaces)
             moved = rigidly_aligned(second, first, config["consistency"]["n_points"], settings["seed"]).mesh
@@ -263,12 +257,9 @@ def results(rows: list[dict], config: experiment.Config) -> dict:
     for name, what in (("rows.csv", "head"), ("pairs.csv", "pair")):
         write_rows(config.output.with_name(name), lines[what])
     tables = [read_rows(config.output.with_name(name)) for name in ("rows.csv", "pairs.csv")]
-    waiting = [
-        name
-        for cohort in config["cohorts"]
-        for name in [cohort]
-        if len(heads(config).get(cohort, ())) < config["n_subjects"]
-    ]
+    n, waiting = config["n_subjects"], [name for path in config["protocols"] for name in untrained(Path(path))]
+    waiting += [cohort for cohort in config["cohorts"] if len(heads(config).get(cohort, ())) < n]
+    waiting += [] if pairs(config) else [config["consistency"]["cohort"]]
     return rounded({"missing": waiting} | judged(*tables, config))
 
 

@@ -15,7 +15,6 @@ Run as ``python experiments/one_subject/run.py``, on one thread; some eighty min
 import sys
 from pathlib import Path
 
-import numpy as np
 import torch
 
 from meshot import evaluate
@@ -26,6 +25,7 @@ from meshot.provenance import rounded
 from meshot.systems import DeformationExample, deformed, get_system, read_settings, train_deformation
 from meshot.train import Progress, Training
 from meshot_book.example_file import read_example
+from meshot_book.trainings import curve
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
@@ -56,18 +56,6 @@ def measured(mesh: Mesh, example: DeformationExample, config: dict) -> dict[str,
         "assd_mm": values.assd.value, "hausdorff90_mm": values.hausdorff.value, "normals": values.normals.value,
         "intersecting_percent": values.intersecting_share.value,
     } | sliced  # fmt: skip
-
-
-def curve(log: list[dict]) -> dict[str, list[float]]:
-    """The distance at every check, and the mean loss of the steps since the previous check."""
-    checks = [line for line in log if "validation_loss" in line]
-    losses = {line["step"]: line["loss"] for line in log if "loss" in line}
-    ends = [line["step"] for line in checks]
-    means = [
-        float(np.mean([losses[step] for step in losses if start < step <= end]))
-        for start, end in zip([0, *ends], ends, strict=False)
-    ]
-    return {"step": ends, "assd_mm": [line["validation_loss"] for line in checks], "loss": means}
 
 
 def train_or_resume(name: str, example: DeformationExample, config: dict, progress: Progress | None = None) -> Training:

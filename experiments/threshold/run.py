@@ -21,14 +21,17 @@ from meshot.loss import quasi_directions, sliced_wasserstein
 from meshot.measure import DiscreteMeasure, varifold
 from meshot.mesh import Mesh, neighbour_means, simplified
 from meshot.metrics import Surface, average_surface_distance, offsets_between
-from meshot.model import SegmentationNetwork, network_digest, read_weights
-from meshot.pipeline import InitialSurfaces, segmentation_weights
+from meshot.model import network_digest
+from meshot.pipeline import InitialSurfaces
 from meshot.provenance import rounded
 from meshot.synth import read_subject
 from meshot.systems import DeformationExample, get_system, hemisphere_example, read_settings, train_deformation
+from meshot_book.trainings import curve
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
+
+from trials.training import segmentation_network
 
 FIT, NETWORK = "fit", "network"
 
@@ -52,8 +55,7 @@ def tasks(config: dict) -> list[dict]:
 @functools.lru_cache(maxsize=1)
 def example_of(cohort: str, subject: str, config: experiment.Config) -> DeformationExample:
     """The hemisphere of one subject, in standard space."""
-    network = read_weights(segmentation_weights(config["segmentation"]), SegmentationNetwork)[0]
-    surfaces, keys = InitialSurfaces(config["initial"], network), [(config["side"], "white")]
+    surfaces, keys = InitialSurfaces(config["initial"], segmentation_network(config)), [(config["side"], "white")]
     example = surfaces.example(read_subject(config["cohorts"][cohort], subject), keys, keys)
     return hemisphere_example(example, config["side"], config["n_faces"])
 
@@ -143,14 +145,8 @@ def learned(task: dict, example: DeformationExample, config: experiment.Config) 
     ]
     settings = read_settings(get_system("ddot"), "small", changes)
     log = train_deformation(settings, [example], [example], config.place / name_of(task)).log
-    checks = [line for line in log if "validation_loss" in line]
-    losses = {line["step"]: line["loss"] for line in log if "loss" in line}
-    ends = [line["step"] for line in checks]
-    means = [
-        float(np.mean([losses[step] for step in losses if start < step <= end]))
-        for start, end in zip([0, *ends], ends, strict=False)
-    ]
-    return {"checked_iteration": ends, "assd_mm": [line["validation_loss"] for line in checks], "sliced": means}
+    found = curve(log)
+    return {"checked_iteration": found["step"], "assd_mm": found["assd_mm"], "sliced": found["loss"]}
 
 
 def name_of(task: dict) -> str:
@@ -175,7 +171,7 @@ def work(task: dict, config: experiment.Config) -> dict:
     }
     begun = {"assd_mm": assd(start, truth, config), "sliced": before}
     course = learned(task, example, config) if task["by"] == NETWORK else fitted(task, start, target, truth, config)
-    segmentation = network_digest(read_weights(segmentation_weights(config["segmentation"]), SegmentationNetwork)[0])
+    segmentation = network_digest(segmentation_network(config))
     return rounded({"shares": shares, "before": begun, "segmentation_sha256": segmentation} | course)
 
 

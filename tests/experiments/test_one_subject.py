@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from meshot_book.example_file import read_example
+from meshot_book.trainings import curve
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "experiments" / "one_subject"
@@ -26,12 +27,12 @@ def test_committed_results_are_whole(record):
     surfaces = {row["arm"]: row for row in record["results"]["surfaces"]}
     assert list(surfaces) == ["initial", *config["arms"]]
     for name, arm in config["arms"].items():
-        curve = record["results"]["curves"][name]
-        assert curve["step"] == list(range(config["validate_every"], arm["steps"] + 1, config["validate_every"]))
+        course = record["results"]["curves"][name]
+        assert course["step"] == list(range(config["validate_every"], arm["steps"] + 1, config["validate_every"]))
         assert surfaces[name]["n_steps"] == arm["steps"]
         # The same surface on other random points. Distances have a standard deviation of about their mean, so that two
         # means over 40 000 differ by some 0.7 %; five times this is allowed.
-        assert curve["assd_mm"][-1] == pytest.approx(surfaces[name]["assd_mm"], rel=0.035)
+        assert course["assd_mm"][-1] == pytest.approx(surfaces[name]["assd_mm"], rel=0.035)
 
 
 def test_the_initial_surface_measures_as_committed(part, record, config, one_thread):
@@ -45,12 +46,12 @@ def test_the_initial_surface_measures_as_committed(part, record, config, one_thr
         assert value == pytest.approx(committed[name], rel=1e-4, abs=room), name
 
 
-def test_a_curve_has_the_mean_loss_between_checks(part):
+def test_a_curve_has_the_mean_loss_between_checks():
     log = [{"step": k, "loss": float(k)} for k in (1, 2, 3)]
     log += [{"step": 3, "validation_loss": 0.5}]
     log += [{"step": k, "loss": float(k)} for k in (4, 5)]
     log += [{"step": 5, "validation_loss": 0.25}]
-    assert part("run").curve(log) == {"step": [3, 5], "assd_mm": [0.5, 0.25], "loss": [2.0, 4.5]}
+    assert curve(log) == {"step": [3, 5], "assd_mm": [0.5, 0.25], "loss": [2.0, 4.5]}
 
 
 def test_a_training_that_was_stopped_gives_the_same_surface(part, small, one_thread, tmp_path):

@@ -2,6 +2,7 @@ from .processes import (
     OUTPUT as OUTPUT,
     Busy as Busy,
     alone as alone,
+    curve as curve,
     require_device as require_device,
     steps_done as steps_done,
     thinned as thinned,

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 from filelock import FileLock, Timeout
 from tqdm import tqdm
@@ -153,3 +154,15 @@ def thinned(log: list[dict], n_points: int = CURVE_POINTS) -> list[dict]:
     checks = [line for line in log if "validation_loss" in line]
     # A validation is listed after the step that it follows.
     return rounded(sorted([*means, *checks], key=lambda line: (line["step"], "validation_loss" in line)))
+
+
+def curve(log: list[dict]) -> dict[str, list[float]]:
+    """The distance at every check, and the mean loss of the steps since the previous check."""
+    checks = [line for line in log if "validation_loss" in line]
+    losses = {line["step"]: line["loss"] for line in log if "loss" in line}
+    ends = [line["step"] for line in checks]
+    means = [
+        float(np.mean([losses[step] for step in losses if start < step <= end]))
+        for start, end in zip([0, *ends], ends, strict=False)
+    ]
+    return {"step": ends, "assd_mm": [line["validation_loss"] for line in checks], "loss": means}
