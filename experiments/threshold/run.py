@@ -104,7 +104,7 @@ def balanced(source: DiscreteMeasure, target: DiscreteMeasure) -> DiscreteMeasur
     """The source with the masses of the target: each support gives its mass to the nearest one of the source."""
     _, nearest = KDTree(source.points.numpy()).query(target.points.numpy())
     masses = np.bincount(nearest, target.weights.numpy(), len(source.points))
-    return DiscreteMeasure(source.points, torch.from_numpy(masses / masses.sum()).to(source.weights))
+    return DiscreteMeasure(source.points, torch.from_numpy(masses).to(source.weights))
 
 
 def encoded(mesh: Mesh, scale: float) -> DiscreteMeasure:

@@ -108,6 +108,8 @@ def test_crossing_faces_and_units_are_judged_by_reading(part):
     assert judging.claim_16(heads)["verdict"] == "depends on a choice left open"
     found = judging.claim_17(judging.Heads(rows_of(judging, levels), {}))
     assert found["verdicts"] == {"mm": "reproduced", "104 mm": "not reproduced"}
+    levels["ddot"] |= {"assd_mm": 2}  # better in one measure, worse in another
+    assert judging.claim_17(judging.Heads(rows_of(judging, levels), {}))["verdicts"]["mm"] == "not reproduced"
 
 
 def test_pairs_are_judged_by_person(part):
@@ -121,3 +123,10 @@ def test_pairs_are_judged_by_person(part):
     found = judging.claim_19(pairs)
     assert (found["verdict"], found["n_people"], found["gaps"]["ddot"][0]["n"]) == ("reproduced", 12, 12)
     assert found["counts"]["initial"]["better"] == 0
+    near = [row | dict.fromkeys(judging.MEASURES, 0.1) if row["arm"] == "deepcsr" else row for row in pairs]
+    assert judging.claim_19(near)["verdict"] == "not reproduced at this budget"
+    same = [
+        row | dict.fromkeys(judging.MEASURES, 0.5 + rng.normal(0, 0.1)) if row["arm"] == "deepcsr" else row
+        for row in pairs
+    ]
+    assert judging.claim_19(same)["verdict"] == "in part"

@@ -63,6 +63,7 @@ def test_predictions_are_judged_as_the_protocol_says(part):
     assert judged(trajectory(0.1, falling.tolist(), [1.2] * 20))["agrees"] is False  # never nearer
     assert judged(trajectory(0.8, falling.tolist(), [0.9] * 20))["agrees"] is True
     assert judged(trajectory(0.8, falling.tolist(), [1.2] * 20))["agrees"] is False
+    assert judged(trajectory(0.8, falling.tolist(), [1.2] * 3 + [0.9] * 17))["agrees"] is False  # farther for a while
     assert judged(trajectory(0.5e-3, [0.95], [1.2]))["agrees"] is None  # nothing is spoken of
 
 
