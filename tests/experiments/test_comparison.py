@@ -223,8 +223,8 @@ def test_white_surfaces_are_measured_also_where_pial_ones_are_found(part):
             }
 
     white = phantom_surfaces(0)
-    scan = part("measuring").Seen(phantom_scan(white, 0), {}, white, None)
-    found, seconds = part("measuring").reconstructed(scan, Both({}))
+    scan = part("trials.scanned").Seen(phantom_scan(white, 0), {}, white, None)
+    found, seconds = part("trials.scanned").reconstructed(scan, Both({}))
     assert list(found) == ["left", "right"]
     assert seconds >= 0
     for side, mesh in white.items():
@@ -756,7 +756,7 @@ def test_seeds_and_pairs_have_their_tables(part, config):
 
 
 def test_a_surface_that_is_not_found_is_counted(part, phantom_place):
-    measuring = part("measuring")
+    measuring, scanned = part("measuring"), part("trials.scanned")
 
     class Blind:
         needs = ()
@@ -766,17 +766,17 @@ def test_a_surface_that_is_not_found_is_counted(part, phantom_place):
 
     subject = scans(phantom_place / "alpha", "test")[0]
     network = read_weights(phantom_place / "segmentation.safetensors", SegmentationNetwork)[0]
-    scan = measuring.seen(subject, InitialSurfaces(phantom_place / "initial", network))
+    scan = scanned.seen(subject, InitialSurfaces(phantom_place / "initial", network))
     assert scan.seconds is None  # the initial surfaces were there
-    found = measuring.reconstructed(scan, Blind())
+    found = scanned.reconstructed(scan, Blind())
     why = f"no inside among {scan.scan.volume.data.size} voxels"
     assert measuring.subject_rows(scan, found, ("left",), {}) == [{"side": "left", "failed": why}]
-    rows = measuring.pair_rows((scan, scan), lambda each: measuring.reconstructed(each, Blind()), ("right",), {})
+    rows = measuring.pair_rows((scan, scan), lambda each: scanned.reconstructed(each, Blind()), ("right",), {})
     assert rows == [{"side": "right", "failed": why}]
 
 
 def test_the_seconds_of_an_initial_surface_are_kept_beside_it(part, phantom_place, tmp_path, monkeypatch):
-    measuring = part("measuring")
+    scanned = part("trials.scanned")
     subject = scans(phantom_place / "alpha", "test")[0]
     network = read_weights(phantom_place / "segmentation.safetensors", SegmentationNetwork)[0]
     surfaces, stored = (InitialSurfaces(folder, network) for folder in (tmp_path, phantom_place / "initial"))
@@ -788,12 +788,12 @@ def test_the_seconds_of_an_initial_surface_are_kept_beside_it(part, phantom_plac
 
     with monkeypatch.context() as patch:
         patch.setattr(InitialSurfaces, "of", computed)
-        first = measuring.seen(subject, surfaces).seconds
+        first = scanned.seen(subject, surfaces).seconds
     assert first > 0
-    assert measuring.seen(subject, surfaces).seconds == first
+    assert scanned.seen(subject, surfaces).seconds == first
     (file,) = tmp_path.rglob("*.seconds")
     file.unlink()
-    assert measuring.seen(subject, surfaces).seconds is None
+    assert scanned.seen(subject, surfaces).seconds is None
 
 
 def test_rows_are_read_as_they_were_written(part, tmp_path):
