@@ -164,6 +164,7 @@ def test_finalists_are_the_best_and_those_that_always_are(part, protocol):
     assert finalists(found, {"finalists": {"number": 1, "always": []}}) == ["b", "known"]
 
 
+@pytest.mark.thorough  # test_comparison.py trains everything of the trial by the same code
 def test_the_best_rate_of_each_reading_is_trained_to_the_end(part, place):
     readings = part("readings")
     words = ["--config", str(place / "readings.yaml"), "-o", str(place / "readings.json")]

@@ -35,7 +35,7 @@ PAGES = {
 }
 
 
-@pytest.mark.parametrize("layout", PAGES)
+@pytest.mark.parametrize("layout", ["flat", "bids", pytest.param("freesurfer", marks=pytest.mark.thorough)])
 def test_a_failure_stays_alone_and_a_second_start_does_what_is_missing(
     tmp_path, dataset, settings, quick, turned_scan, layout
 ):

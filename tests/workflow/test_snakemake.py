@@ -37,6 +37,7 @@ def test_a_killed_workflow_goes_on_and_ends_the_same(snakemake, toy, tmp_path):
     assert (toy / "log.txt").read_text(encoding="utf-8").split()[5:] == ["later"]
 
 
+@pytest.mark.thorough
 def test_a_task_that_ended_after_snakemake_was_killed_does_not_hide_the_others(snakemake, toy):
     """Snakemake notes the beginning of a task. The end was not noted, but the stamp of the task is there."""
     tasks = [sys.executable, toy / "workflow/run_task.py", "run", "raw_a", "copy"]
