@@ -12,9 +12,6 @@ import sys
 import time
 from pathlib import Path
 
-import igl
-import numpy as np
-
 from meshot.anatomy import HEMISPHERES
 from meshot.loss import orthogonal_directions, sliced_wasserstein
 from meshot.measure import surface
@@ -204,8 +201,6 @@ def measures(mesh: Mesh, truth: Surface, settings: dict) -> dict[str, float]:
     found, seed = Surface(mesh), settings["seed"]
     there, back = offsets_between(found, truth, settings["n_points"], (seed, seed + 1))
     far = [float((each.distances > settings["beyond_mm"]).mean()) for each in (there, back)]
-    signs = igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
-    signed = igl.signed_distance(found.vertices, truth.vertices, truth.faces, sign_type=signs)[0]
     directions = orthogonal_directions(settings["n_directions"], 3, seed)
     squared = sliced_wasserstein(surface(found.mesh), surface(truth.mesh), directions)
     n_crossing = len(self_intersecting_faces(mesh))
@@ -213,7 +208,7 @@ def measures(mesh: Mesh, truth: Surface, settings: dict) -> dict[str, float]:
         "assd_mm": average_surface_distance(there, back),
         "hausdorff90_mm": hausdorff_distance(there, back),
         "beyond_percent": 50 * sum(far),
-        "signed_mm": float(np.mean(signed)),
+        "signed_mm": float(truth.signed_distances(found.vertices).mean()),
         "normals": normal_agreement(there, back),
         "crossing_percent": 100 * n_crossing / len(mesh.faces),
         "exact_sw_mm": float(squared) ** 0.5,

@@ -85,6 +85,17 @@ def test_offsets_against_vtk():
     assert np.mean(np.abs(offsets.cosines - cosines) < 1e-6) > 0.9  # a point nearest to an edge may take either face
 
 
+def test_signed_distances_from_a_sphere_are_negative_inside():
+    sphere = Surface(icosphere(5, radius=10.0))
+    points = np.random.default_rng(0).normal(size=(200, 3))
+    points *= np.linspace(1.0, 20.0, 200)[:, None] / np.linalg.norm(points, axis=1, keepdims=True)
+    radii = np.linalg.norm(points, axis=1)
+    # A sphere of triangles lies inside the round one, by 10 (1 - cos) of half an edge's angle at most.
+    np.testing.assert_allclose(sphere.signed_distances(points), radii - 10, atol=0.01)
+    nearest = sphere.nearest_faces(points)
+    assert (np.einsum("nk,nk->n", sphere.normals[nearest], points) > 0.99 * radii).all()
+
+
 def test_sample_lies_on_the_surface_uniformly():
     sample = Surface(cube(2.0)).sample(60_000, 0)
     np.testing.assert_allclose(np.abs(sample.points).max(axis=1), 1)

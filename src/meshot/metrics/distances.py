@@ -12,7 +12,7 @@ from scipy.spatial.distance import cdist
 from meshot.errors import require_finite, require_positive, require_positive_integer
 from meshot.mesh import Mesh, face_normals, sample_locations
 from meshot.rng import Generator
-from meshot.types import Array, Float
+from meshot.types import Array, Float, Int
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -61,6 +61,16 @@ class Surface:
         squared, faces, _ = self.tree.squared_distance(self.vertices, self.faces, sample.points)
         # For a point on the surface itself, rounding can give a slightly negative square.
         return Offsets(np.sqrt(np.maximum(squared, 0)), (self.normals[faces] * sample.normals).sum(axis=1))
+
+    def nearest_faces(self, points: Float[Array, "n 3"]) -> Int[Array, " n"]:
+        """The face that is nearest to each point."""
+        return self.tree.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))[1].astype(np.int64)
+
+    def signed_distances(self, points: Float[Array, "n 3"]) -> Float[Array, " n"]:
+        """Distances from points to this surface, negative inside. It must be closed, with outward normals."""
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        signs = igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
+        return igl.signed_distance(points, self.vertices, self.faces, sign_type=signs)[0]
 
 
 def offsets_between(

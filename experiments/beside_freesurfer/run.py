@@ -1,0 +1,124 @@
+"""Measure white surfaces of S1, one adult, against those that FreeSurfer found in the same scan.
+
+``make person`` fetches the scan and runs this. Measured are the networks of the package, after the flow and before it.
+
+``results.json`` has a row for each side of each of these, with distances in mm to FreeSurfer's white surface: the
+symmetric mean ("assd_mm"), the 90th percentile, the share of points beyond 2 mm, and the mean signed distance
+("signed_mm", negative inside). Those with "cortex" in their name count points beside the cortex alone: FreeSurfer's
+flat maps leave out the medial wall, and some cuts. Areas and volumes are compared in percent.
+"""
+
+import functools
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from meshot.anatomy import HEMISPHERES
+from meshot.mesh import Mesh, face_areas, read_mesh, self_intersecting_faces, signed_volume
+from meshot.metrics import Surface, offsets_between
+from meshot.model import network_digest
+from meshot.pipeline import TrainedNetworks, load_networks, reconstruct
+from meshot.provenance import file_digest, rounded
+from meshot.volume import read_volume
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import experiment
+
+#: What is measured: the result, and the surface before the flow.
+STAGES = ("final", "initial")
+
+
+@functools.cache
+def networks_of(config: dict) -> TrainedNetworks:
+    """The networks of the package."""
+    return load_networks()
+
+
+@functools.cache
+def reference(side: str, config: dict) -> tuple[Surface, np.ndarray]:
+    """FreeSurfer's white surface of a side, in scanner RAS, and which of its faces are beside the cortex."""
+    place, letter = Path(config["folder"]), side[0]
+    # The headers name no space. The coordinates are scanner RAS: almost all vertices are brighter inside than outside.
+    white = read_mesh(place / f"{letter}h.white.gii")
+    cortex = np.zeros(len(white.vertices), dtype=bool)
+    cortex[read_mesh(place / f"{letter}h.flat.gii").faces.numpy()] = True
+    return Surface(white), cortex[white.faces.numpy()].all(axis=1)
+
+
+def compared(mesh: Mesh, truth: Surface, cortex: np.ndarray, config: dict) -> dict:
+    """The measures of a white surface."""
+    found, n, draws = Surface(mesh), config["n_points"], (config["seed"], config["seed"] + 1)
+    samples = [each.sample(n, draw).points for each, draw in zip((found, truth), draws, strict=True)]
+    distances = [each.distances for each in offsets_between(found, truth, n, draws)]
+    signed = truth.signed_distances(samples[0])
+    everywhere = [np.ones(n, dtype=bool)] * 2
+    beside = [cortex[truth.nearest_faces(points)] for points in samples]
+    row = {}
+    for place, parts in (("", everywhere), ("_cortex", beside)):
+        there, back = (each[part] for each, part in zip(distances, parts, strict=True))
+        row |= {
+            f"assd{place}_mm": float(there.mean() + back.mean()) / 2,
+            f"hausdorff90{place}_mm": float(max(np.quantile(there, 0.9), np.quantile(back, 0.9))),
+            f"beyond{place}_percent": 50 * float(sum((each > config["beyond_mm"]).mean() for each in (there, back))),
+            f"signed{place}_mm": float(signed[parts[0]].mean()),
+        }
+    areas, volumes = ([f(each) for each in (mesh, truth.mesh)] for f in (lambda m: face_areas(m).sum(), signed_volume))
+    return row | {
+        "area_percent": 100 * float(areas[0] / areas[1] - 1),
+        "volume_percent": 100 * float(volumes[0] / volumes[1] - 1),
+        "crossing_percent": 100 * len(self_intersecting_faces(mesh)) / len(mesh.faces),
+    }
+
+
+def work(task: dict, config: experiment.Config) -> dict:
+    """All rows of one set of networks."""
+    networks = networks_of(config)
+    made = reconstruct(read_volume(Path(config["folder"]) / "scan.nii.gz"), networks.segmentation, networks.system)
+    rows = []
+    for side in HEMISPHERES:
+        found = made.surfaces[side]
+        truth, cortex = reference(side, config)
+        for stage in STAGES:
+            row = {"of": task["of"], "stage": stage, "side": side}
+            row |= compared(getattr(found, stage), truth, cortex, config)
+            if stage == "final" and found.repaired is not None:
+                row["crossing_before_repair_percent"] = 100 * found.repaired.n_crossing / len(found.final.faces)
+                row["largest_repair_mm"] = found.repaired.largest_move
+            rows.append(row)
+    return {
+        "rows": rounded(rows),
+        "warnings": [{"name": each.name, "text": each.text} for each in made.warnings],
+        "seconds": rounded({"clock": made.wall_seconds, "processor": made.cpu_seconds}),
+    }
+
+
+def inputs_of(config: dict) -> dict:
+    """Digests of the scan and of the networks."""
+    networks = networks_of(config)
+    parts = {"segmentation": networks.segmentation} | {k: p.network for k, p in networks.system.parts.items()}
+    return {
+        "scan": file_digest(Path(config["folder"]) / "scan.nii.gz"),
+        "networks": {name: network_digest(each) for name, each in parts.items()},
+    }
+
+
+def results(rows: list[dict], config: experiment.Config) -> dict:
+    """The rows of all networks, and what each said of the scan."""
+    found = {row["task"]["of"]: row["found"] for row in rows}
+    return {
+        "inputs": inputs_of(config),
+        "rows": [row for each in found.values() for row in each["rows"]],
+        "scans": {name: {key: each[key] for key in ("warnings", "seconds")} for name, each in found.items()},
+    }
+
+
+def depends(config: dict) -> dict:
+    """The settings, and the digests of the scan and of the networks."""
+    return dict(config) | inputs_of(config)
+
+
+if __name__ == "__main__":
+    experiment.run(
+        __file__, lambda _: [{"of": "package"}], work, results, lambda config: config["source"]["name"], depends=depends
+    )
