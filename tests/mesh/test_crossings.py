@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
-from meshot.mesh.connectivity import self_intersecting_faces
+from meshot.mesh.connectivity import crossing_pairs, self_intersecting_faces
 from meshot.mesh.editing import ring_around, smooth_crossings
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import folded_sphere, icosphere, tetrahedron
@@ -49,6 +49,23 @@ def test_spikes_in_a_large_mesh(spiked):
     # Only corners of faces that crossed at some time, or their neighbours: a spike is short-ranged.
     assert 0 < int(moved.sum()) < 10 * len(before)
     assert not bool(moved[~ring_around(spiked, before, 6)].any())
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+def test_pairs_are_the_same_if_only_faces_near_moved_vertices_are_tested(spiked, scale):
+    generator, mesh = np.random.default_rng(1), spiked.with_vertices(scale * spiked.vertices)
+    pairs, seen = crossing_pairs(mesh), set()
+    for share in (0.0, 1e-3, 0.02, 0.3, 1.0):
+        moved = torch.from_numpy(generator.random(len(mesh.vertices)) < share)
+        step = torch.from_numpy(generator.normal(scale=scale, size=mesh.vertices.shape))
+        step[:5] *= 40  # some faces become as long as the mesh
+        mesh = mesh.with_vertices(mesh.vertices + moved[:, None] * step)
+        pairs, whole = crossing_pairs(mesh, pairs, moved), crossing_pairs(mesh)
+        as_sets = [set(map(tuple, np.sort(each, axis=1).tolist())) for each in (pairs, whole)]
+        assert as_sets[0] == as_sets[1]
+        assert len(pairs) == len(as_sets[0])
+        seen.add(len(as_sets[0]))
+    assert len(seen) >= 4
 
 
 def test_the_dtype_stays_and_the_input_is_left_alone():

@@ -217,14 +217,14 @@ def repair_crossings(
         raise ValueError(
             "the carried mesh has other faces than the initial one; pass the initial mesh, moved by the flow"
         )
-    n_crossing = len(self_intersecting_faces(carried))
+    crossing = self_intersecting_faces(carried)
+    n_crossing = len(crossing)
     if not n_crossing:
         return RepairedSurface(carried, 0, 0, 0.0)
     if len(self_intersecting_faces(initial)):
         raise ValueError("the initial surface has self-intersecting faces; it must have none: repair it first")
     way, share, mesh = carried.vertices - initial.vertices, torch.ones_like(initial.vertices[:, 0]), carried
     for n_backtracks in range(max_backtracks + 1):
-        crossing = self_intersecting_faces(mesh)
         # Smoothing many defects would also remove the folds.
         if len(crossing) <= largest_share * len(mesh.faces):
             with contextlib.suppress(ValueError):
@@ -237,6 +237,7 @@ def repair_crossings(
             means = neighbour_means(initial.with_vertices(share[:, None].expand(-1, 3).contiguous()))[:, 0]
             share = torch.minimum(share, means)
         mesh = initial.with_vertices(initial.vertices + share[:, None] * way)
+        crossing = self_intersecting_faces(mesh)
     else:
         mesh = initial
     largest_move = float((mesh.vertices - carried.vertices).norm(dim=1).max())

@@ -10,7 +10,7 @@ import torch
 
 from meshot.mesh.geometry import directed_edges, edge_counts
 from meshot.mesh.mesh import Mesh
-from meshot.types import Int64, Tensor
+from meshot.types import Array, Bool, Float, Int64, Tensor
 
 
 def euler_number(mesh: Mesh) -> int:
@@ -85,13 +85,57 @@ def self_intersecting_faces(mesh: Mesh) -> Int64[Tensor, " n"]:
     -----
     Computed by libigl's ``find_self_intersections``, in about 1 s for 330 000 faces.
     """
-    vertices = mesh.vertices.detach().double().cpu().numpy()
-    merged, index = np.unique(vertices, axis=0, return_inverse=True)
-    faces = index.reshape(-1)[mesh.faces.cpu().numpy()]
+    return torch.from_numpy(np.unique(crossing_pairs(mesh))).to(mesh.faces.device)
+
+
+def crossing_pairs(
+    mesh: Mesh, before: Int64[Array, "m 2"] | None = None, moved: Bool[Tensor, " V"] | None = None
+) -> Int64[Array, "n 2"]:
+    """The pairs of faces that :func:`self_intersecting_faces` finds.
+
+    With ``before``, the pairs when the vertices ``moved`` were elsewhere, only faces near a moved one are tested.
+    """
+    vertices, faces = mesh.vertices.detach().double().cpu().numpy(), mesh.faces.cpu().numpy()
+    if before is None:
+        return _pairs_among(vertices, faces, np.arange(len(faces)))
+    touched = moved.cpu().numpy()[faces].any(axis=1)
+    found = _pairs_among(vertices, faces, np.flatnonzero(_near(vertices[faces], touched)))
+    return np.concatenate([before[~touched[before].any(axis=1)], found[touched[found].any(axis=1)]])
+
+
+def _pairs_among(
+    vertices: Float[Array, "V 3"], faces: Int64[Array, "F 3"], chosen: Int64[Array, " n"]
+) -> Int64[Array, "m 2"]:
+    corners = faces[chosen]
+    used, corners = np.unique(corners, return_inverse=True)
+    merged, index = np.unique(vertices[used], axis=0, return_inverse=True)
+    corners = index.reshape(-1)[corners.reshape(-1, 3)]
     # A face with coincident corners has no interior that could intersect another face.
-    kept = np.flatnonzero((faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0]))
+    a, b, c = corners.T
+    kept = np.flatnonzero((a != b) & (b != c) & (c != a))
     if not len(kept):
-        return torch.zeros(0, dtype=torch.int64, device=mesh.faces.device)
-    pairs = igl.predicates.find_self_intersections(merged, np.ascontiguousarray(faces[kept]))[1]
-    found = kept[np.unique(np.asarray(pairs, dtype=np.int64))]
-    return torch.from_numpy(found.astype(np.int64)).to(mesh.faces.device)
+        return np.zeros((0, 2), dtype=np.int64)
+    pairs = igl.predicates.find_self_intersections(merged, np.ascontiguousarray(corners[kept]))[1]
+    return chosen[kept[np.asarray(pairs, dtype=np.int64).reshape(-1, 2)]].astype(np.int64)
+
+
+def _near(corners: Float[Array, "F 3 3"], touched: Bool[Array, " F"]) -> Bool[Array, " F"]:
+    """The faces whose bounding box shares a cell of a grid with the box of a touched face, and so all that meet it."""
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    origin, end = low.min(axis=0), high.max(axis=0)
+    size = max(2 * float(np.median((high - low).max(axis=1))), float((end - origin).max()) / 250) or 1.0
+    first, last, shape = (((x - origin) / size).astype(np.int64) for x in (low, high, end))
+    spans, shape = last - first + 1, shape + 1
+    # One row for each cell of each box: the number of the face, and that of the cell.
+    counts = spans.prod(axis=1)
+    face = np.repeat(np.arange(len(corners)), counts)
+    rank = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
+    cell = np.zeros_like(face)
+    for axis in range(3):
+        rank, step = np.divmod(rank, spans[face, axis])
+        cell = cell * shape[axis] + first[face, axis] + step
+    marked = np.zeros(int(shape.prod()), dtype=bool)
+    marked[cell[touched[face]]] = True
+    near = np.zeros(len(corners), dtype=bool)
+    near[face[marked[cell]]] = True
+    return near
