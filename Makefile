@@ -41,7 +41,7 @@ book notebooks test test-all: export OMP_WAIT_POLICY = PASSIVE
 # Tests start hundreds of processes: what is compiled is kept, also where PYTHONDONTWRITEBYTECODE is set.
 test test-all: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf report editions notebooks text ledger lab lint warm lock licences audit sbom benchmark cohorts clean distclean
+.PHONY: help book test test-all experiments stale up-to-date test-everywhere test-wheel fuzz kill mutation html slides pdf report editions notebooks text ledger lab lint warm lock licences audit sbom benchmark cohorts person clean distclean
 
 help:
 	@echo "make book       make the environment, run every notebook, render the book from those runs"
@@ -67,6 +67,7 @@ help:
 	@echo "make ledger     write the claims ledger and the table of README from the committed results"
 	@echo "make benchmark  install the peers of the benchmark in build/peers, run it (40 minutes), write its tables into the book"
 	@echo "make cohorts    make all synthetic subjects in build/cohorts (an hour, resumable; COHORTS=oasis_like for one, JOBS=2)"
+	@echo "make person     fetch one adult's scan with FreeSurfer's surfaces (70 MB), and measure ours beside them in build/person"
 	@echo "make lab        open the notebooks in JupyterLab"
 	@echo "make lint       check style"
 	@echo "make lock       solve requirements.lock anew from pyproject.toml"
@@ -197,6 +198,10 @@ benchmark: $(READY)
 cohorts: $(READY)
 	@for name in $(COHORTS); do \
 	  $(BIN)meshot make-cohort $$name build/cohorts/$$name --jobs $(JOBS) || exit 1; done
+
+person: $(READY)
+	@$(RUN) experiments/beside_freesurfer/fetch.py
+	@$(RUN) experiments/beside_freesurfer/run.py -o build/person/beside_freesurfer.json
 
 # One lock for all platforms, without torch's CUDA packages: pip takes those from the metadata of the CUDA build.
 lock:
