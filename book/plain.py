@@ -166,6 +166,12 @@ class _Chapter:
         if found["heading"]:
             return _MATH.sub(_expanded, found[0])
         if found["math"]:
+            beside = f"{found.string[: found.start()][-1:]}{found.string[found.end() :][:1]}"
+            if re.search(r"\w", beside) and not found["math"].startswith("$$"):
+                raise ValueError(
+                    f"{self.name}: {found[0]} touches a word, so that VS Code and GitHub show it as letters; write the "
+                    r"word within the formula, as in $\text{mm}^p$"
+                )
             return _expanded(found)
         if found["role"] == "cite:p":
             keys = found["content"].split(",")

@@ -66,7 +66,8 @@ def jupyter_lab(folder: Path) -> Iterator[str]:
         names = ("JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "JUPYTERLAB_WORKSPACES_DIR", "HOME")
         own = {name: f"{home}/{name}" for name in names} | {"JUPYTERLAB_SETTINGS_DIR": f"{home}/settings"}
         command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", f"--port={port}"]
-        command += ["--ServerApp.port_retries=0", "--IdentityProvider.token=", f"--ServerApp.root_dir={folder}"]
+        command += ["--ServerApp.port_retries=0", "--IdentityProvider.token=", "--ServerApp.disable_check_xsrf=True"]
+        command += [f"--ServerApp.root_dir={folder}"]
         with Path(home, "log").open("w+") as log:
             server = subprocess.Popen(command, env=os.environ | own, stdout=log, stderr=log)
             try:
@@ -84,6 +85,8 @@ def jupyter_lab(folder: Path) -> Iterator[str]:
 
 def open_in_lab(page: Page, address: str, notebook: Path) -> None:
     """Open a notebook of the folder that JupyterLab shows, and wait until every text and formula is set."""
+    for kernel in page.request.get(f"{address}/api/kernels").json():  # of the notebook before
+        page.request.delete(f"{address}/api/kernels/{kernel['id']}")
     n_cells = len(json.loads(notebook.read_text(encoding="utf-8"))["cells"])
     page.goto(f"{address}/doc/tree/{notebook.name}")
     page.wait_for_function(f"() => document.querySelectorAll('.jp-Cell').length === {n_cells}", timeout=120_000)
