@@ -38,7 +38,7 @@ _COUNTED = re.compile(
     re.M,
 )
 _BOX = re.compile(
-    rf"{_FENCE}|^:::\{{(?P<kind>[\w:]+)\}} *(?P<title>.*)\n(?P<options>(?::.*\n)*)(?P<body>[\s\S]*?)^:::$", re.M
+    rf"{_FENCE}|^:::\{{(?P<kind>[\w:]+)\}} *(?P<title>.*)\n(?P<options>(?::[\w-]+:.*\n)*)(?P<body>[\s\S]*?)^:::$", re.M
 )
 #: What a text holds besides plain words. In a heading only formulas change.
 _INLINE = re.compile(
@@ -48,7 +48,7 @@ _INLINE = re.compile(
 )
 _MATH = re.compile(r"\$\$[\s\S]*?\$\$|\$[^$]+\$")
 _MACRO = re.compile(rf"([_^]?)\\({'|'.join(MACROS)})(?![A-Za-z])")
-_RAW = re.compile(r"^\s*:::.*|\{[\w:-]+\}`.*|^\([\w-]+\)=$", re.M)
+_RAW = re.compile(r"^ *:::.*|\{[\w:-]+\}`.*|^\([\w-]+\)=$", re.M)
 
 
 def source_notebook(source: Path) -> nbformat.NotebookNode:
@@ -105,7 +105,7 @@ def _folded(cell: nbformat.NotebookNode) -> nbformat.NotebookNode:
 
 
 def _outside_code(text: str) -> str:
-    return re.sub(rf"{_FENCE}|(`+)[^`][\s\S]*?\1", "", text, flags=re.M)
+    return re.sub(rf"{_FENCE}|(?<!\}})(`+)[^`][\s\S]*?\1", "", text, flags=re.M)
 
 
 class _Chapter:

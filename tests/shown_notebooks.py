@@ -72,7 +72,7 @@ def jupyter_lab(folder: Path) -> Iterator[str]:
             server = subprocess.Popen(command, env=os.environ | own, stdout=log, stderr=log)
             try:
                 deadline = time.monotonic() + 120
-                while socket.socket().connect_ex(("127.0.0.1", port)):
+                while not _answers(port):
                     if server.poll() is not None or time.monotonic() > deadline:
                         log.seek(0)
                         raise OSError(f"JupyterLab does not start:\n{log.read()}")
@@ -81,6 +81,11 @@ def jupyter_lab(folder: Path) -> Iterator[str]:
             finally:
                 server.terminate()
                 server.wait()
+
+
+def _answers(port: int) -> bool:
+    with socket.socket() as caller:
+        return caller.connect_ex(("127.0.0.1", port)) == 0
 
 
 def open_in_lab(page: Page, address: str, notebook: Path) -> None:

@@ -6,12 +6,10 @@ from pathlib import Path
 import nbformat
 import pytest
 from bs4 import BeautifulSoup
-from playwright.sync_api import sync_playwright
 
 import plain
-from browser import FLAGS, watched_page
+from browser import watched_page
 from plain import plain_notebook, source_notebook
-from preflight import browser as browser_path
 from shown_notebooks import jupyter_lab, open_in_lab, page_of, settle, troubles_of
 
 TRIAL = Path(__file__).parent / "trial"
@@ -45,8 +43,8 @@ def numbers_of_page(page: Path) -> Numbers:
         tag.decompose()
     boxes = {tag["id"]: tag.select_one(".caption-number") for tag in article.select("figure[id], .proof[id]")}
     labels = {label: " ".join(number.get_text().split()) for label, number in boxes.items()}
-    for place in article.select("span[id] + h2"):
-        labels[place.find_previous_sibling("span")["id"]] = f"Section {place.get_text().split()[0]}"
+    for section in article.select('section[id^="sec-"]:has(> h2)'):
+        labels[section["id"]] = f"Section {section.h2.get_text().split()[0]}"
     headings = [tag.get_text() for tag in article.select("h1, h2")]
     return labels, [_words(heading) for heading in headings], [tag.get_text() for tag in article.select(".eqno")]
 
@@ -144,12 +142,12 @@ def test_what_has_no_plain_form_is_named(after, said):
 
 
 @pytest.fixture(scope="module")
-def lab():
+def lab(context):
     """A page of a browser, and the address of a JupyterLab that shows the notebooks."""
-    with jupyter_lab(plain.CHAPTERS) as address, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=browser_path(), args=FLAGS)
-        yield browser.new_page(), address
-        browser.close()
+    with jupyter_lab(plain.CHAPTERS) as address:
+        page = context.browser.new_page()
+        yield page, address
+        page.close()
 
 
 @pytest.mark.parametrize("path", CHAPTERS)
