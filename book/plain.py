@@ -60,10 +60,13 @@ def source_notebook(source: Path) -> nbformat.NotebookNode:
 
 
 def plain_notebook(
-    notebook: nbformat.NotebookNode, name: str, quizzes: Path = BOOK / "quizzes"
+    notebook: nbformat.NotebookNode, name: str, quizzes: Path = BOOK / "quizzes", *, answers: bool = True
 ) -> nbformat.NotebookNode:
-    """A chapter in MyST, ``name`` as its file, as a plain notebook with the same code and outputs."""
-    chapter = _Chapter(name, quizzes)
+    """A chapter in MyST, ``name`` as its file, as a plain notebook with the same code and outputs.
+
+    Without ``answers``, the questions of the quiz stand alone.
+    """
+    chapter = _Chapter(name, quizzes, answers)
     texts = [chapter.counted(cell) for cell in notebook.cells]  # first all numbers: text may refer to what follows
     cells, heading = [], ""
     for cell, text in zip(notebook.cells, texts, strict=True):
@@ -111,8 +114,8 @@ def _outside_code(text: str) -> str:
 class _Chapter:
     """Numbers of one chapter, and its text in plain Markdown."""
 
-    def __init__(self, name: str, quizzes: Path = BOOK / "quizzes"):
-        self.name, self.quizzes = name, quizzes
+    def __init__(self, name: str, quizzes: Path = BOOK / "quizzes", answers: bool = True):
+        self.name, self.quizzes, self.answers = name, quizzes, answers
         self.number = chapter_number(name)
         self.counts: Counter[str] = Counter()
         #: Label -> kind and number, such as ("Figure", "1.3").
@@ -238,7 +241,7 @@ class _Chapter:
                 for letter, answer in letters.items()
             ]
             parts += [f"**Question {number}.** {self.plain(question['question'])}", "\n".join(choices)]
-            parts.append(_details(f"Answer to question {number}", "\n".join(said)))
+            parts += [_details(f"Answer to question {number}", "\n".join(said))] if self.answers else []
         return "\n\n".join(parts)
 
     # Code cells
