@@ -1,6 +1,6 @@
 """Put the book's source together and render it with Sphinx.
 
-``stored``  from the outputs beside the notebooks, which nbval verifies (``make html``)
+``stored``  from the outputs of the notebooks beside the chapters, which nbval verifies (``make html``)
 ``fresh``   from the runs in ``build/notebooks`` (``make book``)
 """
 
@@ -13,6 +13,7 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+import nbformat
 from PIL import Image
 from sphinx.application import Sphinx
 from sphinx.errors import SphinxError
@@ -20,6 +21,7 @@ from sphinx.util.docutils import docutils_namespace, patch_docutils
 
 from meshot.files import scratch_folder, whole_folder
 from meshot.workers import begin_worker
+from run_notebooks import retold_notebook
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGURATION = ("conf.py", "api_pages.py", "*_extension.py")
@@ -33,7 +35,7 @@ MATHJAX_FILES = ("tex-chtml.js", "output/chtml/fonts/woff-v2/")
 
 
 def assemble(notebooks: Path, source: Path) -> None:
-    """Collect pages, notebooks and MathJax in one folder for Sphinx."""
+    """Collect pages, chapters with the outputs of their notebooks, and MathJax in one folder for Sphinx."""
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(
         ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "assets", "claims.yaml")
@@ -43,8 +45,7 @@ def assemble(notebooks: Path, source: Path) -> None:
         notebook = notebooks / f"{text.stem}.ipynb"
         if not notebook.is_file():
             raise ValueError(f"{notebook} does not exist; run the notebooks first: make notebooks")
-        shutil.copy(notebook, source)
-
+        nbformat.write(retold_notebook(text, notebooks), source / notebook.name)
     copy_mathjax(source / "_static" / "mathjax")
 
 
@@ -131,6 +132,8 @@ def build(mode: str, into: Path) -> int:
             status = render(place / "source", html)
             if status:
                 raise ValueError(f"the book was not rendered: Sphinx ended with status {status}")
+            for chapter in html.glob("_sources/[0-9]*.ipynb"):  # what readers download
+                shutil.copy(notebooks / chapter.name, chapter)
             lighten(html)
             mend_pages(html)
     except (ValueError, OSError) as error:

@@ -94,5 +94,7 @@ if REPOSITORY:
         "use_repository_button": True,
         "launch_buttons": {"binderhub_url": "https://mybinder.org", "colab_url": "https://colab.research.google.com"},
     }
+# The address at which the rendered book is published, without a slash at its end. Notebooks link to it where it is set.
+PUBLISHED = os.environ.get("MESHOT_PUBLISHED", "").rstrip("/")
 html_context = {"default_mode": "auto"}
 suppress_warnings = ["myst.domains"]

@@ -1,22 +1,43 @@
-"""Two editions of the notebooks from one source: ``python book/editions.py [--into FOLDER]``.
+"""Two editions of the notebooks as zip files that need nothing else: ``python book/editions.py [--into FOLDER]``.
 
 ``student``     solutions, answers and quiz explanations out; nothing was run
 ``instructor``  everything in, with the notes for the board from the teaching guide at the head of each chapter
+
+Each holds the notebooks, the results that they read, the wheel of the package, requirements, and a page to start with.
 """
 
 import argparse
+import ast
 import re
+import shutil
+import subprocess
 import sys
+import tempfile
+import zipfile
 from pathlib import Path
 
+from kernels import SeparateKernelManager  # noqa: F401  isort: skip: before nbformat
+import jinja2
 import nbformat
 
 from meshot.files import whole_file
+from meshot_book.notebook.experiment_files import CHECKSUMS
+from plain import CHAPTERS, PUBLISHED, plain_notebook
+from run_notebooks import retold_notebook
 
 ROOT = Path(__file__).resolve().parent.parent
+EXPERIMENTS = ROOT / "experiments"
 YOUR_TURN = "*The solution is in the instructor edition.*"
-_ANSWERS = re.compile(r"^(:{3,})\{dropdown\} Answers?\n.*?^\1$\n?", re.M | re.S)
+#: Sentences of the chapters that speak of what students do not have -> those of their edition.
+_FOR_STUDENTS = (
+    (re.compile(r"^(:{3,})\{dropdown\} Answers?\n.*?^\1$\n?", re.M | re.S), f"{YOUR_TURN}\n"),
+    (re.compile(r"\b(?:The s|S)olutions are folded\."), "The solutions are in the instructor edition."),
+    (re.compile(r", and each answer is explained\."), ". The answers are in the instructor edition."),
+)
+_OF_SOLUTION = re.compile(r"^.*\bthe solution\b.*\n?", re.M | re.I)
 _BOARD = re.compile(r"^- \*\*(\d\d)\*\*: (.*?)(?=^- \*\*\d\d\*\*|\Z|^#)", re.M | re.S)
+#: The package lies beside these lines in a zip.
+REQUIREMENTS = "-c constraints.txt\n./{wheel}[bids,cortex]\njupyterlab\n"
 
 
 def board_notes(guide: str) -> dict[str, str]:
@@ -29,23 +50,83 @@ def board_notes(guide: str) -> dict[str, str]:
 
 
 def student_edition(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
-    """A chapter without solutions, answers and outputs."""
-    cells = []
+    """A chapter in MyST without solutions and answers, nor what is said of them.
+
+    Cells that use a function which the student has to write may fail: they have the tag at which Jupyter goes on.
+    Checks that use one are out, as part of the solution.
+    """
+    cells, asked, solved = [], set(), False
     for cell in notebook.cells:
+        tags = cell.metadata.get("tags", [])
         if cell.cell_type == "markdown":
-            cells.append(nbformat.v4.new_markdown_cell(_ANSWERS.sub(f"{YOUR_TURN}\n", cell.source), id=cell.id))
-        elif "solution" in cell.metadata.get("tags", []):
+            text = _OF_SOLUTION.sub("", cell.source) if solved else cell.source
+            for pattern, words in _FOR_STUDENTS:
+                text = pattern.sub(words, text)
+            cells.append(nbformat.v4.new_markdown_cell(text, id=cell.id))
+            continue
+        if "exercise" in tags:
+            asked |= {node.name for node in ast.parse(cell.source).body if isinstance(node, ast.FunctionDef)}
+        elif "solution" in tags:
+            solved = True
             cells.append(nbformat.v4.new_markdown_cell(YOUR_TURN, id=cell.id))
-        else:
-            cells.append(nbformat.v4.new_code_cell(cell.source, metadata=cell.metadata, id=cell.id))
+            continue
+        elif asked & {node.id for node in ast.walk(ast.parse(cell.source)) if isinstance(node, ast.Name)}:
+            if "checks" in tags:
+                continue
+            if "check." not in cell.source:
+                cell = nbformat.from_dict({**cell, "metadata": {**cell.metadata, "tags": [*tags, "raises-exception"]}})
+        cells.append(cell)
     return nbformat.v4.new_notebook(cells=cells, metadata=notebook.metadata)
 
 
 def instructor_edition(notebook: nbformat.NotebookNode, notes: str) -> nbformat.NotebookNode:
-    """A chapter with everything, and the notes for the board below its head."""
+    """A chapter in MyST with everything, and the notes for the board below its head."""
     board = nbformat.v4.new_markdown_cell(f"**On the board.** {notes}", id="on-the-board")
     cells = [*notebook.cells[:1], *([board] if notes else []), *notebook.cells[1:]]
     return nbformat.v4.new_notebook(cells=cells, metadata=notebook.metadata)
+
+
+def without_outputs(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
+    """A plain notebook as if nothing had been run."""
+    cells = [
+        nbformat.from_dict({**cell, "outputs": [], "execution_count": None}) if cell.cell_type == "code" else cell
+        for cell in notebook.cells
+    ]
+    return nbformat.v4.new_notebook(cells=cells, metadata=notebook.metadata)
+
+
+def build_wheel(folder: Path) -> Path:
+    """The wheel of the package, from a copy of what it is made of: what lies in ``build`` must not get in."""
+    source = folder / "source"
+    shutil.copytree(ROOT / "src", source / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--disable-pip-version-check", "--no-deps"]
+    subprocess.run([*command, "--no-build-isolation", "--wheel-dir", folder, source], check=True)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def write_zip(file: Path, edition: str, notebooks: dict[str, nbformat.NotebookNode], wheel: Path) -> None:
+    """Write one edition, with everything that its notebooks need."""
+    page = jinja2.Template((ROOT / "book" / "assets" / "start_here.md").read_text(encoding="utf-8"))
+    contents = {
+        "student": "the chapters, without solutions and outputs",
+        "instructor": "the chapters as they were run, with solutions and notes for the board",
+    }
+    named = {"edition": edition, "contents": contents[edition], "wheel": wheel.name, "published": PUBLISHED}
+    texts = {"START_HERE.md": page.render(named) + "\n", "requirements.txt": REQUIREMENTS.format(wheel=wheel.name)}
+    files = {"constraints.txt": ROOT / "requirements.lock", "LICENSE": ROOT / "LICENSE", wheel.name: wheel}
+    for line in CHECKSUMS.read_text(encoding="utf-8").splitlines():
+        name = line.split("  ", 1)[1]
+        files[f"experiments/{name}"] = EXPERIMENTS / name
+    with whole_file(file) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as into:
+        for name, text in texts.items():
+            into.writestr(f"{file.stem}/{name}", text)
+        for name, notebook in notebooks.items():
+            into.writestr(f"{file.stem}/notebooks/{name}.ipynb", nbformat.writes(notebook))
+        for name, path in files.items():
+            into.write(path, f"{file.stem}/{name}")
 
 
 def main() -> int:
@@ -54,16 +135,19 @@ def main() -> int:
     parser.add_argument("--into", type=Path, default=ROOT / "build" / "editions")
     into = parser.parse_args().into.resolve()
     notes = board_notes((ROOT / "book" / "teaching.md").read_text(encoding="utf-8"))
-    for path in sorted((ROOT / "notebooks").glob("[0-9][0-9]_*.ipynb")):
-        notebook = nbformat.read(path, as_version=4)
-        made = {
-            "student": student_edition(notebook),
-            "instructor": instructor_edition(notebook, notes.get(path.stem[:2], "")),
-        }
-        for name, edition in made.items():
-            with whole_file(into / name / path.name) as temporary:
-                nbformat.write(edition, temporary)
-    print(f"open {into / 'student'} and {into / 'instructor'}")
+    editions: dict[str, dict[str, nbformat.NotebookNode]] = {"student": {}, "instructor": {}}
+    for source in sorted(CHAPTERS.glob("[0-9][0-9]_*.md")):
+        told, name = retold_notebook(source), source.stem
+        student = plain_notebook(student_edition(told), name, answers=False)
+        editions["student"][name] = without_outputs(student)
+        editions["instructor"][name] = plain_notebook(instructor_edition(told, notes.get(name[:2], "")), name)
+    with tempfile.TemporaryDirectory() as folder:
+        wheel = build_wheel(Path(folder))
+        for edition, notebooks in editions.items():
+            file = into / f"meshes_as_measures_{edition}.zip"
+            write_zip(file, edition, notebooks, wheel)
+            print(f"{file}: {file.stat().st_size / 1e6:.0f} MB")
+    print("unpack one and open START_HERE.md")
     return 0
 
 

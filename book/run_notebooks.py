@@ -1,4 +1,4 @@
-"""Run the notebooks from their text sources.
+"""Run the chapters from their text sources, and write their notebooks in plain Markdown (``plain``).
 
 ``store [NAME ...]``   run and store the outputs beside the sources, in ``notebooks/``: what nbval compares
 ``text [NAME ...]``    run nothing: take over text, tags and captions, and keep the outputs of code that is unchanged
@@ -17,7 +17,6 @@ from itertools import zip_longest
 from pathlib import Path
 
 from kernels import SeparateKernelManager  # isort: skip: before nbformat
-import jupytext
 import nbformat
 import numpy as np
 from nbclient import NotebookClient
@@ -27,6 +26,7 @@ from tqdm import tqdm
 
 from meshot.files import whole_file
 from meshot_book.notebook import KERNEL_ENVIRONMENT, stated_seconds
+from plain import plain_notebook, source_notebook
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = ROOT / "notebooks"
@@ -37,16 +37,8 @@ MOST_AT_ONCE = 4
 MOST_DIFFERENCE = 0.5
 
 
-def source_notebook(source: Path) -> nbformat.NotebookNode:
-    """The notebook of a text source, with cell ids that do not change from run to run."""
-    notebook = jupytext.read(source)
-    for index, cell in enumerate(notebook.cells):
-        cell["id"] = f"cell-{index:03d}"
-    return notebook
-
-
 def run_notebook(source: Path, bar: tqdm) -> nbformat.NotebookNode:
-    """Run a text source in a fresh kernel and return it with its outputs."""
+    """Run a text source in a fresh kernel and return it, in MyST as it is, with its outputs."""
     notebook = source_notebook(source)
     client = NotebookClient(
         notebook,
@@ -90,10 +82,10 @@ def lighten_pictures(notebook: nbformat.NotebookNode, refinements: int = 1) -> N
             output.data["image/png"] = base64.b64encode(after.getvalue()).decode()
 
 
-def retold_notebook(source: Path) -> nbformat.NotebookNode:
-    """A text source with the outputs that are stored beside it."""
+def retold_notebook(source: Path, notebooks: Path | None = None) -> nbformat.NotebookNode:
+    """A text source, in MyST as it is, with the outputs that its notebook holds, beside it or in another folder."""
     notebook = source_notebook(source)
-    stored = nbformat.read(source.with_suffix(".ipynb"), as_version=4)
+    stored = nbformat.read((notebooks or source.parent) / f"{source.stem}.ipynb", as_version=4)
     new, old = ([cell for cell in n.cells if cell.cell_type == "code"] for n in (notebook, stored))
     for number, (cell, before) in enumerate(zip_longest(new, old), 1):
         if cell is None or before is None or cell.source != before.source:
@@ -113,7 +105,7 @@ def write_run(source: Path, into: Path) -> None:
     if into == NOTEBOOKS:
         lighten_pictures(notebook)
     with whole_file(into / f"{source.stem}.ipynb") as temporary:
-        nbformat.write(notebook, temporary)
+        nbformat.write(plain_notebook(notebook, source.stem), temporary)
     print(f"{source.stem}: {time.perf_counter() - started:.0f} s", flush=True)
 
 
@@ -171,7 +163,7 @@ def main(arguments: list[str] | None = None) -> int:
         try:
             if options.mode == "text":
                 with whole_file(source.with_suffix(".ipynb")) as temporary:
-                    nbformat.write(retold_notebook(source), temporary)
+                    nbformat.write(plain_notebook(retold_notebook(source), source.stem), temporary)
             else:
                 write_run(source, NOTEBOOKS if options.mode == "store" else ROOT / "build" / "notebooks")
         except (CellExecutionError, ValueError) as error:

@@ -14,6 +14,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "book"))
+from editions import build_wheel  # noqa: E402
+
 MOST_BYTES = 12e6
 SURFACES = """
 import meshot
@@ -62,17 +65,6 @@ assert len(find_surfaces("study")) == 2
 """
 
 
-def build(folder: Path) -> Path:
-    """The wheel, from a copy of what it is made of: what lies in ``build`` must not get in."""
-    source = folder / "source"
-    shutil.copytree(ROOT / "src", source / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, source)
-    pip(sys.executable, "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", folder, source)
-    (wheel,) = folder.glob("*.whl")
-    return wheel
-
-
 def pip(python: str, command: str, *words: str | Path) -> None:
     """Run an environment's pip."""
     subprocess.run([python, "-m", "pip", command, "-q", "--disable-pip-version-check", *map(str, words)], check=True)
@@ -96,7 +88,7 @@ def main() -> None:
     """Build, install, run; an error ends it."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        wheel, work = build(folder), folder / "work"
+        wheel, work = build_wheel(folder), folder / "work"
         size = wheel.stat().st_size
         print(f"{wheel.name}: {size / 1e6:.1f} MB", flush=True)
         assert size <= MOST_BYTES, f"the wheel has {size} bytes; at most {MOST_BYTES:.0f} are wanted"

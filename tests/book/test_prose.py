@@ -3,8 +3,9 @@
 import re
 from collections.abc import Iterator
 
-import nbformat
 import pytest
+
+from plain import source_notebook
 
 PAGES = ("index", "getting_started", "howto", "teaching", "limits", "notation")
 LONGEST_SENTENCE = 40
@@ -65,12 +66,12 @@ def lapses(text: str) -> list[str]:
 
 def pytest_generate_tests(metafunc):
     if "chapter" in metafunc.fixturenames:
-        paths = sorted((metafunc.config.rootpath / "notebooks").glob("[0-9][0-9]_*.ipynb"))
+        paths = sorted((metafunc.config.rootpath / "notebooks").glob("[0-9][0-9]_*.md"))
         metafunc.parametrize("chapter", paths, ids=lambda path: path.stem)
 
 
 def test_a_chapter_keeps_the_rules(chapter):
-    cells = nbformat.read(chapter, as_version=4).cells
+    cells = source_notebook(chapter).cells
     assert lapses("\n\n".join(cell.source for cell in cells if cell.cell_type == "markdown")) == []
 
 

@@ -35,9 +35,9 @@ _SECONDS = 60
 def experiment_folder(name: str) -> Path:
     """The folder of an experiment, with everything that chapters read of it.
 
-    In a checkout of the repository this is ``experiments/NAME``. Elsewhere, as for a chapter that was downloaded
-    alone, the files are fetched from the repository into a cache and compared with the checksums in the package. The
-    environment variable ``MESHOT_REPOSITORY`` holds the address of the repository.
+    In a checkout of the repository, and in an edition for a course, this is ``experiments/NAME``. Elsewhere, as for a
+    chapter that was downloaded alone, the files are fetched from the repository into a cache and compared with the
+    checksums in the package. The environment variable ``MESHOT_REPOSITORY`` holds the address of the repository.
 
     Parameters
     ----------
@@ -58,9 +58,12 @@ def experiment_folder(name: str) -> Path:
     known = sorted({file.partition("/")[0] for file in digests})
     if name not in known:
         raise ValueError(f"there is no experiment {name!r}; name one of {', '.join(known)}")
+    files = [file for file in digests if file.startswith(f"{name}/")]
     for parent in (Path.cwd(), *Path.cwd().parents, _PACKAGE):
-        if (parent / "src" / "meshot_book").is_dir() and (parent / "experiments" / name).is_dir():
-            return parent / "experiments" / name
+        folder = parent / "experiments"
+        checkout = (parent / "src" / "meshot_book").is_dir() and (folder / name).is_dir()
+        if checkout or all((folder / file).is_file() for file in files):
+            return folder / name
     # In the user's cache. What is not there, whole and of this version, is fetched: the repository is asked for the
     # version of the package, and then for its branch main.
     import pooch  # it takes half a second, and is not needed in a checkout
@@ -70,7 +73,7 @@ def experiment_folder(name: str) -> Path:
     cache = pooch.os_cache("meshot") / f"experiments-{__version__}"
     addresses = [f"{repository}/raw/{version}/experiments/" for version in (f"v{__version__}", "main")]
     sources = [pooch.create(cache, address, registry=digests) for address in addresses]
-    for file in (file for file in digests if file.startswith(f"{name}/")):
+    for file in files:
         troubles = []
         for source in sources:
             try:
