@@ -14,6 +14,7 @@ from .loss import (
 )
 from .measure import (
     DiscreteMeasure as DiscreteMeasure,
+    MeasureBatch as MeasureBatch,
     SurfaceMeasure as SurfaceMeasure,
     empirical as empirical,
     surface as surface,
