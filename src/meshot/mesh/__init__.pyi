@@ -17,6 +17,7 @@ from .editing import (
     simplified as simplified,
     smooth_crossings as smooth_crossings,
     taubin_smoothing as taubin_smoothing,
+    edge_splits as edge_splits,
     with_edges_split as with_edges_split,
 )
 from .geometry import (
