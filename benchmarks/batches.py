@@ -4,7 +4,7 @@ Value and gradient in float32, with the same 100 directions for all sliced losse
 R³: one call of ours, our loss in a loop, POT in a loop, eight lines of PyTorch that sort the whole batch, and GeomLoss,
 which takes a batch, on 4 of the pairs because all of them need 10 GB. Then one pair of 10 000 and of 100 000 points:
 ours and POT. CPU seconds of this process and wall-clock seconds, medians, are written to
-``experiments/cost/batches.json``. Targets are ratios of CPU seconds, since other work on the machine changes them least.
+``experiments/cost/batches.json``. Targets are ratios of CPU seconds, which other work on the machine changes least.
 """
 
 import argparse

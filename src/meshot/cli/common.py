@@ -17,7 +17,9 @@ Commands = argparse._SubParsersAction
 def known_systems() -> list[str]:
     """The names of all systems, sorted, as ``meshot.systems.system_names``, but without loading any of them."""
     settings = Path(__file__).parent.parent / "systems" / "settings"
-    return sorted({folder.name for folder in settings.iterdir()} | {e.name for e in entry_points(group="meshot.systems")})
+    return sorted(
+        {folder.name for folder in settings.iterdir()} | {e.name for e in entry_points(group="meshot.systems")}
+    )
 
 
 #: Kinds of options, as keyword arguments of ``add_argument``.

@@ -1,7 +1,5 @@
 """``meshot completion``: completion of the command line by the tab key."""
 
-import argparse
-
 from meshot.cli.common import Commands, add_command, known_systems
 
 

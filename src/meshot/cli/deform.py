@@ -20,9 +20,9 @@ def add_to(commands: Commands) -> None:
         meshot deform sphere.ply capsule.ply -o fitted.ply
         meshot deform lh.white rh.white.surf.gii -o fitted.surf.gii --iterations 600 --detail 0.04
         """,
-        "Meshes are PLY, OBJ, OFF, STL, GLB, VTK, GIfTI or FreeSurfer files, roughly aligned. Positions and faces are "
-        "written; colours, textures and other data of the source are not, and a warning says so. With "
-        "Mesh.from_trimesh in Python, which keeps the order of the vertices, they can be kept.",
+        "Meshes are PLY, OBJ, OFF, STL, GLB, VTK, GIfTI or FreeSurfer files, roughly aligned. If source and result are "
+        "PLY, OBJ or GLB, the result keeps colours, textures and other data of the vertices. Other formats hold "
+        "positions and faces only.",
     )
     command.add_argument("source", type=Path, help="The mesh that is deformed.")
     command.add_argument("target", type=Path, help="The mesh that it shall become.")
@@ -44,15 +44,15 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     import meshot
-    from meshot.mesh import require_writable
+    from meshot.mesh import write_carried
     from meshot.metrics import Surface, average_surface_distance, offsets_between
 
-    require_writable(chosen.output)
+    if not chosen.output.parent.is_dir():
+        raise ValueError(f"{chosen.output.parent} is no folder; make it first, or choose another output")
     source, target = meshot.read_mesh(chosen.source), meshot.read_mesh(chosen.target)
-    found = meshot.deform(
-        source, target, n_iterations=chosen.iterations, detail=chosen.detail, seed=chosen.seed
-    )
-    meshot.write_mesh(chosen.output, found.mesh)
+    found = meshot.deform(source, target, n_iterations=chosen.iterations, detail=chosen.detail, seed=chosen.seed)
+    if not write_carried(chosen.output, chosen.source, found.carry):
+        meshot.write_mesh(chosen.output, found.mesh)
     before = average_surface_distance(*offsets_between(Surface(source), Surface(target), 10_000))
     print(f"mean distance from the target: {before:.4g} before, {found.distance:.4g} after")
     print(f"{len(found.mesh.vertices)} vertices in {printable_name(chosen.output)}")
