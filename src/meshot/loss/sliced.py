@@ -218,9 +218,12 @@ def fused_slices(
     # Gradients and drops of every direction of a round, with room for the additional step.
     rows = [[np.empty((n_threads * group, s.n + 1) if s.wanted else (0, 0)) for _ in range(2)] for s in sides]
     buffers = [_thread_buffers(sides, group) for _ in range(n_threads)]
-    with ThreadPoolExecutor(n_threads) if n_threads > 1 else contextlib.nullcontext() as pool:
-        for start in range(0, len(lines), n_threads * group):
-            block = slice(start, start + n_threads * group)
+    # One thread computes all groups in one call, and their sums. Several compute a group each, and then parts of the
+    # sums, in the same order.
+    alone, step = n_threads == 1, len(lines) if n_threads == 1 else n_threads * group
+    with ThreadPoolExecutor(n_threads) if not alone else contextlib.nullcontext() as pool:
+        for start in range(0, len(lines), step):
+            block = slice(start, start + step)
             n_lines = len(lines[block])
 
             def costs_of_thread(k: int, block: slice = block, n_lines: int = n_lines) -> None:
@@ -230,8 +233,9 @@ def fused_slices(
                     # Projections are stored where the gradients are written later.
                     values = values if len(values) else gradients[own]
                     kept = (steps, ends, order, gradients[own], drops[own], scratch)
-                    laid.append((side.columns, side.weights, values, *kept))
-                walk(lines[block][own], p, *laid, costs[block][own], tops[block][own])
+                    sums = (side.to_columns, side.to_weights) if alone else (np.empty((0, 0)), np.empty(0))
+                    laid.append((side.columns, side.weights, values, *kept, *sums))
+                walk(lines[block][own], group, p, *laid, costs[block][own], tops[block][own])
 
             def sums_of_thread(k: int, block: slice = block) -> None:
                 for side, (gradients, drops) in zip(sides, rows):
@@ -239,7 +243,7 @@ def fused_slices(
                         bounds = side.n * k // n_threads, side.n * (k + 1) // n_threads
                         spread(gradients, drops, lines[block], *bounds, side.to_columns, side.to_weights)
 
-            for work in (costs_of_thread, sums_of_thread):
+            for work in (costs_of_thread,) if alone else (costs_of_thread, sums_of_thread):
                 list((map if pool is None else pool.map)(work, range(n_threads)))
     rows.clear()  # the peak of memory would come below
     buffers.clear()
