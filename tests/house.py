@@ -18,6 +18,7 @@ RANKS = {
     "": 7,  # the front door itself, which only the command line goes through
     "study": 8,
     "cli": 9,
+    "__main__": 10,
 }  # fmt: skip
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.
 BOOK_RANKS = {
@@ -138,5 +139,5 @@ def outside_breaches(src: Path, code: str) -> list[str]:
 def shown_names(stub: Path) -> list[str]:
     """The names that a door shows."""
     tree = ast.parse(stub.read_text(encoding="utf-8"))
-    imported = [name for _, name in imports(stub.read_text(encoding="utf-8"))]
+    imported = [name for module, name in imports(stub.read_text(encoding="utf-8")) if module != "."]  # not its rooms
     return imported + [node.target.id for node in tree.body if isinstance(node, ast.AnnAssign)]

@@ -8,13 +8,17 @@ import sys
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 import meshot
 from meshot import evaluate, read_mesh, write_mesh
 from meshot.cli import main, make_parser
+from meshot.cli.common import known_systems
 from meshot.mesh.shapes import icosphere
+from meshot.systems import system_names
 
 FEW = ["--points", "2000", "--emd-points", "200"]
 
@@ -240,3 +244,67 @@ def test_what_is_not_needed_is_not_loaded(code, unwanted):
     loaded = set(done.stderr.split())
     assert "meshot" in loaded
     assert loaded & unwanted == set()
+
+
+def test_the_package_runs_as_a_module():
+    done = subprocess.run([sys.executable, "-m", "meshot", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"meshot {meshot.__version__}\n"
+
+
+def test_systems_are_named_without_loading_them():
+    assert known_systems() == system_names()
+    for command in ("train", "reconstruct"):
+        text = " ".join(make_parser()._subparsers._group_actions[0].choices[command].format_help().split())
+        assert ", ".join(known_systems()) in text
+
+
+def test_the_shell_completes(capsys):
+    """Bash itself is asked what it would offer."""
+    assert main(["completion"]) == 0
+    script = capsys.readouterr().out
+    offered = {
+        "meshot ev": "evaluate",
+        "meshot train d": "ddot deepcsr",
+        "meshot reconstruct x --system cort": "cortexode corticalflow",
+        "meshot evaluate --com": "--common",
+        "meshot reconstruct --layout b": "bids",
+        "meshot evaluate x": "",
+    }
+    for line, expected in offered.items():
+        words = line.split()
+        asks = f"COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _meshot; echo ${{COMPREPLY[@]}}"
+        done = subprocess.run(["bash", "-c", f"{script}\n{asks}"], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == expected, line
+
+
+def test_deform_keeps_what_the_vertices_carry(tmp_path, capsys):
+    """A sphere with colours and one with a texture, whose seam repeats vertices, become larger spheres."""
+    ball = icosphere(2, 1.0).to_trimesh()
+    ball.visual.vertex_colors = np.random.default_rng(0).integers(0, 255, (len(ball.vertices), 4))
+    ball.export(tmp_path / "coloured.ply")
+    textured = trimesh.creation.uv_sphere(count=[12, 12])
+    seam = np.arange(0, len(textured.vertices), 3)
+    vertices = np.vstack([textured.vertices, textured.vertices[seam]])
+    uv = np.random.default_rng(0).random((len(vertices), 2))
+    trimesh.Trimesh(vertices, textured.faces, visual=trimesh.visual.TextureVisuals(uv), process=False).export(
+        tmp_path / "textured.glb"
+    )
+    write_mesh(tmp_path / "target.ply", icosphere(2, 1.2))
+    quick = ["--iterations", "60", "--detail", "0.3"]
+    for name in ("coloured.ply", "textured.glb"):
+        words = ["deform", str(tmp_path / name), str(tmp_path / "target.ply"), "-o", str(tmp_path / f"to_{name}")]
+        assert main([*words, *quick]) == 0
+        before, after = (trimesh.load(tmp_path / each, process=False, force="mesh") for each in (name, f"to_{name}"))
+        assert np.array_equal(before.faces, after.faces)
+        radii = np.linalg.norm(after.vertices, axis=1)
+        assert radii[np.unique(after.faces)] == pytest.approx(1.2, abs=0.05)
+        if name == "coloured.ply":
+            assert np.array_equal(before.visual.vertex_colors, after.visual.vertex_colors)
+        else:
+            assert np.array_equal(before.visual.uv, after.visual.uv)
+    said = capsys.readouterr()
+    assert re.search(r"mean distance from the target: 0\.\d+ before, 0\.0\d+ after\n\d+ vertices in", said.out)
+    assert main(["deform", *words[1:4], str(tmp_path / "gone" / "x.ply"), *quick]) == 2
+    assert "gone is no folder; make it first" in capsys.readouterr().err
+    assert main(["deform", str(tmp_path / "target.ply"), *words[2:4], str(tmp_path / "plain.off"), *quick]) == 0
+    assert len(read_mesh(tmp_path / "plain.off").vertices) == len(icosphere(2).vertices)

@@ -1,3 +1,19 @@
+from . import (
+    anatomy as anatomy,
+    flow as flow,
+    loss as loss,
+    measure as measure,
+    mesh as mesh,
+    metrics as metrics,
+    model as model,
+    pipeline as pipeline,
+    study as study,
+    synth as synth,
+    systems as systems,
+    train as train,
+    view as view,
+    volume as volume,
+)
 from .flow import Deformation as Deformation, deform as deform, integrate as integrate
 from .loss import (
     SlicedEstimate as SlicedEstimate,
@@ -14,6 +30,7 @@ from .loss import (
 )
 from .measure import (
     DiscreteMeasure as DiscreteMeasure,
+    MeasureBatch as MeasureBatch,
     SurfaceMeasure as SurfaceMeasure,
     empirical as empirical,
     surface as surface,

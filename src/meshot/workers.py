@@ -31,11 +31,14 @@ def _end_after(parent: multiprocessing.process.BaseProcess) -> None:
 Result = TypeVar("Result")
 
 
-def in_chunks(work: Callable[[int, int], Result], n_items: int, smallest: int = 1) -> list[Result]:
+def in_chunks(
+    work: Callable[[int, int], Result], n_items: int, smallest: int = 1, n_threads: int | None = None
+) -> list[Result]:
     """The results of ``work(start, stop)`` on contiguous chunks that cover ``range(n_items)``, in order."""
-    # There are ``torch.get_num_threads()`` chunks, or fewer so that each has at least ``smallest`` items. The number
-    # depends on nothing else. Sums over chunks are therefore the same in every run with the same number of threads.
-    n_chunks = max(1, min(torch.get_num_threads(), n_items // smallest))
+    # There are ``n_threads`` chunks, by default ``torch.get_num_threads()``, or fewer so that each has at least
+    # ``smallest`` items. The number depends on nothing else. Sums over chunks are therefore the same in every run with
+    # the same number of threads.
+    n_chunks = max(1, min(n_threads or torch.get_num_threads(), n_items // smallest))
     bounds = [n_items * i // n_chunks for i in range(n_chunks + 1)]
     if n_chunks == 1:
         return [work(0, n_items)]

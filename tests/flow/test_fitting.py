@@ -3,6 +3,8 @@
 import dataclasses
 import functools
 import math
+import re
+import warnings
 
 import numpy as np
 import pytest
@@ -17,7 +19,9 @@ from meshot.flow.fitting import Fit, FitSettings, FitState, Guard, backtrack, fi
 from meshot.loss.transport import chamfer
 from meshot.measure.discrete import DiscreteMeasure, empirical, varifold
 from meshot.mesh.connectivity import self_intersecting_faces
-from meshot.mesh.shapes import cube, ellipsoid, folded_sphere, icosphere
+from meshot.mesh.editing import edge_splits, with_edges_split
+from meshot.mesh.geometry import edge_lengths, face_areas, signed_volume
+from meshot.mesh.shapes import cube, ellipsoid, folded_sphere, icosphere, split_in_four
 from meshot.metrics.distances import Surface, average_surface_distance, offsets_between
 from meshot_book.examples.counterexample import tip_over_face
 from refusals import refuses
@@ -323,6 +327,8 @@ def test_doors(make, words):
     refuses(words, make)
 
 
+#: Few iterations end far from the target, and say so.
+pytestmark = pytest.mark.filterwarnings("ignore:the deformation is doubtful")
 DEFORMING_QUICK = {"n_iterations": 60, "detail": 0.15, "progress": False}
 
 
@@ -420,6 +426,45 @@ def test_a_mesh_does_not_go_away_from_its_target():
 
     found = deform(source, target, kinked, **DEFORMING_QUICK | {"n_iterations": 1})
     assert torch.equal(found.mesh.vertices, source.vertices)
+
+
+@pytest.mark.filterwarnings("error:the deformation is doubtful")
+def test_a_coarse_target_is_as_good_as_a_fine_one():
+    """A box of 12 faces, and the same box of 768. Without division the coarse one ends far away."""
+    coarse = cube(1.4)
+    fine = functools.reduce(lambda mesh, _: split_in_four(mesh), range(3), coarse)
+    found = [deform(icosphere(3), target, n_iterations=100, detail=0.15, progress=False) for target in (coarse, fine)]
+    there = [distance(each.mesh, fine) for each in found]
+    assert there[0] < 1.2 * there[1] < 0.05
+    assert found[0].distance == pytest.approx(there[0], rel=0.1)
+    assert found[0].doubts == ()
+
+
+def test_edges_are_halved_until_all_are_short():
+    mesh = cube(1.0)
+    rounds = edge_splits(mesh, 0.3)
+    fine = functools.reduce(with_edges_split, rounds, mesh)
+    assert float(edge_lengths(fine).max()) <= 0.3
+    assert [float(f(fine)) for f in (signed_volume, lambda m: face_areas(m).sum())] == pytest.approx([1, 6], rel=1e-12)
+    assert edge_splits(mesh, 1.5) == []
+    refuses("longest is 0", edge_splits, mesh, 0)
+
+
+@pytest.mark.parametrize(
+    ("pair", "words"),
+    [
+        (lambda: (icosphere(1), Mesh.from_trimesh(trimesh.creation.torus(1.0, 0.3))), r"topology.*=2.*euler_number=0"),
+        (lambda: (cube(1.0), icosphere(2, 2.0)), "from the target on average"),
+        (lambda: (crossing(), crossing()), "faces of the result intersect"),
+    ],
+)
+def test_a_doubtful_result_says_why(pair, words):
+    quick, (source, target) = {"n_iterations": 2, "detail": 0.3, "progress": False}, pair()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = deform(source, target, allow_crossings="intersect" in words, **quick)
+    assert any(re.search(words, doubt) for doubt in found.doubts)
+    assert [str(each.message).partition("doubtful: ")[2] for each in caught] == list(found.doubts)
 
 
 def test_a_scaled_field_is_the_same_field():

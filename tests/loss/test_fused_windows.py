@@ -117,7 +117,7 @@ def test_threads_change_nothing_to_the_bit(monkeypatch):
 def test_the_plain_path_agrees(monkeypatch):
     arrays, centres, radius, lines = case("a window of one side only")
     expected = with_gradients(windowed_sliced_wasserstein, arrays, centres, radius, lines)
-    monkeypatch.setattr("meshot.loss.windowed._FusedWindows", None)
+    monkeypatch.setattr("meshot.loss.windowed.fused_windows", None)
     free = lines.clone().requires_grad_()
     found = with_gradients(windowed_sliced_wasserstein, arrays, centres, radius, free)
     for one, other in zip(found, expected, strict=True):

@@ -137,6 +137,7 @@ def test_threads_change_nothing_to_the_bit(monkeypatch):
             torch.set_num_threads(n)
             for group in (1 << 19, 200, 1):
                 monkeypatch.setattr(fused, "_GROUP", group)
+                monkeypatch.setattr(fused, "_GROUP_OF_MANY", group)
                 found.append([pair[0] for pair in both(arrays, 2)])
     finally:
         torch.set_num_threads(threads)

@@ -9,10 +9,10 @@ import warnings
 from collections.abc import Sequence
 
 import meshot
-from meshot.cli import evaluate, make_cohort, quality, reconstruct, table, train, warmup
+from meshot.cli import completion, deform, evaluate, make_cohort, quality, reconstruct, table, train, warmup
 from meshot.cli.common import NOTE
 
-COMMANDS = (evaluate, reconstruct, quality, table, make_cohort, train, warmup)
+COMMANDS = (evaluate, deform, reconstruct, quality, table, make_cohort, train, warmup, completion)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

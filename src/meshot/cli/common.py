@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import re
 from collections.abc import Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,14 @@ NOTE = "Not for clinical use."
 
 #: The return type of ``ArgumentParser.add_subparsers``.
 Commands = argparse._SubParsersAction
+
+
+def known_systems() -> list[str]:
+    """The names of all systems, sorted, as ``meshot.systems.system_names``, but without loading any of them."""
+    settings = Path(__file__).parent.parent / "systems" / "settings"
+    return sorted(
+        {folder.name for folder in settings.iterdir()} | {e.name for e in entry_points(group="meshot.systems")}
+    )
 
 
 #: Kinds of options, as keyword arguments of ``add_argument``.

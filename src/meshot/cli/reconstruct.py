@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from meshot.cli.common import COUNT, FILE, FOLDER, NOTE, Commands, add_command, device_errors, device_of
+from meshot.cli.common import COUNT, FILE, FOLDER, NOTE, Commands, add_command, device_errors, device_of, known_systems
 from meshot.files import printable_name
 
 if TYPE_CHECKING:  # for annotations only: importing torch would delay --help
@@ -61,7 +61,9 @@ def add_to(commands: Commands) -> None:
     )
     command.add_argument("--overwrite", action="store_true", help="Replace an earlier reconstruction in the folder.")
     command.add_argument(
-        "--system", metavar="NAME", help="Find the surfaces with this system (default: that of the package)."
+        "--system",
+        metavar="NAME",
+        help=f"Find the surfaces with this system (default: that of the package): {', '.join(known_systems())}.",
     )
     command.add_argument(
         "--weights", **FOLDER, help="Use the weights of the system in this folder (default: those of the package)."

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from meshot.cli.common import COUNT, FILE, FOLDER, NOTE, Commands, add_command, device_errors, device_of
+from meshot.cli.common import COUNT, FILE, FOLDER, NOTE, Commands, add_command, device_errors, device_of, known_systems
 from meshot.files import printable_name
 
 
@@ -24,7 +24,7 @@ def add_to(commands: Commands) -> None:
         "Configurations of a system have names such as tiny, small and paper. Use the result with meshot reconstruct "
         "--system SYSTEM --weights FOLDER.",
     )
-    command.add_argument("system", help="The name of the system. An unknown name is answered by a list of all names.")
+    command.add_argument("system", help=f"The name of the system: {', '.join(known_systems())}.")
     add_training_arguments(command, "training.side=right training.seed=1")
     command.add_argument(
         "--segmentation",

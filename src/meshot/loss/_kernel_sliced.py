@@ -207,26 +207,33 @@ _BLOCK = 512  # number of points whose coordinates fit into the first-level cach
 
 
 @kernel("the sliced loss", 10)
-def walk_lines(directions, p, x, y, costs, tops):
+def walk_lines(directions, group, p, x, y, costs, tops):
     """Write W_p^p along every direction to ``costs``, with the gradients in positions and weights along each."""
-    # A side is (columns, weights, values, steps, ends, order, gradients, drops, scratch). ``columns`` has the points
-    # with shape (d, n), one row per coordinate; the others are buffers. A row of ``gradients`` is the gradient in the
-    # projected positions along one direction. The gradient in the weights is the entry of ``tops`` minus a row of
-    # ``drops``. If a side has no such rows, its gradients are not computed.
-    project(x[0], directions, x[2])
-    project(y[0], directions, y[2])
+    # A side is (columns, weights, values, steps, ends, order, gradients, drops, scratch, to_columns, to_weights).
+    # ``columns`` has the points with shape (d, n), one row per coordinate; the next six are buffers. A row of
+    # ``gradients`` is the gradient in the projected positions along one direction. The gradient in the weights is the
+    # entry of ``tops`` minus a row of ``drops``. If a side has no such rows, its gradients are not computed. There are
+    # rows for ``group`` directions, which are computed together; their sums are added to the last two, if these are
+    # not empty.
     nowhere = np.empty(0)
-    for line in range(len(directions)):
-        wanted_x, wanted_y = len(x[6]) > 0, len(y[6]) > 0
-        _quantiles(y[2][line], y[1], y[3], y[5], y[4], y[8])
-        _quantiles(x[2][line], x[1], x[3], x[5], x[4], x[8])
-        gradients_x, drops_x = (x[6][line], x[7][line]) if wanted_x else (nowhere, nowhere)
-        gradients_y, drops_y = (y[6][line], y[7][line]) if wanted_y else (nowhere, nowhere)
-        costs[line], last = _walk(x[3], x[4], x[5], y[3], y[4], y[5], p, gradients_x, drops_x, gradients_y, drops_y)
-        if wanted_x:
-            tops[line, 0] = _close(gradients_x, drops_x, x[5]) + last / 2
-        if wanted_y:
-            tops[line, 1] = _close(gradients_y, drops_y, y[5]) + last / 2
+    wanted_x, wanted_y = len(x[6]) > 0, len(y[6]) > 0
+    for start in range(0, len(directions), group):
+        lines = directions[start : start + group]
+        project(x[0], lines, x[2])
+        project(y[0], lines, y[2])
+        for k in range(len(lines)):
+            _quantiles(y[2][k], y[1], y[3], y[5], y[4], y[8])
+            _quantiles(x[2][k], x[1], x[3], x[5], x[4], x[8])
+            gradients_x, drops_x = (x[6][k], x[7][k]) if wanted_x else (nowhere, nowhere)
+            gradients_y, drops_y = (y[6][k], y[7][k]) if wanted_y else (nowhere, nowhere)
+            cost, last = _walk(x[3], x[4], x[5], y[3], y[4], y[5], p, gradients_x, drops_x, gradients_y, drops_y)
+            costs[start + k] = cost
+            if wanted_x:
+                tops[start + k, 0] = _close(gradients_x, drops_x, x[5]) + last / 2
+            if wanted_y:
+                tops[start + k, 1] = _close(gradients_y, drops_y, y[5]) + last / 2
+        add_up(x, lines)
+        add_up(y, lines)
 
 
 @inner(fastmath={"contract"})
@@ -335,6 +342,13 @@ def spread(gradients, drops, directions, start, stop, columns, masses):
             if len(masses):
                 for i in range(left, right):
                     masses[i] -= drops[line, i]
+
+
+@inner()
+def add_up(side, lines):
+    """Add the gradients of a group of directions to the sums of a side, if it has sums."""
+    if len(side[9]) > 0 or len(side[10]) > 0:
+        spread(side[6], side[7], lines, 0, len(side[1]), side[9], side[10])
 
 
 # The points of a measure that lie in a spatial window, compiled by numba.

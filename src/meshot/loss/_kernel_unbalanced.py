@@ -11,31 +11,35 @@ import math
 import numpy as np
 
 from meshot._kernels import inner, kernel
-from meshot.loss._kernel_sliced import project, sort
+from meshot.loss._kernel_sliced import add_up, project, sort
 
 _TOLERANCE = 1e-10  # on the duality gap, relative to the value
 _MOST = 200  # Newton steps; about 25 are usual
 
 
 @kernel("the unbalanced loss", 8)
-def unbalanced_lines(directions, scale, x, y, costs, tops):
+def unbalanced_lines(directions, group, scale, x, y, costs, tops):
     """Write the unbalanced cost along every direction, and the gradients, as ``walk_lines`` does for transport."""
     # ``scale`` is ρ. The gradients in the weights are ρ (1 − exp(−f/ρ)) for the source, ρ (1 − exp(f/ρ)) for the
     # target.
-    project(x[0], directions, x[2])
-    project(y[0], directions, y[2])
     n, m = len(x[1]), len(y[1])
     nodes, masses, work = np.empty((2, max(n, m)), np.int64), np.empty((2, n + m)), np.empty((10, n + m))
-    for line in range(len(directions)):
-        sorted_masses(y[2][line], y[1], y[3], y[5], y[4], y[8])
-        sorted_masses(x[2][line], x[1], x[3], x[5], x[4], x[8])
-        size = _place(x[3], x[4], n, y[3], y[4], m, nodes, masses, work[0])
-        costs[line] = _solve(masses[0][:size], masses[1][:size], scale, work)
-        flows, potentials = work[1][: size - 1], work[2][:size]
-        if len(x[6]) > 0:
-            _write(1.0, x[5], nodes[0][:n], flows, potentials, scale, x[6][line], x[7][line])
-        if len(y[6]) > 0:
-            _write(-1.0, y[5], nodes[1][:m], flows, potentials, scale, y[6][line], y[7][line])
+    for start in range(0, len(directions), group):
+        lines = directions[start : start + group]
+        project(x[0], lines, x[2])
+        project(y[0], lines, y[2])
+        for k in range(len(lines)):
+            sorted_masses(y[2][k], y[1], y[3], y[5], y[4], y[8])
+            sorted_masses(x[2][k], x[1], x[3], x[5], x[4], x[8])
+            size = _place(x[3], x[4], n, y[3], y[4], m, nodes, masses, work[0])
+            costs[start + k] = _solve(masses[0][:size], masses[1][:size], scale, work)
+            flows, potentials = work[1][: size - 1], work[2][:size]
+            if len(x[6]) > 0:
+                _write(1.0, x[5], nodes[0][:n], flows, potentials, scale, x[6][k], x[7][k])
+            if len(y[6]) > 0:
+                _write(-1.0, y[5], nodes[1][:m], flows, potentials, scale, y[6][k], y[7][k])
+        add_up(x, lines)
+        add_up(y, lines)
 
 
 @inner()
@@ -173,29 +177,33 @@ def _write(sign, order, nodes, flows, potentials, scale, gradients, drops):
 
 
 @kernel("the partial loss", 8)
-def partial_lines(directions, reach, x, y, costs, tops):
+def partial_lines(directions, group, reach, x, y, costs, tops):
     """Write the partial cost along every direction, and the gradients, as ``walk_lines`` does for transport."""
     # The gradient in the weights of the source is a potential f with values in [−λ, λ]; in those of the target it is
     # −f.
-    project(x[0], directions, x[2])
-    project(y[0], directions, y[2])
     n, m = len(x[1]), len(y[1])
     gaps, levels, low, high = np.empty(n + m), np.empty(n + m), np.empty(n + m), np.empty(n + m)
     flows, jumps = np.empty(n + m), np.empty(n + m)
     from_x, heaps = np.empty(n + m, np.bool_), np.empty((2, n + m), np.int32)
-    for line in range(len(directions)):
-        sorted_masses(y[2][line], y[1], y[3], y[5], y[4], y[8])
-        sorted_masses(x[2][line], x[1], x[3], x[5], x[4], x[8])
-        _merge(x[3], x[4], n, y[3], y[4], m, gaps, levels, from_x)
-        _find_bounds(gaps, levels, reach, low, high, flows, heaps)
-        costs[line] = _find_flows(gaps, levels, reach, low, high, flows, jumps)
-        if len(x[6]) > 0 or len(y[6]) > 0:
-            potentials = levels
-            _find_potentials(gaps, flows, jumps, reach / 2, low, high, potentials)
-            if len(x[6]) > 0:
-                _write_partial(True, from_x, x[5], flows, potentials, x[6][line], x[7][line])
-            if len(y[6]) > 0:
-                _write_partial(False, from_x, y[5], flows, potentials, y[6][line], y[7][line])
+    for start in range(0, len(directions), group):
+        lines = directions[start : start + group]
+        project(x[0], lines, x[2])
+        project(y[0], lines, y[2])
+        for k in range(len(lines)):
+            sorted_masses(y[2][k], y[1], y[3], y[5], y[4], y[8])
+            sorted_masses(x[2][k], x[1], x[3], x[5], x[4], x[8])
+            _merge(x[3], x[4], n, y[3], y[4], m, gaps, levels, from_x)
+            _find_bounds(gaps, levels, reach, low, high, flows, heaps)
+            costs[start + k] = _find_flows(gaps, levels, reach, low, high, flows, jumps)
+            if len(x[6]) > 0 or len(y[6]) > 0:
+                potentials = levels
+                _find_potentials(gaps, flows, jumps, reach / 2, low, high, potentials)
+                if len(x[6]) > 0:
+                    _write_partial(True, from_x, x[5], flows, potentials, x[6][k], x[7][k])
+                if len(y[6]) > 0:
+                    _write_partial(False, from_x, y[5], flows, potentials, y[6][k], y[7][k])
+        add_up(x, lines)
+        add_up(y, lines)
 
 
 @inner()

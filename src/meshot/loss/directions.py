@@ -278,11 +278,16 @@ def quasi_directions(
     return torch.from_numpy(rows).to(device=device, dtype=dtype)
 
 
-def require_directions(directions: Directions, like: Tensor) -> Tensor:
-    """Directions as unit rows in the space of ``like``, with its dtype and device."""
+def require_directions(directions: Directions, like: Tensor, seed: Generator = 0) -> Tensor:
+    """Directions as unit rows in the space of ``like``, with its dtype and device. The seed is that of a number."""
     if isinstance(directions, int | np.integer):
         n = require_positive_integer(directions, "directions")
-        return quasi_directions(n, like.shape[-1], dtype=like.dtype, device=like.device)
+        return quasi_directions(n, like.shape[-1], drawn_seed(seed), like.dtype, like.device)
+    if not isinstance(seed, int) or seed != 0:
+        raise ValueError(
+            f"seed is {seed!r} beside directions of shape {tuple(np.shape(directions))}; a seed needs their number: "
+            "pass, say, directions=100, or leave the seed out"
+        )
     directions = as_points(directions, "directions", like.shape[-1])
     lengths = torch.linalg.vector_norm(directions.detach(), dim=1)
     if float((lengths - 1).abs().max()) > 1e-4:
@@ -291,3 +296,10 @@ def require_directions(directions: Directions, like: Tensor) -> Tensor:
             "divide each row by its norm, or use random_directions"
         )
     return directions.to(like)
+
+
+def drawn_seed(seed: Generator) -> int:
+    """A seed as an integer; of a generator, the next one that it draws."""
+    if isinstance(seed, int | np.integer) and not isinstance(seed, bool) and seed >= 0:
+        return int(seed)
+    return int(numpy_generator(seed).integers(2**31))

@@ -2,36 +2,50 @@
 
 import dataclasses
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import torch
-from torch.autograd.function import once_differentiable
 
-from meshot.errors import require_same_space
 from meshot.loss import _kernel_exact
-from meshot.loss.directions import Directions, require_directions
+from meshot.loss.autograd import solved
+from meshot.loss.directions import require_directions
 from meshot.measure import Measure
 from meshot.types import Array, Float, Tensor
 from meshot.workers import in_chunks
 
 
 def exact_sliced_wasserstein(
-    source: Measure, target: Measure, directions: Directions, p: float = 2
-) -> Float[Tensor, ""]:
+    pairs: Sequence[tuple[Measure, Measure]], directions: Float[Tensor, "L d"], p: float = 2
+) -> Float[Tensor, " B"]:
     """The sliced Wasserstein loss SW_p^p for p = 1 or 2, from the exact distribution of every projected triangle."""
-    # It is the mean over ``directions`` of the 1D transport cost between the projected measures. Each cost is exact up
-    # to roundoff, also for faces perpendicular to a direction. Differentiable with respect to the vertices (or points)
-    # and the weights, but not the directions.
-    directions = _checked(source, target, directions, p)
-    cells = [source.cells, target.cells]
-    return _ExactCost.apply(source.places, source.weights, target.places, target.weights, cells, directions, int(p))
+    # It is the mean over ``directions`` of the 1D transport cost between the projected measures, for every pair. Each
+    # cost is exact up to roundoff, also for faces perpendicular to a direction. Differentiable with respect to the
+    # vertices (or points) and the weights, but not the directions.
+    _require_exact(directions, p)
+    rows = _array(directions)
+
+    def solve(
+        k: int, tensors: Sequence[Tensor], wanted: Sequence[bool], n_threads: int
+    ) -> tuple[float, list[Float[Array, "..."]]]:
+        places, weights, places_target, weights_target = tensors
+        unit = _unit(places, places_target, int(p))
+        source = _side(places, weights, pairs[k][0].cells, any(wanted[:2]), unit)
+        target = _side(places_target, weights_target, pairs[k][1].cells, any(wanted[2:]), unit)
+        parts = in_chunks(lambda i, j: _costs(source, target, rows[i:j], int(p)), len(rows), n_threads=n_threads)
+        powers = (unit ** (p - 1), unit**p) * 2
+        gradients = [sum(part[1 + i] for part in parts) / len(rows) * power for i, power in enumerate(powers)]
+        return np.concatenate([part[0] for part in parts]).mean() * unit**p, gradients
+
+    return solved(solve, [(s.places, s.weights, t.places, t.weights) for s, t in pairs])
 
 
-def exact_slice_costs(source: Measure, target: Measure, directions: Directions, p: float = 2) -> Float[Tensor, " L"]:
+def exact_slice_costs(
+    source: Measure, target: Measure, directions: Float[Tensor, "L d"], p: float = 2
+) -> Float[Tensor, " L"]:
     """The exact cost W_p^p along every direction, without gradient."""
     # Arguments and errors are those of :func:`meshot.loss.exact.exact_sliced_wasserstein`, the mean of these costs.
-    directions = _checked(source, target, directions, p)
+    _require_exact(directions, p)
     unit = _unit(source.places, target.places, int(p))
     sides = [_side(m.places, m.weights, m.cells, False, unit) for m in (source, target)]
     rows = _array(directions)
@@ -39,10 +53,7 @@ def exact_slice_costs(source: Measure, target: Measure, directions: Directions, 
     return torch.from_numpy(np.concatenate(parts) * unit ** int(p)).to(source.places)
 
 
-def _checked(source: Measure, target: Measure, directions: Directions, p: float) -> Tensor:
-    """The directions as a tensor of unit rows, after checks of all arguments."""
-    require_same_space(source.places, target.places)
-    directions = require_directions(directions, source.places)
+def _require_exact(directions: Tensor, p: float) -> None:
     if directions.requires_grad:
         raise ValueError(
             "directions requires a gradient; the exact loss has none in the directions: pass directions.detach(), or "
@@ -53,40 +64,6 @@ def _checked(source: Measure, target: Measure, directions: Directions, p: float)
             f"p is {p!r}; between continuous measures transport is computed exactly for p = 1 and 2: take one of "
             "these, or sample both surfaces with meshot.empirical for another exponent"
         )
-    return directions
-
-
-class _ExactCost(torch.autograd.Function):
-    """The mean cost over directions. The gradients are computed in the forward pass and scaled in the backward pass."""
-
-    @staticmethod
-    def forward(
-        ctx: Any,
-        places: Tensor,
-        weights: Tensor,
-        places_target: Tensor,
-        weights_target: Tensor,
-        cells: list[Tensor | None],
-        directions: Tensor,
-        p: int,
-    ) -> Tensor:
-        unit = _unit(places, places_target, p)
-        source = _side(places, weights, cells[0], any(ctx.needs_input_grad[:2]), unit)
-        target = _side(places_target, weights_target, cells[1], any(ctx.needs_input_grad[2:4]), unit)
-        rows = _array(directions)
-        parts = in_chunks(lambda start, stop: _costs(source, target, rows[start:stop], p), len(rows))
-        costs = np.concatenate([part[0] for part in parts])
-        like = (places, weights, places_target, weights_target)
-        powers = (unit ** (p - 1), unit**p) * 2
-        gradients = [sum(part[1 + k] for part in parts) / len(rows) * power for k, power in enumerate(powers)]
-        ctx.save_for_backward(*(torch.from_numpy(g).to(t) for g, t in zip(gradients, like)))
-        return torch.tensor(costs.mean() * unit**p).to(places)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, grad_output: Tensor) -> tuple[Tensor | None, ...]:
-        wanted = ctx.needs_input_grad[:4]
-        return (*(grad_output * g if w else None for g, w in zip(ctx.saved_tensors, wanted)), None, None, None)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -1,6 +1,7 @@
 """The kernel norm of the difference of two varifolds, the classic loss of surface matching."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
-from torch.autograd.function import once_differentiable
 from torch.utils.checkpoint import checkpoint
 
 from meshot.errors import require_choice, require_positive
 from meshot.loss._kernel_pairs import BLOCK, sum_kernel
+from meshot.loss.autograd import public_loss, solved
 from meshot.loss.sliced import takes_kernel
-from meshot.measure import Measure, as_point_measures
+from meshot.measure import Measure, MeasuresLike, as_pairs
 from meshot.types import Array, Float, Tensor
 from meshot.workers import in_chunks
 
@@ -41,9 +42,15 @@ ANGULAR = {
 _BLOCK = 1 << 22  # pairs of points per block
 
 
+@public_loss
 def varifold_kernel(
-    source: Measure, target: Measure, width: float = 5.0, angular: str = "oriented"
-) -> Float[Tensor, ""]:
+    source: MeasuresLike,
+    target: MeasuresLike,
+    width: float = 5.0,
+    angular: str = "oriented",
+    *,
+    reduction: str = "none",
+) -> Float[Tensor, "*B"]:
     """The squared kernel norm ‖μ − ν‖² of the difference of two varifolds.
 
     The inner product of two varifolds is Σᵢⱼ aᵢ bⱼ exp(−‖xᵢ − yⱼ‖²/w²) γ(mᵢ · nⱼ), with masses aᵢ and bⱼ, positions xᵢ
@@ -52,7 +59,7 @@ def varifold_kernel(
 
     Parameters
     ----------
-    source, target : measure
+    source, target : measure, or a batch of them
         Points in R⁶ with positive length of the last three coordinates: a position and a scaled normal, as
         :func:`meshot.varifold` makes them with ``normal_scale`` > 0. Only the direction of the normal counts.
     width : float
@@ -61,6 +68,8 @@ def varifold_kernel(
         The kernel γ of two normals: ``"currents"`` (u), in which opposite normals cancel; ``"varifold"`` (u²), which
         does not depend on orientation; ``"oriented"`` (exp(2 (u − 1)/σ²) with σ = ½), in which opposite normals neither
         cancel nor match.
+    reduction : str
+        Of a batch: "none" for a value per pair, "mean" for their mean.
 
     Returns
     -------
@@ -96,14 +105,23 @@ def varifold_kernel(
     >>> round(float(found), 4)  # 2 (1 − 1/e)
     1.2642
     """
-    source, target = as_point_measures(source, target)
+    pairs = as_pairs(source, target, of_points=True, reduction=reduction)
     require_positive(width, "width", "units of the positions")
     require_choice(angular, "angular", ANGULAR)
-    middle = target.places.detach()[:, :3].mean(dim=0)  # squared distances are more accurate near the origin
-    first, second = (_oriented_points(m, middle / width, width) for m in (source, target))
-    kernel = ANGULAR[angular]
-    if takes_kernel(source.places):
-        return fused_norm(first, second, kernel)
+    kernel, oriented = ANGULAR[angular], []
+    for pair in pairs.items:
+        # Squared distances are more accurate near the origin. Points without mass do not count.
+        places, massive = pair[1].places.detach(), pair[1].weights > 0
+        middle = (places if bool(massive.all()) else places[massive])[:, :3].mean(dim=0)
+        oriented.append([each for measure in pair for each in _oriented_points(measure, middle / width, width)])
+    if takes_kernel(pairs.like):
+        return pairs.reduced(fused_norms(oriented, kernel))
+    return pairs.reduced([_plain_norm(tensors, kernel) for tensors in oriented])
+
+
+def _plain_norm(tensors: Sequence[Tensor], kernel: Angular) -> Float[Tensor, ""]:
+    """The squared norm of the difference by PyTorch operations."""
+    first, second = tensors[:3], tensors[3:]
     own = sum(_inner(*side, *side, kernel) for side in (first, second))
     return own - 2 * _inner(*first, *second, kernel)
 
@@ -117,12 +135,13 @@ def _oriented_points(measure: Measure, middle: Tensor, width: float) -> tuple[Te
         )
     positions, normals = measure.places[:, :3] / width - middle, measure.places[:, 3:]
     lengths = normals.norm(dim=1, keepdim=True)
-    if not bool((lengths > 0).all()):
+    flat = (lengths[:, 0] == 0) & (measure.weights > 0)
+    if bool(flat.any()):
         raise ValueError(
-            f"{int((lengths == 0).sum())} normals have length zero; positive lengths are needed: encode the mesh with "
+            f"{int(flat.sum())} normals have length zero; positive lengths are needed: encode the mesh with "
             "varifold(mesh, normal_scale=1.0)"
         )
-    return positions, normals / lengths, measure.weights
+    return positions, normals / torch.where(lengths > 0, lengths, 1.0), measure.weights
 
 
 def _inner(x: Tensor, m: Tensor, a: Tensor, y: Tensor, n: Tensor, b: Tensor, kernel: Angular) -> Float[Tensor, ""]:
@@ -142,35 +161,22 @@ def _block(x: Tensor, m: Tensor, a: Tensor, y: Tensor, n: Tensor, b: Tensor, ker
 _PIECE = 256  # number of points whose sums one thread computes at a time
 
 
-class _FusedNorm(torch.autograd.Function):
-    """The squared kernel norm of a difference. Its gradient is computed with the value, for the backward pass."""
+def fused_norms(pairs: Sequence[Sequence[Tensor]], angular: Angular) -> Float[Tensor, " B"]:
+    """The squared kernel norm of every difference, from positions, normals and masses of both sides."""
+    reach = math.sqrt(-math.log(torch.finfo(pairs[0][0].dtype).eps))  # a kernel farther apart is below rounding
 
-    @staticmethod
-    def forward(ctx, x, m, a, y, n, b, angular):
-        reach = math.sqrt(-math.log(torch.finfo(x.dtype).eps))  # a kernel farther apart is below the rounding error
-        sides, wanted = (_side(x, m, a), _side(y, n, b)), ctx.needs_input_grad
-        own = [_own(side, angular, reach, any(wanted[k : k + 3])) for side, k in zip(sides, (0, 3))]
-        cross = [_sums(*sides, angular, reach, any(wanted[:3])), None]
-        if any(wanted[3:6]):
-            cross[1] = _sums(*sides[::-1], angular, reach, True)
-        ctx.gradients = []
-        for side, mine, other, k in zip(sides, own, cross, (0, 3)):
-            found = _gradients(side, mine, other) if any(wanted[k : k + 3]) else (None, None, None)
-            ctx.gradients += [None if g is None else torch.from_numpy(g).to(x.dtype) for g in found]
+    def solve(_: int, tensors: Sequence[Tensor], wanted: Sequence[bool], n_threads: int) -> tuple[float, list]:
+        sides, wants = (_side(*tensors[:3]), _side(*tensors[3:])), (any(wanted[:3]), any(wanted[3:]))
+        sums = functools.partial(_sums, angular=angular, reach=reach, n_threads=n_threads)
+        own = [_own(side, sums, want) for side, want in zip(sides, wants)]
+        cross = [sums(*sides, gradient=wants[0]), sums(*sides[::-1], gradient=True) if wants[1] else None]
+        gradients = []
+        for side, mine, other, want in zip(sides, own, cross, wants):
+            gradients += _gradients(side, mine, other) if want else (None, None, None)
         values = [side.masses @ each.values for side, each in zip((*sides, sides[0]), (*own, cross[0]))]
-        return x.new_tensor(values[0] + values[1] - 2 * values[2])
+        return values[0] + values[1] - 2 * values[2], gradients
 
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, grad_output):
-        return *(None if g is None else grad_output * g for g in ctx.gradients), None
-
-
-def fused_norm(
-    first: Sequence[Tensor], second: Sequence[Tensor], angular: tuple[float, float, float, float]
-) -> Float[Tensor, ""]:
-    """The squared kernel norm of the difference of two varifolds, differentiable once."""
-    return _FusedNorm.apply(*first, *second, angular)
+    return solved(solve, pairs, lambda _, *tensors: _plain_norm(tensors, angular))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -200,7 +206,16 @@ def _side(positions: Tensor, normals: Tensor, masses: Tensor) -> _Side:
     return _Side(rows, np.ascontiguousarray(weights[order]), order, low, high)
 
 
-def _sums(side: _Side, other: _Side, angular: tuple, reach: float, gradient: bool, above: bool = False) -> _Sums:
+def _sums(
+    side: _Side,
+    other: _Side,
+    *,
+    angular: Angular,
+    reach: float,
+    n_threads: int,
+    gradient: bool,
+    above: bool = False,
+) -> _Sums:
     """The sums over the other side. Pieces of fixed size make them the same for any number of threads."""
     n = len(side.masses)
     values, gradients = np.zeros(n), np.zeros((6, n) if gradient else (0, 0))
@@ -211,16 +226,17 @@ def _sums(side: _Side, other: _Side, angular: tuple, reach: float, gradient: boo
             onto = other.rows, other.masses, other.low, other.high
             sum_kernel(*bounds, *onto, reach, angular, above, values, gradients)
 
-    in_chunks(work, -(-n // _PIECE))
+    in_chunks(work, -(-n // _PIECE), n_threads=n_threads)
     return _Sums(values, gradients if gradient else None)
 
 
-def _own(side: _Side, angular: tuple, reach: float, gradient: bool) -> _Sums:
+def _own(side: _Side, sums: functools.partial, gradient: bool) -> _Sums:
     """The sums over the side itself. Without a gradient, each pair is computed once and counted twice."""
     if gradient:
-        return _sums(side, side, angular, reach, True)
-    after = _sums(side, side, angular, reach, False, above=True)
-    return _Sums(2 * after.values + sum(angular[1:]) * side.masses, None)  # the kernel of a point with itself
+        return sums(side, side, gradient=True)
+    after = sums(side, side, gradient=False, above=True)
+    of_itself = sum(sums.keywords["angular"][1:])  # the kernel of a point with itself
+    return _Sums(2 * after.values + of_itself * side.masses, None)
 
 
 def _gradients(side: _Side, own: _Sums, cross: _Sums) -> tuple[Array, Array, Array]:

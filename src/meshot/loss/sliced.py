@@ -8,20 +8,28 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
-from torch.autograd.function import once_differentiable
 from torch.utils.checkpoint import checkpoint
 
 from meshot.loss._kernel_sliced import SMALL, sort_scratch, spread, walk_lines
+from meshot.loss.autograd import public_loss, solved
 from meshot.loss.directions import Directions, require_directions
 from meshot.loss.exact import exact_slice_costs, exact_sliced_wasserstein
-from meshot.measure import Measure, MeasureLike, as_measures, as_point_measures
+from meshot.measure import DiscreteMeasure, Measure, MeasuresLike, as_pairs
+from meshot.rng import Generator
 from meshot.types import Array, Float, Int64, Tensor
 from meshot.workers import in_chunks
 
 
+@public_loss
 def sliced_wasserstein(
-    source: MeasureLike, target: MeasureLike, directions: Directions = 100, p: float = 2
-) -> Float[Tensor, ""]:
+    source: MeasuresLike,
+    target: MeasuresLike,
+    directions: Directions = 100,
+    p: float = 2,
+    *,
+    seed: Generator = 0,
+    reduction: str = "none",
+) -> Float[Tensor, "*B"]:
     r"""The Monte Carlo sliced Wasserstein loss SW_p^p: the mean over directions of the 1D transport cost W_p^p.
 
     .. math::
@@ -35,34 +43,50 @@ def sliced_wasserstein(
 
     Parameters
     ----------
-    source, target : measure, Mesh, Contour, array or tensor
+    source, target : measure, Mesh, Contour, array or tensor, or a batch of them
         Any numbers of support points, any weights; also one of each kind. A mesh means its continuous measure,
         :func:`meshot.surface`. An (n, d) array or tensor means points of equal weight. With a continuous measure the
-        cost along every direction is exact, without sampling: see ``meshot.loss.exact``.
+        cost along every direction is exact, without sampling: see ``meshot.loss.exact``. A (B, n, d) array or tensor, a
+        list, and a :class:`meshot.MeasureBatch` are batches; a single measure beside a batch belongs to every pair.
     directions : tensor, array or int
         Unit rows, such as those of :func:`meshot.random_directions`; or the number of directions in the deterministic
-        set :func:`meshot.quasi_directions` with seed 0.
+        set :func:`meshot.quasi_directions` (``n_projections`` in POT). All pairs of a batch have the same directions.
     p : float
         The exponent, at least 1; 1 or 2 with a continuous measure.
+    seed : int or generator
+        Of the set of directions, if their number is given. By default every call has the same set, which suits
+        evaluation. In a training take new directions in each step: ``seed=step``, or a generator.
+    reduction : str
+        Of a batch: "none" for a value per pair, "mean" for their mean.
 
     Returns
     -------
     tensor
-        SW_p^p, in (units of the points)^p. The p-th root is a distance.
+        SW_p^p, in (units of the points)^p: the p-th power of the distance, whereas POT returns the distance. A scalar
+        for two measures, (B,) for a batch.
 
     Raises
     ------
     ValueError
         If an argument is not a measure, the measures are in different spaces, the directions do not fit, ``p`` < 1, or
-        p is neither 1 nor 2 and a measure is continuous.
+        p is neither 1 nor 2 and a measure is continuous; or if the value exceeds the range of the dtype.
 
     Notes
     -----
-    On a CPU, a compiled kernel processes the directions on ``torch.get_num_threads()`` threads: O(L (n + m)) time for
-    spread-out points, and memory for a limited group of directions per thread. The result is the same in every run with
-    the same number of threads. Only first derivatives are available. On other devices PyTorch processes the directions
-    in chunks, with the memory of one chunk, and twice for the gradient. If the directions require a gradient,
+    On a CPU, a compiled kernel processes the directions on ``torch.get_num_threads()`` threads, or the pairs of a batch
+    if there are as many: O(L (n + m)) time for spread-out points, and memory for a limited group of directions per
+    thread. The result is the same for any number of threads. On other devices PyTorch processes the directions in
+    chunks, with the memory of one chunk, and twice for the gradient. If the directions require a gradient,
     :func:`meshot.loss.plain_sliced_wasserstein` is used.
+
+    *Cost.* Points: see ``book/speed.md``. Two continuous surfaces of 150 000 faces take 4 s a step on two cores,
+    :func:`meshot.varifold` of them .8 s.
+
+    *Half precision* is computed as float32, which is also the dtype of the value; the gradient has the dtype that came.
+
+    *Second derivatives.* A gradient with ``create_graph=True``, for instance for a gradient penalty, is computed by
+    PyTorch operations with O(L (n + m)) memory, and can be differentiated. With a continuous measure this raises a
+    ``ValueError`` once the gradient is differentiated.
 
     References
     ----------
@@ -78,22 +102,25 @@ def sliced_wasserstein(
     >>> from meshot.mesh.shapes import icosphere
     >>> round(float(meshot.sliced_wasserstein(icosphere(4), icosphere(4, 2.0))), 2)  # spheres: (r − s)²/3
     0.33
+    >>> batch = np.random.default_rng(0).normal(size=(4, 50, 3))
+    >>> meshot.sliced_wasserstein(batch, batch + 1, 100).shape
+    torch.Size([4])
     """
-    source, target = as_measures(source, target)
-    if source.cells is not None or target.cells is not None:
-        return exact_sliced_wasserstein(source, target, directions, p)
-    directions = checked_lines(source, directions, p)
-    if directions.requires_grad:
-        return plain_costs(source, target, directions, p).mean()
-    if not takes_kernel(source.places):
-        return chunked_costs(source, target, directions, p).mean()
-    tensors = (source.places, source.weights, target.places, target.weights)
-    return mean_of_slices(tensors, directions, float(p))
+    pairs = as_pairs(source, target, reduction=reduction)
+    if pairs.continuous:
+        return pairs.reduced(exact_sliced_wasserstein(pairs.items, require_directions(directions, pairs.like, seed), p))
+    lines = checked_lines(pairs.like, directions, p, seed)
+    if lines.requires_grad:
+        return pairs.reduced([plain_costs(*pair, lines, p).mean() for pair in pairs.items])
+    if not takes_kernel(pairs.like):
+        return pairs.reduced([chunked_costs(*pair, lines, p).mean() for pair in pairs.items])
+    return pairs.reduced(mean_of_slices(pairs.items, lines, p, again=plain_value))
 
 
+@public_loss
 def slice_costs(
-    source: MeasureLike, target: MeasureLike, directions: Directions = 100, p: float = 2
-) -> Float[Tensor, " L"]:
+    source: MeasuresLike, target: MeasuresLike, directions: Directions = 100, p: float = 2
+) -> Float[Tensor, "*B L"]:
     """The transport cost W_p^p along every direction. Its mean is :func:`meshot.sliced_wasserstein`.
 
     Over independent directions these costs are independent, so that the standard error of their mean is their standard
@@ -102,8 +129,9 @@ def slice_costs(
     Returns
     -------
     tensor
-        One cost per direction, in (units of the points)^p. Differentiable between discrete measures. With a continuous
-        measure there is no gradient (their mean, :func:`meshot.sliced_wasserstein`, has one).
+        One cost per direction, in (units of the points)^p; (B, L) for a batch. Differentiable between discrete
+        measures. With a continuous measure there is no gradient (their mean, :func:`meshot.sliced_wasserstein`, has
+        one).
 
     Notes
     -----
@@ -117,45 +145,51 @@ def slice_costs(
     >>> [round(float(cost), 6) for cost in costs]
     [9.0, 0.0, 0.0]
     """
-    source, target = as_measures(source, target)
-    if source.cells is not None or target.cells is not None:
-        return exact_slice_costs(source, target, directions, p)
-    directions = checked_lines(source, directions, p)
-    tensors = (source.places, source.weights, target.places, target.weights, directions)
-    wanted = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
-    if takes_kernel(source.places) and not wanted:
-        return torch.from_numpy(fused_slices(tensors[:4], directions, float(p), (False,) * 4)[0]).to(source.places)
-    return (plain_costs if wanted else chunked_costs)(source, target, directions, p)
+    pairs = as_pairs(source, target)
+    if pairs.continuous:
+        lines = require_directions(directions, pairs.like)
+        return pairs.reduced([exact_slice_costs(*pair, lines, p) for pair in pairs.items])
+    lines, costs = checked_lines(pairs.like, directions, p), []
+    for one, other in pairs.items:
+        tensors = (one.places, one.weights, other.places, other.weights, lines)
+        wanted = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
+        if takes_kernel(pairs.like) and not wanted:
+            found, _ = fused_slices(tensors[:4], lines, float(p), (False,) * 4)
+            costs.append(torch.from_numpy(found).to(pairs.like))
+        else:
+            costs.append((plain_costs if wanted else chunked_costs)(one, other, lines, p))
+    return pairs.reduced(costs)
 
 
 # The sliced loss computed by the kernels: division into threads, memory layout, order of the points.
 
-_GROUP = 1 << 19  # number of floats in the gradient rows that a thread fills before they are summed
+#: Number of floats in the gradient rows that are filled before they are summed: they stay in the cache on one thread.
+#: On several, a larger group means that they wait for each other less often.
+_GROUP, _GROUP_OF_MANY = 1 << 15, 1 << 17
 _ALONE = 1 << 16  # number of projected points below which a second thread does not pay off
 
 
-class _FusedSlices(torch.autograd.Function):
-    """The mean cost along the directions. Its gradient is computed with the value and stored for the backward pass."""
-
-    @staticmethod
-    def forward(ctx, source, source_weights, target, target_weights, directions, p, walk):
-        tensors = (source, source_weights, target, target_weights)
-        costs, gradients = fused_slices(tensors, directions, p, ctx.needs_input_grad[:4], walk=walk)
-        ctx.gradients = [None if g is None else torch.from_numpy(g).to(source) for g in gradients]
-        return source.new_tensor(costs.mean())
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, grad_output):
-        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None, None
-
-
 def mean_of_slices(
-    measures: Sequence[Tensor], directions: Float[Tensor, "L d"], p: float, walk: Callable = walk_lines
-) -> Float[Tensor, ""]:
-    """The mean of the costs along the directions, differentiable in points and weights once."""
-    # The arguments are those of :func:`meshot.loss.sliced.fused_slices`.
-    return _FusedSlices.apply(*measures, directions, p, walk)
+    pairs: Sequence[tuple[Measure, Measure]],
+    directions: Float[Tensor, "L d"],
+    p: float,
+    walk: Callable = walk_lines,
+    again: Callable | None = None,
+) -> Float[Tensor, " B"]:
+    """The mean of the costs along the directions for every pair, differentiable in points and weights."""
+    # The arguments are those of :func:`meshot.loss.sliced.fused_slices` and :func:`meshot.loss.autograd.solved`.
+
+    def solve(_: int, tensors: Sequence[Tensor], wanted: Sequence[bool], n_threads: int) -> tuple[float, list]:
+        costs, gradients = fused_slices(tensors, directions, float(p), wanted, n_threads, walk)
+        return costs.mean(), gradients
+
+    again_of_pair = again and (lambda _, *tensors: again(tensors, directions, p))
+    return solved(solve, [tensors_of(*pair) for pair in pairs], again_of_pair)
+
+
+def tensors_of(source: Measure, target: Measure) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Points and weights of both measures."""
+    return source.places, source.weights, target.places, target.weights
 
 
 def takes_kernel(points: Tensor) -> bool:
@@ -172,20 +206,24 @@ def fused_slices(
     walk: Callable = walk_lines,
 ) -> tuple[Float[Array, " L"], list[Array | None]]:
     """The transport cost along every direction, and the gradients of the mean cost."""
+    # Gradients are summed in the order of the directions, so that the number of threads does not matter.
     lines = _array(directions)
     sides = [_side(*measures[k : k + 2], *wanted[k : k + 2]) for k in (0, 2)]
     size = max(side.n for side in sides)
-    n_threads = n_threads or max(1, min(torch.get_num_threads(), len(lines), len(lines) * size // _ALONE))
+    n_threads = max(1, min(n_threads or torch.get_num_threads(), len(lines), len(lines) * size // _ALONE))
     per_thread = -(-len(lines) // n_threads)
-    n_rounds = -(-per_thread // max(1, _GROUP // size))
+    n_rounds = -(-per_thread // max(1, (_GROUP if n_threads == 1 else _GROUP_OF_MANY) // size))
     group = -(-per_thread // n_rounds)
     costs, tops = np.empty(len(lines)), np.zeros((len(lines), 2))
     # Gradients and drops of every direction of a round, with room for the additional step.
     rows = [[np.empty((n_threads * group, s.n + 1) if s.wanted else (0, 0)) for _ in range(2)] for s in sides]
     buffers = [_thread_buffers(sides, group) for _ in range(n_threads)]
-    with ThreadPoolExecutor(n_threads) if n_threads > 1 else contextlib.nullcontext() as pool:
-        for start in range(0, len(lines), n_threads * group):
-            block = slice(start, start + n_threads * group)
+    # One thread computes all groups in one call, and their sums. Several compute a group each, and then parts of the
+    # sums, in the same order.
+    alone, step = n_threads == 1, len(lines) if n_threads == 1 else n_threads * group
+    with ThreadPoolExecutor(n_threads) if not alone else contextlib.nullcontext() as pool:
+        for start in range(0, len(lines), step):
+            block = slice(start, start + step)
             n_lines = len(lines[block])
 
             def costs_of_thread(k: int, block: slice = block, n_lines: int = n_lines) -> None:
@@ -195,8 +233,9 @@ def fused_slices(
                     # Projections are stored where the gradients are written later.
                     values = values if len(values) else gradients[own]
                     kept = (steps, ends, order, gradients[own], drops[own], scratch)
-                    laid.append((side.columns, side.weights, values, *kept))
-                walk(lines[block][own], p, *laid, costs[block][own], tops[block][own])
+                    sums = (side.to_columns, side.to_weights) if alone else (np.empty((0, 0)), np.empty(0))
+                    laid.append((side.columns, side.weights, values, *kept, *sums))
+                walk(lines[block][own], group, p, *laid, costs[block][own], tops[block][own])
 
             def sums_of_thread(k: int, block: slice = block) -> None:
                 for side, (gradients, drops) in zip(sides, rows):
@@ -204,7 +243,7 @@ def fused_slices(
                         bounds = side.n * k // n_threads, side.n * (k + 1) // n_threads
                         spread(gradients, drops, lines[block], *bounds, side.to_columns, side.to_weights)
 
-            for work in (costs_of_thread, sums_of_thread):
+            for work in (costs_of_thread,) if alone else (costs_of_thread, sums_of_thread):
                 list((map if pool is None else pool.map)(work, range(n_threads)))
     rows.clear()  # the peak of memory would come below
     buffers.clear()
@@ -290,9 +329,16 @@ def _thread_buffers(sides: list[_Side], group: int) -> list[tuple]:
 # The sliced loss in PyTorch operations: transport on many lines at once, on any device.
 
 
+@public_loss
 def plain_sliced_wasserstein(
-    source: MeasureLike, target: MeasureLike, directions: Directions = 100, p: float = 2
-) -> Float[Tensor, ""]:
+    source: MeasuresLike,
+    target: MeasuresLike,
+    directions: Directions = 100,
+    p: float = 2,
+    *,
+    seed: Generator = 0,
+    reduction: str = "none",
+) -> Float[Tensor, "*B"]:
     """The value of :func:`meshot.sliced_wasserstein` between points, computed by PyTorch operations.
 
     It runs on any device and has derivatives of any order. The arguments are the same, but a mesh means the barycentres
@@ -307,14 +353,15 @@ def plain_sliced_wasserstein(
     -----
     O(L (n log n + m log m)) time, O(L (n + m)) memory.
     """
-    source, target = as_point_measures(source, target)
-    return plain_costs(source, target, checked_lines(source, directions, p), p).mean()
+    pairs = as_pairs(source, target, of_points=True, reduction=reduction)
+    lines = checked_lines(pairs.like, directions, p, seed)
+    return pairs.reduced([plain_costs(*pair, lines, p).mean() for pair in pairs.items])
 
 
-def checked_lines(source: Measure, directions: Directions, p: float) -> Float[Tensor, "L d"]:
-    """The directions as unit rows in the space of ``source``, after a check of the exponent."""
+def checked_lines(like: Tensor, directions: Directions, p: float, seed: Generator = 0) -> Float[Tensor, "L d"]:
+    """The directions as unit rows in the space of some points, after a check of the exponent."""
     require_exponent(p)
-    return require_directions(directions, source.places)
+    return require_directions(directions, like, seed)
 
 
 def require_exponent(p: float) -> None:
@@ -329,6 +376,11 @@ def plain_costs(source: Measure, target: Measure, directions: Float[Tensor, "L d
     if same_equal_masses(source.weights, target.weights):
         return paired_cost(projected, projected_target, p)
     return quantile_cost(projected, source.weights, projected_target, target.weights, p)
+
+
+def plain_value(tensors: Sequence[Tensor], directions: Float[Tensor, "L d"], p: float) -> Float[Tensor, ""]:
+    """The mean of :func:`meshot.loss.sliced.plain_costs`, for points and weights of both sides."""
+    return plain_costs(DiscreteMeasure(*tensors[:2]), DiscreteMeasure(*tensors[2:]), directions, p).mean()
 
 
 def same_equal_masses(weights: Tensor, others: Tensor) -> bool:

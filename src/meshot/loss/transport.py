@@ -8,13 +8,20 @@ import torch
 from scipy.spatial import cKDTree
 
 from meshot.errors import require_choice, require_positive
-from meshot.measure import MeasureLike, as_point_measures
+from meshot.loss.autograd import differentiable_once, public_loss
+from meshot.measure import Measure, MeasuresLike, as_pairs
 from meshot.types import Float, Int64, Tensor
 
 
+@public_loss
 def wasserstein(
-    source: MeasureLike, target: MeasureLike, p: float = 2, max_iterations: int = 10_000_000
-) -> Float[Tensor, ""]:
+    source: MeasuresLike,
+    target: MeasuresLike,
+    p: float = 2,
+    max_iterations: int = 10_000_000,
+    *,
+    reduction: str = "none",
+) -> Float[Tensor, "*B"]:
     r"""The Wasserstein distance W_p^p with ground cost ‖x − y‖₂^p, exactly, by linear programming.
 
     .. math::
@@ -28,18 +35,20 @@ def wasserstein(
 
     Parameters
     ----------
-    source, target : measure of points, Mesh, Contour, array or tensor
+    source, target : measure of points, Mesh, Contour, array or tensor, or a batch of them
         Any numbers of support points, any weights. An (n, d) array or tensor means points of equal weight. A mesh means
         the barycentres of its faces, weighted by area (to draw points on it, use :func:`meshot.empirical`).
     p : float
         The exponent, at least 1.
     max_iterations : int
         Maximum number of iterations of the solver.
+    reduction : str
+        Of a batch: "none" for a value per pair, "mean" for their mean.
 
     Returns
     -------
     tensor
-        W_p^p, in (units of the points)^p. The p-th root is a distance.
+        W_p^p, in (units of the points)^p. The p-th root is a distance. A scalar, or (B,) for a batch.
 
     Raises
     ------
@@ -62,12 +71,17 @@ def wasserstein(
     >>> float(meshot.wasserstein(np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]])))
     25.0
     """
-    source, target = as_point_measures(source, target)
+    pairs = as_pairs(source, target, of_points=True, reduction=reduction)
     if not 1 <= p < math.inf:
         raise ValueError(f"p is {p!r}; a finite number >= 1 is needed")
+    return pairs.reduced([_exact_cost(*pair, p, max_iterations) for pair in pairs.items])
+
+
+def _exact_cost(source: Measure, target: Measure, p: float, max_iterations: int) -> Float[Tensor, ""]:
+    """W_p^p of one pair."""
     # From differences: |x|² + |y|² − 2⟨x, y⟩ would suffer from cancellation for close points.
     gaps = source.places[:, None, :] - target.places[None, :, :]
-    size = float(gaps.detach().abs().max())
+    size = float(gaps.detach()[source.weights > 0][:, target.weights > 0].abs().max())
     unit = math.ldexp(1.0, math.frexp(size)[1] - 1) if 0 < size < math.inf else 1.0
     squared = (gaps / unit).square().sum(dim=2)
     cost = squared if p == 2 else torch.where(squared > 0, squared, torch.ones_like(squared)).pow(p / 2) * (squared > 0)
@@ -76,7 +90,7 @@ def wasserstein(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         # POT refuses arrays with gaps in memory.
-        masses = source.weights.contiguous(), target.weights.contiguous()
+        masses = (differentiable_once(measure.weights.contiguous()) for measure in (source, target))
         value = ot.emd2(*masses, cost.contiguous(), numItermax=max_iterations)
     if caught:
         raise ValueError(
@@ -99,15 +113,18 @@ BACKENDS = ("tensorized", "online", "multiscale")
 POINT = 1e-6
 
 
+@public_loss
 def sinkhorn_divergence(
-    source: MeasureLike,
-    target: MeasureLike,
+    source: MeasuresLike,
+    target: MeasuresLike,
     p: int = 2,
     blur: float = 0.05,
     scaling: float = 0.5,
     reach: float | None = None,
     backend: str = "tensorized",
-) -> Float[Tensor, ""]:
+    *,
+    reduction: str = "none",
+) -> Float[Tensor, "*B"]:
     r"""The debiased Sinkhorn divergence with ground cost ‖x − y‖₂^p. It approximates W_p^p for a small blur.
 
     .. math::
@@ -121,7 +138,7 @@ def sinkhorn_divergence(
 
     Parameters
     ----------
-    source, target : measure of points, Mesh, Contour, array or tensor
+    source, target : measure of points, Mesh, Contour, array or tensor, or a batch of them
         Any numbers of support points, any weights. An (n, d) array or tensor means points of equal weight. A mesh means
         the barycentres of its faces, weighted by area (to draw points on it, use :func:`meshot.empirical`).
     p : int
@@ -139,6 +156,8 @@ def sinkhorn_divergence(
         ``"tensorized"`` stores all pairs of points, for up to about 5000 support points. ``"online"`` recomputes them,
         with memory O(n + m). ``"multiscale"`` does so from coarse to fine, in up to three dimensions; for p = 2 it is
         the fastest above about 20 000 support points. Both need KeOps: ``pip install pykeops``.
+    reduction : str
+        Of a batch: "none" for a value per pair, "mean" for their mean.
 
     Returns
     -------
@@ -168,7 +187,7 @@ def sinkhorn_divergence(
     >>> round(float(meshot.sinkhorn_divergence(np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]]), blur=0.1)), 4)
     25.0
     """
-    source, target = as_point_measures(source, target)
+    pairs = as_pairs(source, target, of_points=True, reduction=reduction)
     if p not in (1, 2):
         raise ValueError(f"p is {p!r}; 1 or 2 is needed, the costs that GeomLoss has")
     for name, length in (("blur", blur), *((("reach", reach),) if reach is not None else ())):
@@ -178,15 +197,25 @@ def sinkhorn_divergence(
     require_choice(backend, "backend", BACKENDS)
     if backend != "tensorized" and importlib.util.find_spec("pykeops") is None:
         raise ValueError(f"backend {backend!r} needs KeOps, which is not installed: pip install pykeops")
-    places = torch.cat([source.places, target.places]).detach()
-    extent = float((places.amax(dim=0) - places.amin(dim=0)).norm())
-    # Annealing begins at the diameter; from one point it would begin at zero, and divide by it.
-    diameter = blur if extent < POINT * blur else None
-    options = {"blur": blur, "scaling": scaling, "reach": reach, "diameter": diameter, "backend": backend}
+    options = {"blur": blur, "scaling": scaling, "reach": reach, "backend": backend}
+    return pairs.reduced([_debiased_cost(*pair, p, options) for pair in pairs.items])
+
+
+def _debiased_cost(source: Measure, target: Measure, p: int, options: dict) -> Float[Tensor, ""]:
+    """The divergence of one pair."""
     import geomloss
 
-    loss = geomloss.SamplesLoss("sinkhorn", p=p, debias=True, **options)
-    return p * loss(source.weights, source.places, target.weights, target.places)
+    sides = [(measure.weights, measure.places, measure.weights > 0) for measure in (source, target)]
+    places = torch.cat([places[massive] for _, places, massive in sides]).detach()
+    extent = float((places.amax(dim=0) - places.amin(dim=0)).norm())
+    # Annealing begins at the diameter; from one point it would begin at zero, and divide by it. Points without mass do
+    # not count.
+    diameter = options["blur"] if extent < POINT * options["blur"] else None
+    if diameter is None and not all(bool(massive.all()) for *_, massive in sides):
+        diameter = extent
+    loss = geomloss.SamplesLoss("sinkhorn", p=p, debias=True, diameter=diameter, **options)
+    # GeomLoss holds the potentials constant in its gradient, so that a derivative of the gradient would be wrong.
+    return p * loss(*(differentiable_once(tensor) for weights, places, _ in sides for tensor in (weights, places)))
 
 
 # The Chamfer loss: squared distances to nearest neighbours.
@@ -196,28 +225,34 @@ NEIGHBOURS = ("tree", "brute")
 _BLOCK = 1 << 23  # distances per block of brute force: large enough that the memory is returned to the system
 
 
-def chamfer(source: MeasureLike, target: MeasureLike, neighbours: str = "tree") -> Float[Tensor, ""]:
+@public_loss
+def chamfer(
+    source: MeasuresLike, target: MeasuresLike, neighbours: str = "tree", *, reduction: str = "none"
+) -> Float[Tensor, "*B"]:
     r"""The Chamfer pseudo-distance: the mean squared distance to the nearest neighbour, summed over both directions.
 
     .. math::
 
         \sum_i a_i \min_j \lVert x_i - y_j \rVert^2 + \sum_j b_j \min_i \lVert x_i - y_j \rVert^2
 
-    With equal weights this is Equation 1 of the paper. Otherwise the means are weighted. The nearest neighbours are
+    With equal weights this is Equation 1 of the paper. Otherwise the means are weighted. Points without mass are no
+    neighbours; how much mass a neighbour has does not matter. The nearest neighbours are
     treated as constant in the gradient, which is exact where they are unique.
 
     Parameters
     ----------
-    source, target : measure of points, Mesh, Contour, array or tensor
+    source, target : measure of points, Mesh, Contour, array or tensor, or a batch of them
         Any numbers of support points, any weights. An (n, d) array or tensor means points of equal weight. A mesh means
         the barycentres of its faces, weighted by area (to draw points on it, use :func:`meshot.empirical`).
     neighbours : str
         "tree" for a k-d tree on the CPU; "brute" for all distances, in blocks, on the device of the points.
+    reduction : str
+        Of a batch: "none" for a value per pair, "mean" for their mean.
 
     Returns
     -------
     tensor
-        In squared units of the points.
+        In squared units of the points. A scalar, or (B,) for a batch.
 
     Raises
     ------
@@ -241,12 +276,24 @@ def chamfer(source: MeasureLike, target: MeasureLike, neighbours: str = "tree") 
     >>> float(meshot.chamfer(np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]])))  # 5² there, 5² back
     50.0
     """
-    source, target = as_point_measures(source, target)
-    there = nearest_neighbours(source.places, target.places, neighbours)
-    back = nearest_neighbours(target.places, source.places, neighbours)
-    forward = (source.places - target.places[there]).square().sum(dim=1)
-    backward = (target.places - source.places[back]).square().sum(dim=1)
-    return (source.weights * forward).sum() + (target.weights * backward).sum()
+    pairs = as_pairs(source, target, of_points=True, reduction=reduction)
+    return pairs.reduced([_chamfer(*pair, neighbours) for pair in pairs.items])
+
+
+def _chamfer(source: Measure, target: Measure, neighbours: str) -> Float[Tensor, ""]:
+    """The loss of one pair."""
+    (x, a), (y, b) = (_support(measure) for measure in (source, target))
+    forward = (x - y[nearest_neighbours(x, y, neighbours)]).square().sum(dim=1)
+    backward = (y - x[nearest_neighbours(y, x, neighbours)]).square().sum(dim=1)
+    return (a * forward).sum() + (b * backward).sum()
+
+
+def _support(measure: Measure) -> tuple[Tensor, Tensor]:
+    """The points that have mass, and their masses."""
+    massive = measure.weights > 0
+    if bool(massive.all()):
+        return measure.places, measure.weights
+    return measure.places[massive], measure.weights[massive]
 
 
 def nearest_neighbours(

@@ -5,31 +5,36 @@ and unbalanced transport with the same marginals for all directions. The ``reach
 than transported much farther.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 import torch
-from torch.autograd.function import once_differentiable
 
 from meshot.errors import require_positive, require_positive_integer
 from meshot.loss._kernel_unbalanced import partial_lines, unbalanced_lines
+from meshot.loss.autograd import public_loss, solved
 from meshot.loss.directions import Directions, require_directions
-from meshot.loss.sliced import fused_slices, mean_of_slices, require_exponent
-from meshot.measure import MeasureLike, as_point_measures
+from meshot.loss.sliced import fused_slices, mean_of_slices, require_exponent, tensors_of
+from meshot.measure import MeasuresLike, Pairs, as_pairs
+from meshot.rng import Generator
 from meshot.types import Array, Float, Tensor
 
 # Unbalanced sliced transport: one pair of marginals for all directions, by the method of Frank and Wolfe.
 
 
+@public_loss
 def unbalanced_sliced(
-    source: MeasureLike,
-    target: MeasureLike,
+    source: MeasuresLike,
+    target: MeasuresLike,
     reach: float,
     directions: Directions = 100,
     p: float = 2,
     tolerance: float = 1e-2,
     n_iterations: int = 200,
-) -> Float[Tensor, ""]:
+    *,
+    seed: Generator = 0,
+    reduction: str = "none",
+) -> Float[Tensor, "*B"]:
     r"""The unbalanced sliced transport cost: masses may change before the sliced transport, at a cost.
 
     .. math::
@@ -42,12 +47,12 @@ def unbalanced_sliced(
 
     Parameters
     ----------
-    source, target : measure of points, Mesh, Contour, array or tensor
+    source, target : measure of points, Mesh, Contour, array or tensor, or a batch of them
         An (n, d) array or tensor means points of equal weight, a mesh the barycentres of its faces, weighted by area.
     reach : float
         A length in the units of the points. Half of its p-th power is the weight ρ of the penalty.
-    directions : tensor, array or int
-        Unit rows, or their number: as :func:`meshot.sliced_wasserstein`.
+    directions, seed, reduction
+        As :func:`meshot.sliced_wasserstein`.
     p : float
         The exponent, at least 1.
     tolerance : float
@@ -85,59 +90,63 @@ def unbalanced_sliced(
     >>> round(float(unbalanced_sliced(here, here + 4, 5.0, lines, p=1)), 3)  # reach (1 − exp(−4/reach))
     2.753
     """
-    *tensors, lines = _checked(source, target, reach, directions)
+    pairs, lines = _checked(source, target, reach, directions, seed, reduction)
     require_exponent(p)
     n_iterations = require_positive_integer(n_iterations, "n_iterations")
     if not 0 < tolerance < 1:
         raise ValueError(f"tolerance is {tolerance!r}; a number in (0, 1) is needed, relative to the value")
-    return _Unbalanced.apply(*tensors, lines, float(p), float(reach) ** p / 2, float(tolerance), n_iterations)
+    scale = float(reach) ** p / 2
+
+    def solve(_: int, tensors: Sequence[Tensor], wanted: Sequence[bool], n_threads: int) -> tuple[float, list]:
+        return _solve_unbalanced(tensors, wanted, lines, float(p), scale, float(tolerance), n_iterations, n_threads)
+
+    return pairs.reduced(solved(solve, [tensors_of(*pair) for pair in pairs.items]))
 
 
-class _Unbalanced(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, source, source_weights, target, target_weights, directions, p, scale, tolerance, n_iterations):
-        masses = [w.detach().double().cpu().numpy() for w in (source_weights, target_weights)]
-        # Potentials and the masses that they leave, with a duality gap below the tolerance.
-        potentials, relative = [np.zeros_like(m) for m in masses], np.inf
-        for _ in range(n_iterations):
-            sums = [(m * np.exp(-f / scale)).sum() for m, f in zip(masses, potentials)]
-            shift = scale / 2 * np.log(sums[0] / sums[1])  # equal sums are best
-            potentials = [potentials[0] + shift, potentials[1] - shift]
-            kept = [m * np.exp(-f / scale) for m, f in zip(masses, potentials)]
-            shares = [torch.from_numpy(k / k.sum()) for k in kept]
-            measures = (source, shares[0], target, shares[1])
-            found = fused_slices(measures, directions, p, (False, True, False, True))[1]
-            rises = [new - f for new, f in zip(found[1::2], potentials)]
-            gap = sum(rise @ k for rise, k in zip(rises, kept))
-            value = scale * sum(m.sum() - k.sum() for m, k in zip(masses, kept))
-            if gap <= tolerance * value + 1e-14 * scale:
-                break
-            relative = gap / max(value, 1e-300)
-            tilt = (rises[0] @ kept[0] - rises[1] @ kept[1]) / (2 * kept[0].sum())
-            rises = [rises[0] - tilt, rises[1] + tilt]
-            step = _best_step(kept, rises, scale)
-            potentials = [f + step * rise for f, rise in zip(potentials, rises)]
-        else:
-            raise ValueError(
-                f"the duality gap is {relative:.2g} of the value after {n_iterations} iterations; at most "
-                f"{tolerance:g} is needed: take a larger reach, more n_iterations, or a larger tolerance"
-            )
-        total = kept[0].sum()
-        wanted = (ctx.needs_input_grad[0], False, ctx.needs_input_grad[2], False)
-        costs, gradients = fused_slices(measures, directions, p, wanted)
-        of_points = [None if g is None else total * g for g in gradients[::2]]
-        of_weights = [scale * (1 - np.exp(-f / scale)) for f in potentials]
-        ctx.gradients = [
-            None if g is None else torch.from_numpy(g).to(source)
-            for g in (of_points[0], of_weights[0], of_points[1], of_weights[1])
-        ]
-        penalties = sum(scale * (m.sum() - k.sum()) - f @ k for m, k, f in zip(masses, kept, potentials))
-        return source.new_tensor(total * costs.mean() + penalties)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, grad_output):
-        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None, None, None, None
+def _solve_unbalanced(
+    tensors: Sequence[Tensor],
+    wanted: Sequence[bool],
+    directions: Float[Tensor, "L d"],
+    p: float,
+    scale: float,
+    tolerance: float,
+    n_iterations: int,
+    n_threads: int,
+) -> tuple[float, list[Array | None]]:
+    """The value of one pair, and its gradients."""
+    source, source_weights, target, target_weights = tensors
+    masses = [w.detach().double().cpu().numpy() for w in (source_weights, target_weights)]
+    # Potentials and the masses that they leave, with a duality gap below the tolerance.
+    potentials, relative = [np.zeros_like(m) for m in masses], np.inf
+    for _ in range(n_iterations):
+        sums = [(m * np.exp(-f / scale)).sum() for m, f in zip(masses, potentials)]
+        shift = scale / 2 * np.log(sums[0] / sums[1])  # equal sums are best
+        potentials = [potentials[0] + shift, potentials[1] - shift]
+        kept = [m * np.exp(-f / scale) for m, f in zip(masses, potentials)]
+        shares = [torch.from_numpy(k / k.sum()) for k in kept]
+        measures = (source, shares[0], target, shares[1])
+        found = fused_slices(measures, directions, p, (False, True, False, True), n_threads)[1]
+        rises = [new - f for new, f in zip(found[1::2], potentials)]
+        gap = sum(rise @ k for rise, k in zip(rises, kept))
+        value = scale * sum(m.sum() - k.sum() for m, k in zip(masses, kept))
+        if gap <= tolerance * value + 1e-14 * scale:
+            break
+        relative = gap / max(value, 1e-300)
+        tilt = (rises[0] @ kept[0] - rises[1] @ kept[1]) / (2 * kept[0].sum())
+        rises = [rises[0] - tilt, rises[1] + tilt]
+        step = _best_step(kept, rises, scale)
+        potentials = [f + step * rise for f, rise in zip(potentials, rises)]
+    else:
+        raise ValueError(
+            f"the duality gap is {relative:.2g} of the value after {n_iterations} iterations; at most "
+            f"{tolerance:g} is needed: take a larger reach, more n_iterations, or a larger tolerance"
+        )
+    total = kept[0].sum()
+    costs, gradients = fused_slices(measures, directions, p, (wanted[0], False, wanted[2], False), n_threads)
+    of_points = [None if g is None else total * g for g in gradients[::2]]
+    of_weights = [scale * (1 - np.exp(-f / scale)) for f in potentials]
+    penalties = sum(scale * (m.sum() - k.sum()) - f @ k for m, k, f in zip(masses, kept, potentials))
+    return total * costs.mean() + penalties, [of_points[0], of_weights[0], of_points[1], of_weights[1]]
 
 
 def _best_step(kept: list[Array], rises: list[Array], scale: float) -> float:
@@ -159,9 +168,16 @@ def _best_step(kept: list[Array], rises: list[Array], scale: float) -> float:
 # Partial and unbalanced transport along every direction by itself.
 
 
+@public_loss
 def sliced_partial(
-    source: MeasureLike, target: MeasureLike, reach: float, directions: Directions = 100
-) -> Float[Tensor, ""]:
+    source: MeasuresLike,
+    target: MeasuresLike,
+    reach: float,
+    directions: Directions = 100,
+    *,
+    seed: Generator = 0,
+    reduction: str = "none",
+) -> Float[Tensor, "*B"]:
     """The mean over directions of the partial transport cost in one dimension; the ground cost is the distance.
 
     Along every direction, mass is either transported, at a cost of its distance, or removed in the source and added in
@@ -170,12 +186,12 @@ def sliced_partial(
 
     Parameters
     ----------
-    source, target : measure of points, Mesh, Contour, array or tensor
+    source, target : measure of points, Mesh, Contour, array or tensor, or a batch of them
         An (n, d) array or tensor means points of equal weight, a mesh the barycentres of its faces, weighted by area.
     reach : float
         The length beyond which nothing is transported along a direction, in the units of the points.
-    directions : tensor, array or int
-        Unit rows, or their number: as :func:`meshot.sliced_wasserstein`.
+    directions, seed, reduction
+        As :func:`meshot.sliced_wasserstein`.
 
     Returns
     -------
@@ -210,12 +226,20 @@ def sliced_partial(
     >>> [round(float(sliced_partial(here, here + gap, 5.0, lines)), 3) for gap in (1.0, 4.0, 9.0)]
     [1.0, 4.0, 5.0]
     """
-    return _along_lines(source, target, reach, directions, partial_lines, 1.0)
+    pairs, lines = _checked(source, target, reach, directions, seed, reduction)
+    return pairs.reduced(mean_of_slices(pairs.items, lines, float(reach), partial_lines))
 
 
+@public_loss
 def sliced_unbalanced(
-    source: MeasureLike, target: MeasureLike, reach: float, directions: Directions = 100
-) -> Float[Tensor, ""]:
+    source: MeasuresLike,
+    target: MeasuresLike,
+    reach: float,
+    directions: Directions = 100,
+    *,
+    seed: Generator = 0,
+    reduction: str = "none",
+) -> Float[Tensor, "*B"]:
     r"""The mean over directions of the unbalanced transport cost in one dimension; the ground cost is the distance.
 
     Along every direction, the masses of both sides may change before the transport. With projected measures μ and ν,
@@ -228,13 +252,13 @@ def sliced_unbalanced(
 
     Parameters
     ----------
-    source, target : measure of points, Mesh, Contour, array or tensor
+    source, target : measure of points, Mesh, Contour, array or tensor, or a batch of them
         An (n, d) array or tensor means points of equal weight, a mesh the barycentres of its faces, weighted by area.
     reach : float
         Twice the weight ρ of the penalty, in the units of the points. Two points at a distance g along a direction cost
         ``reach (1 − exp(−g / reach))``.
-    directions : tensor, array or int
-        Unit rows, or their number: as :func:`meshot.sliced_wasserstein`.
+    directions, seed, reduction
+        As :func:`meshot.sliced_wasserstein`.
 
     Returns
     -------
@@ -268,23 +292,19 @@ def sliced_unbalanced(
     >>> [round(float(sliced_unbalanced(here, here + gap, 5.0, lines)), 3) for gap in (1.0, 4.0, 9.0)]
     [0.906, 2.753, 4.174]
     """
-    return _along_lines(source, target, reach, directions, unbalanced_lines, 0.5)
+    pairs, lines = _checked(source, target, reach, directions, seed, reduction)
+    return pairs.reduced(mean_of_slices(pairs.items, lines, float(reach) / 2, unbalanced_lines))
 
 
-def _along_lines(
-    source: MeasureLike, target: MeasureLike, reach: float, directions: Directions, walk: Callable, factor: float
-) -> Float[Tensor, ""]:
-    *tensors, lines = _checked(source, target, reach, directions)
-    return mean_of_slices(tensors, lines, factor * float(reach), walk)
-
-
-def _checked(source: MeasureLike, target: MeasureLike, reach: float, directions: Directions) -> tuple[Tensor, ...]:
-    """Points and weights of both sides, and the directions as unit rows."""
-    source, target = as_point_measures(source, target)
+def _checked(
+    source: MeasuresLike, target: MeasuresLike, reach: float, directions: Directions, seed: Generator, reduction: str
+) -> tuple[Pairs, Tensor]:
+    """The pairs of measures, and the directions as unit rows."""
+    pairs = as_pairs(source, target, of_points=True, reduction=reduction)
     require_positive(reach, "reach", "the units of the points")
-    lines = require_directions(directions, source.places)
+    lines = require_directions(directions, pairs.like, seed)
     if lines.requires_grad:
         raise ValueError(
             "directions requires a gradient; this loss has none in the directions: pass directions.detach()"
         )
-    return source.places, source.weights, target.places, target.weights, lines
+    return pairs, lines

@@ -7,17 +7,16 @@ import contextlib
 import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch.autograd.function import once_differentiable
 
 from meshot.errors import as_floating, as_points, require_positive, require_positive_integer
 from meshot.loss._kernel_sliced import find_in_window
-from meshot.loss.directions import Directions, quasi_directions, random_directions
-from meshot.loss.sliced import checked_lines, fused_slices, sliced_wasserstein
-from meshot.measure import DiscreteMeasure, Measure, MeasureLike, as_point_measures
+from meshot.loss.autograd import public_loss, solved
+from meshot.loss.directions import Directions, drawn_seed, quasi_directions, random_directions, require_directions
+from meshot.loss.sliced import fused_slices, plain_costs, require_exponent, tensors_of
+from meshot.measure import DiscreteMeasure, Measure, MeasuresLike, as_pairs
 from meshot.rng import Generator, numpy_generator
 from meshot.types import Array, Float, Tensor
 
@@ -25,14 +24,18 @@ from meshot.types import Array, Float, Tensor
 Windows = tuple[Float[Tensor, "K k"], Float[Tensor, "K L d"]]
 
 
+@public_loss
 def windowed_sliced_wasserstein(
-    source: MeasureLike,
-    target: MeasureLike,
-    centres: Float[Tensor, "K k"],
+    source: MeasuresLike,
+    target: MeasuresLike,
+    centres: Float[Tensor, "*P K k"] | Sequence[Tensor],
     radius: float,
-    directions: Directions = 100,
+    directions: Directions | Sequence[Tensor] = 100,
     p: float = 2,
-) -> Float[Tensor, ""]:
+    *,
+    seed: Generator = 0,
+    reduction: str = "none",
+) -> Float[Tensor, "*B"]:
     """The mean over windows of SW_p^p between both measures, restricted to the window and normalised.
 
     A window is a Gaussian around a centre, cut off at 2.5 radii. If two surfaces differ in area locally, their
@@ -42,17 +45,22 @@ def windowed_sliced_wasserstein(
 
     Parameters
     ----------
-    source, target : measure of points, Mesh, Contour, array or tensor
+    source, target : measure of points, Mesh, Contour, array or tensor, or a batch of them
         An (n, d) array or tensor means points of equal weight, a mesh the barycentres of its faces, weighted by area.
     centres : tensor
-        The centres in the first k coordinates of the measures (for a varifold three: positions, not normals).
+        The centres in the first k coordinates of the measures (for a varifold three: positions, not normals). A batch
+        has the same windows for every pair, or, from (B, K, k) centres or a list, its own.
     radius : float
         Standard deviation of the windows, in the units of the points.
     directions : tensor, array or int
-        Unit rows, with a set for every window: (K, L, d). Or their number L per window: window k then uses
-        :func:`meshot.quasi_directions` with seed k.
+        Unit rows, with a set for every window: (K, L, d), or (B, K, L, d) or a list for windows of every pair. Or their
+        number L per window: window k then uses :func:`meshot.quasi_directions` with seed k.
     p : float
         The exponent, at least 1.
+    seed : int or generator
+        Of the directions, if their number is given: s draws the seeds s K + k of the windows k.
+    reduction : str
+        Of a batch: "none" for a value per pair, "mean" for their mean.
 
     Returns
     -------
@@ -69,8 +77,8 @@ def windowed_sliced_wasserstein(
     Notes
     -----
     Compiled kernels compute the windows on ``torch.get_num_threads()`` threads of the CPU in float64, also for tensors
-    on other devices. The result is the same for any number of threads. Only first derivatives are available. If the
-    directions require a gradient, the windows are computed one after the other by PyTorch.
+    on other devices. The result is the same for any number of threads. If the directions require a gradient, or the
+    gradient is to be differentiated (``create_graph=True``), the windows are computed one after the other by PyTorch.
 
     *Axioms.* Windows without mass of one measure are left out. If all windows hold mass of all measures, the p-th root
     is a pseudo-metric for fixed windows and directions: it is a mean of powers of distances between normalised
@@ -94,30 +102,29 @@ def windowed_sliced_wasserstein(
     >>> round(float(meshot.windowed_sliced_wasserstein(points, points, centres, radius=1.0)), 9)
     0.0
     """
-    pair = _checked(source, target, centres, radius, directions, p)
-    if pair.source.places.dtype in (torch.float32, torch.float64) and not pair.lines.requires_grad:
-        tensors, *windows = pair.on_cpu()
-        value, n_counted = _FusedWindows.apply(*tensors, *windows, float(p))
-        _require_counted(int(n_counted), pair)
-        return value.to(pair.source.places.device)
-    costs = []
-    for centre, lines in zip(pair.centres, pair.lines, strict=True):
-        inside = [_restricted(measure, centre, radius) for measure in (pair.source, pair.target)]
-        if None not in inside:
-            costs.append(sliced_wasserstein(*inside, lines, p))
-    _require_counted(len(costs), pair)
-    return torch.stack(costs).mean()
+    pairs = as_pairs(source, target, of_points=True, reduction=reduction)
+    windows = _of_every_pair(centres, directions, len(pairs.items))
+    windows = [_checked(*pair, *own, radius, p, seed) for pair, own in zip(pairs.items, windows, strict=True)]
+    if any(lines.requires_grad for _, lines in windows):
+        own = zip(pairs.items, windows, strict=True)
+        return pairs.reduced([_plain_windows(*pair, *each, radius, p) for pair, each in own])
+
+    def solve(k: int, tensors: Sequence[Tensor], wanted: Sequence[bool], n_threads: int) -> tuple[float, list]:
+        costs, gradients = fused_windows(tensors, windows[k], float(radius), float(p), wanted, n_threads)
+        return costs.mean(), gradients
+
+    def again(k: int, *tensors: Tensor) -> Tensor:
+        return _plain_windows(DiscreteMeasure(*tensors[:2]), DiscreteMeasure(*tensors[2:]), *windows[k], radius, p)
+
+    return pairs.reduced(solved(solve, [tensors_of(*pair) for pair in pairs.items], again))
 
 
 def window_costs(source: Measure, target: Measure, windows: Windows, radius: float, p: float) -> Float[Array, " n"]:
     """SW_p^p in every window that holds mass of both measures, whose mean is the windowed loss. Without gradients."""
     # The windows are those of :func:`drawn_windows`. The other arguments, and the errors, are those of
     # :func:`meshot.windowed_sliced_wasserstein`.
-    centres, directions = windows
-    pair = _checked(source, target, centres, radius, directions, p)
-    costs, _ = fused_windows(*pair.on_cpu(), float(p), [False] * 4)
-    _require_counted(len(costs), pair)
-    return costs
+    windows = _checked(source, target, *windows, radius, p)
+    return fused_windows(tensors_of(source, target), windows, float(radius), float(p), [False] * 4)[0]
 
 
 def drawn_windows(target: Measure, n_windows: int, n_directions: int, generator: Generator) -> Windows:
@@ -131,30 +138,27 @@ def drawn_windows(target: Measure, n_windows: int, n_directions: int, generator:
     return centres, lines.reshape(n_windows, n_directions, -1)
 
 
-class _Pair(NamedTuple):
-    """Two measures, and the windows in which they are compared."""
-
-    source: Measure
-    target: Measure
-    centres: Float[Tensor, "K k"]
-    radius: float
-    lines: Float[Tensor, "K L d"]
-
-    def on_cpu(self) -> tuple[list[Tensor], Tensor, float, Tensor]:
-        """The measures as tensors, and the windows, in the format of the kernels."""
-        tensors = (self.source.places, self.source.weights, self.target.places, self.target.weights)
-        return [tensor.cpu() for tensor in tensors], self.centres.cpu(), float(self.radius), self.lines.cpu()
+def _of_every_pair(centres: object, directions: object, n_pairs: int) -> list[tuple[object, object]]:
+    """The centres and directions of every pair: their own, or the same for all."""
+    sides = []
+    for values, name, ndim in ((centres, "centres", 2), (directions, "directions", 3)):
+        own = isinstance(values, list | tuple) or getattr(values, "ndim", 0) == ndim + 1
+        if own and len(values) != n_pairs:
+            raise ValueError(f"{name} holds {len(values)} sets; {n_pairs} are needed, one for every pair")
+        sides.append(values if own else [values] * n_pairs)
+    return list(zip(*sides, strict=True))
 
 
 def _checked(
-    source: MeasureLike,
-    target: MeasureLike,
-    centres: Float[Tensor, "K k"],
+    source: Measure,
+    target: Measure,
+    centres: object,
+    directions: object,
     radius: float,
-    directions: Directions,
     p: float,
-) -> _Pair:
-    source, target = as_point_measures(source, target)
+    seed: Generator = 0,
+) -> Windows:
+    """The windows of one pair, in its space."""
     centres = as_points(centres, "centres")
     n_windows, n_dimensions = centres.shape
     if n_dimensions > source.places.shape[1]:
@@ -163,8 +167,9 @@ def _checked(
         )
     like, d = source.places, source.places.shape[1]
     if isinstance(directions, int | np.integer):
-        n = require_positive_integer(directions, "directions")
-        directions = torch.stack([quasi_directions(n, d, k, like.dtype, like.device) for k in range(n_windows)])
+        n, first = require_positive_integer(directions, "directions"), n_windows * drawn_seed(seed)
+        sets = [quasi_directions(n, d, first + k, like.dtype, like.device) for k in range(n_windows)]
+        directions, seed = torch.stack(sets), 0
     directions = as_floating(directions, "directions")
     if directions.ndim != 3 or len(directions) != n_windows:
         raise ValueError(
@@ -172,16 +177,34 @@ def _checked(
             "or a number"
         )
     require_positive(radius, "radius", "the units of the points")
-    lines = checked_lines(source, directions.flatten(0, 1), p).reshape(directions.shape)
-    return _Pair(source, target, centres, radius, lines)
+    require_exponent(p)
+    return centres, require_directions(directions.flatten(0, 1), like, seed).reshape(directions.shape)
 
 
-def _require_counted(n_counted: int, pair: _Pair) -> None:
+def _require_counted(n_counted: int, n_windows: int, radius: float) -> None:
     if not n_counted:
         raise ValueError(
-            f"none of {len(pair.centres)} windows of radius {pair.radius:g} holds mass of both measures: they may lie "
-            "in different places, or take a larger radius"
+            f"none of {n_windows} windows of radius {radius:g} holds mass of both measures: they may lie in different "
+            "places, or take a larger radius"
         )
+
+
+def _plain_windows(
+    source: Measure,
+    target: Measure,
+    centres: Float[Tensor, "K k"],
+    directions: Float[Tensor, "K L d"],
+    radius: float,
+    p: float,
+) -> Float[Tensor, ""]:
+    """The loss of one pair by PyTorch operations, window by window."""
+    costs = []
+    for centre, lines in zip(centres, directions, strict=True):
+        inside = [_restricted(measure, centre, radius) for measure in (source, target)]
+        if None not in inside:
+            costs.append(plain_costs(*inside, lines, p).mean())
+    _require_counted(len(costs), len(centres), radius)
+    return torch.stack(costs).mean()
 
 
 def _restricted(measure: Measure, centre: Float[Tensor, " k"], radius: float) -> DiscreteMeasure | None:
@@ -204,40 +227,22 @@ _AHEAD = 8  # windows per thread whose gradients are held before they are added
 _ALONE = 1 << 16  # number of points, over all windows, below which a second thread does not pay off
 
 
-class _FusedWindows(torch.autograd.Function):
-    """The mean over the windows, and how many were counted. The gradient is stored for the backward pass."""
-
-    @staticmethod
-    def forward(ctx, source, source_weights, target, target_weights, centres, radius, directions, p):
-        tensors = (source, source_weights, target, target_weights)
-        costs, gradients = fused_windows(tensors, centres, radius, directions, p, ctx.needs_input_grad[:4])
-        ctx.gradients = [None if g is None else torch.from_numpy(g).to(source.dtype) for g in gradients]
-        count = torch.tensor(len(costs))
-        ctx.mark_non_differentiable(count)
-        return source.new_tensor(costs.mean() if len(costs) else 0.0), count
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, grad_output, _):
-        return *(None if g is None else grad_output * g for g in ctx.gradients), None, None, None, None
-
-
 def fused_windows(
     measures: Sequence[Tensor],
-    centres: Float[Tensor, "K k"],
+    windows: Windows,
     radius: float,
-    directions: Float[Tensor, "K L d"],
     p: float,
     wanted: Sequence[bool],
+    n_threads: int | None = None,
 ) -> tuple[Float[Array, " n"], list[Array | None]]:
     """The cost in every window that holds mass of both measures, and the gradients of the mean of these costs."""
-    places = centres.detach().double().numpy()
-    arrays = [np.ascontiguousarray(tensor.detach().double().numpy()) for tensor in measures]
+    places = windows[0].detach().double().cpu().numpy()
+    arrays = [np.ascontiguousarray(tensor.detach().double().cpu().numpy()) for tensor in measures]
     sides = [
         _Side(rows, np.ascontiguousarray(rows[:, : places.shape[1]].T), masses)
         for rows, masses in (arrays[:2], arrays[2:])
     ]
-    lines = directions.detach().double()
+    lines = windows[1].detach().double().cpu()
     totals = [np.zeros(t.shape) if want else None for t, want in zip(measures, wanted)]
     costs = []
 
@@ -262,7 +267,7 @@ def fused_windows(
         return found.mean(), chosen, gradients
 
     n_points = len(places) * sum(len(side.weights) for side in sides)
-    n_threads = max(1, min(torch.get_num_threads(), len(places), n_points // _ALONE))
+    n_threads = max(1, min(n_threads or torch.get_num_threads(), len(places), n_points // _ALONE))
     step = _AHEAD * n_threads
     with ThreadPoolExecutor(n_threads) if n_threads > 1 else contextlib.nullcontext() as pool:
         for start in range(0, len(places), step):
@@ -273,7 +278,8 @@ def fused_windows(
                     for total, chosen, gradient in zip(totals, *found[1:]):
                         if total is not None:
                             total[chosen] += gradient
-    return np.array(costs), [None if total is None else total / max(1, len(costs)) for total in totals]
+    _require_counted(len(costs), len(places), radius)
+    return np.array(costs), [None if total is None else total / len(costs) for total in totals]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -1,3 +1,9 @@
+from .batches import (
+    MeasureBatch as MeasureBatch,
+    MeasuresLike as MeasuresLike,
+    Pairs as Pairs,
+    as_pairs as as_pairs,
+)
 from .continuous import (
     MeasureLike as MeasureLike,
     SurfaceMeasure as SurfaceMeasure,

@@ -174,7 +174,7 @@ def as_measures(source: MeasureLike, target: MeasureLike) -> tuple[Measure, Meas
     ValueError
         If an argument is of another type, or the two differ in dimension, dtype or device.
     """
-    return _in_one_space(_measure(source, "source"), _measure(target, "target"))
+    return _in_one_space(as_measure(source, "source"), as_measure(target, "target"))
 
 
 def as_point_measures(source: MeasureLike, target: MeasureLike) -> tuple[Measure, Measure]:
@@ -188,10 +188,11 @@ def as_point_measures(source: MeasureLike, target: MeasureLike) -> tuple[Measure
     ValueError
         As :func:`as_measures`, and for a continuous measure, which has no points.
     """
-    return _in_one_space(_point_measure(source, "source"), _point_measure(target, "target"))
+    return _in_one_space(as_point_measure(source, "source"), as_point_measure(target, "target"))
 
 
-def _measure(value: object, name: str) -> Measure:
+def as_measure(value: object, name: str) -> Measure:
+    """Convert one argument of a loss, as :func:`meshot.measure.as_measures` does."""
     if isinstance(value, Measure):
         return value
     if isinstance(value, Mesh | Contour):
@@ -208,16 +209,17 @@ def _measure(value: object, name: str) -> Measure:
             remedy = "convert points by torch.tensor(...), or vertices and faces by Mesh(vertices, faces)"
         raise ValueError(
             f"{name} is {said}; a measure, a Mesh, a Contour, or an (n, d) array or tensor of floating-point numbers "
-            f"is needed: {remedy}"
+            f"is needed, or a batch of them: {remedy}"
         )
     points = as_points(value, name)
     return DiscreteMeasure(points)
 
 
-def _point_measure(value: object, name: str) -> Measure:
+def as_point_measure(value: object, name: str) -> Measure:
+    """Convert one argument of a loss between point sets, as :func:`meshot.measure.as_point_measures` does."""
     if isinstance(value, Mesh | Contour):
         return varifold(value)
-    measure = _measure(value, name)
+    measure = as_measure(value, name)
     if measure.cells is not None:
         raise ValueError(
             f"{name} is a continuous measure, {value!r}; this loss compares points: draw them by "

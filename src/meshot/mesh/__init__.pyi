@@ -11,6 +11,7 @@ from .connectivity import (
 )
 from .editing import (
     decimated as decimated,
+    edge_splits as edge_splits,
     laplacian_smoothing as laplacian_smoothing,
     neighbour_means as neighbour_means,
     ring_around as ring_around,
@@ -44,6 +45,7 @@ from .geometry import (
     vertex_normals as vertex_normals,
 )
 from .io import read_mesh as read_mesh, write_mesh as write_mesh
+from .io_carried import write_carried as write_carried
 from .mesh import Contour as Contour, Mesh as Mesh, closed_contour as closed_contour
 from .shapes import (
     circle as circle,

@@ -9,8 +9,9 @@ import igl
 import numpy as np
 import torch
 
-from meshot.errors import as_indices, require_natural, require_positive_integer, require_shape
+from meshot.errors import as_indices, require_natural, require_positive, require_positive_integer, require_shape
 from meshot.mesh.connectivity import crossing_pairs
+from meshot.mesh.geometry import mesh_edges
 from meshot.mesh.mesh import Mesh
 from meshot.types import Bool, Float, Int64, Tensor
 
@@ -228,6 +229,29 @@ def with_edges_split(mesh: Mesh, edges: Int64[Tensor, "E 2"]) -> Mesh:
         _faces(count == 3, (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)),
     ]
     return Mesh(torch.cat([mesh.vertices, mesh.vertices[edges].mean(dim=1)]), torch.cat(parts))
+
+
+def edge_splits(mesh: Mesh, longest: float) -> list[Int64[Tensor, "E 2"]]:
+    """The edges to be halved, round after round, until no edge is longer than a length.
+
+    Each entry is an argument of :func:`meshot.mesh.with_edges_split`, for the mesh that the rounds before it have made.
+    The list is empty if all edges are short enough.
+
+    Raises
+    ------
+    ValueError
+        If the length is not a positive number.
+    """
+    require_positive(longest, "longest", "units of the vertices")
+    rounds = []
+    while True:
+        edges = mesh_edges(mesh)
+        ends = mesh.vertices.detach()[edges]
+        long = (ends[:, 0] - ends[:, 1]).norm(dim=1) > longest
+        if not bool(long.any()):
+            return rounds
+        rounds.append(edges[long])
+        mesh = with_edges_split(mesh, rounds[-1])
 
 
 def _faces(which: Bool[Tensor, " F"], *parts: tuple[Tensor, Tensor, Tensor]) -> Int64[Tensor, "G 3"]:

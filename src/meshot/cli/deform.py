@@ -1,0 +1,58 @@
+"""``meshot deform SOURCE TARGET -o RESULT``."""
+
+import argparse
+from pathlib import Path
+
+from meshot.cli.common import COUNT, FILE, Commands, add_command
+from meshot.files import printable_name
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command ``deform`` and its arguments to the parser."""
+    command = add_command(
+        commands,
+        "deform",
+        "Deform one mesh into another by a smooth flow.",
+        "The command moves the vertices of the source so that its surface comes to lie on the target, without crossing "
+        "itself. The result has the faces of the source, and its vertices in the same order. It is doubtful, and a "
+        "warning says so, if the meshes differ in topology or the result ends far from the target.",
+        """
+        meshot deform sphere.ply capsule.ply -o fitted.ply
+        meshot deform lh.white rh.white.surf.gii -o fitted.surf.gii --iterations 600 --detail 0.04
+        """,
+        "Meshes are PLY, OBJ, OFF, STL, GLB, VTK, GIfTI or FreeSurfer files, roughly aligned. If source and result are "
+        "PLY, OBJ or GLB, the result keeps colours, textures and other data of the vertices. Other formats hold "
+        "positions and faces only.",
+    )
+    command.add_argument("source", type=Path, help="The mesh that is deformed.")
+    command.add_argument("target", type=Path, help="The mesh that it shall become.")
+    command.add_argument("-o", "--output", **FILE, required=True, help="Write the result to this file.")
+    command.add_argument(
+        "--iterations", **COUNT, default=300, help="Minimise the loss in this many iterations (default: %(default)s)."
+    )
+    command.add_argument(
+        "--detail",
+        type=float,
+        default=0.075,
+        metavar="SHARE",
+        help="The spacing of the finest grid of the flow, as a share of half the longest side of both meshes. Smaller "
+        "values resolve finer folds and need more memory (default: %(default)s).",
+    )
+    command.add_argument("--seed", **COUNT, default=0, help="Seed of the directions (default: %(default)s).")
+    command.set_defaults(run=_run)
+
+
+def _run(chosen: argparse.Namespace) -> None:
+    import meshot
+    from meshot.mesh import write_carried
+    from meshot.metrics import Surface, average_surface_distance, offsets_between
+
+    if not chosen.output.parent.is_dir():
+        raise ValueError(f"{chosen.output.parent} is no folder; make it first, or choose another output")
+    source, target = meshot.read_mesh(chosen.source), meshot.read_mesh(chosen.target)
+    found = meshot.deform(source, target, n_iterations=chosen.iterations, detail=chosen.detail, seed=chosen.seed)
+    if not write_carried(chosen.output, chosen.source, found.carry):
+        meshot.write_mesh(chosen.output, found.mesh)
+    before = average_surface_distance(*offsets_between(Surface(source), Surface(target), 10_000))
+    print(f"mean distance from the target: {before:.4g} before, {found.distance:.4g} after")
+    print(f"{len(found.mesh.vertices)} vertices in {printable_name(chosen.output)}")
