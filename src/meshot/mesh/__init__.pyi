@@ -43,7 +43,12 @@ from .geometry import (
     vertex_areas as vertex_areas,
     vertex_normals as vertex_normals,
 )
-from .io import read_mesh as read_mesh, write_mesh as write_mesh
+from .io import (
+    mesh_facts as mesh_facts,
+    read_mesh as read_mesh,
+    read_mesh_and_facts as read_mesh_and_facts,
+    write_mesh as write_mesh,
+)
 from .mesh import Contour as Contour, Mesh as Mesh, closed_contour as closed_contour
 from .shapes import (
     circle as circle,
