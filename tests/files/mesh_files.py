@@ -271,6 +271,7 @@ def _off_cases() -> Iterator[Case]:
     yield Case("polygons.off", off(faces=POLYGONS, vertices=PRISM).encode(), vertices=PRISM, faces=None)
     triangle_and_pentagon = off(faces=[[0, 2, 5], [0, 1, 2, 3, 4]], vertices=np.c_[L[:5], np.zeros(5)])
     yield Case("triangle_and_pentagon.off", triangle_and_pentagon.encode(), refused="indices start at 0")
+    yield Case("colours_without_the_head.off", off(more=" 255 0 0 255").encode(), about="further numbers of vertices")
     yield Case("compressed.off.gz", gzip.compress(off().encode()))
     yield Case("lines_behind.off", (off() + "3 0 1 2\n").encode(), fault="1 lines follow")
     yield Case("four_axes.off", off("4OFF\n", " 1").encode(), refused="OFF in text with three coordinates")
@@ -317,6 +318,11 @@ def _stl_cases() -> Iterator[Case]:
     yield Case("declares_all.stl", stl(declared=2**32 - 1), fault="its length is that of 8", **_STL)
     yield Case("bytes_behind.stl", stl() + b"COLOR=..", fault="8 bytes follow the triangles", **_STL)
     yield Case("attributes.stl", stl(attribute=31), about="attributes", **_STL)
+    payload = b"".join(stl(soup=_SOUP[k : k + 1], attribute=k)[84:] + bytes(range(k)) for k in range(8))
+    yield Case("attributes_that_count_bytes.stl", stl()[:84] + payload, about="bytes behind each triangle", **_STL)
+    large = np.tile(_SOUP, (832, 1, 1))
+    many = {"vertices": _STL["vertices"], "faces": np.tile(_STL["faces"], (832, 1))}
+    yield Case("a_count_that_looks_like_text.stl", stl(soup=large), **many)
     yield Case("compressed.stl.gz", gzip.compress(stl()), **_STL)
     lps = {"vertices": _STL["vertices"] * [-1, -1, 1], "faces": _STL["faces"]}
     yield Case("slicer_lps_binary.stl", stl(b"3D Slicer output. SPACE=LPS"), **lps)

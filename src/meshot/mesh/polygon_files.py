@@ -375,8 +375,18 @@ def read_stl(content: bytes) -> Stored:
             declared = n_rows
         table = np.frombuffer(content, _STL_ROW, declared, 84)
         if content[84 + declared * 50 :].strip(b"\0 \t\r\n"):
-            faults.append(f"{len(content) - 84 - declared * 50} bytes follow the triangles that its header declares")
-        if table["attribute"].any():
+            # Some writers put as many bytes behind each triangle as its attribute says.
+            places, at = [], 84
+            while len(places) < declared and at + 50 <= len(content):
+                places.append(at)
+                at += 50 + int.from_bytes(content[at + 48 : at + 50], "little")
+            if len(places) == declared and at == len(content):
+                table = np.concatenate([np.frombuffer(content, _STL_ROW, 1, place) for place in places])
+                not_read.append("bytes behind each triangle")
+            else:
+                n_more = len(content) - 84 - declared * 50
+                faults.append(f"{n_more} bytes follow the triangles that its header declares")
+        elif table["attribute"].any():
             not_read.append("attributes (colours) of triangles")
         corners, kind, head = table["corners"].astype(np.float64).reshape(-1, 3), "STL, binary", content[:80]
     vertices, faces = merged(corners, np.arange(len(corners)).reshape(-1, 3))

@@ -1,4 +1,9 @@
-from .io import read_volume as read_volume, write_volume as write_volume
+from .io import (
+    read_volume as read_volume,
+    read_volume_and_facts as read_volume_and_facts,
+    volume_facts as volume_facts,
+    write_volume as write_volume,
+)
 from .registration import (
     StandardScan as StandardScan,
     averaged_scan as averaged_scan,
