@@ -11,6 +11,7 @@ from .registration import (
     place_on_grid as place_on_grid,
     register_affine as register_affine,
     standard_scan as standard_scan,
+    with_dark_background as with_dark_background,
 )
 from .surfaces import (
     enclosed_fractions as enclosed_fractions,
