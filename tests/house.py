@@ -7,7 +7,7 @@ from pathlib import Path
 #: Folder or module of ``meshot`` -> rank; imports point to lower ranks only.
 RANKS = {
     "_kernels": 0, "extras": 0, "types": 0, "rng": 0, "errors": 0, "files": 0, "workers": 0, "settings": 0,
-    "provenance": 0, "statistics": 0,
+    "provenance": 0, "statistics": 0, "file_facts": 0,
     "mesh": 1,
     "volume": 2, "measure": 2,
     "metrics": 3, "loss": 3, "train": 3,

@@ -134,7 +134,7 @@ _OPENERS = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open}
 
 
 def unpacked(path: str | os.PathLike, largest: int) -> bytes:
-    """The content of a file, decompressed if its first bytes mark it as gzip or bzip2."""
+    """The content of a file, decompressed to at most ``largest`` bytes if its first bytes mark it as gzip or bzip2."""
     return b"".join(_blocks(Path(path), largest))
 
 
@@ -145,12 +145,12 @@ def unpacked_size(path: str | os.PathLike, largest: int) -> int:
 
 
 def _blocks(path: Path, largest: int) -> Iterator[bytes]:
-    n_bytes = 0
+    n_bytes, packed = 0, _opener(path) is not open
     try:
         with opened(path) as file:
             while block := file.read(_BLOCK):
                 n_bytes += len(block)
-                if n_bytes > largest:
+                if packed and n_bytes > largest:
                     raise ValueError(f"{path} holds more than {largest >> 20} MiB unpacked; at most so much is read")
                 yield block
     except (OSError, EOFError, zlib.error) as error:

@@ -79,8 +79,50 @@ def test_runs_are_averaged_or_one_is_chosen_and_this_is_said(dataset):
 
 def test_several_protocols_need_a_choice(dataset):
     add(dataset, "sub-01_acq-a_T1w.nii", "sub-01_acq-b_T1w.nii")
-    assert "several protocols" in only(dataset).trouble
+    assert "choose one with --filter acq-a or --filter acq-b, or name" in only(dataset).trouble
     assert only(dataset, acquisition="b").prefix == "sub-01_acq-b"
+
+
+def test_a_filter_takes_any_entity_and_its_absence(dataset):
+    add(dataset, "sub-01_rec-norm_T1w.nii", "sub-01_T1w.nii")
+    assert "--filter rec- or --filter rec-norm" in only(dataset).trouble
+    assert only(dataset, entities=(("rec", "norm"),)).prefix == "sub-01_rec-norm"
+    assert (
+        only(dataset, entities=(("rec", ""),)).prefix == only(dataset, acquisition="", entities=(("rec", ""),)).prefix
+    )
+    assert only(dataset, entities=(("rec", ""),)).prefix == "sub-01"
+    assert only(dataset, entities=(("ce", "gd"),)).trouble == "sub-01 has no T1-weighted scan with ce-gd"
+    refuses("the entity of a filter is 'desc'; one of task, acq", only, dataset, entities=(("desc", "x"),))
+
+
+def test_digits_count_as_numbers(dataset):
+    add(dataset, "sub-10_run-10_T1w.nii", "sub-10_run-2_T1w.nii", "sub-9_ses-10_T1w.nii", "sub-9_ses-2_T1w.nii")
+    add(dataset, "sub-x_run-02_T1w.nii", "sub-x_run-1_T1w.nii")
+    found = visits_of_bids(dataset, Choice(several="first"))
+    assert [visit.prefix for visit in found] == ["sub-9_ses-2", "sub-9_ses-10", "sub-10_run-2", "sub-x_run-1"]
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("sub-01_a/anat/sub-01_a_T1w.nii.gz", "the label of the folder sub-01_a may have letters and digits only"),
+        ("sub-01-a/anat/sub-01-a_T1w.nii.gz", "the label of the folder sub-01-a may have letters and digits only"),
+        ("sub-01/ses-1/anat/sub-01_T1w.nii.gz", "its name lacks ses-1, the name of its folder"),
+        ("sub-01/anat/sub-02_T1w.nii.gz", "its name lacks sub-01"),
+        ("sub-01/anat/sub-01_ses-1_T1w.nii.gz", "it lies in no folder ses-1"),
+        ("sub-01/anat/sub-01_acq-a-b_T1w.nii.gz", "'acq-a-b' is no entity"),
+        ("sub-01/anat/sub-01_mprage_T1w.nii.gz", "'mprage' is no entity"),
+        ("sub-01/anat/sub-01_run-x_T1w.nii.gz", "run-x has no number"),
+        ("sub-01/anat/sub-01_desc-brain_T1w.nii.gz", "a raw T1-weighted scan has no entity desc"),
+        ("sub-01/anat/sub-01_run-1_acq-a_T1w.nii.gz", "sub-01_acq-a_run-1_T1w.nii.gz is needed"),
+        ("sub-01/anat/sub-01_T1.nii.gz", "its suffix is T1; T1w is needed"),
+        ("sub-01/anat/sub-01_part-phase_T1w.nii.gz", "it holds the phase"),
+    ],
+)
+def test_the_rule_that_a_name_breaks_is_said(dataset, name, why):
+    (dataset / name).parent.mkdir(parents=True)
+    (dataset / name).write_text("")
+    assert why in only(dataset).trouble
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from meshot.volume.registration import (
     register_affine,
     register_rigid,
     standard_scan,
+    with_dark_background,
 )
 from meshot.volume.volume import Volume, sample_volume, transform_points, volume_pyramid, voxel_sizes, voxel_to_mm
 from refusals import refuses
@@ -173,3 +174,40 @@ def test_scans_that_do_not_agree_are_refused(head):
     inverted = first.with_data(np.where(first.data > 0.2, 1.2 - first.data, first.data))
     refuses("run-2 and run-1 agree poorly", averaged_scan, [first, inverted], ["run-1", "run-2"])
     refuses("no scan", averaged_scan, [])
+
+
+def standardised(volume):
+    """Intensities with mean 0 and deviation 1 inside the head, and a background of 0, as trained networks want them."""
+    inside = volume.data > 0
+    values = volume.data[inside].astype(np.float64)
+    return volume.with_data(np.where(inside, (volume.data - values.mean()) / values.std(), 0).astype(np.float32))
+
+
+def test_a_scan_that_was_standardised_inside_the_head_is_registered():
+    fixed = mni152_t1()
+    found = register_affine(standardised(fixed), fixed, quick=True)
+    corners = np.array([[x, y, z, 1.0] for x in (-70, 70) for y in (-100, 70) for z in (-40, 80)])
+    assert np.abs(corners @ found.T - corners)[:, :3].max() < 0.5
+    assert with_dark_background(standardised(fixed)).data[0, 0, 0] < -2
+
+
+def test_a_filling_value_is_replaced_by_the_lowest_other():
+    fixed = mni152_t1()
+    for region in (np.s_[:3], np.s_[:, :, -20:], np.s_[5:8, 6, 7]):
+        filled = fixed.data.copy()
+        filled[region] = -1024
+        mended = with_dark_background(fixed.with_data(filled)).data
+        assert mended.min() == 0
+        np.testing.assert_array_equal(mended[filled > -1024], fixed.data[filled > -1024])
+    outside = np.where(fixed.data > 0, fixed.data, -1000)  # most of the border, but below zero
+    assert with_dark_background(fixed.with_data(outside)).data.min() == fixed.data[fixed.data > 0].min()
+
+
+def test_other_scans_keep_their_values():
+    fixed = mni152_t1()
+    ringing = fixed.data - 0.03 * fixed.data.max() * (np.indices(fixed.data.shape).sum(axis=0) % 97 == 0)
+    bright = np.where(fixed.data > 0, fixed.data + 1000, 0)  # a gap above the background
+    noise = fixed.data + np.random.default_rng(0).normal(size=fixed.data.shape)
+    for data in (fixed.data, ringing, bright, noise, np.full((4, 4, 4), 7.0)):
+        volume = Volume(data, np.eye(4))
+        assert with_dark_background(volume) is volume

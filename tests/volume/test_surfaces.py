@@ -11,7 +11,7 @@ import skimage.measure
 import torch
 
 from affines import FLIPPED, OBLIQUE
-from meshot.mesh.connectivity import SPHERE, topology
+from meshot.mesh.connectivity import SPHERE, boundary_edges, topology
 from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import cube, icosphere
@@ -380,3 +380,15 @@ def test_what_cannot_be_flooded_is_refused():
     refuses("markers has no positive value", watershed_regions, ones, np.zeros(ones.shape, dtype=int), ones > 0)
     with pytest.raises(ValueError, match=r"height ranges from 2 to 2; \[0, 1\] is needed"):
         watershed_regions(2 * ones, ones.astype(int), ones > 0)
+
+
+def test_a_surface_is_closed_where_voxels_equal_the_level():
+    """Whole numbers at a whole level: marching cubes alone leaves holes (scikit-image, issues 8109 and 8116)."""
+    random = np.random.default_rng(0)
+    for level in (0.0, 100.0):
+        for apart in (0.0, 1e-9, 1e-7):
+            data = random.integers(-3, 4, size=(8, 8, 8)) + random.choice([-apart, apart], size=(8, 8, 8)) + level
+            mesh = isosurface(Volume(data, np.eye(4)), level)
+            assert len(boundary_edges(mesh)) == 0
+    corner = Volume(np.array([[[0, 1], [3, 3]], [[2, -3], [1, -1]]], np.float32), np.eye(4))
+    assert len(boundary_edges(isosurface(corner, 0.0))) == 0

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # for annotations only: importing torch would delay --help
 
 LEVELS = ("participant", "group")
 #: Options that only a BIDS data set has.
-_OF_BIDS = ("participant_label", "session_label", "acquisition", "run_number", "derivatives")
+_OF_BIDS = ("participant_label", "session_label", "acquisition", "run_number", "filter", "derivatives")
 
 
 def add_to(commands: Commands) -> None:
@@ -97,6 +97,13 @@ def add_to(commands: Commands) -> None:
         group.add_argument(*names, nargs="+", default=[], metavar="LABEL", help=what)
     group.add_argument("--acquisition", metavar="LABEL", help="Use only scans with this value of acq.")
     group.add_argument("--run", metavar="NUMBER", dest="run_number", help="Use only scans with this value of run.")
+    group.add_argument(
+        "--filter",
+        nargs="+",
+        default=[],
+        metavar="KEY-VALUE",
+        help="Use only scans with these entities, such as rec-norm; without a value, as in rec-, those that have none.",
+    )
     group.add_argument(
         "--runs",
         choices=("average", "first"),
@@ -218,7 +225,12 @@ def _visits(chosen: argparse.Namespace, inputs: list[Path], level: str | None) -
 
         labels = tuple(chosen.participant_label), tuple(chosen.session_label)
         runs = chosen.acquisition, chosen.run_number, chosen.runs
-        visits = visits_of_bids(inputs[0], Choice(*labels, *runs, chosen.derivatives))
+        pairs = [each.partition("-") for each in chosen.filter]
+        wrong = [key for key, hyphen, _ in pairs if not hyphen]
+        if wrong:
+            raise ValueError(f"--filter has {wrong[0]!r}; an entity and its value are needed, such as rec-norm or rec-")
+        entities = tuple((key, value) for key, _, value in pairs)
+        visits = visits_of_bids(inputs[0], Choice(*labels, *runs, chosen.derivatives, entities))
         for name in missing_participants(inputs[0]):
             warnings.warn(f"{name} is in participants.tsv, but has no folder", stacklevel=1)
         return inputs[0], visits

@@ -44,7 +44,12 @@ from .geometry import (
     vertex_areas as vertex_areas,
     vertex_normals as vertex_normals,
 )
-from .io import read_mesh as read_mesh, write_mesh as write_mesh
+from .io import (
+    mesh_facts as mesh_facts,
+    read_mesh as read_mesh,
+    read_mesh_and_facts as read_mesh_and_facts,
+    write_mesh as write_mesh,
+)
 from .io_carried import write_carried as write_carried
 from .mesh import Contour as Contour, Mesh as Mesh, closed_contour as closed_contour
 from .shapes import (

@@ -1,6 +1,8 @@
 """Triangle meshes, and contours as their 2D counterpart."""
 
 import dataclasses
+import io
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +10,7 @@ import numpy as np
 import torch
 
 from meshot.errors import as_indices, as_points, require_shape
+from meshot.mesh.polygon_files import Stored, merged
 from meshot.types import Array, Float, Int64, Tensor
 
 if TYPE_CHECKING:
@@ -209,21 +212,42 @@ def pyvista_arrays(other: Any) -> tuple[Array, Array]:
     return np.array(surface.points, np.float64), faces
 
 
-def read_exchanged(path: Path, kind: str) -> tuple[Array, Array]:
-    """Vertices and faces from a file of one of the ``EXCHANGED`` formats."""
-    # A GLB file contains a scene. All its meshes are transformed as the scene says and joined, whatever their
-    # materials. Vertices at the same position, such as those along seams of materials or normals, are merged.
-    if kind != "glb":
-        import pyvista
+def read_exchanged(content: bytes, kind: str) -> Stored:
+    """A file of one of the ``EXCHANGED`` formats. All meshes of a GLB scene are transformed as it says and joined."""
+    if kind == "glb":
+        import trimesh
 
-        return pyvista_arrays(pyvista.read(path, force_ext=f".{kind}"))
-    import trimesh
+        scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, process=False)
+        stored = Stored(*merged(*trimesh_arrays(scene)), "GLB")
+        looks = [mesh.visual for mesh in scene.geometry.values()]
+        if any(getattr(look, "uv", None) is not None for look in looks):
+            stored.not_read.append("texture coordinates and materials")
+        if any(look.kind in ("vertex", "face") for look in looks):
+            stored.not_read.append("colours")
+        if len(looks) > 1:
+            stored.not_read.append(f"the division into {len(looks)} meshes")
+        return stored
+    import pyvista
 
-    with path.open("rb") as file:
-        vertices, faces = trimesh_arrays(trimesh.load_scene(file, file_type=kind, process=False))
-    _, first, places = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
-    kept = np.sort(first)
-    return vertices[kept], np.searchsorted(kept, first)[places.reshape(-1)][faces]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, f"mesh.{kind}")
+        path.write_bytes(content)
+        data = pyvista.read(path)
+    if isinstance(data, pyvista.PolyData) and data.n_strips == 0 and not data.is_all_triangles:
+        flat, polygons, place = data.faces.tolist(), [], 0  # each face is its number of corners, and then these
+        while place < len(flat):
+            polygons.append(flat[place + 1 : place + 1 + flat[place]])
+            place += 1 + flat[place]
+        stored = Stored(np.array(data.points, np.float64), polygons, "")
+    else:
+        stored = Stored(*pyvista_arrays(data), "")
+    stored.format = "VTK XML (VTP)" if kind == "vtp" else "VTK, legacy"
+    names = [*data.point_data.keys(), *data.cell_data.keys()]
+    stored.not_read += [f"data of points and cells: {', '.join(names)}"] * bool(names)
+    stored.not_read += ["lines and single points"] * (data.n_lines > 0)
+    said = str(data.field_data["SPACE"][0]).encode() if "SPACE" in data.field_data else b""
+    title = content.split(b"\n", 2)[1] if kind == "vtk" and content.count(b"\n") > 1 else b""
+    return stored.heed_space(b"SPACE=" + said if said else title)
 
 
 def _kind(value: object) -> str:

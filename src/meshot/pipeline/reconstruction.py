@@ -23,7 +23,7 @@ from meshot.pipeline.quality import (
 from meshot.pipeline.segmentation import in_scanner, white_matter
 from meshot.systems import SHIPPED, Scan, SurfaceSystem, load_system
 from meshot.types import PLACEMENTS, Placement
-from meshot.volume import StandardScan, Volume, largest_component, standard_scan
+from meshot.volume import StandardScan, Volume, largest_component, standard_scan, with_dark_background
 
 # Timing and progress reports of computations that consist of stages.
 
@@ -164,6 +164,7 @@ def reconstruct(
     if system is not None and not set(_WHITE) <= set(system.surfaces):
         raise ValueError(f"{system.name} finds {system.surfaces}; both white surfaces are needed here")
     template = mni152_t1() if template is None else template
+    scan = with_dark_background(scan)
     placement = segmentation.placement if system is None else system.placement
     clock = StageClock((4 if system is None else 6) + len(HEMISPHERES) * correspondence, progress)
     with clock.stage("registration"):

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from meshot.errors import require_choice
 from meshot.extras import needing
 from meshot.pipeline import QualityWarning
 
@@ -223,6 +224,9 @@ class Choice:
         "average" or "first": what becomes of several runs of one protocol.
     derivatives : pathlib.Path, optional
         A data set of derivatives with brain masks.
+    entities : tuple of pairs
+        Key and value of any entity that the name must have, such as ``("rec", "norm")``; with an empty value, those
+        that it must not have.
     """
 
     participants: tuple[str, ...] = ()
@@ -231,6 +235,7 @@ class Choice:
     run: str | None = None
     several: str = "average"
     derivatives: Path | None = None
+    entities: tuple[tuple[str, str], ...] = ()
 
 
 def visits_of_bids(dataset: Path, choice: Choice | None = None) -> list[Visit]:
@@ -242,6 +247,8 @@ def visits_of_bids(dataset: Path, choice: Choice | None = None) -> list[Visit]:
         If the folder is no BIDS data set, its description cannot be read, or a label that was asked for is not there.
     """
     choice = choice or Choice()
+    for key, _ in choice.entities:
+        require_choice(key, "the entity of a filter", _ORDER[2:])
     description_of(dataset)
     if choice.derivatives is not None:
         description_of(choice.derivatives)
@@ -258,7 +265,7 @@ def visits_of_bids(dataset: Path, choice: Choice | None = None) -> list[Visit]:
             why = f"{error.filename} cannot be read ({error.strerror}); give yourself the permission"
             found.append(Visit(label, trouble=why))
     if choice.sessions:
-        sessions = sorted({visit.session for visit in found if visit.session})
+        sessions = sorted({visit.session for visit in found if visit.session}, key=in_order)
         known = _wanted(choice.sessions, sessions, "ses")
         found = [visit for visit in found if visit.session in known]
     return found
@@ -280,7 +287,7 @@ def _wanted(asked: Sequence[str], known: list[str], kind: str) -> list[str]:
     if unknown:
         some = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
         raise ValueError(f"there is no {kind}-{unknown[0]} in the data set; it has {some or 'none'}")
-    return sorted(set(labels)) if labels else sorted(known)
+    return sorted(set(labels) if labels else known, key=in_order)
 
 
 def _require_readable(folder: Path) -> None:
@@ -292,13 +299,14 @@ def _require_readable(folder: Path) -> None:
 
 def _visits_of_participant(dataset: Path, folder: Path, choice: Choice, ignored: Ignored) -> list[Visit]:
     _require_readable(folder)
-    sessions = [path for path in sorted(folder.glob("ses-*")) if path.is_dir() and not ignored(path)]
+    sessions = sorted(folder.glob("ses-*"), key=lambda path: in_order(path.name))
+    sessions = [path for path in sessions if path.is_dir() and not ignored(path)]
     places = [(None, folder), *((path.name[4:], path) for path in sessions)]
     found = []
     for session, place in places:
         _require_readable(place / "anat")
         names = []  # the scans whose whole path the specification allows, with their entities
-        for path in sorted((place / "anat").glob("*_T1w.nii*")):
+        for path in sorted((place / "anat").glob("*_T1w.nii*"), key=lambda path: in_order(path.name)):
             relative = path.relative_to(dataset).as_posix()
             match = next((m for rule in _rules() if (m := rule.match(relative))), None)
             if match and match["suffix"] == "T1w" and not ignored(path):
@@ -309,10 +317,52 @@ def _visits_of_participant(dataset: Path, folder: Path, choice: Choice, ignored:
             found.append(_visit(dataset, Visit(folder.name[4:], session), names, choice))
     if found:
         return found
-    there = sorted(p.name for p in folder.rglob("anat/*") if p.name.endswith((".nii", ".nii.gz")) and not ignored(p))
-    why = f"; anat holds {', '.join(there[:4])}" if there else ""
-    return [Visit(folder.name[4:], trouble=f"{folder.name} has no T1-weighted scan: a name such as "
-                  f"{folder.name}_T1w.nii.gz is needed{why}")]  # fmt: skip
+    there = sorted(p for p in folder.rglob("anat/*") if p.name.endswith((".nii", ".nii.gz")) and not ignored(p))
+    broken = [f"{path.name}: {_broken_rule(path.relative_to(dataset))}" for path in there[:4]]
+    why = f"; anat holds {'; '.join(broken)}" if broken else f": a name such as {folder.name}_T1w.nii.gz is needed"
+    return [Visit(folder.name[4:], trouble=f"{folder.name} has no T1-weighted scan{why}")]
+
+
+#: The entities of anatomical scans, in the order that names must have.
+_ORDER = ("sub", "ses", "task", "acq", "ce", "rec", "run", "echo", "part", "chunk")
+_LABEL = "[0-9a-zA-Z+]+"
+
+
+def _broken_rule(path: Path) -> str:
+    """Which rule of BIDS the path of a scan, relative to its data set, breaks."""
+    *folders, name = path.parts
+    *entities, suffix = name.split(".")[0].split("_")
+    for folder in folders[:-1]:
+        if not re.fullmatch(f"(sub|ses)-{_LABEL}", folder):
+            return f"the label of the folder {folder} may have letters and digits only"
+        if folder not in entities:
+            return f"its name lacks {folder}, the name of its folder"
+    keys = [entity.partition("-")[0] for entity in entities]
+    for key, entity in zip(keys, entities, strict=True):
+        if not re.fullmatch(f"[a-z]+-{_LABEL}", entity):
+            return f"{entity!r} is no entity; a key, a hyphen, and letters and digits are needed, such as acq-mprage"
+        if key in ("sub", "ses") and entity not in folders:
+            return f"it lies in no folder {entity}"
+        if key in ("run", "echo", "chunk") and not entity.partition("-")[2].isdigit():
+            return f"{entity} has no number"
+        if key not in _ORDER:
+            return f"a raw T1-weighted scan has no entity {key}"
+        if keys.count(key) > 1:
+            return f"it has the entity {key} twice"
+    if suffix != "T1w":
+        return f"its suffix is {suffix}; T1w is needed"
+    right = sorted(entities, key=lambda entity: _ORDER.index(entity.partition("-")[0]))
+    if right != entities:
+        return f"its entities stand in another order; {'_'.join([*right, name.split('_')[-1]])} is needed"
+    if "part-phase" in entities:
+        return "it holds the phase; the magnitude is needed"
+    return "the specification has no such name"
+
+
+def in_order(name: str) -> list[tuple[bool, int, str]]:
+    """The key by which names are sorted: digits count as numbers, so that run-2 comes before run-10."""
+    parts = [part for part in re.split(r"(\d+)", name) if part]
+    return [(not part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
 
 
 @functools.cache
@@ -327,16 +377,20 @@ def _visit(dataset: Path, visit: Visit, names: list[tuple[Path, dict[str, str]]]
     def bare(label: str | None) -> str | int | None:  # indices may have leading zeros
         return int(label) if label is not None and label.isdigit() else label
 
-    for key, value in (("acq", choice.acquisition), ("run", choice.run)):
+    for key, value in (("acq", choice.acquisition), ("run", choice.run), *choice.entities):
         if value is not None:
-            names = [(path, found) for path, found in names if bare(found.get(key)) == bare(value)]
+            names = [(path, found) for path, found in names if bare(found.get(key)) == bare(value or None)]
             if not names:
-                return dataclasses.replace(visit, trouble=f"{visit.label} has no T1-weighted scan with {key}-{value}")
+                what = f"with {key}-{value}" if value else f"without {key}"
+                return dataclasses.replace(visit, trouble=f"{visit.label} has no T1-weighted scan {what}")
     protocols = {tuple((k, f[k]) for k in PROTOCOL if k in f): path.name for path, f in names}
     if len(protocols) > 1:
+        values = {key: {dict(protocol).get(key, "") for protocol in protocols} for key in PROTOCOL}
+        key = next(key for key in PROTOCOL if len(values[key]) > 1)
+        remedies = [f"--filter {key}-{value}" for value in sorted(values[key])]
         trouble = (
             f"{visit.label} has T1-weighted scans of several protocols: {', '.join(protocols.values())}; choose one "
-            "with --acquisition, or name the others in .bidsignore"
+            f"with {' or '.join(remedies)}, or name the others in .bidsignore"
         )
         return dataclasses.replace(visit, trouble=trouble)
     runs: dict[object, str] = {}

@@ -1,4 +1,9 @@
-from .io import read_volume as read_volume, write_volume as write_volume
+from .io import (
+    read_volume as read_volume,
+    read_volume_and_facts as read_volume_and_facts,
+    volume_facts as volume_facts,
+    write_volume as write_volume,
+)
 from .registration import (
     StandardScan as StandardScan,
     averaged_scan as averaged_scan,
@@ -6,6 +11,7 @@ from .registration import (
     place_on_grid as place_on_grid,
     register_affine as register_affine,
     standard_scan as standard_scan,
+    with_dark_background as with_dark_background,
 )
 from .surfaces import (
     enclosed_fractions as enclosed_fractions,

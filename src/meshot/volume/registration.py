@@ -75,6 +75,7 @@ def register_rigid(moving: Volume, fixed: Volume, seed: int = 0) -> Float[Array,
 
 
 def _registered(moving: Volume, fixed: Volume, seed: int, search: _Search, find: Callable) -> SimpleITK.Transform:
+    moving, fixed = with_dark_background(moving), with_dark_background(fixed)
     _require_contrast(moving, "moving")
     _require_contrast(fixed, "fixed")
     for volume, name in ((moving, "moving"), (fixed, "fixed")):
@@ -161,6 +162,36 @@ def _as_matrix(transform: SimpleITK.AffineTransform | SimpleITK.Euler3DTransform
     return result
 
 
+#: Parts of the range of values: a background so far above the lowest value is lowered, a value so far alone is filled.
+_RAISED, _ALONE = 0.1, 0.25
+
+
+def with_dark_background(volume: Volume) -> Volume:
+    """The volume with its background at its lowest value, as moments and the scaling to [0, 1] need it.
+
+    Two kinds of scan have it elsewhere. If intensities were standardised inside the head, the background is 0 and dark
+    tissue lies below: the value of most voxels on the border of the grid becomes the lowest. If a filling value such as
+    −1024 lies far below all others and is not the background, or is negative while no other value is, it becomes the
+    lowest of the others. All other volumes are returned as they are.
+    """
+    data = volume.data
+    lowest = data.min()
+    others = data[data > lowest]
+    if not len(others):
+        return volume
+    second, top = others.min(), np.percentile(others[:: 1 + len(others) // 100_000], 99.9)
+    faces = [np.take(data, place, axis).ravel() for axis in range(3) for place in (0, -1)]
+    values, counts = np.unique(np.concatenate(faces), return_counts=True)
+    background = values[counts.argmax()]
+    alone = second - lowest > _ALONE * (top - second)
+    if alone and (background != lowest or lowest < 0 <= second):
+        data, lowest = np.where(data == lowest, second, data), second
+        background = max(background, second)
+    if 2 * counts.max() > counts.sum() and background - lowest > _RAISED * (top - background):
+        data = np.where(data == background, lowest, data)
+    return volume if data is volume.data else volume.with_data(data)
+
+
 def _require_contrast(volume: Volume, name: str) -> None:
     if volume.data.min() == volume.data.max():
         raise ValueError(f"the {name} image is {volume.data.flat[0]} everywhere: there is nothing to register")
@@ -219,7 +250,7 @@ def standard_scan(scan: Volume, template: Volume, seed: int = 0, quick: bool = F
     Notes
     -----
     The three steps use one trilinear interpolation, because each interpolation blurs. Values are scaled by the extremes
-    on the grid. Outside the scan its minimum is used.
+    on the grid, after :func:`meshot.volume.with_dark_background`. Outside the scan its minimum is used.
 
     References
     ----------
@@ -236,6 +267,7 @@ def place_on_grid(scan: Volume, to_standard: Float[Array, "4 4"], centre_mm: Flo
     sizes = np.divide(EXTENT_MM, SHAPE)
     affine = np.diag([*sizes, 1.0])
     affine[:3, 3] = centre_mm - sizes * (np.array(SHAPE) - 1) / 2
+    scan = with_dark_background(scan)
     on_grid = resample(scan, SHAPE, affine, np.linalg.inv(to_standard), outside="lowest")
     low, high = on_grid.data.min(), on_grid.data.max()
     if low == high:

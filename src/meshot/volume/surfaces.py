@@ -176,13 +176,19 @@ with needing("cortex"):
     import skimage.measure
 
 
+#: Voxels closer to the level than this part of the range of values equal it.
+_LEVEL_APART = 1e-6
+
+
 def isosurface(volume: Volume, level: float = 0.5) -> Mesh:
     """The closed level set of a volume, by marching cubes, with outward normals.
 
     The volume is padded by one voxel with its minimum, so that the surface is closed even if the object reaches the
-    border. The vertices are transformed by the affine once. If the affine is a reflection, faces are reversed. The
-    volume is a mask, or a field that is larger inside; the level is in its units. The mesh is in float64, in mm. Its
-    topology is that of the voxels above the level if these are well-composed, see :func:`meshot.volume.genus_zero`.
+    border. Voxels that equal the level are outside: marching cubes would leave holes there, so they are lowered by
+    10⁻⁴ of the range of values. The vertices are transformed by the affine once. If the affine is a reflection, faces
+    are reversed. The volume is a mask, or a field that is larger inside; the level is in its units. The mesh is in
+    float64, in mm. Its topology is that of the voxels above the level if these are well-composed, see
+    :func:`meshot.volume.genus_zero`.
 
     Raises
     ------
@@ -199,6 +205,10 @@ def isosurface(volume: Volume, level: float = 0.5) -> Mesh:
         raise ValueError(
             f"the volume ranges from {low:.4g} to {high:.4g}; the level ({level}) must lie strictly between"
         )
+    apart = data - np.float64(level)
+    near = np.abs(apart) < _LEVEL_APART * (high - low)
+    if near.any():
+        data[near] = level + np.where(apart[near] > 0, 1e-4, -1e-4) * (high - low)
     vertices, faces, _, _ = skimage.measure.marching_cubes(
         np.pad(data, 1, constant_values=low), level, gradient_direction="descent", allow_degenerate=False
     )
