@@ -13,10 +13,11 @@ from meshot.flow.integration import integrate
 from meshot.loss.directions import random_directions
 from meshot.loss.sliced import sliced_wasserstein
 from meshot.measure.discrete import varifold
+from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
 from meshot.model.deformation import DeformationNetwork
 from meshot.model.segmentation import SegmentationNetwork
-from meshot.model.weights import write_weights
+from meshot.model.weights import read_weights, write_weights
 from meshot.pipeline.training import InitialSurfaces, run_system_training
 from meshot.provenance import read_results
 from meshot.synth.cohorts import scans
@@ -26,11 +27,13 @@ from meshot.systems.flows import (
     carried,
     deformed,
     hemisphere_example,
+    scaled_between_tissues,
     standardised,
     train_deformation,
     velocity_field,
 )
-from meshot.volume.volume import sample_volume
+from meshot.volume.surfaces import enclosed_fractions
+from meshot.volume.volume import Volume, sample_volume
 from phantoms import phantom_deformations, write_phantom_cohort
 from refusals import refuses
 
@@ -216,6 +219,57 @@ def test_gain_and_offset_of_the_scanner_do_not_matter(whole, examples):
     assert float(values.std()) == pytest.approx(1, rel=1e-5)
     with pytest.raises(ValueError, match="at every vertex of the surface"):
         standardised(item.scan.with_data(0 * item.scan.data), item.initial)
+
+
+@pytest.fixture(scope="module")
+def biased_ball():
+    """White matter of 0.8 in a ball of 25 mm, 4 mm of grey matter of 0.5 around it, fluid; a bias of a factor of 2."""
+    affine = np.eye(4)
+    affine[:3, 3] = -40
+    grid = Volume(np.zeros((81, 81, 81)), affine)
+    white, brain = (enclosed_fractions(icosphere(5, radius), grid) for radius in (25.0, 29.0))
+    bias = 2 ** (np.arange(81)[:, None, None] / 80 - 0.5)
+    return grid.with_data((0.8 * white + 0.5 * (brain - white) + 0.1 * (1 - brain)) * bias)
+
+
+@pytest.mark.parametrize("radius", [24.7, 25.0, 25.7])
+def test_the_border_of_tissues_is_near_zero_wherever_the_surface_is(biased_ball, radius):
+    scaled = scaled_between_tissues(biased_ball, icosphere(5, radius))
+
+    def values(at):
+        return sample_volume(scaled, icosphere(4, at).vertices.double())
+
+    means = [float(values(at).mean()) for at in (22.0, 25.0, 27.0)]
+    assert means == pytest.approx([1, 0, -1], abs=0.15)
+    # The bias is a third of the contrast on both sides. It is gone but for what a Gaussian of 15 mm leaves.
+    plain = sample_volume(standardised(biased_ball, icosphere(5, radius)), icosphere(4, 22.0).vertices.double())
+    assert float(values(22.0).std()) < 0.25 * float(plain.std()) * abs(means[0] - means[2])
+
+
+def test_gain_and_offset_do_not_matter_between_tissues(biased_ball):
+    sphere = icosphere(4, 25.0)
+    one, other = (scaled_between_tissues(biased_ball.with_data(f(biased_ball.data)), sphere).data
+                  for f in (lambda x: x, lambda x: 300 * x + 17))  # fmt: skip
+    np.testing.assert_allclose(one, other, atol=1e-3)
+
+
+def test_dark_white_matter_is_refused(biased_ball):
+    with pytest.raises(ValueError, match=r"white matter beside the surface has the value -0\.\d+ and grey matter"):
+        scaled_between_tissues(biased_ball.with_data(-biased_ball.data), icosphere(4, 25.0))
+
+
+def test_a_network_sees_the_image_that_it_learned_from(examples, tmp_path, unchecked):
+    item = examples[1][0]
+    networks = [DeformationNetwork(8, (16,), 2, 3, intensities=name).float() for name in ("surface", "tissues")]
+    for network in networks:
+        network.load_state_dict(networks[0].state_dict())
+        torch.nn.init.ones_(network.to_velocity.weight)
+    moved = [deformed(item.initial, item.scan, network, 2).vertices for network in networks]
+    assert not torch.allclose(*moved, atol=1e-3)
+    write_weights(tmp_path / "a.safetensors", networks[1], {})
+    again = read_weights(tmp_path / "a.safetensors", DeformationNetwork)[0]
+    assert torch.equal(deformed(item.initial, item.scan, again, 2).vertices, moved[1])
+    refuses("intensities is 'air'", DeformationNetwork, intensities="air")
 
 
 def test_the_coarse_surface_moves_as_in_the_training(whole, examples):

@@ -1,4 +1,9 @@
-from .deformation import N_STEPS as N_STEPS, DeformationNetwork as DeformationNetwork, ImageVelocity as ImageVelocity
+from .deformation import (
+    N_STEPS as N_STEPS,
+    DeformationNetwork as DeformationNetwork,
+    ImageVelocity as ImageVelocity,
+    Intensities as Intensities,
+)
 from .features import (
     FeatureNetwork as FeatureNetwork,
     GraphConvolution as GraphConvolution,

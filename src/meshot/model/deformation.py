@@ -19,6 +19,7 @@ from meshot.types import Array, Float, Int64, Tensor
 from meshot.volume import Volume, mm_to_voxel, volume_pyramid
 
 Path = Literal["convolved", "visited", "cut"]
+Intensities = Literal["surface", "tissues"]
 N_STEPS = 10  # Euler steps, as in the paper
 SLOPE = 0.2  # slope of the leaky ReLU for negative values
 
@@ -43,6 +44,9 @@ class DeformationNetwork(nn.Module):
     velocity_unit : float
         In mm per unit of time. The output of the last layer is multiplied by it. CortexODE moves points in units of
         half the image: this corresponds to 104 mm. The larger the unit, the faster the last layer learns.
+    intensities : str
+        How the image is scaled that the network sees: over the "surface" that is moved, or between the "tissues" beside
+        it. See :func:`meshot.systems.standardised` and :func:`meshot.systems.scaled_between_tissues`.
     generator : generator or int
         Source of the initial weights. Those of the last layer are zero, so that the initial velocity is a small
         constant: its bias, which does not depend on the unit.
@@ -50,7 +54,8 @@ class DeformationNetwork(nn.Module):
     Raises
     ------
     ValueError
-        If a count is not a positive integer or is too large, or ``extent`` or ``velocity_unit`` is not positive.
+        If a count is not a positive integer or is too large, ``extent`` or ``velocity_unit`` is not positive, or
+        ``intensities`` is neither of the two.
 
     Notes
     -----
@@ -70,9 +75,12 @@ class DeformationNetwork(nn.Module):
         size: int = 5,
         extent: float = 100.0,
         velocity_unit: float = 1.0,
+        intensities: Intensities = "surface",
         generator: Generator = 0,
     ):
         super().__init__()
+        require_choice(intensities, "intensities", get_args(Intensities))
+        self.intensities = intensities
         # Limits far above what can be stored (see require_small), to prevent excessive memory use.
         for name, count in [("width", width), *(("hidden", n) for n in hidden)]:
             require_positive_integer(count, name, 2048)
@@ -105,7 +113,7 @@ class DeformationNetwork(nn.Module):
         """The velocity field for an image. The network can be trained through it; the image is not a parameter."""
         return ImageVelocity(self, image, path)
 
-    def config(self) -> dict[str, int | float | list[int]]:
+    def config(self) -> dict[str, int | float | str | list[int]]:
         """The arguments that create a network of the same architecture."""
         return {
             "width": self.of_image.out_features,
@@ -114,6 +122,7 @@ class DeformationNetwork(nn.Module):
             "size": self.cubes.weight.shape[2],
             "extent": self.extent,
             "velocity_unit": self.velocity_unit,
+            "intensities": self.intensities,
         }
 
     @property

@@ -6,6 +6,7 @@ from .flows import (
     DeformationSystem as DeformationSystem,
     deformed as deformed,
     hemisphere_example as hemisphere_example,
+    scaled_between_tissues as scaled_between_tissues,
     standardised as standardised,
     train_deformation as train_deformation,
 )

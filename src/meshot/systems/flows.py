@@ -7,20 +7,21 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
+import scipy.ndimage
 import torch
 
 from meshot.anatomy import Hemisphere
 from meshot.flow import METHODS, integrate
 from meshot.loss import SummedLoss, SurfaceLoss, loss_setting_names, surface_loss
-from meshot.mesh import Mesh, simplified
+from meshot.mesh import Mesh, simplified, vertex_normals
 from meshot.metrics import Surface
-from meshot.model import N_STEPS, DeformationNetwork, ImageVelocity
+from meshot.model import N_STEPS, DeformationNetwork, ImageVelocity, Intensities
 from meshot.settings import Count, Length, PartialSettings, Positive, Settings, Within, one_of
 from meshot.systems.learning import FlowTrainingSettings, mean_distances, of_both_sides, train_on_subjects
 from meshot.systems.protocol import Example, ExampleSets, Part, Run, Scan, SurfaceKey, SurfaceSystem
 from meshot.train import SCHEDULES, Progress, Training, chosen_device, data_record, require_examples
-from meshot.types import Tensor
-from meshot.volume import Volume, sample_volume
+from meshot.types import Array, Float, Tensor
+from meshot.volume import Volume, mm_to_voxel, resample, sample_volume, voxel_sizes
 
 # Settings of a deformation network and its training, as in a YAML file.
 
@@ -56,6 +57,7 @@ class DeformationNetworkSettings(PartialSettings):
     size: Annotated[int, Within(1, 15)] | None = None
     extent: Length | None = None
     velocity_unit: Length | None = None
+    intensities: Intensities | None = None
 
 
 def _as_loss(value: object, name: str) -> SurfaceLoss | SummedLoss:
@@ -113,11 +115,68 @@ def standardised(image: Volume, surface: Mesh) -> Volume:
     return image.with_data(((image.data - mean) / spread).astype(np.float32))
 
 
+#: Where the levels of white and grey matter are read, along the normal of the initial surface, in mm.
+_WHITE_AT, _GREY_AT = (-2.5, -2.0, -1.5), (1.0, 1.25, 1.5)
+_NEAR_MM, _COARSE_MM = 15.0, 5.0  # standard deviation of the means of the levels, and the grid on which they are taken
+
+
+def scaled_between_tissues(image: Volume, surface: Mesh) -> Volume:
+    """An image in which white matter near a surface is 1 and grey matter -1, so that their border is near 0.
+
+    Along the normal of every vertex, the level of white matter is the median of three values 1.5 to 2.5 mm inside, and
+    that of grey matter of three values 1 to 1.5 mm outside. Both are averaged over vertices that are near, by a
+    Gaussian with a standard deviation of 15 mm. So contrast, bias field, and a surface that lies on the wrong side of
+    the border do not move the 0. :func:`meshot.systems.standardised` takes the values at the surface itself instead.
+
+    Parameters
+    ----------
+    image : Volume
+        A T1 in mm.
+    surface : Mesh
+        An approximate white surface in the space of the image, with outward normals.
+
+    Raises
+    ------
+    ValueError
+        If white matter is not brighter than grey matter in the median over the vertices.
+    """
+    vertices = surface.vertices.detach().double()
+    normals = vertex_normals(surface.with_vertices(vertices))
+
+    def level(depths: tuple[float, ...]) -> Float[Array, " V"]:
+        values = torch.stack([sample_volume(image, vertices + depth * normals) for depth in depths])
+        return values.median(dim=0).values.numpy()
+
+    white, grey = level(_WHITE_AT), level(_GREY_AT)
+    if not np.median(white) > np.median(grey):
+        raise ValueError(
+            f"white matter beside the surface has the value {np.median(white):.4g} and grey matter "
+            f"{np.median(grey):.4g}; in a T1 white matter is brighter: are surface and image in the same space?"
+        )
+    # Sums over near vertices are taken on a coarse grid. Where no vertex is near, the levels are the means over all.
+    step = np.maximum(np.round(_COARSE_MM / voxel_sizes(image)), 1)
+    shape = tuple((np.ceil(np.array(image.data.shape) / step) + 1).astype(int))
+    places = np.clip(np.round(mm_to_voxel(image, vertices).numpy() / step), 0, np.array(shape) - 1).astype(int)
+    sums = []
+    for values in (np.ones(len(white)), white, grey):
+        total = np.full(shape, 1e-6 * values.mean())
+        np.add.at(total, tuple(places.T), values)
+        sums.append(scipy.ndimage.gaussian_filter(total, _NEAR_MM / (step * voxel_sizes(image)), truncate=3))
+    whites, greys = (total / sums[0] for total in sums[1:])
+    half = np.maximum(whites - greys, 0.1 * (np.median(white) - np.median(grey))) / 2
+    coarse = image.affine @ np.diag([*step, 1.0])
+    middle, half = (
+        resample(Volume(level, coarse), image.data.shape, image.affine).data for level in ((whites + greys) / 2, half)
+    )
+    return image.with_data(((image.data - middle) / half).astype(np.float32))
+
+
 def velocity_field(network: DeformationNetwork, image: Volume, surface: Mesh) -> ImageVelocity:
-    """The velocity field of a network in an image that is standardised over a surface."""
+    """The velocity field of a network in an image that is scaled over, or beside, a surface."""
     # It follows the network when its weights change.
     path = "visited" if next(network.parameters()).device.type == "cpu" else "cut"
-    return network.velocity_in(standardised(image, surface), path)
+    scaled = standardised if network.intensities == "surface" else scaled_between_tissues
+    return network.velocity_in(scaled(image, surface), path)
 
 
 @torch.no_grad()
