@@ -58,7 +58,7 @@ help:
 	@echo "make slides     slides of every chapter in build/html/slides, from the rendered book"
 	@echo "make pdf        the whole book as build/meshes_as_measures.pdf, from the rendered book"
 	@echo "make report     the reproduction report as build/report.pdf, every number of it from a committed result"
-	@echo "make editions   notebooks for students (no solutions) and instructors (board notes) in build/editions"
+	@echo "make editions   a zip for students (no solutions) and one for instructors (board notes) in build/editions, with all that they need"
 	@echo "make notebooks  run every notebook and store its outputs (NAME=01_circle_to_polygon for one)"
 	@echo "make text       take the text of the chapters over into the notebooks, their outputs untouched (NAME=...)"
 	@echo "make experiments  run every experiment that is out of date (PLANNED=1: those without a result, too)"

@@ -30,7 +30,7 @@ EXPERIMENTS = ROOT / "experiments"
 YOUR_TURN = "*The solution is in the instructor edition.*"
 #: Sentences of the chapters that speak of what students do not have -> those of their edition.
 _FOR_STUDENTS = (
-    (re.compile(r"^(:{3,})\{dropdown\} Answers?\n.*?^\1$\n?", re.M | re.S), f"{YOUR_TURN}\n"),
+    (re.compile(r"^:::\{dropdown\} Answers\n.*?^:::$", re.M | re.S), "*The answers are in the instructor edition.*"),
     (re.compile(r"\b(?:The s|S)olutions are folded\."), "The solutions are in the instructor edition."),
     (re.compile(r", and each answer is explained\."), ". The answers are in the instructor edition."),
 )
@@ -52,10 +52,11 @@ def board_notes(guide: str) -> dict[str, str]:
 def student_edition(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
     """A chapter in MyST without solutions and answers, nor what is said of them.
 
-    Cells that use a function which the student has to write may fail: they have the tag at which Jupyter goes on.
-    Checks that use one are out, as part of the solution.
+    Cells that need what the student has to write may fail: they have the tag at which Jupyter goes on. Checks that need
+    it are out, as part of the solution.
     """
-    cells, asked, solved = [], set(), False
+    cells, solved = [], False
+    defined, lacking = set(), set()  # names
     for cell in notebook.cells:
         tags = cell.metadata.get("tags", [])
         if cell.cell_type == "markdown":
@@ -64,19 +65,33 @@ def student_edition(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
                 text = pattern.sub(words, text)
             cells.append(nbformat.v4.new_markdown_cell(text, id=cell.id))
             continue
-        if "exercise" in tags:
-            asked |= {node.name for node in ast.parse(cell.source).body if isinstance(node, ast.FunctionDef)}
-        elif "solution" in tags:
+        made, used = _names(cell.source)
+        if "solution" in tags:
             solved = True
+            lacking |= made - defined
             cells.append(nbformat.v4.new_markdown_cell(YOUR_TURN, id=cell.id))
             continue
-        elif asked & {node.id for node in ast.walk(ast.parse(cell.source)) if isinstance(node, ast.Name)}:
+        if "exercise" in tags:
+            lacking |= made
+        elif used & lacking and "check." not in cell.source:
+            lacking |= made
             if "checks" in tags:
                 continue
-            if "check." not in cell.source:
-                cell = nbformat.from_dict({**cell, "metadata": {**cell.metadata, "tags": [*tags, "raises-exception"]}})
+            cell = nbformat.from_dict({**cell, "metadata": {**cell.metadata, "tags": [*tags, "raises-exception"]}})
+        else:
+            lacking -= made
+            defined |= made
         cells.append(cell)
     return nbformat.v4.new_notebook(cells=cells, metadata=notebook.metadata)
+
+
+def _names(code: str) -> tuple[set[str], set[str]]:
+    """The names that a cell defines, and those that it uses."""
+    nodes = list(ast.walk(ast.parse(code)))
+    made = {node.name for node in nodes if isinstance(node, ast.FunctionDef)}
+    made |= {node.asname or node.name for node in nodes if isinstance(node, ast.alias)}
+    made |= {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    return made, {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
 
 
 def instructor_edition(notebook: nbformat.NotebookNode, notes: str) -> nbformat.NotebookNode:

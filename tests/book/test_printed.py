@@ -1,16 +1,30 @@
 """Slides, the printed book and the two editions, made from a small rendered page and a small notebook."""
 
+import os
+import re
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import nbformat
 import pytest
 
 from browser import watched_page
-from editions import YOUR_TURN, board_notes, instructor_edition, student_edition
+from editions import (
+    YOUR_TURN,
+    board_notes,
+    build_wheel,
+    instructor_edition,
+    student_edition,
+    without_outputs,
+    write_zip,
+)  # fmt: skip
+from meshot_book.notebook import experiment_folder
 from pdf import joined_link, write_document
+from plain import CHAPTERS, plain_notebook, source_notebook
 from rendered import read_article
+from run_notebooks import retold_notebook
 from slides import chapter_slides, write_all
 
 PAGE = (
@@ -118,24 +132,91 @@ def test_editions_differ_in_solutions_and_board_notes():
     output = nbformat.v4.new_output("stream", text="✓ right")
     source = nbformat.v4.new_notebook(
         cells=[
-            words("# Trial"),
-            code("def f(): ..."),
+            words("# Trial\n\nThe solution of an equation. Solutions are folded."),
+            code("def f():\n    raise NotImplementedError", metadata={"tags": ["exercise"]}),
+            code("check.f(f)", outputs=[output]),
             words(":::{dropdown} Hint\nthink\n:::"),
             code("def f(): return 1", metadata={"tags": ["solution"]}, outputs=[output]),
+            words("The solution above is short.\n\nNext."),
+            code("one = f()"),
+            code("assert one == 1", metadata={"tags": ["checks"]}),
+            code("one = 1"),
+            code("assert one == 1", metadata={"tags": ["checks"]}),
             words("**More to try**\n\n:::{dropdown} Answers\n- secret\n:::\nafter"),
         ]
     )
     student = student_edition(source)
-    text = "".join(cell.source for cell in student.cells)
-    assert "return 1" not in text
-    assert "secret" not in text
-    assert text.count(YOUR_TURN) == 2
-    assert "think" in text
-    assert text.endswith("after")
     nbformat.validate(student)
+    assert [(cell.source, cell.metadata.get("tags", [])) for cell in student.cells] == [
+        ("# Trial\n\nThe solution of an equation. The solutions are in the instructor edition.", []),
+        ("def f():\n    raise NotImplementedError", ["exercise"]),
+        ("check.f(f)", []),
+        (":::{dropdown} Hint\nthink\n:::", []),
+        (YOUR_TURN, []),
+        ("\nNext.", []),
+        ("one = f()", ["raises-exception"]),
+        ("one = 1", []),
+        ("assert one == 1", ["checks"]),
+        ("**More to try**\n\n*The answers are in the instructor edition.*\nafter", []),
+    ]
+    assert [cell.get("outputs", []) for cell in without_outputs(student).cells[1:3]] == [[], []]
+    assert source.cells[2].outputs == [output]
     instructor = instructor_edition(source, "draw a triangle and a line.")
     assert instructor.cells[1].source == "**On the board.** draw a triangle and a line."
     assert [cell.source for cell in source.cells] == [
         cell.source for cell in instructor.cells if cell.id != "on-the-board"
     ]
     nbformat.validate(instructor)
+
+
+def test_students_read_of_nothing_that_they_do_not_have():
+    chapters = [student_edition(source_notebook(path)) for path in sorted(CHAPTERS.glob("[0-9]*.md"))]
+    texts = ["\n".join(cell.source for cell in chapter.cells if cell.cell_type == "markdown") for chapter in chapters]
+    assert len(texts) > 20
+    for text in texts:
+        assert re.findall(r"folded away|olutions are folded|answer is explained|\{dropdown\} Answer", text) == []
+        assert re.findall(r"\bthe solution\b(?! is in)", text.partition("Exercises\n")[2], re.I) == []
+        assert text.count("in the instructor edition") >= 4
+
+
+def test_a_zip_holds_what_its_notebooks_need(tmp_path, monkeypatch):
+    wheel = tmp_path / "meshot-1-py3-none-any.whl"
+    wheel.write_bytes(b"wheel")
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Trial", id="a")])
+    write_zip(tmp_path / "student.zip", "student", {"10_trial": notebook}, wheel)
+    with zipfile.ZipFile(tmp_path / "student.zip") as archive:
+        archive.extractall(tmp_path)
+    folder = tmp_path / "student"
+    assert {path.name for path in folder.iterdir()} == {
+        "START_HERE.md", "LICENSE", "constraints.txt", "experiments", "meshot-1-py3-none-any.whl", "notebooks",
+        "requirements.txt",
+    }  # fmt: skip
+    assert nbformat.read(folder / "notebooks" / "10_trial.ipynb", as_version=4) == notebook
+    assert "./meshot-1-py3-none-any.whl[bids,cortex]" in (folder / "requirements.txt").read_text(encoding="utf-8")
+    start = (folder / "START_HERE.md").read_text(encoding="utf-8")
+    assert "raise NotImplementedError" in start
+    assert "No address was named" in start
+    # The notebooks find the results there, without a checkout and without a network.
+    monkeypatch.chdir(folder / "notebooks")
+    assert experiment_folder("ddot") == folder / "experiments" / "ddot"
+    assert (folder / "experiments" / "ddot" / "held_out.safetensors").is_file()
+
+
+@pytest.mark.thorough
+def test_an_unpacked_edition_runs_without_the_checkout(tmp_path):
+    """Chapter 13 of the students, with the package from the wheel of the zip."""
+    wheel, name = build_wheel(tmp_path), "13_beyond_the_theorem"
+    told = retold_notebook(CHAPTERS / f"{name}.md")
+    student = without_outputs(plain_notebook(student_edition(told), name, answers=False))
+    write_zip(tmp_path / "student.zip", "student", {name: student}, wheel)
+    for file in (tmp_path / "student.zip", wheel):
+        with zipfile.ZipFile(file) as archive:
+            archive.extractall(tmp_path / "site" if file == wheel else tmp_path)
+    folder, site = tmp_path / "student" / "notebooks", tmp_path / "site"
+    place = "import meshot_book, sys; assert meshot_book.__file__.startswith(sys.argv[1])"
+    environment = os.environ | {"PYTHONPATH": str(site)}
+    environment.pop("MESHOT_REPOSITORY", None)
+    subprocess.run([sys.executable, "-c", place, str(site)], cwd=folder, env=environment, check=True)
+    run = [sys.executable, "-m", "jupyter", "nbconvert", "--to", "notebook", "--execute", f"{name}.ipynb"]
+    done = subprocess.run(run, cwd=folder, env=environment, capture_output=True, encoding="utf-8", check=False)
+    assert done.returncode == 0, done.stderr

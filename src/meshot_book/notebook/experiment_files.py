@@ -19,7 +19,9 @@ READ_BY_CHAPTERS = (
     "person/robustness.json",
     "*/*.safetensors",
     "*/*.safetensors.gz",
+    "comparison/rates.json",
     "comparison/subjects.csv",
+    "comparison/weights/adni_like_left_*_steps_0/left_white.json",
     "ddot/descent_directions.json",
     "ddot/weights/*_0.log.jsonl",
     "ddot/weights/oasis_like_left_*_0.safetensors",
@@ -27,6 +29,7 @@ READ_BY_CHAPTERS = (
     "fsaverage5_flow/stored.py",
     "fsaverage5_flow/surfaces.py",
     "paper_table/paper.yaml",
+    "segmentation/weights.json",
 )
 _PACKAGE = Path(__file__).resolve().parents[3]  # of a checkout, if the package is in one
 _SECONDS = 60

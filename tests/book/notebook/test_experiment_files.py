@@ -39,6 +39,16 @@ def test_the_committed_checksums_are_those_of_the_files(root):
     assert CHECKSUMS.read_text(encoding="utf-8") == checksum_lines(root / "experiments"), "run: make ledger"
 
 
+def test_what_chapters_read_has_a_checksum(root):
+    """By the last part of its name: a chapter that was handed out has no other files."""
+    chapters = [path.read_text(encoding="utf-8") for path in sorted((root / "notebooks").glob("[0-9]*.md"))]
+    endings = r"json|jsonl|yaml|csv|py|safetensors|safetensors\.gz"
+    read = {name for text in chapters for name in re.findall(rf'[/"]([\w.]+\.(?:{endings}))"', text)}
+    committed = {path.name for path in (root / "experiments").glob("*/**/*.*")}
+    assert {"rates.json", "left_white.json"} <= read & committed
+    assert read & committed <= {line.split("/")[-1] for line in CHECKSUMS.read_text(encoding="utf-8").splitlines()}
+
+
 def test_chapters_find_experiments_by_name(root):
     chapters = [path.read_text(encoding="utf-8") for path in sorted((root / "notebooks").glob("[0-9]*.md"))]
     assert [text for text in chapters if "../experiments" in text] == []
