@@ -290,12 +290,7 @@ def _power(gap, p):
 @inner()
 def _are_equal(weights, others):
     """Whether all masses of both sides are the same, so that transport pairs the sorted points."""
-    if len(weights) != len(others):
-        return False
-    for i in range(len(weights)):
-        if weights[i] != weights[0] or others[i] != weights[0]:
-            return False
-    return True
+    return len(weights) == len(others) and np.all(weights == weights[0]) and np.all(others == weights[0])
 
 
 @inner(fastmath={"contract"})
