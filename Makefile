@@ -191,6 +191,7 @@ benchmark: $(READY)
 	$(RUN) benchmarks/losses.py
 	$(RUN) benchmarks/ruler.py
 	$(RUN) benchmarks/windows.py
+	$(RUN) benchmarks/batches.py
 	$(RUN) benchmarks/reconstruction.py
 	$(RUN) benchmarks/study_cost.py
 	@$(RUN) benchmarks/speed_page.py

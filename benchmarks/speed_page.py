@@ -52,6 +52,26 @@ def windows_block(record: dict) -> str:
     return parts_block(what, record)
 
 
+def batches_block(record: dict) -> str:
+    """The times of a training step on a batch and on one large pair, and the ratios that were asked for."""
+    config, results = record["config"], record["results"]
+    lines = [
+        f"Value and gradient of {config['pairs']} pairs of {config['points']} points in R³, and of one large pair, "
+        f"float32, {config['directions']} directions. Medians of {config['repeats']}, written by `{record['command']}` "
+        f"on {record['date']} ({record['machine']}, {record['processor']}).",
+        "",
+        "| part | CPU s | wall s |",
+        "|---|---|---|",
+    ]
+    rows = results["parts"]
+    lines += [f"| {row['part']} | {digits(row['CPU s'], 2)} | {digits(row['wall s'], 2)} |" for row in rows]
+    lines += ["", "| CPU time over that of ours | found | target | |", "|---|---|---|---|"]
+    for row in results["targets"]:
+        verdict = "met" if row["met"] else "missed"
+        lines.append(f"| {row['what']} | {digits(row['found'], 3)} × | ≥ {digits(row['at_least'])} × | {verdict} |")
+    return "\n".join(lines)
+
+
 def study_block(record: dict) -> str:
     """The measured cost of a scan, and what studies of several sizes cost at that rate."""
     config, scan = record["config"], record["results"]["scan"]
@@ -108,6 +128,7 @@ BLOCKS = {
     "benchmark": (COST / "results.json", losses_block),
     "ruler": (COST / "ruler.json", ruler_block),
     "windows": (COST / "windows.json", windows_block),
+    "batches": (COST / "batches.json", batches_block),
     "reconstruction": (COST / "reconstruction.json", reconstruction_block),
     "study": (COST / "study.json", study_block),
 }

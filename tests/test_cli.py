@@ -308,3 +308,9 @@ def test_deform_keeps_what_the_vertices_carry(tmp_path, capsys):
     assert "gone is no folder; make it first" in capsys.readouterr().err
     assert main(["deform", str(tmp_path / "target.ply"), *words[2:4], str(tmp_path / "plain.off"), *quick]) == 0
     assert len(read_mesh(tmp_path / "plain.off").vertices) == len(icosphere(2).vertices)
+    capsys.readouterr()
+    assert main(["deform", str(tmp_path / "coloured.ply"), *words[2:4], str(tmp_path / "plain.off"), *quick]) == 0
+    assert (
+        "plain.off does not hold what coloured.ply has besides: properties of each vertex: red"
+        in capsys.readouterr().err
+    )

@@ -98,7 +98,7 @@ def test_lists_and_padding_mean_the_clouds_alone(name):
         found = loss(batch, y)
         torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-12)
         (gradient,) = torch.autograd.grad(found.sum(), points)
-        assert float(gradient[~inside].abs().max()) < 1e-12
+        assert float(gradient[~inside].abs().max()) < 1e-9
         for own, alone, size in zip(gradient, slopes, sizes):
             torch.testing.assert_close(own[:size], alone, rtol=1e-7, atol=1e-9)
 

@@ -1,6 +1,7 @@
 """``meshot deform SOURCE TARGET -o RESULT``."""
 
 import argparse
+import warnings
 from pathlib import Path
 
 from meshot.cli.common import COUNT, FILE, Commands, add_command
@@ -21,8 +22,8 @@ def add_to(commands: Commands) -> None:
         meshot deform lh.white rh.white.surf.gii -o fitted.surf.gii --iterations 600 --detail 0.04
         """,
         "Meshes are PLY, OBJ, OFF, STL, GLB, VTK, GIfTI or FreeSurfer files, roughly aligned. If source and result are "
-        "PLY, OBJ or GLB, the result keeps colours, textures and other data of the vertices. Other formats hold "
-        "positions and faces only.",
+        "PLY, OBJ or GLB, the result keeps colours, textures and other data of the vertices. Otherwise a warning names "
+        "what is lost.",
     )
     command.add_argument("source", type=Path, help="The mesh that is deformed.")
     command.add_argument("target", type=Path, help="The mesh that it shall become.")
@@ -44,15 +45,19 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     import meshot
-    from meshot.mesh import write_carried
+    from meshot.mesh import mesh_facts, write_carried
     from meshot.metrics import Surface, average_surface_distance, offsets_between
 
     if not chosen.output.parent.is_dir():
         raise ValueError(f"{chosen.output.parent} is no folder; make it first, or choose another output")
     source, target = meshot.read_mesh(chosen.source), meshot.read_mesh(chosen.target)
+    other = mesh_facts(chosen.source).not_read
     found = meshot.deform(source, target, n_iterations=chosen.iterations, detail=chosen.detail, seed=chosen.seed)
-    if not write_carried(chosen.output, chosen.source, found.carry):
+    if not write_carried(chosen.output, chosen.source, source, found.carry):
         meshot.write_mesh(chosen.output, found.mesh)
+        if other:
+            said = f"{chosen.output.name} does not hold what {chosen.source.name} has besides: {'; '.join(other)}"
+            warnings.warn(said, stacklevel=1)
     before = average_surface_distance(*offsets_between(Surface(source), Surface(target), 10_000))
     print(f"mean distance from the target: {before:.4g} before, {found.distance:.4g} after")
     print(f"{len(found.mesh.vertices)} vertices in {printable_name(chosen.output)}")

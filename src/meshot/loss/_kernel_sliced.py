@@ -212,20 +212,28 @@ def walk_lines(directions, group, p, x, y, costs, tops):
     # A side is (columns, weights, values, steps, ends, order, gradients, drops, scratch, to_columns, to_weights).
     # ``columns`` has the points with shape (d, n), one row per coordinate; the next six are buffers. A row of
     # ``gradients`` is the gradient in the projected positions along one direction. The gradient in the weights is the
-    # entry of ``tops`` minus a row of ``drops``. If a side has no such rows, its gradients are not computed. There are
-    # rows for ``group`` directions, which are computed together; their sums are added to the last two, if these are
-    # not empty.
+    # entry of ``tops`` minus a row of ``drops``. If a side has no such rows, or they are empty, these gradients are not
+    # computed. There are rows for ``group`` directions, which are computed together; their sums are added to the last
+    # two, if these are not empty.
     nowhere = np.empty(0)
     wanted_x, wanted_y = len(x[6]) > 0, len(y[6]) > 0
+    paired = x[7].size == 0 and y[7].size == 0 and _are_equal(x[1], y[1])
+    ends = x[1].cumsum() if paired else nowhere
     for start in range(0, len(directions), group):
         lines = directions[start : start + group]
         project(x[0], lines, x[2])
         project(y[0], lines, y[2])
         for k in range(len(lines)):
-            _quantiles(y[2][k], y[1], y[3], y[5], y[4], y[8])
-            _quantiles(x[2][k], x[1], x[3], x[5], x[4], x[8])
             gradients_x, drops_x = (x[6][k], x[7][k]) if wanted_x else (nowhere, nowhere)
             gradients_y, drops_y = (y[6][k], y[7][k]) if wanted_y else (nowhere, nowhere)
+            if paired:
+                n = len(ends)
+                sort(y[2][k][:n], y[3][:n], y[5][:n], y[8])
+                sort(x[2][k][:n], x[3][:n], x[5][:n], x[8])
+                costs[start + k] = _walk_pairs(x[3], x[5], y[3], y[5], ends, p, gradients_x, gradients_y)
+                continue
+            _quantiles(y[2][k], y[1], y[3], y[5], y[4], y[8])
+            _quantiles(x[2][k], x[1], x[3], x[5], x[4], x[8])
             cost, last = _walk(x[3], x[4], x[5], y[3], y[4], y[5], p, gradients_x, drops_x, gradients_y, drops_y)
             costs[start + k] = cost
             if wanted_x:
@@ -279,6 +287,29 @@ def _power(gap, p):
     return size**p, p * size ** (p - 1) * np.sign(gap)
 
 
+@inner()
+def _are_equal(weights, others):
+    """Whether all masses of both sides are the same, so that transport pairs the sorted points."""
+    return len(weights) == len(others) and np.all(weights == weights[0]) and np.all(others == weights[0])
+
+
+@inner(fastmath={"contract"})
+def _walk_pairs(x, x_order, y, y_order, ends, p, x_gradients, y_gradients):
+    """What :func:`_walk` returns and writes for points of equal mass, to the last bit, without its empty cells."""
+    done, total = 0.0, 0.0
+    x_wanted, y_wanted = len(x_gradients) > 0, len(y_gradients) > 0
+    for i in range(len(ends)):
+        cost, slope = _power(x[i] - y[i], p)
+        mass = ends[i] - done
+        done = ends[i]
+        total += mass * cost
+        if x_wanted:
+            x_gradients[x_order[i]] = mass * slope
+        if y_wanted:
+            y_gradients[y_order[i]] = -mass * slope
+    return total
+
+
 @inner(fastmath={"contract"})
 def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gradients, y_drops):
     """W_p^p on a line: a pass over the cells of [0, 1], each of which ends where a step of F⁻¹ or G⁻¹ ends."""
@@ -293,6 +324,7 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gra
     done, before, total, x_gradient, y_gradient, x_drop, y_drop = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     x_bits, y_bits = x_ends.view(np.int64), y_ends.view(np.int64)
     x_wanted, y_wanted = len(x_gradients) > 0, len(y_gradients) > 0
+    x_weighted, y_weighted = len(x_drops) > 0, len(y_drops) > 0
     if x_wanted:  # the additional step may not be reached
         x_gradients[-1] = 0.0
     if y_wanted:
@@ -304,15 +336,19 @@ def _walk(x, x_ends, x_order, y, y_ends, y_order, p, x_gradients, x_drops, y_gra
         mass = end - done
         total += mass * cost
         if x_wanted:
-            x_drop += x_took * (before - cost)
             x_gradient += mass * slope
-            x_gradients[x_order[i]], x_drops[x_order[i]] = x_gradient, x_drop
+            x_gradients[x_order[i]] = x_gradient
             x_gradient *= one - x_takes
+            if x_weighted:
+                x_drop += x_took * (before - cost)
+                x_drops[x_order[i]] = x_drop
         if y_wanted:
-            y_drop += y_took * (before - cost)
             y_gradient -= mass * slope
-            y_gradients[y_order[j]], y_drops[y_order[j]] = y_gradient, y_drop
+            y_gradients[y_order[j]] = y_gradient
             y_gradient *= x_takes
+            if y_weighted:
+                y_drop += y_took * (before - cost)
+                y_drops[y_order[j]] = y_drop
         x_took, y_took = x_takes, one - x_takes
         i, j, done, before = i + x_took, j + y_took, end, cost
     return total, before
@@ -325,7 +361,7 @@ def _close(gradients, drops, order):
     # add up to the total cost, as in the dual problem.
     n = len(order) - 1
     gradients[order[n - 1]] += gradients[n]
-    return drops[order[n - 1]]
+    return drops[order[n - 1]] if len(drops) > 0 else 0.0
 
 
 @kernel("the sliced loss", 10, fastmath={"contract"})

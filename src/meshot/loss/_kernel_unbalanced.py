@@ -164,7 +164,8 @@ def _write(sign, order, nodes, flows, potentials, scale, gradients, drops):
         before = flows[v - 1] if v > 0 else 0.0
         after = flows[v] if v < len(flows) else 0.0
         gradients[order[k]] = before - after
-        drops[order[k]] = -scale * (1 - math.exp(-sign * potentials[v] / scale))
+        if len(drops) > 0:
+            drops[order[k]] = -scale * (1 - math.exp(-sign * potentials[v] / scale))
 
 
 # Partial transport on a line with the cost |x − y|, exact for any masses, compiled by numba.
@@ -345,5 +346,7 @@ def _write_partial(of_x, from_x, order, flows, potentials, gradients, drops):
     for v in range(len(flows)):
         if from_x[v] == of_x:
             before = abs(flows[v - 1]) if v > 0 else 0.0
-            gradients[order[k]], drops[order[k]] = before - abs(flows[v]), -sign * potentials[v]
+            gradients[order[k]] = before - abs(flows[v])
+            if len(drops) > 0:
+                drops[order[k]] = -sign * potentials[v]
             k += 1

@@ -216,7 +216,10 @@ def fused_slices(
     group = -(-per_thread // n_rounds)
     costs, tops = np.empty(len(lines)), np.zeros((len(lines), 2))
     # Gradients and drops of every direction of a round, with room for the additional step.
-    rows = [[np.empty((n_threads * group, s.n + 1) if s.wanted else (0, 0)) for _ in range(2)] for s in sides]
+    rows, n_rows = [], n_threads * group
+    for side in sides:
+        lengths = (side.n + 1, side.n + 1 if side.to_weights.size else 0)
+        rows.append([np.empty((n_rows, length) if side.wanted else (0, 0)) for length in lengths])
     buffers = [_thread_buffers(sides, group) for _ in range(n_threads)]
     # One thread computes all groups in one call, and their sums. Several compute a group each, and then parts of the
     # sums, in the same order.

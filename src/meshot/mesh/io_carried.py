@@ -4,9 +4,11 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import torch
 import trimesh
 
+from meshot.mesh.mesh import Mesh
 from meshot.types import Float, Tensor
 
 #: Formats that hold more than positions and faces, and that are read and written without a change of the order.
@@ -14,9 +16,15 @@ DECORATED = (".ply", ".obj", ".glb")
 
 
 def write_carried(
-    path: str | os.PathLike, source: str | os.PathLike, carry: Callable[[Float[Tensor, "n 3"]], Float[Tensor, "n 3"]]
+    path: str | os.PathLike,
+    source: str | os.PathLike,
+    mesh: Mesh,
+    carry: Callable[[Float[Tensor, "n 3"]], Float[Tensor, "n 3"]],
 ) -> bool:
-    """Write a mesh file with the contents of another and moved vertices; False if the formats hold nothing more.
+    """Write a mesh file with the contents of another and moved vertices.
+
+    ``mesh`` is what was read from the source. Nothing is written, and False is returned, if one of the formats holds
+    no more than positions and faces, if the source has no more, or if its coordinates were changed when it was read.
 
     Vertices that a file repeats along a seam of its texture move together, since the motion depends on the position
     alone. The parts of a scene stay parts.
@@ -26,7 +34,10 @@ def write_carried(
         return False
     loaded = trimesh.load_scene(source, process=False, maintain_order=True)
     parts = loaded.dump(concatenate=False)  # with the transforms of the scene applied
-    if all(_is_plain(part) for part in parts):
+    ends = [
+        (each.min(axis=0), each.max(axis=0)) for each in (np.vstack([p.vertices for p in parts]), mesh.vertices.numpy())
+    ]
+    if all(_is_plain(part) for part in parts) or not np.allclose(*ends, rtol=1e-6, atol=1e-9):
         return False
     for part in parts:
         part.vertices = carry(torch.from_numpy(part.vertices.copy())).detach().numpy()
