@@ -1,12 +1,15 @@
 """Files whose vertices are moved and whose other contents stay: colours, texture coordinates, materials."""
 
 import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import torch
 import trimesh
 
+from meshot.mesh.io import read_mesh
 from meshot.types import Float, Tensor
 
 #: Formats that hold more than positions and faces, and that are read and written without a change of the order.
@@ -27,6 +30,16 @@ def write_carried(
     loaded = trimesh.load_scene(source, process=False, maintain_order=True)
     parts = loaded.dump(concatenate=False)  # with the transforms of the scene applied
     if all(_is_plain(part) for part in parts):
+        return False
+    # trimesh knows nothing of SPACE=LPS, and its reader of OBJ is wrong in places.
+    mesh = read_mesh(source)
+    ours = mesh.vertices[mesh.faces.unique()].numpy()
+    theirs = np.concatenate([part.vertices[np.unique(part.faces)] for part in parts])
+    ours, theirs = (np.unique(points + 0.0, axis=0) for points in (ours, theirs))
+    if ours.shape != theirs.shape or not np.allclose(ours, theirs):
+        warnings.warn(
+            f"{source}: trimesh finds other vertices in it, so that only positions and faces are kept", stacklevel=2
+        )
         return False
     for part in parts:
         part.vertices = carry(torch.from_numpy(part.vertices.copy())).detach().numpy()
