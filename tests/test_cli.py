@@ -17,6 +17,7 @@ import meshot
 from meshot import evaluate, read_mesh, write_mesh
 from meshot.cli import main, make_parser
 from meshot.cli.common import known_systems
+from meshot.mesh import write_carried
 from meshot.mesh.shapes import icosphere
 from meshot.systems import system_names
 
@@ -275,6 +276,19 @@ def test_the_shell_completes(capsys):
         asks = f"COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _meshot; echo ${{COMPREPLY[@]}}"
         done = subprocess.run(["bash", "-c", f"{script}\n{asks}"], capture_output=True, text=True, check=True)
         assert done.stdout.strip() == expected, line
+
+
+def test_what_trimesh_reads_otherwise_is_not_carried(tmp_path):
+    """A file of 3D Slicer in LPS: trimesh does not turn it, so colours would come to lie on the wrong side."""
+    ball = icosphere(1, 1.0).to_trimesh()
+    ball.vertices += [5, 0, 0]
+    ball.visual.vertex_colors = np.full((len(ball.vertices), 4), 9, np.uint8)
+    text = ball.export(file_type="ply", encoding="ascii")
+    (tmp_path / "a.ply").write_bytes(text.replace(b"element vertex", b"comment SPACE=LPS\nelement vertex", 1))
+    files = tmp_path / "b.ply", tmp_path / "a.ply"
+    assert not write_carried(*files, read_mesh(files[1]), lambda points: points)
+    (tmp_path / "a.ply").write_bytes(text)
+    assert write_carried(*files, read_mesh(files[1]), lambda points: points)
 
 
 def test_deform_keeps_what_the_vertices_carry(tmp_path, capsys):

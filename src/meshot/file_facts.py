@@ -38,15 +38,21 @@ class FileFacts:
     numbers: tuple[tuple[str, str], ...] = ()
 
 
+class ContradictoryFileError(ValueError):
+    """A file that is read strictly contradicts itself."""
+
+    exit_status = 3
+
+
 def heed(path: str | os.PathLike, facts: FileFacts, strict: bool) -> None:
     """Warn about every fault of a file, or refuse the file.
 
     Raises
     ------
-    ValueError
+    ContradictoryFileError
         If there is a fault and ``strict`` is set.
     """
     if facts.faults and strict:
-        raise ValueError(f"{path} is refused, because it is read strictly: {'; '.join(facts.faults)}")
+        raise ContradictoryFileError(f"{path} is refused, because it is read strictly: {'; '.join(facts.faults)}")
     for fault in facts.faults:
         warnings.warn(f"{path}: {fault}", FileWarning, stacklevel=3)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from bright_head import balls, bright_head, bright_template, brightness_network, shifting_network
 from meshot.flow.crossings import RepairedSurface
 from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
-from meshot.mesh.geometry import signed_volume
+from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
 from meshot.pipeline.initial_surface import SegmentedSurface
@@ -263,22 +263,48 @@ def test_doubts_about_surfaces():
 
     ball = icosphere(3, 40.0)
     calm = RepairedSurface(ball, 0, 0, 0.0)
-    assert surface_warnings("left", ball, segmented(495), calm) == []
-    assert surface_warnings("left", ball, segmented(495), None) == []
-    (small,) = surface_warnings("left", icosphere(3, 30.0), segmented(500), calm)
+    assert surface_warnings("left", ball, ball, segmented(495), calm) == []
+    assert surface_warnings("left", ball, ball, segmented(495), None) == []
+    (small,) = surface_warnings("left", icosphere(3, 30.0), icosphere(3, 30.0), segmented(500), calm)
     assert "left surface encloses 112 cm³" in small.text
-    (large,) = surface_warnings("right", icosphere(3, 50.0), segmented(500), calm)
+    (large,) = surface_warnings("right", icosphere(3, 50.0), icosphere(3, 50.0), segmented(500), calm)
     assert "right surface encloses 519 cm³" in large.text
-    (given_up,) = surface_warnings("right", ball, segmented(480), calm)
+    (given_up,) = surface_warnings("right", ball, ball, segmented(480), calm)
     assert "20 voxels (4.0 %) of the right" in given_up.text
-    (crossed,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 64, 0, 0.31))
+    (crossed,) = surface_warnings("left", ball, ball, segmented(500), RepairedSurface(ball, 64, 0, 0.31))
     assert "64 faces (5 %) of the left surface crossed after the flow" in crossed.text
     assert "backtracks" not in crossed.text
-    assert surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 25, 0, 0.31)) == []  # 2 %
-    (moved_back,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 2, 3.0))
+    assert surface_warnings("left", ball, ball, segmented(500), RepairedSurface(ball, 25, 0, 0.31)) == []  # 2 %
+    (moved_back,) = surface_warnings("left", ball, ball, segmented(500), RepairedSurface(ball, 6, 2, 3.0))
     assert "2 backtracks" in moved_back.text
-    assert surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 3.0)) == []
-    (far,) = surface_warnings("left", ball, segmented(500), RepairedSurface(ball, 6, 0, 8.5))
+    assert surface_warnings("left", ball, ball, segmented(500), RepairedSurface(ball, 6, 0, 3.0)) == []
+    (far,) = surface_warnings("left", ball, ball, segmented(500), RepairedSurface(ball, 6, 0, 8.5))
     assert "moved vertices by up to 8.5 mm" in far.text
     assert [w.name for w in (small, given_up, far)] == ["surface_volume", "voxels_given_up", "crossing_faces"]
     assert [w.value for w in (given_up, crossed)] == pytest.approx([0.04, 5.0])
+
+
+def test_doubts_about_a_surface_of_any_system():
+    """One that is smaller than the segmentation's, lies apart from it, or crosses itself and is not repaired."""
+    mask = Volume(np.ones((10, 10, 10), bool), np.eye(4))
+    ball = icosphere(3, 40.0)
+
+    def warned(final, initial=ball):
+        stages = SegmentedSurface(ball, ball, mask, mask, mask)
+        found = surface_warnings("left", final, initial, stages, None)
+        return {warning.name: warning for warning in found}
+
+    assert warned(ball) == {}
+    small = warned(ball, icosphere(3, 46.0))
+    assert list(small) == ["surface_area", "segmentation_distance"]
+    assert small["surface_area"].value == pytest.approx(float(face_areas(ball).sum()) / 100)
+    assert "201 cm²" in small["surface_area"].text
+    moved = ball.with_vertices(ball.vertices + torch.tensor([4.0, 0, 0]))
+    apart = warned(moved)
+    assert list(apart) == ["segmentation_distance"]
+    assert apart["segmentation_distance"].value == pytest.approx(2.0, rel=0.05)  # |4 cos| over the sphere
+    pulled = ball.vertices.clone()
+    pulled[:8] = -0.9 * pulled[:8]  # through the opposite side
+    crossing = warned(ball.with_vertices(pulled))
+    assert crossing["crossing_faces"].value > 0.5
+    assert "of the left surface cross others; 0.5 % or less" in crossing["crossing_faces"].text

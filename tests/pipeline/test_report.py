@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 
 import matplotlib.image
@@ -182,6 +183,38 @@ def test_the_page_says_what_the_numbers_say(made, context):
     assert "by <hand>" in text
 
 
+def test_the_page_lists_the_files_that_are_there(made):
+    text = (made / "report.html").read_text(encoding="utf-8").partition("Files beside this page")[2]
+    lines = [re.sub("<.*?>", "", line).strip() for line in re.findall(r"<li>(.*?)</li>", text, re.DOTALL)]
+    names = [name.partition(":")[0] for line in lines for name in line.partition(": ")[0].split(", ")]
+    assert sorted(names) == sorted({f.name for f in made.iterdir()} - {"report.html"})
+    assert all(": " in line for line in lines)
+
+
+def test_the_list_of_files_leads_from_the_folder_of_the_page(tmp_path):
+    for name in ("surf/lh.white", "mri/orig.mgz", "report/report.json", "report/report.html", "other.xyz"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    found = {name: about for names, about in written.files_beside(tmp_path, tmp_path / "report") for name in names}
+    assert list(found) == ["../surf/lh.white", "../mri/orig.mgz", "report.json", "../other.xyz"]
+    assert "surface RAS" in found["../surf/lh.white"]
+    assert found["../other.xyz"] == ""
+
+
+def test_a_header_that_contradicts_itself_is_a_warning_or_refused(place, quick, tmp_path, capsys):
+    image = nibabel.load(place / NAME)
+    image.header["pixdim"][1:4] = 1
+    image.header["qform_code"] = 0
+    nibabel.Nifti1Image(np.asarray(image.dataobj), None, image.header).to_filename(tmp_path / "a.nii")
+    command = ["reconstruct", str(tmp_path / "a.nii"), "-o", str(tmp_path / "out"), *own_weights(place)]
+    assert main([*command, "--strict"]) == 3
+    assert "by its pixdim; the sform is used (file). Without --strict" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert main(command) == 0
+    assert "meshot: warning: a.nii: voxels have" in capsys.readouterr().err
+    assert json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))["warning_names"][0] == "file"
+
+
 def test_warnings_stand_out_and_reach_the_command_line(place, made, monkeypatch, capsys):
     monkeypatch.setattr(reconstruction, "scan_warnings", lambda *_: [QualityWarning("scale", "it <looks> odd", 2.5)])
     assert main(words(place, "odd", "--initial-only")) == 0
@@ -291,7 +324,7 @@ PLACE = np.diag([4.0, 4.0, 4.0, 1.0])
         (np.where(GOOD > 60, np.nan, GOOD), PLACE, "NaN or infinite"),
         (np.stack([GOOD, GOOD], axis=-1), PLACE, "three axes are needed"),
         (GOOD, None, "neither sform nor qform"),
-        (GOOD, np.diag([4.0, 4.0, 0.0, 1.0]), "singular"),
+        (GOOD, np.diag([4.0, 4.0, 0.0, 1.0]), "NaN, zeros or no volume"),
         (None, None, "does not exist"),
         (b"", None, "not a whole image"),
         (b"half", None, "not a whole image"),

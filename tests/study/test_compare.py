@@ -244,3 +244,19 @@ def test_pairs_keep_the_order_of_the_first_folder(tmp_path):
 def test_numbers_on_the_page_have_no_exponents():
     numbers = (2.7e-15, -2e-9, -0.00016, 0.0123456, -12.345, 20930.4)
     assert [_cell(value) for value in numbers] == ["0", "0", "−0.0002", "0.0123", "−12.3", "20\u202f930"]
+
+
+def test_the_folder_of_one_scan_goes_with_another_or_with_the_only_subject(tmp_path):
+    """As ``meshot reconstruct SCAN -o OUT`` writes it, and as the folder of one subject of FreeSurfer."""
+    for folder in ("one", "two/surf", "study/sub-01"):
+        (tmp_path / folder).mkdir(parents=True)
+        for side in SHORT:
+            write_mesh(tmp_path / folder / f"{SHORT[side]}.white", sphere(40.0, side))
+    one, two, study = (find_surfaces(tmp_path / name) for name in ("one", "two", "study"))
+    assert list(one) == list(two) == [Place("", "", "left"), Place("", "", "right")]
+    assert str(one and next(iter(one))) == "left"
+    assert list(paired_surfaces(one, two)[0]) == [Place("one", "", "left"), Place("one", "", "right")]
+    for pair in ((one, study), (study, one)):
+        assert list(paired_surfaces(*pair)[0]) == [Place("sub-01", "", "left"), Place("sub-01", "", "right")]
+    assert main(["table", str(tmp_path / "one"), str(tmp_path / "study"), "-o", str(tmp_path / "out"), *FEW]) == 0
+    assert [row["participant_id"] for row in read(tmp_path / "out" / "surfaces.tsv")] == ["sub-01", "sub-01"]

@@ -9,10 +9,10 @@ import warnings
 from collections.abc import Sequence
 
 import meshot
-from meshot.cli import completion, deform, evaluate, make_cohort, quality, reconstruct, table, train, warmup
+from meshot.cli import completion, deform, evaluate, inspect, make_cohort, quality, reconstruct, table, train, warmup
 from meshot.cli.common import NOTE
 
-COMMANDS = (evaluate, deform, reconstruct, quality, table, make_cohort, train, warmup, completion)
+COMMANDS = (evaluate, deform, inspect, reconstruct, quality, table, make_cohort, train, warmup, completion)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -22,6 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always")
+            warnings.simplefilter("ignore", ResourceWarning)  # files that nibabel leaves open where it fails
             warnings.showwarning = _to_stderr
             return chosen.run(chosen) or 0
     except (ValueError, OSError, ImportError) as error:

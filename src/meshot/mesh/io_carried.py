@@ -34,10 +34,13 @@ def write_carried(
         return False
     loaded = trimesh.load_scene(source, process=False, maintain_order=True)
     parts = loaded.dump(concatenate=False)  # with the transforms of the scene applied
-    ends = [
-        (each.min(axis=0), each.max(axis=0)) for each in (np.vstack([p.vertices for p in parts]), mesh.vertices.numpy())
-    ]
-    if all(_is_plain(part) for part in parts) or not np.allclose(*ends, rtol=1e-6, atol=1e-9):
+    if all(_is_plain(part) for part in parts):
+        return False
+    # trimesh knows nothing of SPACE=LPS, and its reader of OBJ is wrong in places.
+    ours = mesh.vertices[mesh.faces.unique()].numpy()
+    theirs = np.concatenate([part.vertices[np.unique(part.faces)] for part in parts])
+    ours, theirs = (np.unique(points + 0.0, axis=0) for points in (ours, theirs))
+    if ours.shape != theirs.shape or not np.allclose(ours, theirs):
         return False
     for part in parts:
         part.vertices = carry(torch.from_numpy(part.vertices.copy())).detach().numpy()

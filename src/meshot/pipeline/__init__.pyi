@@ -3,6 +3,7 @@ from .initial_surface import PROBABILITY_WEIGHT_MM as PROBABILITY_WEIGHT_MM, seg
 from .quality import (
     QualityWarning as QualityWarning,
     average_warnings as average_warnings,
+    file_warnings as file_warnings,
     require_no_warnings as require_no_warnings,
 )
 from .reconstruction import (

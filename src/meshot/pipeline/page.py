@@ -131,8 +131,14 @@ def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]
 Rows = list[tuple]
 
 
-def reconstruction_page(report: dict, slices: Sequence[Picture], given_up: Sequence[Picture], view: str) -> str:
-    """The page as HTML."""
+def reconstruction_page(
+    report: dict,
+    slices: Sequence[Picture],
+    given_up: Sequence[Picture],
+    view: str,
+    files: Sequence[tuple[Sequence[str], str]],
+) -> str:
+    """The page as HTML. ``files``: names beside the page, and what these are."""
     surfaces = report["surfaces"]
     meshes = [
         ("vertices", "n_vertices"), ("faces", "n_faces"), ("Euler number χ (a sphere has 2)", "euler_number"),
@@ -158,7 +164,7 @@ def reconstruction_page(report: dict, slices: Sequence[Picture], given_up: Seque
         given_up=given_up,
         view=view,
         meshes=[("", *(f"{side}, {stage}" for side, stage in columns)), *rows],
-        pial=_has_pial(report),
+        files=files,
         moves=_move_rows(report),
         voxel_mm=" × ".join(f"{v:g}" for v in report["scan"]["voxel_mm"]),
         seconds=[("stage", "processor (s)", "clock (s)"), *seconds],

@@ -7,13 +7,17 @@ head, a head with its skull, inverted contrast, a mask, noise, and imitations of
 
 import dataclasses
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from scipy.ndimage import binary_erosion, label
 
+from meshot.file_facts import FileFacts
+from meshot.files import printable_name
 from meshot.flow import RepairedSurface
-from meshot.mesh import Mesh, signed_volume
+from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume
+from meshot.metrics import vertex_distances
 from meshot.pipeline.initial_surface import SegmentedSurface
 from meshot.types import Array, Bool, Float
 from meshot.volume import StandardScan, Volume, bright_volume, resample, voxel_sizes
@@ -46,6 +50,12 @@ VOLUMES_CM3 = (120.0, 450.0)
 LARGEST_LOSS = 0.03
 #: Of the faces, after a flow: on heads for validation the shipped kind of flow leaves up to two hundredths.
 LARGEST_CROSSING = 0.03
+#: The same, of a surface that no repair follows.
+LARGEST_LEFT_CROSSING = 0.005
+#: AREAS_PLACEHOLDER
+AREAS = (0.8, 2.5)
+#: DISTANCE_PLACEHOLDER
+LARGEST_DISTANCE_MM = 1.2
 #: The largest distance by which the repair may move a vertex without a warning, in mm. On these heads it is up to 7 mm.
 LARGEST_REPAIR_MM = 8.0
 #: Correlation with the template inside its brain. The template has 1.00, also after registration, and .98 with blur and
@@ -65,11 +75,14 @@ WarningName = Literal[
     "placement",
     "surface_volume",
     "voxels_given_up",
+    "surface_area",
+    "segmentation_distance",
     "crossing_faces",
     "group_average",
     "long_echo_time",
     "unreadable_sidecar",
     "same_file_twice",
+    "file",
 ]
 
 
@@ -113,6 +126,11 @@ def require_no_warnings(found: Iterable[QualityWarning]) -> None:
     if found:
         texts, names = "; ".join(each.text for each in found), ", ".join(each.name for each in found)
         raise DoubtfulScanError(f"{texts} ({names}). Without --strict (strict=False) this is a warning only")
+
+
+def file_warnings(path: Path, facts: FileFacts) -> list[QualityWarning]:
+    """What the file of a scan contradicts itself in."""
+    return [QualityWarning("file", f"{printable_name(path.name)}: {fault}") for fault in facts.faults]
 
 
 def volume_warnings(scan: Volume) -> list[QualityWarning]:
@@ -232,9 +250,12 @@ def _on_grid(image: Volume, template: Volume) -> Float[Array, "x y z"]:
 
 
 def surface_warnings(
-    side: str, final: Mesh, segmented: SegmentedSurface, repaired: RepairedSurface | None
+    side: str, final: Mesh, initial: Mesh, segmented: SegmentedSurface, repaired: RepairedSurface | None
 ) -> list[QualityWarning]:
-    """Whether one hemisphere has a plausible volume, and how much of it had to be mended."""
+    """Whether one hemisphere has a plausible volume and area, lies where the segmentation is, and had to be mended.
+
+    Final and initial surface are in the same space.
+    """
     found = []
     volume = float(signed_volume(final)) / 1000
     if not VOLUMES_CM3[0] < volume < VOLUMES_CM3[1]:
@@ -249,7 +270,30 @@ def surface_warnings(
             f"handles; {100 * LARGEST_LOSS:.0f} % or less is usual"
         )
         found.append(QualityWarning("voxels_given_up", text, loss))
+    area, start = (float(face_areas(mesh).sum()) / 100 for mesh in (final, initial))
+    if not AREAS[0] < area / start < AREAS[1]:
+        text = (
+            f"the {side} surface has {area:.0f} cm², {area / start:.2f} of the area of the segmentation's surface; "
+            f"{AREAS[0]} to {AREAS[1]} are plausible: were sulci left out, or is it folded onto itself?"
+        )
+        found.append(QualityWarning("surface_area", text, area))
+    # From either surface to the other: a surface that leaves sulci out is near the other one, but not the reverse.
+    apart = max(float(vertex_distances(one, other).mean()) for one, other in ((final, initial), (initial, final)))
+    if apart > LARGEST_DISTANCE_MM:
+        text = (
+            f"the {side} surface lies {apart:.1f} mm from that of the segmentation on average; "
+            f"{LARGEST_DISTANCE_MM} or less is usual: look at it in the slices"
+        )
+        found.append(QualityWarning("segmentation_distance", text, apart))
     if repaired is None:
+        n_crossing = len(self_intersecting_faces(final))
+        share = 100 * n_crossing / len(final.faces)
+        if share > 100 * LARGEST_LEFT_CROSSING:
+            text = (
+                f"{n_crossing} faces ({share:.2g} %) of the {side} surface cross others; "
+                f"{100 * LARGEST_LEFT_CROSSING:g} % or less is usual: volume and thickness need a surface without them"
+            )
+            found.append(QualityWarning("crossing_faces", text, share))
         return found
     # A few faces cross after nearly every flow; that alone is in the numbers, not among the warnings.
     many = repaired.n_crossing > LARGEST_CROSSING * len(repaired.mesh.faces)

@@ -203,7 +203,7 @@ def reconstruct(
         surfaces[side] = HemisphereSurface(start, white, segmented[side], settlement.get(key), placed, pial)
     name = None if system is None else system.name
     for side, surface in surfaces.items():
-        warnings += surface_warnings(side, surface.final, surface.segmented, surface.repaired)
+        warnings += surface_warnings(side, surface.final, surface.initial, surface.segmented, surface.repaired)
     if strict:
         require_no_warnings(warnings)
     seconds = clock.cpu_seconds, clock.wall_seconds

@@ -1,7 +1,9 @@
 """The output folder of a reconstruction: surfaces, transform, numbers, pictures, and an HTML page."""
 
+import dataclasses
 import json
 import os
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -14,11 +16,11 @@ from meshot.files import printable_name, whole_folder
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume, topology, write_mesh
 from meshot.metrics import vertex_distances
 from meshot.pipeline.page import given_up_pictures, overview, reconstruction_page, slice_pictures, surface_view
-from meshot.pipeline.quality import voxels_given_up
+from meshot.pipeline.quality import file_warnings, require_no_warnings, voxels_given_up
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction, StageClock, TrainedNetworks, reconstruct
 from meshot.provenance import provenance
 from meshot.types import Array, Float
-from meshot.volume import Volume, centre_ras, masked_scan, read_volume, resample, voxel_sizes, write_volume
+from meshot.volume import Volume, centre_ras, masked_scan, read_volume_and_facts, resample, voxel_sizes, write_volume
 
 # A reconstruction from a scan to a folder: surfaces, transform, numbers and a page to look at.
 
@@ -87,9 +89,13 @@ def write_reconstruction(
             raise ValueError(f"{folder} exists and is not empty; choose another folder, or replace it with --overwrite")
         if not (folder / REPORT).is_file() or not (folder / PAGE).is_file():
             raise ValueError(f"{folder} holds no reconstruction, and is not replaced; choose another folder")
-    scan = read_volume(path)
+    scan, facts = read_volume_and_facts(path)
+    warnings = file_warnings(path, facts)
     if brain_mask is not None:
-        scan = masked_scan(scan, read_volume(brain_mask))
+        mask, facts = read_volume_and_facts(brain_mask)
+        scan, warnings = masked_scan(scan, mask), warnings + file_warnings(Path(brain_mask), facts)
+    if strict:
+        require_no_warnings(warnings)
     with whole_folder(folder, replace) as temporary, tqdm(unit="stage", leave=False, delay=0.1, disable=quiet) as bar:
 
         def tell(stage: str, n_done: int, n_stages: int) -> None:
@@ -99,6 +105,7 @@ def write_reconstruction(
             bar.refresh()
 
         found = reconstruct(scan, networks.segmentation, networks.system, tell, template, strict, correspondence)
+        found = dataclasses.replace(found, warnings=(*warnings, *found.warnings))
         masked_by = None if brain_mask is None else printable_name(Path(brain_mask).name)
         return write_found(temporary, found, scan, printable_name(path.name), networks, {"brain_mask": masked_by})
 
@@ -111,6 +118,7 @@ def write_found(
     networks: TrainedNetworks,
     facts: Mapping | None = None,
     arrange: Arrange | None = None,
+    finish: Callable[[dict], None] | None = None,
 ) -> dict:
     """Write a reconstruction into a folder that exists: surfaces, transform, labels, numbers and the page.
 
@@ -127,6 +135,8 @@ def write_found(
     arrange : callable, optional
         Writes surfaces, transform and labels, and returns the folder of the page. By default everything goes into the
         folder itself.
+    finish : callable, optional
+        Writes what needs the report, before the page, which lists all files.
 
     Returns
     -------
@@ -165,8 +175,41 @@ def write_found(
     for file, content in ((REPORT, report), (TIMING, report["seconds"]), (TRANSFORM, transform)):
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         (place / file).write_text(text + "\n", encoding="utf-8")
-    (place / PAGE).write_text(reconstruction_page(report, slices, given_up, view), encoding="utf-8")
+    if finish is not None:
+        finish(report)
+    page = reconstruction_page(report, slices, given_up, view, files_beside(folder, place))
+    (place / PAGE).write_text(page, encoding="utf-8")
     return report
+
+
+#: What the files of all layouts are, by the end of their names; the first that fits counts.
+_ABOUT = (
+    (r"[lr]h\.[\w.]*(white|pial|initial|orig|fsaverage5)", "surfaces for FreeSurfer, in surface RAS; they say "
+     "how it leads to the scanner"),
+    (r"\.surf\.gii", "surfaces as GIfTI, in scanner RAS"),
+    (r"\.ply", "surfaces as PLY, in scanner RAS"),
+    (r"(white_matter|_dseg)\.nii\.gz", "white matter on the grid of the scan, 1 on the left and 2 on the right"),
+    (r"filled\.mgz", "white matter on the grid of orig.mgz, 255 on the left and 127 on the right"),
+    (r"(rawavg\.mgz|scan\.nii\.gz|desc-average_T1w\.nii\.gz)", "the scan"),
+    (r"orig\.mgz", "the scan on FreeSurfer's conformed grid"),
+    (r"to_standard\.json", "the transform to MNI152"),
+    (r"\.lta", "the same transform for FreeSurfer"),
+    (r"(to_standard|_xfm|orig_to_\w+)\.txt", "the same transform for ITK"),
+    (r"report\.json", "every number"),
+    (r"timing\.json", "seconds of each stage"),
+    (r"slices\.webp", "the slices above in one small picture"),
+    (r"meshot\.log", "the stages, and warnings"),
+    (r"\.(json|tsv)", "descriptions of the files that have the same name"),
+)  # fmt: skip
+
+
+def files_beside(folder: Path, place: Path) -> list[tuple[list[str], str]]:
+    """The files in a folder, as seen from the folder of the page, with what they are."""
+    found: dict[str, list[str]] = {about: [] for _, about in _ABOUT} | {"": []}
+    for path in sorted(path for path in folder.rglob("*") if path.is_file() and path.name != PAGE):
+        name = printable_name(os.path.relpath(path, place))
+        found[next((about for end, about in _ABOUT if re.search(f"{end}$", path.name)), "")].append(name)
+    return [(names, about) for about, names in found.items() if names]
 
 
 def structure_of(side: Hemisphere, name: str) -> tuple[str, str]:

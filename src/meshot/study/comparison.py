@@ -36,7 +36,7 @@ class Place(NamedTuple):
     side: str
 
     def __str__(self) -> str:
-        return " ".join(filter(None, self))
+        return " ".join(filter(None, self))  # of one scan, the side only
 
 
 def find_surfaces(folder: str | os.PathLike, surface: str = "white") -> dict[Place, Path]:
@@ -45,7 +45,8 @@ def find_surfaces(folder: str | os.PathLike, surface: str = "white") -> dict[Pla
     Three layouts are known. FreeSurfer's: ``SUBJECT/surf/lh.white``. BIDS derivatives:
     ``sub-01_hemi-L_white.surf.gii`` at any depth. The folders of ``meshot reconstruct``: ``SUBJECT/lh.white``, or the
     same with the suffix of another format. A session is a folder ``ses-…``, or the end of a name ``sub-01_ses-02``.
-    The result is in the order of participants, sessions and sides.
+    If there is no folder of a subject, files in the folder itself or in its ``surf`` are those of one scan, and its
+    participant has an empty name. The result is in the order of participants, sessions and sides.
 
     Raises
     ------
@@ -66,8 +67,10 @@ def find_surfaces(folder: str | os.PathLike, surface: str = "white") -> dict[Pla
     if not found:
         raise ValueError(
             f"{folder} holds no surface {surface}; needed are SUBJECT/surf/lh.{surface} (FreeSurfer), "
-            f"sub-01_hemi-L_{surface}.surf.gii (BIDS) or SUBJECT/lh.{surface}"
+            f"sub-01_hemi-L_{surface}.surf.gii (BIDS) or SUBJECT/lh.{surface}, or lh.{surface} of one scan"
         )
+    if any(place.participant for place in found):  # then files beside the folders of subjects are something else
+        found = {place: paths for place, paths in found.items() if place.participant}
     return {place: _only(place, found[place]) for place in sorted(found)}
 
 
@@ -78,8 +81,6 @@ def _place(path: Path, stem: str, surface: str) -> Place | None:
     if match is None or match["name"] != surface:
         return None
     parts = [part for part in path.parts[:-1] if part not in ("surf", "anat")]
-    if not parts:
-        return None
     participant, _, session = "_".join(parts).partition("_ses-")
     return Place(participant, session and f"ses-{session}", _SIDES[match["side"]])
 
@@ -112,6 +113,14 @@ def paired_surfaces(
     ValueError
         If there are such surfaces and ``common`` is false, or if there is no pair.
     """
+    # The folder of one scan goes with that of another, or with the only subject of a folder of subjects.
+    subjects = [{place[:2] for place in places} for places in (found, reference)]
+    if all(len(each) == 1 for each in subjects) and ("", "") in subjects[0] | subjects[1]:
+        named = max(subjects[0] | subjects[1])
+        named = named if named[0] else (next(iter(found.values())).resolve().parent.name, "")
+        found, reference = (
+            {Place(*named, place.side): path for place, path in each.items()} for each in (found, reference)
+        )
     lost = [
         f"{place} is only in the {name}"
         for one, other, name in ((found, reference, "reconstructed folder"), (reference, found, "reference"))

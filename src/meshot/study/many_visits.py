@@ -29,6 +29,7 @@ from meshot.pipeline import (
     QualityWarning,
     TrainedNetworks,
     average_warnings,
+    file_warnings,
     load_networks,
     reconstruct,
     require_no_warnings,
@@ -39,7 +40,7 @@ from meshot.provenance import file_digest
 from meshot.study.bids import Visit, json_of
 from meshot.study.layouts import Layout, layout_named
 from meshot.study.quality import numbers_of_report, write_subjects
-from meshot.volume import Volume, averaged_scan, masked_scan, read_volume
+from meshot.volume import Volume, averaged_scan, masked_scan, read_volume_and_facts
 from meshot.workers import begin_worker
 
 # One visit of a study: from its scans to its folder, whole or not at all.
@@ -117,9 +118,16 @@ def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progre
             warnings.append(QualityWarning("same_file_twice", text))
         distinct.setdefault(digest, path)
     paths = list(distinct.values())
-    scan = averaged_scan([read_volume(path) for path in paths], [path.name for path in paths])
+    scans = []
+    for path in [*paths, *([] if visit.mask is None else [visit.mask])]:
+        volume, said = read_volume_and_facts(path)
+        scans.append(volume)
+        warnings += file_warnings(path, said)
+    if settings.strict:
+        require_no_warnings(warnings)
+    scan = averaged_scan(scans[: len(paths)], [path.name for path in paths])
     if visit.mask is not None:
-        scan = masked_scan(scan, read_volume(visit.mask))
+        scan = masked_scan(scan, scans[-1])
     template = mni152_t1()
     found = reconstruct(
         scan, networks.segmentation, networks.system, progress, template, settings.strict, settings.correspondence
@@ -136,8 +144,8 @@ def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progre
 
     try:
         with whole_folder(folder, replace=folder.is_dir()) as temporary:
-            report = write_found(temporary, found, scan, visit.label, networks, facts, arrange)
-            layout.finish(temporary, visit, report)
+            finish = functools.partial(layout.finish, temporary, visit)
+            report = write_found(temporary, found, scan, visit.label, networks, facts, arrange, finish)
     except ValueError:  # another run of the same study may have ended first, with the same result
         earlier = _earlier_report(folder, layout, facts, settings)
         if earlier is None:
