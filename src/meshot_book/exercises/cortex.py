@@ -31,6 +31,10 @@ def noise_from_air() -> Exercise:
             lambda v: v.std(correction=0),
             lambda v: v.std(),
         ),
+        "right in the limit, but from the variance; use the mean of the squares, 2 σ²": (
+            lambda v: v.std() / math.sqrt(2 - math.pi / 2),
+            lambda v: v.std(correction=0) / math.sqrt(2 - math.pi / 2),
+        ),
         "the squared magnitude is the sum of two channels: its mean is 2 σ²": lambda v: (v**2).mean().sqrt(),
         "this is σ²; σ has the unit of the signal": lambda v: (v**2).mean() / 2,
         "the mean of a magnitude is not σ, and here the second moment is asked for": lambda v: v.mean(),
@@ -498,6 +502,7 @@ def pairs_left() -> Exercise:
         "the paper's bound, one surface of 260 000 faces": (1e-4, 260_000, 1),
         "the same as a mean over 80 scans": (1e-4, 260_000, 80),
         "a coarse mesh": (0.01, 20_480, 3),
+        "less than one pair": (1e-4, 20_480, 80),
         "a generous bound": (1.03, 335_872, 7),
     }
     mistakes = {
@@ -505,7 +510,10 @@ def pairs_left() -> Exercise:
         "this counts faces; an intersecting pair has two faces": lambda p, f, n: int(p / 100 * f * n),
         "the mean is over all scans: one of them may have all the crossings": lambda p, f, n: int(p / 100 * f / 2),
         "the number of pairs must be whole": lambda p, f, n: p / 100 * f * n / 2,
-        "rounded up, the share exceeds the bound: round down": lambda p, f, n: math.ceil(p / 100 * f * n / 2),
+        "rounded up, the share exceeds the bound: round down": (
+            lambda p, f, n: math.ceil(p / 100 * f * n / 2),
+            lambda p, f, n: round(p / 100 * f * n / 2),
+        ),
         "more scans allow more pairs, not fewer": lambda p, f, n: int(p / 100 * f / 2 / n),
     }
     return Exercise(lambda p, f, n: int(p / 100 * f * n / 2), cases, mistakes)
@@ -823,7 +831,10 @@ def handles() -> Exercise:
 
 @exercise
 def surface_ras() -> Exercise:
-    """Check ``function(points_mm, affine, shape)``: scanner RAS to the surface RAS of a conformed FreeSurfer volume."""
+    """Check ``function(points_mm, affine, shape)``: scanner RAS to the surface RAS of a conformed FreeSurfer volume.
+
+    A conformed volume has cubic voxels, and its axes run to the left, downwards and to the front.
+    """
 
     def half(shape: tuple[int, ...] | list[int]) -> Float[Tensor, " 3"]:
         return torch.tensor(shape, dtype=torch.float64) / 2
@@ -832,14 +843,16 @@ def surface_ras() -> Exercise:
         return affine[:3, :3] @ half(shape) + affine[:3, 3]
 
     points = torch.from_numpy(np.random.default_rng(0).normal(scale=30, size=(6, 3)))
-    plain = torch.tensor([[1.0, 0, 0, -98], [0, 1, 0, -134], [0, 0, 1, -72], [0, 0, 0, 1]], dtype=torch.float64)
-    flipped = torch.tensor([[-1.0, 0, 0, 90], [0, 0, 1.2, -80], [0, -1, 0, 110], [0, 0, 0, 1]], dtype=torch.float64)
-    oblique = torch.tensor([[0.8, 0.6, 0, -60], [-0.6, 0.8, 0, 20], [0, 0, 2, -50], [0, 0, 0, 1]], dtype=torch.float64)
+
+    def conformed(size: float, *first: float) -> Float[Tensor, "4 4"]:
+        rows = [[-size, 0, 0, first[0]], [0, 0, size, first[1]], [0, -size, 0, first[2]], [0, 0, 0, 1]]
+        return torch.tensor(rows, dtype=torch.float64)
+
     cases = {
-        "a scan with plain axes": (points, plain, (197, 233, 189)),
-        "a scan with flipped axes": (points, flipped, (256, 160, 256)),
-        "an oblique scan": (points, oblique, (120, 140, 61)),
-        "one point": (points[:1], oblique, (10, 20, 30)),
+        "256³ voxels of 1 mm": (points, conformed(1, 125.8, -94.6, 133.3), (256, 256, 256)),
+        "320³ voxels of 0.8 mm": (points, conformed(0.8, 140, -120, 90.5), (320, 320, 320)),
+        "a volume that is centred at the origin but for 5 mm": (points, conformed(1, 128, -128, 133), (256, 256, 256)),
+        "one point": (points[:1], conformed(1, 90, -80, 110), (256, 256, 256)),
     }
     mistakes = {
         "c_ras is added; that maps surface RAS to scanner RAS, the inverse": lambda p, a, s: p + centre(a, s),

@@ -74,9 +74,9 @@ def undo_step() -> Exercise:
     def half(points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
         return points / 2 + 1
 
-    def undone(velocity: object, images: Tensor, step: float) -> Tensor:
+    def undone(velocity: object, images: Tensor, step: float, n_rounds: int = 400) -> Tensor:
         points = images
-        for _ in range(400):
+        for _ in range(n_rounds):
             points = images - step * velocity(points)
         return points
 
@@ -94,6 +94,9 @@ def undo_step() -> Exercise:
         ),
         "the iteration is right, but two steps are not enough; repeat until it converges": (
             lambda v, y, h: y - h * v(y - h * v(y))
+        ),
+        "the iteration is right, but has not converged: at h Λ = .9 every round gains only a factor of .9": tuple(
+            lambda v, y, h, n=n: undone(v, y, h, n) for n in (3, 5, 10, 20, 30, 40, 50)
         ),
         "that is one more step forward": lambda v, y, h: y + h * v(y),
         "the sign: x + h v(x) = y, so x = y − …": lambda v, y, h: undone(lambda x: -v(x), y, h),
@@ -116,6 +119,8 @@ def pieces_needed() -> Exercise:
         (1.0, 40.0, 0.21),
         (0.1, 1.0, 0.5),
         (3.0, 7.0, 0.05),
+        (2.0, 8.0, 1.0),  # exactly two
+        (2.0, 0.0, 0.3),  # a straight side
     ]
     cases = {f"length {s}, bend {c}, gap {g}": (s, c, g) for s, c, g in triples}
     mistakes = {
@@ -127,6 +132,10 @@ def pieces_needed() -> Exercise:
             lambda s, c, g: math.ceil(s**2 * c / 8 / g)
         ),
         "rounded down; the pieces are then too long": lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)),
+        "one too many where the number is whole already: round up instead of adding one": (
+            lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)) + 1
+        ),
+        "a straight side is one piece, not none": lambda s, c, g: math.ceil(s * math.sqrt(c / 8 / g)),
         "a number of pieces is whole: round it up": lambda s, c, g: s * math.sqrt(c / 8 / g),
         "length and curvature are exchanged": lambda s, c, g: math.ceil(c * math.sqrt(s / 8 / g)),
     }

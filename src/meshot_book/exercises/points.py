@@ -39,8 +39,15 @@ def nearest_arrows() -> Exercise:
         "points that lie on the target already": (y, y),
         "points far from the target": (x + 100, y),
         "points in R³": tuple(torch.from_numpy(generator.normal(size=(n, 3))) for n in (6, 4)),
+        "one target straight above and one aslant": (
+            torch.zeros(1, 2, dtype=torch.float64),
+            torch.tensor([[0.0, 2.5], [1.7, 1.7], [-1.9, -1.9]], dtype=torch.float64),
+        ),
     }
     mistakes = {
+        "nearest by the sum of the absolute differences; take the length of the difference, the root of its squares": (
+            lambda x, y: y[(x[:, None] - y[None]).abs().sum(dim=2).argmin(dim=1)] - x
+        ),
         "the arrows point away from the target: subtract the point from the target, not the reverse": (
             lambda x, y: -to_nearest(x, y)
         ),

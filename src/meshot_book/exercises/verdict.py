@@ -35,21 +35,25 @@ class Exercise:
         A hint that leads on without giving the answer away -> the function that gets it, or several ways to write it.
     properties : callable, optional
         ``properties(answer, *arguments)``: what is compared, where many answers are right.
+    way : callable, optional
+        ``way(*arguments)``, asked after each case: what is wrong with how a right answer was found, or None.
     """
 
     truth: Callable
     cases: dict[str, tuple]
     mistakes: dict[str, Callable | tuple[Callable, ...]]
     properties: Callable | None = None
+    way: Callable | None = None
 
     def complaint(self, function: object) -> str | None:
         """What to tell the author of a function; None if it is right."""
         if not callable(function):
             came = type(function).__name__
             return f"a function is needed, but a {came} came; hand over the function without calling it"
-        tried, trouble = [], None
+        tried, trouble, astray = [], None, None
         for name, arguments in self.cases.items():
             answer, trouble = _try(self._compared(function), arguments)
+            astray = self.way(*arguments) or astray if self.way else None
             right = _as_tensor(self._compared(self.truth)(*arguments))
             trouble = trouble or _wrong_form(answer, right)
             if trouble is not None:
@@ -58,15 +62,24 @@ class Exercise:
             tried.append((arguments, _as_tensor(answer), name, right))
         wrong = [name for _, answer, name, right in tried if not _close(answer, right)]
         if not wrong:
-            return trouble
+            return trouble or astray
         for hint, functions in self.mistakes.items():
             for mistake in functions if isinstance(functions, tuple) else (functions,):
                 if self._agrees(mistake, tried):
                     return hint
-        n_cases = len(self.cases)
-        return (
-            trouble or f"wrong on {len(wrong)} of {n_cases} cases, the first is {wrong[0]}; compute that case by hand"
+        if trouble:
+            return trouble
+        # The smallest answer that is wrong is the one that is checked by hand.
+        _, answer, name, right = min(
+            (each for each in tried if not _close(each[1], each[3])), key=lambda each: each[3].numel()
         )
+        said = f"wrong on {len(wrong)} of {len(self.cases)} cases"
+        if self.properties is not None:
+            return f"{said}, the first is {wrong[0]}; compute that case by hand"
+        place = int((answer - right).abs().flatten().argmax())
+        which = f" at number {place + 1}" if right.numel() > 1 else ""
+        came, needed = (f"{float(values.flatten()[place]):.6g}" for values in (answer, right))
+        return f"{said}. On {name}{which} it gives {came}, and {needed} is right; compute that case by hand"
 
     def _compared(self, function: Callable) -> Callable:
         if self.properties is None:

@@ -1,6 +1,7 @@
 """Every exercise: the solution passes, each usual mistake gets its own hint, and nothing wrong is accepted."""
 
 import copy
+import math
 import re
 import sys
 
@@ -174,17 +175,54 @@ def test_a_zero_whose_sign_is_turned_counts_as_changed(said):
 
 
 def divided_tent(corners, x):
-    """The tent without a thought for a side that is upright."""
+    """The tent without a thought for an upright side. It is wrong at the jump alone, where nothing is defined."""
     low, middle, high = corners.sort().values
     heights = torch.minimum((x - low) / (middle - low), (high - x) / (high - middle)) * 2 / (high - low)
     return torch.where((x >= low) & (x <= high), heights, torch.zeros_like(heights))
+
+
+def interpolated_tent(corners, x):
+    """Zero at both ends."""
+    low, middle, high = np.sort(corners.numpy())
+    return np.interp(x.numpy(), [low, middle, high], [0, 2 / (high - low), 0], left=0, right=0)
+
+
+def freesurfer_tkr(points, affine, shape):
+    """FreeSurfer's own definition: through the voxel, by vox2ras-tkr."""
+    size = affine[:3, :3].norm(dim=0)
+    half = size * torch.tensor(shape) / 2
+    rows = [[-size[0], 0, 0, half[0]], [0, 0, size[2], -half[2]], [0, -size[1], 0, half[1]], [0, 0, 0, 1]]
+    to_surface = torch.tensor(rows, dtype=torch.float64) @ torch.linalg.inv(affine)
+    return points @ to_surface[:3, :3].T + to_surface[:3, 3]
+
+
+@pytest.mark.parametrize(
+    ("name", "right"),
+    [
+        ("tent_density", divided_tent),
+        ("tent_density", interpolated_tent),
+        ("surface_ras", freesurfer_tkr),
+        ("pairs_left", lambda percent, n_faces, n_scans: math.ceil(percent / 100 * n_faces * n_scans / 2) - 1),
+    ],
+)
+def test_another_right_answer_is_accepted(said, name, right):
+    assert said(name, right).startswith("✓")
+
+
+def test_numbers_from_elsewhere_are_refused(said):
+    """Right numbers, but all distances at once: the exercise is about memory."""
+
+    def at_once(points, targets, distances, limit):
+        squares = torch.cdist(points, targets).square()
+        return squares.min(dim=1).values.mean() + squares.min(dim=0).values.mean()
+
+    assert "not from `distances`" in said("blocked_chamfer", at_once)
 
 
 @pytest.mark.parametrize(
     ("name", "wrong", "words"),
     [
         ("without_floor", lambda value, floor: (value**2 - floor**2) ** 0.5, "complex numbers"),
-        ("tent_density", divided_tent, "division by zero"),
         ("ghost_pair", lambda u: torch.zeros(3, 2), "return first, second"),
         ("ghost_pair", lambda u: (torch.zeros(2), torch.zeros(2)), "points are needed"),
         ("trap", lambda y: y[:2], "as many points as targets"),

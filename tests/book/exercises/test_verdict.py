@@ -64,8 +64,8 @@ def test_right(capsys, function):
         (lambda x: x.mul_(2), "changes its arguments"),
         (lambda x: -2 * x, "mind the sign"),
         (lambda x: x[:2], "too short a look"),
-        (lambda x: 2 * x if len(x) == 2 else 3 * x, "wrong on 1 of 2 cases, the first is three"),
-        (lambda x: x * 0, "wrong on 2 of 2 cases, the first is two"),
+        (lambda x: 2 * x if len(x) == 2 else 3 * x, "wrong on 1 of 2 cases. On three at number 1 it gives 9"),
+        (lambda x: x * 0, "wrong on 2 of 2 cases. On two at number "),
         (3, "a function is needed, but a int came"),
     ],
 )
