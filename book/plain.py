@@ -48,7 +48,7 @@ _INLINE = re.compile(
 )
 _MATH = re.compile(r"\$\$[\s\S]*?\$\$|\$[^$]+\$")
 _MACRO = re.compile(rf"([_^]?)\\({'|'.join(MACROS)})(?![A-Za-z])")
-_RAW = re.compile(r"^ *:::.*|\{[\w:-]+\}`.*|^\([\w-]+\)=$", re.M)
+_RAW = re.compile(rf"^ *:::.*|\{{[\w:-]+\}}`.*|^\([\w-]+\)=$|\\(?:{'|'.join(MACROS)})(?![A-Za-z])", re.M)
 
 
 def source_notebook(source: Path) -> nbformat.NotebookNode:

@@ -29,6 +29,7 @@ hypothesis.settings.load_profile("repeatable")
 LONG_FILES = (
     "workflow/test_miniature.py",
     "book/test_reading.py",
+    "book/test_plain.py",
     "experiments/test_comparison.py",
     "synth/test_cohorts.py",
     "loss/test_error_bar.py",

@@ -131,6 +131,7 @@ def test_links_lead_to_the_published_book_where_there_is_one(monkeypatch):
         (":::{figure} a.png\n:::", "':::{figure} a.png' has no plain form"),
         ("a {kbd}`Enter`", "'{kbd}`Enter`' has no plain form"),
         ("(sec-lost)=\n\nWrite.", "'(sec-lost)=' has no plain form"),
+        (r"the macro \SW", r"'\\SW' has no plain form"),
         ("[Table](#tab-none)", "no chapter has the label 'tab-none'"),
         ("in chapter 77", "there is no chapter 77"),
         ("in mm$^2$", "$^2$ touches a word"),
