@@ -432,7 +432,7 @@ def test_a_mesh_does_not_go_away_from_its_target():
 def test_a_coarse_target_is_as_good_as_a_fine_one():
     """A box of 12 faces, and the same box of 768. Without division the coarse one ends far away."""
     coarse = cube(1.4)
-    fine = functools.reduce(lambda mesh, _: split_in_four(mesh), range(3), coarse)
+    fine = Mesh(*functools.reduce(lambda parts, _: split_in_four(*parts), range(3), (coarse.vertices, coarse.faces)))
     found = [deform(icosphere(3), target, n_iterations=100, detail=0.15, progress=False) for target in (coarse, fine)]
     there = [distance(each.mesh, fine) for each in found]
     assert there[0] < 1.2 * there[1] < 0.05

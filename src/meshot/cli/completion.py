@@ -10,12 +10,9 @@ def add_to(commands: Commands) -> None:
         "completion",
         "Print a script with which the shell completes commands and options.",
         "The command prints a script for bash, which zsh reads as well. The shell then completes commands, options, "
-        "names of systems and layouts, and files by the tab key. The first example does so in the present shell; with "
-        "the second, bash does so in every new one.",
-        """
-        eval "$(meshot completion)"
-        meshot completion > ~/.local/share/bash-completion/completions/meshot
-        """,
+        'names of systems and layouts, and files by the tab key. In the present shell: eval "$(meshot completion)". In '
+        "every new one, for bash: write the script to ~/.local/share/bash-completion/completions/meshot.",
+        "meshot completion",
     )
     command.set_defaults(run=lambda chosen: print(script(commands)))
 

@@ -406,7 +406,7 @@ class Deformation:
     --------
     >>> import meshot
     >>> from meshot.mesh.shapes import cube, icosphere
-    >>> result = meshot.deform(icosphere(1), icosphere(1, 1.2), n_iterations=2, detail=0.3, progress=False)
+    >>> result = meshot.deform(icosphere(1), icosphere(1, 1.1), n_iterations=2, detail=0.3, progress=False)
     >>> result.carry(cube(0.1).vertices).shape
     torch.Size([8, 3])
     """

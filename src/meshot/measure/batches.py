@@ -220,7 +220,7 @@ def as_pairs(source: MeasuresLike, target: MeasuresLike, *, of_points: bool = Fa
 def _measures(value: object, name: str, convert: Callable[[object, str], Measure]) -> tuple[list[Measure], bool]:
     """The measures of one side, and whether they are a batch."""
     if isinstance(value, Tensor | np.ndarray) and value.ndim == 3:
-        value = MeasureBatch(value)
+        value = MeasureBatch(torch.as_tensor(value))
     if isinstance(value, MeasureBatch):
         return value.measures, True
     if isinstance(value, list | tuple) and value and not _is_one(value):
