@@ -164,6 +164,7 @@ def reconstruction_page(
         given_up=given_up,
         view=view,
         meshes=[("", *(f"{side}, {stage}" for side, stage in columns)), *rows],
+        pial=_has_pial(report),
         files=files,
         moves=_move_rows(report),
         voxel_mm=" × ".join(f"{v:g}" for v in report["scan"]["voxel_mm"]),
