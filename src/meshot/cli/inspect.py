@@ -8,7 +8,7 @@ from meshot.cli.common import NOTE, Commands, add_command
 from meshot.files import printable_name
 
 if TYPE_CHECKING:  # for annotations only: importing torch would delay --help
-    from meshot import Mesh
+    from meshot.mesh import Mesh
 
 #: Files of scans; all others are read as surfaces.
 _SCANS = (".nii", ".nii.gz", ".nii.bz2", ".mgh", ".mgz", ".hdr", ".img", ".img.gz", ".mnc", ".head", ".brik", ".par")
