@@ -21,7 +21,7 @@ import jinja2
 import nbformat
 
 from meshot.files import whole_file
-from meshot_book.notebook.experiment_files import CHECKSUMS
+from meshot_book.notebook import CHECKSUMS
 from plain import CHAPTERS, PUBLISHED, plain_notebook
 from run_notebooks import retold_notebook
 
