@@ -54,8 +54,8 @@ LARGEST_CROSSING = 0.03
 LARGEST_LEFT_CROSSING = 0.005
 #: The area over that of the segmentation's surface: the shipped flow has 1.25 on the MNI152 average.
 AREAS = (0.8, 2.5)
-#: The larger of the mean distances from the surface to the segmentation's and back, in mm: the shipped flow has .3 mm on
-#: a synthetic head, and .6 on the MNI152 average.
+#: The larger of the mean distances from surface to segmentation and back, in mm: the shipped flow has .3 mm on a
+#: synthetic head, and .6 on the MNI152 average.
 LARGEST_DISTANCE_MM = 1.2
 #: The largest distance by which the repair may move a vertex without a warning, in mm. On these heads it is up to 7 mm.
 LARGEST_REPAIR_MM = 8.0
