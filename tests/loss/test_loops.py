@@ -149,6 +149,7 @@ def test_half_precision_is_computed_in_single(name, dtype):
     value = loss(x, y)
     assert value.dtype == torch.float32
     torch.testing.assert_close(value, loss(x.float(), y.float()), rtol=1e-6, atol=0)
+    torch.testing.assert_close(loss(x[0], y[0]), value[0], rtol=1e-6, atol=0)
     assert slope(loss, x, y).dtype == dtype
     assert bool(torch.isfinite(slope(loss, x, y)).all()) or dtype == torch.float16
 
