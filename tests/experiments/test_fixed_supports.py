@@ -29,7 +29,8 @@ def test_bytes_of_a_step_rebuild(part, record, config, one_thread):
         keys = {name: found[name] for name in ("loss", "variant", "n_faces")}
         (row,) = (r for r in record["results"]["costs"] if all(r[k] == v for k, v in keys.items()))
         for name in ("step_bytes", "loss_bytes"):
-            assert found[name] == pytest.approx(row[name], rel=0.01)
+            # Since the committed run, the sliced loss keeps its arguments for second derivatives: up to 28 bytes a face.
+            assert 0.99 * row[name] <= found[name] <= 1.01 * row[name] + 28 * found["n_faces"]
 
 
 def test_a_short_fit_rebuilds_its_committed_numbers(part, one_thread):

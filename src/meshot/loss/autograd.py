@@ -88,7 +88,9 @@ class _Solved(torch.autograd.Function):
             raise ValueError(f"the loss exceeds the range of {values.dtype}: scale both measures down")
         ctx.again, ctx.size = again, size
         ctx.gradients = [gradient for _, gradients in found for gradient in gradients]
-        ctx.save_for_backward(*tensors)  # read only if the gradient is to be differentiated
+        # Read only if the gradient is to be differentiated. Tensors without a gradient belong to the caller.
+        ctx.constants = [None if want else tensor for tensor, want in zip(tensors, wanted, strict=True)]
+        ctx.save_for_backward(*(tensor for tensor, want in zip(tensors, wanted, strict=True) if want))
         return values
 
     @staticmethod
@@ -101,7 +103,8 @@ class _Solved(torch.autograd.Function):
 
 def _differentiable(ctx, grad_output: Tensor) -> list[Tensor | None]:
     """The gradients as functions of the inputs."""
-    tensors, wanted = ctx.saved_tensors, ctx.needs_input_grad[3:]
+    saved, wanted = iter(ctx.saved_tensors), ctx.needs_input_grad[3:]
+    tensors = [next(saved) if want else constant for constant, want in zip(ctx.constants, wanted, strict=True)]
     if ctx.again is None:
         factors = grad_output.repeat_interleave(ctx.size)
         products = [None if g is None else c * g for c, g in zip(factors, ctx.gradients, strict=True)]
