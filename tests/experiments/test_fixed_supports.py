@@ -29,7 +29,7 @@ def test_bytes_of_a_step_rebuild(part, record, config, one_thread):
         keys = {name: found[name] for name in ("loss", "variant", "n_faces")}
         (row,) = (r for r in record["results"]["costs"] if all(r[k] == v for k, v in keys.items()))
         for name in ("step_bytes", "loss_bytes"):
-            # Since the committed run, the sliced loss keeps its arguments for second derivatives: up to 28 bytes a face.
+            # Since the committed run, the loss keeps its arguments for second derivatives: up to 28 bytes a face.
             assert 0.99 * row[name] <= found[name] <= 1.01 * row[name] + 28 * found["n_faces"]
 
 
