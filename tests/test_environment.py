@@ -130,7 +130,7 @@ def run_without(names: set[str], code: str) -> subprocess.CompletedProcess:
 
 OPEN_EVERYTHING = """
 import importlib, meshot
-for name in dir(meshot):
+for name in set(dir(meshot)) - {others}:  # a room whose own door needs an extra names it: see below
     getattr(meshot, name)
 for name in {rooms}:
     room = importlib.import_module(name)
@@ -166,7 +166,8 @@ def lacking(root: Path, *extras: str) -> set[str]:
 
 def test_losses_need_no_extra(root):
     missing = lacking(root, "cortex", "bids")
-    done = run_without(missing, OPEN_EVERYTHING.format(rooms=[f"meshot.{room}" for room in PLAIN]))
+    others = {place.parent.name for place in (root / "src" / "meshot").glob("*/__init__.py")} - set(PLAIN)
+    done = run_without(missing, OPEN_EVERYTHING.format(rooms=[f"meshot.{room}" for room in PLAIN], others=others))
     assert done.returncode == 0, done.stderr
 
 
