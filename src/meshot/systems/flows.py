@@ -125,8 +125,10 @@ def scaled_between_tissues(image: Volume, surface: Mesh) -> Volume:
 
     Along the normal of every vertex, the level of white matter is the median of three values 1.5 to 2.5 mm inside, and
     that of grey matter of three values 1 to 1.5 mm outside. Both are averaged over vertices that are near, by a
-    Gaussian with a standard deviation of 15 mm. So contrast, bias field, and a surface that lies on the wrong side of
-    the border do not move the 0. :func:`meshot.systems.standardised` takes the values at the surface itself instead.
+    Gaussian with a standard deviation of 15 mm. So the 0 does not depend on the contrast, and little on a smooth bias
+    field. On a sphere of white matter of 25 mm, a surface up to 0.5 mm inside the border or 1 mm outside moves it by
+    about a tenth of half the contrast; one that lies 1 mm inside, by half.
+    :func:`meshot.systems.standardised` takes the values at the surface itself instead.
 
     Parameters
     ----------
