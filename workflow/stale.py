@@ -31,6 +31,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TextIO
@@ -52,6 +53,8 @@ LOCK = "lock"
 SMALL = "{command} --only 1 -o {{out}}/results.json"
 #: The folder in which the runner keeps the states of tasks is called after settings and code.
 STATES = re.compile(r"^partial/[0-9a-f]+/")
+#: The inputs that a reason names. It counts the others.
+FEW = 3
 #: What differs from run to run.
 UNLIKE = ("seconds", "stamp", "commit", "date", "command", "machine", "processor", "versions")
 
@@ -133,13 +136,14 @@ class Results:
         pairs = itertools.zip_longest(was["settings"], now["settings"], task.reads)
         found = [f"{read or 'a setting that is gone'} has changed" for before, after, read in pairs if before != after]
         found += ["its code has changed"] if was["code"] != now["code"] else []
-        for name in dict.fromkeys([*now["inputs"], *was["inputs"]]):
-            if was["inputs"].get(name) != now["inputs"].get(name):
-                # Tasks without a result are not in the list: why they have changed is said here.
-                up = self.graph.tasks.get(name)
-                why = self.changes(up, planned) if up and not up.writes else []
-                found.append(f"{name} has changed" + (f" ({'; '.join(why)})" if why else ""))
-        return found
+        names = dict.fromkeys([*now["inputs"], *was["inputs"]])
+        others = [name for name in names if was["inputs"].get(name) != now["inputs"].get(name)]
+        for name in others[:FEW]:
+            # Tasks without a result are not in the list: why they have changed is said here.
+            up = self.graph.tasks.get(name)
+            why = self.changes(up, planned) if up and not up.writes else []
+            found.append(f"{name} has changed" + (f" ({'; '.join(why)})" if why else ""))
+        return found + ([f"{len(others) - FEW} more that it reads have changed"] if others[FEW:] else [])
 
     def before(self, task: Task, planned: bool = False) -> list[Task]:
         """The tasks that come before a task, without those that wait for a request unless there is one."""
@@ -156,8 +160,9 @@ class Results:
         missing = [f"{path} is missing" for path in task.writes if not (self.root / path).exists()]
         if task.derived:
             before = (up for up in self.before(task, planned) if up.writes)
-            news = (up for up in before if self.stamp(up, planned).is_file() or self.reasons(up, planned))
-            return missing + [f"{up.name} runs" for up in news]
+            news = [up.name for up in before if self.stamp(up, planned).is_file() or self.reasons(up, planned)]
+            more = [f"{len(news) - FEW} more run"] if news[FEW:] else []
+            return missing + [f"{name} runs" for name in news[:FEW]] + more
         return missing + self.changes(task, planned)
 
     def stale(self, planned: bool = False) -> dict[str, list[str]]:
@@ -390,7 +395,12 @@ def main(words: list[str] | None = None) -> int:
         results = opened(asked.graph, asked.root)
         stale = results.stale(asked.planned)
         if asked.action == "list":
-            print("\n".join(f"{name}: {'; '.join(reasons)}" for name, reasons in stale.items()) or "nothing is stale")
+            alike: dict[str, list[str]] = {}
+            for name, reasons in stale.items():
+                alike.setdefault("; ".join(reasons), []).append(name)
+            for reason, names in alike.items():
+                print(textwrap.fill(f"{', '.join(names)}: {reason}", 120, subsequent_indent="  "))
+            print(f"{len(stale)} results are out of date" if stale else "nothing is stale")
             return int(bool(stale))
         tasks = results.graph.tasks.values()
         known = [task.name for task in tasks if not task.derived and not results.is_planned(task)]

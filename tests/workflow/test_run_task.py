@@ -42,6 +42,7 @@ def test_other_settings_clear_what_is_there(task, toy, capsys):
     assert capsys.readouterr().out.splitlines() == [
         "sum: raw_b has changed (recipes/b.yaml has changed)",
         "page: sum runs",
+        "2 results are out of date",
     ]
     assert task("run", "raw_b", "sum", "page") == 0
     assert not (toy / "build/raw/b.rest").exists()
