@@ -205,24 +205,30 @@ def times(config: dict) -> dict:
 ENCODINGS = ("continuous", "barycentres", "samples")
 
 
-def descents(config: dict) -> list[dict]:
-    """For every encoding and seed: the distance from the target at the start and at the end."""
-    return [descend_once(encoding, seed, config) for encoding in ENCODINGS for seed in config["descent"]["seeds"]]
+def descents(config: dict) -> dict[str, list[dict]]:
+    """For every encoding its own rate, by the surface distance of one seed, and descents from other seeds with it."""
+    settings, trials, runs = config["descent"], [], []
+    for encoding in ENCODINGS:
+        tried = [descend_once(encoding, settings["trial_seed"], rate, config) for rate in settings["rates"]]
+        rate = min(tried, key=lambda row: row["end"]["surface_distance"])["rate"]
+        trials += tried
+        runs += [descend_once(encoding, seed, rate, config) for seed in settings["seeds"]]
+    return {"descent_rates": trials, "descent": runs}
 
 
-def descend_once(encoding: str, seed: int, config: dict) -> dict:
+def descend_once(encoding: str, seed: int, rate: float, config: dict) -> dict:
     """Free vertices, Adam with a cosine schedule, new directions at every step, no regulariser."""
     settings = config["descent"]
     start = icosphere(settings["source_subdivisions"], 40.0)
     target = folded_sphere(settings["target_subdivisions"], 40.0, settings["depth"])
     generator = np.random.default_rng([seed, 3])
     vertices = start.vertices.clone().requires_grad_()
-    optimiser = torch.optim.Adam([vertices], lr=settings["rate"])
+    optimiser = torch.optim.Adam([vertices], lr=rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, settings["n_steps"])
     for _ in range(settings["n_steps"]):
         directions = random_directions(config["n_directions"], 3, generator)
         pair = [
-            _encoded(mesh, encoding, len(start.faces), generator) for mesh in (start.with_vertices(vertices), target)
+            _encoded(mesh, encoding, len(target.faces), generator) for mesh in (start.with_vertices(vertices), target)
         ]
         optimiser.zero_grad()
         sliced_wasserstein(*pair, directions).backward()
@@ -230,11 +236,11 @@ def descend_once(encoding: str, seed: int, config: dict) -> dict:
         schedule.step()
     end = start.with_vertices(vertices.detach())
     before, after = (_judged(mesh, target, settings) for mesh in (start, end))
-    return {"encoding": encoding, "seed": seed, "start": before, "end": after}
+    return {"encoding": encoding, "rate": rate, "seed": seed, "start": before, "end": after}
 
 
 def _encoded(mesh: Mesh, encoding: str, n_points: int, generator: np.random.Generator) -> object:
-    """The encoding of a mesh. Samples have as many points as the moving mesh has faces, on either side."""
+    """The encoding of a mesh. Samples have as many points as the target has faces, on either side, and are drawn anew."""
     if encoding == "continuous":
         return surface(mesh)
     if encoding == "samples":
@@ -258,7 +264,8 @@ PARTS = {"accuracy": accuracy, "sampling": sampling, "time": times, "descent": d
 
 def summarise(rows: list[dict], config: dict) -> dict:
     """The results of all parts."""
-    return {row["task"]: row["found"] for row in rows}
+    found = {row["task"]: row["found"] for row in rows}
+    return found | found.pop("descent")
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ def test_a_descent_starts_where_it_did_and_falls(part_of):
     results, config = committed("exact_value")
     fitting = part_of("exact_value", "run")
     short = config | {"descent": config["descent"] | {"n_steps": 3}}
-    run = fitting.descend_once("continuous", 0, short)
+    run = fitting.descend_once("continuous", 0, results["descent"][0]["rate"], short)
     stored = results["descent"][0]
     assert run["start"]["sliced_distance"] == pytest.approx(stored["start"]["sliced_distance"], rel=1e-9)
     assert stored["end"]["sliced_distance"] < run["end"]["sliced_distance"] < run["start"]["sliced_distance"]
