@@ -3,6 +3,7 @@
 import itertools
 import math
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,14 @@ def smallest_shares(face_counts: list[int], bound: float, n_scans: int) -> list[
     rows = []
     for n_faces in face_counts:
         allowed = bound / 100 * n_faces
+        # Strictly below, and exact: 1e-4 / 100 * 100_000 * 80 / 2 is 3.9999999999999996 in floating point.
+        pairs = math.ceil(Fraction(str(bound)) * n_faces * n_scans / 200) - 1
         rows.append(
             {
                 "n_faces": n_faces,
                 "smallest_nonzero_percent": 200 / n_faces,
                 "faces_below_bound": allowed,
-                "pairs_below_bound_over_scans": int(allowed * n_scans / 2),
+                "pairs_below_bound_over_scans": pairs,
                 "smallest_nonzero_mean_percent": 200 / n_faces / n_scans,
             }
         )

@@ -148,5 +148,7 @@ def test_counts(part):
     (row,) = counting.smallest_shares([200], 1.0, 3)
     assert row["smallest_nonzero_percent"] == 1.0
     assert row["faces_below_bound"] == 2.0
-    assert row["pairs_below_bound_over_scans"] == 3
+    assert row["pairs_below_bound_over_scans"] == 2  # three pairs are the bound itself
+    rows = counting.smallest_shares([100_000, 260_000, 1_000_000], 1e-4, 80)
+    assert [row["pairs_below_bound_over_scans"] for row in rows] == [3, 10, 39]
     assert counting.faces_for(1.0) == 200
