@@ -69,14 +69,17 @@ def test_a_chapter_is_counted_up_to_its_exercises():
     ran = nbformat.v4.new_output("stream", text="seed 0; ran in 12 s")
     notebook = nbformat.v4.new_notebook(
         cells=[
-            words("# Title\n\n" + "word " * 399),
+            words("# Title\n\n" + "word " * 399 + "\n\n$$\nx = 1\n$$"),
             cell("x = 1\n\ny = 2", outputs=[picture]),
             cell("import this", metadata={"tags": ["imports"]}),
-            words("## Exercises\n\nmany words"),
+            words("## Exercises\n\n### ★ One\n\nmany words"),
+            words("### ★★★ Two"),
             cell("solve()", outputs=[ran]),
         ]
     )
     found = count_reading(notebook)
-    assert found == (400, 1, 2, 2, 1, 12)
-    assert found.minutes == 2
-    assert found.head == "About 2 minutes to read: 400 words, 1 figures and tables. The code ran in 12 s."
+    assert found == (400, 1, 0, 1, 25, 2, 12)
+    assert found.minutes == 3  # 2 for the words, 36 s for a figure, a formula and two lines
+    assert found.head == (
+        "About 3 minutes to read, and 25 for the exercises: 400 words, 1 figures and tables. The code ran in 12 s."
+    )
