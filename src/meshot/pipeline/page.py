@@ -21,8 +21,13 @@ _WIDTH_INCHES = 5.6
 _HEADROOM = 1.4  # white matter is shown as light grey, so that the lines stand out
 #: Planes, and positions along their axis as fractions of the extent of the surfaces.
 _CUTS = (
-    ("axial", 0.45), ("axial", 0.65), ("coronal", 0.4), ("coronal", 0.6), ("sagittal", 0.3), ("sagittal", 0.7),
-)  # fmt: skip
+    ("axial", 0.45),
+    ("axial", 0.65),
+    ("coronal", 0.4),
+    ("coronal", 0.6),
+    ("sagittal", 0.3),
+    ("sagittal", 0.7),
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,9 +126,12 @@ def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]
             return interactive(meshes, alt=f"{alt}, as the segmentation has them.").html
         limit = max(float(np.percentile(numbers, 99)) for numbers in distances.values())
         return interactive(
-            meshes, distances, alt=f"{alt}, coloured by the distance from the initial surface.",
-            label="distance from the initial surface", limits=(0.0, max(round(limit, 1), 0.1)),
-        ).html  # fmt: skip
+            meshes,
+            distances,
+            alt=f"{alt}, coloured by the distance from the initial surface.",
+            label="distance from the initial surface",
+            limits=(0.0, max(round(limit, 1), 0.1)),
+        ).html
     except RuntimeError as error:  # no OpenGL here
         return f"<p>{error}</p>"
 
@@ -141,11 +149,15 @@ def reconstruction_page(
     """The page as HTML. ``files``: names beside the page, and what these are."""
     surfaces = report["surfaces"]
     meshes = [
-        ("vertices", "n_vertices"), ("faces", "n_faces"), ("Euler number χ (a sphere has 2)", "euler_number"),
-        ("edges of one face only", "n_boundary_edges"), ("edges of more than two faces", "n_nonmanifold_edges"),
+        ("vertices", "n_vertices"),
+        ("faces", "n_faces"),
+        ("Euler number χ (a sphere has 2)", "euler_number"),
+        ("edges of one face only", "n_boundary_edges"),
+        ("edges of more than two faces", "n_nonmanifold_edges"),
         ("self-intersecting faces", "n_self_intersecting_faces"),
-        ("volume inside (cm³)", "volume_cm3"), ("area (cm²)", "area_cm2"),
-    ]  # fmt: skip
+        ("volume inside (cm³)", "volume_cm3"),
+        ("area (cm²)", "area_cm2"),
+    ]
     stages = (("initial", "final") if report["system"] else ("initial",)) + ("pial",) * _has_pial(report)
     columns = [(side, stage) for side in surfaces for stage in stages]
     rows = [(label, *(_cell(surfaces[side][stage][key]) for side, stage in columns)) for label, key in meshes]

@@ -184,8 +184,10 @@ def write_found(
 
 #: What the files of all layouts are, by the end of their names; the first that fits counts.
 _ABOUT = (
-    (r"[lr]h\.[\w.]*(white|pial|initial|orig|fsaverage5)", "surfaces for FreeSurfer, in surface RAS; they say "
-     "how it leads to the scanner"),
+    (
+        r"[lr]h\.[\w.]*(white|pial|initial|orig|fsaverage5)",
+        "surfaces for FreeSurfer, in surface RAS; they say how it leads to the scanner",
+    ),
     (r"\.surf\.gii", "surfaces as GIfTI, in scanner RAS"),
     (r"\.ply", "surfaces as PLY, in scanner RAS"),
     (r"(white_matter|_dseg)\.nii\.gz", "white matter on the grid of the scan, 1 on the left and 2 on the right"),
@@ -200,7 +202,7 @@ _ABOUT = (
     (r"slices\.webp", "the slices above in one small picture"),
     (r"meshot\.log", "the stages, and warnings"),
     (r"\.(json|tsv)", "descriptions of the files that have the same name"),
-)  # fmt: skip
+)
 
 
 def files_beside(folder: Path, place: Path) -> list[tuple[list[str], str]]:

@@ -336,10 +336,13 @@ def train_segmentation(
     made_with = config.as_dict() | {"data": data_record(training, validation, digest)}
     made_with |= {} if start is None else {"start_sha256": network_digest(start)}
     return train_network(
-        network, settings.plan(len(training)),
+        network,
+        settings.plan(len(training)),
         Task(loss_of, lambda _: _validation(network, validation, settings, device)),
-        made_with, folder, progress,
-    )  # fmt: skip
+        made_with,
+        folder,
+        progress,
+    )
 
 
 def first_network(config: SegmentationConfig, start: SegmentationNetwork | None) -> SegmentationNetwork:

@@ -203,9 +203,15 @@ with needing("bids"):
 PROTOCOL = ("acq", "ce", "rec", "echo", "part", "chunk", "task")
 #: Long names of the specification -> entities in names.
 _SHORT = {
-    "acquisition": "acq", "ceagent": "ce", "reconstruction": "rec", "run": "run", "echo": "echo", "part": "part",
-    "chunk": "chunk", "task": "task",
-}  # fmt: skip
+    "acquisition": "acq",
+    "ceagent": "ce",
+    "reconstruction": "rec",
+    "run": "run",
+    "echo": "echo",
+    "part": "part",
+    "chunk": "chunk",
+    "task": "task",
+}
 #: T1-weighted scans have echo times of a few milliseconds, T2-weighted scans of 60 ms and more; in seconds.
 LONGEST_ECHO = 0.04
 
@@ -466,9 +472,11 @@ def brain_mask_of(derivatives: Path, visit: Visit) -> Path:
 
 def _fits(mask: dict[str, str], scan: dict[str, str]) -> bool:
     own = mask.get("desc") == "brain" and mask.get("space") in _OWN_SPACES and mask.get("sub") == scan.get("sub")
-    return own and all(scan.get(key) == value for key, value in mask.items() if key not in _FREE) and (
-        mask.get("ses") in (None, scan.get("ses"))
-    )  # fmt: skip
+    return (
+        own
+        and all(scan.get(key) == value for key, value in mask.items() if key not in _FREE)
+        and (mask.get("ses") in (None, scan.get("ses")))
+    )
 
 
 def _n_entities(path: Path) -> int:

@@ -81,8 +81,10 @@ def finish_freesurfer(folder: Path, visit: Visit, report: dict) -> None:
     lines = [f"meshot reconstruct, {report['date']}, commit {report['commit']}"]
     lines += [f"scan {path}" for path in visit.scans] + list(visit.notes)
     seconds = report["seconds"]
-    lines += [f"{stage}: {seconds['clock'][stage]} s, {seconds['processor'][stage]} s of processor time"
-              for stage in seconds["clock"]]  # fmt: skip
+    lines += [
+        f"{stage}: {seconds['clock'][stage]} s, {seconds['processor'][stage]} s of processor time"
+        for stage in seconds["clock"]
+    ]
     lines += [f"warning: {warning}" for warning in report["warnings"]]
     scripts = folder / "scripts"
     scripts.mkdir()
@@ -94,8 +96,16 @@ def finish_freesurfer(folder: Path, visit: Visit, report: dict) -> None:
 VERSION = "1.10.0"
 #: What the specification does not describe: pages, tables and logs of the study, transforms, and surfaces.
 IGNORED = (
-    "*.html", "subjects.*", "verdicts*.tsv", "logs/", "report", "*_xfm.*", "*.surf.gii", "*_white.json", "*_pial.json",
-)  # fmt: skip
+    "*.html",
+    "subjects.*",
+    "verdicts*.tsv",
+    "logs/",
+    "report",
+    "*_xfm.*",
+    "*.surf.gii",
+    "*_white.json",
+    "*_pial.json",
+)
 _LABELS = "index\tname\tabbreviation\n1\tLeft cerebral white matter\tlWM\n2\tRight cerebral white matter\trWM\n"
 
 

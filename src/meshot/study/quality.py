@@ -32,17 +32,26 @@ _SURFACE_COLUMNS = {
     "faces": (("final", "n_faces"), 1, "Number of faces", None),
     "euler": (("final", "euler_number"), 1, "Euler number; a sphere has 2", None),
     "self_intersecting_faces": (
-        ("final", "n_self_intersecting_faces"), 1, "Number of faces that intersect another face", None
+        ("final", "n_self_intersecting_faces"),
+        1,
+        "Number of faces that intersect another face",
+        None,
     ),
     "area_mm2": (("final", "area_cm2"), 100, "Area", "mm^2"),
     "volume_mm3": (("final", "volume_cm3"), 1000, "Enclosed volume", "mm^3"),
     "distance_from_initial_mm": (
-        ("distance_from_initial_mm", "mean"), 1, "Mean distance of the vertices from the initial surface", "mm"
+        ("distance_from_initial_mm", "mean"),
+        1,
+        "Mean distance of the vertices from the initial surface",
+        "mm",
     ),
     "voxels_given_up": (
-        ("n_voxels_given_up",), 1, "Voxels of white matter that were left out to give the surface genus 0", None
+        ("n_voxels_given_up",),
+        1,
+        "Voxels of white matter that were left out to give the surface genus 0",
+        None,
     ),
-}  # fmt: skip
+}
 _OTHER_COLUMNS = {
     "participant_id": {"Description": "The participant, such as sub-01"},
     "session_id": {"Description": "The session, such as ses-01"},

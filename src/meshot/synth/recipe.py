@@ -111,10 +111,13 @@ def drawn_person(variation: People, shape: Shape, position: Position, seed: int)
     if has_skull:
         shares |= {"dura": 0.0, "cut": 0.0}
     anatomy = Anatomy(
-        ventricles=at_age(variation.ventricles), head_mm=layers if has_skull else (), n_lines=2,
-        leaf_mm=between(variation.leaf_mm), sulci_mm=between(variation.sulci_mm),
+        ventricles=at_age(variation.ventricles),
+        head_mm=layers if has_skull else (),
+        n_lines=2,
+        leaf_mm=between(variation.leaf_mm),
+        sulci_mm=between(variation.sulci_mm),
         blemishes=Blemishes(**shares, vessels=int(rng.integers(variation.vessels + 1))),
-    )  # fmt: skip
+    )
     recess = between(variation.recess)
     thickness, atrophy = at_age(variation.thickness) + recess, at_age(variation.atrophy) + recess
     shape = dataclasses.replace(shape, thickness=thickness, atrophy=atrophy, mirrored=mirrored)

@@ -56,9 +56,12 @@ class Atlas(nn.Module):
     # ``level``: the initial threshold, relative to the intensity of deep white matter.
 
     def __init__(
-        self, shape: Sequence[int], reduction: int = 4, fractions: Float[Array, "2 i j k"] | None = None,
+        self,
+        shape: Sequence[int],
+        reduction: int = 4,
+        fractions: Float[Array, "2 i j k"] | None = None,
         level: float = 0.8,
-    ):  # fmt: skip
+    ):
         super().__init__()
         require_positive_integer(reduction, "reduction", 16)
         if len(shape) != 3 or any(n % reduction or n < 2 * reduction for n in shape):

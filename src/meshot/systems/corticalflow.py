@@ -95,9 +95,15 @@ class FlowBlock(nn.Module):
     # layer is multiplied by it.
 
     def __init__(
-        self, side: Hemisphere, n_before: int = 0, *, template: Mapping | TemplateSettings | None = None,
-        box: Tensor | None = None, generator: Generator = 0, **architecture: float,
-    ):  # fmt: skip
+        self,
+        side: Hemisphere,
+        n_before: int = 0,
+        *,
+        template: Mapping | TemplateSettings | None = None,
+        box: Tensor | None = None,
+        generator: Generator = 0,
+        **architecture: float,
+    ):
         super().__init__()
         require_positive_integer(n_before + 1, "n_before + 1", 10)
         own = FlowSettings.read(architecture)
@@ -232,9 +238,10 @@ class System(SurfaceSystem):
         form = settings.network.as_dict() | {"template": settings.template, "generator": settings.training.seed}
         return {
             name: FlowBlock(key[0], k, **form)
-            for key in cls.surfaces_of(settings) if key[0] in settings.training.sides
+            for key in cls.surfaces_of(settings)
+            if key[0] in settings.training.sides
             for k, name in enumerate(_names(key))
-        }  # fmt: skip
+        }
 
     @classmethod
     def train_parts(cls, examples: ExampleSets, settings: FlowGroups, run: Run) -> dict[str, Part]:

@@ -69,9 +69,16 @@ class DistanceNetwork(nn.Module):
     # ``generator``: source of the initial weights.
 
     def __init__(
-        self, n_surfaces: int = 2, width: int = 16, depth: int = 4, fold: int = 2, hidden: int = 64, n_blocks: int = 5,
-        unit: float = 5.0, generator: Generator = 0,
-    ):  # fmt: skip
+        self,
+        n_surfaces: int = 2,
+        width: int = 16,
+        depth: int = 4,
+        fold: int = 2,
+        hidden: int = 64,
+        n_blocks: int = 5,
+        unit: float = 5.0,
+        generator: Generator = 0,
+    ):
         super().__init__()
         require_positive_integer(n_surfaces, "n_surfaces", 8)
         own = NetworkSettings(width, depth, fold, hidden, n_blocks, unit)

@@ -435,6 +435,11 @@ class Windows(DeformationSystem):
 
     name = "windows"
     loss = {  # noqa: RUF012
-        "loss": "windowed", "encoding": "varifold", "window": 6.0, "n_windows": 32, "n_directions": 16,
-        "normal_scale": 8.0, "p": 1,
-    }  # fmt: skip
+        "loss": "windowed",
+        "encoding": "varifold",
+        "window": 6.0,
+        "n_windows": 32,
+        "n_directions": 16,
+        "normal_scale": 8.0,
+        "p": 1,
+    }

@@ -88,10 +88,16 @@ class MeshNetwork(nn.Module):
     # ``generator``: source of the initial weights. Those that move vertices are zero.
 
     def __init__(
-        self, width: int = 8, depth: int = 4, fold: int = 2, n_features: int = 32, n_blocks: int = 2,
-        template: Mapping | TemplateSettings | None = None, boxes: Mapping[str, Tensor] | None = None,
+        self,
+        width: int = 8,
+        depth: int = 4,
+        fold: int = 2,
+        n_features: int = 32,
+        n_blocks: int = 2,
+        template: Mapping | TemplateSettings | None = None,
+        boxes: Mapping[str, Tensor] | None = None,
         generator: Generator = 0,
-    ):  # fmt: skip
+    ):
         super().__init__()
         self.arguments = NetworkSettings(width, depth, fold, n_features, n_blocks).as_dict()
         shape, boxes = TemplateSettings.read(template or {}), boxes or {}

@@ -92,9 +92,14 @@ class TrainingSettings(Settings):
         """The settings in steps instead of epochs, for a number of training examples."""
         per_epoch = -(-n_examples // self.batch_size)
         return Plan(
-            self.n_epochs * per_epoch, self.validate_every * per_epoch, self.save_every, self.patience,
-            self.learning_rate, self.schedule, self.averaging,
-        )  # fmt: skip
+            self.n_epochs * per_epoch,
+            self.validate_every * per_epoch,
+            self.save_every,
+            self.patience,
+            self.learning_rate,
+            self.schedule,
+            self.averaging,
+        )
 
 
 LOG = "log.jsonl"

@@ -52,9 +52,15 @@ def paired_gaps(
 
 #: Names in the results, and in an evaluation.
 METRICS = {
-    "emd_mm": "emd", "swd_mm": "swd", "assd_mm": "assd", "hausdorff90_mm": "hausdorff", "normals": "normals",
-    "crossing_faces": "intersecting_faces", "crossing_percent": "intersecting_share", "euler_number": "euler_number",
-}  # fmt: skip
+    "emd_mm": "emd",
+    "swd_mm": "swd",
+    "assd_mm": "assd",
+    "hausdorff90_mm": "hausdorff",
+    "normals": "normals",
+    "crossing_faces": "intersecting_faces",
+    "crossing_percent": "intersecting_share",
+    "euler_number": "euler_number",
+}
 #: The metrics that two surfaces are compared by.
 COMPARED = ("emd_mm", "swd_mm", "assd_mm", "hausdorff90_mm", "normals", "crossing_percent")
 
