@@ -29,11 +29,11 @@ hypothesis.settings.load_profile("repeatable")
 LONG_FILES = (
     "workflow/test_miniature.py",
     "book/test_reading.py",
-    "book/test_plain.py",
     "experiments/test_comparison.py",
     "synth/test_cohorts.py",
-    "loss/test_error_bar.py",
     "pipeline/test_report.py",
+    "book/test_plain.py",  # both this and the first need the rendered book: the other core would wait for it
+    "loss/test_error_bar.py",
     "loss/test_drawn_problems.py",
     "book/test_extensions.py",
     "experiments/test_ddot.py",
