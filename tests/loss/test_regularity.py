@@ -182,6 +182,64 @@ def test_a_vertex_without_weights_lies_where_it_should():
         assert value == pytest.approx(4 / 7 * float(cotangent_laplacian_length(mesh)))
 
 
+# In a training loop.
+
+
+@pytest.mark.parametrize("regulariser", OF_MESHES)
+def test_a_list_of_meshes_is_a_batch(regulariser):
+    meshes = [Mesh(m.vertices.clone().requires_grad_(), m.faces) for m in (tetrahedron(), cube(2.0), icosphere(1))]
+    vertices = [mesh.vertices for mesh in meshes]
+    values = regulariser(meshes)
+    assert values.shape == (3,)
+    for value, mesh in zip(values, meshes, strict=True):
+        assert float(value.detach()) == float(regulariser(mesh).detach())
+    torch.testing.assert_close(regulariser(tuple(meshes), reduction="mean"), values.mean(), rtol=1e-15, atol=0)
+    found = torch.autograd.grad(2 * values[1], vertices, allow_unused=True)
+    (alone,) = torch.autograd.grad(regulariser(meshes[1]), vertices[1])
+    assert (found[0], found[2]) == (None, None) or not bool(found[0].any() + found[2].any())
+    torch.testing.assert_close(found[1], 2 * alone)
+
+
+def test_the_mean_of_a_batch_counts_every_mesh_alike():
+    """Not every edge: 8 for the tetrahedron, 16/3 for the cube, as PyTorch3D averages."""
+    meshes = [tetrahedron(), cube(2.0)]
+    assert float(squared_edge_length(meshes, reduction="mean")) == pytest.approx((8 + 96 / 18) / 2)
+    contours = [regular_polygon(4, 2.0), regular_polygon(3, 2.0)]
+    torch.testing.assert_close(squared_edge_length(contours), torch.tensor([8.0, 12.0]).double())
+    torch.testing.assert_close(normal_inconsistency(contours), torch.tensor([1.0, 1.5]).double())
+
+
+@pytest.mark.parametrize("regulariser", OF_MESHES)
+def test_penalties_survive_what_a_loop_does(regulariser):
+    """Half precision in mm, where squares exceed float16; autocast; a compiled step; and vmap over vertices."""
+    mesh = icosphere(1, 1000.0)
+    half = mesh.vertices.half().requires_grad_()
+    value = regulariser(mesh.with_vertices(half))
+    assert value.dtype == torch.float32
+    assert float(value.detach()) == float(regulariser(mesh.with_vertices(half.detach().float())))
+    assert torch.autograd.grad(value, half)[0].dtype == torch.float16
+    single = mesh.vertices.float().requires_grad_()
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        assert torch.equal(regulariser(mesh.with_vertices(single)), regulariser(mesh.with_vertices(single)).float())
+    plain = regulariser(mesh.with_vertices(single))
+    assert torch.equal(torch.compile(lambda v: regulariser(mesh.with_vertices(v)), backend="eager")(single), plain)
+    both = torch.stack([single.detach(), 2 * single.detach()])
+    mapped = torch.vmap(lambda v: regulariser(mesh.with_vertices(v)))(both)
+    torch.testing.assert_close(mapped, regulariser([mesh.with_vertices(v) for v in both]), rtol=1e-6, atol=0)
+
+
+def test_bad_batches_are_refused(unchecked):
+    mesh, contour = icosphere(0), regular_polygon(4, 1.0)
+    refuses(
+        "shape 0 is a Tensor; a Mesh or Contour is needed: mesh.with_vertices", laplacian_length, torch.ones(2, 5, 3)
+    )
+    refuses("shape 1 is a NoneType", squared_laplacian, [mesh, None])
+    refuses("shape 0 is a Contour; a Mesh is needed", cotangent_laplacian_length, contour)
+    refuses("an empty list", squared_edge_length, [])
+    refuses("reduction is 'sum'; one of none, mean", normal_inconsistency, [mesh], reduction="sum")
+    refuses("differ in dtype or device", laplacian_length, [mesh, mesh.to(torch.float32)])
+
+
 def test_doors():
     lonely = Contour(torch.zeros(3, 2), torch.tensor([[0, 1]]))
     for regulariser in (squared_laplacian, laplacian_length):

@@ -170,6 +170,62 @@ def test_a_sum_has_terms_with_encodings_of_their_own():
     assert together.settings().keys() <= loss_setting_names()
 
 
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_lists_of_meshes_are_a_batch(loss, encoding):
+    """With the directions of all pairs drawn once. Windows have directions of their own, drawn after the points."""
+    if encoding == "surface" and not LOSSES[loss].takes_continuous:
+        return
+    settings = {"loss": loss, "encoding": encoding, "factor": 2.0} | ({"n_windows": 4} if loss == "windowed" else {})
+    settings |= {"n_supports": 30} if encoding == "samples" else {}
+    settings |= {"normal_scale": 1.0} if loss == "varifold_kernel" and encoding == "varifold" else {}
+    if (loss, encoding) == ("varifold_kernel", "samples"):
+        return  # points without normals
+    made, moving = surface_loss(settings), icosphere(1, 10.0).vertices.requires_grad_()
+    pairs = [(icosphere(1).with_vertices(moving), TARGET), (SOURCE, icosphere(1, 11.0)), (TARGET, SOURCE)]
+    sources, targets = map(list, zip(*pairs, strict=True))
+    values = made(sources, targets, random())
+    assert values.shape == (3,)
+    draw = random()
+    measures = [[made.encoding.measure(mesh, len(s.faces), draw) for mesh in (s, t)] for s, t in pairs]
+    if loss == "windowed":
+        expected = torch.stack([made.loss(*pair, draw) for pair in measures])
+    else:
+        after = draw.bit_generator.state
+        expected = []
+        for pair in measures:
+            draw.bit_generator.state = after
+            expected.append(made.loss(*pair, draw))
+        expected = torch.stack(expected)
+    torch.testing.assert_close(values, 2 * expected, rtol=1e-12, atol=0)
+    mean = made(sources, targets, random(), reduction="mean")
+    torch.testing.assert_close(mean, values.mean(), rtol=1e-12, atol=0)
+    (gradient,) = torch.autograd.grad(mean, moving)
+    torch.testing.assert_close(gradient, torch.autograd.grad(2 * expected.mean(), moving)[0], rtol=1e-9, atol=1e-14)
+
+
+def test_a_mesh_beside_a_list_belongs_to_every_pair_and_sums_of_losses_take_lists():
+    together = surface_loss({"terms": [{"normal_scale": 3.0}, {"loss": "chamfer", "factor": 0.1}]})
+    meshes = [SOURCE, icosphere(1, 11.0)]
+    found = together(meshes, TARGET, random())
+    alone = torch.stack([together(mesh, TARGET, random()) for mesh in meshes])
+    torch.testing.assert_close(found, alone, rtol=1e-12, atol=0)
+    torch.testing.assert_close(together(meshes, TARGET, random(), reduction="mean"), alone.mean(), rtol=1e-12, atol=0)
+    half = SOURCE.with_vertices(SOURCE.vertices.half())
+    found = SurfaceLoss()([half], TARGET.to(torch.float32), random())
+    assert float(found) == float(SurfaceLoss()(half.to(torch.float32), TARGET.to(torch.float32), random()))
+    assert found.dtype == torch.float32
+
+
+def test_batches_that_will_not_do(unchecked):
+    refuses("source holds 2 measures and target 3", SurfaceLoss(), [SOURCE] * 2, [TARGET] * 3, random())
+    refuses(
+        "target of pair 1 is a Tensor; a Mesh or a list", SurfaceLoss(), SOURCE, [TARGET, torch.ones(4, 3)], random()
+    )
+    refuses("source is an empty list", SurfaceLoss(), [], TARGET, random())
+    refuses("reduction is 'sum'", SurfaceLoss(), [SOURCE], [TARGET], random(), reduction="sum")
+
+
 def test_settings_come_back_as_they_went_in():
     for loss in LOSSES:
         for encoding in ENCODINGS:

@@ -15,14 +15,20 @@ Solve = Callable[[int, Sequence[Tensor], Sequence[bool], int], tuple[float, Sequ
 _DEVICES = ("cpu", "cuda", "mps", "xpu")
 
 
+def uncompiled(function: Callable) -> Callable:
+    """Decorate a function so that ``torch.compile`` leaves it as it is: the graph breaks there."""
+
+    @functools.wraps(function)
+    def called(*args, **kwargs):
+        if torch.compiler.is_compiling():  # only the compiler sees this branch
+            return torch.compiler.disable(function)(*args, **kwargs)
+        return function(*args, **kwargs)
+
+    return called
+
+
 def public_loss(loss: Callable) -> Callable:
     """Decorate a loss so that ``torch.compile`` leaves it as it is, and autocast does not narrow what it computes."""
-
-    @functools.wraps(loss)
-    def called(*args, **kwargs):
-        if torch.compiler.is_compiling():  # only the compiler sees this branch; it leaves the loss uncompiled
-            return torch.compiler.disable(eager)(*args, **kwargs)
-        return eager(*args, **kwargs)
 
     @functools.wraps(loss)
     def eager(*args, **kwargs):
@@ -38,7 +44,7 @@ def public_loss(loss: Callable) -> Callable:
                     stack.enter_context(torch.autocast(device, enabled=False))
             return loss(*args, **kwargs)
 
-    return called
+    return uncompiled(eager)
 
 
 def solved(

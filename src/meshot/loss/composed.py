@@ -19,7 +19,19 @@ from meshot.loss.sliced import sliced_wasserstein
 from meshot.loss.transport import chamfer, sinkhorn_divergence
 from meshot.loss.unbalanced import sliced_partial, sliced_unbalanced
 from meshot.loss.windowed import drawn_windows, windowed_sliced_wasserstein
-from meshot.measure import DiscreteMeasure, Measure, SurfaceMeasure, empirical, surface, varifold, varifold_sample
+from meshot.measure import (
+    DiscreteMeasure,
+    Measure,
+    MeasuresLike,
+    SurfaceMeasure,
+    as_pairs,
+    empirical,
+    in_float,
+    paired,
+    surface,
+    varifold,
+    varifold_sample,
+)
 from meshot.mesh import Mesh
 from meshot.settings import Count, Length, Settings, Within, one_of
 from meshot.types import Float, Tensor
@@ -119,6 +131,8 @@ Exponent = Annotated[int, one_of((1, 2))]
 class MeasureLoss(Settings, abc.ABC):
     """A loss between measures: a frozen dataclass whose fields are its settings.
 
+    Both arguments may be lists, a batch, as in the losses that are called.
+
     Attributes
     ----------
     takes_continuous : bool
@@ -128,8 +142,10 @@ class MeasureLoss(Settings, abc.ABC):
     takes_continuous: ClassVar[bool] = False
 
     @abc.abstractmethod
-    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss. Random numbers are drawn from ``generator``."""
+    def __call__(
+        self, source: MeasuresLike, target: MeasuresLike, generator: np.random.Generator
+    ) -> Float[Tensor, "*B"]:
+        """The loss, or of two lists one value for each pair. Random numbers are drawn from ``generator``."""
 
     def at(self, done: float) -> "MeasureLoss":
         """The loss when this share of the steps of a training is done, in [0, 1]."""
@@ -152,9 +168,12 @@ class SlicedLoss(MeasureLoss):
     n_directions: Count = 100
     p: Exponent = 2
 
-    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss along newly drawn directions."""
-        directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
+    def __call__(
+        self, source: MeasuresLike, target: MeasuresLike, generator: np.random.Generator
+    ) -> Float[Tensor, "*B"]:
+        """The loss along newly drawn directions, the same for every pair."""
+        like = as_pairs(source, target).like
+        directions = random_directions(self.n_directions, like.shape[1], generator).to(like)
         return sliced_wasserstein(source, target, directions, self.p)
 
 
@@ -182,9 +201,13 @@ class WindowedLoss(MeasureLoss):
     p: Exponent = 2
     last_window: Length | None = None
 
-    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+    def __call__(
+        self, source: MeasuresLike, target: MeasuresLike, generator: np.random.Generator
+    ) -> Float[Tensor, "*B"]:
         """The loss in newly drawn windows, each with its own directions."""
-        centres, sets = drawn_windows(target, self.n_windows, self.n_directions, generator)
+        targets = [other for _, other in as_pairs(source, target, of_points=True).items]
+        drawn = [drawn_windows(other, self.n_windows, self.n_directions, generator) for other in targets]
+        centres, sets = zip(*drawn, strict=True)
         return windowed_sliced_wasserstein(source, target, centres, self.window, sets, self.p)
 
     def at(self, done: float) -> "WindowedLoss":
@@ -197,7 +220,9 @@ class WindowedLoss(MeasureLoss):
 class ChamferLoss(MeasureLoss):
     """The Chamfer distance, squared: see :func:`meshot.chamfer`."""
 
-    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+    def __call__(
+        self, source: MeasuresLike, target: MeasuresLike, generator: np.random.Generator
+    ) -> Float[Tensor, "*B"]:
         """The loss. Nothing is random."""
         return chamfer(source, target)
 
@@ -220,7 +245,9 @@ class SinkhornLoss(MeasureLoss):
     blur: Length = 5.0
     scaling: Annotated[float, Within(0, 1, "()")] = 0.5
 
-    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+    def __call__(
+        self, source: MeasuresLike, target: MeasuresLike, generator: np.random.Generator
+    ) -> Float[Tensor, "*B"]:
         """The loss. Nothing is random."""
         return sinkhorn_divergence(source, target, self.p, self.blur, self.scaling)
 
@@ -232,7 +259,9 @@ class VarifoldKernelLoss(MeasureLoss):
     width: Length = 5.0  # of the Gaussian in space, in mm
     angular: Annotated[str, one_of(ANGULAR)] = "oriented"  # the kernel of the normals: currents, varifold or oriented
 
-    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
+    def __call__(
+        self, source: MeasuresLike, target: MeasuresLike, generator: np.random.Generator
+    ) -> Float[Tensor, "*B"]:
         """The loss. Nothing is random."""
         return varifold_kernel(source, target, self.width, self.angular)
 
@@ -245,9 +274,12 @@ class SlicedPartialLoss(MeasureLoss):
     reach: Length = 12.0  # the length beyond which nothing is transported along a direction, in mm
     n_directions: Count = 100  # number of directions, drawn in every call
 
-    def __call__(self, source: Measure, target: Measure, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss along newly drawn directions."""
-        directions = random_directions(self.n_directions, source.places.shape[1], generator).to(source.places)
+    def __call__(
+        self, source: MeasuresLike, target: MeasuresLike, generator: np.random.Generator
+    ) -> Float[Tensor, "*B"]:
+        """The loss along newly drawn directions, the same for every pair."""
+        like = as_pairs(source, target).like
+        directions = random_directions(self.n_directions, like.shape[1], generator).to(like)
         return self.solve(source, target, self.reach, directions)
 
 
@@ -275,6 +307,8 @@ LOSSES: dict[str, type[MeasureLoss]] = {
 # Losses between two surfaces: a loss of measures applied to an encoding, and sums of such losses.
 
 _VARIFOLD, _SLICED = VarifoldEncoding(), SlicedLoss()
+#: A mesh, or a batch of meshes.
+Meshes = Mesh | list[Mesh] | tuple[Mesh, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -313,11 +347,32 @@ class SurfaceLoss:
             raise ValueError(f"{self.loss} does not accept {self.encoding}, which has no support points; {able} does")
         require_positive(self.factor, "factor")
 
-    def __call__(self, source: Mesh, target: Mesh, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The loss between two meshes, times ``factor``. Random numbers are drawn from ``generator``."""
-        n_default = len(source.faces)
-        first, second = (self.encoding.measure(mesh, n_default, generator) for mesh in (source, target))
-        return self.factor * self.loss(first, second, generator)
+    def __call__(
+        self, source: Meshes, target: Meshes, generator: np.random.Generator, *, reduction: str = "none"
+    ) -> Float[Tensor, "*B"]:
+        """The loss between two meshes, times ``factor``. Random numbers are drawn from ``generator``.
+
+        Lists of meshes are batches, with a value for each pair, or their mean with ``reduction="mean"``. A single mesh
+        beside a list belongs to every pair. Sampled points are drawn pair by pair, then directions for all of them.
+
+        Raises
+        ------
+        ValueError
+            If an argument is neither a mesh nor a list of meshes, or both lists have different lengths.
+        """
+        pairs, encoded = paired(source, target, reduction), []
+        for k, pair in enumerate(pairs.items):
+            for mesh, name in zip(pair, ("source", "target"), strict=True):
+                if not isinstance(mesh, Mesh):
+                    raise ValueError(
+                        f"{name} of pair {k} is a {type(mesh).__name__}; a Mesh or a list of them is needed"
+                    )
+            n_default = len(pair[0].faces)
+            encoded.append([self.encoding.measure(in_float(mesh), n_default, generator) for mesh in pair])
+        if not pairs.batched:
+            return self.factor * self.loss(*encoded[0], generator)
+        sources, targets = map(list, zip(*encoded, strict=True))
+        return self.factor * pairs.reduced(self.loss(sources, targets, generator))
 
     def at(self, done: float) -> "SurfaceLoss":
         """The loss when this share of the steps of a training is done, in [0, 1]."""
@@ -346,9 +401,12 @@ class SummedLoss:
         if not self.terms:
             raise ValueError("terms is empty; at least one loss is needed")
 
-    def __call__(self, source: Mesh, target: Mesh, generator: np.random.Generator) -> Float[Tensor, ""]:
-        """The sum. The terms draw their random numbers one after the other."""
-        return torch.stack([term(source, target, generator) for term in self.terms]).sum()
+    def __call__(
+        self, source: Meshes, target: Meshes, generator: np.random.Generator, *, reduction: str = "none"
+    ) -> Float[Tensor, "*B"]:
+        """The sum, for every pair of a batch. The terms draw their random numbers one after the other."""
+        values = [term(source, target, generator, reduction=reduction) for term in self.terms]
+        return torch.stack(values).sum(dim=0)
 
     def at(self, done: float) -> "SummedLoss":
         """The loss when this share of the steps of a training is done, in [0, 1]."""

@@ -1,9 +1,16 @@
-"""Regularity penalties of a mesh or contour, which do not depend on a target."""
+"""Regularity penalties of meshes or contours, which do not depend on a target.
+
+Each takes a single one, or a list as a batch. For a batch it returns one value for each, or with ``reduction="mean"``
+their mean. Half precision is computed in float32, which is also the dtype of the value.
+"""
 
 import math
+from collections.abc import Callable
 
 import torch
 
+from meshot.loss.autograd import uncompiled
+from meshot.measure import in_float, paired
 from meshot.mesh import (
     Contour,
     Mesh,
@@ -16,8 +23,12 @@ from meshot.mesh import (
 )
 from meshot.types import Float, Tensor
 
+#: A mesh or contour, or a batch of them.
+Shapes = Mesh | Contour | list[Mesh | Contour] | tuple[Mesh | Contour, ...]
 
-def squared_edge_length(shape: Mesh | Contour, target_length: float = 0.0) -> Float[Tensor, ""]:
+
+@uncompiled
+def squared_edge_length(shape: Shapes, target_length: float = 0.0, *, reduction: str = "none") -> Float[Tensor, "*B"]:
     """The mean squared difference between the edge lengths and a target length, in squared units of the vertices.
 
     With target zero, shorter edges are better; on a closed contour of given length the sum is smallest if all edges
@@ -33,10 +44,11 @@ def squared_edge_length(shape: Mesh | Contour, target_length: float = 0.0) -> Fl
         raise ValueError(
             f"target_length is {target_length!r}; a finite number >= 0 is needed, in units of the vertices"
         )
-    return (edge_lengths(shape) - target_length).square().mean()
+    return _of_each(lambda one: (edge_lengths(one) - target_length).square().mean(), shape, reduction)
 
 
-def squared_laplacian(shape: Mesh | Contour) -> Float[Tensor, ""]:
+@uncompiled
+def squared_laplacian(shape: Shapes, *, reduction: str = "none") -> Float[Tensor, "*B"]:
     """The mean squared distance between every vertex and the mean of its neighbours (uniform Laplacian).
 
     In squared units of the vertices, and smooth everywhere. :func:`meshot.loss.laplacian_length` is the
@@ -47,10 +59,11 @@ def squared_laplacian(shape: Mesh | Contour) -> Float[Tensor, ""]:
     ValueError
         If a vertex has no neighbour.
     """
-    return umbrella_vectors(shape).square().sum(dim=1).mean()
+    return _of_each(lambda one: umbrella_vectors(one).square().sum(dim=1).mean(), shape, reduction)
 
 
-def laplacian_length(shape: Mesh | Contour) -> Float[Tensor, ""]:
+@uncompiled
+def laplacian_length(shape: Shapes, *, reduction: str = "none") -> Float[Tensor, "*B"]:
     """The mean distance between every vertex and the mean of its neighbours, in units of the vertices.
 
     Same as PyTorch3D's ``mesh_laplacian_smoothing`` with method "uniform", for one mesh. The gradient of a distance
@@ -65,10 +78,13 @@ def laplacian_length(shape: Mesh | Contour) -> Float[Tensor, ""]:
     ----------
     Nealen et al., *Laplacian Mesh Optimization*, 2006.
     """
-    return safe_norm(umbrella_vectors(shape)).mean()
+    return _of_each(lambda one: safe_norm(umbrella_vectors(one)).mean(), shape, reduction)
 
 
-def cotangent_laplacian_length(mesh: Mesh, detach_weights: bool = False) -> Float[Tensor, ""]:
+@uncompiled
+def cotangent_laplacian_length(
+    mesh: Mesh | list[Mesh] | tuple[Mesh, ...], detach_weights: bool = False, *, reduction: str = "none"
+) -> Float[Tensor, "*B"]:
     """The mean distance between every vertex and the cotangent-weighted mean of its neighbours.
 
     In units of the vertices. Corresponds to PyTorch3D's ``mesh_laplacian_smoothing`` with method "cot", for one mesh.
@@ -87,13 +103,18 @@ def cotangent_laplacian_length(mesh: Mesh, detach_weights: bool = False) -> Floa
     ----------
     Pinkall and Polthier, 1993; Desbrun et al., *Implicit Fairing of Irregular Meshes*, SIGGRAPH 1999.
     """
-    sums, totals = cotangent_vectors(mesh, detach_weights)
-    positive = totals > 0
-    means = sums / torch.where(positive, totals, torch.ones_like(totals))[:, None]
-    return safe_norm(torch.where(positive[:, None], means, torch.zeros_like(means))).mean()
+
+    def of_one(mesh: Mesh) -> Float[Tensor, ""]:
+        sums, totals = cotangent_vectors(mesh, detach_weights)
+        positive = totals > 0
+        means = sums / torch.where(positive, totals, torch.ones_like(totals))[:, None]
+        return safe_norm(torch.where(positive[:, None], means, torch.zeros_like(means))).mean()
+
+    return _of_each(of_one, mesh, reduction, (Mesh,))
 
 
-def normal_inconsistency(shape: Mesh | Contour) -> Float[Tensor, ""]:
+@uncompiled
+def normal_inconsistency(shape: Shapes, *, reduction: str = "none") -> Float[Tensor, "*B"]:
     """The mean of 1 − cos φ, where φ is the angle between the normals of neighbouring cells; in [0, 2].
 
     Neighbouring cells of a contour share a vertex, those of a mesh share an edge. If more than two faces share an edge,
@@ -107,6 +128,10 @@ def normal_inconsistency(shape: Mesh | Contour) -> Float[Tensor, ""]:
         If a vertex of a contour is not the end of one edge and the start of one other, or no two faces of a mesh share
         an edge.
     """
+    return _of_each(_inconsistency, shape, reduction)
+
+
+def _inconsistency(shape: Mesh | Contour) -> Float[Tensor, ""]:
     if isinstance(shape, Contour):
         normals = edge_normals(shape)
         start, end = shape.edges.unbind(dim=1)
@@ -136,3 +161,23 @@ def normal_inconsistency(shape: Mesh | Contour) -> Float[Tensor, ""]:
     first, second = torch.cat(firsts), torch.cat(seconds)
     sign = torch.where(rising[first] == rising[second], -1, 1).to(shape.vertices)
     return (1 - sign * (normals[owners[first]] * normals[owners[second]]).sum(dim=1)).mean()
+
+
+def _of_each(
+    penalty: Callable[[Mesh | Contour], Tensor],
+    shapes: object,
+    reduction: str,
+    kinds: tuple[type, ...] = (Mesh, Contour),
+) -> Float[Tensor, "*B"]:
+    """The penalty of a single shape, or of every one in a list."""
+    pairs = paired(shapes, None, reduction)
+    for k, (shape, _) in enumerate(pairs.items):
+        if not isinstance(shape, kinds):
+            raise ValueError(
+                f"shape {k} is a {type(shape).__name__}; a {' or '.join(each.__name__ for each in kinds)} is needed: "
+                "mesh.with_vertices(points) gives points the faces of a mesh"
+            )
+    values = [penalty(in_float(shape)) for shape, _ in pairs.items]
+    if len({(value.dtype, value.device) for value in values}) > 1:
+        raise ValueError("the shapes of the batch differ in dtype or device; all must agree: use shape.to(...)")
+    return pairs.reduced(values)

@@ -3,6 +3,8 @@ from .batches import (
     MeasuresLike as MeasuresLike,
     Pairs as Pairs,
     as_pairs as as_pairs,
+    in_float as in_float,
+    paired as paired,
 )
 from .continuous import (
     MeasureLike as MeasureLike,

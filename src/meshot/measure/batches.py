@@ -156,9 +156,9 @@ MeasuresLike = (
 
 
 class Pairs(NamedTuple):
-    """The pairs of measures that a loss compares, and whether they came as a batch."""
+    """The pairs of measures or meshes that a loss compares, and whether they came as a batch."""
 
-    items: list[tuple[Measure, Measure]]
+    items: list[tuple]
     batched: bool
     reduction: str
 
@@ -180,6 +180,29 @@ class Pairs(NamedTuple):
         return values.mean(dim=0) if self.reduction == "mean" else values
 
 
+def paired(source: object, target: object, reduction: str = "none") -> Pairs:
+    """The pairs of two lists or tuples. What is not a list belongs to every pair.
+
+    Raises
+    ------
+    ValueError
+        If a list is empty, both have different lengths, or the reduction is unknown.
+    """
+    require_choice(reduction, "reduction", REDUCTIONS)
+    lists = {name: v for name, v in (("source", source), ("target", target)) if isinstance(v, list | tuple)}
+    for name, values in lists.items():
+        if not values:
+            raise ValueError(f"{name} is an empty list; at least one measure or mesh is needed")
+    if len({len(values) for values in lists.values()}) > 1:
+        raise ValueError(
+            f"source holds {len(source)} measures and target {len(target)}; as many on both sides are needed, or a "
+            "single one that belongs to every pair"
+        )
+    count = max((len(values) for values in lists.values()), default=1)
+    sides = ([*value] if isinstance(value, list | tuple) else [value] * count for value in (source, target))
+    return Pairs(list(zip(*sides, strict=True)), bool(lists), reduction)
+
+
 def as_pairs(source: MeasuresLike, target: MeasuresLike, *, of_points: bool = False, reduction: str = "none") -> Pairs:
     """Convert both arguments of a loss to pairs of measures, each pair in the same space.
 
@@ -194,38 +217,28 @@ def as_pairs(source: MeasuresLike, target: MeasuresLike, *, of_points: bool = Fa
         If an argument is none of these, both are batches of different lengths, a pair is in different spaces, or the
         reduction is unknown.
     """
-    require_choice(reduction, "reduction", REDUCTIONS)
     convert = as_point_measure if of_points else as_measure
-    sides = [_measures(value, name, convert) for value, name in ((source, "source"), (target, "target"))]
-    (first, one_batched), (second, other_batched) = sides
-    if one_batched and other_batched and len(first) != len(second):
-        raise ValueError(
-            f"source holds {len(first)} measures and target {len(second)}; as many on both sides are needed, or a "
-            "single one that belongs to every pair"
-        )
-    count = max(len(first), len(second))
-    first, second = (side if batched else side * count for side, batched in sides)
-    pairs = list(zip(first, second, strict=True))
-    like = first[0].places
-    for k, (one, other) in enumerate(pairs):
+    pairs = paired(_measures(source, "source", convert), _measures(target, "target", convert), reduction)
+    like = pairs.like
+    for k, (one, other) in enumerate(pairs.items):
         require_same_space(one.places, other.places)
         if one.places.shape[1] != like.shape[1] or one.places.dtype != like.dtype or one.places.device != like.device:
             raise ValueError(
                 f"pair {k} of the batch is in R^{one.places.shape[1]}, {one.places.dtype} on {one.places.device}, pair "
                 f"0 in R^{like.shape[1]}, {like.dtype} on {like.device}; all must agree: encode all in the same way"
             )
-    return Pairs(pairs, one_batched or other_batched, reduction)
+    return pairs
 
 
-def _measures(value: object, name: str, convert: Callable[[object, str], Measure]) -> tuple[list[Measure], bool]:
-    """The measures of one side, and whether they are a batch."""
+def _measures(value: object, name: str, convert: Callable[[object, str], Measure]) -> list[Measure] | Measure:
+    """The measures of one side: a list if they are a batch."""
     if isinstance(value, Tensor | np.ndarray) and value.ndim == 3:
         value = MeasureBatch(torch.as_tensor(value))
     if isinstance(value, MeasureBatch):
-        return value.measures, True
+        return value.measures
     if isinstance(value, list | tuple) and value and not _is_one(value):
-        return [convert(in_float(each), f"{name}[{k}]") for k, each in enumerate(value)], True
-    return [convert(in_float(value), name)], False
+        return [convert(in_float(each), f"{name}[{k}]") for k, each in enumerate(value)]
+    return convert(in_float(value), name)
 
 
 def _is_one(value: Sequence) -> bool:
