@@ -253,6 +253,31 @@ def off(head="OFF\n", more="", faces=None, vertices=VERTICES) -> str:
     )
 
 
+def off_binary(head="OFF", more=(), polygons=None, vertices=VERTICES, colour=()) -> bytes:
+    """By the page of Geomview: numbers of 32 bits, big-endian; behind each face the parts of its colour."""
+    polygons = FACES.tolist() if polygons is None else polygons
+    content = f"{head} BINARY\n".encode() + struct.pack(">3i", len(vertices), len(polygons), 0)
+    content += b"".join(struct.pack(f">{3 + len(more)}f", *place, *more) for place in vertices)
+    for face in polygons:
+        content += struct.pack(f">{len(face) + 2}i", len(face), *face, len(colour))
+        content += struct.pack(f">{len(colour)}f", *colour)
+    return content
+
+
+def off_binary_cases() -> Iterator[Case]:
+    yield Case("binary.off", off_binary(), about="OFF (OFF), binary")
+    for head, n_more in (("COFF", 4), ("NOFF", 3), ("STOFF", 2), ("STCNOFF", 9)):
+        yield Case(f"binary_{head}.off", off_binary(head, [0.5] * n_more), about="colours, normals or texture")
+    yield Case("binary_colours.off", off_binary(colour=(1, 0, 0.5, 1)), about="colours of faces")
+    yield Case("binary_polygons.off", off_binary(polygons=POLYGONS, vertices=PRISM), vertices=PRISM, faces=None)
+    yield Case("binary_behind.off", off_binary() + bytes(8), fault="8 bytes follow the faces")
+    little = np.frombuffer(off_binary()[11:], ">i4").astype("<i4").tobytes()
+    yield Case("binary_little.off", b"OFF BINARY\n" + little, refused="its numbers are not big-endian")
+    yield Case("binary_cut_short.off", off_binary()[:-70], refused="is cut short")
+    yield Case("binary_cut_in_a_face.off", off_binary()[:-4], refused="face 7 of the 8 that it declares is cut short")
+    yield Case("binary_head_only.off", b"OFF BINARY\n" + bytes(4), refused="it declares -1 vertices")
+
+
 def _off_cases() -> Iterator[Case]:
     yield Case("plain.off", off().encode(), about="OFF")
     for head, more in (
@@ -274,9 +299,9 @@ def _off_cases() -> Iterator[Case]:
     yield Case("colours_without_the_head.off", off(more=" 255 0 0 255").encode(), about="further numbers of vertices")
     yield Case("compressed.off.gz", gzip.compress(off().encode()))
     yield Case("lines_behind.off", (off() + "3 0 1 2\n").encode(), fault="1 lines follow")
-    yield Case("four_axes.off", off("4OFF\n", " 1").encode(), refused="OFF in text with three coordinates")
-    yield Case("any_axes.off", off("nOFF\n3\n").encode(), refused="OFF in text with three coordinates")
-    yield Case("binary.off", b"OFF BINARY\n" + bytes(60), refused="OFF in text with three coordinates")
+    yield Case("four_axes.off", off("4OFF\n", " 1").encode(), refused="OFF with three coordinates")
+    yield Case("any_axes.off", off("nOFF\n3\n").encode(), refused="OFF with three coordinates")
+    yield from off_binary_cases()
     yield Case("cut_short.off", off()[:-8].encode(), refused="it is cut short")
     yield Case("cut_in_a_face.off", off()[:-3].encode(), refused="it is cut short")
     yield Case("vertex_out_of_range.off", off().replace("3 2 1 5", "3 2 1 7").encode(), refused="indices from 0 to 7")

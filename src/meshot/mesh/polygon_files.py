@@ -251,47 +251,50 @@ _OBJ_IGNORED = {
 
 def read_obj(content: bytes) -> Stored:
     """An OBJ file. Texture coordinates, normals, groups and materials do not divide vertices."""
-    vertices, polygons, seen, places = [], [], {}, []
-    comments = []
-    text = content.decode("utf-8", "replace").replace("\\\r\n", " ").replace("\\\n", " ")
-    for number, line in enumerate(text.splitlines(), 1):
-        if "#" in line:
-            line, _, comment = line.partition("#")
-            comments.append(comment)
-        words = line.split()
-        if not words:
-            continue
-        kind = words[0]
-        if kind == "v":
-            vertices.append(words[1:4])
-            if len(words) < 4:
-                raise ValueError(f"line {number} is {line.strip()!r}; three numbers are needed after v")
-            if len(words) > 6:
-                seen["colours of vertices"] = None
-        elif kind in ("f", "fo"):
-            polygons.append([_obj_index(word, len(vertices), number) for word in words[1:]])
-            places.append(number)
-        elif kind in _OBJ_IGNORED:
-            seen[_OBJ_IGNORED[kind]] = None
-    for polygon, number in zip(polygons, places, strict=True):
-        if max(polygon, default=0) >= len(vertices):
-            raise ValueError(f"line {number} names vertex {max(polygon) + 1}, and there are {len(vertices)}")
-    flat = [word for row in vertices for word in row]
-    stored = Stored(numbers(flat, "a vertex").reshape(-1, 3), polygons, "OBJ", not_read=list(seen))
-    return stored.heed_space("\n".join(comments).encode())
-
-
-def _obj_index(word: str, n_before: int, number: int) -> int:
-    """An index from 0. Negative ones count back from the last vertex that stands above the line."""
+    text = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
+    comments = b"\n".join(re.findall(rb"#(.*)", text))
+    lines = re.sub(rb"#.*", b"", text).split(b"\n")
+    kinds = [(line.split(None, 1) or [b""])[0] for line in lines]
+    vertex_lines = [k for k, kind in enumerate(kinds) if kind == b"v"]
+    face_lines = [k for k, kind in enumerate(kinds) if kind in (b"f", b"fo")]
+    places, words, widths, sizes = [], [], [], []
+    for found, lengths, chosen in ((places, widths, vertex_lines), (words, sizes, face_lines)):
+        for k in chosen:
+            row = lines[k].split()[1:]
+            lengths.append(len(row))
+            found += row[:3] if chosen is vertex_lines else row
+    short = next((k for k, width in zip(vertex_lines, widths, strict=True) if width < 3), None)
+    if short is not None:
+        line = lines[short].strip().decode("utf-8", "replace")
+        raise ValueError(f"line {short + 1} is {line!r}; three numbers are needed after v")
+    vertices = numbers(places, "a vertex").reshape(-1, 3)
     try:
-        index = int(word.partition("/")[0])
-    except ValueError:
-        index = 0
-    if index == 0:
-        raise ValueError(f"line {number} has the corner {word!r}; a number other than 0 is needed, and / behind it")
-    if index < -n_before:
-        raise ValueError(f"line {number} counts {-index} vertices back, and {n_before} stand above it")
-    return index - 1 if index > 0 else n_before + index
+        indices = [word.partition(b"/")[0] for word in words] if b"/" in text else words
+        corners = np.array(list(map(int, indices)), np.int64)
+    except (ValueError, OverflowError):
+        whole = [re.match(rb"[+-]?\d{1,18}(?=/|\Z)", word) for word in words]
+        corners = np.array([int(found[0]) if found else 0 for found in whole], np.int64)
+    owners = np.repeat(np.array(face_lines, np.int64), sizes)
+    for k in np.flatnonzero(corners == 0)[:1]:
+        word = words[k].decode("utf-8", "replace")
+        raise ValueError(
+            f"line {owners[k] + 1} has the corner {word!r}; a number other than 0 is needed, and / behind it"
+        )
+    above = np.searchsorted(vertex_lines, owners)  # negative numbers count back from the last of these
+    for k in np.flatnonzero(corners < -above)[:1]:
+        raise ValueError(f"line {owners[k] + 1} counts {-corners[k]} vertices back, and {above[k]} stand above it")
+    corners = np.where(corners > 0, corners - 1, above + corners)
+    for k in np.flatnonzero(corners >= len(vertices))[:1]:
+        raise ValueError(f"line {owners[k] + 1} names vertex {corners[k] + 1}, and there are {len(vertices)}")
+    if len(set(sizes)) == 1:
+        polygons = corners.reshape(len(sizes), -1)
+    else:
+        polygons = [part.tolist() for part in np.split(corners, np.cumsum(sizes)[:-1])] if sizes else []
+    names = [kind.decode("utf-8", "replace") for kind in dict.fromkeys(kinds)]
+    seen = dict.fromkeys(_OBJ_IGNORED[name] for name in names if name in _OBJ_IGNORED)
+    if max(widths, default=0) > 5:
+        seen["colours of vertices"] = None
+    return Stored(vertices, polygons, "OBJ", not_read=list(seen)).heed_space(comments)
 
 
 # OFF: http://www.geomview.org/docs/html/OFF.html
@@ -300,14 +303,16 @@ OFF_HEAD = re.compile(r"((?:ST|[CN4n])*)OFF(\s+BINARY)?", re.IGNORECASE)
 
 
 def read_off(content: bytes) -> Stored:
-    """An OFF file in text, with any head: OFF, COFF, NOFF, STOFF and their combinations, in small letters or none."""
+    """An OFF file, with any head: OFF, COFF, NOFF, STOFF and their combinations, in small letters or none."""
     text = content.decode("utf-8", "replace")
     lines = [bare for line in text.splitlines() if (bare := line.split("#")[0].strip())]
     found = OFF_HEAD.match(lines[0]) if lines else None
     prefix = found[1] if found else ""
     n_axes_follow = "n" in prefix and found[0] != found[0].lower()  # nOFF, but not noff
-    if found and (found[2] or "4" in prefix or n_axes_follow):
-        raise ValueError(f"its head is {found[0]!r}; OFF in text with three coordinates is read: save it so")
+    if found and ("4" in prefix or n_axes_follow):
+        raise ValueError(f"its head is {found[0]!r}; OFF with three coordinates is read: save it so")
+    if found and found[2]:
+        return _off_binary(content, prefix.upper())
     if found:
         lines[0] = lines[0][found.end() :].strip()
         lines = lines if lines[0] else lines[1:]
@@ -342,6 +347,39 @@ def read_off(content: bytes) -> Stored:
         n_more = len(rows) - n_vertices - n_faces
         stored.faults.append(f"{n_more} lines follow the faces that its head declares")
     return stored.heed_space(b"\n".join(re.findall(rb"#(.*)", content)))
+
+
+def _off_binary(content: bytes, prefix: str) -> Stored:
+    """An OFF file whose numbers, behind the line of its head, are big-endian of 32 bits each."""
+    body = content[content.index(b"\n", content.upper().index(b"BINARY")) + 1 :]
+    body = body[: len(body) // 4 * 4]
+    integers, floats = np.frombuffer(body, ">i4"), np.frombuffer(body, ">f4")
+    n_vertices, n_faces = integers[:2].tolist() if len(integers) > 2 else (-1, -1)
+    width = 3 + 3 * ("N" in prefix) + 4 * ("C" in prefix) + 2 * ("ST" in prefix)
+    place = 3 + n_vertices * width
+    if min(n_vertices, n_faces) < 0 or place + 2 * n_faces > len(integers):
+        raise ValueError(
+            f"it declares {n_vertices} vertices and {n_faces} faces, and has {len(content)} bytes: it is cut short, or "
+            "its numbers are not big-endian"
+        )
+    stored = Stored(floats[3:place].reshape(-1, width)[:, :3].astype(np.float64), [], f"OFF ({prefix}OFF), binary")
+    # Each face is the number of its corners, these, the number of parts of its colour, and these.
+    polygons, coloured = [], False
+    for _ in range(n_faces):
+        n = int(integers[place]) if place < len(integers) else -1
+        end = place + n + 2
+        n_parts = int(integers[end - 1]) if n >= 0 and end <= len(integers) else -1
+        if n_parts < 0 or end + n_parts > len(integers):
+            raise ValueError(f"face {len(polygons)} of the {n_faces} that it declares is cut short")
+        polygons.append(integers[place + 1 : end - 1].tolist())
+        coloured |= n_parts > 0
+        place = end + n_parts
+    stored.polygons = polygons
+    stored.not_read += ["colours of faces"] * coloured
+    stored.not_read += ["colours, normals or texture coordinates of vertices"] * (width > 3)
+    if place < len(integers):
+        stored.faults.append(f"{4 * (len(integers) - place)} bytes follow the faces that its head declares")
+    return stored
 
 
 # STL: http://www.fabbers.com/tech/STL_Format
