@@ -17,7 +17,7 @@ import meshot
 from meshot import evaluate, read_mesh, write_mesh
 from meshot.cli import main, make_parser
 from meshot.cli.common import known_systems
-from meshot.mesh import write_carried
+from meshot.mesh import read_vertex_data, write_carried
 from meshot.mesh.shapes import icosphere
 from meshot.systems import system_names
 
@@ -320,11 +320,18 @@ def test_deform_keeps_what_the_vertices_carry(tmp_path, capsys):
     assert re.search(r"mean distance from the target: 0\.\d+ before, 0\.0\d+ after\n\d+ vertices in", said.out)
     assert main(["deform", *words[1:4], str(tmp_path / "gone" / "x.ply"), *quick]) == 2
     assert "gone is no folder; make it first" in capsys.readouterr().err
+    write_mesh(tmp_path / "thick.vtp", icosphere(2), vertex_data={"thickness": icosphere(2).vertices[:, 0]})
+    words[1:] = [str(tmp_path / "thick.vtp"), words[2], "-o", str(tmp_path / "thick.surf.gii")]
+    assert main([*words, *quick]) == 0
+    assert read_vertex_data(tmp_path / "thick.surf.gii")["thickness"].equal(icosphere(2).vertices[:, 0].float())
+    capsys.readouterr()
+    assert main([*words[:4], str(tmp_path / "thick.off"), *quick]) == 0
+    assert "does not hold what thick.vtp has besides: data of vertices: thickness" in capsys.readouterr().err
     assert main(["deform", str(tmp_path / "target.ply"), *words[2:4], str(tmp_path / "plain.off"), *quick]) == 0
     assert len(read_mesh(tmp_path / "plain.off").vertices) == len(icosphere(2).vertices)
     capsys.readouterr()
     assert main(["deform", str(tmp_path / "coloured.ply"), *words[2:4], str(tmp_path / "plain.off"), *quick]) == 0
     assert (
-        "plain.off does not hold what coloured.ply has besides: properties of each vertex: red"
+        "plain.off does not hold what coloured.ply has besides: data of vertices: red, green, blue"
         in capsys.readouterr().err
     )

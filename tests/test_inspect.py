@@ -8,6 +8,7 @@ from mesh_files import MESHES
 
 from meshot import read_mesh, write_mesh
 from meshot.cli import main
+from meshot.mesh import read_vertex_data
 from meshot.mesh.shapes import cube, icosphere
 from meshot.volume import Volume, read_volume, write_volume
 
@@ -74,6 +75,15 @@ def test_a_mesh_is_converted_and_what_is_lost_is_said(tmp_path, capsys, name, or
     assert order in said(capsys, path, "--to", tmp_path / name)
     again = read_mesh(tmp_path / name)
     assert np.allclose(again.vertices[again.faces], read_mesh(path).vertices[read_mesh(path).faces])
+
+
+def test_data_of_vertices_are_converted_or_named(tmp_path, capsys):
+    mesh = icosphere(1)
+    write_mesh(tmp_path / "a.ply", mesh, vertex_data={"thickness": mesh.vertices[:, 0]})
+    assert "  data of vertices  thickness (float64)\n" in said(capsys, tmp_path / "a.ply", "--to", tmp_path / "b.vtp")
+    assert read_vertex_data(tmp_path / "b.vtp")["thickness"].equal(mesh.vertices[:, 0])
+    text = said(capsys, tmp_path / "b.vtp", "--to", tmp_path / "c.off")
+    assert "data of vertices: thickness" in text.split("  lost ")[1]
 
 
 def test_c_ras_is_that_of_the_file_that_lacks_it_and_of_the_one_that_is_written(tmp_path, capsys):

@@ -3,7 +3,7 @@
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int64
+from jaxtyping import Bool, Float, Int, Int64, Shaped
 from torch import Tensor
 
 Array = np.ndarray
@@ -12,4 +12,4 @@ Array = np.ndarray
 Placement = Literal["grey values", "white matter"]
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
 
-__all__ = ["PLACEMENTS", "Array", "Bool", "Float", "Int", "Int64", "Placement", "Tensor"]
+__all__ = ["PLACEMENTS", "Array", "Bool", "Float", "Int", "Int64", "Placement", "Shaped", "Tensor"]

@@ -119,7 +119,7 @@ def _ply_cases() -> Iterator[Case]:
         yield Case(f"texture_of_faces_{short}.ply", ply(form, lists=texture), about="texcoord")
         yield Case(f"texture_before_corners_{short}.ply", ply(form, lists=texture[::-1]), about="texcoord")
         yield Case(f"lists_of_uneven_length_{short}.ply", ply(form, lists=uneven), about="weights")
-        yield Case(f"reordered_properties_{short}.ply", ply(form, reordered, columns), about="red, nx")
+        yield Case(f"reordered_properties_{short}.ply", ply(form, reordered, columns), about="data of vertices: red (")
         yield Case(
             f"flags_before_corners_{short}.ply", ply(form, scalars=[("uchar", "flags", 5), ("float", "quality", 0.5)]),
             about="flags, quality",
@@ -447,7 +447,7 @@ def _gifti_cases() -> Iterator[Case]:
     yield Case(
         "with_values.surf.gii",
         gifti(array(VERTICES, "POINTSET", "FLOAT32"), triangles, values),
-        about="an array of shape",
+        about="data of vertices: shape (float32)",
     )
     yield Case("compressed.surf.gii.gz", gzip.compress(gifti_of()))
     members = gzip.compress(gifti_of()[:500]) + gzip.compress(gifti_of()[500:])

@@ -42,7 +42,8 @@ def test_a_mesh_file(case, tmp_path, capfd):
     assert [warning.category for warning in caught] == [FileWarning] * bool(case.fault)
     facts = mesh_facts(path, case.c_ras)
     assert (case.fault in facts.faults[0]) if case.fault else not facts.faults
-    assert case.about in "; ".join([facts.format, facts.space, facts.said_by, ", ".join(facts.not_read)])
+    numbers = [f"{name}: {value}" for name, value in facts.numbers]
+    assert case.about in "; ".join([facts.format, facts.space, facts.said_by, ", ".join(facts.not_read), *numbers])
     if case.fault:
         with pytest.raises(ValueError, match="read strictly"):
             read_mesh(path, case.c_ras, strict=True)

@@ -3,6 +3,7 @@
 import base64
 import gzip
 import re
+import sys
 import warnings
 import zlib
 
@@ -10,14 +11,16 @@ import nibabel
 import nibabel.freesurfer
 import numpy as np
 import pytest
+import pyvista
 import torch
+import trimesh
 
 from meshot.mesh import brain_files
 from meshot.mesh.connectivity import SPHERE, topology
 from meshot.mesh.geometry import signed_volume
-from meshot.mesh.io import read_mesh, write_mesh
+from meshot.mesh.io import gifti_image, mesh_facts, read_mesh, read_vertex_data, write_mesh
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import icosphere
+from meshot.mesh.shapes import cube, icosphere
 from refusals import refuses
 
 NAMES = ("a.ply", "a.obj", "a.off", "a.stl", "a.gii", "a.gii.gz", "lh.white", "a.pial", "a.ply.gz", "lh.white.gz")
@@ -335,3 +338,103 @@ def test_every_flipped_bit_of_a_compressed_surface_is_seen(tmp_path):
             continue
         assert isinstance(found, Mesh)
         torch.testing.assert_close(found.vertices, mesh.vertices, atol=1e-6, rtol=0)
+
+
+# Data of vertices.
+
+
+def some_data(n: int) -> dict[str, np.ndarray]:
+    draw = np.random.default_rng(0)
+    return {
+        "thickness": draw.normal(size=n),
+        "label": np.arange(n, dtype=np.int32) - 3,
+        "red": np.arange(n, dtype=np.uint8),
+        "uv": draw.random((n, 2), np.float32),
+        "mask": np.arange(n) > 3,
+        "many": np.arange(n),
+    }
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.ply.gz", "a.vtp", "a.vtk", "a.surf.gii"])
+def test_data_of_vertices_come_back(tmp_path, name):
+    mesh, path = icosphere(1, 10.0), tmp_path / name
+    given = some_data(len(mesh.vertices))
+    write_mesh(path, mesh, vertex_data=given | {"label": torch.from_numpy(given["label"])})
+    found = {key: values.numpy() for key, values in read_vertex_data(path).items()}
+    if "ply" in name:
+        found["uv"] = np.stack([found.pop("uv_0"), found.pop("uv_1")], axis=1)
+    assert found.keys() == given.keys()
+    for key, values in given.items():
+        rounded = name.endswith("gii") and key == "thickness"
+        np.testing.assert_array_equal(found[key], values.astype(np.float32) if rounded else values)
+        if key in ("label", "red", "uv"):
+            assert found[key].dtype == values.dtype
+    assert read_mesh(path).faces.equal(mesh.faces)
+    assert dict(mesh_facts(path).numbers)["data of vertices"].count("(") == len(given) + ("ply" in name)
+    assert mesh_facts(path).not_read == ()
+
+
+def test_other_readers_find_the_data(tmp_path):
+    """trimesh, VTK and nibabel."""
+    mesh, given = icosphere(1, 10.0), some_data(42)
+    for name in ("a.ply", "a.vtp", "a.gii"):
+        write_mesh(tmp_path / name, mesh, vertex_data=given)
+    raw = trimesh.load_mesh(tmp_path / "a.ply", process=False).metadata["_ply_raw"]["vertex"]["data"]
+    grid = pyvista.read(tmp_path / "a.vtp").point_data
+    arrays = {a.meta.get("Name"): a.data for a in nibabel.load(tmp_path / "a.gii").darrays}
+    for key in ("thickness", "label", "red", "many"):
+        np.testing.assert_array_equal(np.asarray(raw[key]).reshape(-1), given[key])
+        np.testing.assert_array_equal(grid[key], given[key])
+        np.testing.assert_array_equal(arrays[key], given[key].astype(np.float32 if key == "thickness" else int))
+    np.testing.assert_array_equal(arrays["uv"], given["uv"])
+
+
+def test_data_that_others_wrote_are_read(tmp_path):
+    """Normals are left out. A text may exceed the type that it declares. Strange arrays do no harm."""
+    mesh = icosphere(0)
+    ball = mesh.to_trimesh()
+    ball.visual.vertex_colors = np.arange(48).reshape(12, 4)
+    ball.export(tmp_path / "a.ply", vertex_normal=True)
+    found = read_vertex_data(tmp_path / "a.ply")
+    assert {key: values.tolist() for key, values in found.items()} == {
+        key: list(range(k, 48, 4)) for k, key in enumerate(("red", "green", "blue", "alpha"))
+    }
+    assert mesh_facts(tmp_path / "a.ply").not_read == ("properties of each vertex: nx, ny, nz",)
+    text = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    text += "property uchar a\nproperty float b\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "b.ply").write_text(text + "0 0 0 300 nan\n1 0 0 2 .5\n0 1 0 3 1\n3 0 1 2\n")
+    found = read_vertex_data(tmp_path / "b.ply")
+    assert found["a"].tolist() == [300, 2, 3]
+    assert found["b"].dtype == torch.float32
+    np.testing.assert_array_equal(found["b"], [np.nan, 0.5, 1])
+    image = gifti_image(mesh.vertices.numpy(), mesh.faces.numpy())
+    for values, meta in ((np.ones(12), {}), (np.zeros(12), {}), (np.ones(3), {"Name": "three"})):
+        array = nibabel.gifti.GiftiDataArray(values.astype(np.float32), intent="NIFTI_INTENT_SHAPE", meta=meta)
+        image.add_gifti_data_array(array)
+    nibabel.save(image, tmp_path / "c.gii")
+    found = read_vertex_data(tmp_path / "c.gii")
+    assert {key: values.sum().item() for key, values in found.items()} == {"shape": 12, "shape_2": 0}
+    assert mesh_facts(tmp_path / "c.gii").not_read == ("an array of shape",)
+    write_mesh(tmp_path / "d.obj", mesh)
+    assert read_vertex_data(tmp_path / "d.obj") == {}
+
+
+def test_data_that_cannot_be_written(tmp_path, unchecked):
+    mesh = icosphere(0)
+    for name, given, words in (
+        ("a.obj", {"a": np.ones(12)}, "a.obj cannot hold a of its vertices; use .ply"),
+        ("a.ply", {"a": np.ones(11)}, r"a has the shape \(11,\) .* in 12 rows"),
+        ("a.ply", {"a": np.array(["x"] * 12)}, "numbers are needed"),
+        ("a.ply", {"x": np.ones(12)}, "the name 'x', which is empty or taken"),
+        ("a.ply", {"a b": np.ones(12), "a_b": np.ones(12)}, "the name 'a_b', which is empty or taken"),
+        ("a.gii", {"a": np.full(12, 2**40)}, "a holds numbers up to 1099511627776, beyond the integers of a.gii"),
+    ):
+        refuses(words, write_mesh, tmp_path / name, mesh, vertex_data=given)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_vtk_files_need_an_extra(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    for task in (lambda: write_mesh(tmp_path / "a.vtp", cube()), lambda: Mesh.from_pyvista(None)):
+        with pytest.raises(ImportError, match=r"pyvista is not installed.*pip install 'meshot\[cortex\]'"):
+            task()

@@ -21,9 +21,9 @@ def add_to(commands: Commands) -> None:
         meshot deform sphere.ply capsule.ply -o fitted.ply
         meshot deform lh.white rh.white.surf.gii -o fitted.surf.gii --iterations 600 --detail 0.04
         """,
-        "Meshes are PLY, OBJ, OFF, STL, GLB, VTK, GIfTI or FreeSurfer files, roughly aligned. If source and result are "
-        "PLY, OBJ or GLB, the result keeps colours, textures and other data of the vertices. Otherwise a warning names "
-        "what is lost.",
+        "Meshes are PLY, OBJ, OFF, STL, GLB, VTK, GIfTI or FreeSurfer files, roughly aligned. The result keeps data of "
+        "the vertices, such as thickness or colours, if source and result are PLY, VTP, VTK or GIfTI; and colours and "
+        "textures if they are PLY, OBJ or GLB. A warning names what is lost.",
     )
     command.add_argument("source", type=Path, help="The mesh that is deformed.")
     command.add_argument("target", type=Path, help="The mesh that it shall become.")
@@ -45,19 +45,28 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     import meshot
-    from meshot.mesh import mesh_facts, write_carried
+    from meshot.file_facts import heed
+    from meshot.mesh import holds_vertex_data, read_whole_mesh, write_carried
     from meshot.metrics import Surface, average_surface_distance, offsets_between
 
     if not chosen.output.parent.is_dir():
         raise ValueError(f"{chosen.output.parent} is no folder; make it first, or choose another output")
-    source, target = meshot.read_mesh(chosen.source), meshot.read_mesh(chosen.target)
-    other = mesh_facts(chosen.source).not_read
+    source, facts, data = read_whole_mesh(chosen.source)
+    heed(chosen.source, facts, strict=False)
+    target = meshot.read_mesh(chosen.target)
     found = meshot.deform(source, target, n_iterations=chosen.iterations, detail=chosen.detail, seed=chosen.seed)
-    if not write_carried(chosen.output, chosen.source, source, found.carry):
+    lost = list(facts.not_read)
+    if data and holds_vertex_data(chosen.output):
+        meshot.write_mesh(chosen.output, found.mesh, vertex_data=data)
+    elif write_carried(chosen.output, chosen.source, source, found.carry):
+        names = [name for name in data if name not in ("red", "green", "blue", "alpha")]
+        lost = [f"data of vertices: {', '.join(names)}"] if names else []
+    else:
         meshot.write_mesh(chosen.output, found.mesh)
-        if other:
-            said = f"{chosen.output.name} does not hold what {chosen.source.name} has besides: {'; '.join(other)}"
-            warnings.warn(said, stacklevel=1)
+        lost += [f"data of vertices: {', '.join(data)}"] if data else []
+    if lost:
+        said = f"{chosen.output.name} does not hold what {chosen.source.name} has besides: {'; '.join(lost)}"
+        warnings.warn(said, stacklevel=1)
     before = average_surface_distance(*offsets_between(Surface(source), Surface(target), 10_000))
     print(f"mean distance from the target: {before:.4g} before, {found.distance:.4g} after")
     print(f"{len(found.mesh.vertices)} vertices in {printable_name(chosen.output)}")

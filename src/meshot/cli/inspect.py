@@ -53,7 +53,7 @@ def add_to(commands: Commands) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     from meshot.file_facts import heed
-    from meshot.mesh import read_mesh_and_facts
+    from meshot.mesh import read_whole_mesh
     from meshot.volume import read_volume_and_facts, write_volume
 
     if chosen.to is not None and len(chosen.file) > 1:
@@ -61,7 +61,7 @@ def _run(chosen: argparse.Namespace) -> None:
     c_ras = None if chosen.c_ras is None else tuple(chosen.c_ras)
     for path in chosen.file:
         is_scan = path.name.lower().endswith(_SCANS)
-        thing, facts = read_volume_and_facts(path) if is_scan else read_mesh_and_facts(path, c_ras)
+        thing, facts, *data = read_volume_and_facts(path) if is_scan else read_whole_mesh(path, c_ras)
         lines = [("format", facts.format), ("space", facts.space), ("stated by", facts.said_by), *facts.numbers]
         lines += [] if is_scan else _about_mesh(thing)
         lines += [("not read", what) for what in facts.not_read] + [("look at this", what) for what in facts.faults]
@@ -71,7 +71,7 @@ def _run(chosen: argparse.Namespace) -> None:
             write_volume(chosen.to, thing)
             lines.append(("written", printable_name(chosen.to)))
         elif chosen.to is not None:
-            lines += _converted(thing, chosen.to, c_ras)
+            lines += _converted(thing, *data, chosen.to, c_ras)
         width = max(len(name) for name, _ in lines)
         print(printable_name(path), *(f"  {name:<{width}}  {value}" for name, value in lines), sep="\n")
 
@@ -96,11 +96,12 @@ def _about_mesh(mesh: "Mesh") -> Lines:
     ]
 
 
-def _converted(mesh: "Mesh", path: Path, c_ras: tuple[float, float, float] | None) -> Lines:
-    """Write the mesh, and compare it with what is then read."""
-    from meshot.mesh import read_mesh, write_mesh
+def _converted(mesh: "Mesh", data: dict, path: Path, c_ras: tuple[float, float, float] | None) -> Lines:
+    """Write the mesh with the data of its vertices, and compare it with what is then read."""
+    from meshot.mesh import holds_vertex_data, read_mesh, write_mesh
 
-    write_mesh(path, mesh, *([] if c_ras is None else [c_ras]))
+    lost = [] if holds_vertex_data(path) else [("lost", f"data of vertices: {', '.join(data)}")] * bool(data)
+    write_mesh(path, mesh, *([] if c_ras is None else [c_ras]), vertex_data=None if lost else data)
     again = read_mesh(path)
     if len(again.vertices) != len(mesh.vertices) or not again.faces.equal(mesh.faces):
         corners = (again.vertices[again.faces] - mesh.vertices[mesh.faces]).abs().max()
@@ -108,4 +109,4 @@ def _converted(mesh: "Mesh", path: Path, c_ras: tuple[float, float, float] | Non
     else:
         apart = float((again.vertices - mesh.vertices).abs().max())
         what = f"vertices and faces in their order, coordinates within {apart:.2g} mm"
-    return [("written", f"{printable_name(path)}: {what}")]
+    return [("written", f"{printable_name(path)}: {what}"), *lost]

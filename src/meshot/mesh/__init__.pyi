@@ -45,12 +45,14 @@ from .geometry import (
     vertex_normals as vertex_normals,
 )
 from .io import (
+    holds_vertex_data as holds_vertex_data,
     mesh_facts as mesh_facts,
     read_mesh as read_mesh,
-    read_mesh_and_facts as read_mesh_and_facts,
+    read_vertex_data as read_vertex_data,
+    read_whole_mesh as read_whole_mesh,
+    write_carried as write_carried,
     write_mesh as write_mesh,
 )
-from .io_carried import write_carried as write_carried
 from .mesh import Contour as Contour, Mesh as Mesh, closed_contour as closed_contour
 from .shapes import (
     circle as circle,

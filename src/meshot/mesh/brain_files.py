@@ -4,6 +4,7 @@ Both state it in more than one place. The readers look at all of them, and say w
 """
 
 import binascii
+import itertools
 import math
 import re
 import xml.parsers.expat
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshot.mesh.polygon_files import Stored, numbers
+from meshot.mesh.polygon_files import NORMALS, Stored, numbers
 from meshot.types import Array, Float
 
 #: Maximum size of a compressed file, or of one compressed array in it, after decompression, in bytes.
@@ -208,8 +209,24 @@ def read_gifti(content: bytes, folder: Path) -> Stored:
     if faces.dtype.kind not in "iu":
         raise ValueError(f"its triangles are {faces.dtype} numbers; integers are needed")
     stored = Stored(vertices, faces.astype(np.int64), f"GIfTI, {points['given'].get('Encoding', '')}")
-    others = [array["given"].get("Intent", "no intent") for array in arrays if array not in (points, triangles)]
-    stored.not_read += [f"an array of {intent.removeprefix('NIFTI_INTENT_').lower()}" for intent in others]
+    data = stored.vertex_data
+    for array in arrays:
+        if array is points or array is triangles:
+            continue
+        intent = array["given"].get("Intent", "no intent").removeprefix("NIFTI_INTENT_").lower()
+        name = array["meta"].get("Name") or intent
+        name = next(n for n in itertools.chain([name], (f"{name}_{k}" for k in itertools.count(2))) if n not in data)
+        try:
+            values = _gifti_array(array, folder)
+        except ValueError as error:
+            stored.not_read.append(f"an array of {intent}: {error}")
+            continue
+        if name.lower() in NORMALS or values.shape[:1] != (len(vertices),) or values.ndim > 2:
+            stored.not_read.append(f"an array of {intent}")
+        else:
+            data[name] = values
+        if intent == "label":
+            stored.not_read.append("the names of labels")
     names = [value for key, value in points["meta"].items() if key.startswith("AnatomicalStructure")]
     stored.not_read += [f"the names {', '.join(names)}"] if names else []
     _gifti_space(points, stored)

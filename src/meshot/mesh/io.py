@@ -2,7 +2,11 @@
 
 import gzip
 import os
+import re
+import types
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import nibabel
 import nibabel.freesurfer
@@ -15,7 +19,10 @@ from meshot.mesh.brain_files import LARGEST_BYTES, SURFACE_AXES, read_freesurfer
 from meshot.mesh.geometry import triangulate
 from meshot.mesh.mesh import EXCHANGED, Mesh, read_exchanged
 from meshot.mesh.polygon_files import OFF_HEAD, Stored, read_obj, read_off, read_ply, read_stl, without_repeats
-from meshot.types import Array
+from meshot.types import Array, Float, Shaped, Tensor
+
+if TYPE_CHECKING:
+    import trimesh
 
 #: Readers that take the content of a file. FreeSurfer and GIfTI need more, and VTK reads files of its own.
 _READERS = {"ply": read_ply, "obj": read_obj, "off": read_off, "stl": read_stl}
@@ -68,7 +75,7 @@ def read_mesh(
     >>> meshot.read_mesh(path)
     Mesh(8 vertices, 12 faces, torch.float64)
     """
-    mesh, facts = read_mesh_and_facts(path, c_ras)
+    mesh, facts, _ = read_whole_mesh(path, c_ras)
     heed(path, facts, strict)
     return mesh
 
@@ -78,13 +85,36 @@ def mesh_facts(path: str | os.PathLike, c_ras: tuple[float, float, float] | None
 
     The facts are those that :func:`meshot.read_mesh` follows. Arguments and errors are the same.
     """
-    return read_mesh_and_facts(path, c_ras)[1]
+    return read_whole_mesh(path, c_ras)[1]
 
 
-def read_mesh_and_facts(
+def read_vertex_data(
     path: str | os.PathLike, c_ras: tuple[float, float, float] | None = None
-) -> tuple[Mesh, FileFacts]:
-    """The mesh of a file, and what the file says about itself, without warnings."""
+) -> dict[str, Shaped[Tensor, "V ..."]]:
+    """The numbers that a mesh file holds for every vertex, by name, such as thickness, labels or colours.
+
+    There is a row for each vertex of :func:`meshot.read_mesh`, in its order; arguments and errors are the same. The
+    dtype is that of the file. The data are the properties of vertices of a PLY file (colours are ``red``, ``green`` and
+    ``blue``), the point data of VTP and VTK, and further arrays of a GIfTI surface. Other formats hold none. Normals
+    are left out, since they follow from the surface: :func:`meshot.mesh.vertex_normals`.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, torch, meshot
+    >>> from meshot.mesh import read_vertex_data
+    >>> from meshot.mesh.shapes import cube
+    >>> path = pathlib.Path(tempfile.mkdtemp(), "cube.ply")
+    >>> meshot.write_mesh(path, cube(), vertex_data={"height": cube().vertices[:, 2].float()})
+    >>> read_vertex_data(path)["height"].shape
+    torch.Size([8])
+    """
+    return read_whole_mesh(path, c_ras)[2]
+
+
+def read_whole_mesh(
+    path: str | os.PathLike, c_ras: tuple[float, float, float] | None = None
+) -> tuple[Mesh, FileFacts, dict[str, Tensor]]:
+    """The mesh of a file, what the file says about itself, and the data of its vertices, without warnings."""
     path = Path(path)
     if not path.is_file():
         raise ValueError(f"{path} does not exist or is no file")
@@ -111,7 +141,11 @@ def read_mesh_and_facts(
         raise ValueError(
             f"{path} cannot be read as a {kind} mesh: it is cut short, damaged, or of another kind; get the file again"
         ) from error
-    return mesh, FileFacts(stored.format, stored.space, stored.said_by, tuple(stored.faults), tuple(stored.not_read))
+    data = {n: torch.from_numpy(v.astype(v.dtype.newbyteorder("="), order="C")) for n, v in stored.vertex_data.items()}
+    said = ", ".join(f"{name} ({values.numpy().dtype})" for name, values in data.items())
+    numbers = (("data of vertices", said),) if data else ()
+    faults, not_read = tuple(stored.faults), tuple(stored.not_read)
+    return mesh, FileFacts(stored.format, stored.space, stored.said_by, faults, not_read, numbers), data
 
 
 def _mesh(stored: Stored) -> Mesh:
@@ -155,6 +189,7 @@ def write_mesh(
     mesh: Mesh,
     c_ras: tuple[float, float, float] = (0.0, 0.0, 0.0),
     structure: tuple[str, str] | None = None,
+    vertex_data: Mapping[str, Shaped[Tensor, "V ..."] | Shaped[Array, "V ..."]] | None = None,
 ) -> None:
     """Write a mesh in the format given by the suffix. Vertices are in scanner RAS (mm).
 
@@ -171,11 +206,19 @@ def write_mesh(
         For FreeSurfer surfaces only: the centre of the scan in scanner RAS, see :func:`meshot.volume.centre_ras`.
     structure : two str, optional
         For GIfTI only: the names of the part of the brain, ``("CortexLeft", "GrayWhite")`` for the left white surface.
+    vertex_data : mapping, optional
+        For PLY, VTP, VTK and GIfTI: numbers for every vertex by name, with a row for each. :func:`read_vertex_data`
+        returns them. The k columns of a (V, k) array are k properties of a PLY file, ``name_0`` to ``name_k-1``. GIfTI
+        stores uint8, int32 and float32: others are converted, floats with rounding. Names in PLY have letters, digits
+        and ``_`` only; others become ``_``.
 
     Raises
     ------
     ValueError
-        If the suffix or the structure is unknown, or ``c_ras`` is not three finite numbers.
+        If the suffix or the structure is unknown, ``c_ras`` is not three finite numbers, or the format does not hold
+        these data of vertices.
+    ImportError
+        If a VTP or VTK file is written or read without PyVista, which is part of ``meshot[cortex]``.
 
     Examples
     --------
@@ -197,10 +240,11 @@ def write_mesh(
         raise ValueError(f"c_ras is {c_ras!r}; three finite numbers are needed, in mm")
     vertices = mesh.vertices.detach().double().cpu().numpy()
     faces = mesh.faces.cpu().numpy()
+    data = _checked_data(vertex_data or {}, len(vertices), path, kind)
     with whole_file(path) as temporary:
         packed, temporary = temporary, temporary.with_name(temporary.name.removesuffix(".gz"))
         if kind == "gifti":
-            nibabel.save(gifti_image(vertices, faces, structure), temporary)
+            nibabel.save(gifti_image(vertices, faces, structure, data), temporary)
         elif kind == "freesurfer":
             about = {"head": np.array([2, 0, 20]), "valid": "1  # volume info valid", "filename": "scan"}
             about |= {"volume": np.array([256, 256, 256]), "voxelsize": np.ones(3)}
@@ -209,11 +253,69 @@ def write_mesh(
                 temporary, vertices - centre, faces, create_stamp="created by meshot", volume_info=about
             )
         elif kind in ("vtp", "vtk"):
-            mesh.to_pyvista().save(temporary)
+            polygons = mesh.to_pyvista()
+            for name, values in data.items():
+                polygons.point_data[name] = values
+            polygons.save(temporary)
         else:
-            mesh.to_trimesh().export(temporary, file_type=kind)
+            shape = mesh.to_trimesh()
+            shape.vertex_attributes.update(data)
+            shape.export(temporary, file_type=kind)
         if packed != temporary:
             packed.write_bytes(gzip.compress(temporary.read_bytes(), mtime=0))
+
+
+#: The types in which formats hold data of vertices; of VTP and VTK all.
+_DATA_TYPES = {
+    "ply": ("i4", "u4", "i2", "u2", "i1", "u1", "f4", "f8"),
+    "gifti": ("i4", "u1", "f4"),
+    "vtp": ("i8", "u8", "i4", "u4", "i2", "u2", "i1", "u1", "f4", "f8"),
+}
+_DATA_TYPES["vtk"] = _DATA_TYPES["vtp"]
+
+
+def holds_vertex_data(path: str | os.PathLike) -> bool:
+    """Whether :func:`meshot.write_mesh` can write data of vertices into a file of this name."""
+    return _format_of_name(Path(path)) in _DATA_TYPES
+
+
+def _checked_data(given: Mapping[str, object], n_vertices: int, path: Path, kind: str) -> dict[str, Array]:
+    """Data of vertices in types that the format holds."""
+    if given and kind not in _DATA_TYPES:
+        raise ValueError(f"{path.name} cannot hold {', '.join(given)} of its vertices; use .ply, .vtp, .vtk or .gii")
+    columns: dict[str, Array] = {}
+    for name, values in given.items():
+        values = values.detach().cpu().numpy() if isinstance(values, Tensor) else np.asarray(values)
+        if values.ndim not in (1, 2) or len(values) != n_vertices or values.dtype.kind not in "iufb":
+            raise ValueError(
+                f"{name} has the shape {values.shape} and the type {values.dtype}; numbers are needed, in {n_vertices} "
+                "rows, one for each vertex"
+            )
+        values = _in_type_of(values, name, _DATA_TYPES[kind], path)
+        own = {name: values}
+        if kind == "ply":
+            many = {f"{name}_{k}": column for k, column in enumerate(values.T)} if values.ndim == 2 else own
+            own = {re.sub(r"\W", "_", key, flags=re.ASCII): column for key, column in many.items()}
+        twice = [key for key in own if key in columns or key in ("", "x", "y", "z", "vertex")]
+        if twice or len(own) < (values.shape[1] if kind == "ply" and values.ndim == 2 else 1):
+            raise ValueError(f"{path.name} cannot hold data of the name {name!r}, which is empty or taken: rename them")
+        columns |= own
+    return columns
+
+
+def _in_type_of(values: Array, name: str, types: tuple[str, ...], path: Path) -> Array:
+    """The values in their own type if the format has it, or in the first one that holds them; floats are rounded."""
+    values = values.astype(np.uint8) if values.dtype.kind == "b" else values
+    if values.dtype.str[1:] in types:
+        return values
+    if values.dtype.kind == "f":
+        return values.astype(np.float32)  # from float16, or for a format without float64
+    for kind in types:
+        if kind[0] != "f" and np.array_equal(values.astype(kind), values):
+            return values.astype(kind)
+    raise ValueError(
+        f"{name} holds numbers up to {values.max()}, beyond the integers of {path.name}; write them as VTP"
+    )
 
 
 def _format_of_name(path: Path) -> str | None:
@@ -254,7 +356,12 @@ PRIMARY = ("CortexLeft", "CortexRight", "Cortex", "CortexRightAndLeft", "Cerebel
 SECONDARY = ("GrayWhite", "MidThickness", "Pial")
 
 
-def gifti_image(vertices: Array, faces: Array, structure: tuple[str, str] | None = None) -> nibabel.GiftiImage:
+def gifti_image(
+    vertices: Array,
+    faces: Array,
+    structure: tuple[str, str] | None = None,
+    vertex_data: Mapping[str, Array] = types.MappingProxyType({}),
+) -> nibabel.GiftiImage:
     """A closed surface in scanner RAS as a GIfTI image."""
     points, triangles = {}, {}
     if structure is not None:
@@ -275,4 +382,55 @@ def gifti_image(vertices: Array, faces: Array, structure: tuple[str, str] | None
         ),
         nibabel.gifti.GiftiDataArray(faces.astype(np.int32), intent="NIFTI_INTENT_TRIANGLE", meta=triangles),
     ]
+    for name, values in vertex_data.items():
+        intent = f"NIFTI_INTENT_{'SHAPE' if values.dtype.kind == 'f' and values.ndim == 1 else 'NONE'}"
+        arrays.append(nibabel.gifti.GiftiDataArray(values, intent=intent, meta={"Name": name}))
     return nibabel.GiftiImage(darrays=arrays)
+
+
+# Files whose vertices are moved and whose other contents stay: colours, texture coordinates, materials.
+
+#: Formats that hold more than positions and faces, and that are read and written without a change of the order.
+DECORATED = (".ply", ".obj", ".glb")
+
+
+def write_carried(
+    path: str | os.PathLike,
+    source: str | os.PathLike,
+    mesh: Mesh,
+    carry: Callable[[Float[Tensor, "n 3"]], Float[Tensor, "n 3"]],
+) -> bool:
+    """Write a mesh file with the contents of another and moved vertices.
+
+    ``mesh`` is what was read from the source. Nothing is written, and False is returned, if one of the formats holds
+    no more than positions and faces, if the source has no more, or if its coordinates were changed when it was read.
+
+    Vertices that a file repeats along a seam of its texture move together, since the motion depends on the position
+    alone. The parts of a scene stay parts.
+    """
+    path, source = Path(path), Path(source)
+    if not {path.suffix.lower(), source.suffix.lower()} <= set(DECORATED):
+        return False
+    import trimesh
+
+    loaded = trimesh.load_scene(source, process=False, maintain_order=True)
+    parts = loaded.dump(concatenate=False)  # with the transforms of the scene applied
+    if all(_is_plain(part) for part in parts):
+        return False
+    # trimesh knows nothing of SPACE=LPS, and its reader of OBJ is wrong in places.
+    ours = mesh.vertices[mesh.faces.unique()].numpy()
+    theirs = np.concatenate([part.vertices[np.unique(part.faces)] for part in parts])
+    ours, theirs = (np.unique(points + 0.0, axis=0) for points in (ours, theirs))
+    if ours.shape != theirs.shape or not np.allclose(ours, theirs):
+        return False
+    for part in parts:
+        part.vertices = carry(torch.from_numpy(part.vertices.copy())).detach().numpy()
+    result = parts[0] if len(parts) == 1 and path.suffix.lower() != ".glb" else trimesh.Scene(parts)
+    result.export(path)
+    return True
+
+
+def _is_plain(part: "trimesh.Trimesh") -> bool:
+    """Whether a part has positions and faces only."""
+    texture = getattr(part.visual, "uv", None) is not None
+    return not (texture or part.visual.defined or part.vertex_attributes or part.face_attributes)

@@ -4,13 +4,15 @@ import dataclasses
 import io
 import tempfile
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 
 from meshot.errors import as_indices, as_points, require_shape
-from meshot.mesh.polygon_files import Stored, merged
+from meshot.extras import needing
+from meshot.mesh.polygon_files import NORMALS, Stored, merged
 from meshot.types import Array, Float, Int64, Tensor
 
 if TYPE_CHECKING:
@@ -123,8 +125,7 @@ class Mesh(_Shape):
 
     def to_pyvista(self) -> "pyvista.PolyData":
         """A ``pyvista.PolyData`` with the same vertices and faces, in the same order, without gradient."""
-        import pyvista
-
+        pyvista = _pyvista()
         vertices = self.vertices.detach().double().cpu().numpy()
         return pyvista.PolyData.from_regular_faces(vertices, self.faces.cpu().numpy())
 
@@ -199,8 +200,7 @@ def trimesh_arrays(other: Any) -> tuple[Array, Array]:
 
 def pyvista_arrays(other: Any) -> tuple[Array, Array]:
     """Vertices and faces of a ``pyvista.PolyData``. Strips and faces with more than three corners are triangulated."""
-    import pyvista
-
+    pyvista = _pyvista()
     if not isinstance(other, pyvista.PolyData):
         raise ValueError(
             f"a {_kind(other)} was given; a pyvista.PolyData is needed: other data sets have .extract_surface()"
@@ -227,8 +227,7 @@ def read_exchanged(content: bytes, kind: str) -> Stored:
         if len(looks) > 1:
             stored.not_read.append(f"the division into {len(looks)} meshes")
         return stored
-    import pyvista
-
+    pyvista = _pyvista()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, f"mesh.{kind}")
         path.write_bytes(content)
@@ -242,12 +241,22 @@ def read_exchanged(content: bytes, kind: str) -> Stored:
     else:
         stored = Stored(*pyvista_arrays(data), "")
     stored.format = "VTK XML (VTP)" if kind == "vtp" else "VTK, legacy"
-    names = [*data.point_data.keys(), *data.cell_data.keys()]
-    stored.not_read += [f"data of points and cells: {', '.join(names)}"] * bool(names)
+    for name, values in data.point_data.items():
+        if name.lower() in NORMALS or values.dtype.kind not in "iufb" or values.ndim > 2:
+            stored.not_read.append(f"data of points: {name}")
+        else:
+            stored.vertex_data[name] = np.array(values)
+    stored.not_read += [f"data of cells: {', '.join(data.cell_data.keys())}"] * bool(data.cell_data.keys())
     stored.not_read += ["lines and single points"] * (data.n_lines > 0)
     said = str(data.field_data["SPACE"][0]).encode() if "SPACE" in data.field_data else b""
     title = content.split(b"\n", 2)[1] if kind == "vtk" and content.count(b"\n") > 1 else b""
     return stored.heed_space(b"SPACE=" + said if said else title)
+
+
+def _pyvista() -> ModuleType:
+    with needing("cortex"):
+        import pyvista
+    return pyvista
 
 
 def _kind(value: object) -> str:

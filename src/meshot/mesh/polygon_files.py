@@ -31,6 +31,8 @@ class Stored:
     said_by: str = "no field"
     faults: list[str] = dataclasses.field(default_factory=list)
     not_read: list[str] = dataclasses.field(default_factory=list)
+    #: Numbers of every vertex by name, such as thickness or colours.
+    vertex_data: dict[str, Array] = dataclasses.field(default_factory=dict)
 
     def heed_space(self, text: bytes) -> "Stored":
         """Take the space from the comments or the title of the file, if they state one."""
@@ -79,6 +81,16 @@ def read_ply(content: bytes) -> Stored:
         f"PLY, {'text' if order == '' else 'binary, ' + ('little' if order == '<' else 'big') + ' endian'}",
     ).heed_space(b"\n".join(line for line in head.splitlines() if line.startswith((b"comment", b"obj_info"))))
     used = {"vertex": {"x", "y", "z"}, "face": {corners}}
+    for name, kind, count in next(element.properties for element in elements if element.name == "vertex"):
+        if name in (*"xyz", *NORMALS) or count is not None:
+            continue
+        values = numbers(vertex[name], f"the property {name}") if isinstance(vertex[name], list) else vertex[name]
+        with np.errstate(invalid="ignore"):
+            typed = values.astype(kind)
+        # A text may hold numbers beyond the type that it declares.
+        exact = kind[0] == "f" or np.array_equal(typed, values)
+        stored.vertex_data[name] = typed if exact else np.asarray(values, np.float64)
+        used["vertex"].add(name)
     for element in elements:
         names = [name for name, _, _ in element.properties if name not in used.get(element.name, ())]
         if names and element.n_rows:
@@ -444,6 +456,9 @@ def _stl_text(content: bytes) -> Array:
 
 
 # What readers share.
+
+#: Names of normals of vertices. They are not read: they follow from the surface, and change with it.
+NORMALS = ("nx", "ny", "nz", "normals")
 
 
 def merged(vertices: Array, faces: Array) -> tuple[Array, Array]:
