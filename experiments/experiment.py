@@ -97,11 +97,13 @@ def run(
     if asked.only is not None or asked.list:
         numbers = {str(number): task for number, task in enumerate(todo, 1)}
         todo = [task for number, task in numbers.items() if asked.only in (None, number)]
-        todo = todo or [task for task in numbers.values() if asked.only in _key(task)]
-        if not todo:
-            parser.error(f"no task is or contains {asked.only}; --list prints the {len(numbers)} tasks")
+        if asked.only is not None:
+            todo = todo or [task for task in numbers.values() if asked.only in _key(task)]
+            if not todo:
+                parser.error(f"no task is or contains {asked.only}; --list prints the {len(numbers)} tasks")
     if asked.list:
-        print("\n".join(f"{number} {_key(task)}" for number, task in numbers.items() if task in todo))
+        lines = [f"{number} {_key(task)}" for number, task in numbers.items() if task in todo]
+        print("\n".join(lines or ["there are no tasks: the results are computed at once"]))
         return None
     mark = stamp(script, depends(config))
     config.place = config.output.with_name("partial") / mark

@@ -60,6 +60,8 @@ def checked(value: object, kind: object, name: str) -> object:
         (kind,) = (part for part in parts if part is not types.NoneType)
         return None if value is None else checked(value, kind, name)
     if kind in (int, float):
+        if kind is int and isinstance(value, float) and value.is_integer():
+            value = int(value)  # 3.0 or 1.0e+3, as YAML and other programs write whole numbers
         within = next((check for check in checks if isinstance(check, Within)), None)
         right = isinstance(value, numbers.Integral if kind is int else numbers.Real) and not isinstance(value, bool)
         if not right or not -math.inf < value < math.inf or (within is not None and value not in within):

@@ -176,3 +176,21 @@ def test_doors(arguments, words):
 
 def test_doors_behind_the_annotations(unchecked):
     refuses("one row per item", integrate, logistic, POINTS[0])
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+@pytest.mark.parametrize("gradient", ["direct", "adjoint"])
+def test_half_precision_moves_in_the_dtype_of_the_field(dtype, gradient):
+    field = NetworkVelocity(2, 8).float()
+    with torch.no_grad():
+        for parameter in field.parameters():
+            parameter.normal_(0, 0.5, generator=torch.Generator().manual_seed(0))
+    points = POINTS.to(dtype).requires_grad_()
+    moved = integrate(field, points, 12, gradient=gradient)
+    exact = integrate(field, points.detach().float(), 12)
+    assert moved.dtype == dtype
+    assert torch.equal(moved, exact.to(dtype))
+    assert torch.equal(trajectory(field, points, 12)[-1], moved)
+    moved.float().sum().backward()
+    assert points.grad.dtype == dtype
+    assert bool(torch.isfinite(points.grad).all())

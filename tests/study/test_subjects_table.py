@@ -5,8 +5,17 @@ import json
 
 import pytest
 
+from meshot.cli import main
 from meshot.study import quality as subjects_table
-from meshot.study.quality import DICTIONARY, TABLE, columns, numbers_of_report, read_subjects, write_subjects
+from meshot.study.quality import (
+    DICTIONARY,
+    TABLE,
+    columns,
+    numbers_of_report,
+    read_subjects,
+    write_quality_page,
+    write_subjects,
+)
 from refusals import refuses
 
 NUMBERS = {
@@ -31,6 +40,22 @@ def test_the_numbers_of_a_report_have_units_of_mm():
     assert (row["left_white_euler"], row["left_white_voxels_given_up"]) == (2, 7)
     assert (row["seconds"], row["warnings"]) == (3.75, 1)
     assert set(row) <= set(columns())
+
+
+@pytest.mark.parametrize("place", [".", "report"])
+def test_the_folder_of_one_scan_has_a_page(tmp_path, place, capsys):
+    folder = tmp_path / "one scan"
+    (folder / place).mkdir(parents=True)
+    (folder / place / "report.html").write_text("<title>report</title>")
+    (folder / place / "report.json").write_text(json.dumps(REPORT | {"warning_names": ["odd_name"]}))
+    assert main(["quality", str(folder)]) == 0
+    page = (folder / "quality.html").read_text()
+    for words in ("one scan", "1 rows: 0 failed, 1 with warnings", "warnings: odd_name", "report.html", "90"):
+        assert words in page
+    (folder / place / "report.json").write_text("{}")
+    refuses("report.json is no record of a reconstruction .it lacks 'warning_names'", write_quality_page, folder)
+    write_subjects(folder, [{"participant_id": "sub-07", "status": "done"}])  # a study has its table
+    assert "sub-07" in write_quality_page(folder).read_text()
 
 
 def test_what_is_written_is_read_in_order(tmp_path):

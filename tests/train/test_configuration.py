@@ -50,6 +50,7 @@ def test_a_mapping_becomes_an_object_and_comes_back():
     assert (again["one"]["pair"], again["one"]["widths"], again["other"]) == ([1, 2.5], [3, 4], {"rate": 1.0})
     assert Both.read(again) == found
     assert One(np.int64(3)).n == 3
+    assert isinstance(One.read({"n": 1.0e3, "length": 2}).n, int)  # whole, as YAML writes it with an exponent
     assert hash(found) == hash(Both.read(again))
 
 

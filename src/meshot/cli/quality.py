@@ -16,7 +16,7 @@ def add_to(commands: Commands) -> None:
         "The command writes quality.html into the folder of a study. The page shows slices of all subjects and their "
         f"numbers, and marks outliers. Verdicts are given by key and can be downloaded as a table. {NOTE}",
         "meshot quality build/study",
-        "A study is a folder with the table subjects.tsv, as meshot reconstruct writes it.",
+        "A study is a folder with the table subjects.tsv, as meshot reconstruct writes it, or the folder of one scan.",
     )
     command.add_argument("study", type=Path, help="The folder of the study.")
     command.add_argument(

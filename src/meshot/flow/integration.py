@@ -32,6 +32,8 @@ def integrate(
     ----------
     field : VelocityField, or callable of (time, points)
     points : tensor
+        In float16 or bfloat16 they are moved in the dtype of the parameters of the field, if it has any, and returned
+        in the dtype that came.
     n_steps : int
         Number of equal steps on [0, 1]. Each evaluates the field 1 (euler), 2 (midpoint), 4 (rk4) or 7 (dopri5) times.
     method : str
@@ -69,14 +71,14 @@ def integrate(
     >>> [round(x, 6) for x in decayed[0].tolist()]  # 1/e
     [0.367879, 0.367879]
     """
-    points = as_points(points, "points")
+    prepared, dtype = _prepared(field), torch.as_tensor(points).dtype
+    points = _as_moved(points, prepared)
     grid = _time_grid(points, n_steps, inverse)
     options = _solver_options(grid, method, tolerance)
     require_choice(gradient, "gradient", GRADIENTS)
-    prepared = _prepared(field)
     if gradient == "direct":
-        return odeint(prepared, points, grid[[0, -1]], **options)[-1]
-    return odeint_adjoint(prepared, points, grid[[0, -1]], adjoint_params=prepared.tensors, **options)[-1]
+        return odeint(prepared, points, grid[[0, -1]], **options)[-1].to(dtype)
+    return odeint_adjoint(prepared, points, grid[[0, -1]], adjoint_params=prepared.tensors, **options)[-1].to(dtype)
 
 
 def trajectory(
@@ -90,9 +92,10 @@ def trajectory(
 
     The last is the result of :func:`meshot.integrate`. The arguments are the same.
     """
-    points = as_points(points, "points")
+    prepared, dtype = _prepared(field), torch.as_tensor(points).dtype
+    points = _as_moved(points, prepared)
     grid = _time_grid(points, n_steps, inverse)
-    return odeint(_prepared(field), points, grid, **_solver_options(grid, method, None))
+    return odeint(prepared, points, grid, **_solver_options(grid, method, None)).to(dtype)
 
 
 def step_maps(
@@ -127,6 +130,13 @@ def _solver_options(grid: Tensor, method: str, tolerance: float | None) -> dict:
     if tolerance is None:
         return {"method": method, "rtol": 0.0, "atol": math.inf, "options": stops | {"first_step": 2.0}}
     return {"method": method, "rtol": tolerance, "atol": tolerance, "options": stops}
+
+
+def _as_moved(points: Tensor, field: Prepared) -> Tensor:
+    """The points, from half precision to the dtype of the parameters of the field."""
+    points = as_points(points, "points")
+    half = points.dtype in (torch.float16, torch.bfloat16)
+    return points.to(field.tensors[0].dtype) if half and field.tensors else points
 
 
 def _prepared(field: VelocityField | Velocity) -> Prepared:

@@ -23,7 +23,6 @@ from meshot.anatomy import mni152_t1
 from meshot.errors import require_positive_integer
 from meshot.files import printable_name, whole_folder, write_whole
 from meshot.pipeline import (
-    PAGE,
     REPORT,
     Progress,
     QualityWarning,
@@ -39,7 +38,7 @@ from meshot.pipeline import (
 from meshot.provenance import file_digest
 from meshot.study.bids import Visit, json_of
 from meshot.study.layouts import Layout, layout_named
-from meshot.study.quality import numbers_of_report, write_subjects
+from meshot.study.quality import row_of_report, write_subjects
 from meshot.volume import Volume, averaged_scan, masked_scan, read_volume_and_facts
 from meshot.workers import begin_worker
 
@@ -306,11 +305,8 @@ def _row(study: Path, file: Path) -> dict:
         return {
             "participant_id": report["participant_id"],
             "session_id": report["session_id"],
-            "status": "done",
             "scans": " ".join(report["scans"]),
-            "report": file.with_name(PAGE).relative_to(study).as_posix(),
-            "warning_names": " ".join(report["warning_names"]),
-        } | numbers_of_report(report)
+        } | row_of_report(study, file, report)
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"{file} is no record of a visit (it lacks {error}); remove it, or its folder") from error
 

@@ -16,8 +16,9 @@ import numpy as np
 
 from meshot.anatomy import HEMISPHERES
 from meshot.files import printable_name, write_whole
-from meshot.pipeline import OVERVIEW
+from meshot.pipeline import OVERVIEW, PAGE, REPORT
 from meshot.statistics import OUTLIER_SCORE, robust_scores
+from meshot.study.bids import json_of
 from meshot.view import filled
 
 # The table of a study, ``subjects.tsv``, and its data dictionary, ``subjects.json``, as BIDS writes tables.
@@ -101,6 +102,26 @@ def numbers_of_report(report: Mapping) -> dict[str, float]:
     row["seconds"] = round(sum(report["seconds"]["clock"].values()), 2)
     row["warnings"] = len(report["warnings"])
     return row
+
+
+def row_of_report(study: Path, file: Path, report: Mapping) -> dict:
+    """The row of a reconstruction whose ``report.json`` is this file, without participant and session."""
+    return {
+        "status": "done",
+        "report": file.with_name(PAGE).relative_to(study).as_posix(),
+        "warning_names": " ".join(report["warning_names"]),
+    } | numbers_of_report(report)
+
+
+def _row_of_scan(folder: Path) -> dict | None:
+    """The row of the only reconstruction in the folder of one scan; None if the folder is none."""
+    file = next((path for path in (folder / REPORT, folder / "report" / REPORT) if path.is_file()), None)
+    if file is None or (folder / TABLE).exists():
+        return None
+    try:
+        return {"participant_id": folder.resolve().name} | row_of_report(folder, file, json_of(file))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"{file} is no record of a reconstruction (it lacks {error}); reconstruct it again") from error
 
 
 def write_subjects(folder: str | os.PathLike, rows: Iterable[Mapping]) -> None:
@@ -269,7 +290,7 @@ def write_quality_page(study: str | os.PathLike, embed: bool = False) -> Path:
     Parameters
     ----------
     study : path
-        A folder with ``subjects.tsv``, see :func:`meshot.study.read_subjects`.
+        A folder with ``subjects.tsv``, see :func:`meshot.study.read_subjects`; or the folder of one scan.
     embed : bool
         Whether the page holds the pictures, some 25 kB for each subject. It can then be read elsewhere; the links to
         the reports lead to files beside it.
@@ -281,7 +302,8 @@ def write_quality_page(study: str | os.PathLike, embed: bool = False) -> Path:
         If the table is missing, cannot be read, or has no rows.
     """
     study = Path(study)
-    subjects = read_subjects(study)
+    row = _row_of_scan(study)
+    subjects = read_subjects(study) if row is None else [row]
     if not subjects:
         raise ValueError(f"the table of {study} has no rows; reconstruct a subject first: meshot reconstruct")
     columns = quality_columns(subjects)
