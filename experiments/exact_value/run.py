@@ -240,7 +240,7 @@ def descend_once(encoding: str, seed: int, rate: float, config: dict) -> dict:
 
 
 def _encoded(mesh: Mesh, encoding: str, n_points: int, generator: np.random.Generator) -> object:
-    """The encoding of a mesh. Samples have as many points as the target has faces, on either side, and are drawn anew."""
+    """The encoding of a mesh. Samples are new ones, as many on either side as the target has faces."""
     if encoding == "continuous":
         return surface(mesh)
     if encoding == "samples":
