@@ -21,6 +21,7 @@ FOLDED = {
     "drawing": ("hide-input", "code: drawing"),
     "table": ("hide-input", "code: table"),
     "checks": ("hide-input", "code: checks"),
+    "provenance": ("hide-cell", "the source of these results"),
     "solution": ("hide-cell", "the solution"),
 }
 #: Adults read non-fiction silently at 238 words a minute (a mean over 190 studies: Brysbaert 2019). Text with symbols
