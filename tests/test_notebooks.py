@@ -157,7 +157,7 @@ def test_ignored_cells_stay_within_their_budget(path):
 @chapters
 def test_solutions_pass_and_stubs_fail(path):
     pairs = exercises(read(path))
-    assert len(pairs) >= 3
+    assert len(pairs) >= 2  # beside two proofs
     for stub, solution in pairs:
         assert stub.startswith("✗"), stub
         assert solution.startswith("✓"), solution
