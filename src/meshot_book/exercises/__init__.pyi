@@ -1,1 +1,2 @@
-from .measures import drawn_curves as drawn_curves
+from .given import drawn_curves as drawn_curves
+from .reports import report as report

@@ -10,12 +10,13 @@ import torch
 
 from meshot.mesh import icosphere
 from meshot.types import Bool, Float, Int64, Tensor
+from meshot_book.exercises.given import turned, waved
 from meshot_book.exercises.verdict import Exercise, exercise
 
 # Chapter 30: noise from air, the affine of a grid, and exact partial volume.
 
 
-@exercise
+@exercise(stars=1)
 def noise_from_air() -> Exercise:
     """Check ``function(values)``: σ of the noise in each channel, from magnitudes where there is no signal.
 
@@ -45,7 +46,7 @@ def noise_from_air() -> Exercise:
     return Exercise(lambda v: ((v**2).mean() / 2).sqrt(), cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def grid_affine() -> Exercise:
     """Check ``function(extent_mm, shape, centre_mm)``: the affine of a grid whose box lies around a centre.
 
@@ -83,7 +84,7 @@ def grid_affine() -> Exercise:
     return Exercise(lambda e, s, c: affine_of(e / s, c - e / s * (s - 1) / 2), cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def pixel_share() -> Exercise:
     """Check ``function(normal, offset)``: which part of the pixel [−½, ½]² satisfies ⟨normal, x⟩ ≤ offset."""
 
@@ -127,7 +128,7 @@ def pixel_share() -> Exercise:
 # Chapter 31: overlap of partial volumes, the Euler number of a mask, and distance below the voxel.
 
 
-@exercise
+@exercise(stars=1)
 def soft_overlap() -> Exercise:
     """Check ``function(first, second)``: 2 Σ a b / (Σ a² + Σ b²) of two maps of any shape, 1 if both are empty."""
 
@@ -162,7 +163,7 @@ def soft_overlap() -> Exercise:
     return Exercise(overlap, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def mask_euler() -> Exercise:
     """Check ``function(mask)``: corners − edges + faces − cubes of a solid of voxels, each shared one counted once."""
 
@@ -205,7 +206,7 @@ def mask_euler() -> Exercise:
     return Exercise(euler, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def row_distance() -> Exercise:
     """Check ``function(fractions, size)``: signed distance in mm along one row of voxels, to where it crosses ½."""
 
@@ -247,7 +248,7 @@ def row_distance() -> Exercise:
 # Chapter 32: the network counted, cubes cut out or convolved once, displacements where area is missing.
 
 
-@exercise
+@exercise(stars=1)
 def count_weights() -> Exercise:
     """Check ``function(width, hidden, n_scales, size)``: how many numbers the deformation network learns."""
 
@@ -288,7 +289,7 @@ def count_weights() -> Exercise:
     return Exercise(counted, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def feature_at() -> Exercise:
     """Check ``function(row, kernel, place)``: a feature between voxels, from a convolution done once.
 
@@ -339,7 +340,7 @@ def feature_at() -> Exercise:
     return Exercise(cut, cases, mistakes)
 
 
-@exercise
+@exercise(stars=1)
 def alignment() -> Exercise:
     """Check ``function(descents, needed, masses)``: the cosine of two fields of arrows, weighted by mass."""
 
@@ -377,7 +378,7 @@ def alignment() -> Exercise:
     return Exercise(aligned, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def mean_displacements() -> Exercise:
     """Check ``function(places, source_areas, target_areas)``: the mean displacement of each region's mass.
 
@@ -427,7 +428,7 @@ def mean_displacements() -> Exercise:
 # Chapter 33: taking a floor out of a number, two sides of a distance, shares as counts, a table against itself.
 
 
-@exercise
+@exercise(stars=1)
 def without_floor() -> Exercise:
     """Check ``function(value, floor)``: what is left of a sampled W₂ when its floor is taken out."""
     cases = {
@@ -450,7 +451,7 @@ def without_floor() -> Exercise:
     return Exercise(lambda v, f: math.sqrt(max(v**2 - f**2, 0.0)), cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def two_sided() -> Exercise:
     """Check ``function(there, back)``: ASSD and the Hausdorff distance at 90 %, from the distances of both sides."""
 
@@ -495,7 +496,7 @@ def two_sided() -> Exercise:
     return Exercise(lambda a, b: pair(mean(a, b), quantile(a, b)), cases, mistakes)
 
 
-@exercise
+@exercise(stars=1)
 def pairs_left() -> Exercise:
     """Check ``function(percent, n_faces, n_scans)``: how many crossing pairs a mean share below a bound can hide."""
     cases = {
@@ -519,7 +520,7 @@ def pairs_left() -> Exercise:
     return Exercise(lambda p, f, n: int(p / 100 * f * n / 2), cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def breaks_bound() -> Exercise:
     """Check ``function(emd, swd, written)``: which rows of a table break SW₂ ≤ W₂/√3, as the columns are written.
 
@@ -554,7 +555,7 @@ def breaks_bound() -> Exercise:
 _Field = Callable[[Tensor], Tensor]
 
 
-@exercise
+@exercise(stars=1)
 def chance_missed() -> Exercise:
     """Check ``function(thickness, spacing)``: how often no layer of a grid falls into a slab parallel to it."""
     cases = {
@@ -576,7 +577,7 @@ def chance_missed() -> Exercise:
     return Exercise(lambda t, h: max(0.0, 1 - t / h), cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def curved_chamfer() -> Exercise:
     """Check ``function(points, truths, curvatures, most)``: the Chamfer distance weighted by the target's curvature."""
 
@@ -612,7 +613,7 @@ def curved_chamfer() -> Exercise:
     return Exercise(curved, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def through_chain() -> Exercise:
     """Check ``function(fields, points, n_steps)``: points after the flows of several fields, by RK4, one by one."""
 
@@ -637,14 +638,6 @@ def through_chain() -> Exercise:
         return points
 
     points = torch.from_numpy(np.random.default_rng(1).normal(size=(5, 3)))
-    turn = points.new_tensor([[0.0, -2.0, 0.0], [2.0, 0.0, 0.5], [0.0, 0.0, 1.0]])
-
-    def turned(x: Tensor) -> Tensor:
-        return x @ turn.T
-
-    def waved(x: Tensor) -> Tensor:
-        return torch.sin(3 * x.roll(1, dims=1))
-
     cases = {
         "a rotation and a wave": ([turned, waved], points, 4),
         "three fields": ([waved, turned, waved], points[:2], 3),
@@ -670,7 +663,7 @@ def through_chain() -> Exercise:
 # Chapter 35: paired differences, which check of a training is kept, and the order of a solver.
 
 
-@exercise
+@exercise(stars=2)
 def paired_gap() -> Exercise:
     """Check ``function(first, second)``: the mean difference over the same subjects, and its standard error."""
 
@@ -708,7 +701,7 @@ def paired_gap() -> Exercise:
     return Exercise(gap, cases, mistakes)
 
 
-@exercise
+@exercise(stars=1)
 def kept_check() -> Exercise:
     """Check ``function(initial, checks)``: the number of the check that is kept, or −1 for the initial surface."""
 
@@ -738,7 +731,7 @@ def kept_check() -> Exercise:
     return Exercise(kept, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def observed_order() -> Exercise:
     """Check ``function(n_steps, errors)``: the order q for which errors fall as steps^(−q), by least squares."""
 
@@ -774,7 +767,7 @@ def observed_order() -> Exercise:
 # Chapter 36: handles from faces, FreeSurfer's surface space, and simple points in the plane.
 
 
-@exercise
+@exercise(stars=1)
 def handles() -> Exercise:
     """Check ``function(faces)``: how many handles a closed, connected surface has, from its faces alone."""
 
@@ -829,7 +822,7 @@ def handles() -> Exercise:
     return Exercise(lambda f: (2 - euler(f)) // 2, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def surface_ras() -> Exercise:
     """Check ``function(points_mm, affine, shape)``: scanner RAS to the surface RAS of a conformed FreeSurfer volume.
 
@@ -871,7 +864,7 @@ def surface_ras() -> Exercise:
     return Exercise(lambda p, a, s: p - centre(a, s), cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def is_simple() -> Exercise:
     """Check ``function(neighbourhood)``: may the middle of a 3 × 3 mask be added without changing the topology?
 

@@ -8,27 +8,15 @@ import torch
 
 from meshot.mesh import Mesh, folded_sphere, icosphere
 from meshot.types import Array, Float, Int64, Tensor
+from meshot_book.exercises.given import grow, half, hurry, spin, still, wave, whirl
 from meshot_book.exercises.verdict import Exercise, exercise
 
 # Chapter 20: a flow by Euler steps, one step undone, and how fine a mesh must be.
 
 
-def _spin(time: float, points: Float[Tensor, "n 2"]) -> Float[Tensor, "n 2"]:
-    return torch.stack([-points[:, 1], points[:, 0]], dim=1)
-
-
-@exercise
+@exercise(stars=1)
 def euler_flow() -> Exercise:
     """Check ``function(velocity, points, n_steps)``: the flow on [0, 1] by equal Euler steps."""
-
-    def hurry(time: float, points: Float[Tensor, "n 2"]) -> Float[Tensor, "n 2"]:
-        return (1 + 3 * time) * _spin(time, points)
-
-    def grow(time: float, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
-        return points * (1 - points) + time**2
-
-    def still(time: float, points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
-        return torch.zeros_like(points)
 
     def euler(velocity: object, points: Tensor, n_steps: int, n_taken: int | None = None) -> Tensor:
         for k in range(n_steps if n_taken is None else n_taken):
@@ -37,7 +25,7 @@ def euler_flow() -> Exercise:
 
     points = torch.from_numpy(np.random.default_rng(0).normal(size=(6, 2)))
     cases = {
-        "a rotation in 7 steps": (_spin, points, 7),
+        "a rotation in 7 steps": (spin, points, 7),
         "a rotation that speeds up, in 5 steps": (hurry, points, 5),
         "a field that bends, in 4 steps": (grow, points, 4),
         "a single step": (hurry, points, 1),
@@ -61,18 +49,9 @@ def euler_flow() -> Exercise:
     return Exercise(euler, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def undo_step() -> Exercise:
     """Check ``function(velocity, images, step)``: the points that one Euler step has carried to ``images``."""
-
-    def whirl(points: Float[Tensor, "n 2"]) -> Float[Tensor, "n 2"]:
-        return _spin(0.0, points) * torch.exp(-points.square().sum(dim=1, keepdim=True) / 2)
-
-    def wave(points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
-        return points.sin()
-
-    def half(points: Float[Tensor, "n d"]) -> Float[Tensor, "n d"]:
-        return points / 2 + 1
 
     def undone(velocity: object, images: Tensor, step: float, n_rounds: int = 400) -> Tensor:
         points = images
@@ -105,7 +84,7 @@ def undo_step() -> Exercise:
     return Exercise(undone, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def pieces_needed() -> Exercise:
     """Check ``function(length, bend, gap)``: the fewest equal pieces of a side whose chords stay within the gap."""
 
@@ -148,7 +127,7 @@ def pieces_needed() -> Exercise:
 Curves = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
-@exercise
+@exercise(stars=1)
 def edge_variation() -> Exercise:
     """Check ``function(vertices, faces)``: standard deviation over mean of the edge lengths, every edge once."""
 
@@ -195,7 +174,7 @@ def edge_variation() -> Exercise:
     return Exercise(lambda v, f: variation(lengths(v, _edges(f))), cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def safe_steps() -> Exercise:
     """Check ``function(norms)``: the fewest equal Euler steps on [0, 1] with h·Lip < 1, from local constants."""
     drawn = torch.linspace(0.1, 1.0, 12, dtype=torch.float64).reshape(3, 4)
@@ -227,7 +206,7 @@ def safe_steps() -> Exercise:
     return Exercise(lambda norms: math.floor(norms.max()) + 1, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def equal_time() -> Exercise:
     """Check ``function(times, values, other_times, other_values)``: both curves when the first of the two is done."""
 
@@ -274,7 +253,7 @@ def equal_time() -> Exercise:
 # Chapter 22: two points, the weights of a window, partial transport as a linear program.
 
 
-@exercise
+@exercise(stars=1)
 def pair_costs() -> Exercise:
     """Check ``function(gap, reach)``: the partial and the unbalanced cost of two points of mass one on a line."""
 
@@ -312,7 +291,7 @@ def pair_costs() -> Exercise:
     return Exercise(lambda gap, reach: (min(gap, reach), unbalanced(gap, reach)), cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def window_weights() -> Exercise:
     """Check ``function(points, weights, centre, radius)``: the masses within a window, with sum one."""
 
@@ -353,7 +332,7 @@ def window_weights() -> Exercise:
     return Exercise(windowed, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def partial_cost() -> Exercise:
     """Check ``function(positions, masses, reach)``: the partial cost between the positive and the negative masses."""
 

@@ -18,6 +18,7 @@ from meshot.mesh import (
     tetrahedron,
 )
 from meshot.types import Float, Int64, Tensor
+from meshot_book.exercises.given import Distances, LimitedDistances, QuadraticLoss, drawn_curves, unasked
 from meshot_book.exercises.verdict import Exercise, exercise
 
 # Chapter 10: weights of faces, the tent of a triangle, and the mean square of a projected surface.
@@ -27,7 +28,7 @@ def _areas(vertices: Float[Tensor, "V 3"], faces: Int64[Tensor, "F 3"]) -> Float
     return face_areas(Mesh(vertices, faces))
 
 
-@exercise
+@exercise(stars=1)
 def face_weights() -> Exercise:
     """Check ``function(vertices, faces)``: the probability of every face under the uniform law on the surface."""
     folded, box = folded_sphere(1, 1.0, 0.4), cube(2.0)
@@ -53,7 +54,7 @@ def face_weights() -> Exercise:
     return Exercise(lambda v, f: _areas(v, f) / _areas(v, f).sum(), cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def tent_density() -> Exercise:
     """Check ``function(corners, x)``: the density of a uniform triangle, its corners projected, at every x."""
 
@@ -100,7 +101,7 @@ def tent_density() -> Exercise:
     return Exercise(tent, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def mean_square() -> Exercise:
     """Check ``function(vertices, faces, direction)``: the mean of ⟨θ, x⟩² under the uniform distribution on a mesh."""
 
@@ -148,7 +149,7 @@ def mean_square() -> Exercise:
 # Chapter 11: how many points a bound asks for, the curve that lies about its exponent, and a gap without a bound.
 
 
-@exercise
+@exercise(stars=1)
 def points_needed() -> Exercise:
     """Check ``function(p, joint, first, second, tolerance)``: the least m at which the sharper bound is that low."""
 
@@ -187,20 +188,7 @@ def points_needed() -> Exercise:
     return Exercise(least, cases, mistakes)
 
 
-def drawn_curves(seed: int) -> tuple[Float[Tensor, " n"], Float[Tensor, "k n"], Float[Tensor, " k"]]:
-    """Sizes, the errors of four curves with a little noise, and what their legend claims: one claim is wrong."""
-    generator = np.random.default_rng([seed, 11])
-    x = np.array([100.0, 316, 1000, 3162, 10_000, 31_623])
-    claimed = generator.permutation([-1.0, -0.5, -1 / 3, -0.25])
-    true = claimed.copy()
-    wrong = generator.integers(4)
-    true[wrong] = generator.choice([value for value in (-0.75, -0.2, -0.6) if abs(value - claimed[wrong]) > 0.11])
-    heights = 10 ** generator.uniform(-1, 1, 4)
-    errors = heights[:, None] * (x / 1000) ** true[:, None] * np.exp(0.1 * generator.normal(size=(4, len(x))))
-    return torch.from_numpy(x), torch.from_numpy(errors), torch.from_numpy(claimed)
-
-
-@exercise
+@exercise(stars=2)
 def wrong_curve() -> Exercise:
     """Check ``function(x, errors, claimed)``: which curve does not have the exponent that its legend claims."""
 
@@ -239,7 +227,7 @@ def wrong_curve() -> Exercise:
     return Exercise(farthest, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def mean_gap() -> Exercise:
     """Check ``function(share, n_points)``: E|F_m(y) − F(y)| exactly, where F(y) is the share."""
 
@@ -266,10 +254,7 @@ def mean_gap() -> Exercise:
 # Chapter 12: cells of a merge, exponents from a table, and nearest neighbours in bounded memory.
 
 
-Distances = Callable[[Tensor, Tensor], Tensor]
-
-
-@exercise
+@exercise(stars=1)
 def merged_cells() -> Exercise:
     """Check ``function(masses, others)``: on how many cells of the merged quantile functions both are constant.
 
@@ -306,7 +291,7 @@ def merged_cells() -> Exercise:
     return Exercise(n_cells, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def growth_exponent() -> Exercise:
     """Check ``function(sizes, seconds)``: the exponent of a power law, by least squares on logarithms."""
 
@@ -341,30 +326,12 @@ def growth_exponent() -> Exercise:
     return Exercise(exponent, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def blocked_chamfer() -> Exercise:
     """Check ``function(points, targets, distances, limit)``: Chamfer with at most ``limit`` distances at once.
 
     ``distances(points, targets)`` returns squared distances, and refuses to make more than it is allowed.
     """
-
-    asked = []
-
-    def allowing(limit: int) -> Distances:
-        """Squared distances, up to ``limit`` of them in one call."""
-
-        def distances(points: Tensor, targets: Tensor) -> Tensor:
-            asked.append(len(points) * len(targets))
-            if asked[-1] > limit:
-                raise ValueError(f"{len(points)} × {len(targets)} distances asked for at once, {limit} are allowed")
-            return (points[:, None] - targets[None]).square().sum(dim=2)
-
-        return distances
-
-    def unasked(x: Tensor, y: Tensor, distances: Distances, limit: int) -> str | None:
-        enough = sum(asked) >= len(x) * len(y)
-        asked.clear()
-        return None if enough else "the numbers are right, but not from `distances`: ask it for a block at a time"
 
     def nearest(points: Float[Tensor, "n d"], targets: Float[Tensor, "m d"]) -> Float[Tensor, " n"]:
         return (points[:, None] - targets[None]).square().sum(dim=2).min(dim=1).values
@@ -386,12 +353,12 @@ def blocked_chamfer() -> Exercise:
     generator = np.random.default_rng(2)
     x, y = (torch.from_numpy(generator.normal(size=(n, 3))) for n in (11, 7))
     cases = {
-        "11 points, 7 targets, 28 distances at once": (x, y, allowing(28), 28),
-        "7 points, 11 targets, 23 distances at once": (y, x, allowing(23), 23),
-        "room for everything": (x, y, allowing(77), 77),
-        "room for one row": (x, y, allowing(11), 11),
-        "one point and one target": (x[:1], y[:1], allowing(1), 1),
-        "points in the plane": (x[:, :2].clone(), y[:, :2].clone(), allowing(30), 30),
+        "11 points, 7 targets, 28 distances at once": (x, y, LimitedDistances(28), 28),
+        "7 points, 11 targets, 23 distances at once": (y, x, LimitedDistances(23), 23),
+        "room for everything": (x, y, LimitedDistances(77), 77),
+        "room for one row": (x, y, LimitedDistances(11), 11),
+        "one point and one target": (x[:1], y[:1], LimitedDistances(1), 1),
+        "points in the plane": (x[:, :2].clone(), y[:, :2].clone(), LimitedDistances(30), 30),
     }
     mistakes = {
         "one direction only: add that from the targets to the points": lambda x, y, s, k: mean_nearest(x, y),
@@ -425,7 +392,7 @@ def blocked_chamfer() -> Exercise:
 # Chapter 13: the floor of Chamfer, a sliced loss whose mean part is known, and the price of a gap.
 
 
-@exercise
+@exercise(stars=1)
 def chamfer_floor() -> Exercise:
     """Check ``function(area, m, n)``: Chamfer between two samples of one surface of that area, to leading order."""
 
@@ -451,7 +418,7 @@ def chamfer_floor() -> Exercise:
     return Exercise(floor, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def centred_cost() -> Exercise:
     """Check ``function(source, target, directions)``: SW₂² with the mean part taken exactly, the rest estimated."""
 
@@ -509,7 +476,7 @@ def centred_cost() -> Exercise:
     return Exercise(centred, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def gap_cost() -> Exercise:
     """Check ``function(a, gap, m, p)``: E W_p^p between two samples of two points that are a gap apart, exactly."""
 
@@ -560,18 +527,9 @@ def gap_cost() -> Exercise:
 # Chapter 14: a length for the normals, the gradient of an area, and surfaces turned inside out.
 
 
-Loss = Callable[[float], float]
-
-
-@exercise
+@exercise(stars=2)
 def scale_for_share() -> Exercise:
     """Check ``function(loss, share)``: the normal scale s with 1 − loss(0)/loss(s) = share."""
-
-    def quadratic(places: float, normals: float) -> Loss:
-        return lambda s: places + normals * s * s
-
-    def saturating(places: float, normals: float, scale: float) -> Loss:
-        return lambda s: places + normals * s * s / (1 + (s / scale) ** 2)
 
     def solved(rising: Callable[[float], float], wanted: float) -> float:
         low, high = 1e-9, 1e9
@@ -588,11 +546,11 @@ def scale_for_share() -> Exercise:
         return high
 
     cases = {
-        "positions 2, normals s², a tenth": (quadratic(2.0, 1.0), 0.1),
-        "positions 0.3, normals 4 s², a half": (quadratic(0.3, 4.0), 0.5),
-        "normals that saturate at large scales": (saturating(1.0, 30.0, 0.5), 0.6),
-        "lengths in metres": (saturating(1e-6, 2.0, 1e-3), 0.25),
-        "lengths in micrometres": (saturating(4e6, 1.0, 1e5), 0.2),
+        "positions 2, normals s², a tenth": (QuadraticLoss(2.0, 1.0), 0.1),
+        "positions 0.3, normals 4 s², a half": (QuadraticLoss(0.3, 4.0), 0.5),
+        "normals that saturate at large scales": (QuadraticLoss(1.0, 30.0, 0.5), 0.6),
+        "lengths in metres": (QuadraticLoss(1e-6, 2.0, 1e-3), 0.25),
+        "lengths in micrometres": (QuadraticLoss(4e6, 1.0, 1e5), 0.2),
     }
     mistakes = {
         "this compares what normals add with the loss *without* them; the share is of the whole, loss(s)": (
@@ -612,7 +570,7 @@ def scale_for_share() -> Exercise:
     return Exercise(lambda loss, share: solved(lambda s: 1 - loss(0) / loss(s), share), cases, mistakes)
 
 
-@exercise
+@exercise(stars=1)
 def area_gradient() -> Exercise:
     """Check ``function(a, b, c)``: the gradient of the area of a triangle in its corner a."""
 
@@ -649,7 +607,7 @@ def area_gradient() -> Exercise:
     return Exercise(gradient, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def is_inside_out() -> Exercise:
     """Check ``function(vertices, faces)``: do the normals of a closed surface point inwards?"""
 

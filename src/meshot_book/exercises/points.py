@@ -6,16 +6,14 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from meshot.loss import chamfer, wasserstein
-from meshot.measure import DiscreteMeasure
 from meshot.types import Float, Tensor
+from meshot_book.exercises.given import EntropicCost, of_a_pair, rest_and_distance
 from meshot_book.exercises.verdict import Exercise, exercise
-from meshot_book.flows import forces
 
 # Chapter 01: descent directions of both losses, and the learning rate that momentum allows.
 
 
-@exercise
+@exercise(stars=1)
 def nearest_arrows() -> Exercise:
     """Check ``function(points, target)``: for every point, the vector to the nearest target point."""
 
@@ -62,7 +60,7 @@ def nearest_arrows() -> Exercise:
     return Exercise(to_nearest, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def line_arrows() -> Exercise:
     """Check ``function(points, target, direction)``: the arrow of transport along one direction at every point."""
 
@@ -107,7 +105,7 @@ def line_arrows() -> Exercise:
     return Exercise(along, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def largest_rate() -> Exercise:
     """Check ``function(n_selections, momentum)``: the learning rate at which summed Chamfer becomes unstable."""
     pairs = [(0, 0.0), (0, 0.9), (1, 0.0), (1, 0.9), (4, 0.5), (30, 0.9), (678, 0.99)]
@@ -161,7 +159,7 @@ def _gaps(x: Tensor, a: Tensor, y: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     return _quantiles(x, a, middles) - _quantiles(y, b, middles), masses
 
 
-@exercise
+@exercise(stars=1)
 def quantiles() -> Exercise:
     """Check ``function(points, weights, levels)``: the least point below or at which a share of the mass lies."""
     generator = np.random.default_rng(0)
@@ -195,7 +193,7 @@ def quantiles() -> Exercise:
     return Exercise(_quantiles, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def transport_cost() -> Exercise:
     """Check ``function(source, source_weights, target, target_weights, p)``: W_p^p on a line for any weights."""
 
@@ -242,7 +240,7 @@ def transport_cost() -> Exercise:
     return Exercise(cost, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def weight_gradient() -> Exercise:
     """Check ``function(source, source_weights, target, target_weights, p)``: ∂W_p^p/∂a, of mean zero under a."""
 
@@ -304,7 +302,7 @@ def _sliced(points: Float[Tensor, "n d"], target: Float[Tensor, "n d"], directio
     return _sliced_gaps(points, target, directions).square().mean()
 
 
-@exercise
+@exercise(stars=1)
 def sliced_cost() -> Exercise:
     """Check ``function(points, target, directions)``: SW₂² of equally many points of equal mass over given lines."""
     generator = np.random.default_rng(0)
@@ -339,7 +337,7 @@ def sliced_cost() -> Exercise:
     return Exercise(_sliced, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def lines_needed() -> Exercise:
     """Check ``function(costs, relative_error)``: how many random lines, judged by the costs on a few."""
 
@@ -379,34 +377,7 @@ def lines_needed() -> Exercise:
     return Exercise(lines, cases, mistakes)
 
 
-def _as_points(values: object) -> Tensor:
-    """Coordinates that a reader returned, as float64."""
-    points = torch.as_tensor(values).detach()
-    if points.is_complex():
-        raise ValueError("complex numbers came, real coordinates are needed; look for the root of a negative number")
-    if not bool(torch.isfinite(points).all()):
-        raise ValueError("coordinates came that are infinite or not a number; look for a division by zero")
-    return points.double()
-
-
-def _of_a_pair(answer: object, directions: Float[Tensor, "L 2"]) -> Tensor:
-    """Whether the sets agree on the lines, are equally many, and differ on others."""
-    if not isinstance(answer, tuple | list) or len(answer) != 2:
-        raise ValueError("two sets of points are needed: return first, second")
-    first, second = (_as_points(points) for points in answer)
-    if first.ndim != 2 or first.shape[1] != 2 or second.ndim != 2 or second.shape[1] != 2:
-        shapes = f"{tuple(first.shape)}, {tuple(second.shape)}"
-        raise ValueError(f"(n, 2) points are needed, and the shapes are {shapes}")
-    if len(first) != len(second):
-        return torch.tensor([1, 0, 1])
-    angles = torch.arange(90, dtype=torch.float64) * math.pi / 90
-    others = torch.stack([angles.cos(), angles.sin()], dim=1)
-    scale = float(torch.cat([first, second]).abs().max()) ** 2 + 1e-12
-    agree = float(_sliced(first, second, directions.double())) < 1e-9 * scale
-    return torch.tensor([agree, True, float(_sliced(first, second, others)) > 1e-6 * scale])
-
-
-@exercise
+@exercise(stars=3)
 def ghost_pair() -> Exercise:
     """Check ``function(directions)``: two different sets of points with the same projection on every line."""
 
@@ -434,13 +405,13 @@ def ghost_pair() -> Exercise:
             lambda u: swapped(u[:1])
         ),
     }
-    return Exercise(swapped, cases, mistakes, _of_a_pair)
+    return Exercise(swapped, cases, mistakes, of_a_pair)
 
 
 # Chapter 04: a blur's unit, what flipped normals weigh, a debiased cost, and a trap for Chamfer.
 
 
-@exercise
+@exercise(stars=1)
 def blur_in_coordinates() -> Exercise:
     """Check ``function(blur_mm, half_extent_mm, p)``: blur and ε = blur^p once ±half_extent_mm has become ±1."""
     given = [(5.0, 100.0, 2), (5.0, 100.0, 1), (1.0, 90.0, 2), (0.3, 40.0, 1), (20.0, 10.0, 2)]
@@ -456,7 +427,7 @@ def blur_in_coordinates() -> Exercise:
     return Exercise(lambda b, r, p: (b / r, (b / r) ** p), cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def smallest_flip() -> Exercise:
     """Check ``function(floor_mm, normal_scale_mm)``: the share of a surface whose flipped normals reach the floor."""
     given = [(1.0, 10.0), (6.0, 10.0), (2.0, 1.0), (0.5, 3.0), (10.0, 87.0), (2.0, 0.5)]
@@ -472,30 +443,17 @@ def smallest_flip() -> Exercise:
     return Exercise(lambda f, s: min(1.0, f**2 / (4 * s**2)), cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def debiased() -> Exercise:
     """Check ``function(entropic, x, y, p)``: from a regularised cost ‖x − y‖^p / p to a divergence like W_p^p."""
-
-    def entropic(p: int, epsilon: float = 0.5, n_iterations: int = 100) -> Callable[[Tensor, Tensor], float]:
-        """The value of OT_ε with cost ‖x − y‖^p / p between equal masses, by Sinkhorn's iteration on potentials."""
-
-        def value(x: Tensor, y: Tensor) -> float:
-            cost = torch.cdist(x, y) ** p / p
-            f, g = torch.zeros(len(x)).double(), torch.zeros(len(y)).double()
-            for _ in range(n_iterations):
-                f = epsilon * (np.log(len(y)) - torch.logsumexp((g[None] - cost) / epsilon, dim=1))
-                g = epsilon * (np.log(len(x)) - torch.logsumexp((f[:, None] - cost) / epsilon, dim=0))
-            return float(f.mean() + g.mean())
-
-        return value
 
     generator = np.random.default_rng(0)
     x, y = (torch.from_numpy(generator.normal(size=(n, 2))) for n in (5, 7))
     cases = {
-        "5 and 7 points, p = 2": (entropic(2), x, y, 2),
-        "5 and 7 points, p = 1": (entropic(1), x, y, 1),
-        "a set and itself": (entropic(2), x, x, 2),
-        "a far translation": (entropic(2), x, x + 9, 2),
+        "5 and 7 points, p = 2": (EntropicCost(2), x, y, 2),
+        "5 and 7 points, p = 1": (EntropicCost(1), x, y, 1),
+        "a set and itself": (EntropicCost(2), x, x, 2),
+        "a far translation": (EntropicCost(2), x, x + 9, 2),
     }
     mistakes = {
         "debiased; now undo the division by p": lambda c, x, y, p: c(x, y) - (c(x, x) + c(y, y)) / 2,
@@ -515,19 +473,7 @@ def debiased() -> Exercise:
     return Exercise(lambda c, x, y, p: p * (c(x, y) - (c(x, x) + c(y, y)) / 2), cases, mistakes)
 
 
-def _rest_and_distance(points: object, target: Float[Tensor, "n d"]) -> Float[Tensor, " 2"]:
-    """One if every point is at rest under Chamfer, and one if W₂ to the target is above zero."""
-    points = _as_points(points)
-    if points.shape != target.shape:
-        shapes = f"shape {tuple(points.shape)} came, {tuple(target.shape)} is needed"
-        raise ValueError(f"{shapes}: as many points as targets")
-    goal = DiscreteMeasure(target)
-    force = forces(lambda x: chamfer(DiscreteMeasure(x), goal), points).norm(dim=1).max()
-    apart = wasserstein(DiscreteMeasure(points), goal)
-    return torch.tensor([float(force) < 1e-6, float(apart) > 1e-6]).double()
-
-
-@exercise
+@exercise(stars=3)
 def trap() -> Exercise:
     """Check ``function(target)``: as many points as the target has, at rest under Chamfer, and yet not the target.
 
@@ -559,4 +505,4 @@ def trap() -> Exercise:
             lambda y: y + 1e-4
         ),
     }
-    return Exercise(merged_pair, cases, mistakes, _rest_and_distance)
+    return Exercise(merged_pair, cases, mistakes, rest_and_distance)

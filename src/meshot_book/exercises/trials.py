@@ -20,7 +20,7 @@ from meshot_book.exercises.verdict import Exercise, exercise
 _MOST_VISITS = 500
 
 
-@exercise
+@exercise(stars=1)
 def pair_reliability() -> Exercise:
     """Check ``function(first, second)``: the intraclass correlation of two visits of the same people."""
 
@@ -61,7 +61,7 @@ def pair_reliability() -> Exercise:
     return Exercise(lambda a, b: ratio(*squares(a, b)), cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def group_size() -> Exercise:
     """Check ``function(effect, reliability, power)``: people in each of two groups, by the normal approximation."""
 
@@ -92,7 +92,7 @@ def group_size() -> Exercise:
     return Exercise(lambda d, r, p: math.ceil(people(d, r, p)), cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def best_visits() -> Exercise:
     """Check ``function(reliability, person_cost, visit_cost)``: visits of a person at the lowest cost."""
 
@@ -143,7 +143,7 @@ def best_visits() -> Exercise:
 # Chapter 38: systems in the same order, who is better by an interval, and the best motion between two surfaces.
 
 
-@exercise
+@exercise(stars=1)
 def same_order() -> Exercise:
     """Check ``function(printed, ours)``: the share of all pairs of systems that both tables put in the same order."""
 
@@ -177,7 +177,7 @@ def same_order() -> Exercise:
     return Exercise(same, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def who_is_better() -> Exercise:
     """Check ``function(ours, other, larger_is_better)``: 1 for ours, −1 for the other, 0 where it is undecided."""
 
@@ -230,7 +230,7 @@ def who_is_better() -> Exercise:
     return Exercise(better, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def best_motion() -> Exercise:
     """Check ``function(moving, fixed)``: rotation and translation (3, 4) with the least squared distances."""
 
@@ -280,7 +280,7 @@ def best_motion() -> Exercise:
 # Chapter 39: the rate of a candidate, the average of weights, and the luck of the best of several scores.
 
 
-@exercise
+@exercise(stars=1)
 def chosen_rate() -> Exercise:
     """Check ``function(rates, distances)``: the rate with the lowest mean distance over the second half of checks."""
 
@@ -312,7 +312,7 @@ def chosen_rate() -> Exercise:
     return Exercise(chosen, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def averaged_weights() -> Exercise:
     """Check ``function(weights, decay)``: the exponential average after the last step, begun with the first weights."""
 
@@ -337,7 +337,7 @@ def averaged_weights() -> Exercise:
     return Exercise(averaged, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def luck_of_the_best() -> Exercise:
     """Check ``function(n, deviation)``: the mean of the smallest of n equal scores with normal errors, minus theirs."""
 
@@ -361,7 +361,7 @@ def luck_of_the_best() -> Exercise:
 # Chapter 40: what the fall of a loss means, where one training leads another, and a forecast with its interval.
 
 
-@exercise
+@exercise(stars=1)
 def diagnosis() -> Exercise:
     """Check ``function(seen, new, distance)``: 0 no descent, 1 overfitted, 2 insensitive to the distance, 3 helps."""
 
@@ -398,7 +398,7 @@ def diagnosis() -> Exercise:
     return Exercise(diagnose, cases, mistakes)
 
 
-@exercise
+@exercise(stars=2)
 def first_lead() -> Exercise:
     """Check ``function(steps, ours, other)``: the step from which on ours is nearer at every check, −1 if none."""
 
@@ -430,7 +430,7 @@ def first_lead() -> Exercise:
     return Exercise(lead, cases, mistakes)
 
 
-@exercise
+@exercise(stars=3)
 def forecast() -> Exercise:
     """Check ``function(steps, distances, at)``: a power law, continued: the distance there, and its interval."""
 

@@ -12,7 +12,7 @@ CASES = {"two": (torch.tensor([1.0, 2.0]),), "three": (torch.tensor([3.0, -1.0, 
 MISTAKES = {"mind the sign": lambda x: -2 * x, "too short a look": (lambda x: x[:1], lambda x: x[:2])}
 
 
-@exercise
+@exercise(stars=2)
 def double():
     """Twice a vector."""
     return Exercise(lambda x: 2 * x, CASES, MISTAKES)
