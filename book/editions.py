@@ -1,6 +1,6 @@
 """Two editions of the notebooks as zip files that need nothing else: ``python book/editions.py [--into FOLDER]``.
 
-``student``     solutions, answers and quiz explanations out; nothing was run
+``student``     solutions, answers and quiz explanations out; nothing was run; checkers compare with expected answers
 ``instructor``  everything in, with the notes for the board from the teaching guide at the head of each chapter
 
 Each holds the notebooks, the results that they read, the wheel of the package, requirements, and a page to start with.
@@ -21,6 +21,7 @@ import jinja2
 import nbformat
 
 from meshot.files import whole_file
+from meshot_book.exercises import check
 from meshot_book.notebook import CHECKSUMS
 from plain import CHAPTERS, PUBLISHED, plain_notebook
 from run_notebooks import retold_notebook
@@ -110,10 +111,18 @@ def without_outputs(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
     return nbformat.v4.new_notebook(cells=cells, metadata=notebook.metadata)
 
 
-def build_wheel(folder: Path) -> Path:
-    """The wheel of the package, from a copy of what it is made of: what lies in ``build`` must not get in."""
+def build_wheel(folder: Path, *, solutions: bool) -> Path:
+    """The wheel of the package, from a copy of what it is made of: what lies in ``build`` must not get in.
+
+    Without ``solutions``, the checkers have the expected answers, and the modules with the functions are left out.
+    """
     source = folder / "source"
     shutil.copytree(ROOT / "src", source / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    if not solutions:
+        exercises = source / "src" / "meshot_book" / "exercises"
+        check.write_answers(exercises / "check" / check.ANSWERS.name)
+        for module in {found.__module__ for found in check.EXERCISES.values()}:
+            (exercises / f"{module.rpartition('.')[2]}.py").unlink()
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--disable-pip-version-check", "--no-deps"]
@@ -156,12 +165,11 @@ def main() -> int:
         student = plain_notebook(student_edition(told), name, answers=False)
         editions["student"][name] = without_outputs(student)
         editions["instructor"][name] = plain_notebook(instructor_edition(told, notes.get(name[:2], "")), name)
-    with tempfile.TemporaryDirectory() as folder:
-        wheel = build_wheel(Path(folder))
-        for edition, notebooks in editions.items():
-            file = into / f"meshes_as_measures_{edition}.zip"
-            write_zip(file, edition, notebooks, wheel)
-            print(f"{file}: {file.stat().st_size / 1e6:.0f} MB")
+    for edition, notebooks in editions.items():
+        file = into / f"meshes_as_measures_{edition}.zip"
+        with tempfile.TemporaryDirectory() as folder:
+            write_zip(file, edition, notebooks, build_wheel(Path(folder), solutions=edition == "instructor"))
+        print(f"{file}: {file.stat().st_size / 1e6:.0f} MB")
     print("unpack one and open START_HERE.md")
     return 0
 

@@ -25,6 +25,7 @@ BOOK_RANKS = {
     "notebook": 0, "examples": 0, "measurements": 0, "statistics": 0, "lines": 0,
     "flows": 0, "defects": 0, "example_file": 0, "tissue": 0,
     "figures": 1, "exercises": 1, "claims": 1, "trainings": 1,
+    "marks": 2,
 }  # fmt: skip
 
 #: Where a folder may import less than its rank allows.

@@ -1,6 +1,8 @@
 """Slides, the printed book and the two editions, made from a small rendered page and a small notebook."""
 
+import json
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -20,6 +22,7 @@ from editions import (
     without_outputs,
     write_zip,
 )  # fmt: skip
+from meshot_book.exercises.check import EXERCISES
 from meshot_book.notebook import experiment_folder
 from pdf import joined_link, write_document
 from plain import CHAPTERS, plain_notebook, source_notebook
@@ -202,10 +205,63 @@ def test_a_zip_holds_what_its_notebooks_need(tmp_path, monkeypatch):
     assert (folder / "experiments" / "ddot" / "held_out.safetensors").is_file()
 
 
+def test_students_get_no_solution():
+    """The longest line of every solution is in no cell of their notebook."""
+    for path in sorted(CHAPTERS.glob("[0-9]*.md")):
+        whole = source_notebook(path)
+        solutions = [cell.source for cell in whole.cells if "solution" in cell.metadata.get("tags", [])]
+        text = nbformat.writes(without_outputs(plain_notebook(student_edition(whole), path.stem, answers=False)))
+        assert len(solutions) >= 3
+        for lines in map(str.splitlines, solutions):
+            line = max((line.strip() for line in lines if line.startswith("    ")), key=len)
+            # Chapter 33 derives this one, and computes a table by it.
+            assert json.dumps(line)[1:-1] not in text or line == "return max(value**2 - floor**2, 0.0) ** 0.5"
+
+
+@pytest.fixture(scope="module")
+def student_package(tmp_path_factory) -> Path:
+    """What the wheel of the students holds."""
+    folder = tmp_path_factory.mktemp("wheel")
+    with zipfile.ZipFile(build_wheel(folder, solutions=False)) as archive:
+        archive.extractall(folder / "site")
+    return folder / "site"
+
+
+def test_the_wheel_of_the_students_judges_as_the_full_one_without_its_solutions(student_package):
+    inside = {path.relative_to(student_package / "meshot_book").as_posix() for path in student_package.glob("meshot_book/**/*.p*")}
+    ours = {Path(sys.modules[found.__module__].__file__).name for found in EXERCISES.values()}
+    assert ours == {"cortex.py", "flows.py", "measures.py", "points.py", "trials.py"}
+    assert {file for file in inside if file.startswith("exercises/")} == {
+        "exercises/__init__.py", "exercises/__init__.pyi", "exercises/given.py", "exercises/reports.py",
+        "exercises/verdict.py", "exercises/check/__init__.py", "exercises/check/answers.pickle",
+    }  # fmt: skip
+    answers = pickle.loads((student_package / "meshot_book/exercises/check/answers.pickle").read_bytes())
+    assert {name: found[:2] for name, found in answers.items()} == {
+        name: (found.__doc__, found.stars) for name, found in EXERCISES.items()
+    }
+    for name, (*_, key) in answers.items():
+        found = EXERCISES[name].exercise()
+        assert pickle.loads(key).judged(found.truth) == (len(found.cases), None), name
+        for hint, functions in found.mistakes.items():
+            for mistake in functions if isinstance(functions, tuple) else (functions,):
+                assert pickle.loads(key).judged(mistake)[1] == hint, name
+
+
+def test_the_wheel_of_the_students_checks_and_marks_by_itself(student_package, tmp_path):
+    answer = "def diagnosis(*k):\n    return next((i for i, q in enumerate(k) if q >= 1), 3)"
+    codes = ("from meshot_book.exercises import check", answer, "check.diagnosis(diagnosis)")
+    cells = [nbformat.v4.new_code_cell(code) for code in codes]
+    nbformat.write(nbformat.v4.new_notebook(cells=cells), tmp_path / "kim.ipynb")
+    environment = os.environ | {"PYTHONPATH": str(student_package)}
+    run = [sys.executable, "-m", "meshot_book.marks", str(tmp_path)]
+    done = subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, encoding="utf-8", check=False)
+    assert "kim           1   1" in done.stdout, done
+
+
 @pytest.mark.thorough
 def test_an_unpacked_edition_runs_without_the_checkout(tmp_path):
     """Chapter 13 of the students, with the package from the wheel of the zip."""
-    wheel, name = build_wheel(tmp_path), "13_beyond_the_theorem"
+    wheel, name = build_wheel(tmp_path, solutions=False), "13_beyond_the_theorem"
     told = retold_notebook(CHAPTERS / f"{name}.md")
     student = without_outputs(plain_notebook(student_edition(told), name, answers=False))
     write_zip(tmp_path / "student.zip", "student", {name: student}, wheel)

@@ -1,7 +1,6 @@
 """Exercises of part I, losses on points: truths, cases, and the usual mistakes with their hints."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import torch

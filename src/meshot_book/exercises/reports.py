@@ -52,11 +52,17 @@ def report(student: str, folder: Path | str = ".") -> Path:
 
 
 def read_report(file: Path) -> dict[str, Record]:
-    """The records in a file that :func:`report` has written, by exercise."""
+    """Read the records in a file that :func:`report` has written, by exercise.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file.
+    """
     try:
         records = [Record(**record) for record in json.loads(file.read_text(encoding="utf-8"))["records"]]
         if not all(isinstance(number, int) for r in records for number in (r.cases, r.passed, r.points, r.of)):
             raise TypeError("a number is not an integer")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"{file} is no record of exercises ({error}); delete it, and run report(...) again") from error
     return {record.exercise: record for record in records}

@@ -113,6 +113,13 @@ def test_the_chapters_ask_all_exercises_and_no_others(root):
     assert set(re.findall(r"^check\.(\w+)\(", sources, re.M)) == set(EXERCISES)
 
 
+def test_an_exercise_has_the_stars_of_its_heading(root):
+    text = "".join(path.read_text(encoding="utf-8") for path in (root / "notebooks").glob("[0-9]*.md"))
+    parts = [part for part in re.split(r"^### ", text, flags=re.M) if "\ncheck." in part]
+    found = {re.search(r"^check\.(\w+)", part, re.M)[1]: len(re.search("★+", part)[0]) for part in parts}
+    assert found == {name: checker.stars for name, checker in EXERCISES.items()}
+
+
 @exercises
 def test_the_solution_passes(said, name):
     found = EXERCISES[name].exercise()
