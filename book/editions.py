@@ -1,7 +1,8 @@
 """Two editions of the notebooks as zip files that need nothing else: ``python book/editions.py [--into FOLDER]``.
 
 ``student``     solutions, answers and quiz explanations out; nothing was run; checkers compare with expected answers
-``instructor``  everything in, with the notes for the board from the teaching guide at the head of each chapter
+``instructor``  everything in, with the notes for the board from the teaching guide at the head of each chapter, the
+                quizzes for learning platforms, and the chapters once more as assignments for nbgrader
 
 Each holds the notebooks, the results that they read, the wheel of the package, requirements, and a page to start with.
 """
@@ -13,7 +14,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 
 from kernels import SeparateKernelManager  # noqa: F401  isort: skip: before nbformat
@@ -24,6 +27,7 @@ from meshot.files import whole_file
 from meshot_book.exercises import check
 from meshot_book.notebook import CHECKSUMS
 from plain import CHAPTERS, PUBLISHED, plain_notebook
+from quiz_files import quiz_files
 from run_notebooks import retold_notebook
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,6 +41,7 @@ _FOR_STUDENTS = (
 )
 _OF_SOLUTION = re.compile(r"^.*\bthe solution\b.*\n?", re.M | re.I)
 _BOARD = re.compile(r"^- \*\*(\d\d)\*\*: (.*?)(?=^- \*\*\d\d\*\*|\Z|^#)", re.M | re.S)
+_CHECK = re.compile(r"^check\.(\w+)\(\w+\)\Z", re.M)
 #: The package lies beside these lines in a zip.
 REQUIREMENTS = "-c constraints.txt\n./{wheel}[bids,cortex]\njupyterlab\n"
 
@@ -86,6 +91,39 @@ def student_edition(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
     return nbformat.v4.new_notebook(cells=cells, metadata=notebook.metadata)
 
 
+def nbgrader_source(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
+    """A chapter in MyST as an assignment: from it, nbgrader makes what students get, and grades what they hand in.
+
+    It is the edition for students with each solution between the marks that nbgrader cuts out, and checks that return
+    points.
+    """
+    solutions = [cell.source for cell in notebook.cells if "solution" in cell.metadata.get("tags", [])]
+    cells = []
+    for cell in student_edition(notebook).cells:
+        tags, checked = cell.metadata.get("tags", []), _CHECK.search(cell.source)
+        if cell.source == YOUR_TURN:
+            continue
+        if "exercise" in tags:
+            solution = solutions.pop(0)
+            name, source = ast.parse(cell.source).body[0].name, solution.split("\n")
+            function = next(node for node in ast.parse(solution).body if getattr(node, "name", "") == name)
+            helpers = textwrap.indent("\n".join(source[: function.lineno - 1]).strip(), " " * 4)
+            body = source[function.body[0].lineno - 1 : function.end_lineno]
+            region = ["    ### BEGIN SOLUTION", *([helpers] if helpers else []), *body, "    ### END SOLUTION"]
+            cell = _of_nbgrader(cell, "\n".join([*cell.source.split("\n")[:-1], *region]), name, solution=True)
+        elif cell.cell_type == "code" and checked:
+            points = check.EXERCISES[checked[1]].stars
+            cell = _of_nbgrader(cell, f"{cell.source}.points", f"check_{checked[1]}", grade=True, points=points)
+        cells.append(cell)
+    return nbformat.v4.new_notebook(cells=cells, metadata=notebook.metadata)
+
+
+def _of_nbgrader(cell: nbformat.NotebookNode, source: str, name: str, **settings: object) -> nbformat.NotebookNode:
+    usual = {"schema_version": 3, "grade_id": name, "grade": False, "solution": False, "task": False}
+    described = {**usual, "locked": bool(settings.get("grade")), **settings}
+    return nbformat.from_dict({**cell, "source": source, "metadata": {**cell.metadata, "nbgrader": described}})
+
+
 def _names(code: str) -> tuple[set[str], set[str]]:
     """The names that a cell defines, and those that it uses."""
     nodes = list(ast.walk(ast.parse(code)))
@@ -131,8 +169,14 @@ def build_wheel(folder: Path, *, solutions: bool) -> Path:
     return wheel
 
 
-def write_zip(file: Path, edition: str, notebooks: dict[str, nbformat.NotebookNode], wheel: Path) -> None:
-    """Write one edition, with everything that its notebooks need."""
+def write_zip(
+    file: Path,
+    edition: str,
+    notebooks: dict[str, nbformat.NotebookNode],
+    wheel: Path,
+    more: Mapping[str, str | bytes] | None = None,
+) -> None:
+    """Write one edition, with everything that its notebooks need, and further files by their names."""
     page = jinja2.Template((ROOT / "book" / "assets" / "start_here.md").read_text(encoding="utf-8"))
     contents = {
         "student": "the chapters, without solutions and outputs",
@@ -140,6 +184,7 @@ def write_zip(file: Path, edition: str, notebooks: dict[str, nbformat.NotebookNo
     }
     named = {"edition": edition, "contents": contents[edition], "wheel": wheel.name, "published": PUBLISHED}
     texts = {"START_HERE.md": page.render(named) + "\n", "requirements.txt": REQUIREMENTS.format(wheel=wheel.name)}
+    texts |= more or {}
     files = {"constraints.txt": ROOT / "requirements.lock", "LICENSE": ROOT / "LICENSE", wheel.name: wheel}
     for line in CHECKSUMS.read_text(encoding="utf-8").splitlines():
         name = line.split("  ", 1)[1]
@@ -160,15 +205,19 @@ def main() -> int:
     into = parser.parse_args().into.resolve()
     notes = board_notes((ROOT / "book" / "teaching.md").read_text(encoding="utf-8"))
     editions: dict[str, dict[str, nbformat.NotebookNode]] = {"student": {}, "instructor": {}}
+    more = {f"quizzes/{name}": content for name, content in quiz_files().items()}
     for source in sorted(CHAPTERS.glob("[0-9][0-9]_*.md")):
         told, name = retold_notebook(source), source.stem
         student = plain_notebook(student_edition(told), name, answers=False)
         editions["student"][name] = without_outputs(student)
         editions["instructor"][name] = plain_notebook(instructor_edition(told, notes.get(name[:2], "")), name)
+        assignment = without_outputs(plain_notebook(nbgrader_source(told), name, answers=False))
+        more[f"nbgrader/source/{name}/{name}.ipynb"] = nbformat.writes(assignment)
     for edition, notebooks in editions.items():
         file = into / f"meshes_as_measures_{edition}.zip"
         with tempfile.TemporaryDirectory() as folder:
-            write_zip(file, edition, notebooks, build_wheel(Path(folder), solutions=edition == "instructor"))
+            whole = edition == "instructor"
+            write_zip(file, edition, notebooks, build_wheel(Path(folder), solutions=whole), more if whole else None)
         print(f"{file}: {file.stat().st_size / 1e6:.0f} MB")
     print("unpack one and open START_HERE.md")
     return 0

@@ -66,7 +66,7 @@ def plain_notebook(
 
     Without ``answers``, the questions of the quiz stand alone.
     """
-    chapter = _Chapter(name, quizzes, answers)
+    chapter = Chapter(name, quizzes, answers)
     texts = [chapter.counted(cell) for cell in notebook.cells]  # first all numbers: text may refer to what follows
     cells, heading = [], ""
     for cell, text in zip(notebook.cells, texts, strict=True):
@@ -111,7 +111,7 @@ def _outside_code(text: str) -> str:
     return re.sub(rf"{_FENCE}|(?<!\}})(`+)[^`][\s\S]*?\1", "", text, flags=re.M)
 
 
-class _Chapter:
+class Chapter:
     """Numbers of one chapter, and its text in plain Markdown."""
 
     def __init__(self, name: str, quizzes: Path = BOOK / "quizzes", answers: bool = True):
@@ -296,12 +296,12 @@ def _chapters() -> dict[int, str]:
 
 
 @functools.cache
-def _chapter_of(label: str) -> "_Chapter":
+def _chapter_of(label: str) -> "Chapter":
     """The chapter that has a label, with its numbers."""
     for name in _chapters().values():
         source = CHAPTERS / f"{name}.md"
         if label in source.read_text(encoding="utf-8"):
-            chapter = _Chapter(name)
+            chapter = Chapter(name)
             for cell in source_notebook(source).cells:
                 chapter.counted(cell)
             if label in chapter.labels:

@@ -18,6 +18,7 @@ from editions import (
     board_notes,
     build_wheel,
     instructor_edition,
+    nbgrader_source,
     student_edition,
     without_outputs,
     write_zip,
@@ -172,6 +173,53 @@ def test_editions_differ_in_solutions_and_board_notes():
     nbformat.validate(instructor)
 
 
+def test_an_assignment_holds_each_solution_where_nbgrader_cuts_it_out():
+    words, code = nbformat.v4.new_markdown_cell, nbformat.v4.new_code_cell
+    stub = 'def diagnosis(*k):\n    """Words."""\n    raise NotImplementedError'
+    solution = (
+        "import math\n\ndef diagnosis(*k):\n    if k:\n        return 1\n\ncheck.diagnosis(diagnosis)\nassert math.pi"
+    )
+    source = nbformat.v4.new_notebook(
+        cells=[
+            words("# Trial"),
+            code(stub, metadata={"tags": ["exercise"]}),
+            code("from meshot_book.exercises import check\n\ncheck.diagnosis(diagnosis)"),
+            code(solution, metadata={"tags": ["solution"]}),
+            words("Next."),
+        ]
+    )
+    made = nbgrader_source(source)
+    nbformat.validate(made)
+    answer, graded = made.cells[1:3]
+    assert answer.source == (
+        'def diagnosis(*k):\n    """Words."""\n    ### BEGIN SOLUTION\n    import math\n    if k:\n        return 1\n'
+        "    ### END SOLUTION"
+    )
+    usual = {"schema_version": 3, "task": False}
+    assert answer.metadata.nbgrader == usual | {
+        "grade_id": "diagnosis", "grade": False, "solution": True, "locked": False
+    }  # fmt: skip
+    assert graded.source.endswith("check.diagnosis(diagnosis).points")
+    assert graded.metadata.nbgrader == usual | {
+        "grade_id": "check_diagnosis", "grade": True, "solution": False, "locked": True, "points": 1
+    }  # fmt: skip
+    assert [cell.source for cell in made.cells[3:]] == ["Next."]
+
+
+def test_every_exercise_is_graded_in_an_assignment():
+    graded = []
+    for path in sorted(CHAPTERS.glob("[0-9]*.md")):
+        described = [
+            cell.metadata.nbgrader
+            for cell in nbgrader_source(source_notebook(path)).cells
+            if "nbgrader" in cell.metadata
+        ]
+        names = [each.grade_id for each in described]
+        assert names[1::2] == [f"check_{name}" for name in names[::2]]
+        graded += names[::2]
+    assert sorted(graded) == sorted(EXERCISES)
+
+
 def test_students_read_of_nothing_that_they_do_not_have():
     chapters = [student_edition(source_notebook(path)) for path in sorted(CHAPTERS.glob("[0-9]*.md"))]
     texts = ["\n".join(cell.source for cell in chapter.cells if cell.cell_type == "markdown") for chapter in chapters]
@@ -228,7 +276,10 @@ def student_package(tmp_path_factory) -> Path:
 
 
 def test_the_wheel_of_the_students_judges_as_the_full_one_without_its_solutions(student_package):
-    inside = {path.relative_to(student_package / "meshot_book").as_posix() for path in student_package.glob("meshot_book/**/*.p*")}
+    inside = {
+        path.relative_to(student_package / "meshot_book").as_posix()
+        for path in student_package.glob("meshot_book/**/*.p*")
+    }
     ours = {Path(sys.modules[found.__module__].__file__).name for found in EXERCISES.values()}
     assert ours == {"cortex.py", "flows.py", "measures.py", "points.py", "trials.py"}
     assert {file for file in inside if file.startswith("exercises/")} == {

@@ -36,3 +36,12 @@ def test_every_chapter_has_a_drawing_and_a_place_in_a_course(root, sections):
     every = set(chapters(root))
     assert set(board_notes((root / "book" / "teaching.md").read_text(encoding="utf-8"))) == every
     assert set(re.findall(r"\b\d\d\b", sections["Courses"])) >= every
+
+
+def test_points_of_an_exam_question_add_up(sections):
+    text = sections["Exam questions"]
+    parts = re.findall(r"^\*\*Question \d+\*\* \((\d+) points.*?\*([A-Z][^*]*)\.\*\n:::", text, re.M | re.S)
+    assert len(parts) == 10
+    for points, shares in parts:
+        assert sum(map(int, re.findall(r"\d+", shares))) == int(points)
+    assert f"They give {sum(int(points) for points, _ in parts)} points together." in text
