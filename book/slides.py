@@ -1,11 +1,13 @@
 """Slides of every chapter, made from its rendered page: ``python book/slides.py [--html FOLDER]``.
 
 A slide holds the objectives, the opening of a section with its formulas, a figure or table, a box, or a cell of code
-that stays open. The other paragraphs become the notes of the speaker (press S). reveal.js comes from a Python package,
-so that nothing needs a network.
+that stays open. The other paragraphs become the notes of the speaker (press S). The arrow to the right leads through a
+set of slides for thirty minutes; the others are below them (the arrow down). reveal.js comes from a Python package, so
+that nothing needs a network.
 """
 
 import argparse
+import re
 import shutil
 import sys
 from importlib import resources
@@ -13,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import jinja2
-from bs4 import Tag
+from bs4 import BeautifulSoup, Tag
 
 from rendered import chapter_pages, lead_links, mathjax_settings, read_article
 
@@ -26,12 +28,23 @@ EXERCISES = "Exercises"
 QUESTIONS, UNSEEN = "Questions", ("provenance_lines", "environment_card")
 
 
+#: In thirty minutes, with a minute and a half for each.
+MOST_CHOSEN = 20
+#: What a slide shows, told from its content: the first of these is preferred for the chosen set.
+KINDS = (("figure", re.compile("<img")), ("box", re.compile('^<div class="[^"]*proof')), ("opening", re.compile("^<h")))
+
+
 class Slide(NamedTuple):
     """The section that a slide stands in, what it shows, and what is said with it."""
 
     section: str
     content: str
     notes: str
+
+    @property
+    def kind(self) -> str:
+        """A figure, a box, the opening of a section, or a detail."""
+        return next((name for name, pattern in KINDS if pattern.search(self.content)), "detail")
 
 
 def chapter_slides(article: Tag) -> list[Slide]:
@@ -92,6 +105,32 @@ def chapter_slides(article: Tag) -> list[Slide]:
     return slides
 
 
+def stacks(slides: list[Slide]) -> list[list[Slide]]:
+    """Slides in columns: the first of each is chosen, the others are more on it.
+
+    Chosen are the title, the objectives, the exercises, one slide of every section that shows it best, and further
+    figures and boxes while there is room.
+    """
+    chosen = {0, 1, len(slides) - 1}
+    sections: list[list[int]] = []  # each begins with its opening
+    for number, slide in enumerate(slides[2:-1], 2):
+        if slide.content.startswith("<h2") or not sections:
+            sections.append([])
+        sections[-1].append(number)
+    ranks = [name for name, _ in KINDS] + ["detail"]
+    best = [min(section, key=lambda number: ranks.index(slides[number].kind)) for section in sections]
+    others = sorted((number for number in range(len(slides))), key=lambda number: ranks.index(slides[number].kind))
+    for number in [*best, *(number for number in others if slides[number].kind in ("figure", "box"))]:
+        if len(chosen) < MOST_CHOSEN:
+            chosen.add(number)
+    columns: list[list[Slide]] = []
+    for number, slide in enumerate(slides):
+        if number in chosen:
+            columns.append([])
+        columns[-1].append(slide)
+    return columns
+
+
 def write_all(html: Path) -> Path:
     """Write the slides of all rendered chapters into ``html/slides``; the page that lists them."""
     pages = chapter_pages(html)
@@ -108,10 +147,13 @@ def write_all(html: Path) -> Path:
     for page in pages:
         article = read_article(page)
         lead_links(article, lambda link, name=page.name: f"../{name}{link}" if link.startswith("#") else f"../{link}")
+        for tag in article.select("figure[id] .caption-number"):
+            there = f"../{page.name}#{tag.find_parent('figure')['id']}"  # where panels are live
+            tag.wrap(BeautifulSoup("", "html.parser").new_tag("a", href=there, target="_blank"))
         for tag in article.select("[id]"):
             del tag["id"]
-        title, slides = article.h1.get_text(), chapter_slides(article)
-        text = template.render(title=title, slides=slides, settings=mathjax_settings(page))
+        title, columns = article.h1.get_text(), stacks(chapter_slides(article))
+        text = template.render(title=title, columns=columns, settings=mathjax_settings(page))
         (into / page.name).write_text(text, encoding="utf-8")
     links = [f'<li><a href="{page.name}">{page.stem}</a></li>' for page in pages]
     index = (

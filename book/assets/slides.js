@@ -17,7 +17,7 @@ Reveal.initialize({
   center: false,
   hash: true,
   transition: "none",
-  slideNumber: "c/t",
+  slideNumber: "h.v",
   plugins: [RevealNotes],
 });
 const fitShown = () => fit(Reveal.getCurrentSlide());

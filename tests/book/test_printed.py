@@ -29,7 +29,7 @@ from pdf import joined_link, write_document
 from plain import CHAPTERS, plain_notebook, source_notebook
 from rendered import read_article
 from run_notebooks import retold_notebook
-from slides import chapter_slides, write_all
+from slides import Slide, chapter_slides, stacks, write_all
 
 PAGE = (
     """<!doctype html><html><body><article><section id="top"><h1>10 Trial<a class="headerlink" href="#top">#</a></h1>
@@ -79,17 +79,36 @@ def test_each_slide_shows_one_thing(html):
     assert not any(words in "".join(shown) for words in ("folded()", "headerlink", "ask"))
 
 
+def test_twenty_slides_are_chosen_and_the_others_are_below_them(html):
+    opening, figure, box, detail = (
+        Slide("", content, "") for content in ("<h2>a", '<h3><img src="a">', '<div class="theorem proof">', "<pre>")
+    )
+    columns = stacks([opening, detail, *[opening, detail, box, figure, box] * 8, opening, detail, detail, opening])
+    assert len(columns) == 20
+    assert sum(map(len, columns)) == 46
+    first = [column[0].kind for column in columns]
+    assert first.count("figure") == 8  # one of every section
+    assert first.count("box") == 8
+    assert [column[0].kind for column in stacks(chapter_slides(read_article(html / "10_trial.html")))] == [
+        "opening", "opening", "figure", "opening"
+    ]  # fmt: skip
+
+
 def test_slides_need_no_network_and_fit(html, context):
     write_all(html)
     with watched_page(context, html / "slides" / "10_trial.html") as (page, troubles):
         page.set_viewport_size({"width": 1280, "height": 720})
         page.wait_for_function("() => window.Reveal && Reveal.isReady()")
         assert page.evaluate("Reveal.getTotalSlides()") == 7
-        for index in range(7):
-            page.evaluate("(index) => Reveal.slide(index)", index)
+        places = page.evaluate(
+            "Reveal.getSlides().map((slide) => Reveal.getIndices(slide)).map(({h, v}) => [h, v || 0])"
+        )
+        assert places == [[0, 0], [1, 0], [1, 1], [2, 0], [2, 1], [2, 2], [3, 0]]
+        for h, v in places:
+            page.evaluate("([h, v]) => Reveal.slide(h, v)", [h, v])
             page.wait_for_timeout(100)
-            box = page.locator("section.present .content").bounding_box()
-            assert box["y"] + box["height"] <= 720, index
+            ends = "Reveal.getCurrentSlide().querySelector('.content').getBoundingClientRect().bottom"
+            assert page.evaluate(ends) <= 720, (h, v)
         assert page.locator("section a").first.get_attribute("href") == "../20_other.html#there"
         assert troubles == []
 
