@@ -3,6 +3,7 @@
 import json
 import math
 import platform
+import re
 import socket
 import subprocess
 
@@ -146,3 +147,18 @@ def test_files_that_hold_no_record(tmp_path, content):
     (tmp_path / "r.json").write_bytes(content)
     with pytest.raises(ValueError, match=r"is not whole JSON|lacks results"):
         read_results(tmp_path / "r.json")
+
+
+def test_the_page_of_experiments_says_how_long_each_took(root):
+    """To two digits, or to one below two minutes."""
+    text = (root / "experiments" / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(.+?)` \| .+? \| ([^|]+) \| [^|]+ \|$", text, re.M)
+    assert len(rows) > 30
+    for name, said in rows:
+        file = root / "experiments" / name / "results.json"
+        if not file.is_file():
+            assert said == "—", name
+            continue
+        number, unit = said.split()
+        seconds = float(number) * {"s": 1, "min": 60, "h": 3600}[unit]
+        assert seconds == pytest.approx(read_results(file)["seconds"], rel=0.2), name
