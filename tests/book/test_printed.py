@@ -2,7 +2,6 @@
 
 import json
 import os
-import pickle
 import re
 import subprocess
 import sys
@@ -23,7 +22,7 @@ from editions import (
     without_outputs,
     write_zip,
 )  # fmt: skip
-from meshot_book.exercises.check import EXERCISES
+from meshot_book.exercises.check import EXERCISES, key_of
 from meshot_book.notebook import experiment_folder
 from pdf import joined_link, write_document
 from plain import CHAPTERS, plain_notebook, source_notebook
@@ -297,24 +296,25 @@ def student_package(tmp_path_factory) -> Path:
 def test_the_wheel_of_the_students_judges_as_the_full_one_without_its_solutions(student_package):
     inside = {
         path.relative_to(student_package / "meshot_book").as_posix()
-        for path in student_package.glob("meshot_book/**/*.p*")
+        for path in (*student_package.glob("meshot_book/**/*.py*"), *student_package.glob("meshot_book/**/*.json"))
     }
     ours = {Path(sys.modules[found.__module__].__file__).name for found in EXERCISES.values()}
     assert ours == {"cortex.py", "flows.py", "measures.py", "points.py", "trials.py"}
     assert {file for file in inside if file.startswith("exercises/")} == {
         "exercises/__init__.py", "exercises/__init__.pyi", "exercises/given.py", "exercises/reports.py",
-        "exercises/verdict.py", "exercises/check/__init__.py", "exercises/check/answers.pickle",
+        "exercises/verdict.py", "exercises/check/__init__.py", "exercises/check/answers.json",
     }  # fmt: skip
-    answers = pickle.loads((student_package / "meshot_book/exercises/check/answers.pickle").read_bytes())
-    assert {name: found[:2] for name, found in answers.items()} == {
+    file = student_package / "meshot_book/exercises/check/answers.json"
+    answers = json.loads(file.read_text(encoding="utf-8"))
+    assert {name: (each["words"], each["stars"]) for name, each in answers.items()} == {
         name: (found.__doc__, found.stars) for name, found in EXERCISES.items()
     }
-    for name, (*_, key) in answers.items():
+    for name, each in answers.items():
         found = EXERCISES[name].exercise()
-        assert pickle.loads(key).judged(found.truth) == (len(found.cases), None), name
+        assert key_of(each["key"]).judged(found.truth) == (len(found.cases), None), name
         for hint, functions in found.mistakes.items():
             for mistake in functions if isinstance(functions, tuple) else (functions,):
-                assert pickle.loads(key).judged(mistake)[1] == hint, name
+                assert key_of(each["key"]).judged(mistake)[1] == hint, name
 
 
 def test_the_wheel_of_the_students_checks_and_marks_by_itself(student_package, tmp_path):
