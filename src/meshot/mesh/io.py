@@ -208,7 +208,8 @@ def write_mesh(
         For GIfTI only: the names of the part of the brain, ``("CortexLeft", "GrayWhite")`` for the left white surface.
     vertex_data : mapping, optional
         For PLY, VTP, VTK and GIfTI: numbers for every vertex by name, with a row for each.
-        :func:`meshot.mesh.read_vertex_data` returns them. The k columns of a (V, k) array are k properties of a PLY file, ``name_0`` to ``name_k-1``. GIfTI
+        :func:`meshot.mesh.read_vertex_data` returns them.
+        The k columns of a (V, k) array are k properties of a PLY file, ``name_0`` to ``name_k-1``. GIfTI
         stores uint8, int32 and float32: others are converted, floats with rounding. Names in PLY have letters, digits
         and ``_`` only; others become ``_``.
 
