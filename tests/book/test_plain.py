@@ -17,7 +17,7 @@ STORED = sorted(plain.CHAPTERS.glob("[0-9]*.ipynb"))
 #: Tried in each run of the tests; the others are left to ``make test-all``. It has every kind of box but one.
 CHAPTER = next(path for path in STORED if path.stem == "13_beyond_the_theorem")
 CHAPTERS = [pytest.param(path, id=path.stem, marks=[] if path == CHAPTER else pytest.mark.thorough) for path in STORED]
-NUMBER = r"(?:Section|Figure|Table|Definition|Theorem|Lemma|Proposition|Example|Algorithm) \d+\.\d+"
+NUMBER = r"(?:Section|Figure|Table|Definition|Theorem|Lemma|Proposition|Corollary|Example|Algorithm) \d+\.\d+"
 
 
 def text_of(notebook: nbformat.NotebookNode) -> str:
