@@ -117,5 +117,4 @@ def test_one_command_makes_what_the_chapters_read(root, monkeypatch):
     chapters = [(root / "notebooks" / f"{name}.md").read_text(encoding="utf-8") for name in rebuild.CHAPTERS]
     for name in rebuild.EXPERIMENTS:
         assert (root / "experiments" / name / "run.py").is_file()
-        assert f'"{name}"' in chapters[0]  # which lists their times
         assert any(f'experiment_folder("{name}")' in text for text in chapters)
