@@ -110,7 +110,15 @@ def ratio_figure(
     image = ax.imshow(shown, norm=LogNorm(*limits), cmap="viridis_r", aspect="auto")
     for (i, j), ratio in np.ndenumerate(shown):
         dark = np.isfinite(ratio) and ratio > math.sqrt(limits[0] * limits[1])
-        ax.text(j, i, values[i][j], ha="center", va="center", fontsize=min(10, 100 / len(metrics)), color="white" if dark else "black")
+        ax.text(
+            j,
+            i,
+            values[i][j],
+            ha="center",
+            va="center",
+            fontsize=min(10, 100 / len(metrics)),
+            color="white" if dark else "black",
+        )
     ax.set_xticks(range(len(metrics)), metrics, rotation=50, ha="left", rotation_mode="anchor")
     ax.xaxis.tick_top()
     ax.set_yticks(range(len(names)), names)
