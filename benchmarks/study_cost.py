@@ -49,7 +49,7 @@ def reconstruction(threads: int, initial_only: bool) -> dict[str, float]:
         write_volume(scan, mni152_t1())
         words = ["reconstruct", str(scan), "-o", str(out), "--threads", str(threads)]
         words += ["--initial-only"] if initial_only else []
-        found = measured([sys.executable, "-m", "meshot.cli", *words])
+        found = measured([sys.executable, "-m", "meshot", *words])
         return found | {"files MB": sum(file.stat().st_size for file in out.rglob("*")) / 1e6}
 
 

@@ -88,7 +88,7 @@ def run_stage(steps: list[Step], jobs: int) -> int:
 def _started(step: Step, n_threads: int) -> subprocess.Popen:
     print(f"{step.name}: meshot {shlex.join(step.words)}", flush=True)
     threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), str(n_threads))
-    return subprocess.Popen([sys.executable, "-m", "meshot.cli", *step.words], env=os.environ | threads)
+    return subprocess.Popen([sys.executable, "-m", "meshot", *step.words], env=os.environ | threads)
 
 
 def main(words: list[str] | None = None) -> int:

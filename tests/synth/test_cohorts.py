@@ -254,7 +254,7 @@ def made_by_command(tmp_path_factory):
         old |= OLD_CPU | {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}
     only = dataclasses.replace(read_recipe("tiny"), subjects=1, procedural_subjects=0)
     (folder / "one.yaml").write_text(recipe_text(only), encoding="utf-8")
-    words = [sys.executable, "-m", "meshot.cli", "make-cohort", "one.yaml", "c", "--jobs", "2"]
+    words = [sys.executable, "-m", "meshot", "make-cohort", "one.yaml", "c", "--jobs", "2"]
     done = subprocess.run(words, cwd=folder, env=old, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr
     assert "100%" in done.stderr

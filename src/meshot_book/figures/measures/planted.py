@@ -108,17 +108,11 @@ def ratio_figure(
     figure, ax = plt.subplots(figsize=(WIDTH, 0.36 * len(names) + 1.9), layout="constrained")
     shown = np.where(ratios > limits[0], np.minimum(ratios, limits[1]), np.nan)
     image = ax.imshow(shown, norm=LogNorm(*limits), cmap="viridis_r", aspect="auto")
+    size = min(10, 100 / len(metrics))  # more columns are narrower
     for (i, j), ratio in np.ndenumerate(shown):
         dark = np.isfinite(ratio) and ratio > math.sqrt(limits[0] * limits[1])
-        ax.text(
-            j,
-            i,
-            values[i][j],
-            ha="center",
-            va="center",
-            fontsize=min(10, 100 / len(metrics)),
-            color="white" if dark else "black",
-        )
+        colour = "white" if dark else "black"
+        ax.text(j, i, values[i][j], ha="center", va="center", fontsize=size, color=colour)
     ax.set_xticks(range(len(metrics)), metrics, rotation=50, ha="left", rotation_mode="anchor")
     ax.xaxis.tick_top()
     ax.set_yticks(range(len(names)), names)

@@ -1,8 +1,0 @@
-"""``python -m meshot.cli`` is ``meshot``."""
-
-import sys
-
-from meshot.cli import main
-
-if __name__ == "__main__":
-    sys.exit(main())
