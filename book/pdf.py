@@ -5,10 +5,14 @@ API are left out.
 """
 
 import argparse
+import io
 import sys
+import zlib
 from pathlib import Path
 
 import jinja2
+import pikepdf
+from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from rendered import chapter_pages, lead_links, mathjax_settings, read_article
@@ -58,6 +62,42 @@ def write_document(html: Path) -> Path:
     return html / "print.html"
 
 
+def lighten(path: Path) -> None:
+    """Write a PDF of the browser anew, with smaller pictures and its objects compressed.
+
+    The browser stores each picture with three bytes a pixel. Pictures of at most 256 colours get a palette, which
+    changes no pixel. The others become JPEG of quality 85, or get a palette of 256 colours, whichever is smaller.
+    """
+    with pikepdf.open(path, allow_overwriting_input=True) as pdf:
+        for stream in pdf.objects:
+            if not isinstance(stream, pikepdf.Stream) or stream.get("/Subtype") != "/Image":
+                continue
+            if stream.get("/Filter") != "/FlateDecode" or stream.get("/BitsPerComponent") != 8:
+                continue
+            size, before = (int(stream.Width), int(stream.Height)), stream.read_bytes()
+            if len(before) != 3 * size[0] * size[1]:
+                continue  # grey: the transparency of another picture
+            picture = Image.frombytes("RGB", size, before)
+            colours = picture.getcolors(256)
+            if colours:
+                palette = picture.convert("P", palette=Image.Palette.ADAPTIVE, colors=len(colours))
+            else:
+                palette = picture.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+            data, jpeg = zlib.compress(palette.tobytes(), 9), io.BytesIO()
+            if colours is None:
+                picture.save(jpeg, "JPEG", quality=85, subsampling=0, optimize=True)
+            if 0 < jpeg.tell() < len(data):
+                stream.write(jpeg.getvalue(), filter=pikepdf.Name.DCTDecode)
+                stream.ColorSpace = pikepdf.Name.DeviceRGB
+            elif len(data) < len(stream.read_raw_bytes()):
+                stream.write(data, filter=pikepdf.Name.FlateDecode)
+                entries = bytes(palette.getpalette())
+                stream.ColorSpace = pikepdf.Array(
+                    [pikepdf.Name.Indexed, pikepdf.Name.DeviceRGB, len(entries) // 3 - 1, pikepdf.String(entries)]
+                )
+        pdf.save(path, object_stream_mode=pikepdf.ObjectStreamMode.generate, recompress_flate=True)
+
+
 def main() -> int:
     """Print the book from the command line; the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -83,7 +123,8 @@ def main() -> int:
         )  # fmt: skip
         opened.close()
     document.unlink()
-    print(f"open {pdf}")
+    lighten(pdf)
+    print(f"open {pdf}, {pdf.stat().st_size / 1e6:.0f} MB")
     return 0
 
 
