@@ -2,8 +2,9 @@
 
 A slide holds the objectives, the opening of a section with its formulas, a figure or table, a box, or a cell of code
 that stays open. The other paragraphs become the notes of the speaker (press S). The arrow to the right leads through a
-set of slides for thirty minutes; the others are below them (the arrow down). reveal.js comes from a Python package, so
-that nothing needs a network.
+set of slides for thirty minutes; the others are below them (the arrow down). Interactive figures work on their slides:
+each is a page of its own in a frame, loaded when its slide is shown. reveal.js comes from a Python package, so that
+nothing needs a network.
 """
 
 import argparse
@@ -31,7 +32,11 @@ QUESTIONS, UNSEEN = "Questions", ("provenance_lines", "environment_card")
 #: In thirty minutes, with a minute and a half for each.
 MOST_CHOSEN = 20
 #: What a slide shows, told from its content: the first of these is preferred for the chosen set.
-KINDS = (("figure", re.compile("<img")), ("box", re.compile('^<div class="[^"]*proof')), ("opening", re.compile("^<h")))
+KINDS = (
+    ("figure", re.compile("<img|<iframe")),
+    ("box", re.compile('^<div class="[^"]*proof')),
+    ("opening", re.compile("^<h")),
+)
 
 
 class Slide(NamedTuple):
@@ -82,7 +87,7 @@ def chapter_slides(article: Tag) -> list[Slide]:
             if any(word in tag.get_text() for word in UNSEEN):
                 return
             code, output = tag.select_one(".cell_input"), tag.select_one(".cell_output")
-            shows = output is not None and output.find(["figure", "img", "table"]) is not None
+            shows = output is not None and output.find(["figure", "iframe", "img", "table"]) is not None
             if code:
                 show(f"{code}{output}" if output and not shows else str(code))
             if shows:
@@ -143,9 +148,21 @@ def write_all(html: Path) -> Path:
     shutil.copytree(reveal / "dist" / "theme" / "fonts", into / "reveal" / "dist" / "theme" / "fonts")
     for name in ("slides.css", "slides.js"):
         shutil.copy(ASSETS / name, into)
-    template = jinja2.Template((ASSETS / "slides.html").read_text(encoding="utf-8"), trim_blocks=True)
+    (into / "live").mkdir()
+    template, frame = (
+        jinja2.Template((ASSETS / name).read_text(encoding="utf-8"), trim_blocks=True)
+        for name in ("slides.html", "live_figure.html")
+    )
     for page in pages:
         article = read_article(page)
+        whole = BeautifulSoup(page.read_text(encoding="utf-8"), "html.parser")
+        for tag in article.select(".meshot-page[id]"):
+            name, title = tag["id"], tag["aria-label"]
+            figure = whole.find(id=name)
+            text = frame.render(title=title, figure=str(figure), script=str(figure.find_next_sibling("script")))
+            (into / "live" / f"{name}.html").write_text(text, encoding="utf-8")
+            attributes = {"class": "live", "data-src": f"live/{name}.html", "title": title}
+            tag.replace_with(whole.new_tag("iframe", attrs=attributes))
         lead_links(article, lambda link, name=page.name: f"../{name}{link}" if link.startswith("#") else f"../{link}")
         for tag in article.select("figure[id] .caption-number"):
             there = f"../{page.name}#{tag.find_parent('figure')['id']}"  # where panels are live

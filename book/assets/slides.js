@@ -23,3 +23,15 @@ Reveal.initialize({
 const fitShown = () => fit(Reveal.getCurrentSlide());
 Reveal.on("slidechanged", fitShown);
 window.addEventListener("load", () => (window.MathJax?.startup?.promise ?? Promise.resolve()).then(fitShown));
+
+// Interactive figures are frames: they say how high they are, and pass on the keys that turn pages.
+const TURNS = { PageDown: () => Reveal.next(), PageUp: () => Reveal.prev(), Escape: () => window.focus() };
+window.addEventListener("message", ({ source, data }) => {
+  const frame = [...document.querySelectorAll("iframe.live")].find((one) => one.contentWindow === source);
+  if (!frame) return;
+  if (data.height && frame.height !== String(data.height)) {
+    frame.height = data.height;
+    fitShown();
+  }
+  TURNS[data.key]?.();
+});

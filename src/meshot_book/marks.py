@@ -138,10 +138,17 @@ def _run(answer: Answer, folder: str, channel: Connection) -> None:
     channel.send_bytes(b"")
     try:
         os.chdir(folder)
-        names = {"__name__": "__main__"}
+        names, raised = {"__name__": "__main__"}, None
         for code in answer.cells:
-            exec(compile(code, "<cell>", "exec"), names)
-        record = check(eval(answer.expression, names))
+            try:
+                exec(compile(code, "<cell>", "exec"), names)
+            except Exception as error:  # as in Jupyter, what the cell defined before stays
+                raised = raised or error
+        try:
+            found = eval(answer.expression, names)
+        except NameError as error:
+            raise (raised or error) from None
+        record = check(found)
     except BaseException as error:
         said = str(error).strip().splitlines()
         why = f"a cell that it needs raised {type(error).__name__}{': ' + said[0][:100] if said else ''}"

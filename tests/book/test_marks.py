@@ -58,6 +58,16 @@ def test_three_notebooks_with_known_answers(tmp_path, capsys):
     assert rows[3].endswith(",0,1,this is no whole number of points: round it up,0")
 
 
+def test_what_a_cell_defined_before_it_failed_counts_as_in_jupyter(tmp_path, capsys):
+    answer = DIAGNOSIS.format(1) + "\n\n\ncheck.diagnosis(diagnosis)"  # check is imported in the next cell
+    write_notebook(tmp_path / "40.ipynb", answer, f"{HEAD}\n{CHECKS[1]}")
+    write_notebook(tmp_path / "41.ipynb", "1 / 0\n" + answer, f"{HEAD}\n{CHECKS[1]}")
+    assert marks.main([str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert [line.split()[:3] for line in out.splitlines()[-3:-1]] == [["40", "1", "1"], ["41", "0", "1"]]
+    assert "41.ipynb, diagnosis: a cell that it needs raised ZeroDivisionError: division by zero" in out
+
+
 def test_a_record_is_a_line_for_the_lecturer_and_grows_from_chapter_to_chapter(tmp_path, capsys):
     EXERCISES["diagnosis"](lambda *_: 3)
     file = report("student-17", tmp_path)

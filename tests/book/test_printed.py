@@ -12,6 +12,7 @@ import nbformat
 import numpy as np
 import pikepdf
 import pytest
+import torch
 from PIL import Image
 
 from browser import watched_page
@@ -26,6 +27,7 @@ from editions import (
     write_zip,
 )  # fmt: skip
 from meshot_book.exercises.check import EXERCISES, key_of
+from meshot_book.figures.lines import sorting_player
 from meshot_book.notebook import experiment_folder
 from pdf import joined_link, lighten, write_document
 from plain import CHAPTERS, plain_notebook, source_notebook
@@ -112,6 +114,26 @@ def test_slides_need_no_network_and_fit(html, context):
             ends = "Reveal.getCurrentSlide().querySelector('.content').getBoundingClientRect().bottom"
             assert page.evaluate(ends) <= 720, (h, v)
         assert page.locator("section a").first.get_attribute("href") == "../20_other.html#there"
+        assert troubles == []
+
+
+def test_interactive_figures_work_on_slides_and_turn_pages(html, context):
+    page = html / "10_trial.html"
+    player = sorting_player(torch.tensor([0.0, 1.0, 3.0]), torch.tensor([0.5, 2.0, 2.5]), "six points on two lines")
+    output = f'<div class="cell"><div class="cell_output"><div class="output">{player.html}</div></div></div>'
+    page.write_text(page.read_text().replace('<section id="questions">', output + '<section id="questions">'))
+    write_all(html)
+    with watched_page(context, html / "slides" / "10_trial.html") as (page, troubles):
+        page.wait_for_function("() => window.Reveal && Reveal.isReady()")
+        slide = page.locator("section section").filter(has=page.locator("iframe.live"))
+        column = page.evaluate("Reveal.getIndices(document.querySelector('iframe.live').closest('section')).h")
+        page.evaluate("(h) => Reveal.slide(h)", column)
+        figure = slide.frame_locator("iframe.live")
+        figure.get_by_label("p = 1", exact=True).check()
+        assert "p = 1:" in figure.get_by_role("status").inner_text()
+        page.wait_for_function("() => document.querySelector('iframe.live').offsetHeight > 300")
+        figure.get_by_label("p = 1", exact=True).press("PageDown")
+        page.wait_for_function("(h) => Reveal.getIndices().h === h + 1", arg=column)
         assert troubles == []
 
 
