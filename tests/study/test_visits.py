@@ -1,5 +1,7 @@
 """Visits: their names, and those of files and folders that are no BIDS data set."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -48,3 +50,14 @@ def test_a_folder_of_scans(tmp_path):
     assert [visit.label for visit in visits_of_folder(tmp_path)] == ["sub-a", "sub-b"]
     (tmp_path / "empty").mkdir()
     refuses("holds no scan", visits_of_folder, tmp_path / "empty")
+
+
+@pytest.mark.parametrize("library", ["pathspec", "bidsschematools"])
+def test_scans_that_are_no_data_set_need_no_library_of_bids(library):
+    code = f"""import sys
+from pathlib import Path
+sys.modules[{library!r}] = None
+from meshot.study import DESCRIPTION, visits_of_files, visits_of_folder
+print(len(visits_of_files([Path("a.nii.gz"), Path("b.nii.gz")])))"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout == "2\n"

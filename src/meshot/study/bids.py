@@ -137,9 +137,6 @@ def json_of(file: Path) -> dict:
 
 # The small files of a BIDS data set: its description, ``.bidsignore``, and the sidecars of scans.
 
-with needing("bids"):
-    import pathspec
-
 IGNORE = ".bidsignore"
 
 
@@ -149,6 +146,9 @@ class Ignored:
     # ``dataset``: the top folder.
 
     def __init__(self, dataset: Path):
+        with needing("bids"):  # here, since scans that are no data set need it not
+            import pathspec
+
         self.dataset = dataset
         file = dataset / IGNORE
         lines = file.read_text(encoding="utf-8", errors="replace").splitlines() if file.is_file() else []
@@ -194,10 +194,6 @@ def sidecar_of(dataset: Path, scan: Path) -> dict:
 
 
 # The T1-weighted scans of a BIDS data set, by the names that the BIDS specification allows.
-
-with needing("bids"):
-    import bidsschematools.rules
-    import bidsschematools.schema
 
 #: The entities that are one protocol: only scans with the same ones are averaged.
 PROTOCOL = ("acq", "ce", "rec", "echo", "part", "chunk", "task")
@@ -374,6 +370,10 @@ def in_order(name: str) -> list[tuple[bool, int, str]]:
 @functools.cache
 def _rules() -> list[re.Pattern]:
     """Regular expressions of the anatomical scans, from the machine-readable BIDS specification."""
+    with needing("bids"):
+        import bidsschematools.rules
+        import bidsschematools.schema
+
     schema = bidsschematools.schema.load_schema()
     rules = bidsschematools.rules.regexify_filename_rules(schema.rules.files.raw.anat, schema, level=1)
     return [re.compile(rule["regex"]) for rule in rules]
