@@ -139,12 +139,15 @@ for name in {rooms}:
 """
 SAY_WHAT_FAILS = """
 import importlib
+from pathlib import Path
 for place in {places}:
     room, name = place.rsplit(".", 1)
     try:
         found = getattr(importlib.import_module(room), name)
         if name == "parsed_yaml":  # losses have settings, too, so that only the reading of a text needs the library
             found("")
+        if name == "visits_of_bids":  # files that are no data set need it not
+            found(Path({sample!r}))
     except ImportError as error:
         print(error)
 """
@@ -174,7 +177,9 @@ def test_losses_need_no_extra(root):
 @pytest.mark.parametrize("extra", ["cortex", "bids"])
 def test_what_needs_an_extra_names_it(root, extra):
     places, missing = [place for place, needed in NEEDED.items() if needed == extra], lacking(root, extra)
-    said = run_without(missing, SAY_WHAT_FAILS.format(places=places)).stdout.splitlines()
+    said = run_without(
+        missing, SAY_WHAT_FAILS.format(places=places, sample=str(root / "data_synth" / "sample"))
+    ).stdout.splitlines()
     assert len(said) == len(places)
     for line in said:
         assert line.split()[0].partition(".")[0] in missing
