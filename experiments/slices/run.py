@@ -48,7 +48,8 @@ def descent(name: str, n: int, learning_rate: float, seed: int, config: dict) ->
     torch.set_num_threads(1)
     generator = np.random.default_rng([seed, 0])
     start, target = (
-        even_points(shape, config["n_points"], offset=generator.random()) for shape in (circle(), star(**config["star"]))
+        even_points(shape, config["n_points"], offset=generator.random())
+        for shape in (circle(), star(**config["star"]))
     )
     loss = loss_of(name, n, config["n_steps"], generator)
     points = start.clone().requires_grad_()
