@@ -202,6 +202,9 @@ def test_bounds_are_bounds():
     means = [measure.weights @ measure.points for measure in (source, target)]
     spreads = [float(m.weights @ (m.points - mean).square().sum(dim=1)) for m, mean in zip((source, target), means)]
     length = float((means[0] - means[1]).square().sum())
+    gaps = (LINES @ source.points.T)[:, :, None] - (LINES @ target.points.T)[:, None]
+    independent = torch.einsum("lij,i,j->l", gaps**2, source.weights, target.weights)
+    torch.testing.assert_close(high + (length + sum(spreads)) / d, independent)
     assert bool((low + length / d <= costs).all())
     assert bool((high + (length + sum(spreads)) / d >= costs).all())
 
