@@ -9,6 +9,11 @@ from torch.utils.data import DataLoader, Dataset
 import meshot
 from meshot import MeasureBatch, Mesh
 from meshot.loss import (
+    controlled_sliced_wasserstein,
+    energy_sliced_wasserstein,
+    hilbert_transport,
+    max_sliced_wasserstein,
+    min_sliced_transport,
     plain_sliced_wasserstein,
     slice_costs,
     sliced_partial,
@@ -38,10 +43,15 @@ LOSSES = {
     "unbalanced": functools.partial(sliced_unbalanced, reach=1.0, directions=LINES),
     "one unbalanced": functools.partial(unbalanced_sliced, reach=5.0, directions=LINES),
     "kernel": functools.partial(varifold_kernel, width=1.0),
+    "max": functools.partial(max_sliced_wasserstein, directions=LINES, n_steps=0),
+    "energy": functools.partial(energy_sliced_wasserstein, directions=LINES),
+    "controlled": functools.partial(controlled_sliced_wasserstein, directions=LINES, control="upper"),
+    "lifted": functools.partial(min_sliced_transport, directions=LINES),
+    "curve": hilbert_transport,
 }
 each = pytest.mark.parametrize("name", LOSSES)
 #: Losses whose gradient has no derivative, and those whose gradient holds something constant by definition.
-ONCE, HELD = {"sinkhorn", "partial", "unbalanced", "one unbalanced"}, {"windowed"}
+ONCE, HELD = {"sinkhorn", "partial", "unbalanced", "one unbalanced", "max"}, {"windowed"}
 
 
 def clouds(name, n_clouds=3, n=9, seed=0, dtype=torch.float64):

@@ -29,6 +29,11 @@ LOSSES = {
     "sinkhorn_divergence": (meshot.sinkhorn_divergence, True),
     "windowed": (lambda s, t: meshot.windowed_sliced_wasserstein(s, t, CENTRES, 3.0, LINES[None]), True),
     "plain": (lambda s, t: meshot.loss.plain_sliced_wasserstein(s, t, LINES), True),
+    "max": (lambda s, t: meshot.loss.max_sliced_wasserstein(s, t, LINES), True),
+    "energy": (lambda s, t: meshot.loss.energy_sliced_wasserstein(s, t, LINES), True),
+    "controlled": (lambda s, t: meshot.loss.controlled_sliced_wasserstein(s, t, LINES), True),
+    "lifted": (lambda s, t: meshot.loss.min_sliced_transport(s, t, LINES), True),
+    "curve": (meshot.loss.hilbert_transport, True),
 }
 each_loss = pytest.mark.parametrize("name", LOSSES)
 

@@ -28,6 +28,15 @@ from .error_bar import (
 )
 from .exact import ProjectedLaw as ProjectedLaw, projected_law as projected_law
 from .kernel_norm import varifold_kernel as varifold_kernel
+from .learned import (
+    controlled_sliced_wasserstein as controlled_sliced_wasserstein,
+    energy_sliced_wasserstein as energy_sliced_wasserstein,
+    hilbert_transport as hilbert_transport,
+    max_sliced_direction as max_sliced_direction,
+    max_sliced_wasserstein as max_sliced_wasserstein,
+    min_sliced_plan as min_sliced_plan,
+    min_sliced_transport as min_sliced_transport,
+)
 from .penalties import (
     cotangent_laplacian_length as cotangent_laplacian_length,
     laplacian_length as laplacian_length,

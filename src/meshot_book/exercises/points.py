@@ -505,3 +505,116 @@ def trap() -> Exercise:
         ),
     }
     return Exercise(merged_pair, cases, mistakes, rest_and_distance)
+
+
+# Chapter 06: weights of slices, a slice that lifts to a plan, and a step to a direction of larger cost.
+
+
+@exercise(stars=1)
+def slice_weights() -> Exercise:
+    """Check ``function(costs, power)``: weights in proportion to a power of the costs."""
+
+    def weights(costs: Tensor, power: float) -> Tensor:
+        energies = costs**power if costs.any() else torch.ones_like(costs)
+        return energies / energies.sum()
+
+    costs = torch.from_numpy(np.random.default_rng(0).uniform(0.5, 4.0, size=6))
+    cases = {
+        "six costs, power 1": (costs, 1.0),
+        "six costs, power 3": (costs, 3.0),
+        "power 0": (costs, 0.0),
+        "one cost": (costs[:1], 2.0),
+        "a slice without cost": (torch.tensor([0.0, 1.0, 3.0]).double(), 1.0),
+        "no cost at all": (torch.zeros(4).double(), 1.0),
+    }
+    mistakes = {
+        "these are the powers; weights sum to one: divide by the sum": (
+            lambda c, a: c**a if c.any() else torch.ones_like(c)
+        ),
+        "this is the exponential energy; a power is asked for": lambda c, a: torch.softmax(a * c, dim=0),
+        "a larger cost has a larger weight, not a smaller one": (
+            lambda c, a: weights(1 / c, a) if c.all() else weights(c.max() - c, a)
+        ),
+        "divided by the largest power; divide by the sum": (
+            lambda c, a: c**a / (c**a).max() if c.any() else torch.ones_like(c)
+        ),
+        "the power is not used": lambda c, a: weights(c, 1.0),
+    }
+    return Exercise(weights, cases, mistakes)
+
+
+def _by_order(x: Tensor, y: Tensor, direction: Tensor) -> Tensor:
+    """Differences of the pairs that have the same rank along a direction."""
+    return x[(x @ direction).argsort()] - y[(y @ direction).argsort()]
+
+
+def _three_pairs(seed: int) -> dict[str, tuple[Tensor, Tensor, Tensor]]:
+    generator = np.random.default_rng(seed)
+    x, y = (torch.from_numpy(generator.normal(size=(7, 2))) for _ in range(2))
+    u = torch.tensor([0.6, 0.8], dtype=torch.float64)
+    solid = [torch.from_numpy(generator.normal(size=(5, 3))) for _ in range(2)]
+    return {
+        "two points and an axis": (x[:2], y[:2], torch.tensor([1.0, 0.0], dtype=torch.float64)),
+        "7 points and a slanting direction": (x, y, u),
+        "points in R³": (*solid, torch.tensor([2.0, -1.0, 2.0], dtype=torch.float64) / 3),
+        "a translation": (x, x.flip(0) + torch.tensor([3.0, 1.0]).double(), u),
+    }
+
+
+@exercise(stars=2)
+def lifted_cost() -> Exercise:
+    """Check ``function(points, target, direction)``: the mean squared distance of pairs of the same rank."""
+
+    def cost(x: Tensor, y: Tensor, u: Tensor) -> Tensor:
+        return _by_order(x, y, u).square().sum(dim=1).mean()
+
+    mistakes = {
+        "this is the cost along the direction; sort the points of space, not their projections": (
+            lambda x, y, u: (_by_order(x, y, u) @ u).square().mean()
+        ),
+        "points are paired in their original order; pair them by their order along the direction": (
+            lambda x, y, u: (x - y).square().sum(dim=1).mean()
+        ),
+        "this is the sum over the pairs; take their mean": lambda x, y, u: _by_order(x, y, u).square().sum(),
+        "squared distances are asked for: leave out the root": (lambda x, y, u: _by_order(x, y, u).norm(dim=1).mean()),
+        "each coordinate is a term of its own here; sum over the coordinates, then take the mean over the pairs": (
+            lambda x, y, u: _by_order(x, y, u).square().mean()
+        ),
+        "the points are sorted, but the targets are not": (
+            lambda x, y, u: (x[(x @ u).argsort()] - y).square().sum(dim=1).mean()
+        ),
+        "one side is sorted in descending order": (
+            lambda x, y, u: (x[(x @ u).argsort()] - y[(-y @ u).argsort()]).square().sum(dim=1).mean()
+        ),
+    }
+    return Exercise(cost, _three_pairs(0), mistakes)
+
+
+@exercise(stars=3)
+def steeper() -> Exercise:
+    """Check ``function(points, target, direction)``: the gradient of W₂² in the direction, normalised."""
+
+    def slope(x: Tensor, y: Tensor, u: Tensor) -> Tensor:
+        gaps = _by_order(x, y, u)
+        return gaps.T @ (gaps @ u)
+
+    def unit(vector: Tensor) -> Tensor:
+        return vector / vector.norm()
+
+    def tangent(x: Tensor, y: Tensor, u: Tensor) -> Tensor:
+        found = slope(x, y, u)
+        found = found - (found @ u) * u
+        return unit(found) if found.norm() > 1e-12 else u
+
+    mistakes = {
+        "the direction is right; divide by the norm": (slope, lambda x, y, u: 2 * slope(x, y, u) / len(x)),
+        "this is the part at a right angle to the direction; keep the whole gradient": tangent,
+        "this goes downhill: change the sign": lambda x, y, u: -unit(slope(x, y, u)),
+        "points are paired in their original order; pair them by their order along the direction": (
+            lambda x, y, u: unit((x - y).T @ ((x - y) @ u))
+        ),
+        "this is the mean difference of the pairs; each pair counts in proportion to its projected difference": (
+            lambda x, y, u: unit((x - y).mean(dim=0))
+        ),
+    }
+    return Exercise(lambda x, y, u: unit(slope(x, y, u)), _three_pairs(1), mistakes)
