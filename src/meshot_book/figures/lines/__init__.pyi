@@ -3,6 +3,5 @@ from .line import (
     distribution_figure as distribution_figure,
     draw_pairing as draw_pairing,
     pairs_of as pairs_of,
-    sorting_player as sorting_player,
-    turning_player as turning_player,
+    turning_figure as turning_figure,
 )
