@@ -1,7 +1,8 @@
 """Every live figure in a browser without a network: it opens, answers each control, moves only when asked, is readable."""
 
 import gzip
-import json
+import itertools
+import math
 import re
 from importlib import resources
 
@@ -10,12 +11,14 @@ import ot
 import pytest
 
 import meshot
-from browser import AXE, UNREACHED, offline_browser, page_file, set_width, watched_page
-from live_pages import ANSWERS, CLOUDS, DATA, live_page_of
+from browser import AXE, UNREACHED, page_file, set_width, watched_page
+from live_pages import ANSWERS, DATA, live_page_of
 from meshot.view.page import joined
+from meshot_book.examples.counterexample import crossing_sides
+from meshot_book.figures.flows import two_triangles
+from meshot_book.figures.flows.flow import FIELDS, outlines
 from meshot_book.live import Answer
 from meshot_book.live.figure import figure_names
-from preflight import browser as browser_path
 from refusals import refuses
 
 ASSETS = "meshot_book/live/assets"
@@ -387,14 +390,60 @@ def contour_points(corners, n):
     return np.stack([np.interp(at, along, ends[:, k]) for k in (0, 1)], axis=1)
 
 
-def test_first_paint_is_quick(opened):
-    for name in DATA:
-        page = opened(name)
-        paints = page.evaluate(
-            "() => performance.getEntriesByType('paint').map((entry) => [entry.name, entry.startTime])"
-        )
-        assert dict(paints)["first-contentful-paint"] < 2000
-    assert json.loads(page.evaluate("() => JSON.stringify([innerWidth])")) == [1280]
-    assert offline_browser
-    assert browser_path
-    assert CLOUDS
+SETTINGS = [
+    (name, time, steps, exponent)
+    for name, (time, steps), exponent in itertools.product(FIELDS, [(0.3, 8), (0.31, 8), (0.6, 1), (0.9, 64)], (0, 4))
+]
+
+
+def test_triangles_cross_where_python_says_so(opened):
+    page, seen = opened("crossing", 400), set()
+    for name, time, steps, exponent in SETTINGS:
+        page.get_by_role("radio", name=name).check()
+        for control, value in (("time", time), ("Euler steps", steps), ("pieces of each side", exponent)):
+            page.get_by_role("slider", name=control, exact=True).fill(str(value))
+        pairs = crossing_sides(outlines(FIELDS[name], two_triangles(), time, steps, 2**exponent))
+        bound = time / steps * float(FIELDS[name].lipschitz_bound())
+        assert shown(page)["pairs"] == pairs
+        assert shown(page)["bound"] == pytest.approx(bound)
+        assert ("No sides cross" in status(page)) is (pairs == 0)
+        assert ("no two points" in status(page)) is (bound < 1)
+        seen.add((pairs > 0, bound < 1))
+    page.get_by_role("slider", name="strength").fill("2")
+    assert shown(page)["bound"] == pytest.approx(2 * bound)
+    assert seen == set(itertools.product((True, False), repeat=2))
+
+
+def test_samples_of_spheres_approach_the_closed_form_below_the_bound(opened):
+    page = opened("rates")
+    for p, radius, distance in ((2, 2, 0), (1, 2, 0), (3, 1.5, 0), (2, 1, 0), (1, 1, 0)):
+        page.get_by_role("radio", name=str(p), exact=True).check()
+        page.get_by_role("slider", name="radius").fill(str(radius))
+        page.get_by_role("slider", name="distance").fill(str(distance))
+        for _ in range(6):
+            page.locator(".once").click()
+        found = shown(page)
+        # Concentric spheres: a uniform distribution on an interval along every line.
+        assert found["truth"] == pytest.approx((radius - 1) ** p / (p + 1), abs=1e-12)
+        assert 0 < found["error"] < found["bound"]
+        assert found["bound"] == pytest.approx(p * (2 * radius) ** (p - 1) * (2 + 2 * radius) * math.pi / 8 / 10)
+        assert found["slope"] == pytest.approx(-1 if (p, radius) == (2, 1) else -0.5, abs=0.25)
+    page.get_by_role("radio", name="2", exact=True).check()
+    page.get_by_role("slider", name="distance").fill("2")
+    lines = page.evaluate(
+        f"() => {{ {joined(f'{ASSETS}/projection.js')} return sphereDirections(6, 3, generator(1)); }}"
+    )
+    assert shown(page)["truth"] == pytest.approx(np.mean((2 * np.array(lines)[:, 0]) ** 2), rel=1e-9)
+
+
+def test_the_calculator_interpolates_and_says_what_was_not_measured(opened):
+    page = opened("calculator")
+    for size, count in (("3", 1000), ("4.5", 31623), ("6", 1_000_000)):
+        page.get_by_role("slider", name="supports").fill(size)
+        assert shown(page)["count"] == count
+        assert shown(page)["seconds"] == pytest.approx(count / 1e6, rel=1e-9)
+        assert shown(page)["megabytes"] == pytest.approx(3 * count / 1e4, rel=1e-9)
+    assert "1,000 steps 17 minutes" in status(page)
+    page.get_by_role("radio", name="compares").check()
+    assert shown(page)["seconds"] == -1
+    assert "not measured here (stopped at 100,000: time: 10000 s foretold)" in status(page)

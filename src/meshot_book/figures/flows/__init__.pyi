@@ -7,7 +7,8 @@ from .deformation import (
 from .flow import (
     bent_grid_figure as bent_grid_figure,
     cell_areas as cell_areas,
-    crossing_player as crossing_player,
+    crossing_data as crossing_data,
+    crossing_figure as crossing_figure,
     map_figure as map_figure,
     outlines as outlines,
     share_figure as share_figure,
