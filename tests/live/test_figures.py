@@ -72,7 +72,8 @@ def test_every_figure_answers_each_control(name, width, opened):
     assert unanswered or name == ""
 
     def try_controls():
-        for number in list(unanswered):
+        # A choice may switch others off: the last are tried first.
+        for number in reversed(list(unanswered)):
             control = controls.nth(number)
             if control.is_disabled() or not control.is_visible():
                 continue
@@ -89,7 +90,7 @@ def test_every_figure_answers_each_control(name, width, opened):
                 del unanswered[number]
 
     try_controls()
-    for choice in range(controls.count()):
+    for choice in 2 * [*range(controls.count())]:
         if unanswered and controls.nth(choice).get_attribute("type") == "radio" and controls.nth(choice).is_enabled():
             controls.nth(choice).click()
             try_controls()

@@ -74,7 +74,6 @@ export function panel(root, start) {
      */
     run({ controls, play, ...given }) {
       act = given;
-      const holder = find(".controls");
       if (play) {
         mover = motion(root, { play: find(".play"), once: find(".once") }, play, draw);
         for (const button of [find(".play"), find(".once")]) {
@@ -92,7 +91,7 @@ export function panel(root, start) {
       act.changed?.(null);
       draw();
       replaceStill(root);
-      holder.hidden = false;
+      find(".keys").hidden = movables.length === 0;
       if (location.hash.startsWith(`#${name}=`)) {
         root.scrollIntoView();
       }

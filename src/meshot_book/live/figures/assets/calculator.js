@@ -5,16 +5,11 @@ import { COLOURS, digits } from "../../assets/plot.js";
 export function main(root, data) {
   const figure = panel(root, { peer: data.peers[0], d: 3, size: 4, steps: 3 });
   const { state } = figure;
-  const axes = (low, high, label) => ({
-    x: { range: [800, 1.3e6], log: true, label: "supports on each side" },
-    y: { range: [low, high], log: true, label },
-    height: 300,
-  });
   const times = figure.plot({ name: "seconds over supports", ...axes(1e-3, 100, "value and gradient (s)") });
   const spaces = figure.plot({ name: "megabytes over supports", ...axes(0.1, 1e4, "peak memory (MB)") });
 
   const rowsOf = (peer, key) => data.rows.filter((row) => row.peer === peer && row.d === state.d && row[key] > 0);
-  function drawPlot(plot, key, count, found) {
+  function drawPlot(plot, low, key, count, found) {
     for (const peer of data.peers) {
       const chosen = peer === state.peer;
       const points = rowsOf(peer, key).map((row) => [row.m, row[key]]);
@@ -22,7 +17,7 @@ export function main(root, data) {
       plot.dots(points, { colour: chosen ? COLOURS.blue : COLOURS.grey, size: chosen ? 8 : 4 });
     }
     if (found) {
-      plot.segments([[[count, 1e-9], [count, found.value]]], { colour: COLOURS.vermillion, dash: "4 3" }); // prettier-ignore
+      plot.segments([[[count, low], [count, found.value]]], { colour: COLOURS.vermillion, dash: "4 3" }); // prettier-ignore
       plot.dots([[count, found.value]], { colour: COLOURS.vermillion, size: 11 });
     }
   }
@@ -30,8 +25,8 @@ export function main(root, data) {
     const count = Math.round(10 ** state.size);
     const seconds = between(rowsOf(state.peer, "seconds"), "seconds", count);
     const megabytes = between(rowsOf(state.peer, "megabytes"), "megabytes", count);
-    drawPlot(times, "seconds", count, seconds);
-    drawPlot(spaces, "megabytes", count, megabytes);
+    drawPlot(times, 1e-3, "seconds", count, seconds);
+    drawPlot(spaces, 0.1, "megabytes", count, megabytes);
     const calls = Math.round(10 ** state.steps);
     const head = `${state.peer}, ${count.toLocaleString("en")} supports in ${state.d} dimensions: `;
     const stopped = data.stopped.find((row) => row.peer === state.peer && row.d === state.d);
@@ -43,7 +38,6 @@ export function main(root, data) {
     const values = { count, seconds: seconds?.value ?? -1, megabytes: megabytes?.value ?? -1 };
     return { status: head + time + space, values };
   }
-  const power = (value) => Math.round(10 ** value).toLocaleString("en");
   figure.run({
     draw,
     controls: [
@@ -53,6 +47,18 @@ export function main(root, data) {
       { kind: "range", key: "steps", label: "steps of a training", min: 0, max: 6, step: 0.25, say: power },
     ],
   });
+}
+
+function axes(low, high, label) {
+  return {
+    x: { range: [800, 1.3e6], log: true, label: "supports on each side" },
+    y: { range: [low, high], log: true, label },
+    height: 300,
+  };
+}
+
+function power(value) {
+  return Math.round(10 ** value).toLocaleString("en");
 }
 
 // On a straight line between the two measurements around a size, in logarithms; null outside of what was measured.
