@@ -15,8 +15,7 @@ from browser import AXE, UNREACHED, page_file, set_width, watched_page
 from live_pages import ANSWERS, DATA, live_page_of
 from meshot.view.page import joined
 from meshot_book.examples.counterexample import crossing_sides
-from meshot_book.figures.flows import two_triangles
-from meshot_book.figures.flows.flow import FIELDS, outlines
+from meshot_book.figures.flows import FIELDS, outlines, two_triangles
 from meshot_book.live import Answer
 from meshot_book.live.figure import figure_names
 from refusals import refuses

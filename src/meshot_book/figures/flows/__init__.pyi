@@ -5,6 +5,7 @@ from .deformation import (
     trade_off_figure as trade_off_figure,
 )
 from .flow import (
+    FIELDS as FIELDS,
     bent_grid_figure as bent_grid_figure,
     cell_areas as cell_areas,
     crossing_data as crossing_data,
