@@ -24,7 +24,7 @@ DATA = {
         ],
         "stopped": [{"peer": "compares", "d": 3, "m": 100_000, "why": "time: 10000 s foretold"}],
     },
-    "crossing": crossing_data(),
+    "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "count": 24, "seed": 1},
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
     "sorting": {

@@ -136,7 +136,7 @@ def test_nothing_moves_by_itself_and_play_ends_in_jumps_where_motion_is_reduced(
         }"""
     )
     page.locator(".play").click()
-    page.wait_for_function("() => window.times.length > 2", timeout=20_000)
+    page.wait_for_function("() => window.times.length > 1", timeout=20_000)
     assert "pause" in page.locator(".play").text_content()
     assert page.locator(".status").get_attribute("aria-live") == "off"
     page.locator(".play").click()
@@ -416,18 +416,17 @@ def test_triangles_cross_where_python_says_so(opened):
 
 def test_samples_of_spheres_approach_the_closed_form_below_the_bound(opened):
     page = opened("rates")
-    for p, radius, distance in ((2, 2, 0), (1, 2, 0), (3, 1.5, 0), (2, 1, 0), (1, 1, 0)):
+    slopes = {(2, 2): -0.5, (1, 2): -0.5, (2, 1): -1, (1, 1): -0.5, (3, 1): -1.5}
+    for (p, radius), slope in slopes.items():
         page.get_by_role("radio", name=str(p), exact=True).check()
         page.get_by_role("slider", name="radius").fill(str(radius))
-        page.get_by_role("slider", name="distance").fill(str(distance))
-        for _ in range(6):
-            page.locator(".once").click()
+        page.evaluate("() => { for (let k = 0; k < 16; k += 1) document.querySelector('.once').click(); }")
         found = shown(page)
         # Concentric spheres: a uniform distribution on an interval along every line.
         assert found["truth"] == pytest.approx((radius - 1) ** p / (p + 1), abs=1e-12)
         assert 0 < found["error"] < found["bound"]
         assert found["bound"] == pytest.approx(p * (2 * radius) ** (p - 1) * (2 + 2 * radius) * math.pi / 8 / 10)
-        assert found["slope"] == pytest.approx(-1 if (p, radius) == (2, 1) else -0.5, abs=0.25)
+        assert found["slope"] == pytest.approx(slope, abs=0.2)
     page.get_by_role("radio", name="2", exact=True).check()
     page.get_by_role("slider", name="distance").fill("2")
     lines = page.evaluate(
