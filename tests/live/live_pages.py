@@ -41,5 +41,11 @@ DATA = {
 def live_page_of(name, **changed):
     """The page of a figure."""
     figure = plt.figure(figsize=(2, 1))
-    given = {"question": "Does <it> move?", "answers": ANSWERS, "seen": "It moves.", "still": figure, "alt": "a <figure>"}
+    given = {
+        "question": "Does <it> move?",
+        "answers": ANSWERS,
+        "seen": "It moves.",
+        "still": figure,
+        "alt": "a <figure>",
+    }
     return live_figure(name, DATA[name], **given | changed)

@@ -1,4 +1,4 @@
-"""Every live figure in a browser without a network: it opens, answers each control, moves only when asked, is readable."""
+"""Every live figure in a browser without a network: it opens, answers each control, and moves only when asked."""
 
 import gzip
 import itertools
@@ -9,10 +9,10 @@ from importlib import resources
 import numpy as np
 import ot
 import pytest
+from live_pages import ANSWERS, DATA, live_page_of
 
 import meshot
 from browser import AXE, UNREACHED, page_file, set_width, watched_page
-from live_pages import ANSWERS, DATA, live_page_of
 from meshot.view.page import joined
 from meshot_book.examples.counterexample import crossing_sides
 from meshot_book.figures.flows import FIELDS, outlines, two_triangles
@@ -82,7 +82,9 @@ def test_every_figure_answers_each_control(name, width, opened):
             kind = control.get_attribute("type")
             if kind == "range":
                 control.focus()
-                page.keyboard.press("ArrowLeft" if control.evaluate("node => node.value === node.max") else "ArrowRight")
+                page.keyboard.press(
+                    "ArrowLeft" if control.evaluate("node => node.value === node.max") else "ArrowRight"
+                )
             else:
                 control.click()
             if page.evaluate(PICTURE) != before:
@@ -256,13 +258,17 @@ def test_sorting_by_hand_finger_and_key(opened):
     assert x[1:] == DATA["sorting"]["source"][1:]
     assert shown(page)["cost"] == pytest.approx(sorting_cost(2, x), rel=1e-9)
     # By finger: the page does not scroll away.
-    page.evaluate("() => document.body.append(Object.assign(document.createElement('div'), { style: 'height:3000px' }))")
+    page.evaluate(
+        "() => document.body.append(Object.assign(document.createElement('div'), { style: 'height:3000px' }))"
+    )
     touch = page.context.new_cdp_session(page)
     touch.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
     box = points.locator(".grip").nth(3).bounding_box()
     u, v = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     for kind, place in (("Start", (u, v)), ("Move", (u + 20, v + 20)), ("Move", (u + 50, v))):
-        touch.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": [{"x": place[0], "y": place[1]}]})
+        touch.send(
+            "Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": [{"x": place[0], "y": place[1]}]}
+        )
         set_width(page, 400)
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     moved = page.locator(".live-figure").evaluate("node => node.state.source[3]")

@@ -134,7 +134,7 @@ def test_uncrossing_ends_at_the_sorted_cost(found):
 
 def test_chamfer(found):
     cases, right = [], []
-    for generator, x, a, y, b in drawn_pairs(2):
+    for _, x, a, y, b in drawn_pairs(2):
         cases.append([v.tolist() for v in (x, a, y, b)])
         places, others, masses, weights = tensors(x, y, a, b)
         value = meshot.chamfer(meshot.DiscreteMeasure(places, masses), meshot.DiscreteMeasure(others, weights))
@@ -303,7 +303,8 @@ def test_random_numbers(found):
     seeds = list(range(N_PROBLEMS))
     drawn = found("seed => { const random = generator(seed); return Array.from({ length: 20 }, random); }", seeds)
     assert drawn == [mulberry(seed, 20) for seed in seeds]
-    normals = found("s => { const random = generator(s); return Array.from({ length: 9 }, () => normal(random)); }", seeds)
+    nine = "seed => { const random = generator(seed); return Array.from({ length: 9 }, () => normal(random)); }"
+    normals = found(nine, seeds)
     for seed, ours in zip(seeds, normals):
         u = np.array(mulberry(seed, 18)).reshape(9, 2)
         close(ours, np.sqrt(-2 * np.log1p(-u[:, 0])) * np.cos(2 * math.pi * u[:, 1]))

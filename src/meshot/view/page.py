@@ -25,7 +25,9 @@ from meshot.view.style import BLUE, ORANGE, SKY, VERMILLION, WIDTH
 
 _IMPORT = re.compile(r"""^(?:@import|import\s[^;]*?\sfrom) "([^"]+)";\n""", re.MULTILINE)
 _INDENT = re.compile(r"\s*\n\s*")
-_COMMENT = re.compile(r"^\s*(?:export (?=(?:async )?(?:function|const|class))|//.*\n|/\*(?:[^*]|\*(?!/))*\*/\n)", re.MULTILINE)
+_COMMENT = re.compile(
+    r"^\s*(?:export (?=(?:async )?(?:function|const|class))|//.*\n|/\*(?:[^*]|\*(?!/))*\*/\n)", re.MULTILINE
+)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

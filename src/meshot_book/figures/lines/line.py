@@ -5,14 +5,12 @@ from collections.abc import Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
-import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from meshot.errors import as_floating, require_shape
 from meshot.types import Array, Float, Tensor
-from meshot.view import BLACK, BLUE, GREY, ORANGE, TARGET, VERMILLION, WIDTH, Page, live_page, still_of
-from meshot_book.lines import MonotonePlan, monotone_plan
+from meshot.view import BLACK, BLUE, GREY, ORANGE, TARGET, VERMILLION, WIDTH
+from meshot_book.lines import MonotonePlan
 
 BEHIND_TEXT = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none"}
 Pairs = Sequence[tuple[int, int, float]]
