@@ -12,7 +12,17 @@ from jaxtyping import config
 from xdist.scheduler import LoadFileScheduling
 
 ROOT = Path(__file__).resolve().parent.parent
-for folder in ("book", "tools", "experiments", "tests", "tests/files", "tests/fuzz", "tests/loss", "tests/mutation"):
+for folder in (
+    "book",
+    "tools",
+    "experiments",
+    "tests",
+    "tests/files",
+    "tests/fuzz",
+    "tests/live",
+    "tests/loss",
+    "tests/mutation",
+):
     sys.path.insert(0, str(ROOT / folder))
 sys.modules["rfc3987_syntax"] = None  # see book/kernels.py
 

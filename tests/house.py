@@ -22,7 +22,7 @@ RANKS = {
 }  # fmt: skip
 #: The same of ``meshot_book``, which may import all of ``meshot`` besides.
 BOOK_RANKS = {
-    "notebook": 0, "examples": 0, "measurements": 0, "statistics": 0, "lines": 0,
+    "notebook": 0, "examples": 0, "live": 0, "measurements": 0, "statistics": 0, "lines": 0,
     "flows": 0, "defects": 0, "example_file": 0, "tissue": 0,
     "figures": 1, "exercises": 1, "claims": 1, "trainings": 1,
     "marks": 2,
@@ -45,7 +45,7 @@ HOMES = {
     "pyvista": ("meshot/mesh/mesh", "meshot/view/", "meshot_book/figures/"),
     "vtk": ("meshot/view/", "meshot_book/figures/"),
     "vtkmodules": ("meshot/view/", "meshot_book/figures/"),
-    "matplotlib": ("meshot/view/", "meshot_book/figures/"),
+    "matplotlib": ("meshot/view/", "meshot_book/figures/", "meshot_book/live/"),
     "bidsschematools": ("meshot/study/bids",),
     "pathspec": ("meshot/study/bids",),
     "filelock": ("meshot/files", "meshot_book/trainings/"),

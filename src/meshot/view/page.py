@@ -25,7 +25,9 @@ from meshot.view.style import BLUE, ORANGE, SKY, VERMILLION, WIDTH
 
 _IMPORT = re.compile(r"""^(?:@import|import\s[^;]*?\sfrom) "([^"]+)";\n""", re.MULTILINE)
 _INDENT = re.compile(r"\s*\n\s*")
-_COMMENT = re.compile(r"^\s*(?:export (?=(?:async )?(?:function|const|class))|//.*\n|/\*.*\*/\n)", re.MULTILINE)
+_COMMENT = re.compile(
+    r"^\s*(?:export (?=(?:async )?(?:function|const|class))|//.*\n|/\*(?:[^*]|\*(?!/))*\*/\n)", re.MULTILINE
+)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -50,7 +52,7 @@ class Page:
         return self.words
 
 
-def live_page(stem: str, data: dict, words: str, **values: object) -> Page:
+def live_page(stem: str, data: dict, words: str, *, script: str | None = None, **values: object) -> Page:
     """A page with data: the template ``stem.html``, which extends ``page.html``, with ``stem.css`` and ``stem.js``.
 
     The script must export ``main(root, data)``, where root is the outermost element of the page. The template has the
@@ -64,12 +66,15 @@ def live_page(stem: str, data: dict, words: str, **values: object) -> Page:
         Plain, finite values, for JSON.
     words : str
         The text shown where HTML is not available.
+    script : str, optional
+        Path of the script without suffix, where several pages share template and style.
     **values
         The other variables of the template; ``alt`` is always required.
     """
-    kind = posixpath.basename(stem).replace("_", "-")
+    script = script or stem
+    kind = posixpath.basename(script).replace("_", "-")
     name = f"{kind}-" + hashlib.sha256(repr((data, values)).encode()).hexdigest()[:12]
-    html = filled(f"{stem}.html", stem=stem, kind=kind, id=name, data=data, **values)
+    html = filled(f"{stem}.html", stem=stem, script=script, kind=kind, id=name, data=data, **values)
     return Page(_INDENT.sub("\n", html), words)
 
 

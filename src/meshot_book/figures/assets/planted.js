@@ -1,5 +1,5 @@
 import { replaceStill } from "./figure.js";
-import { addShape, addText } from "./svg.js";
+import { addShape, addText } from "../../live/assets/svg.js";
 
 // An error chosen from a list and a size from a slider: a section through the surface, and a bar for each metric.
 export function main(root, data) {

@@ -5,9 +5,11 @@ from .deformation import (
     trade_off_figure as trade_off_figure,
 )
 from .flow import (
+    FIELDS as FIELDS,
     bent_grid_figure as bent_grid_figure,
     cell_areas as cell_areas,
-    crossing_player as crossing_player,
+    crossing_data as crossing_data,
+    crossing_figure as crossing_figure,
     map_figure as map_figure,
     outlines as outlines,
     share_figure as share_figure,

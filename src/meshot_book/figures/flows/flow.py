@@ -25,11 +25,8 @@ from meshot.view import (
     SKY,
     VERMILLION,
     WIDTH,
-    Page,
     legend_above,
-    live_page,
     slice_image,
-    still_of,
 )
 from meshot.volume import Volume
 from meshot_book.flows import AnalyticField, Push, Vortex
@@ -354,33 +351,10 @@ def crossing_figure(field: AnalyticField, gap: float, time: float, n_steps: int,
     return figure
 
 
-def crossing_player(description: str, gap: float = 0.3) -> Page:
-    """Two triangles, a push or a whirl, and sliders for time, Euler steps, and the pieces of each side.
-
-    A still picture comes first and stays where scripts may not run. Nothing moves unless the reader moves it. The page
-    says how large h·L is and how many pairs of sides cross.
-
-    Parameters
-    ----------
-    description : str
-        What is to be seen, for those who do not see it.
-    gap : float
-        Height of the tip over the side below, as in :func:`two_triangles`.
-
-    Raises
-    ------
-    ValueError
-        If the gap is not in (0, 1).
-    """
+def crossing_data(gap: float = 0.3) -> dict:
+    """What the live figure ``crossing`` needs: two triangles with a gap between them, and the fields that move them."""
     fields = {}
     for name, field in FIELDS.items():
         reach = field.width if isinstance(field, Push) else field.radius
         fields[name] = {"strength": field.strength, "reach": reach, "lipschitz": float(field.lipschitz_bound())}
-    data = {"corners": two_triangles(gap).tolist(), "fields": fields, "colours": [BLUE, ORANGE]}
-    return live_page(
-        "meshot_book/figures/assets/crossing_player",
-        data,
-        "CrossingPlayer(run the cell to move two triangles)",
-        alt=description,
-        still=still_of(crossing_figure(FIELDS["push"], gap, 0.6, 8, (1, 16))),
-    )
+    return {"corners": two_triangles(gap).tolist(), "fields": fields, "time": 0.6, "steps": 8}

@@ -1,0 +1,135 @@
+// The machine of one live figure: state, plots, controls, motion, the question above and the status below.
+import { replaceStill } from "../../figures/assets/figure.js";
+import { addControl } from "./controls.js";
+import { motion } from "./motion.js";
+import { addMovable, addPlot } from "./plot.js";
+
+/**
+ * A panel: `state` is plain data, starts as given or as the address of the page says, and `run` brings it to life.
+ * @template State
+ * @param {HTMLElement} root
+ * @param {State} start plain data
+ */
+export function panel(root, start) {
+  const find = (name) => root.querySelector(name);
+  const name = root.dataset.figure;
+  const state = { ...structuredClone(start), ...stored(name, start) };
+  const plots = [];
+  const movables = [];
+  let shows = [];
+  let act = {};
+  let mover = null;
+
+  root.state = state; // for the console, and for tests
+
+  function draw() {
+    plots.forEach((plot) => plot.clear());
+    const { status, values } = act.draw();
+    movables.forEach(({ update }) => update());
+    shows.forEach((show) => show());
+    find(".status").textContent = status;
+    // Numbers for those who check them.
+    Object.assign(root.dataset, values);
+  }
+  function changed(key) {
+    act.changed?.(key);
+    draw();
+  }
+  function reset() {
+    mover?.rest();
+    Object.assign(state, structuredClone(start));
+    changed(null);
+  }
+  function link() {
+    const different = Object.keys(start).filter((key) => JSON.stringify(start[key]) !== JSON.stringify(state[key]));
+    const kept = JSON.stringify(Object.fromEntries(different.map((key) => [key, state[key]])), rounded);
+    history.replaceState(null, "", `#${name}=${encodeURIComponent(kept)}`);
+    find(".status").textContent = "The address of this page now leads to what you see.";
+  }
+
+  return {
+    state,
+    changed,
+    /** A plot, drawn anew with the figure. Its options are those of addPlot. */
+    plot(options) {
+      const plot = addPlot(find(".plots"), options);
+      plots.push(plot);
+      return plot;
+    },
+    /** Points of the state to be moved. Its options are those of addMovable; key names the entry that changes. */
+    movable(plot, { key, move, ...options }) {
+      const by = (i, to) => {
+        move(i, to);
+        changed(key);
+      };
+      movables.push(addMovable(plot, { ...options, move: by }));
+    },
+    /**
+     * Draws and listens.
+     * @param {object} given
+     * @param {import("./controls.js").Control[]} given.controls
+     * @param {() => {status: string, values?: object}} given.draw all marks, and what they show in words
+     * @param {(key: string | null) => void} [given.changed] before drawing, when an entry has changed; null: all may
+     * @param {{step: () => boolean, perSecond: number}} [given.play] one step of what moves, false at the end
+     */
+    run({ controls, play, ...given }) {
+      act = given;
+      if (play) {
+        mover = motion(root, { play: find(".play"), once: find(".once") }, play, draw);
+        for (const button of [find(".play"), find(".once")]) {
+          button.hidden = false;
+        }
+      }
+      shows = controls.map((control) => addControl(find(".own"), root.id, state, control, changed));
+      find(".reset").addEventListener("click", reset);
+      find(".link").addEventListener("click", link);
+      find(".wide").hidden = !document.fullscreenEnabled;
+      find(".wide").addEventListener("click", () =>
+        document.fullscreenElement === root ? document.exitFullscreen() : root.requestFullscreen(),
+      );
+      ask(root);
+      act.changed?.(null);
+      draw();
+      replaceStill(root);
+      find(".keys").hidden = movables.length === 0;
+      if (location.hash.startsWith(`#${name}=`)) {
+        root.scrollIntoView();
+      }
+    },
+  };
+}
+
+// What the address of the page says of a figure: entries that it has, of the kind that it has them.
+function stored(name, start) {
+  if (!location.hash.startsWith(`#${name}=`)) {
+    return {};
+  }
+  try {
+    const found = JSON.parse(decodeURIComponent(location.hash.slice(name.length + 2)));
+    const alike = Object.keys(start).filter((key) => key in found && typeof found[key] === typeof start[key]);
+    return Object.fromEntries(alike.map((key) => [key, found[key]]));
+  } catch {
+    return {};
+  }
+}
+
+function rounded(_, value) {
+  return typeof value === "number" ? Number(value.toFixed(4)) : value;
+}
+
+// The reader chooses an answer, tries, and only then asks whether it was right.
+function ask(root) {
+  const question = root.querySelector(".question");
+  const [judge, verdict] = [".judge", ".verdict"].map((name) => question.querySelector(name));
+  const answers = [...question.querySelectorAll("input")];
+  for (const answer of answers) {
+    answer.addEventListener("change", () => {
+      judge.disabled = false;
+      verdict.textContent = "Now try it below. Then ask whether you were right.";
+    });
+  }
+  judge.addEventListener("click", () => {
+    const { right, because } = answers.find((answer) => answer.checked).dataset;
+    verdict.textContent = `${right === "yes" ? "Right." : "Not so."} ${because}`;
+  });
+}
