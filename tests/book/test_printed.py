@@ -8,11 +8,11 @@ import sys
 import zipfile
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import nbformat
 import numpy as np
 import pikepdf
 import pytest
-import torch
 from PIL import Image
 
 from browser import watched_page
@@ -27,7 +27,7 @@ from editions import (
     write_zip,
 )  # fmt: skip
 from meshot_book.exercises.check import EXERCISES, key_of
-from meshot_book.figures.lines import sorting_player
+from meshot_book.live import Answer, live_figure
 from meshot_book.notebook import experiment_folder
 from pdf import joined_link, lighten, write_document
 from plain import CHAPTERS, plain_notebook, source_notebook
@@ -119,8 +119,14 @@ def test_slides_need_no_network_and_fit(html, context):
 
 def test_interactive_figures_work_on_slides_and_turn_pages(html, context):
     page = html / "10_trial.html"
-    player = sorting_player(torch.tensor([0.0, 1.0, 3.0]), torch.tensor([0.5, 2.0, 2.5]), "six points on two lines")
-    output = f'<div class="cell"><div class="cell_output"><div class="output">{player.html}</div></div></div>'
+    figure, axes = plt.subplots()
+    axes.plot([0, 1, 3], [0.5, 2, 2.5])
+    points = {"source": [0.0, 1.0, 3.0], "target": [0.5, 2.0, 2.5], "exponent": 2}
+    points |= {"source_masses": [1.0, 1.0, 1.0], "target_masses": [1.0, 1.0, 1.0]}
+    answers = [Answer("more", "it moves farther", right=True), Answer("less", "it does not")]
+    words = {"question": "What follows?", "answers": answers, "seen": "It rises.", "alt": "six points on two lines"}
+    made = live_figure("sorting", points, still=figure, **words)
+    output = f'<div class="cell"><div class="cell_output"><div class="output">{made.html}</div></div></div>'
     page.write_text(page.read_text().replace('<section id="questions">', output + '<section id="questions">'))
     write_all(html)
     with watched_page(context, html / "slides" / "10_trial.html") as (page, troubles):
@@ -129,10 +135,11 @@ def test_interactive_figures_work_on_slides_and_turn_pages(html, context):
         column = page.evaluate("Reveal.getIndices(document.querySelector('iframe.live').closest('section')).h")
         page.evaluate("(h) => Reveal.slide(h)", column)
         figure = slide.frame_locator("iframe.live")
-        figure.get_by_label("p = 1", exact=True).check()
-        assert "p = 1:" in figure.get_by_role("status").inner_text()
+        figure.get_by_label("more").check()
+        figure.get_by_text("Was I right?").click()
+        assert "it moves farther" in figure.locator(".verdict").inner_text()
         page.wait_for_function("() => document.querySelector('iframe.live').offsetHeight > 300")
-        figure.get_by_label("p = 1", exact=True).press("PageDown")
+        figure.get_by_label("more").press("PageDown")
         page.wait_for_function("(h) => Reveal.getIndices().h === h + 1", arg=column)
         assert troubles == []
 
