@@ -117,6 +117,14 @@ def test_slides_need_no_network_and_fit(html, context):
         assert troubles == []
 
 
+def _middle_on_screen(page, target):
+    """Where a part of the frame is seen. The slide makes what does not fit smaller, which Playwright leaves out."""
+    outer = page.evaluate("document.querySelector('iframe.live').getBoundingClientRect().toJSON()")
+    inner, width = target.evaluate("(node) => [node.getBoundingClientRect().toJSON(), innerWidth]")
+    scale = outer["width"] / width
+    return [outer[side] + scale * (inner[side] + inner[size] / 2) for side, size in (("x", "width"), ("y", "height"))]
+
+
 def test_interactive_figures_work_on_slides_and_turn_pages(html, context):
     page = html / "10_trial.html"
     figure, axes = plt.subplots()
@@ -135,10 +143,11 @@ def test_interactive_figures_work_on_slides_and_turn_pages(html, context):
         column = page.evaluate("Reveal.getIndices(document.querySelector('iframe.live').closest('section')).h")
         page.evaluate("(h) => Reveal.slide(h)", column)
         figure = slide.frame_locator("iframe.live")
-        figure.get_by_label("more").check()
-        figure.get_by_text("Was I right?").click()
-        assert "it moves farther" in figure.locator(".verdict").inner_text()
         page.wait_for_function("() => document.querySelector('iframe.live').offsetHeight > 300")
+        page.wait_for_timeout(300)  # until the slide has its size
+        for target in (figure.get_by_label("more"), figure.get_by_text("Was I right?")):
+            page.mouse.click(*_middle_on_screen(page, target))
+        assert "it moves farther" in figure.locator(".verdict").inner_text()
         figure.get_by_label("more").press("PageDown")
         page.wait_for_function("(h) => Reveal.getIndices().h === h + 1", arg=column)
         assert troubles == []
