@@ -143,7 +143,7 @@ def test_nothing_moves_by_itself_and_play_ends_in_jumps_where_motion_is_reduced(
     assert page.locator(".status").get_attribute("aria-live") == "off"
     page.locator(".play").click()
     times = np.diff(page.evaluate("() => window.times"))
-    assert times.min() > 450
+    assert times.min() > 200  # jumps of half a second, seen late on a busy machine; a frame is 17 ms
     resting = page.evaluate(PICTURE)
     page.wait_for_timeout(600)
     assert page.evaluate(PICTURE) == resting

@@ -111,7 +111,9 @@ def test_a_missing_file_and_planned_tasks_are_named(stale, clone, restored):
 #: What neither makes a cohort, nor reads one or its networks, nor registers a scan.
 _WITHOUT_SCANS = """axioms|beyond_random|blur|circle_to_polygon|convergence|directions|encoding_rates|exact_value|
 floors|ground_cost|normal_scale|sample_gradient|self_intersection|transport_rates|weights_and_areas|deforming|
-fixed_supports.*|fsaverage5_flow|mni152|paper_table|cost|cost_ruler|cost_windows|cost_batches""".replace("\n", "")
+fixed_supports.*|fsaverage5_flow|mni152|paper_table|slices|cost|cost_ruler|cost_windows|cost_batches""".replace(
+    "\n", ""
+)
 
 
 def test_changed_code_makes_exactly_its_dependents_stale_and_a_comment_none(part, clone, restored):

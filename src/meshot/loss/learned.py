@@ -241,8 +241,8 @@ def energy_sliced_wasserstein(
         \sum_{l=1}^{L} w_l \, C_l, \qquad w_l = \frac{f(C_l)}{\sum_k f(C_k)}, \qquad
         C_l = \W_p^p(\theta_l^* \mu, \theta_l^* \nu)
 
-    The energy f is a power, f(c) = c^a, or an exponential, f(c) = exp(c/T^p). The value lies between the sliced and the
-    max-sliced loss on the same directions: the first for a = 0, the second for a → ∞ or T → 0.
+    The energy f is a power, ``f(c) = c^a``, or an exponential, ``f(c) = exp(c/T^p)``. The value lies between the
+    sliced and the max-sliced loss on the same directions: the first for a = 0, the second for a → ∞ or T → 0.
 
     Parameters
     ----------
@@ -459,7 +459,7 @@ def min_sliced_transport(
 
         \min_{l} \sum_{ij} \pi^{\theta_l}_{ij} \lVert x_i - y_j \rVert^p
 
-    Along a direction θ the monotone plan π^θ pairs the points by rank. The same plan moves the points of space, at a
+    Along a direction θ the monotone plan pairs the points by rank. The same plan moves the points of space, at a
     cost of at least W_p^p. The smallest over the directions is therefore an upper bound of W_p^p. It is exact for
     translations and dilations, on a line, and if all points of one measure lie on a line of the set.
 
@@ -629,7 +629,7 @@ def hilbert_transport(
 
     Notes
     -----
-    O(n log n) time for each curve. The curve has 2^b cells along each side of the cube, where b is 20, or 52/d if this
+    O(n log n) time for each curve. The curve has ``2^b`` cells along each side of the cube, where b is 20, or 52/d if this
     is less. Points in one cell are ordered arbitrarily. In the reference the cube is not turned.
 
     References
