@@ -629,8 +629,8 @@ def hilbert_transport(
 
     Notes
     -----
-    O(n log n) time for each curve. The curve has ``2^b`` cells along each side of the cube, where b is 20, or 52/d if this
-    is less. Points in one cell are ordered arbitrarily. In the reference the cube is not turned.
+    O(n log n) time for each curve. The curve has ``2^b`` cells along each side of the cube, where b is 20, or 52/d if
+    this is less. Points in one cell are ordered arbitrarily. In the reference the cube is not turned.
 
     References
     ----------
