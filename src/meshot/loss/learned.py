@@ -241,8 +241,8 @@ def energy_sliced_wasserstein(
         \sum_{l=1}^{L} w_l \, C_l, \qquad w_l = \frac{f(C_l)}{\sum_k f(C_k)}, \qquad
         C_l = \W_p^p(\theta_l^* \mu, \theta_l^* \nu)
 
-    The energy f is a power, ``f(c) = c^a``, or an exponential, ``f(c) = exp(c/T^p)``. The value lies between the
-    sliced and the max-sliced loss on the same directions: the first for a = 0, the second for a → ∞ or T → 0.
+    The energy f is a power, :math:`f(c) = c^a`, or an exponential, :math:`f(c) = \exp(c/T^p)`. The value lies between
+    the sliced and the max-sliced loss on the same directions: the first for a = 0, the second for a → ∞ or T → 0.
 
     Parameters
     ----------
@@ -629,8 +629,8 @@ def hilbert_transport(
 
     Notes
     -----
-    O(n log n) time for each curve. The curve has ``2^b`` cells along each side of the cube, where b is 20, or 52/d if
-    this is less. Points in one cell are ordered arbitrarily. In the reference the cube is not turned.
+    O(n log n) time for each curve. The curve has :math:`2^b` cells along each side of the cube, where b is 20, or 52/d
+    if this is less. Points in one cell are ordered arbitrarily. In the reference the cube is not turned.
 
     References
     ----------
