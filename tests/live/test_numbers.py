@@ -333,23 +333,3 @@ def test_directions(found):
         close(np.linalg.norm(lines, axis=1), 1)
         # Each entry of the mean of θθᵀ has a standard deviation below 0.5 over the root of 4000.
         np.testing.assert_allclose(lines.T @ lines / 4000, np.eye(d) / d, atol=5 * 0.5 / math.sqrt(4000))
-
-
-def test_a_frame_of_the_first_chapter_is_fast(found):
-    """678 points, 100 lines: the goal is 8 ms on a desk. The limit here lets slow and busy machines pass."""
-    milliseconds = found(
-        """n => {
-          const random = generator(1);
-          const cloud = () => Array.from({ length: n }, () => [normal(random), normal(random)]);
-          const [x, y, lines] = [cloud(), cloud(), planeDirections("equally spaced", 100, random)];
-          const times = Array.from({ length: 40 }, () => {
-            const start = performance.now();
-            slicedLoss(x, y, lines);
-            return performance.now() - start;
-          });
-          return times.sort((s, t) => s - t)[20];
-        }""",
-        [678],
-    )[0]
-    print(f"median {milliseconds:.1f} ms")
-    assert milliseconds < 60
