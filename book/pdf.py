@@ -15,6 +15,7 @@ import pikepdf
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from meshot.files import whole_file
 from rendered import chapter_pages, lead_links, mathjax_settings, read_article
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -68,7 +69,7 @@ def lighten(path: Path) -> None:
     The browser stores each picture with three bytes a pixel. Pictures of at most 256 colours get a palette, which
     changes no pixel. The others become JPEG of quality 85, or get a palette of 256 colours, whichever is smaller.
     """
-    with pikepdf.open(path, allow_overwriting_input=True) as pdf:
+    with whole_file(path) as temporary, pikepdf.open(path) as pdf:
         for stream in pdf.objects:
             if not isinstance(stream, pikepdf.Stream) or stream.get("/Subtype") != "/Image":
                 continue
@@ -95,7 +96,7 @@ def lighten(path: Path) -> None:
                 stream.ColorSpace = pikepdf.Array(
                     [pikepdf.Name.Indexed, pikepdf.Name.DeviceRGB, len(entries) // 3 - 1, pikepdf.String(entries)]
                 )
-        pdf.save(path, object_stream_mode=pikepdf.ObjectStreamMode.generate, recompress_flate=True)
+        pdf.save(temporary, object_stream_mode=pikepdf.ObjectStreamMode.generate, recompress_flate=True)
 
 
 def main() -> int:
