@@ -9,11 +9,25 @@ import torch
 from scipy.optimize import linear_sum_assignment
 
 import meshot
+from meshot.flow import integrate
 from meshot.loss import quantile_cost, slice_costs, sliced_wasserstein
+from meshot.loss.directions import fibonacci_spiral
+from meshot.loss.exact import exact_slice_costs, projected_law
+from meshot.mesh import icosphere
 from meshot.view.page import joined
 from meshot_book.flows import descend
 
-MODULES = ("random", "transport", "crossings", "nearest", "assignment", "sinkhorn", "projection", "flow")
+MODULES = (
+    "random",
+    "transport",
+    "crossings",
+    "nearest",
+    "assignment",
+    "sinkhorn",
+    "projection",
+    "distribution",
+    "flow",
+)
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
 N_PROBLEMS = 200
 
@@ -303,8 +317,9 @@ def test_random_numbers(found):
     seeds = list(range(N_PROBLEMS))
     drawn = found("seed => { const random = generator(seed); return Array.from({ length: 20 }, random); }", seeds)
     assert drawn == [mulberry(seed, 20) for seed in seeds]
-    nine = "seed => { const random = generator(seed); return Array.from({ length: 9 }, () => normal(random)); }"
-    normals = found(nine, seeds)
+    normals = found(
+        "s => { const random = generator(s); return Array.from({ length: 9 }, () => normal(random)); }", seeds
+    )
     for seed, ours in zip(seeds, normals):
         u = np.array(mulberry(seed, 18)).reshape(9, 2)
         close(ours, np.sqrt(-2 * np.log1p(-u[:, 0])) * np.cos(2 * math.pi * u[:, 1]))
@@ -333,3 +348,125 @@ def test_directions(found):
         close(np.linalg.norm(lines, axis=1), 1)
         # Each entry of the mean of θθᵀ has a standard deviation below 0.5 over the root of 4000.
         np.testing.assert_allclose(lines.T @ lines / 4000, np.eye(d) / d, atol=5 * 0.5 / math.sqrt(4000))
+
+
+# Contours and meshes, projected without sampling.
+
+
+def drawn_shapes():
+    """Pairs of contours or meshes that share a direction: with perpendicular cells, equal values and slivers."""
+    generator = np.random.default_rng(9)
+    for k in range(N_PROBLEMS):
+        d = int(generator.integers(2, 4))
+        shapes = []
+        for _ in range(2):
+            n = int(generator.integers(d + 1, 12))
+            vertices = drawn_points(generator, n, d) if k % 3 else generator.normal(size=(n, d))
+            if k % 4 == 0:  # many cells perpendicular to the first axis
+                vertices[:, 0] = np.sign(vertices[:, 0])
+            cells = np.array([generator.choice(n, d, replace=False) for _ in range(int(generator.integers(1, 14)))])
+            corners = vertices[cells]
+            sides = corners[:, 1:] - corners[:, :1]
+            shapes.append((vertices, cells[np.linalg.det(sides @ sides.transpose(0, 2, 1)) > 1e-6]))
+        if all(len(cells) for _, cells in shapes):
+            direction = np.eye(d)[0] if k % 4 == 0 else generator.normal(size=d)
+            yield shapes, direction / np.linalg.norm(direction)
+
+
+def measure_of(vertices, cells):
+    kind = meshot.Mesh if cells.shape[1] == 3 else meshot.Contour
+    return meshot.surface(kind(torch.tensor(vertices), torch.tensor(cells)))
+
+
+def test_distributions_of_contours_and_triangles(found):
+    cases, right, atoms = [], [], 0
+    for shapes, direction in drawn_shapes():
+        spans = np.sort(np.concatenate([vertices @ direction for vertices, _ in shapes]))
+        at = np.concatenate([np.linspace(spans[0] - 1, spans[-1] + 1, 17), (spans[1:] + spans[:-1]) / 2])
+        # Where F jumps, the last bit of a projection decides on which side a place is.
+        at = at[np.abs(at[:, None] - spans).min(axis=1) > 1e-9]
+        cases.append([*([v.tolist(), c.tolist()] for v, c in shapes), direction.tolist(), at.tolist()])
+        measures, line = [measure_of(*shape) for shape in shapes], torch.tensor(direction)
+        law = projected_law(measures[0], line)
+        atoms += len(law.atoms[0])
+        costs = [exact_slice_costs(*measures, line[None], p=p).item() for p in (1, 2)]
+        right.append((law.distribution(at), law.density(at), costs))
+    ours = found(
+        """([[v, c], [w, e], direction, at]) => {
+          const [one, other] = [projectedDistribution(v, c, direction), projectedDistribution(w, e, direction)];
+          return {
+            below: at.map((x) => massUpTo(one, x)), density: at.map((x) => density(one, x)),
+            costs: [1, 2].map((p) => distributionCost(one, other, p)),
+            back: [1, 2].map((p) => distributionCost(other, one, p)),
+            same: [1, 2].map((p) => distributionCost(one, one, p)),
+            sliced: exactSlicedLoss({ vertices: v, cells: c }, { vertices: w, cells: e }, [direction]).cost,
+          };
+        }""",
+        cases,
+    )
+    for one, (below, dense, costs) in zip(ours, right):
+        close(one["below"], below)
+        close(one["density"], dense)
+        close(one["costs"], costs)
+        close(one["back"], costs)
+        close(one["same"], [0, 0])
+        close(one["sliced"], costs[1])
+    assert len(cases) > 0.9 * N_PROBLEMS
+    assert atoms > 20
+
+
+def test_concentric_icospheres_approach_the_closed_form(found):
+    errors = []
+    for level in (1, 2):
+        mesh = icosphere(level)
+        vertices, cells = mesh.vertices.double().numpy(), mesh.faces.tolist()
+        lines = np.random.default_rng(0).normal(size=(6, 3))
+        lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+        one, other = ({"vertices": (r * vertices).tolist(), "cells": cells} for r in (1, 2))
+        costs = found("args => exactSlicedLoss(...args).costs", [[one, other, lines.tolist(), 2]])[0]
+        errors.append(np.abs(np.array(costs) - 1 / 3).max())
+    # Pure O(h²): half the length of the edges, a quarter of the error.
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
+
+
+def test_flows(found):
+    generator, cases, right = np.random.default_rng(10), [], []
+    for k in range(N_PROBLEMS):
+        d, n_steps = int(generator.integers(2, 4)), int(generator.integers(1, 9))
+        method = ("euler", "midpoint", "rk4")[k % 3]
+        bumps = [
+            {"centre": generator.normal(size=d), "push": generator.normal(size=d), "reach": generator.uniform(0.5, 2)}
+            for _ in range(generator.integers(1, 5))
+        ]
+        points, time = generator.normal(size=(5, d)), float(generator.choice([1, 0.3, 2, -1]))
+
+        def field(_, x, bumps=bumps, time=time):
+            pushes = (
+                torch.exp(-(x - torch.tensor(b["centre"])).square().sum(1, keepdim=True) / (2 * b["reach"] ** 2))
+                * torch.tensor(b["push"])
+                for b in bumps
+            )
+            return time * sum(pushes)
+
+        right.append(integrate(field, torch.tensor(points), n_steps, method).numpy())
+        plain = [{key: np.asarray(value).tolist() for key, value in bump.items()} for bump in bumps]
+        cases.append([plain, points.tolist(), {"steps": n_steps, "time": time, "method": method}])
+    ours = found("([bumps, points, options]) => integrate(bumpField(bumps), points, options)", cases)
+    for one, points in zip(ours, right):
+        close(one, points)
+
+
+def test_even_directions(found):
+    counts = list(range(1, N_PROBLEMS + 1))
+    angles = found("n => planeDirections('low-discrepancy', n, generator(n))", counts)
+    spirals = found("n => spiralDirections(n, generator(n))", counts)
+    golden = (math.sqrt(5) - 1) / 2
+    for count, flat, rows in zip(counts, angles, spirals):
+        turns = np.arctan2(*np.array(flat).T[::-1]) / math.pi
+        close((np.diff(turns) - golden + 1e-6) % 1, np.full(count - 1, 1e-6))
+        gaps = np.diff(np.sort(turns % 1), append=np.min(turns % 1) + 1)
+        assert len(set(gaps.round(9))) <= 3  # the three-gap theorem
+        # Up to a rotation it is the spiral of the library.
+        lines, spiral = np.array(rows), fibonacci_spiral(count, 3, 0)
+        close(lines @ lines.T, spiral @ spiral.T)
+        close(np.linalg.det(lines[:3]), np.linalg.det(spiral[:3])) if count > 2 else None

@@ -4,6 +4,8 @@ import { couple, orderOf } from "./transport.js";
 
 /** @typedef {number[][]} Points rows of coordinates */
 
+const GOLDEN = (Math.sqrt(5) - 1) / 2;
+
 /**
  * Position of every point along a direction.
  * @param {Points} points
@@ -26,8 +28,9 @@ export function atAngle(radians) {
 
 /**
  * Directions of the plane.
- * @param {"random" | "equally spaced" | "orthogonal"} kind independent; equal angles from a random first one; random
- *   pairs at right angles
+ * @param {"random" | "equally spaced" | "orthogonal" | "low-discrepancy"} kind independent; equal angles from a random
+ *   first one; random pairs at right angles; steps of the golden angle from a random first one, which stay even when more
+ *   are added
  * @param {number} count
  * @param {() => number} random
  */
@@ -35,6 +38,10 @@ export function planeDirections(kind, count, random) {
   if (kind === "equally spaced") {
     const first = random();
     return Array.from({ length: count }, (_, l) => atAngle((Math.PI * (l + first)) / count));
+  }
+  if (kind === "low-discrepancy") {
+    const first = random();
+    return Array.from({ length: count }, (_, l) => atAngle(Math.PI * ((first + l * GOLDEN) % 1)));
   }
   const angles = [];
   while (angles.length < count) {
@@ -55,6 +62,27 @@ export function sphereDirections(count, d, random) {
     const vector = Array.from({ length: d }, () => normal(random));
     const length = Math.hypot(...vector);
     return vector.map((value) => value / length);
+  });
+}
+
+/**
+ * Directions of space on the Fibonacci spiral, turned by a random rotation: equal areas, and the golden angle between
+ * neighbours.
+ * @param {number} count
+ * @param {() => number} random
+ */
+export function spiralDirections(count, random) {
+  const [u, v] = sphereDirections(2, 3, random);
+  const along = u.reduce((sum, value, k) => sum + value * v[k], 0);
+  const rest = v.map((value, k) => value - along * u[k]);
+  const side = rest.map((value) => value / Math.hypot(...rest));
+  const up = [0, 1, 2].map((k) => u[(k + 1) % 3] * side[(k + 2) % 3] - u[(k + 2) % 3] * side[(k + 1) % 3]);
+  return Array.from({ length: count }, (_, l) => {
+    const height = 1 - (2 * l + 1) / count;
+    const angle = 2 * Math.PI * (1 + GOLDEN) * (l + 0.5);
+    const radius = Math.sqrt(1 - height ** 2);
+    const [c, s] = [radius * Math.cos(angle), radius * Math.sin(angle)];
+    return [0, 1, 2].map((k) => c * u[k] + s * side[k] + height * up[k]);
   });
 }
 

@@ -1,25 +1,12 @@
-// Outlines under a flow: velocities, Euler steps, sides cut into pieces, and how many pairs of sides cross.
+// Outlines under a flow: velocities, sides cut into pieces, and how many pairs of sides cross.
 
 export const velocities = {
-  push: (f, x) => [0, f.strength * Math.exp((-x * x) / (2 * f.reach * f.reach))],
-  whirl: (f, x, y) => {
+  push: (f, [x]) => [0, f.strength * Math.exp((-x * x) / (2 * f.reach * f.reach))],
+  whirl: (f, [x, y]) => {
     const turn = f.strength * Math.exp(-(x * x + y * y) / (2 * f.reach * f.reach));
     return [-turn * y, turn * x];
   },
 };
-
-export function moved({ time, steps, velocity }, points) {
-  const h = time / steps;
-  return points.map((point) => {
-    let [x, y] = point;
-    for (let k = 0; k < steps; k++) {
-      const [a, b] = velocity(x, y);
-      x += h * a;
-      y += h * b;
-    }
-    return [x, y];
-  });
-}
 
 export function cut(corners, pieces) {
   return corners.flatMap((a, i) => {

@@ -1,6 +1,7 @@
+import { integrate } from "../../assets/flow.js";
 import { panel } from "../../assets/panel.js";
 import { COLOURS } from "../../assets/plot.js";
-import { crossingPairs, cut, moved, velocities } from "../../assets/triangles.js";
+import { crossingPairs, cut, velocities } from "../../assets/triangles.js";
 
 const LOOKS = [COLOURS.blue, COLOURS.orange];
 
@@ -24,20 +25,17 @@ export function main(root, data) {
   function draw() {
     const field = data.fields[state.field];
     const scaled = { ...field, strength: field.strength * state.strength };
-    const flow = {
-      time: state.time,
-      steps: state.steps,
-      velocity: (x, y) => velocities[state.field](scaled, x, y),
-    };
+    const velocity = (point) => velocities[state.field](scaled, point);
+    const moved = (points) => integrate(velocity, points, { time: state.time, steps: state.steps });
     plane.segments(
-      grid.map((line) => moved(flow, line)),
+      grid.map(moved),
       { colour: "#bbb", width: 0.7 },
     );
-    const shapes = data.corners.map((corners) => moved(flow, cut(corners, 2 ** state.pieces)));
+    const shapes = data.corners.map((corners) => moved(cut(corners, 2 ** state.pieces)));
     shapes.forEach((shape, k) => {
       plane.area(shape, { colour: LOOKS[k], opacity: 0.35 });
       plane.outline(shape, { colour: LOOKS[k], width: 2.5 });
-      plane.outline(moved(flow, cut(data.corners[k], 64)), { colour: "#404040", width: 1.2, dash: "2 4" });
+      plane.outline(moved(cut(data.corners[k], 64)), { colour: "#404040", width: 1.2, dash: "2 4" });
       plane.dots(shape, { colour: COLOURS.black, size: state.pieces > 4 ? 3 : 6 });
     });
     const pairs = crossingPairs(shapes);
