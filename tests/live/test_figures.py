@@ -37,6 +37,7 @@ def opened(tmp_path, context):
         ends.append((watching, troubles))
         page.set_viewport_size({"width": width, "height": 900})
         page.reload()
+        page.get_by_role("button", name="just show me").click()
         return page
 
     yield open_figure

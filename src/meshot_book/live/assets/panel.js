@@ -87,12 +87,22 @@ export function panel(root, start) {
       find(".wide").addEventListener("click", () =>
         document.fullscreenElement === root ? document.exitFullscreen() : root.requestFullscreen(),
       );
-      ask(root);
-      act.changed?.(null);
-      draw();
-      replaceStill(root);
-      find(".keys").hidden = movables.length === 0;
+      // The still stays, and nothing is computed, until the reader has chosen an answer or wants none.
+      const begin = () => {
+        if (root.dataset.begun) {
+          return;
+        }
+        root.dataset.begun = "yes";
+        act.changed?.(null);
+        draw();
+        replaceStill(root);
+        find(".show").hidden = true;
+        find(".keys").hidden = movables.length === 0;
+      };
+      ask(root, begin);
+      // An address with a state leads to it at once.
       if (location.hash.startsWith(`#${name}=`)) {
+        begin();
         root.scrollIntoView();
       }
     },
@@ -118,16 +128,19 @@ function rounded(_, value) {
 }
 
 // The reader chooses an answer, tries, and only then asks whether it was right.
-function ask(root) {
+function ask(root, begin) {
   const question = root.querySelector(".question");
   const [judge, verdict] = [".judge", ".verdict"].map((name) => question.querySelector(name));
   const answers = [...question.querySelectorAll("input")];
   for (const answer of answers) {
     answer.addEventListener("change", () => {
+      begin();
       judge.disabled = false;
       verdict.textContent = "Now try it below. Then ask whether you were right.";
     });
   }
+  question.querySelector(".show").addEventListener("click", begin);
+  question.hidden = false;
   judge.addEventListener("click", () => {
     const { right, because } = answers.find((answer) => answer.checked).dataset;
     verdict.textContent = `${right === "yes" ? "Right." : "Not so."} ${because}`;

@@ -100,7 +100,11 @@ export function slicedLoss(source, target, directions, { p = 2, a, b } = {}) {
   const byRank = !a && !b && n === target.length;
   const costs = new Float64Array(directions.length);
   const gradient = source.map((point) => point.map(() => 0));
-  directions.forEach((direction, l) => {
+  // In the plane the lines are visited by their angle: along neighbours, points stand in nearly the same order.
+  const inPlane = directions[0]?.length === 2;
+  let [first, second] = [undefined, undefined];
+  for (const l of inPlane ? byAngle(directions) : directions.keys()) {
+    const direction = directions[l];
     const x = project(source, direction);
     const y = project(target, direction);
     const slopes = new Float64Array(n);
@@ -110,7 +114,7 @@ export function slicedLoss(source, target, directions, { p = 2, a, b } = {}) {
       costs[l] += steep * Math.abs(gap);
       slopes[i] += p * Math.sign(gap) * steep;
     };
-    const [first, second] = [orderOf(x), orderOf(y)];
+    [first, second] = inPlane ? [orderOf(x, first), orderOf(y, second)] : [orderOf(x), orderOf(y)];
     if (byRank) {
       for (let r = 0; r < n; r += 1) {
         add(first[r], second[r], 1 / n);
@@ -123,7 +127,12 @@ export function slicedLoss(source, target, directions, { p = 2, a, b } = {}) {
         gradient[i][k] += (slopes[i] * direction[k]) / directions.length;
       }
     }
-  });
+  }
   const cost = costs.reduce((sum, value) => sum + value, 0) / directions.length;
   return { cost, costs, gradient };
+}
+
+function byAngle(directions) {
+  const angles = directions.map(([u, v]) => Math.atan2(v, u));
+  return [...directions.keys()].sort((l, k) => angles[l] - angles[k]);
 }

@@ -27,15 +27,12 @@ export function main(root, data) {
     const scaled = { ...field, strength: field.strength * state.strength };
     const velocity = (point) => velocities[state.field](scaled, point);
     const moved = (points) => integrate(velocity, points, { time: state.time, steps: state.steps });
-    plane.segments(
-      grid.map(moved),
-      { colour: "#bbb", width: 0.7 },
-    );
+    plane.segments(grid.map(moved), { colour: COLOURS.grey, width: 0.7, opacity: 0.6 });
     const shapes = data.corners.map((corners) => moved(cut(corners, 2 ** state.pieces)));
     shapes.forEach((shape, k) => {
       plane.area(shape, { colour: LOOKS[k], opacity: 0.35 });
       plane.outline(shape, { colour: LOOKS[k], width: 2.5 });
-      plane.outline(moved(cut(data.corners[k], 64)), { colour: "#404040", width: 1.2, dash: "2 4" });
+      plane.outline(moved(cut(data.corners[k], 64)), { colour: COLOURS.black, width: 1.2, dash: "2 4" });
       plane.dots(shape, { colour: COLOURS.black, size: state.pieces > 4 ? 3 : 6 });
     });
     const pairs = crossingPairs(shapes);

@@ -6,7 +6,7 @@ import { orderOf } from "../../assets/transport.js";
 
 const NAMES = ["source", "target"];
 const LOOKS = { source: { colour: COLOURS.blue }, target: { colour: COLOURS.orange, square: true } };
-const KINDS = ["random", "orthogonal", "equally spaced"];
+const KINDS = ["random", "orthogonal", "equally spaced", "low-discrepancy"];
 const ROWS = [1.25, 1.5]; // distances of the two rows of projections from the middle, in radii
 
 // A line through two clouds, turned by hand; then many lines: an estimate and its error.
@@ -36,7 +36,7 @@ export function main(root, data) {
   });
   const strip = figure.plot({
     name: "the estimates so far, for each kind of directions",
-    x: { range: [0.5, 3.5], ticks: [] },
+    x: { range: [0.5, 4.5], ticks: [] },
     y: { range: [0, 1], label: "estimates so far (units²)" },
     width: 640,
     height: 190,
@@ -106,10 +106,13 @@ export function main(root, data) {
     curve.dots([[state.angle, costsAt([state.angle])[0]]], { colour: COLOURS.black, size: 11 });
     const spread = Math.max(0.3 * truth, ...estimates.map(([, value]) => 1.1 * Math.abs(value - truth)));
     strip.rescale([truth - spread, truth + spread]);
-    strip.segments([[[0.5, truth], [3.5, truth]]], { colour: COLOURS.grey, width: 2, dash: "7 5" }); // prettier-ignore
+    strip.segments([[[0.5, truth], [4.5, truth]]], { colour: COLOURS.grey, width: 2, dash: "7 5" }); // prettier-ignore
     const places = estimates.map(([kind, value], k) => [kind + 0.7 + 0.6 * ((k * 0.618) % 1), value]);
     strip.dots(places, { colour: COLOURS.vermillion, size: 7, opacity: 0.7 });
-    KINDS.forEach((kind, k) => strip.text([k + 1, truth - 0.95 * spread], kind, { "text-anchor": "middle" }));
+    // In two rows, so that the names do not meet on a telephone.
+    KINDS.forEach((kind, k) =>
+      strip.text([k + 1, truth - (k % 2 ? 0.7 : 0.95) * spread], kind, { "text-anchor": "middle" }),
+    );
   }
   function draw() {
     const costs = costsAt(angles);

@@ -1,0 +1,103 @@
+"""The machine of a live figure: the question comes first, the theme is that of the book, paper shows the still."""
+
+import re
+from collections import defaultdict
+from importlib import resources
+
+import pytest
+from live_pages import DATA, live_page_of
+
+from browser import AXE, SET_THEME, page_file, watched_page
+from meshot.view.page import joined
+
+LIVE = (".plots", ".status", ".controls", ".seen")
+GROUND = "() => getComputedStyle(document.querySelector('.live-figure')).backgroundColor"
+
+
+@pytest.fixture
+def untouched(tmp_path, context):
+    """Opens a figure and leaves it alone."""
+    ends = []
+
+    def open_figure(name):
+        watching = watched_page(context, page_file(tmp_path, live_page_of(name)))
+        page, troubles = watching.__enter__()
+        ends.append((watching, troubles))
+        return page
+
+    yield open_figure
+    for watching, troubles in ends:
+        assert troubles == []
+        watching.__exit__(None, None, None)
+
+
+@pytest.mark.parametrize("name", DATA)
+@pytest.mark.parametrize("way", ["an answer", "no answer", "an address"])
+def test_the_still_stays_until_the_reader_has_predicted(name, way, untouched):
+    page = untouched(name)
+    assert page.locator(".live-figure > img").is_visible()
+    assert page.locator(".question").is_visible()
+    assert all(page.locator(part).is_hidden() for part in LIVE)
+    assert page.locator(".plots svg > g:nth-of-type(2) > *").count() == 0  # nothing was drawn
+    still, question = (page.locator(part).bounding_box()["y"] for part in (".live-figure > img", ".question"))
+    assert question < still
+    if way == "an answer":
+        page.get_by_role("radio", name="no", exact=True).first.check()
+    elif way == "no answer":
+        page.get_by_role("button", name="just show me").click()
+    else:
+        page.goto(f"{page.url}#{name}=%7B%7D")
+        page.reload()
+    assert page.locator(".live-figure > img").is_hidden()
+    assert page.get_by_role("button", name="just show me").is_hidden()
+    assert all(page.locator(part).is_visible() for part in LIVE)
+    assert page.locator(".question").is_visible()
+
+
+@pytest.mark.parametrize("mark", ["html.theme", "body.jpThemeLight", "vscode"])
+@pytest.mark.parametrize("name", DATA)
+def test_a_figure_is_dark_where_the_page_is_and_readable(name, mark, untouched):
+    page = untouched(name)
+    page.get_by_role("button", name="just show me").click()
+    assert page.evaluate(GROUND) == "rgb(255, 255, 255)"
+    if mark == "html.theme":
+        page.evaluate(SET_THEME, "dark")
+    elif mark == "vscode":
+        page.evaluate("() => document.body.classList.add('vscode-dark')")
+    else:
+        page.evaluate("() => (document.body.dataset.jpThemeLight = 'false')")
+    assert page.evaluate(GROUND) == "rgb(20, 24, 30)"
+    inks = "() => [...document.querySelectorAll('.plots text:not([fill])')].map((node) => getComputedStyle(node).fill)"
+    assert set(page.evaluate(inks)) <= {"rgb(230, 230, 230)"}
+    # No mark has a colour that the theme does not know.
+    assert not re.search(r'="#[0-9a-fA-F]{3}', page.locator(".plots").inner_html())
+    if mark == "html.theme":
+        page.evaluate("() => (document.body.style.background = '#14181e')")
+        page.evaluate(resources.files("axe_playwright_python").joinpath("axe.min.js").read_text("utf-8"))
+        page.locator("details").evaluate("node => (node.open = true)")
+        assert page.evaluate(AXE, False) == []
+
+
+@pytest.mark.parametrize("name", DATA)
+def test_paper_shows_the_still(name, untouched):
+    page = untouched(name)
+    page.get_by_role("button", name="just show me").click()
+    page.emulate_media(media="print")
+    assert page.locator(".live-figure > img").is_visible()
+    assert not any(page.locator(part).is_visible() for part in (*LIVE, ".question"))
+
+
+@pytest.mark.parametrize("name", DATA)
+def test_no_two_scripts_of_a_figure_declare_one_name(name):
+    """All parts of a bundle share a scope, where a second function of a name would silently replace the first."""
+    script = joined("meshot/view/assets/wake.js", f"meshot_book/live/figures/assets/{name}.js")
+    counts = defaultdict(int)
+    depth = 0
+    for line in script.splitlines():
+        found = re.match(r"(?:async )?(?:function|const|let|class) (\w+)", line)
+        if found and depth == 0:
+            counts[found[1]] += 1
+        bare = re.sub(r"\"[^\"]*\"|'[^']*'|`[^`]*`|//.*", "", line)
+        depth += sum(map(bare.count, "({[")) - sum(map(bare.count, ")}]"))
+    assert len(counts) > 10
+    assert {key for key, count in counts.items() if count > 1} == set()
