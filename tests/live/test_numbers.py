@@ -120,6 +120,25 @@ def test_orders_of_numbers_that_differ_in_the_last_bits(found):
         assert order == np.argsort(case, kind="stable").tolist()
 
 
+def test_orders_from_an_order_that_is_nearly_right_or_all_wrong(found):
+    generator, cases, right = np.random.default_rng(11), [], []
+    for k in range(N_PROBLEMS):
+        n = int(generator.integers(1, 120))
+        values = generator.normal(size=n).round(int(generator.choice([1, 12])))
+        right.append(np.argsort(values, kind="stable").tolist())
+        near = np.argsort(values + 0.1 * generator.normal(size=n)) if k % 2 else np.array(right[-1][::-1])
+        cases.append([values.tolist(), near.tolist()])
+    ours = found(
+        """([values, near]) => {
+          const given = Int32Array.from(near);
+          return [[...orderOf(values, given)], [...given]];
+        }""",
+        cases,
+    )
+    assert [order for order, _ in ours] == right
+    assert [given for _, given in ours] == [near for _, near in cases]
+
+
 def test_uncrossing_ends_at_the_sorted_cost(found):
     cases, right = [], []
     for generator, x, a, y, b in drawn_pairs(1, d=1, most=9):
