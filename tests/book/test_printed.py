@@ -146,6 +146,7 @@ def test_interactive_figures_work_on_slides_and_turn_pages(html, context):
         page.wait_for_timeout(300)  # until the slide has its size
         for target in (figure.get_by_label("more"), figure.get_by_text("Was I right?")):
             page.mouse.click(*_middle_on_screen(page, target))
+            page.wait_for_timeout(300)  # the still gives way to the plots, and the slide has another size
         assert "it moves farther" in figure.locator(".verdict").inner_text()
         figure.get_by_label("more").press("PageDown")
         page.wait_for_function("(h) => Reveal.getIndices().h === h + 1", arg=column)
