@@ -1,5 +1,7 @@
 """Each live figure of the book with small data of its own."""
 
+import math
+
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -8,7 +10,9 @@ from meshot_book.live import Answer, live_figure
 
 GENERATOR = np.random.default_rng(3)
 ANSWERS = [Answer("yes", "It does.", right=True), Answer("no", "It does: look again.")]
+ANGLES = math.pi * (0.5 + (2 * np.arange(24) + 1) / 24)
 CORNERS = [[np.cos(t) * r, np.sin(t) * r] for k in range(10) for t, r in [(np.pi * (k / 5 + 0.5), (1.5, 0.5)[k % 2])]]
+RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
 CLOUDS = {name: GENERATOR.normal(size=(9, 2)) + shift for name, shift in (("source", [0.5, 0]), ("target", [-1, 0.3]))}
 #: Name of the script → its data.
 DATA = {
@@ -25,7 +29,7 @@ DATA = {
         "stopped": [{"peer": "compares", "d": 3, "m": 100_000, "why": "time: 10000 s foretold"}],
     },
     "crossing": crossing_data() | {"time": 0.1},
-    "descent": {"corners": np.round(CORNERS, 4).tolist(), "count": 24, "seed": 1},
+    "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],

@@ -9,13 +9,16 @@ from importlib import resources
 import numpy as np
 import ot
 import pytest
+import torch
 from live_pages import ANSWERS, DATA, live_page_of
 
 import meshot
 from browser import AXE, UNREACHED, page_file, set_width, watched_page
+from meshot.mesh import circle, even_points
 from meshot.view.page import joined
 from meshot_book.examples.counterexample import crossing_sides
 from meshot_book.figures.flows import FIELDS, outlines, two_triangles
+from meshot_book.flows import descend
 from meshot_book.live import Answer
 from meshot_book.live.figure import figure_names
 from refusals import refuses
@@ -387,6 +390,30 @@ def test_the_descent_draws_what_the_library_computes(opened):
     y = contour_points(np.array(DATA["descent"]["corners"]), len(x))
     assert shown(chamfer)["loss"] == pytest.approx(float(meshot.chamfer(x, y)), rel=1e-9)
     assert shown(chamfer)["exact"] == pytest.approx(float(meshot.wasserstein(x, y)), rel=1e-9)
+
+
+def test_the_descent_goes_where_that_of_the_chapter_goes(opened):
+    """Step size times n/2, as the chapter has it: the same path, and the same points for the same number of them."""
+    page = opened("descent")
+    x = torch.tensor(DATA["descent"]["points"], dtype=torch.float64)
+    goal = meshot.DiscreteMeasure(torch.tensor(contour_points(np.array(DATA["descent"]["corners"]), len(x))))
+    for steps in (1, 20):
+        press = "(steps) => { while (steps--) document.querySelector('.once').click(); }"
+        page.evaluate(press, steps)
+    ended = descend(lambda points: meshot.chamfer(meshot.DiscreteMeasure(points), goal), x, 21, 0.05 * len(x) / 2, 0.9)
+    assert shown(page)["step"] == 21
+    assert shown(page)["loss"] == pytest.approx(float(meshot.chamfer(ended.points, goal.points)), rel=1e-9)
+    assert shown(page)["exact"] == pytest.approx(float(meshot.wasserstein(ended.points, goal.points)), rel=1e-9)
+    page.locator(".reset").click()
+    before = page.locator(".live-figure").evaluate("node => node.state.points")
+    for count in ("30", "24"):
+        page.get_by_role("slider", name="points", exact=True).fill(count)
+    after = page.locator(".live-figure").evaluate("node => node.state.points")
+    np.testing.assert_allclose(before, DATA["descent"]["points"])
+    np.testing.assert_allclose(after, before)
+    page.get_by_role("slider", name="points", exact=True).fill("30")
+    ring = even_points(circle(n_corners=3000), 30).numpy()
+    np.testing.assert_allclose(page.locator(".live-figure").evaluate("node => node.state.points"), ring, atol=1e-5)
 
 
 def contour_points(corners, n):

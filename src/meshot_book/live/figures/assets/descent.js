@@ -13,8 +13,8 @@ const LAST = 2000;
 export function main(root, data) {
   const figure = panel(root, {
     corners: data.corners,
-    points: onCircle(data.count),
-    count: data.count,
+    points: data.points,
+    count: data.points.length,
     loss: "Chamfer",
     momentum: 0.9,
     rate: 0.05,
@@ -142,7 +142,7 @@ export function main(root, data) {
     draw,
     changed(key) {
       if (key === "count") {
-        state.points = onCircle(state.count);
+        state.points = state.count === data.points.length ? structuredClone(data.points) : onCircle(state.count);
       }
       if (key === null || key === "count" || key === "loss" || now.steps === 0) {
         restart();
@@ -166,7 +166,8 @@ function isSliced({ loss }) {
 }
 
 function onCircle(n) {
-  return Array.from({ length: n }, (_, i) => [Math.cos((2 * Math.PI * i) / n), Math.sin((2 * Math.PI * i) / n)]);
+  const angles = Array.from({ length: n }, (_, i) => Math.PI * (0.5 + (2 * i + 1) / n));
+  return angles.map((angle) => [Math.cos(angle), Math.sin(angle)]);
 }
 
 // Points at equal distances along a closed polygon.
