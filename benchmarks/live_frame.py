@@ -1,25 +1,25 @@
 """Time of one frame of a live figure in the browser: ``python benchmarks/live_frame.py``.
 
 678 points a side and 100 lines in motion: value and gradient of the sliced loss, one step of the descent, and the new
-marks in the page, as the figure of chapter 1 does it. Medians of 100 frames, the fastest frame
-and the processor are printed. The goal
-is 8 ms on a desk. A busy machine needs more, so this is no test.
+marks in the page, as the figure of chapter 1 does it. Medians of 100 frames, the fastest frame and the processor are
+printed. The goal is 8 ms on a desk. A busy machine needs more, so this is no test.
 """
 
 import argparse
 import platform
+import re
 import sys
 from pathlib import Path
 from statistics import median
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path += [str(ROOT / "tests"), str(ROOT / "tools")]
+sys.path += [str(ROOT / folder) for folder in ("tests", "tests/live", "tools")]
+
+from live_pages import live_page_of  # noqa: E402
 
 from browser import offline_browser  # noqa: E402
-from meshot.view.page import joined  # noqa: E402
 from preflight import browser  # noqa: E402
 
-MODULES = ("random", "projection", "flow", "plot", "nearest", "assignment")
 FRAMES = """([points, lines, frames]) => {
   const random = generator(1);
   const cloud = () => Array.from({ length: points }, () => [normal(random), normal(random)]);
@@ -54,7 +54,8 @@ def main() -> int:
     parser.add_argument("--lines", type=int, default=100)
     parser.add_argument("--frames", type=int, default=100)
     given = parser.parse_args()
-    script = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
+    # All modules of the figure, without the call that wakes it.
+    script = re.search(r"<script>\s*\(\(\) => \{(.*)\nwake\(", live_page_of("descent").html, re.DOTALL)[1]
     with offline_browser(browser()) as context:
         page = context.new_page()
         call = f"given => {{ {script}\nreturn ({FRAMES})(given); }}"
