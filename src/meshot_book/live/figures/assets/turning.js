@@ -110,7 +110,9 @@ export function main(root, data) {
     const places = estimates.map(([kind, value], k) => [kind + 0.7 + 0.6 * ((k * 0.618) % 1), value]);
     strip.dots(places, { colour: COLOURS.vermillion, size: 7, opacity: 0.7 });
     // In two rows, so that the names do not meet on a telephone.
-    KINDS.forEach((kind, k) => strip.text([k + 0.7, truth - (k % 2 ? 0.7 : 0.95) * spread], kind));
+    KINDS.forEach((kind, k) =>
+      strip.text([k + 1.45, truth - (k % 2 ? 0.7 : 0.95) * spread], kind, { "text-anchor": "end" }),
+    );
   }
   function draw() {
     const costs = costsAt(angles);
