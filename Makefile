@@ -182,6 +182,7 @@ lint: $(READY)
 	$(BIN)oxlint --deny-warnings src book/_static book/assets
 	$(BIN)oxfmt --check 'src/**/*.js' 'src/**/*.css' 'book/_static/*.js' 'book/_static/*.css' 'book/assets/*.js' 'book/assets/*.css'
 	$(BIN)djlint --check --lint src
+	DENO_NO_UPDATE_CHECK=1 $(BIN)deno check --quiet src/meshot_book/live
 
 lab: $(READY)
 	$(BIN)jupyter lab notebooks

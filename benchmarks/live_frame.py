@@ -28,10 +28,11 @@ FRAMES = """([points, lines, frames]) => {
   const holder = document.body.appendChild(document.createElement("div"));
   const plot = addPlot(holder, { name: "points", x: { range: [-3, 3] }, y: { range: [-3, 3] }, equal: true });
   let now = descent(cloud());
+  const memory = {};
   const times = { "loss and gradient": [], "step and marks": [] };
   for (let k = 0; k < frames; k += 1) {
     const start = performance.now();
-    const { gradient } = slicedLoss(now.points, target, directions);
+    const { gradient } = slicedLoss(now.points, target, directions, { memory });
     const between = performance.now();
     now = descend(now, gradient, { rate: points / 4, momentum: 0.5 });
     plot.clear();
@@ -63,11 +64,11 @@ def main() -> int:
     fastest = sum(values[0] for values in times.values())
     for name, values in times.items():
         print(f"{name}: {median(values):.1f} ms")
-    print(f"a frame: {sum(map(median, times.values())):.1f} ms, the fastest {fastest:.1f} ms, on {_processor()}")
+    print(f"a frame: {sum(map(median, times.values())):.1f} ms, the fastest {fastest:.1f} ms, on {processor()}")
     return 0
 
 
-def _processor() -> str:
+def processor() -> str:
     file = Path("/proc/cpuinfo")
     lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
     names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]

@@ -13,7 +13,7 @@ import torch
 from live_pages import ANSWERS, DATA, live_page_of
 
 import meshot
-from browser import AXE, UNREACHED, page_file, set_width, watched_page
+from browser import AXE, SET_THEME, UNREACHED, page_file, set_width, watched_page
 from meshot.mesh import circle, even_points
 from meshot.view.page import joined
 from meshot_book.examples.counterexample import crossing_sides
@@ -27,6 +27,16 @@ ASSETS = "meshot_book/live/assets"
 PICTURE = """() => document.querySelector('.plots').innerHTML + document.querySelector('.status').textContent
   + JSON.stringify(document.querySelector('.live-figure').state)"""
 WIDTHS = (1280, 400)
+#: Rules about what a whole page has, which a figure alone has not.
+ELSEWHERE = ("landmark", "region", "page-has")
+#: Counts what a script asks to be called later.
+COUNT_CALLS = """() => {
+  window.calls = 0;
+  for (const name of ["requestAnimationFrame", "setTimeout", "setInterval", "requestIdleCallback"]) {
+    const original = window[name].bind(window);
+    window[name] = (...given) => ((window.calls += 1), original(...given));
+  }
+}"""
 
 
 @pytest.fixture
@@ -34,11 +44,12 @@ def opened(tmp_path, context):
     """Opens a figure at a width, and at the end has seen no trouble."""
     ends = []
 
-    def open_figure(name, width=1280, **changed):
+    def open_figure(name, width=1280, motion="no-preference", **changed):
         watching = watched_page(context, page_file(tmp_path, live_page_of(name, **changed)))
         page, troubles = watching.__enter__()
         ends.append((watching, troubles))
         page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(reduced_motion=motion)
         page.reload()
         page.get_by_role("button", name="just show me").click()
         return page
@@ -112,8 +123,11 @@ def test_every_figure_has_no_barriers_and_its_points_move_by_keys(name, opened):
         page.evaluate(resources.files("axe_playwright_python").joinpath("axe.min.js").read_text("utf-8"))
         page.evaluate("() => { document.documentElement.lang = 'en'; document.title = 'figure'; }")
         page.locator("details").evaluate("node => (node.open = true)")
-        found = [each for each in page.evaluate(AXE, True) if not each.startswith(("landmark", "region", "page-has"))]
-        assert found == []
+        for theme, ground in (("light", "#fff"), ("dark", "#14181e")):
+            page.evaluate(SET_THEME, theme)
+            page.evaluate("ground => (document.body.style.background = ground)", ground)
+            found = [f"{theme}: {each}" for each in page.evaluate(AXE, True) if not each.startswith(ELSEWHERE)]
+            assert found == []
         assert page.evaluate(UNREACHED) == []
     movables = page.locator(".movable")
     for number in range(movables.count()):
@@ -125,15 +139,40 @@ def test_every_figure_has_no_barriers_and_its_points_move_by_keys(name, opened):
             assert after != before or (key == "PageDown" and movables.nth(number).get_attribute("aria-valuemax") == "1")
 
 
+@pytest.mark.parametrize("motion", ["reduce", "no-preference"])
 @pytest.mark.parametrize("name", DATA)
-def test_nothing_moves_by_itself_and_play_ends_in_jumps_where_motion_is_reduced(name, opened):
-    page = opened(name)
+def test_nothing_moves_by_itself(name, motion, opened):
+    page = opened(name, motion=motion)
+    assert page.evaluate("() => window.matchMedia('(prefers-reduced-motion: reduce)').matches") is (motion == "reduce")
     before = page.evaluate(PICTURE)
-    page.wait_for_timeout(120)
+    page.evaluate(COUNT_CALLS)
+    page.wait_for_timeout(700)  # longer than the jump of half a second
     assert page.evaluate(PICTURE) == before
+    assert page.evaluate("() => window.calls") == 0
+    assert page.evaluate("() => document.getAnimations().length") == 0
+
+
+@pytest.mark.parametrize("name", DATA)
+def test_nothing_runs_out_of_sight(name, opened):
+    page = opened(name)
     if not page.locator(".play").is_visible():
         return
-    page.emulate_media(reduced_motion="reduce")
+    page.evaluate(COUNT_CALLS)
+    page.locator(".play").click()
+    page.wait_for_function("() => window.calls > 2")
+    page.evaluate("() => (document.body.style.paddingTop = '3000px')")
+    page.wait_for_function("() => document.querySelector('.play').textContent.includes('play')", timeout=10_000)
+    resting, calls = page.evaluate(PICTURE), page.evaluate("() => window.calls")
+    page.wait_for_timeout(200)
+    assert page.evaluate("() => window.calls") == calls
+    assert page.evaluate(PICTURE) == resting
+
+
+@pytest.mark.parametrize("name", DATA)
+def test_play_goes_in_jumps_where_motion_is_reduced(name, opened):
+    page = opened(name, motion="reduce")
+    if not page.locator(".play").is_visible():
+        return
     page.evaluate(
         """() => {
           window.times = [];
@@ -151,10 +190,6 @@ def test_nothing_moves_by_itself_and_play_ends_in_jumps_where_motion_is_reduced(
     resting = page.evaluate(PICTURE)
     page.wait_for_timeout(600)
     assert page.evaluate(PICTURE) == resting
-    # Out of sight it rests.
-    page.locator(".play").click()
-    page.evaluate("() => (document.body.style.paddingTop = '3000px')")
-    page.wait_for_function("() => document.querySelector('.play').textContent.includes('play')", timeout=10_000)
 
 
 def test_the_question_is_judged_when_asked(opened):

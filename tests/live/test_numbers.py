@@ -294,6 +294,35 @@ def test_sliced(found):
     assert sum(unique for *_, unique in right) > 50
 
 
+def test_remembered_orders_change_no_value(found):
+    """Frames in the plane: points move little or jump, lines stay or are drawn again, and sizes change between them."""
+    generator, cases, right = np.random.default_rng(12), [], []
+    for _ in range(N_PROBLEMS // 4):
+        frames, n = [], int(generator.integers(2, 30))
+        x, y = generator.normal(size=(n, 2)), generator.normal(size=(n, 2))
+        turns = generator.uniform(0, np.pi, size=7)
+        for _ in range(4):
+            lines = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+            frames.append([x.tolist(), y.tolist(), lines.tolist()])
+            places, others, directions = tensors(x, y, lines)
+            sides = meshot.DiscreteMeasure(places), meshot.DiscreteMeasure(others)
+            sliced_wasserstein(*sides, directions).backward()
+            right.append([slice_costs(*sides, directions).detach().numpy(), places.grad.numpy()])
+            kind = generator.integers(3)
+            n = int(generator.integers(2, 30)) if kind == 0 else n
+            x, y = (side + 0.05 * generator.normal(size=side.shape) for side in (x, y))
+            x, y = (side if len(side) == n else generator.normal(size=(n, 2)) for side in (x, y))
+            turns = generator.uniform(0, np.pi, size=generator.integers(1, 9)) if kind == 1 else turns
+        cases.append(frames)
+    remembering = """(frames) => {
+      const memory = {};
+      return frames.map((frame) => slicedLoss(...frame, { memory }));
+    }"""
+    for one, (costs, gradient) in zip([frame for frames in found(remembering, cases) for frame in frames], right):
+        close(one["costs"], costs)
+        close(one["gradient"], gradient)
+
+
 def test_descents(found):
     generator, cases, right = np.random.default_rng(8), [], []
     for _ in range(N_PROBLEMS):

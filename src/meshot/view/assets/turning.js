@@ -1,4 +1,12 @@
-// Makes a node rotatable by dragging (mouse or finger), zoomable by wheel or two fingers, and usable by keys.
+/**
+ * Makes a node rotatable by dragging (mouse or finger), zoomable by wheel or two fingers, and usable by keys.
+ * @param {any} node of HTML or SVG
+ * @param {object} acts
+ * @param {(event: PointerEvent) => void} [acts.press]
+ * @param {(event: PointerEvent, dx: number, dy: number) => void} acts.drag
+ * @param {(factor: number) => void} [acts.zoom]
+ * @param {Record<string, (event: KeyboardEvent) => void>} [acts.keys]
+ */
 export function turnable(node, { press, drag, zoom, keys }) {
   const fingers = new Map();
   node.addEventListener("pointerdown", (event) => {

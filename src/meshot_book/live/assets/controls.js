@@ -15,12 +15,20 @@
  */
 
 /**
+ * @typedef {object} Parts of a control on the page
+ * @property {(HTMLInputElement | HTMLButtonElement)[]} inputs
+ * @property {() => void} show shows the state again
+ */
+/** @typedef {Record<string, any>} State plain data */
+/** @typedef {(holder: Element, id: string, state: State, control: Control, set: (value?: unknown) => void) => Parts} Add */
+
+/**
  * Adds a control.
  * @param {Element} holder
  * @param {string} id of the figure
- * @param {object} state
+ * @param {State} state
  * @param {Control} control
- * @param {(key: string) => void} changed
+ * @param {(key: string | undefined) => void} changed
  * @returns {() => void} shows the state again
  */
 export function addControl(holder, id, state, control, changed) {
@@ -39,13 +47,21 @@ export function addControl(holder, id, state, control, changed) {
   };
 }
 
+/**
+ * @template {keyof HTMLElementTagNameMap} Kind
+ * @param {Element | null} parent
+ * @param {Kind} kind
+ * @param {object} properties
+ * @param {...(Node | string)} children
+ */
 function element(parent, kind, properties, ...children) {
   const node = Object.assign(document.createElement(kind), properties);
   node.append(...children);
-  parent.append(node);
+  parent?.append(node);
   return node;
 }
 
+/** @type {Add} */
 function addRange(holder, id, state, { key, label, min, max, step, say = String }, set) {
   const whole = element(holder, "label", { className: "range" }, element(holder, "span", { textContent: label }));
   const input = element(whole, "input", { type: "range", min, max, step, name: `${id}-${key}` });
@@ -59,23 +75,13 @@ function addRange(holder, id, state, { key, label, min, max, step, say = String 
   return { inputs: [input], show };
 }
 
+/** @type {Add} */
 function addChoice(holder, id, state, { key, label, options }, set) {
-  const group = element(
-    holder,
-    "fieldset",
-    {},
-    Object.assign(document.createElement("legend"), { textContent: label }),
-  );
+  const group = element(holder, "fieldset", {}, element(null, "legend", { textContent: label }));
   const inputs = options.map((option) => {
     const [value, text] = Array.isArray(option) ? option : [option, option];
-    const box = element(
-      group,
-      "label",
-      {},
-      Object.assign(document.createElement("input"), { type: "radio" }),
-      " " + text,
-    );
-    const input = Object.assign(box.firstChild, { name: `${id}-${key}`, value });
+    const input = element(null, "input", { type: "radio", name: `${id}-${key}`, value });
+    element(group, "label", {}, input, " " + text);
     input.addEventListener("change", () => set(value));
     return { input, value };
   });
@@ -87,15 +93,10 @@ function addChoice(holder, id, state, { key, label, options }, set) {
   return { inputs: inputs.map(({ input }) => input), show };
 }
 
+/** @type {Add} */
 function addCheck(holder, id, state, { key, label }, set) {
-  const box = element(
-    holder,
-    "label",
-    {},
-    Object.assign(document.createElement("input"), { type: "checkbox" }),
-    " " + label,
-  );
-  const input = Object.assign(box.firstChild, { name: `${id}-${key}` });
+  const input = element(null, "input", { type: "checkbox", name: `${id}-${key}` });
+  element(holder, "label", {}, input, " " + label);
   input.addEventListener("change", () => set(input.checked));
   const show = () => {
     input.checked = state[key];
@@ -103,6 +104,7 @@ function addCheck(holder, id, state, { key, label }, set) {
   return { inputs: [input], show };
 }
 
+/** @type {Add} */
 function addButton(holder, id, state, { label, press }, set) {
   const button = element(holder, "button", { type: "button", textContent: label });
   button.addEventListener("click", () => {

@@ -181,6 +181,10 @@ function areaBetween(source, target) {
   return sum;
 }
 
+/**
+ * The roots of c + b t + a t², in increasing order.
+ * @param {number[]} coefficients
+ */
 function rootsOf([c, b, a]) {
   const under = b * b - 4 * a * c;
   if (under < 0) {

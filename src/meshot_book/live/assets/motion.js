@@ -3,10 +3,12 @@
 const JUMP = 0.5; // seconds between two pictures where reduced motion is asked for
 const MOST = 20; // steps in a picture: a slow machine is slow rather than frozen
 
+/** @typedef {{step: () => boolean, perSecond: number}} Play one step of what moves, false at the end */
+
 /**
  * @param {HTMLElement} root
- * @param {{play: HTMLButtonElement, once: HTMLButtonElement}} buttons
- * @param {{step: () => boolean, perSecond: number}} what
+ * @param {{play: HTMLElement, once: HTMLElement}} buttons
+ * @param {Play} what
  * @param {() => void} draw
  */
 export function motion(root, { play, once }, { step, perSecond }, draw) {
@@ -23,7 +25,7 @@ export function motion(root, { play, once }, { step, perSecond }, draw) {
   function start() {
     let before = performance.now();
     let due = 1;
-    const advance = (now) => {
+    const advance = (/** @type {number} */ now) => {
       if (!root.isConnected) {
         return;
       }

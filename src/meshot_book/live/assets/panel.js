@@ -5,22 +5,33 @@ import { motion } from "./motion.js";
 import { addMovable, addPlot } from "./plot.js";
 
 /**
+ * @typedef {object} Acts what a figure does
+ * @property {() => {status: string, values?: object}} draw all marks, and what they show in words
+ * @property {(key: string | null | undefined) => void} [changed] before drawing, when an entry has changed; null: all may
+ */
+
+/**
  * A panel: `state` is plain data, starts as given or as the address of the page says, and `run` brings it to life.
  * @template State
  * @param {HTMLElement} root
  * @param {State} start plain data
  */
 export function panel(root, start) {
-  const find = (name) => root.querySelector(name);
+  const find = (/** @type {string} */ name) => /** @type {HTMLElement} */ (root.querySelector(name));
   const name = root.dataset.figure;
   const state = { ...structuredClone(start), ...stored(name, start) };
+  /** @type {ReturnType<typeof addPlot>[]} */
   const plots = [];
+  /** @type {ReturnType<typeof addMovable>[]} */
   const movables = [];
+  /** @type {(() => void)[]} */
   let shows = [];
-  let act = {};
+  /** @type {Acts} */
+  let act;
+  /** @type {ReturnType<typeof motion> | null} */
   let mover = null;
 
-  root.state = state; // for the console, and for tests
+  Object.assign(root, { state }); // for the console, and for tests
 
   function draw() {
     plots.forEach((plot) => plot.clear());
@@ -31,6 +42,7 @@ export function panel(root, start) {
     // Numbers for those who check them.
     Object.assign(root.dataset, values);
   }
+  /** @param {string | null | undefined} key */
   function changed(key) {
     act.changed?.(key);
     draw();
@@ -50,15 +62,22 @@ export function panel(root, start) {
   return {
     state,
     changed,
-    /** A plot, drawn anew with the figure. Its options are those of addPlot. */
+    /**
+     * A plot, drawn anew with the figure. Its options are those of addPlot.
+     * @param {Parameters<typeof addPlot>[1]} options
+     */
     plot(options) {
       const plot = addPlot(find(".plots"), options);
       plots.push(plot);
       return plot;
     },
-    /** Points of the state to be moved. Its options are those of addMovable; key names the entry that changes. */
+    /**
+     * Points of the state to be moved.
+     * @param {ReturnType<typeof addPlot>} plot
+     * @param {import("./plot.js").Movable & {key: string}} options key names the entry that changes
+     */
     movable(plot, { key, move, ...options }) {
-      const by = (i, to) => {
+      const by = (/** @type {number} */ i, /** @type {number[]} */ to) => {
         move(i, to);
         changed(key);
       };
@@ -66,19 +85,14 @@ export function panel(root, start) {
     },
     /**
      * Draws and listens.
-     * @param {object} given
-     * @param {import("./controls.js").Control[]} given.controls
-     * @param {() => {status: string, values?: object}} given.draw all marks, and what they show in words
-     * @param {(key: string | null) => void} [given.changed] before drawing, when an entry has changed; null: all may
-     * @param {{step: () => boolean, perSecond: number}} [given.play] one step of what moves, false at the end
+     * @param {Acts & {controls: import("./controls.js").Control[], play?: import("./motion.js").Play}} given
      */
     run({ controls, play, ...given }) {
       act = given;
       if (play) {
-        mover = motion(root, { play: find(".play"), once: find(".once") }, play, draw);
-        for (const button of [find(".play"), find(".once")]) {
-          button.hidden = false;
-        }
+        const buttons = { play: find(".play"), once: find(".once") };
+        mover = motion(root, buttons, play, draw);
+        Object.values(buttons).forEach((button) => (button.hidden = false));
       }
       shows = controls.map((control) => addControl(find(".own"), root.id, state, control, changed));
       find(".reset").addEventListener("click", reset);
@@ -109,7 +123,13 @@ export function panel(root, start) {
   };
 }
 
-// What the address of the page says of a figure: entries that it has, of the kind that it has them.
+/**
+ * What the address of the page says of a figure: entries that it has, of the kind that it has them.
+ * @template State
+ * @param {string} name
+ * @param {State} start
+ * @returns {Partial<State>}
+ */
 function stored(name, start) {
   if (!location.hash.startsWith(`#${name}=`)) {
     return {};
@@ -117,7 +137,7 @@ function stored(name, start) {
   try {
     const found = JSON.parse(decodeURIComponent(location.hash.slice(name.length + 2)));
     const alike = Object.keys(start).filter((key) => key in found && typeof found[key] === typeof start[key]);
-    return Object.fromEntries(alike.map((key) => [key, found[key]]));
+    return /** @type {any} */ (Object.fromEntries(alike.map((key) => [key, found[key]])));
   } catch {
     return {};
   }
@@ -127,10 +147,17 @@ function rounded(_, value) {
   return typeof value === "number" ? Number(value.toFixed(4)) : value;
 }
 
-// The reader chooses an answer, tries, and only then asks whether it was right.
+/**
+ * The reader chooses an answer, tries, and only then asks whether it was right.
+ * @param {HTMLElement} root
+ * @param {() => void} begin
+ */
 function ask(root, begin) {
+  /** @type {HTMLFieldSetElement} */
   const question = root.querySelector(".question");
-  const [judge, verdict] = [".judge", ".verdict"].map((name) => question.querySelector(name));
+  /** @type {HTMLButtonElement} */
+  const judge = question.querySelector(".judge");
+  const verdict = question.querySelector(".verdict");
   const answers = [...question.querySelectorAll("input")];
   for (const answer of answers) {
     answer.addEventListener("change", () => {

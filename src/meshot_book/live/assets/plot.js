@@ -1,13 +1,13 @@
 // One plot of a live figure: an SVG whose scales take data units, marks that are drawn anew, points that are dragged.
 import { turnable } from "../../../meshot/view/assets/turning.js";
-import { addShape, addText } from "./svg.js";
+import { addShape, addText, mark } from "./svg.js";
 
 // Scales are twelve lines here, and dragging is the turning hand of the surfaces, which knows two fingers and keys too.
 // d3-scale and d3-drag with what they need have 47 kB when bundled and minified; this file and that hand have 13 kB.
 
 /**
  * @typedef {object} Axis
- * @property {[number, number]} range in data units
+ * @property {number[]} range its two ends, in data units
  * @property {string} [label] with its unit; an axis without label and ticks is not drawn
  * @property {boolean} [log]
  * @property {number[]} [ticks] chosen evenly if left out
@@ -26,6 +26,16 @@ export const COLOURS = {
 };
 
 /**
+ * @typedef {object} Look of a line or a shape
+ * @property {string} colour
+ * @property {number} [width]
+ * @property {string} [dash]
+ * @property {number} [opacity]
+ */
+/** @typedef {number[]} Point two numbers in data units */
+/** @typedef {{left: number, right: number, top: number, bottom: number}} Box in pixels of the plot */
+
+/**
  * @param {Element} holder
  * @param {{x: Axis, y: Axis, name: string, title?: string, width?: number, height?: number, equal?: boolean}} options
  *   equal: a unit has the same length along both axes, and the height follows; name: what the picture shows, in words
@@ -33,11 +43,11 @@ export const COLOURS = {
 export function addPlot(holder, { x, y, name, title, width: wanted = 340, height = 280, equal = false }) {
   // A wide plot is narrower on a telephone, so that its words keep their size.
   const width = Math.min(wanted, Math.max(300, holder.parentElement.clientWidth - 16));
-  const box = { left: y.label ? 50 : 10, right: width - 12, top: title || y.label ? 28 : 8 };
+  const [left, right, top] = [y.label ? 50 : 10, width - 12, title || y.label ? 28 : 8];
   const below = x.label ? 48 : x.ticks ? 26 : 8;
-  const unit = (box.right - box.left) / (x.range[1] - x.range[0]);
-  const tall = equal ? box.top + below + unit * (y.range[1] - y.range[0]) : height;
-  box.bottom = tall - below;
+  const unit = (right - left) / (x.range[1] - x.range[0]);
+  const tall = equal ? top + below + unit * (y.range[1] - y.range[0]) : height;
+  const box = { left, right, top, bottom: tall - below };
   const svg = addShape(holder, "svg", {
     viewBox: `0 0 ${width} ${tall.toFixed(1)}`,
     role: "group",
@@ -49,48 +59,78 @@ export function addPlot(holder, { x, y, name, title, width: wanted = 340, height
   const frame = addShape(svg, "g", {});
   const layer = addShape(svg, "g", {});
   drawAxes(frame, box, scales, { x, y, title });
+  /** @param {Point} point */
   const at = ([a, b]) => [scales.x.to(a), scales.y.to(b)];
+  /** @type {(points: Point[], closed: boolean) => string} */
   const path = (points, closed) => "M" + points.map((p) => at(p).map(short).join(" ")).join("L") + (closed ? "Z" : "");
+  /** @type {(kind: string, look: Record<string, string | number>) => Element} */
   const add = (kind, look) => addShape(layer, kind, look);
   return {
     svg,
     box,
     at,
-    /** The data units under a pointer. */
+    /**
+     * The data units under a pointer.
+     * @param {PointerEvent} event
+     */
     under(event) {
-      const { left, top, width: wide } = svg.getBoundingClientRect();
-      const [u, v] = [event.clientX - left, event.clientY - top].map((d) => (d * width) / wide);
+      const { left: start, top: above, width: wide } = svg.getBoundingClientRect();
+      const [u, v] = [event.clientX - start, event.clientY - above].map((d) => (d * width) / wide);
       return [scales.x.from(u), scales.y.from(v)];
     },
     clear: () => layer.replaceChildren(),
-    /** Another range of the vertical axis. */
+    /**
+     * Another range of the vertical axis.
+     * @param {number[]} range
+     */
     rescale(range) {
       scales.y = scale({ ...y, range }, box.bottom, box.top);
       frame.replaceChildren();
       drawAxes(frame, box, scales, { x, y: { ...y, range }, title });
     },
-    /** Dots of one size and colour, as a single shape: fast for many. */
+    /**
+     * Dots of one size and colour, as a single shape: fast for many.
+     * @param {Point[]} points
+     * @param {{colour: string, size?: number, square?: boolean, opacity?: number}} look
+     */
     dots(points, { colour, size = 8, square = false, opacity = 1 }) {
       const d = points.map((p) => `M${at(p).map(short).join(" ")}h0`).join("");
       add("path", { d, stroke: colour, "stroke-width": size, "stroke-linecap": square ? "square" : "round", opacity });
     },
-    /** Discs of different areas. */
+    /**
+     * Discs of different areas.
+     * @param {Point[]} points
+     * @param {ArrayLike<number>} radii in pixels of the plot
+     * @param {Look} look
+     */
     discs(points, radii, { colour, opacity = 1 }) {
       points.forEach((p, i) => {
         const [cx, cy] = at(p);
         add("circle", { cx, cy, r: radii[i], fill: colour, opacity, stroke: "var(--ground)" });
       });
     },
+    /** @type {(points: Point[], look: Look) => unknown} */
     curve: (points, look) => points.length && add("path", { d: path(points, false), fill: "none", ...line(look) }),
+    /** @type {(points: Point[], look: Look) => unknown} */
     area: (points, { colour, opacity = 0.25 }) => add("path", { d: path(points, true), fill: colour, opacity }),
+    /** @type {(points: Point[], look: Look) => unknown} */
     outline: (points, look) => add("path", { d: path(points, true), fill: "none", ...line(look) }),
-    /** Separate straight lines, as a single shape. */
+    /**
+     * Separate straight lines, as a single shape.
+     * @param {Point[][]} pairs
+     * @param {Look} look
+     */
     segments(pairs, look) {
       if (pairs.length) {
         add("path", { d: pairs.map((pair) => path(pair, false)).join(""), fill: "none", ...line(look) });
       }
     },
-    /** Arrows from points, in data units. */
+    /**
+     * Arrows from points, in data units.
+     * @param {Point[]} points
+     * @param {number[][]} vectors
+     * @param {Look} look
+     */
     arrows(points, vectors, look) {
       let d = "";
       points.forEach((point, i) => {
@@ -106,6 +146,7 @@ export function addPlot(holder, { x, y, name, title, width: wanted = 340, height
       });
       add("path", { d, fill: "none", ...line(look) });
     },
+    /** @type {(point: Point, words: string, look?: Record<string, string | number>) => void} */
     text(point, words, look = {}) {
       const [u, v] = at(point);
       addText(layer, words, { x: u, y: v, class: "on-white", ...look });
@@ -114,17 +155,21 @@ export function addPlot(holder, { x, y, name, title, width: wanted = 340, height
 }
 
 /**
+ * @typedef {object} Movable points that a reader can move
+ * @property {string} name what they are, in the plural
+ * @property {() => Point[]} points where they are
+ * @property {(i: number, to: number[]) => unknown} move
+ * @property {number} step of an arrow key; ten times it with Shift
+ * @property {(i: number) => void} [choose]
+ * @property {Record<string, (i: number, event: KeyboardEvent) => void>} [keys] more keys
+ * @property {(i: number) => string} [say] the place in words
+ * @property {number} [reach] radius within which a finger takes a point, in pixels of the plot
+ */
+
+/**
  * Points that can be moved: by mouse or finger, each where it is seen, and by keys, one of them after another.
  * @param {ReturnType<typeof addPlot>} plot
- * @param {object} options
- * @param {string} options.name what they are, in the plural
- * @param {() => number[][]} options.points where they are
- * @param {(i: number, to: number[]) => void} options.move
- * @param {number} options.step of an arrow key; ten times it with Shift
- * @param {(i: number) => void} [options.choose]
- * @param {Record<string, (i: number, event: KeyboardEvent) => void>} [options.keys] more keys
- * @param {(i: number) => string} [options.say] the place in words
- * @param {number} [options.reach] radius within which a finger takes a point, in pixels of the plot
+ * @param {Movable} options
  */
 export function addMovable(plot, { name, points, move, step, choose, keys = {}, say, reach = 15 }) {
   const node = addShape(plot.svg, "g", {
@@ -148,23 +193,25 @@ export function addMovable(plot, { name, points, move, step, choose, keys = {}, 
     places.forEach((place, i) => {
       const [cx, cy] = plot.at(place);
       const grip = grips.children[i] ?? addShape(grips, "circle", { r: reach, class: "grip" });
-      grip.setAttribute("cx", cx);
-      grip.setAttribute("cy", cy);
+      mark(grip, { cx, cy });
     });
     const [cx, cy] = plot.at(places[chosen]);
-    ring.setAttribute("cx", cx);
-    ring.setAttribute("cy", cy);
+    mark(ring, { cx, cy });
     const words = say ? say(chosen) : "at " + places[chosen].map((value) => value.toFixed(2)).join(", ");
-    node.setAttribute("aria-valuemax", places.length);
-    node.setAttribute("aria-valuenow", chosen + 1);
-    node.setAttribute("aria-valuetext", `${chosen + 1} of ${places.length}, ${words}`);
+    mark(node, {
+      "aria-valuemax": places.length,
+      "aria-valuenow": chosen + 1,
+      "aria-valuetext": `${chosen + 1} of ${places.length}, ${words}`,
+    });
   }
+  /** @param {number} i */
   function take(i) {
     const n = points().length;
     chosen = (i + n) % n;
     choose?.(chosen);
     update();
   }
+  /** @type {(u: number, v: number) => (event: KeyboardEvent) => void} */
   const by = (u, v) => (event) => {
     const size = event.shiftKey ? 10 * step : step;
     const [a, b] = points()[chosen];
@@ -193,11 +240,15 @@ export function addMovable(plot, { name, points, move, step, choose, keys = {}, 
   return { node, update };
 }
 
-/** A number with so many digits that count. */
+/**
+ * A number with so many digits that count.
+ * @param {number} value
+ */
 export function digits(value, count = 3) {
   return Number(value.toPrecision(count)).toString().replace("-", "−");
 }
 
+/** @type {(value: number, axis: Axis) => string} */
 function written(value, { log }) {
   const power = Math.round(Math.log10(value));
   const raised = Array.from(String(power), (sign) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign] ?? "⁻").join("");
@@ -208,10 +259,16 @@ function short(value) {
   return value.toFixed(1);
 }
 
+/** @param {Look} look */
 function line({ colour, width = 1.5, dash, opacity = 1 }) {
   return { stroke: colour, "stroke-width": width, opacity, ...(dash ? { "stroke-dasharray": dash } : {}) };
 }
 
+/**
+ * @param {Axis} axis
+ * @param {number} start in pixels of the plot
+ * @param {number} end
+ */
 function scale({ range, log }, start, end) {
   const inner = log ? Math.log : Number;
   const [low, high] = range.map(inner);
@@ -222,6 +279,7 @@ function scale({ range, log }, start, end) {
   };
 }
 
+/** @param {Axis} axis */
 function ticksOf({ range: [low, high], ticks, log }) {
   if (ticks) {
     return ticks;
@@ -237,6 +295,12 @@ function ticksOf({ range: [low, high], ticks, log }) {
   return Array.from({ length: Math.floor(high / step + 1e-9) - first + 1 }, (_, k) => (first + k) * step);
 }
 
+/**
+ * @param {Element} frame
+ * @param {Box} box
+ * @param {{x: ReturnType<typeof scale>, y: ReturnType<typeof scale>}} scales
+ * @param {{x: Axis, y: Axis, title?: string}} axes
+ */
 function drawAxes(frame, { left, right, top, bottom }, scales, { x, y, title }) {
   const stroke = { stroke: COLOURS.black, "stroke-width": 1 };
   if (x.label || x.ticks) {

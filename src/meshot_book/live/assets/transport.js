@@ -5,12 +5,13 @@
 /**
  * The indices that sort values. Equal values keep their order.
  * @param {ArrayLike<number>} values finite
- * @param {Int32Array} [near] an order that may be nearly right already, which saves four fifths of the time
+ * @param {Int32Array} [near] an order that may be nearly right already, which saves four fifths of the time; one of
+ *   another length is not used
  * @returns {Int32Array}
  */
 export function orderOf(values, near) {
   const n = values.length;
-  if (near) {
+  if (near?.length === n) {
     const mended = near.slice();
     if (mend(mended, values, 10 * n)) {
       return mended;
@@ -38,7 +39,12 @@ export function orderOf(values, near) {
   return order;
 }
 
-// Insertion sort, for an order that is nearly right. Whether it came to its end within so many moves.
+/**
+ * Insertion sort, for an order that is nearly right. Whether it came to its end within so many moves.
+ * @param {Int32Array} order
+ * @param {ArrayLike<number>} values
+ * @param {number} most
+ */
 function mend(order, values, most) {
   let moves = 0;
   for (let r = 1; r < order.length; r += 1) {
@@ -70,6 +76,7 @@ function mend(order, values, most) {
  * @returns {Plan}
  */
 export function couple(first, a, second, b) {
+  /** @type {Plan} */
   const plan = [];
   let [i, j, left, right] = [0, 0, a[first[0]], b[second[0]]];
   while (i < first.length && j < second.length) {
@@ -138,8 +145,8 @@ export function lineGradient(plan, x, y, p) {
 export function quantiles(x, a) {
   let from = 0;
   return Array.from(orderOf(x), (i) => {
-    const step = [from, from + a[i], x[i]];
+    const start = from;
     from += a[i];
-    return step;
+    return [start, from, x[i]];
   });
 }

@@ -20,13 +20,13 @@ export function crossingPairs(shapes) {
   let found = 0;
   for (let i = 0; i < sides.length; i++) {
     for (let j = 0; j < i; j++) {
-      found += cross(...sides[i], ...sides[j]);
+      found += Number(cross(sides[i], sides[j]));
     }
   }
   return found;
 }
 
-function cross(a, b, c, d) {
+function cross([a, b], [c, d]) {
   return side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0;
 }
 

@@ -78,11 +78,13 @@ function between(rows, key, count) {
 }
 
 function span(seconds) {
-  const [unit, size] = [
+  /** @type {[string, number][]} */
+  const units = [
     ["days", 86400],
     ["hours", 3600],
     ["minutes", 60],
     ["seconds", 1],
-  ].find(([, length]) => seconds >= length) ?? ["seconds", 1];
+  ];
+  const [unit, size] = units.find(([, length]) => seconds >= length) ?? ["seconds", 1];
   return `${digits(seconds / size, 2)} ${unit}`;
 }

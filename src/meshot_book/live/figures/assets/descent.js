@@ -39,13 +39,14 @@ export function main(root, data) {
   const random = generator(2);
   let now = descent(state.points);
   let history = [];
+  const memory = {};
 
   const goal = () => evenly(state.corners, now.points.length);
   const directions = () =>
     planeDirections("random", state.lines, state.drawn === "redrawn" ? random : generator(data.seed));
   const losses = {
     Chamfer: (points) => chamferLoss(points, goal()),
-    "sliced Wasserstein": (points) => slicedLoss(points, goal(), directions()),
+    "sliced Wasserstein": (points) => slicedLoss(points, goal(), directions(), { memory }),
     "exact Wasserstein": (points) => exactLoss(points, goal()),
   };
   function record(loss) {

@@ -30,6 +30,7 @@ export function main(root, data) {
   let last = [];
 
   const shift = () => [state.distance, 0, 0];
+  /** @type {(m: number, radius: number, centre: number[]) => number[][]} */
   const sphere = (m, radius, [u, v, w]) =>
     sphereDirections(m, 3, random).map(([x, y, z]) => [u + radius * x, v + radius * y, w + radius * z]);
   function step() {

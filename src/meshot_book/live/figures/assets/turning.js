@@ -6,6 +6,7 @@ import { orderOf } from "../../assets/transport.js";
 
 const NAMES = ["source", "target"];
 const LOOKS = { source: { colour: COLOURS.blue }, target: { colour: COLOURS.orange, square: true } };
+/** @type {import("../../assets/projection.js").Kind[]} */
 const KINDS = ["random", "orthogonal", "equally spaced", "low-discrepancy"];
 const ROWS = [1.25, 1.5]; // distances of the two rows of projections from the middle, in radii
 
@@ -15,7 +16,7 @@ export function main(root, data) {
     source: data.source,
     target: data.target,
     angle: data.angle,
-    kind: "random",
+    kind: KINDS[0],
     count: 10,
     draw: 0,
   });
