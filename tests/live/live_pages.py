@@ -5,7 +5,7 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 
-from meshot_book.figures.flows import crossing_data
+from meshot_book.figures.flows import contour_data, crossing_data
 from meshot_book.live import Answer, live_figure
 
 GENERATOR = np.random.default_rng(3)
@@ -28,8 +28,15 @@ DATA = {
         ],
         "stopped": [{"peer": "compares", "d": 3, "m": 100_000, "why": "time: 10000 s foretold"}],
     },
+    "contour": contour_data(),
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
+    "inverse": {
+        "points": GENERATOR.uniform(-1, 1, (40, 2)).round(4).tolist(),
+        "drift": [0.7, -0.4],
+        "reach": 0.8,
+        "strengths": [1, 2, 4],
+    },
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],
@@ -39,6 +46,7 @@ DATA = {
         "exponent": 2,
     },
     "turning": {name: points.round(4).tolist() for name, points in CLOUDS.items()} | {"angle": 30},
+    "windows": {"points": 96, "width": 96, "height": 3, "wave": 16, "lines": 16, "every": 6, "first": 3},
 }
 
 

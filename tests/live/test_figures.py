@@ -11,14 +11,17 @@ import ot
 import pytest
 import torch
 from live_pages import ANSWERS, DATA, live_page_of
+from test_numbers import edges_of, mean_distance, weighted_cosine
 
 import meshot
 from browser import AXE, SET_THEME, UNREACHED, page_file, set_width, watched_page
+from meshot.flow import integrate
 from meshot.mesh import circle, even_points
 from meshot.view.page import joined
+from meshot_book.examples import Drifting
 from meshot_book.examples.counterexample import crossing_sides
 from meshot_book.figures.flows import FIELDS, outlines, two_triangles
-from meshot_book.flows import descend
+from meshot_book.flows import Vortex, descend
 from meshot_book.live import Answer
 from meshot_book.live.figure import figure_names
 from refusals import refuses
@@ -515,3 +518,138 @@ def test_the_calculator_interpolates_and_says_what_was_not_measured(opened):
     page.get_by_role("radio", name="compares").check()
     assert shown(page)["seconds"] == -1
     assert "not measured here (stopped at 100,000: time: 10000 s foretold)" in status(page)
+
+
+def test_flows_there_and_back_are_those_of_the_library(opened):
+    page = opened("inverse")
+    data = DATA["inverse"]
+    points = torch.tensor(data["points"], dtype=torch.float64)
+    drift = torch.tensor(data["drift"], dtype=torch.float64)
+    largest = lambda one, other: float((one - other).norm(dim=1).max())  # noqa: E731
+    for strength, method, exponent in itertools.product((2, 4), ("Euler", "midpoint", "RK4"), (0, 3, 5)):
+        page.get_by_role("radio", name=str(strength), exact=True).check()
+        page.get_by_role("radio", name=method, exact=True).check()
+        page.get_by_role("slider", name="steps each way").fill(str(exponent))
+        field, n = Drifting(Vortex(float(strength), data["reach"]), drift), 2**exponent
+        there = integrate(field, points, n, method.lower())
+        back = integrate(field, there, n, method.lower(), True)
+        found = shown(page)
+        assert found["flow"] == pytest.approx(largest(there, field.flow(points)), rel=1e-9, abs=1e-13)
+        assert found["back"] == pytest.approx(largest(back, points), rel=1e-9, abs=1e-13)
+        assert found["now"] == pytest.approx(found["back"], rel=1e-9, abs=1e-13)
+    page.locator(".reset").click()
+    page.get_by_role("slider", name="steps each way").fill("4")
+    assert shown(page)["ratio"] == pytest.approx(8, rel=0.05)  # one order more than that of the flow
+    page.get_by_role("slider", name="time").fill("1")
+    assert shown(page)["taken"] == 16
+    assert "after 16 of 32 steps" in status(page)
+
+
+@pytest.mark.parametrize("start", ["even", "uneven"])
+def test_contours_descend_as_autograd_has_it(start, opened):
+    page = opened("contour")
+    page.get_by_role("radio", name=start, exact=True).check()
+    page.get_by_role("slider", name="averaged").fill("0.5")
+    page.evaluate("() => { for (let k = 0; k < 12; k += 1) document.querySelector('.once').click(); }")
+    found = shown(page)
+    data = DATA["contour"]
+    angles = math.pi * (np.arange(data["lines"]) + 0.5) / data["lines"]
+    lines = torch.tensor(np.stack([np.cos(angles), np.sin(angles)], axis=1))
+    goal = edges_of(torch.tensor(data["target"], dtype=torch.float64))
+    losses = {
+        "chamfer": (0.5, lambda measure: meshot.chamfer(measure, goal)),
+        "sliced": (2.0, lambda measure: meshot.sliced_wasserstein(measure, goal, lines)),
+    }
+    for name, (unit, loss) in losses.items():
+        x = torch.tensor(data["starts"][start], dtype=torch.float64)
+        path = [judged_contour(x)]
+        gaps = np.minimum(np.arange(len(x)), len(x) - np.arange(len(x)))
+        kernel = np.exp(-2 * gaps**2)
+        for _ in range(12):
+            x = x.requires_grad_()
+            measure = edges_of(x)
+            (gradient,) = torch.autograd.grad(unit * loss(measure), x)
+            masses = measure.weights.detach()
+            arrows = -gradient / (masses + masses.roll(1))[:, None]
+            arrows = sum(w * arrows.roll(-k, 0) for k, w in enumerate(kernel / kernel.sum()))
+            x = x.detach() + 0.1 * arrows
+            path.append(judged_contour(x))
+        assert found[name] == pytest.approx(path[-1][0], rel=1e-9)
+        assert found[f"{name}Varies"] == pytest.approx(path[-1][1], rel=1e-9, abs=1e-12)
+        at_level = next(varies for distance, varies in path if distance <= found["level"] * (1 + 1e-12))
+        assert found[f"{name}AtLevel"] == pytest.approx(at_level, rel=1e-9, abs=1e-12)
+    assert found["level"] == max(found["chamfer"], found["sliced"])
+
+
+def test_contours_show_what_the_reader_should_see(opened):
+    page = opened("contour")
+
+    def after(steps, start, width):
+        page.get_by_role("radio", name=start, exact=True).check()
+        page.get_by_role("slider", name="averaged").fill(width)
+        page.evaluate("(n) => { while (n--) document.querySelector('.once').click(); }", steps)
+        return shown(page)
+
+    found = after(100, "even", "0")
+    assert 2.5 * found["slicedAtLevel"] < found["chamferAtLevel"]
+    averaged = after(100, "even", "1")
+    assert averaged["slicedAtLevel"] < averaged["chamferAtLevel"] < 0.6 * found["chamferAtLevel"]
+    # Neither makes uneven edges even: 0.42 at the start.
+    uneven = after(150, "uneven", "0")
+    assert min(uneven["slicedVaries"], uneven["chamferVaries"]) > 0.4
+    assert max(uneven["sliced"], uneven["chamfer"]) < 0.5
+
+
+def judged_contour(vertices):
+    lengths = (vertices.roll(-1, 0) - vertices).norm(dim=1).detach()
+    return mean_distance(vertices.detach().numpy(), np.array(DATA["contour"]["target"])), float(
+        lengths.std(unbiased=False) / lengths.mean()
+    )
+
+
+@pytest.mark.parametrize(("p", "phase"), [(1, 0.25), (2, 0.25), (1, 0.5)])
+def test_windows_and_the_whole_follow_what_is_needed_as_the_library_says(p, phase, opened):
+    page = opened("windows")
+    data = DATA["windows"]
+    page.get_by_role("radio", name={0.25: "a quarter of a wave", 0.5: "half a wave"}[phase]).check()
+    page.get_by_role("radio", name=str(p), exact=True).check()
+    x = ((np.arange(data["points"]) + 0.5) / data["points"] - 0.5) * data["width"]
+    sheets = [
+        torch.tensor(np.stack([x, data["height"] * np.cos(2 * np.pi * (x / data["wave"] + s))], axis=1))
+        for s in (0, phase)
+    ]
+    angles = math.pi * (np.arange(data["lines"]) + 0.5) / data["lines"]
+    lines = torch.tensor(np.stack([np.cos(angles), np.sin(angles)], axis=1))
+    needed = (sheets[1] - sheets[0]).numpy()
+    centres = sheets[1][data["first"] :: data["every"]]
+    in_all = lines[None].expand(len(centres), -1, -1)
+    even = torch.full((len(x),), 1 / len(x), dtype=torch.float64)
+    goal, seen = meshot.DiscreteMeasure(sheets[1], even), []
+    for radius, surplus in ((3, 10), (8, 10), (8, 0), (24, 30)):
+        page.get_by_role("slider", name="radius").fill(str(radius))
+        page.get_by_role("slider", name="surplus").fill(str(surplus))
+        masses = torch.tensor(np.where(x < 0, 1 + surplus / 100, 1 - surplus / 100))
+        masses = masses / masses.sum()
+
+        def cosine_and_value(loss, masses=masses):
+            moving = sheets[0].clone().requires_grad_()
+            value = loss(meshot.DiscreteMeasure(moving, masses))
+            (gradient,) = torch.autograd.grad(value, moving)
+            return weighted_cosine((-gradient / masses[:, None]).numpy(), needed, masses.numpy()), value.item()
+
+        found = shown(page)
+        whole, cost = cosine_and_value(lambda m: meshot.sliced_wasserstein(m, goal, lines, p))
+        windows, local = cosine_and_value(
+            lambda m, r=radius: meshot.windowed_sliced_wasserstein(m, goal, centres, r, in_all, p)
+        )
+        balanced = float(meshot.sliced_wasserstein(meshot.DiscreteMeasure(sheets[0], even), goal, lines, p))
+        assert found["cost"] == pytest.approx(cost, rel=1e-9)
+        assert found["local"] == pytest.approx(local, rel=1e-9)
+        assert found["share"] == pytest.approx(balanced / cost, rel=1e-9)
+        assert found["whole"] == pytest.approx(whole, abs=1e-9)
+        assert found["windows"] == pytest.approx(windows, abs=1e-9)
+        seen.append(found)
+    # A surplus turns the arrows of the whole away from what is needed, and those in windows less.
+    assert seen[0]["whole"] < 0.25 < 0.65 < seen[0]["windows"]
+    assert seen[2]["whole"] > 0.55
+    assert seen[0]["share"] > 2 * seen[0]["whole"] or p == 2

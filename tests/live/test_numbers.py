@@ -27,6 +27,8 @@ MODULES = (
     "projection",
     "distribution",
     "flow",
+    "contours",
+    "windows",
 )
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
 N_PROBLEMS = 200
@@ -518,3 +520,126 @@ def test_even_directions(found):
         lines, spiral = np.array(rows), fibonacci_spiral(count, 3, 0)
         close(lines @ lines.T, spiral @ spiral.T)
         close(np.linalg.det(lines[:3]), np.linalg.det(spiral[:3])) if count > 2 else None
+
+
+def drawn_contour(generator, n):
+    """Vertices around the origin, with edges of many lengths."""
+    angles = np.sort(generator.uniform(0, 2 * math.pi, n))
+    radii = generator.uniform(1, 3, n)
+    return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
+
+
+def edges_of(vertices):
+    ends = vertices.roll(-1, 0)
+    lengths = (ends - vertices).norm(dim=1)
+    return meshot.DiscreteMeasure((vertices + ends) / 2, lengths / lengths.sum())
+
+
+def test_contours_descend_on_losses_in_places_and_masses(found):
+    generator, cases, right = np.random.default_rng(21), [], []
+    for k in range(N_PROBLEMS):
+        x, y = (drawn_contour(generator, n) for n in generator.integers(3, 20, size=2))
+        lines = generator.normal(size=(generator.integers(1, 7), 2))
+        lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+        kind, width = ("Chamfer", "sliced Wasserstein")[k % 2], float(generator.choice([0, 0.5, 2]))
+        vertices, other, directions = tensors(x, y, lines)
+        goal = edges_of(other)
+        moving = edges_of(vertices)
+        value = meshot.chamfer(moving, goal) if k % 2 == 0 else sliced_wasserstein(moving, goal, directions)
+        value.backward()
+        masses = moving.weights.detach().numpy()
+        arrows = -vertices.grad.numpy() / (masses + np.roll(masses, 1))[:, None]
+        gaps = np.minimum(np.arange(len(x)), len(x) - np.arange(len(x)))
+        kernel = np.exp(-(gaps**2) / (2 * width**2)) if width else np.eye(1, len(x))[0]
+        kernel = kernel / kernel.sum()
+        averaged = sum(weight * np.roll(arrows, -shift, axis=0) for shift, weight in enumerate(kernel))
+        lengths = np.linalg.norm(np.roll(x, -1, 0) - x, axis=1)
+        measured = [lengths.std() / lengths.mean(), mean_distance(x, y)]
+        right.append([value.item(), vertices.grad.numpy(), averaged, measured])
+        cases.append([kind, x.tolist(), y.tolist(), lines.tolist(), width])
+    ours = found(
+        """([kind, x, y, lines, width]) => {
+          const { cost, gradient } = contourLoss(kind, x, edgesOf(y), lines);
+          const arrows = descentDirections(x, gradient, width);
+          return { cost, gradient, arrows, measured: [edgeVariation(x), contourDistance(x, y)] };
+        }""",
+        cases,
+    )
+    for one, (cost, gradient, arrows, measured) in zip(ours, right):
+        close(one["cost"], cost)
+        close(one["gradient"], gradient)
+        close(one["arrows"], arrows)
+        close(one["measured"], measured)
+
+
+def mean_distance(one, other):
+    """Of 160 points or more, as many on each edge, from the other polygon, both ways."""
+
+    def away(vertices, others):
+        per_edge = -(-160 // len(vertices))
+        shares = ((np.arange(per_edge) + 0.5) / per_edge)[:, None]
+        ends = np.roll(vertices, -1, 0)
+        points = ((1 - shares) * vertices[:, None] + shares * ends[:, None]).reshape(-1, 2)
+        sides = np.roll(others, -1, 0) - others
+        along = ((points[:, None] - others) * sides).sum(axis=2) / (sides**2).sum(axis=1)
+        feet = others + along.clip(0, 1)[:, :, None] * sides
+        return np.linalg.norm(points[:, None] - feet, axis=2).min(axis=1).mean()
+
+    return (away(one, other) + away(other, one)) / 2
+
+
+def test_windows(found):
+    cases, right, empty = [], [], 0
+    for generator, x, a, y, b in drawn_pairs(22, d=2):
+        centres, radius = generator.normal(size=(3, 2), scale=2), float(generator.uniform(0.5, 4))
+        p = float(generator.choice([1, 2]))
+        lines = generator.normal(size=(4, 2))
+        lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+        places, others, masses, weights, at, directions = tensors(x, y, a, b, centres, lines)
+        sides = meshot.DiscreteMeasure(places, masses), meshot.DiscreteMeasure(others, weights)
+        in_all = directions[None].expand(3, -1, -1)
+        try:
+            value = meshot.windowed_sliced_wasserstein(*sides, at, radius, in_all, p)
+        except ValueError:
+            empty += 1
+            continue
+        value.backward()
+        other = generator.normal(size=x.shape)
+        cosine = weighted_cosine(places.grad.numpy(), other, a)
+        gaps = np.diff(np.sort(x @ lines.T, axis=0), axis=0)
+        unique = p > 1 and not (gaps < 1e-9).any()
+        cases.append(
+            [
+                x.tolist(),
+                a.tolist(),
+                y.tolist(),
+                b.tolist(),
+                centres.tolist(),
+                radius,
+                lines.tolist(),
+                p,
+                other.tolist(),
+            ]
+        )
+        right.append([value.item(), places.grad.numpy(), cosine, unique])
+    ours = found(
+        """([x, a, y, b, centres, radius, lines, p, other]) => {
+          const sides = [{ points: x, masses: a }, { points: y, masses: b }];
+          const { cost, gradient, counted } = windowedLoss(...sides, centres, radius, lines, p);
+          return { cost, gradient, counted, cosine: fieldCosine(gradient, other, a) };
+        }""",
+        cases,
+    )
+    for one, (cost, gradient, cosine, unique) in zip(ours, right):
+        close(one["cost"], cost)
+        if unique:
+            close(one["gradient"], gradient)
+            close(one["cosine"], cosine)
+    assert 0 < empty < N_PROBLEMS / 4
+    assert sum(unique for *_, unique in right) > 40
+    assert len({one["counted"] for one in ours}) == 3
+
+
+def weighted_cosine(field, other, masses):
+    one, two = (np.sqrt(masses)[:, None] * each for each in (field, other))
+    return float((one * two).sum() / max(np.linalg.norm(one) * np.linalg.norm(two), 1e-300))

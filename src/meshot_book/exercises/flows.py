@@ -11,7 +11,7 @@ from meshot.types import Array, Float, Int64, Tensor
 from meshot_book.exercises.given import grow, half, hurry, spin, still, wave, whirl
 from meshot_book.exercises.verdict import Exercise, exercise
 
-# Chapter 20: a flow by Euler steps, one step undone, and how fine a mesh must be.
+# Chapter 20: a flow by Euler steps, one step undone, and how many steps are safe.
 
 
 @exercise(stars=1)
@@ -84,44 +84,39 @@ def undo_step() -> Exercise:
     return Exercise(undone, cases, mistakes)
 
 
-@exercise(stars=3)
-def pieces_needed() -> Exercise:
-    """Check ``function(length, bend, gap)``: the fewest equal pieces of a side whose chords stay within the gap."""
-
-    def pieces(length: float, bend: float, gap: float) -> int:
-        return max(1, math.ceil(length * math.sqrt(bend / (8 * gap))))
-
-    triples = [
-        (2.0, 11.0, 0.3),
-        (2.0, 0.5, 0.3),
-        (5.0, 2.0, 0.011),
-        (1.0, 40.0, 0.21),
-        (0.1, 1.0, 0.5),
-        (3.0, 7.0, 0.05),
-        (2.0, 8.0, 1.0),  # exactly two
-        (2.0, 0.0, 0.3),  # a straight side
-    ]
-    cases = {f"length {s}, bend {c}, gap {g}": (s, c, g) for s, c, g in triples}
-    mistakes = {
-        "the factor is wrong: a chord is farthest from its arc in the middle of the arc": (
-            lambda s, c, g: math.ceil(s * math.sqrt(c / 2 / g))
-        ),
-        "the distance between chord and arc has a factor 1/8": lambda s, c, g: math.ceil(s * math.sqrt(c / g)),
-        "that is the distance of one chord over the gap; it falls with the square of the number of pieces": (
-            lambda s, c, g: math.ceil(s**2 * c / 8 / g)
-        ),
-        "rounded down; the pieces are then too long": lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)),
-        "one too many where the number is whole already: round up instead of adding one": (
-            lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)) + 1
-        ),
-        "a straight side is one piece, not none": lambda s, c, g: math.ceil(s * math.sqrt(c / 8 / g)),
-        "a number of pieces is whole: round it up": lambda s, c, g: s * math.sqrt(c / 8 / g),
-        "length and curvature are exchanged": lambda s, c, g: math.ceil(c * math.sqrt(s / 8 / g)),
+@exercise(stars=2)
+def safe_steps() -> Exercise:
+    """Check ``function(norms)``: the fewest equal Euler steps on [0, 1] with h·Lip < 1, from local constants."""
+    drawn = torch.linspace(0.1, 1.0, 12, dtype=torch.float64).reshape(3, 4)
+    cases = {
+        "a field that steepens": (7.3 * drawn,),
+        "a field that calms down": (12.6 * drawn.flip(0),),
+        "a steepest place of exactly 4": (4 * drawn,),
+        "a gentle field": (0.8 * drawn,),
+        "no velocity": (0 * drawn,),
+        "one moment and one point": (torch.tensor([[2.5]], dtype=torch.float64),),
     }
-    return Exercise(pieces, cases, mistakes)
+    mistakes = {
+        "this uses the average of the constants; every step must be safe for the largest one": (
+            lambda norms: math.floor(norms.mean()) + 1
+        ),
+        "this uses the first time only; the constant may be larger later": lambda norms: math.floor(norms[0].max()) + 1,
+        "h·Lip < 1 is strict: if the largest constant is a whole number, one more step is needed": (
+            lambda norms: max(1, math.ceil(norms.max()))
+        ),
+        "that is one too few: h·Lip is still above one": lambda norms: math.floor(norms.max()),
+        "a number of steps is whole": lambda norms: norms.max() + 1,
+        "the constants are per unit of time already; how many steps were taken to measure them does not matter": (
+            lambda norms: math.floor(norms.max() * len(norms)) + 1
+        ),
+        "this divides by the number of measured steps; the step size h is the unknown": (
+            lambda norms: math.floor(norms.max() / len(norms)) + 1
+        ),
+    }
+    return Exercise(lambda norms: math.floor(norms.max()) + 1, cases, mistakes)
 
 
-# Chapter 21: how even triangles are, how many steps are safe, who is ahead after equal seconds.
+# Chapter 21: how even triangles are, who is ahead after equal seconds.
 
 
 Curves = tuple[Tensor, Tensor, Tensor, Tensor]
@@ -174,38 +169,6 @@ def edge_variation() -> Exercise:
     return Exercise(lambda v, f: variation(lengths(v, _edges(f))), cases, mistakes)
 
 
-@exercise(stars=2)
-def safe_steps() -> Exercise:
-    """Check ``function(norms)``: the fewest equal Euler steps on [0, 1] with h·Lip < 1, from local constants."""
-    drawn = torch.linspace(0.1, 1.0, 12, dtype=torch.float64).reshape(3, 4)
-    cases = {
-        "a field that steepens": (7.3 * drawn,),
-        "a field that calms down": (12.6 * drawn.flip(0),),
-        "a steepest place of exactly 4": (4 * drawn,),
-        "a gentle field": (0.8 * drawn,),
-        "no velocity": (0 * drawn,),
-        "one moment and one point": (torch.tensor([[2.5]], dtype=torch.float64),),
-    }
-    mistakes = {
-        "this uses the average of the constants; every step must be safe for the largest one": (
-            lambda norms: math.floor(norms.mean()) + 1
-        ),
-        "this uses the first time only; the constant may be larger later": lambda norms: math.floor(norms[0].max()) + 1,
-        "h·Lip < 1 is strict: if the largest constant is a whole number, one more step is needed": (
-            lambda norms: max(1, math.ceil(norms.max()))
-        ),
-        "that is one too few: h·Lip is still above one": lambda norms: math.floor(norms.max()),
-        "a number of steps is whole": lambda norms: norms.max() + 1,
-        "the constants are per unit of time already; how many steps were taken to measure them does not matter": (
-            lambda norms: math.floor(norms.max() * len(norms)) + 1
-        ),
-        "this divides by the number of measured steps; the step size h is the unknown": (
-            lambda norms: math.floor(norms.max() / len(norms)) + 1
-        ),
-    }
-    return Exercise(lambda norms: math.floor(norms.max()) + 1, cases, mistakes)
-
-
 @exercise(stars=3)
 def equal_time() -> Exercise:
     """Check ``function(times, values, other_times, other_values)``: both curves when the first of the two is done."""
@@ -248,6 +211,150 @@ def equal_time() -> Exercise:
         "the least value is not the value at that time": lambda t, x, s, y: torch.stack([x.min(), y.min()]),
     }
     return Exercise(lambda t, x, s, y: both(t, x, s, y, min(t[-1], s[-1])), cases, mistakes)
+
+
+# Chapter 23: whether two sides cross, and how fine a mesh must be.
+
+
+@exercise(stars=1)
+def sides_cross() -> Exercise:
+    """Check ``function(a, b, c, d)``: whether the sides from a to b and from c to d cross, beyond touching."""
+
+    def side(p: Array, q: Array, r: Array) -> float:
+        return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+
+    def apart(p: Array, q: Array, r: Array, s: Array) -> bool:
+        return bool(side(p, q, r) * side(p, q, s) < 0)
+
+    def boxes_meet(a: Array, b: Array, c: Array, d: Array) -> bool:
+        low, high = (np.stack([pick(a, b), pick(c, d)]) for pick in (np.minimum, np.maximum))
+        return bool((low.max(axis=0) < high.min(axis=0)).all())
+
+    quadruples = {
+        "two diagonals of a square": ((0, 0), (1, 1), (0, 1), (1, 0)),
+        "the same, one of them turned round": ((0, 0), (1, 1), (1, 0), (0, 1)),
+        "sides far apart": ((0, 0), (1, 0), (3, 2), (4, 5)),
+        "parallel sides": ((0, 0), (2, 1), (0, 1), (2, 2)),
+        "the line through the first cuts the second, beyond its end": ((0, 0), (1, 0), (3, -1), (2.5, 1)),
+        "the line through the second cuts the first, beyond its end": ((3, -1), (2.5, 1), (0, 0), (1, 0)),
+        "boxes that overlap, sides that do not cross": ((0, 0), (2, 2), (1, 0), (2, 0.5)),
+        "a side that ends on the other": ((0, 0), (2, 0), (1, 0), (1, 1)),
+        "a common corner": ((0, 0), (1, 0), (0, 0), (0, 1)),
+        "two pieces of one line": ((0, 0), (2, 0), (1, 0), (3, 0)),
+    }
+    cases = {name: tuple(np.array(point, dtype=float) for point in four) for name, four in quadruples.items()}
+    mistakes = {
+        "the line through a and b must separate c and d, and the line through c and d must separate a and b: both": (
+            lambda a, b, c, d: apart(a, b, c, d),
+            lambda a, b, c, d: apart(c, d, a, b),
+        ),
+        "sides that only touch do not cross: the products must be negative, not zero": (
+            lambda a, b, c, d: bool(side(a, b, c) * side(a, b, d) <= 0 and side(c, d, a) * side(c, d, b) <= 0)
+        ),
+        "boxes around the sides may overlap although the sides do not cross": boxes_meet,
+        "one of the two conditions is not enough": lambda a, b, c, d: apart(a, b, c, d) or apart(c, d, a, b),
+        "the signs are exchanged: the product is negative if two points lie on different sides": (
+            lambda a, b, c, d: bool(side(a, b, c) * side(a, b, d) > 0 and side(c, d, a) * side(c, d, b) > 0)
+        ),
+    }
+    return Exercise(lambda a, b, c, d: apart(a, b, c, d) and apart(c, d, a, b), cases, mistakes)
+
+
+@exercise(stars=2)
+def divisions_needed() -> Exercise:
+    """Check ``function(edge, angle, lipschitz, bend, chord_arc)``: divisions until no faces can intersect."""
+
+    def shape(angle: float) -> float:
+        return max(2.0, 1 / math.sin(math.radians(angle)))
+
+    def fewest(product: float, base: float = 2.0) -> int:
+        k = 0
+        while not product < base**k:
+            k += 1
+        return k
+
+    quintuples = [
+        (0.3, 40.0, 2.0, 5.0, 1.6),
+        (0.3, 40.0, 0.5, 0.1, 1.6),  # fine enough
+        (1.0, 10.0, 1.0, 2.0, 3.0),  # thin triangles
+        (4.0, 60.0, 0.0, 1.0, 1.0),  # exactly eight
+        (2.0, 35.0, 3.0, 0.0, 2.0),  # an affine flow
+        (0.05, 50.0, 8.0, 20.0, 1.6),
+        (0.5, 25.0, 4.0, 3.0, 5.0),
+    ]
+    names = [f"edge {e}, angle {a}°, Λ {v}, B {b}, κ {k}" for e, a, v, b, k in quintuples]
+    mistakes = {
+        "the inequality is strict: where the product is a power of two, one more division is needed": (
+            lambda e, a, v, b, k: (
+                0 if e * k * shape(a) * b == 0 else max(0, math.ceil(math.log2(e * k * shape(a) * b * math.exp(v))))
+            )
+        ),
+        "a division halves the edges; it does not divide them by four": (
+            lambda e, a, v, b, k: fewest(e * k * shape(a) * b * math.exp(v), 4.0)
+        ),
+        "c_α is at least 2: the larger of 2 and 1 / sin α": (
+            lambda e, a, v, b, k: fewest(e * k / math.sin(math.radians(a)) * b * math.exp(v))
+        ),
+        "c_α is not always 2: for small angles 1 / sin α is larger": (
+            lambda e, a, v, b, k: fewest(e * k * 2 * b * math.exp(v))
+        ),
+        "the angle is in degrees, and math.sin takes radians": (
+            lambda e, a, v, b, k: fewest(e * k * max(2.0, 1 / abs(math.sin(a))) * b * math.exp(v))
+        ),
+        "the allowed edge is shorter for a stronger field: e^(−Λ) stands on the right, so e^Λ on the left": (
+            lambda e, a, v, b, k: fewest(e * k * shape(a) * b * math.exp(-v))
+        ),
+        "the chord-arc constant κ is missing": lambda e, a, v, b, k: fewest(e * shape(a) * b * math.exp(v)),
+        "the bound B of the second derivatives is missing": lambda e, a, v, b, k: fewest(
+            e * k * shape(a) * math.exp(v)
+        ),
+        "a mesh that is fine enough needs no division: 0, not a negative number": (
+            lambda e, a, v, b, k: math.floor(math.log2(max(1e-300, e * k * shape(a) * b * math.exp(v)))) + 1
+        ),
+        "a number of divisions is whole: round it up": (
+            lambda e, a, v, b, k: max(0.0, math.log2(max(1e-300, e * k * shape(a) * b * math.exp(v))))
+        ),
+    }
+    return Exercise(
+        lambda e, a, v, b, k: fewest(e * k * shape(a) * b * math.exp(v)), dict(zip(names, quintuples)), mistakes
+    )
+
+
+@exercise(stars=3)
+def pieces_needed() -> Exercise:
+    """Check ``function(length, bend, gap)``: the fewest equal pieces of a side whose chords stay within the gap."""
+
+    def pieces(length: float, bend: float, gap: float) -> int:
+        return max(1, math.ceil(length * math.sqrt(bend / (8 * gap))))
+
+    triples = [
+        (2.0, 11.0, 0.3),
+        (2.0, 0.5, 0.3),
+        (5.0, 2.0, 0.011),
+        (1.0, 40.0, 0.21),
+        (0.1, 1.0, 0.5),
+        (3.0, 7.0, 0.05),
+        (2.0, 8.0, 1.0),  # exactly two
+        (2.0, 0.0, 0.3),  # a straight side
+    ]
+    cases = {f"length {s}, bend {c}, gap {g}": (s, c, g) for s, c, g in triples}
+    mistakes = {
+        "the factor is wrong: a chord is farthest from its arc in the middle of the arc": (
+            lambda s, c, g: math.ceil(s * math.sqrt(c / 2 / g))
+        ),
+        "the distance between chord and arc has a factor 1/8": lambda s, c, g: math.ceil(s * math.sqrt(c / g)),
+        "that is the distance of one chord over the gap; it falls with the square of the number of pieces": (
+            lambda s, c, g: math.ceil(s**2 * c / 8 / g)
+        ),
+        "rounded down; the pieces are then too long": lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)),
+        "one too many where the number is whole already: round up instead of adding one": (
+            lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)) + 1
+        ),
+        "a straight side is one piece, not none": lambda s, c, g: math.ceil(s * math.sqrt(c / 8 / g)),
+        "a number of pieces is whole: round it up": lambda s, c, g: s * math.sqrt(c / 8 / g),
+        "length and curvature are exchanged": lambda s, c, g: math.ceil(c * math.sqrt(s / 8 / g)),
+    }
+    return Exercise(pieces, cases, mistakes)
 
 
 # Chapter 22: two points, the weights of a window, partial transport as a linear program.

@@ -8,6 +8,7 @@ from .flow import (
     FIELDS as FIELDS,
     bent_grid_figure as bent_grid_figure,
     cell_areas as cell_areas,
+    contour_data as contour_data,
     crossing_data as crossing_data,
     crossing_figure as crossing_figure,
     map_figure as map_figure,

@@ -358,3 +358,16 @@ def crossing_data(gap: float = 0.3) -> dict:
         reach = field.width if isinstance(field, Push) else field.radius
         fields[name] = {"strength": field.strength, "reach": reach, "lipschitz": float(field.lipschitz_bound())}
     return {"corners": two_triangles(gap).tolist(), "fields": fields, "time": 0.6, "steps": 8}
+
+
+def contour_data() -> dict:
+    """What the live figure ``contour`` needs, in mm: a contour with five folds, and circles with even and uneven edges."""
+    angles = 2 * np.pi * np.arange(160) / 160
+    target = (40 + 10 * np.cos(5 * angles))[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    even = 2 * np.pi * (np.arange(40) + 0.3) / 40
+    circles = {
+        name: 40 * np.stack([np.cos(at), np.sin(at)], axis=1)
+        for name, at in {"even": even, "uneven": even + 0.6 * np.sin(even)}.items()
+    }
+    starts = {name: points.round(3).tolist() for name, points in circles.items()}
+    return {"starts": starts, "target": target.round(3).tolist(), "lines": 24}
