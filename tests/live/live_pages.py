@@ -5,6 +5,7 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 
+from meshot import quasi_directions
 from meshot_book.figures.flows import crossing_data
 from meshot_book.live import Answer, live_figure
 
@@ -31,6 +32,25 @@ DATA = {
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
+    "scene": {
+        "scenes": {
+            "equal": {"source": RING.tolist(), "target": RING.tolist(), "flipped": [False] * 24},
+            "aside": {
+                "source": (30 * RING).tolist(),
+                "target": np.roll(RING * [40, 20], 5, axis=0).tolist(),
+                "flipped": [False] * 24,
+            },
+            "flips": {
+                "source": (40 * RING).tolist(),
+                "target": (40 * RING).tolist(),
+                "flipped": [k < 6 for k in range(24)],
+            },
+        },
+        "scene": "aside",
+        "blur": 10,
+        "normal_scale": 10,
+        "lines": {d: quasi_directions(16, d).tolist() for d in (2, 4)},
+    },
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],
         "target": [3.0, 4.4, 0.8, 7.2, 9.3],

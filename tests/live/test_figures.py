@@ -480,3 +480,85 @@ def test_the_calculator_interpolates_and_says_what_was_not_measured(opened):
     page.get_by_role("radio", name="compares").check()
     assert shown(page)["seconds"] == -1
     assert "not measured here (stopped at 100,000: time: 10000 s foretold)" in status(page)
+
+
+def points_and_normals(points, flipped=None):
+    """Points with their normals, ten units long and from the origin, and inwards where flipped."""
+    sign = 1 if flipped is None else np.where(flipped, -1, 1)[:, None]
+    return np.hstack([points, sign * 10 * points / np.linalg.norm(points, axis=1, keepdims=True)])
+
+
+def shifts_and_longest(x, y, lines, blur, reach=math.inf):
+    """Equivalent shift of four losses, and the longest descent direction, in positions: by POT and the library."""
+    n, d = x.shape
+    costs = np.minimum(((x[:, None] - y) ** 2).sum(axis=2), reach**2)
+    plan = ot.emd([], [], costs)
+    partial = 2 * np.where(costs < reach**2, plan, 0)[:, :, None] * (x[:, None] - y)
+
+    def entropic(u, v):
+        c = ((u[:, None] - v) ** 2).sum(axis=2)
+        plan = ot.sinkhorn([], [], c, 2 * blur**2, method="sinkhorn_log", stopThr=1e-13, numItermax=100_000)
+        kl = (plan * np.log(np.maximum(plan, 1e-300) * n * n)).sum()
+        return (plan * c).sum() + 2 * blur**2 * kl, plan
+
+    (across, there), (own, here), (other, _) = (entropic(*pair) for pair in ((x, y), (x, x), (y, y)))
+    smooth = 2 * (here @ x - there @ y)
+    found = {"exact": ((costs * plan).sum(), partial.sum(axis=1)), "Sinkhorn": (across - (own + other) / 2, smooth)}
+    losses = {"Chamfer": meshot.chamfer, "sliced": lambda u, v: meshot.sliced_wasserstein(u, v, torch.tensor(lines))}
+    for name, loss in losses.items():
+        places = torch.tensor(x, requires_grad=True)
+        value = loss(places, torch.tensor(y))
+        found[name] = value.item(), torch.autograd.grad(value, places)[0].numpy()
+    factors = {"Chamfer": 0.5, "sliced": d}
+    return {
+        name: (
+            math.sqrt(max(0, factors.get(name, 1) * value)),
+            factors.get(name, 1) * n / 2 * np.linalg.norm(gradient[:, :2], axis=1),
+        )
+        for name, (value, gradient) in found.items()
+    }
+
+
+def test_the_arrows_of_four_losses_are_those_of_the_library(opened):
+    page, data = opened("scene", 400), DATA["scene"]
+
+    def agrees(scene, y, normals=False, blur=10, reach=math.inf):
+        x = np.array(data["scenes"][scene]["source"])
+        if normals:
+            x, y = points_and_normals(x), points_and_normals(np.array(y), data["scenes"][scene]["flipped"])
+        right = shifts_and_longest(x, np.array(y), data["lines"][x.shape[1]], blur, reach)
+        now = shown(page)
+        for name, (shift, lengths) in right.items():
+            rel = 1e-5 if name == "Sinkhorn" else 1e-9
+            assert now[f"{name}Shift"] == pytest.approx(shift, rel=rel, abs=1e-4), name
+            assert now[f"{name}Longest"] == pytest.approx(lengths.max(), rel=10 * rel, abs=1e-3), name
+            assert now[f"{name}Moved"] == (lengths > 1).sum(), name
+        return right
+
+    target = np.array(data["scenes"]["aside"]["target"])
+    whole = agrees("aside", target)
+    page.get_by_role("slider", name="blur").fill("20")
+    agrees("aside", target, blur=20)
+    page.get_by_role("slider", name="blur").fill("10")
+    page.get_by_role("slider", name="reach").fill("10")
+    assert agrees("aside", target, reach=10)["exact"][0] < whole["exact"][0]
+    assert "within 10 mm only" in status(page)
+    page.get_by_role("slider", name="reach").fill("150")
+    points = page.get_by_role("slider", name="target points, under sliced")
+    points.focus()
+    page.keyboard.press("Shift+ArrowRight")
+    page.keyboard.press("Shift+ArrowUp")
+    moved = target.copy()
+    moved[0] = np.clip(moved[0] + [20, 20], -48, [126, 48])
+    np.testing.assert_allclose(page.locator(".live-figure").evaluate("node => node.state.target"), moved)
+    agrees("aside", moved)
+    # Flipped normals: 20 units each for a quarter of the mass.
+    page.get_by_role("radio", name="flips").check()
+    assert page.get_by_role("checkbox", name="compare normals").is_checked()
+    right = agrees("flips", data["scenes"]["flips"]["target"], normals=True)
+    assert right["exact"][0] == pytest.approx(10)
+    assert right["exact"][1].max() == 0
+    page.get_by_role("button", name="flip the normal").click()
+    assert shown(page)["exactShift"] == pytest.approx(math.sqrt(5 / 24) * 20)
+    page.get_by_role("checkbox", name="compare normals").uncheck()
+    assert shown(page)["exactShift"] == 0

@@ -240,6 +240,32 @@ def test_sinkhorn(found):
         close(one["divergence"], value)
 
 
+def test_sinkhorn_between_points_of_equal_mass(found):
+    generator, cases, right, slopes = np.random.default_rng(12), [], [], []
+    for _ in range(N_PROBLEMS):
+        n, m, d = generator.integers(1, 9, size=3)
+        x, y, way = (generator.normal(size=(k, d)) / 2 for k in (n, m, n))
+        a, b, blur = np.full(n, 1 / n), np.full(m, 1 / m), float(generator.uniform(0.5, 2))
+        cases.append([x.tolist(), y.tolist(), blur])
+        right.append(divergence(x, a, y, b, 2, blur))
+        ahead, back = (divergence(x + h * way, a, y, b, 2, blur) for h in (1e-4, -1e-4))
+        slopes.append((way, (ahead - back) / 2e-4))
+    ours = found(
+        """([x, y, blur]) => {
+          const whole = sinkhornLoss(x, y, { blur });
+          const moved = y.map((point) => point.map((value) => value + 0.1));
+          const starts = sinkhornLoss(x, moved, { blur, tolerance: 1e-3 }).potentials;
+          return [whole, sinkhornLoss(x, y, { blur, starts })];
+        }""",
+        cases,
+    )
+    for (whole, started), value, (way, slope) in zip(ours, right, slopes):
+        close([whole["cost"], started["cost"]], value)
+        close(started["gradient"], whole["gradient"])
+        # The differences of the reference have an error of h² and of rounding over h.
+        assert np.sum(np.array(whole["gradient"]) * way) == pytest.approx(slope, rel=1e-5, abs=1e-6)
+
+
 def entropic(x, a, y, b, p, blur):
     """Plan and cost of POT, which knows nothing of GeomLoss or of us."""
     costs = np.linalg.norm(x[:, None] - y, axis=2) ** p
