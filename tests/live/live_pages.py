@@ -15,6 +15,8 @@ ANGLES = math.pi * (0.5 + (2 * np.arange(24) + 1) / 24)
 CORNERS = [[np.cos(t) * r, np.sin(t) * r] for k in range(10) for t, r in [(np.pi * (k / 5 + 0.5), (1.5, 0.5)[k % 2])]]
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
 CLOUDS = {name: GENERATOR.normal(size=(9, 2)) + shift for name, shift in (("source", [0.5, 0]), ("target", [-1, 0.3]))}
+FAULTS = ["crowded 3 : 1", "a quarter missing", "a tenth far away", "one outlier"]
+FAULTS += ["bump of 6 mm", "moved by 3 mm", "a quarter flipped"]
 #: Name of the script → its data.
 DATA = {
     "calculator": {
@@ -31,6 +33,16 @@ DATA = {
     },
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
+    "power": {
+        "fault": "one outlier",
+        "points": 30,
+        "pairs": 48,
+        "powers": {fault: [0.5, 0.25, 1] for fault in FAULTS},
+        "radius": 40,
+        "normal_scale": 10,
+        "bump": (40 * RING * np.where(np.arange(24) == 3, 1.15, 1)[:, None]).tolist(),
+        "lines": {d: quasi_directions(16, d).tolist() for d in (2, 4)},
+    },
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
     "scene": {
         "scenes": {

@@ -11,6 +11,7 @@ import ot
 import pytest
 import torch
 from live_pages import ANSWERS, DATA, live_page_of
+from test_numbers import mulberry
 
 import meshot
 from browser import AXE, UNREACHED, page_file, set_width, watched_page
@@ -504,7 +505,8 @@ def shifts_and_longest(x, y, lines, blur, reach=math.inf):
     (across, there), (own, here), (other, _) = (entropic(*pair) for pair in ((x, y), (x, x), (y, y)))
     smooth = 2 * (here @ x - there @ y)
     found = {"exact": ((costs * plan).sum(), partial.sum(axis=1)), "Sinkhorn": (across - (own + other) / 2, smooth)}
-    losses = {"Chamfer": meshot.chamfer, "sliced": lambda u, v: meshot.sliced_wasserstein(u, v, torch.tensor(lines))}
+    lines = torch.tensor(lines, dtype=torch.float64)
+    losses = {"Chamfer": meshot.chamfer, "sliced": lambda u, v: meshot.sliced_wasserstein(u, v, lines)}
     for name, loss in losses.items():
         places = torch.tensor(x, requires_grad=True)
         value = loss(places, torch.tensor(y))
@@ -529,9 +531,9 @@ def test_the_arrows_of_four_losses_are_those_of_the_library(opened):
         right = shifts_and_longest(x, np.array(y), data["lines"][x.shape[1]], blur, reach)
         now = shown(page)
         for name, (shift, lengths) in right.items():
-            rel = 1e-5 if name == "Sinkhorn" else 1e-9
-            assert now[f"{name}Shift"] == pytest.approx(shift, rel=rel, abs=1e-4), name
-            assert now[f"{name}Longest"] == pytest.approx(lengths.max(), rel=10 * rel, abs=1e-3), name
+            rel, near = (1e-5, 1e-3) if name == "Sinkhorn" else (1e-9, 1e-8)
+            assert now[f"{name}Shift"] == pytest.approx(shift, rel=rel, abs=near), name
+            assert now[f"{name}Longest"] == pytest.approx(lengths.max(), rel=10 * rel, abs=near), name
             assert now[f"{name}Moved"] == (lengths > 1).sum(), name
         return right
 
@@ -562,3 +564,65 @@ def test_the_arrows_of_four_losses_are_those_of_the_library(opened):
     assert shown(page)["exactShift"] == pytest.approx(math.sqrt(5 / 24) * 20)
     page.get_by_role("checkbox", name="compare normals").uncheck()
     assert shown(page)["exactShift"] == 0
+
+
+def drawn_sample(fault, n, seed, spacing):
+    """One sample of the figure on power, from the same uniform numbers."""
+    data, u = DATA["power"], mulberry(seed, 500)
+    tail = {"a tenth far away": n // 10, "one outlier": 1}.get(fault, 0)
+    used, n = (1 if spacing == "even" else n - tail), n - tail
+    share = (np.arange(n) + u[0]) / n if spacing == "even" else np.array(u[:n])
+    turn = share
+    if fault == "crowded 3 : 1":
+        turn = np.where(share < 0.75, -0.25 + share / 0.75 / 2, 0.25 + (share - 0.75) / 0.25 / 2)
+    if fault == "a quarter missing":
+        turn = share * 0.75
+    points = 40 * np.stack([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], axis=1)
+    if fault == "a tenth far away":
+        pairs = np.array(u[used : used + 4 * tail]).reshape(-1, 2)
+        drawn = np.sqrt(-2 * np.log1p(-pairs[:, 0])) * np.cos(2 * np.pi * pairs[:, 1])
+        points = np.vstack([points, [100, 0] + 4 * drawn.reshape(-1, 2)])
+    if fault == "one outlier":
+        points = np.vstack([points, [120, 0]])
+    if fault == "bump of 6 mm":
+        ends = np.vstack([data["bump"], data["bump"][:1]])
+        along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(ends, axis=0), axis=1))])
+        points = np.stack([np.interp(share * along[-1], along, ends[:, k]) for k in (0, 1)], axis=1)
+    if fault == "moved by 3 mm":
+        points = points + np.array([3, 0])
+    if "flipped" in fault or fault == "(normals)":
+        points = points_and_normals(points, (turn < 0.25) & (fault != "(normals)"))
+    return points
+
+
+def values_of_pairs(fault, n, spacing, count):
+    """Equivalent shifts of three losses for pairs without and with a fault."""
+    without = "(normals)" if "flipped" in fault else "(no fault)"
+    found = []
+    for k in range(count):
+        first = drawn_sample(without, n, 2 * k, spacing)
+        for second in (drawn_sample(without, n, 2 * k + 1, spacing), drawn_sample(fault, n, 2 * k + 1, spacing)):
+            d = first.shape[1]
+            sliced = meshot.sliced_wasserstein(
+                first, second, torch.tensor(DATA["power"]["lines"][d], dtype=torch.float64)
+            )
+            costs = meshot.chamfer(first, second) / 2, meshot.wasserstein(first, second), d * sliced
+            found.append([math.sqrt(float(cost)) for cost in costs])
+    return np.array(found).reshape(count, 2, 3)
+
+
+@pytest.mark.parametrize("spacing", ["random", "even"])
+def test_power_is_that_of_the_same_samples_in_python(spacing, opened):
+    page, data = opened("power", 400), DATA["power"]
+    page.get_by_role("radio", name=spacing).check()
+    for fault in data["powers"]:
+        page.get_by_role("radio", name=fault).check()
+        page.evaluate("() => { for (let k = 0; k < 60; k += 1) document.querySelector('.once').click(); }")
+        assert shown(page)["pairs"] == 48
+        values = values_of_pairs(fault, 30, spacing, 48)
+        limits = np.quantile(values[:, 0], 0.95, axis=0)
+        for k, name in enumerate(("Chamfer", "exact", "sliced")):
+            assert shown(page)[f"{name}Floor"] == pytest.approx(values[:, 0, k].mean(), rel=1e-9)
+            assert shown(page)[f"{name}Limit"] == pytest.approx(limits[k], rel=1e-9)
+            assert shown(page)[f"{name}Power"] == np.mean(values[:, 1, k] > limits[k])
+        assert ("table 0.25" in status(page)) is (spacing == "random")

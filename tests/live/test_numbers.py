@@ -245,7 +245,7 @@ def test_sinkhorn_between_points_of_equal_mass(found):
     for _ in range(N_PROBLEMS):
         n, m, d = generator.integers(1, 9, size=3)
         x, y, way = (generator.normal(size=(k, d)) / 2 for k in (n, m, n))
-        a, b, blur = np.full(n, 1 / n), np.full(m, 1 / m), float(generator.uniform(0.5, 2))
+        a, b, blur = np.full(n, 1 / n), np.full(m, 1 / m), float(generator.uniform(1, 2))
         cases.append([x.tolist(), y.tolist(), blur])
         right.append(divergence(x, a, y, b, 2, blur))
         ahead, back = (divergence(x + h * way, a, y, b, 2, blur) for h in (1e-4, -1e-4))
