@@ -70,6 +70,7 @@ DATA = {
         "target_masses": [2, 1, 1, 1, 4],
         "exponent": 2,
     },
+    "tent": {"corners": [[-1.2, -0.6], [1.3, -0.3], [-0.5, 1.2]], "angle": 10},
     "turning": {name: points.round(4).tolist() for name, points in CLOUDS.items()} | {"angle": 30},
 }
 

@@ -15,7 +15,8 @@ from test_numbers import mulberry
 
 import meshot
 from browser import AXE, UNREACHED, page_file, set_width, watched_page
-from meshot.mesh import circle, even_points
+from meshot.loss.exact import projected_law
+from meshot.mesh import circle, even_points, split_in_four
 from meshot.view.page import joined
 from meshot_book.examples.counterexample import crossing_sides
 from meshot_book.figures.flows import FIELDS, outlines, two_triangles
@@ -626,3 +627,71 @@ def test_power_is_that_of_the_same_samples_in_python(spacing, opened):
             assert shown(page)[f"{name}Limit"] == pytest.approx(limits[k], rel=1e-9)
             assert shown(page)[f"{name}Power"] == np.mean(values[:, 1, k] > limits[k])
         assert ("table 0.25" in status(page)) is (spacing == "random")
+    limits = []
+    for _ in range(3):
+        page.get_by_role("button", name="other samples").click()
+        limits.append(shown(page)["exactLimit"])
+    assert len(set(limits)) == 3
+
+
+def tent_in_python(corners, angle, n, seed):
+    """Law of a triangle in the plane, and distances of n² samples and of n² barycentres to it."""
+    flat = torch.tensor([[*corner, 0] for corner in corners], dtype=torch.float64)
+    triangle = meshot.Mesh(flat, torch.tensor([[0, 1, 2]]))
+    radians = math.radians(angle)
+    axis = torch.tensor([math.cos(radians), math.sin(radians), 0], dtype=torch.float64)
+    shares = np.array(mulberry(seed, 2 * n * n)).reshape(-1, 2)
+    shares = np.where(shares.sum(axis=1, keepdims=True) > 1, 1 - shares, shares)
+    drawn = flat[0] + torch.tensor(shares) @ (flat[1:] - flat[0])
+    parts = flat, triangle.faces
+    for _ in range(int(math.log2(n))):
+        parts = split_in_four(*parts)
+    clouds = {"samples": drawn, "barycentres": parts[0][parts[1]].mean(dim=1)}
+    measure = meshot.surface(triangle)
+    costs = {
+        name: float(meshot.sliced_wasserstein(meshot.DiscreteMeasure(points), measure, axis[None]))
+        for name, points in clouds.items()
+    }
+    return projected_law(measure, axis), {name: math.sqrt(cost) for name, cost in costs.items()}
+
+
+def test_the_tent_is_the_law_of_the_library(opened):
+    page = opened("tent")
+
+    def agrees(n=2, seed=0):
+        corners, angle = page.locator(".live-figure").evaluate("node => [node.state.corners, node.state.angle]")
+        law, own = tent_in_python(corners, angle, n, seed)
+        now = shown(page)
+        assert [now["low"], now["high"]] == pytest.approx([law.starts[0], law.starts[-1] + law.extents[-1]], abs=1e-12)
+        assert now["peak"] == pytest.approx(law.density(np.array([now["middle"]]))[0], rel=1e-9)
+        for name, value in own.items():
+            assert now[name] == pytest.approx(value, rel=1e-9)
+        return now
+
+    before = agrees()
+    for n, seed in ((1, 0), (8, 0), (4, 1)):
+        page.get_by_role("slider", name="samples and parts").fill(str(n))
+        if seed:
+            page.get_by_role("button", name="other samples").click()
+        now = agrees(n, seed)
+        if n == 1:  # the standard deviation of a tent, in closed form
+            p = np.array([now["low"], now["middle"], now["high"]])
+            assert now["barycentres"] ** 2 == pytest.approx((p @ p - p[0] * p[1] - p[1] * p[2] - p[2] * p[0]) / 18)
+    # A corner moves at a right angle to the line: the tent stays.
+    page.get_by_role("slider", name="angle", exact=True).fill("0")
+    first = shown(page)
+    corners = page.get_by_role("slider", name="corners")
+    corners.focus()
+    page.keyboard.press("Shift+ArrowDown")
+    assert agrees(4, 1)["peak"] == first["peak"]
+    page.keyboard.press("Shift+ArrowLeft")
+    assert agrees(4, 1)["peak"] < first["peak"]
+    assert before["peak"] != first["peak"]
+    # It cannot be made flat.
+    page.keyboard.press("PageDown")
+    for key in ("ArrowLeft", "ArrowDown"):
+        for _ in range(40):
+            page.keyboard.press(key)
+            page.keyboard.press("Shift+" + key)
+    assert shown(page)["peak"] > 0
+    agrees(4, 1)

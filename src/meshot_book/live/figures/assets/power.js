@@ -117,7 +117,7 @@ export function main(root, data) {
       { kind: "choice", key: "fault", label: "Fault", options: Object.keys(scenes) },
       { kind: "choice", key: "spacing", label: "Samples", options: ["random", "even"] },
       { kind: "range", key: "points", label: "points", min: 30, max: 120, step: 30 },
-      { kind: "button", key: "seed", label: "other samples", press: () => (state.seed += 1) },
+      { kind: "button", label: "other samples", press: () => (state.seed += 1) },
     ],
   });
 }
