@@ -33,6 +33,7 @@ DATA = {
     },
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
+    "normals": {"power": -0.5, "gap": 2, "lines": 60, "seed": 1},
     "power": {
         "fault": "one outlier",
         "points": 30,

@@ -695,3 +695,40 @@ def test_the_tent_is_the_law_of_the_library(opened):
             page.keyboard.press("Shift+" + key)
     assert shown(page)["peak"] > 0
     agrees(4, 1)
+
+
+def sheets(gap, apart):
+    """Two parallel squares of 128 triangles, with normals that point away from each other or towards each other."""
+    side = torch.tensor([[0.0, 0, 0], [0, 20, 0], [0, 20, 20], [0, 0, 20]], dtype=torch.float64)
+    places, faces = side, torch.tensor([[0, 1, 2], [0, 2, 3]])
+    for _ in range(3):
+        places, faces = split_in_four(places, faces)
+    other = places + torch.tensor([gap, 0.0, 0.0], dtype=torch.float64)
+    both = torch.cat([faces.flip(1), faces + len(places)])
+    return meshot.Mesh(torch.cat([places, other]), both if apart else both.flip(1))
+
+
+def test_normals_move_the_blade_as_the_library_says(opened):
+    page = opened("normals")
+    lines = torch.tensor(
+        page.evaluate(f"() => {{ {joined(f'{ASSETS}/frames.js')} return orthogonalDirections(60, 6, generator(1)); }}"),
+        dtype=torch.float64,
+    )
+    for gap, power in ((2, -0.5), (2, 0), (2, 0.3), (4, 0.3), (1, 1)):
+        page.get_by_role("radio", name=f"{gap} mm").check()
+        page.get_by_role("slider", name="length of a normal").fill(str(power))
+        s, (blade, slit) = 10**power, (sheets(gap, apart) for apart in (True, False))
+        places = meshot.varifold(blade, normal_scale=s).points.clone().requires_grad_()
+        target = meshot.varifold(slit, normal_scale=s)
+        cost = 6 * meshot.sliced_wasserstein(meshot.DiscreteMeasure(places), target, lines)
+        (gradient,) = torch.autograd.grad(cost, places)
+        now = shown(page)
+        assert now["length"] == pytest.approx(s)
+        assert now["sliced"] == pytest.approx(cost.item(), rel=1e-9)
+        back = -gradient[places.detach()[:, 0] < gap / 2, 0].sum().item()
+        assert now["slicedShare"] == pytest.approx(back / gap, rel=1e-9)
+        assert now["exact"] == pytest.approx(min(4 * s**2, gap**2))
+        if 2 * s == gap:
+            assert "undecided" in status(page)
+        else:
+            assert now["exactShare"] == pytest.approx(float(2 * s > gap), abs=1e-12)

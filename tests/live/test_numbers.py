@@ -25,6 +25,7 @@ MODULES = (
     "assignment",
     "sinkhorn",
     "projection",
+    "frames",
     "distribution",
     "flow",
 )
@@ -515,3 +516,21 @@ def test_even_directions(found):
         lines, spiral = np.array(rows), fibonacci_spiral(count, 3, 0)
         close(lines @ lines.T, spiral @ spiral.T)
         close(np.linalg.det(lines[:3]), np.linalg.det(spiral[:3])) if count > 2 else None
+
+
+def test_orthogonal_blocks(found):
+    generator = np.random.default_rng(13)
+    cases = [[int(generator.integers(1, 40)), int(generator.integers(2, 7)), seed] for seed in range(N_PROBLEMS)]
+    ours = found("([count, d, seed]) => orthogonalDirections(count, d, generator(seed))", cases)
+    for (count, d, seed), rows in zip(cases, ours):
+        n_blocks = -(-count // d)
+        u = np.array(mulberry(seed, 2 * n_blocks * d * d)).reshape(n_blocks, d, d, 2)
+        normals = np.sqrt(-2 * np.log1p(-u[..., 0])) * np.cos(2 * math.pi * u[..., 1])
+        # Gram and Schmidt: the QR decomposition with a positive diagonal.
+        q, r = np.linalg.qr(normals.transpose(0, 2, 1))
+        q = q * np.sign(np.diagonal(r, axis1=1, axis2=2))[:, None, :]
+        np.testing.assert_allclose(rows, q.transpose(0, 2, 1).reshape(-1, d)[:count], atol=1e-7)
+        lines = np.array(rows)
+        close(np.linalg.norm(lines, axis=1), 1)
+        whole = lines[: count // d * d]
+        close(whole.T @ whole, np.eye(d) * (count // d))
