@@ -17,6 +17,12 @@ import meshot
 from browser import AXE, SET_THEME, UNREACHED, page_file, set_width, watched_page
 from meshot.flow import integrate
 from meshot.mesh import circle, even_points
+from test_numbers import mulberry
+
+import meshot
+from browser import AXE, UNREACHED, page_file, set_width, watched_page
+from meshot.loss.exact import projected_law
+from meshot.mesh import circle, even_points, split_in_four
 from meshot.view.page import joined
 from meshot_book.examples import Drifting
 from meshot_book.examples.counterexample import crossing_sides
@@ -653,3 +659,251 @@ def test_windows_and_the_whole_follow_what_is_needed_as_the_library_says(p, phas
     assert seen[0]["whole"] < 0.25 < 0.65 < seen[0]["windows"]
     assert seen[2]["whole"] > 0.55
     assert seen[0]["share"] > 2 * seen[0]["whole"] or p == 2
+def points_and_normals(points, flipped=None):
+    """Points with their normals, ten units long and from the origin, and inwards where flipped."""
+    sign = 1 if flipped is None else np.where(flipped, -1, 1)[:, None]
+    return np.hstack([points, sign * 10 * points / np.linalg.norm(points, axis=1, keepdims=True)])
+
+
+def shifts_and_longest(x, y, lines, blur, reach=math.inf):
+    """Equivalent shift of four losses, and the longest descent direction, in positions: by POT and the library."""
+    n, d = x.shape
+    costs = np.minimum(((x[:, None] - y) ** 2).sum(axis=2), reach**2)
+    plan = ot.emd([], [], costs)
+    partial = 2 * np.where(costs < reach**2, plan, 0)[:, :, None] * (x[:, None] - y)
+
+    def entropic(u, v):
+        c = ((u[:, None] - v) ** 2).sum(axis=2)
+        plan = ot.sinkhorn([], [], c, 2 * blur**2, method="sinkhorn_log", stopThr=1e-13, numItermax=100_000)
+        kl = (plan * np.log(np.maximum(plan, 1e-300) * n * n)).sum()
+        return (plan * c).sum() + 2 * blur**2 * kl, plan
+
+    (across, there), (own, here), (other, _) = (entropic(*pair) for pair in ((x, y), (x, x), (y, y)))
+    smooth = 2 * (here @ x - there @ y)
+    found = {"exact": ((costs * plan).sum(), partial.sum(axis=1)), "Sinkhorn": (across - (own + other) / 2, smooth)}
+    lines = torch.tensor(lines, dtype=torch.float64)
+    losses = {"Chamfer": meshot.chamfer, "sliced": lambda u, v: meshot.sliced_wasserstein(u, v, lines)}
+    for name, loss in losses.items():
+        places = torch.tensor(x, requires_grad=True)
+        value = loss(places, torch.tensor(y))
+        found[name] = value.item(), torch.autograd.grad(value, places)[0].numpy()
+    factors = {"Chamfer": 0.5, "sliced": d}
+    return {
+        name: (
+            math.sqrt(max(0, factors.get(name, 1) * value)),
+            factors.get(name, 1) * n / 2 * np.linalg.norm(gradient[:, :2], axis=1),
+        )
+        for name, (value, gradient) in found.items()
+    }
+
+
+def test_the_arrows_of_four_losses_are_those_of_the_library(opened):
+    page, data = opened("scene", 400), DATA["scene"]
+
+    def agrees(scene, y, normals=False, blur=10, reach=math.inf):
+        x = np.array(data["scenes"][scene]["source"])
+        if normals:
+            x, y = points_and_normals(x), points_and_normals(np.array(y), data["scenes"][scene]["flipped"])
+        right = shifts_and_longest(x, np.array(y), data["lines"][x.shape[1]], blur, reach)
+        now = shown(page)
+        for name, (shift, lengths) in right.items():
+            rel, near = (1e-5, 1e-3) if name == "Sinkhorn" else (1e-9, 1e-8)
+            assert now[f"{name}Shift"] == pytest.approx(shift, rel=rel, abs=near), name
+            assert now[f"{name}Longest"] == pytest.approx(lengths.max(), rel=10 * rel, abs=near), name
+            assert now[f"{name}Moved"] == (lengths > 1).sum(), name
+        return right
+
+    target = np.array(data["scenes"]["aside"]["target"])
+    whole = agrees("aside", target)
+    page.get_by_role("slider", name="blur").fill("20")
+    agrees("aside", target, blur=20)
+    page.get_by_role("slider", name="blur").fill("10")
+    page.get_by_role("slider", name="reach").fill("10")
+    assert agrees("aside", target, reach=10)["exact"][0] < whole["exact"][0]
+    assert "within 10 mm only" in status(page)
+    page.get_by_role("slider", name="reach").fill("150")
+    points = page.get_by_role("slider", name="target points, under sliced")
+    points.focus()
+    page.keyboard.press("Shift+ArrowRight")
+    page.keyboard.press("Shift+ArrowUp")
+    moved = target.copy()
+    moved[0] = np.clip(moved[0] + [20, 20], -48, [126, 48])
+    np.testing.assert_allclose(page.locator(".live-figure").evaluate("node => node.state.target"), moved)
+    agrees("aside", moved)
+    # Flipped normals: 20 units each for a quarter of the mass.
+    page.get_by_role("radio", name="flips").check()
+    assert page.get_by_role("checkbox", name="compare normals").is_checked()
+    right = agrees("flips", data["scenes"]["flips"]["target"], normals=True)
+    assert right["exact"][0] == pytest.approx(10)
+    assert right["exact"][1].max() == 0
+    page.get_by_role("button", name="flip the normal").click()
+    assert shown(page)["exactShift"] == pytest.approx(math.sqrt(5 / 24) * 20)
+    page.get_by_role("checkbox", name="compare normals").uncheck()
+    assert shown(page)["exactShift"] == 0
+
+
+def drawn_sample(fault, n, seed, spacing):
+    """One sample of the figure on power, from the same uniform numbers."""
+    data, u = DATA["power"], mulberry(seed, 500)
+    tail = {"a tenth far away": n // 10, "one outlier": 1}.get(fault, 0)
+    used, n = (1 if spacing == "even" else n - tail), n - tail
+    share = (np.arange(n) + u[0]) / n if spacing == "even" else np.array(u[:n])
+    turn = share
+    if fault == "crowded 3 : 1":
+        turn = np.where(share < 0.75, -0.25 + share / 0.75 / 2, 0.25 + (share - 0.75) / 0.25 / 2)
+    if fault == "a quarter missing":
+        turn = share * 0.75
+    points = 40 * np.stack([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], axis=1)
+    if fault == "a tenth far away":
+        pairs = np.array(u[used : used + 4 * tail]).reshape(-1, 2)
+        drawn = np.sqrt(-2 * np.log1p(-pairs[:, 0])) * np.cos(2 * np.pi * pairs[:, 1])
+        points = np.vstack([points, [100, 0] + 4 * drawn.reshape(-1, 2)])
+    if fault == "one outlier":
+        points = np.vstack([points, [120, 0]])
+    if fault == "bump of 6 mm":
+        ends = np.vstack([data["bump"], data["bump"][:1]])
+        along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(ends, axis=0), axis=1))])
+        points = np.stack([np.interp(share * along[-1], along, ends[:, k]) for k in (0, 1)], axis=1)
+    if fault == "moved by 3 mm":
+        points = points + np.array([3, 0])
+    if "flipped" in fault or fault == "(normals)":
+        points = points_and_normals(points, (turn < 0.25) & (fault != "(normals)"))
+    return points
+
+
+def values_of_pairs(fault, n, spacing, count):
+    """Equivalent shifts of three losses for pairs without and with a fault."""
+    without = "(normals)" if "flipped" in fault else "(no fault)"
+    found = []
+    for k in range(count):
+        first = drawn_sample(without, n, 2 * k, spacing)
+        for second in (drawn_sample(without, n, 2 * k + 1, spacing), drawn_sample(fault, n, 2 * k + 1, spacing)):
+            d = first.shape[1]
+            sliced = meshot.sliced_wasserstein(
+                first, second, torch.tensor(DATA["power"]["lines"][d], dtype=torch.float64)
+            )
+            costs = meshot.chamfer(first, second) / 2, meshot.wasserstein(first, second), d * sliced
+            found.append([math.sqrt(float(cost)) for cost in costs])
+    return np.array(found).reshape(count, 2, 3)
+
+
+@pytest.mark.parametrize("spacing", ["random", "even"])
+def test_power_is_that_of_the_same_samples_in_python(spacing, opened):
+    page, data = opened("power", 400), DATA["power"]
+    page.get_by_role("radio", name=spacing).check()
+    for fault in data["powers"]:
+        page.get_by_role("radio", name=fault).check()
+        page.evaluate("() => { for (let k = 0; k < 60; k += 1) document.querySelector('.once').click(); }")
+        assert shown(page)["pairs"] == 48
+        values = values_of_pairs(fault, 30, spacing, 48)
+        limits = np.quantile(values[:, 0], 0.95, axis=0)
+        for k, name in enumerate(("Chamfer", "exact", "sliced")):
+            assert shown(page)[f"{name}Floor"] == pytest.approx(values[:, 0, k].mean(), rel=1e-9)
+            assert shown(page)[f"{name}Limit"] == pytest.approx(limits[k], rel=1e-9)
+            assert shown(page)[f"{name}Power"] == np.mean(values[:, 1, k] > limits[k])
+        assert ("table 0.25" in status(page)) is (spacing == "random")
+    limits = []
+    for _ in range(3):
+        page.get_by_role("button", name="other samples").click()
+        limits.append(shown(page)["exactLimit"])
+    assert len(set(limits)) == 3
+
+
+def tent_in_python(corners, angle, n, seed):
+    """Law of a triangle in the plane, and distances of n² samples and of n² barycentres to it."""
+    flat = torch.tensor([[*corner, 0] for corner in corners], dtype=torch.float64)
+    triangle = meshot.Mesh(flat, torch.tensor([[0, 1, 2]]))
+    radians = math.radians(angle)
+    axis = torch.tensor([math.cos(radians), math.sin(radians), 0], dtype=torch.float64)
+    shares = np.array(mulberry(seed, 2 * n * n)).reshape(-1, 2)
+    shares = np.where(shares.sum(axis=1, keepdims=True) > 1, 1 - shares, shares)
+    drawn = flat[0] + torch.tensor(shares) @ (flat[1:] - flat[0])
+    parts = flat, triangle.faces
+    for _ in range(int(math.log2(n))):
+        parts = split_in_four(*parts)
+    clouds = {"samples": drawn, "barycentres": parts[0][parts[1]].mean(dim=1)}
+    measure = meshot.surface(triangle)
+    costs = {
+        name: float(meshot.sliced_wasserstein(meshot.DiscreteMeasure(points), measure, axis[None]))
+        for name, points in clouds.items()
+    }
+    return projected_law(measure, axis), {name: math.sqrt(cost) for name, cost in costs.items()}
+
+
+def test_the_tent_is_the_law_of_the_library(opened):
+    page = opened("tent")
+
+    def agrees(n=2, seed=0):
+        corners, angle = page.locator(".live-figure").evaluate("node => [node.state.corners, node.state.angle]")
+        law, own = tent_in_python(corners, angle, n, seed)
+        now = shown(page)
+        assert [now["low"], now["high"]] == pytest.approx([law.starts[0], law.starts[-1] + law.extents[-1]], abs=1e-12)
+        assert now["peak"] == pytest.approx(law.density(np.array([now["middle"]]))[0], rel=1e-9)
+        for name, value in own.items():
+            assert now[name] == pytest.approx(value, rel=1e-9)
+        return now
+
+    before = agrees()
+    for n, seed in ((1, 0), (8, 0), (4, 1)):
+        page.get_by_role("slider", name="samples and parts").fill(str(n))
+        if seed:
+            page.get_by_role("button", name="other samples").click()
+        now = agrees(n, seed)
+        if n == 1:  # the standard deviation of a tent, in closed form
+            p = np.array([now["low"], now["middle"], now["high"]])
+            assert now["barycentres"] ** 2 == pytest.approx((p @ p - p[0] * p[1] - p[1] * p[2] - p[2] * p[0]) / 18)
+    # A corner moves at a right angle to the line: the tent stays.
+    page.get_by_role("slider", name="angle", exact=True).fill("0")
+    first = shown(page)
+    corners = page.get_by_role("slider", name="corners")
+    corners.focus()
+    page.keyboard.press("Shift+ArrowDown")
+    assert agrees(4, 1)["peak"] == first["peak"]
+    page.keyboard.press("Shift+ArrowLeft")
+    assert agrees(4, 1)["peak"] < first["peak"]
+    assert before["peak"] != first["peak"]
+    # It cannot be made flat.
+    page.keyboard.press("PageDown")
+    for key in ("ArrowLeft", "ArrowDown"):
+        for _ in range(40):
+            page.keyboard.press(key)
+            page.keyboard.press("Shift+" + key)
+    assert shown(page)["peak"] > 0
+    agrees(4, 1)
+
+
+def sheets(gap, apart):
+    """Two parallel squares of 128 triangles, with normals that point away from each other or towards each other."""
+    side = torch.tensor([[0.0, 0, 0], [0, 20, 0], [0, 20, 20], [0, 0, 20]], dtype=torch.float64)
+    places, faces = side, torch.tensor([[0, 1, 2], [0, 2, 3]])
+    for _ in range(3):
+        places, faces = split_in_four(places, faces)
+    other = places + torch.tensor([gap, 0.0, 0.0], dtype=torch.float64)
+    both = torch.cat([faces.flip(1), faces + len(places)])
+    return meshot.Mesh(torch.cat([places, other]), both if apart else both.flip(1))
+
+
+def test_normals_move_the_blade_as_the_library_says(opened):
+    page = opened("normals")
+    lines = torch.tensor(
+        page.evaluate(f"() => {{ {joined(f'{ASSETS}/frames.js')} return orthogonalDirections(60, 6, generator(1)); }}"),
+        dtype=torch.float64,
+    )
+    for gap, power in ((2, -0.5), (2, 0), (2, 0.3), (4, 0.3), (1, 1)):
+        page.get_by_role("radio", name=f"{gap} mm").check()
+        page.get_by_role("slider", name="length of a normal").fill(str(power))
+        s, (blade, slit) = 10**power, (sheets(gap, apart) for apart in (True, False))
+        places = meshot.varifold(blade, normal_scale=s).points.clone().requires_grad_()
+        target = meshot.varifold(slit, normal_scale=s)
+        cost = 6 * meshot.sliced_wasserstein(meshot.DiscreteMeasure(places), target, lines)
+        (gradient,) = torch.autograd.grad(cost, places)
+        now = shown(page)
+        assert now["length"] == pytest.approx(s)
+        assert now["sliced"] == pytest.approx(cost.item(), rel=1e-9)
+        back = -gradient[places.detach()[:, 0] < gap / 2, 0].sum().item()
+        assert now["slicedShare"] == pytest.approx(back / gap, rel=1e-9)
+        assert now["exact"] == pytest.approx(min(4 * s**2, gap**2))
+        if 2 * s == gap:
+            assert "undecided" in status(page)
+        else:
+            assert now["exactShare"] == pytest.approx(float(2 * s > gap), abs=1e-12)

@@ -25,6 +25,7 @@ MODULES = (
     "assignment",
     "sinkhorn",
     "projection",
+    "frames",
     "distribution",
     "flow",
     "contours",
@@ -240,6 +241,32 @@ def test_sinkhorn(found):
         close(one["plan"], plan)
         close(one["cost"], cost)
         close(one["divergence"], value)
+
+
+def test_sinkhorn_between_points_of_equal_mass(found):
+    generator, cases, right, slopes = np.random.default_rng(12), [], [], []
+    for _ in range(N_PROBLEMS):
+        n, m, d = generator.integers(1, 9, size=3)
+        x, y, way = (generator.normal(size=(k, d)) / 2 for k in (n, m, n))
+        a, b, blur = np.full(n, 1 / n), np.full(m, 1 / m), float(generator.uniform(1, 2))
+        cases.append([x.tolist(), y.tolist(), blur])
+        right.append(divergence(x, a, y, b, 2, blur))
+        ahead, back = (divergence(x + h * way, a, y, b, 2, blur) for h in (1e-4, -1e-4))
+        slopes.append((way, (ahead - back) / 2e-4))
+    ours = found(
+        """([x, y, blur]) => {
+          const whole = sinkhornLoss(x, y, { blur });
+          const moved = y.map((point) => point.map((value) => value + 0.1));
+          const starts = sinkhornLoss(x, moved, { blur, tolerance: 1e-3 }).potentials;
+          return [whole, sinkhornLoss(x, y, { blur, starts })];
+        }""",
+        cases,
+    )
+    for (whole, started), value, (way, slope) in zip(ours, right, slopes):
+        close([whole["cost"], started["cost"]], value)
+        close(started["gradient"], whole["gradient"])
+        # The differences of the reference have an error of h² and of rounding over h.
+        assert np.sum(np.array(whole["gradient"]) * way) == pytest.approx(slope, rel=1e-5, abs=1e-6)
 
 
 def entropic(x, a, y, b, p, blur):
@@ -643,3 +670,19 @@ def test_windows(found):
 def weighted_cosine(field, other, masses):
     one, two = (np.sqrt(masses)[:, None] * each for each in (field, other))
     return float((one * two).sum() / max(np.linalg.norm(one) * np.linalg.norm(two), 1e-300))
+def test_orthogonal_blocks(found):
+    generator = np.random.default_rng(13)
+    cases = [[int(generator.integers(1, 40)), int(generator.integers(2, 7)), seed] for seed in range(N_PROBLEMS)]
+    ours = found("([count, d, seed]) => orthogonalDirections(count, d, generator(seed))", cases)
+    for (count, d, seed), rows in zip(cases, ours):
+        n_blocks = -(-count // d)
+        u = np.array(mulberry(seed, 2 * n_blocks * d * d)).reshape(n_blocks, d, d, 2)
+        normals = np.sqrt(-2 * np.log1p(-u[..., 0])) * np.cos(2 * math.pi * u[..., 1])
+        # Gram and Schmidt: the QR decomposition with a positive diagonal.
+        q, r = np.linalg.qr(normals.transpose(0, 2, 1))
+        q = q * np.sign(np.diagonal(r, axis1=1, axis2=2))[:, None, :]
+        np.testing.assert_allclose(rows, q.transpose(0, 2, 1).reshape(-1, d)[:count], atol=1e-7)
+        lines = np.array(rows)
+        close(np.linalg.norm(lines, axis=1), 1)
+        whole = lines[: count // d * d]
+        close(whole.T @ whole, np.eye(d) * (count // d))

@@ -9,14 +9,14 @@ import { groundCosts } from "./assignment.js";
  * @param {number[]} a masses of the rows
  * @param {number[]} b masses of the columns, with the same sum
  * @param {number} epsilon ε > 0, in the unit of the costs
- * @param {{steps?: number, tolerance?: number}} [options] it ends after so many steps, or when no potential changes by
- *   more than the tolerance times ε
- * @returns {{cost: number, plan: number[][], steps: number}}
+ * @param {{steps?: number, tolerance?: number, start?: number[]}} [options] it ends after so many steps, or when no
+ *   potential changes by more than the tolerance times ε; start: potential of the columns, near the right one
+ * @returns {{cost: number, plan: number[][], potential: number[], steps: number}}
  */
-export function entropicTransport(costs, a, b, epsilon, { steps = 10000, tolerance = 1e-13 } = {}) {
+export function entropicTransport(costs, a, b, epsilon, { steps = 10000, tolerance = 1e-13, start } = {}) {
   const [logA, logB] = [a, b].map((masses) => masses.map(Math.log));
   const f = a.map(() => 0);
-  const g = b.map(() => 0);
+  const g = start ? [...start] : b.map(() => 0);
   const across = b.map((_, j) => costs.map((row) => row[j]));
   let taken = 0;
   for (let change = Infinity; taken < steps && change > tolerance; taken += 1) {
@@ -34,7 +34,7 @@ export function entropicTransport(costs, a, b, epsilon, { steps = 10000, toleran
   }
   const plan = costs.map((row, i) => row.map((c, j) => a[i] * b[j] * Math.exp((f[i] + g[j] - c) / epsilon)));
   const cost = inner(f, a) + inner(g, b);
-  return { cost, plan, steps: taken };
+  return { cost, plan, potential: g, steps: taken };
 }
 
 /**
@@ -49,6 +49,41 @@ export function entropicTransport(costs, a, b, epsilon, { steps = 10000, toleran
 export function sinkhornDivergence(source, a, target, b, { p = 2, blur, steps }) {
   const between = (x, s, y, t) => entropicTransport(groundCosts(x, y, p), s, t, p * blur ** p, { steps }).cost;
   return between(source, a, target, b) - (between(source, a, source, a) + between(target, b, target, b)) / 2;
+}
+
+/**
+ * The debiased divergence for p = 2 between points of equal mass, and its gradient in the source.
+ * @param {Points} source
+ * @param {Points} target
+ * @param {{blur: number, tolerance?: number, starts?: number[][]}} options starts: potentials of a similar problem
+ * @returns {{cost: number, gradient: Points, potentials: number[][]}}
+ */
+export function sinkhornLoss(source, target, { blur, tolerance = 1e-13, starts = [] }) {
+  const pairs = [
+    [source, target],
+    [source, source],
+    [target, target],
+  ];
+  const [across, here, there] = pairs.map(([x, y], k) => {
+    const [a, b] = [x, y].map((points) => points.map(() => 1 / points.length));
+    const costs = groundCosts(x, y, 2);
+    let start = starts[k];
+    // Without a start, a large blur gives one: few iterations suffice for it.
+    for (let wide = start ? 0 : 16 * blur; wide > blur; wide /= 2) {
+      start = entropicTransport(costs, a, b, 2 * wide ** 2, { steps: 20, tolerance: 1e-3, start }).potential;
+    }
+    return entropicTransport(costs, a, b, 2 * blur ** 2, { tolerance, start });
+  });
+  // The mean of the partners in the plan to the target, minus that in the plan of the source to itself.
+  const gradient = source.map((point, i) =>
+    point.map((_, k) => 2 * (weightedSum(here.plan[i], source, k) - weightedSum(across.plan[i], target, k))),
+  );
+  const cost = across.cost - (here.cost + there.cost) / 2;
+  return { cost, gradient, potentials: [across, here, there].map(({ potential }) => potential) };
+}
+
+function weightedSum(masses, points, k) {
+  return masses.reduce((sum, mass, j) => sum + mass * points[j][k], 0);
 }
 
 // −ε log Σ exp((g − c)/ε + log b): terms of points without mass are zero.
