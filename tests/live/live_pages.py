@@ -4,8 +4,11 @@ import math
 
 import matplotlib.pyplot as plt
 import numpy as np
+import torch
 
+from meshot.mesh import icosphere
 from meshot_book.figures.flows import crossing_data
+from meshot_book.figures.measures import Window
 from meshot_book.live import Answer, live_figure
 
 GENERATOR = np.random.default_rng(3)
@@ -13,6 +16,20 @@ ANSWERS = [Answer("yes", "It does.", right=True), Answer("no", "It does: look ag
 ANGLES = math.pi * (0.5 + (2 * np.arange(24) + 1) / 24)
 CORNERS = [[np.cos(t) * r, np.sin(t) * r] for k in range(10) for t, r in [(np.pi * (k / 5 + 0.5), (1.5, 0.5)[k % 2])]]
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
+#: Two errors of a sphere; EMD was not measured with the most points.
+SPHERE_WINDOW = Window(torch.tensor([0.0, 0.0, 10.0], dtype=torch.float64), 1, 6.0)
+SPHERE_FLOORS = {"EMD": [[3, 3.2, 2.9], [1, 1.2, 0.9], None], "ASSD": 3 * [3 * [0]], "exact": 3 * [3 * [0]]}
+SPHERE_VALUES = {"EMD": [3.1, 2.5, None], "ASSD": [0.5, 0.51, 0.52], "exact": 3 * [0.55]}
+
+
+def sphere_state(shift, ratios, **values):
+    """The sphere shifted upwards."""
+    sphere = icosphere(3, 10.0)
+    lines = SPHERE_WINDOW.chains(sphere.with_vertices(sphere.vertices + torch.tensor([0.0, 0.0, shift])))
+    state = {"size": f"{shift:g} mm", "lines": lines, "values": ["1.5", "12", "0"], "ratios": ratios}
+    return state | {"measured": SPHERE_VALUES | values}
+
+
 CLOUDS = {name: GENERATOR.normal(size=(9, 2)) + shift for name, shift in (("source", [0.5, 0]), ("target", [-1, 0.3]))}
 #: Name of the script → its data.
 DATA = {
@@ -30,6 +47,38 @@ DATA = {
     },
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
+    "floors": {
+        "floors": {
+            "SWD": {"m": [1000, 10_000, 100_000], "mean": [2, 0.7, 0.2], "spread": [0.5, 0.2, 0.06]},
+            "EMD": {"m": [1000, 8000], "mean": [7.5, 3.4], "spread": [0.5, 0.2], "area": 66_000, "c": 1},
+            "ASSD": {"m": [], "mean": [], "spread": []},
+        },
+        "levels": {
+            "SWD": {"shift": 0.3, "noise": 0.2, "turned faces": 0},
+            "EMD": {"shift": 0.5, "noise": 0.35, "turned faces": 0},
+            "ASSD": {"shift": 0.25, "noise": 0.3, "turned faces": 1e-12},
+        },
+    },
+    "planted": {
+        "start": {"error": "shift", "size": 1, "metric": "EMD", "count": 1000},
+        "counts": [100, 1000, 20_000],
+        "metrics": ["EMD", "ASSD", "crossing"],
+        "exact": "exact",
+        "seen": 2,
+        "floors": SPHERE_FLOORS,
+        "reference": {"EMD": [3, 1.1, None], "ASSD": [0.1, 0.1, 0.1], "exact": [0.1, 0.1, 0.1]},
+        "errors": {
+            name: {"half": 6, "bar": 2, "target": SPHERE_WINDOW.chains(icosphere(3, 10.0)), "states": states}
+            for name, states in {
+                "shift": [
+                    sphere_state(0.1, [0.5, 2.0, 0.0], EMD=[3, 1.2, None]),
+                    sphere_state(1.0, [1.4, 2.01, None]),
+                    sphere_state(2.0, [40, 300, None]),
+                ],
+                "nothing": [sphere_state(0.0, [1, 0, 0], ASSD=[0, 1e-12, 0])],
+            }.items()
+        },
+    },
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],

@@ -480,3 +480,75 @@ def test_the_calculator_interpolates_and_says_what_was_not_measured(opened):
     page.get_by_role("radio", name="compares").check()
     assert shown(page)["seconds"] == -1
     assert "not measured here (stopped at 100,000: time: 10000 s foretold)" in status(page)
+
+
+def test_a_planted_error_is_shown_after_the_guess_and_judged_by_its_floor(opened):
+    page = opened("planted")
+    data = DATA["planted"]
+    above, below = (page.get_by_role("button", name=f"I guess: {word}", exact=True) for word in ("above", "not above"))
+    size, bars = page.get_by_role("slider", name="size"), page.locator(".plots svg").nth(2)
+    assert "Is the error above all ten?" in status(page)
+    assert "value" not in shown(page)
+    assert shown(page)["floor"] == pytest.approx(np.mean(data["floors"]["EMD"][1]), rel=1e-12)
+    assert shown(page)["spread"] == pytest.approx(np.std(data["floors"]["EMD"][1], ddof=1), rel=1e-12)
+    before = bars.locator("path").count()
+    above.click()
+    assert bars.locator("path").count() == before + 3
+    assert "right. So far 1 of 1." in status(page)
+    assert "2.5 mm, the target with itself 1 ± 0.2 mm. Above all ten." in status(page)
+    assert "Detected at 20,000 points by ASSD, crossing." in status(page)  # 2.01 is above twice, null is infinite
+    assert above.is_disabled()
+    assert below.is_disabled()
+    # The largest value of the floor is not above the floor; twice the reference is not detected.
+    size.fill("0")
+    assert "Is the error above all ten?" in status(page)
+    above.click()
+    assert "Not above all ten. Your guess is wrong. So far 1 of 2. Detected at 20,000 points by none." in status(page)
+    page.get_by_role("radio", name="20,000").check()
+    assert "not measured" in status(page)
+    assert above.is_disabled()
+    page.get_by_role("radio", name="ASSD").check()
+    page.get_by_role("radio", name="nothing").check()
+    page.get_by_role("radio", name="1,000").check()
+    assert size.is_disabled()
+    below.click()
+    assert "0 mm, the target with itself 0. Not above all ten. Your guess is right. So far 2 of 3." in status(page)
+    # Without guesses, as a lecturer goes through the errors.
+    page.get_by_role("radio", name="at once").check()
+    page.get_by_role("radio", name="shift").check()
+    size.fill("2")
+    page.get_by_role("radio", name="exact").check()
+    assert page.get_by_role("radio", name="1,000").is_disabled()
+    assert (shown(page)["value"], shown(page)["above"]) == (0.55, 1)
+    widths = [path.bounding_box()["width"] for path in bars.locator("path[stroke-width='14']").all()]
+    assert widths[0] / widths[1] == pytest.approx(math.log10(400) / 3, rel=0.01)  # at most a hundred times
+    assert widths[1] == pytest.approx(widths[2], rel=1e-6)
+
+
+def test_errors_rise_above_a_floor_as_it_falls(opened):
+    page = opened("floors")
+    floors, levels = DATA["floors"]["floors"], DATA["floors"]["levels"]
+    assert status(page).endswith("0 of 3 errors are expected above it: none.")
+    seen = set()
+    for metric, sizes in (("SWD", (3, 3.7, 5)), ("EMD", (3, 3.9, 3.95, 5)), ("ASSD", (4,))):
+        page.get_by_role("radio", name=metric).check()
+        for size in sizes:
+            page.get_by_role("slider", name="points").fill(str(size))
+            count, known = round(10**size), floors[metric]
+            mean = spread = 0
+            if known["m"] and count <= known["m"][-1]:
+                logs = [np.log(known[key]) for key in ("m", "mean", "spread")]
+                mean, spread = (np.exp(np.interp(np.log(count), logs[0], one)) for one in logs[1:])
+            elif known["m"]:
+                mean = np.sqrt(known["area"] * (np.log(count) + known["c"]) / (2 * np.pi * count))
+                spread = mean * known["spread"][-1] / known["mean"][-1]
+                assert "extrapolated" in status(page)
+            expected = np.hypot(list(levels[metric].values()), mean)
+            above = [name for name, value in zip(levels[metric], expected) if value > mean + 2 * spread + 1e-9]
+            assert shown(page)["count"] == count
+            assert shown(page)["mean"] == pytest.approx(mean, rel=1e-9)
+            assert shown(page)["spread"] == pytest.approx(spread, rel=1e-9)
+            assert shown(page)["shift"] == pytest.approx(expected[0], rel=1e-9)
+            assert status(page).endswith(f"above it: {', '.join(above) or 'none'}.")
+            seen.add((metric, len(above)))
+    assert seen == {("SWD", 0), ("SWD", 1), ("EMD", 0), ("ASSD", 2)}
