@@ -495,7 +495,7 @@ def test_a_planted_error_is_shown_after_the_guess_and_judged_by_its_floor(opened
     above.click()
     assert bars.locator("path").count() == before + 3
     assert "right. So far 1 of 1." in status(page)
-    assert "2.5 mm, the target with itself 1 ± 0.2 mm. Above all ten." in status(page)
+    assert "2.5 mm, the target with itself 1 ± 0.15 mm. Above all ten." in status(page)
     assert "Detected at 20,000 points by ASSD, crossing." in status(page)  # 2.01 is above twice, null is infinite
     assert above.is_disabled()
     assert below.is_disabled()

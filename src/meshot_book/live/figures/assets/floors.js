@@ -13,15 +13,15 @@ export function main(root, data) {
     name: "the floor over the number of points, with two standard deviations",
     x: { range: [10 ** low, 10 ** high], log: true, label: "points on each side" },
     y: { range: [0, 1], label: "target with itself (mm)" },
-    width: 330,
-    height: 340,
+    width: 300,
+    height: 330,
   });
   const rows = figure.plot({
     name: "ten errors: the value without sampling, and the expected value with it",
     x: { range: [0, 1] },
     y: { range: [names.length + 0.6, -0.9] },
-    width: 380,
-    height: 340,
+    width: 360,
+    height: 330,
   });
 
   function draw() {
@@ -33,7 +33,7 @@ export function main(root, data) {
     const above = names.filter((_, k) => expected[k] > edge + 1e-9);
     drawCurve(count, mean);
     drawRows(mean, edge, levels, expected);
-    const floor = mean ? `${digits(mean, 2)} ± ${digits(spread, 1)} mm${measured ? "" : " (extrapolated)"}` : "0";
+    const floor = mean ? `${digits(mean, 2)} ± ${digits(spread, 2)} mm${measured ? "" : " (extrapolated)"}` : "0";
     const status =
       `${state.metric}, ${count.toLocaleString("en")} points: floor ${floor}. ` +
       `${above.length} of ${names.length} errors are expected above it: ${above.join(", ") || "none"}.`;
@@ -45,7 +45,7 @@ export function main(root, data) {
     const most = 1.2 * (found[0].mean + DEVIATIONS * found[0].spread) || 1;
     curve.rescale([0, most]);
     const side = (sign) => found.map(({ m, mean: at, spread }) => [m, at + sign * DEVIATIONS * spread]);
-    curve.area([...side(1), ...side(-1).reverse()], { colour: COLOURS.grey });
+    curve.area([...side(1), ...side(-1).toReversed()], { colour: COLOURS.grey });
     const line = (kept, look) => curve.curve(kept.map((one) => [one.m, one.mean]), { colour: COLOURS.black, width: 2, ...look }); // prettier-ignore
     line(found.filter(({ measured }) => measured)); // prettier-ignore
     line(

@@ -32,7 +32,7 @@ export function main(root, data) {
   });
   const bars = figure.plot({
     name: "each metric at 20,000 points, relative to its value for noise of 0.2 mm",
-    x: { range: [0.002, 130], log: true, label: "times the value for noise of 0.2 mm", ticks: [0.1, 1, 10, 100] },
+    x: { range: [0.002, 700], log: true, label: "times the value for noise of 0.2 mm", ticks: [0.1, 1, 10, 100] },
     y: { range: [data.metrics.length - 0.4, -0.6] },
     width: 480,
     height: 26 * data.metrics.length + 60,
@@ -87,7 +87,7 @@ export function main(root, data) {
       if (open()) {
         const colour = (ratios[k] ?? Infinity) > data.seen ? COLOURS.blue : COLOURS.grey;
         bars.segments([[[0.1, k], [ratio, k]]], { colour, width: 14 }); // prettier-ignore
-        bars.text([125, k + 0.2], values[k], { "text-anchor": "end" });
+        bars.text([650, k + 0.2], values[k], { "text-anchor": "end" });
       }
     });
     bars.segments([[[1, -0.6], [1, data.metrics.length - 0.4]]], { colour: COLOURS.black }); // prettier-ignore
@@ -104,7 +104,7 @@ export function main(root, data) {
     }
     const floor = estimate(found.floor);
     const spread = floor.error * Math.sqrt(found.floor.length);
-    const own = floor.mean < 1e-9 ? "0" : `${digits(floor.mean, 2)} ± ${digits(spread, 1)} mm`;
+    const own = floor.mean < 1e-9 ? "0" : `${digits(floor.mean, 2)} ± ${digits(spread, 2)} mm`;
     const detected = data.metrics.filter((_, k) => (planted().ratios[k] ?? Infinity) > data.seen);
     const values = { floor: floor.mean, spread, asked: state.asked, right: state.right };
     if (!open()) {
