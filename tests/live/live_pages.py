@@ -4,6 +4,7 @@ import math
 
 import matplotlib.pyplot as plt
 import numpy as np
+import scipy.ndimage
 import torch
 
 from meshot.mesh import icosphere
@@ -16,6 +17,16 @@ ANSWERS = [Answer("yes", "It does.", right=True), Answer("no", "It does: look ag
 ANGLES = math.pi * (0.5 + (2 * np.arange(24) + 1) / 24)
 CORNERS = [[np.cos(t) * r, np.sin(t) * r] for k in range(10) for t, r in [(np.pi * (k / 5 + 0.5), (1.5, 0.5)[k % 2])]]
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
+#: Fractions of a porous block in hundredths, and its depths in tenths of a millimetre, from 50 on.
+BLOCK = scipy.ndimage.gaussian_filter(GENERATOR.normal(size=(9, 7, 8)), 0.8)
+BLOCK = np.clip(50 + 90 * BLOCK, 0, 99).round().astype(int)
+DEPTHS = np.clip((BLOCK - 50) // 3 + 50 + GENERATOR.integers(-2, 3, BLOCK.shape), 0, 99)
+#: A bright disc of 7 mm in a grey one of 9.5 mm, both cut into squares of 0.5 mm, and its border in ¼ % of 12 mm.
+SQUARES = (np.indices((48, 48)) + 0.5) / 2 - 12
+WITHIN = [np.clip(2 * (radius - np.hypot(*SQUARES)), 0, 0.99) for radius in (7, 9.5)]
+TISSUES = {"white": WITHIN[0], "grey": np.clip(WITHIN[1] - WITHIN[0], 0, 0.99)}
+TURNS = np.linspace(0, 2 * np.pi, 101)
+DISC = np.rint(400 / 12 * 7 * np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1)).astype(int)
 #: Two errors of a sphere; EMD was not measured with the most points.
 SPHERE_WINDOW = Window(torch.tensor([0.0, 0.0, 10.0], dtype=torch.float64), 1, 6.0)
 SPHERE_FLOORS = {"EMD": [[3, 3.2, 2.9], [1, 1.2, 0.9], None], "ASSD": 3 * [3 * [0]], "exact": 3 * [3 * [0]]}
@@ -59,6 +70,17 @@ DATA = {
             "ASSD": {"shift": 0.25, "noise": 0.3, "turned faces": 1e-12},
         },
     },
+    "imaging": {
+        "n": 48,
+        "step": 0.5,
+        "sizes": [0.5, 1, 2, 3],
+        "means": {"white": 440, "grey": 310},
+        "fractions": {
+            name: "".join(f"{value:02d}" for value in np.rint(100 * part).astype(int).ravel())
+            for name, part in TISSUES.items()
+        },
+        "border": [DISC.ravel().tolist()],
+    },
     "planted": {
         "start": {"error": "shift", "size": 1, "metric": "EMD", "count": 1000},
         "counts": [100, 1000, 20_000],
@@ -86,6 +108,15 @@ DATA = {
         "source_masses": [1, 3, 1, 2],
         "target_masses": [2, 1, 1, 1, 4],
         "exponent": 2,
+    },
+    "repair": {"angle": 60, "narrowing": 1.2},
+    "threshold": {
+        "shape": list(BLOCK.shape),
+        "fractions": "".join(f"{value:02d}" for value in BLOCK.ravel()),
+        "depths": "".join(f"{value:02d}" for value in DEPTHS.ravel()),
+        "weight": 12,
+        "priority": "depth and fraction",
+        "slice": 3,
     },
     "turning": {name: points.round(4).tolist() for name, points in CLOUDS.items()} | {"angle": 30},
 }

@@ -42,7 +42,7 @@ function stepsOf({ strides }, most) {
 
 // All places of a value that are connected with a start. The layer around the block makes wrapping harmless: a step
 // out of the block ends in the layer, which is connected anyway.
-function spread(mask, steps, start, seen) {
+function partFrom(mask, steps, start, seen) {
   const value = mask[start];
   const found = [start];
   seen[start] = 1;
@@ -65,7 +65,7 @@ export function connectedParts(mask, grid, value, most) {
   const parts = [];
   mask.forEach((found, place) => {
     if (found === value && !seen[place]) {
-      parts.push(spread(mask, steps, place, seen));
+      parts.push(partFrom(mask, steps, place, seen));
     }
   });
   return parts;
@@ -106,9 +106,9 @@ export function solidTopology(mask, grid, corners) {
   return { components, cavities, handles: components + cavities - solidEuler(mask, grid, corners) };
 }
 
-/** The largest part of a mask, connected by corners, with its cavities filled. */
+/** The largest part of a mask, connected by faces, with its cavities filled. */
 export function wholePart(mask, grid) {
-  const parts = connectedParts(mask, grid, 1, 3);
+  const parts = connectedParts(mask, grid, 1, 1);
   const largest = parts.reduce((best, part) => (part.length > best.length ? part : best), []);
   const whole = new Uint8Array(mask.length);
   largest.forEach((place) => (whole[place] = 1));
