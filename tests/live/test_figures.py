@@ -9,6 +9,8 @@ from importlib import resources
 import numpy as np
 import ot
 import pytest
+import scipy.ndimage
+import skimage.measure
 import torch
 from live_pages import ANSWERS, DATA, live_page_of
 from test_numbers import edges_of, mean_distance, weighted_cosine
@@ -25,6 +27,14 @@ from meshot.loss.exact import projected_law
 from meshot.mesh import circle, even_points, split_in_four
 from meshot.view.page import joined
 from meshot_book.examples import Drifting
+from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, TISSUES, live_page_of
+
+import meshot
+from browser import AXE, UNREACHED, page_file, set_width, watched_page
+from meshot.mesh import circle, even_points
+from meshot.synth import TISSUES as TISSUE_NAMES, Appearance, t1_image
+from meshot.view.page import joined
+from meshot.volume import Volume, filled_cavities, genus_zero, largest_component
 from meshot_book.examples.counterexample import crossing_sides
 from meshot_book.figures.flows import FIELDS, outlines, two_triangles
 from meshot_book.flows import Vortex, descend
@@ -907,3 +917,215 @@ def test_normals_move_the_blade_as_the_library_says(opened):
             assert "undecided" in status(page)
         else:
             assert now["exactShare"] == pytest.approx(float(2 * s > gap), abs=1e-12)
+def test_a_planted_error_is_shown_after_the_guess_and_judged_by_its_floor(opened):
+    page = opened("planted")
+    data = DATA["planted"]
+    above, below = (page.get_by_role("button", name=f"I guess: {word}", exact=True) for word in ("above", "not above"))
+    size, bars = page.get_by_role("slider", name="size"), page.locator(".plots svg").nth(2)
+    assert "Is the error above all ten?" in status(page)
+    assert "value" not in shown(page)
+    assert shown(page)["floor"] == pytest.approx(np.mean(data["floors"]["EMD"][1]), rel=1e-12)
+    assert shown(page)["spread"] == pytest.approx(np.std(data["floors"]["EMD"][1], ddof=1), rel=1e-12)
+    before = bars.locator("path").count()
+    above.click()
+    assert bars.locator("path").count() == before + 3
+    assert "right. So far 1 of 1." in status(page)
+    assert "2.5 mm, the target with itself 1 ± 0.15 mm. Above all ten." in status(page)
+    assert "Detected at 20,000 points by ASSD, crossing." in status(page)  # 2.01 is above twice, null is infinite
+    assert above.is_disabled()
+    assert below.is_disabled()
+    # The largest value of the floor is not above the floor; twice the reference is not detected.
+    size.fill("0")
+    assert "Is the error above all ten?" in status(page)
+    above.click()
+    assert "Not above all ten. Your guess is wrong. So far 1 of 2. Detected at 20,000 points by none." in status(page)
+    page.get_by_role("radio", name="20,000").check()
+    assert "not measured" in status(page)
+    assert above.is_disabled()
+    page.get_by_role("radio", name="ASSD").check()
+    page.get_by_role("radio", name="nothing").check()
+    page.get_by_role("radio", name="1,000").check()
+    assert size.is_disabled()
+    below.click()
+    assert "0 mm, the target with itself 0. Not above all ten. Your guess is right. So far 2 of 3." in status(page)
+    # Without guesses, as a lecturer goes through the errors.
+    page.get_by_role("radio", name="at once").check()
+    page.get_by_role("radio", name="shift").check()
+    size.fill("2")
+    page.get_by_role("radio", name="exact").check()
+    assert page.get_by_role("radio", name="1,000").is_disabled()
+    assert (shown(page)["value"], shown(page)["above"]) == (0.55, 1)
+    widths = [path.bounding_box()["width"] for path in bars.locator("path[stroke-width='14']").all()]
+    assert widths[0] / widths[1] == pytest.approx(math.log10(400) / 3, rel=0.01)  # at most a hundred times
+    assert widths[1] == pytest.approx(widths[2], rel=1e-6)
+
+
+def test_errors_rise_above_a_floor_as_it_falls(opened):
+    page = opened("floors")
+    floors, levels = DATA["floors"]["floors"], DATA["floors"]["levels"]
+    assert status(page).endswith("0 of 3 errors are expected above it: none.")
+    seen = set()
+    for metric, sizes in (("SWD", (3, 3.7, 5)), ("EMD", (3, 3.9, 3.95, 5)), ("ASSD", (4,))):
+        page.get_by_role("radio", name=metric).check()
+        for size in sizes:
+            page.get_by_role("slider", name="points").fill(str(size))
+            count, known = round(10**size), floors[metric]
+            mean = spread = 0
+            if known["m"] and count <= known["m"][-1]:
+                logs = [np.log(known[key]) for key in ("m", "mean", "spread")]
+                mean, spread = (np.exp(np.interp(np.log(count), logs[0], one)) for one in logs[1:])
+            elif known["m"]:
+                mean = np.sqrt(known["area"] * (np.log(count) + known["c"]) / (2 * np.pi * count))
+                spread = mean * known["spread"][-1] / known["mean"][-1]
+                assert "extrapolated" in status(page)
+            expected = np.hypot(list(levels[metric].values()), mean)
+            above = [name for name, value in zip(levels[metric], expected) if value > mean + 2 * spread + 1e-9]
+            assert shown(page)["count"] == count
+            assert shown(page)["mean"] == pytest.approx(mean, rel=1e-9)
+            assert shown(page)["spread"] == pytest.approx(spread, rel=1e-9)
+            assert shown(page)["shift"] == pytest.approx(expected[0], rel=1e-9)
+            assert status(page).endswith(f"above it: {', '.join(above) or 'none'}.")
+            seen.add((metric, len(above)))
+    assert seen == {("SWD", 0), ("SWD", 1), ("EMD", 0), ("ASSD", 2)}
+
+
+def test_handles_over_the_threshold_and_what_the_repair_gives_up(opened):
+    page = opened("threshold", 400)
+    depths = (DEPTHS - 50) / 10
+    priorities = {
+        "fraction": BLOCK / 100 + 1e-6 * depths,
+        "depth": depths,
+        "depth and fraction": depths + 12 * BLOCK / 100,
+    }
+    seen = []
+    for threshold in (5, 35, 50, 65, 95):
+        page.get_by_role("slider", name="threshold").fill(str(threshold))
+        around = np.pad(threshold < BLOCK, 1)
+        for touch, connectivity in (("a face, edge or corner", 3), ("a face", 1)):
+            page.get_by_role("radio", name=touch, exact=True).check()
+            inside, outside = (scipy.ndimage.generate_binary_structure(3, k) for k in (connectivity, 4 - connectivity))
+            components = scipy.ndimage.label(around, inside)[1]
+            cavities = scipy.ndimage.label(~around, outside)[1] - 1
+            handles = components + cavities - skimage.measure.euler_number(around, connectivity=connectivity)
+            found = shown(page)
+            assert [found[key] for key in ("components", "cavities", "handles")] == [components, cavities, handles]
+            assert f"{components} component" in status(page)
+            seen.append(handles)
+        whole = filled_cavities(largest_component(threshold < BLOCK))
+        for name, priority in priorities.items():
+            page.get_by_role("radio", name=name, exact=True).check()
+            lost = int((whole & ~genus_zero(whole, priority.astype(float))).sum())
+            assert (shown(page)["size"], shown(page)["lost"]) == (whole.sum(), lost)
+    assert max(seen) > 3
+
+
+def ring(angle, narrowing):
+    """The mask of the live figure ``repair``, and the depth in it."""
+    i, k = np.indices((19, 19)) - 9
+    theta = np.arctan2(k, i)
+    away = np.angle(np.exp(1j * (theta - np.radians(angle))))
+    half = 2.2 + 0.5 * np.cos(theta - np.pi) - narrowing * np.exp(-((away / 0.5) ** 2))
+    depth = (half - np.abs(np.hypot(i, k) - 6)).round(6)[:, :, None]
+    return depth > 0, depth
+
+
+def test_a_ring_is_cut_where_the_library_cuts_it(opened):
+    page = opened("repair")
+    assert (shown(page)["handles"], shown(page)["ball"]) == (1, 0)
+    i, k = np.indices((19, 19)) - 9
+    nearness = -np.hypot(i + 6, k).round(6)[:, :, None]
+    cuts = {}
+    for narrowing in (1.2, 0):
+        page.get_by_role("slider", name="narrowing").fill(str(narrowing))
+        mask, depth = ring(60, narrowing)
+        for name, priority in (
+            ("depth", depth),
+            ("nearness to the start", nearness),
+            ("the same for all", 0.0 * depth),
+        ):
+            page.get_by_role("radio", name=name).check()
+            assert shown(page)["ball"] == 0
+            page.get_by_role("button", name="to the end").click()
+            lost = mask & ~genus_zero(mask, priority)
+            found = shown(page)
+            assert (found["size"], found["ball"]) == (mask.sum(), mask.sum() - lost.sum())
+            assert (found["handles"], found["now"], found["ended"]) == (1, 0, 1)
+            places = np.argwhere(lost[:, :, 0]) - 9
+            middle = (places / np.linalg.norm(places, axis=1, keepdims=True)).sum(axis=0)
+            assert found["cut"] == pytest.approx(np.degrees(np.arctan2(middle[1], middle[0])) % 360, abs=1e-6)
+            cuts[narrowing, name] = found["cut"]
+    assert abs(cuts[1.2, "depth"] - 60) < 12
+    assert min(cuts[0, "depth"], 360 - cuts[0, "depth"]) < 25  # the thinnest place is opposite the start
+    assert min(cuts[1.2, "nearness to the start"], 360 - cuts[1.2, "nearness to the start"]) < 25
+    # The same by hand: the ring is cut where its narrow place is moved to.
+    page.get_by_role("radio", name="depth").check()
+    page.get_by_role("slider", name="narrowing").fill("1.2")
+    page.get_by_role("slider", name="the narrow place").focus()
+    for _ in range(6):
+        page.keyboard.press("ArrowRight")
+    assert "at 30 degrees" in page.get_by_role("slider", name="the narrow place").get_attribute("aria-valuetext")
+    page.locator(".once").click()
+    assert shown(page)["ball"] == 1
+    page.get_by_role("button", name="to the end").click()
+    assert abs(shown(page)["cut"] - 30) < 12
+
+
+def border_error(image, size, side=24, edge=2, piece=0.5):
+    """Mean distance of the level half-way between 440 and 310 from the border of the disc, both ways, in mm."""
+    halfway = [size * (line + 0.5) for line in skimage.measure.find_contours(image, 375)]
+    lines = [
+        np.concatenate([np.stack([one[:-1], one[1:]], axis=1) for one in many])
+        for many in (halfway, [12 + DISC * 0.03])
+    ]
+    means = []
+    for one, other in (lines, lines[::-1]):
+        long = np.linalg.norm(one[:, 1] - one[:, 0], axis=1)
+        counts = np.maximum(1, np.ceil(long / piece)).astype(int)
+        shares = np.concatenate([(np.arange(count) + 0.5) / count for count in counts])[:, None]
+        start, end = (np.repeat(one[:, k], counts, axis=0) for k in (0, 1))
+        places, weights = start + shares * (end - start), np.repeat(long / counts, counts)
+        inner = ((places > edge) & (places < side - edge)).all(axis=1)
+        way = other[:, 1] - other[:, 0]
+        along = ((places[:, None] - other[:, 0]) * way).sum(axis=2) / np.maximum((way**2).sum(axis=1), 1e-300)
+        feet = other[:, 0] + np.clip(along, 0, 1)[:, :, None] * way
+        away = np.linalg.norm(places[:, None] - feet, axis=2).min(axis=1)
+        means.append(np.average(away[inner], weights=weights[inner]))
+    return np.mean(means)
+
+
+def test_the_scanner_of_the_figure_is_that_of_the_library(opened):
+    page = opened("imaging")
+    page.get_by_role("slider", name="noise σ").fill("0")
+    for size, blur, bias in ((0.5, 0, 0), (1, 2.5, 0), (2, 1.2, 20), (3, 4, 40)):
+        page.get_by_role("radio", name=str(size), exact=True).check()
+        page.get_by_role("slider", name="blur, FWHM").fill(str(blur))
+        page.get_by_role("slider", name="bias").fill(str(bias))
+        n = int(24 / size)
+        parts = {
+            name: part.round(2).reshape(n, 48 // n, n, 48 // n).mean(axis=(1, 3)) for name, part in TISSUES.items()
+        }
+        gain = np.exp(bias / 100 * (2 * np.arange(n) + 1 - n) / n)[:, None]
+        for picture, factor, width in (("blur", 1, blur), ("bias", gain, 0), ("all", gain, blur)):
+            grid = Volume(np.zeros((n, 1, n)), np.diag([size, size, size, 1.0]))
+            seen = dict.fromkeys(TISSUE_NAMES, np.zeros((n, 1, n)))
+            seen |= {name: (part * factor)[:, None] for name, part in parts.items()}
+            means = dict.fromkeys(TISSUE_NAMES, 0.0) | {"white": 440.0, "grey": 310.0}
+            look = Appearance(means, texture=0.0, bias=0.0, blur_mm=width, noise=0.0)
+            image = t1_image(seen, grid, look, 0).data[:, 0].astype(float)
+            page.get_by_role("radio", name=picture, exact=True).check()
+            assert shown(page)["mean"] == pytest.approx(image.mean(), rel=1e-6)
+            assert shown(page)["power"] == pytest.approx((image**2).mean(), rel=1e-6)
+            assert shown(page)[picture] == pytest.approx(border_error(image, size), abs=2e-5)
+    # Noise: the mean square of a magnitude grows by twice the variance, and another draw is another image.
+    page.locator(".reset").click()
+    page.get_by_role("radio", name="0.5", exact=True).check()
+    page.get_by_role("radio", name="voxels alone").check()
+    quiet = shown(page)
+    page.get_by_role("radio", name="noise").check()
+    noisy = shown(page)
+    assert noisy["power"] - quiet["power"] == pytest.approx(2 * 25**2, rel=0.5)
+    assert noisy["noise"] > quiet["plain"]
+    page.get_by_role("button", name="other noise").click()
+    assert shown(page)["power"] != noisy["power"]
+    assert shown(page)["power"] - quiet["power"] == pytest.approx(2 * 25**2, rel=0.5)
+    assert "contrast to noise 5.2." in status(page)

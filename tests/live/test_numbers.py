@@ -5,6 +5,8 @@ import math
 import numpy as np
 import ot
 import pytest
+import scipy.ndimage
+import skimage.measure
 import torch
 from scipy.optimize import linear_sum_assignment
 
@@ -13,8 +15,9 @@ from meshot.flow import integrate
 from meshot.loss import quantile_cost, slice_costs, sliced_wasserstein
 from meshot.loss.directions import fibonacci_spiral
 from meshot.loss.exact import exact_slice_costs, projected_law
-from meshot.mesh import icosphere
+from meshot.mesh import icosphere, topology
 from meshot.view.page import joined
+from meshot.volume import Volume, filled_cavities, genus_zero, isosurface, largest_component
 from meshot_book.flows import descend
 
 MODULES = (
@@ -30,6 +33,7 @@ MODULES = (
     "flow",
     "contours",
     "windows",
+    "voxels",
 )
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
 N_PROBLEMS = 200
@@ -686,3 +690,55 @@ def test_orthogonal_blocks(found):
         close(np.linalg.norm(lines, axis=1), 1)
         whole = lines[: count // d * d]
         close(whole.T @ whole, np.eye(d) * (count // d))
+def drawn_mask(generator):
+    """Noise at any density, often smoothed, so that there are solid parts, tunnels and cavities."""
+    shape = tuple(int(n) for n in generator.integers(1, 9, size=3))
+    values = generator.normal(size=shape)
+    values = scipy.ndimage.gaussian_filter(values, generator.choice([0, 0.6, 1.2]))
+    return values > np.quantile(values, generator.uniform(0, 0.9))
+
+
+def test_topology_of_masks_and_balls_within_them(found):
+    generator, cases, right = np.random.default_rng(12), [], []
+    for _ in range(N_PROBLEMS):
+        mask = drawn_mask(generator)
+        mask.flat[generator.integers(mask.size)] = True
+        priority = generator.normal(size=mask.shape).round(int(generator.choice([0, 12])))
+        around = np.pad(mask, 1)
+        counts = []
+        for corners in (True, False):
+            few, many = scipy.ndimage.generate_binary_structure(3, 1), np.ones((3, 3, 3))
+            inside, outside = (many, few) if corners else (few, many)
+            components = scipy.ndimage.label(around, inside)[1]
+            cavities = scipy.ndimage.label(~around, outside)[1] - 1
+            euler = skimage.measure.euler_number(around, connectivity=3 if corners else 1)
+            counts += [components, cavities, components + cavities - euler]
+        whole = filled_cavities(largest_component(mask))
+        ball = genus_zero(whole, priority)
+        assert topology(isosurface(Volume(np.pad(ball, 1).astype(float), np.eye(4)))).euler_number == 2
+        right.append((counts, whole, ball))
+        cases.append([list(mask.shape), mask.ravel().astype(int).tolist(), priority.ravel().tolist()])
+    ours = found(
+        """([shape, values, priority]) => {
+          const grid = voxelGrid(shape);
+          const mask = Uint8Array.from(onGrid(values, grid));
+          const whole = wholePart(mask, grid);
+          const ball = ballWithin(whole, onGrid(priority, grid), grid);
+          const counts = [true, false].flatMap((corners) => {
+            const { components, cavities, handles } = solidTopology(mask, grid, corners);
+            return [components, cavities, handles];
+          });
+          const after = [true, false].map((corners) => solidTopology(ball, grid, corners));
+          return [counts, [...whole], [...ball], after];
+        }""",
+        cases,
+    )
+    for (counts, whole, ball, after), (expected, *masks) in zip(ours, right):
+        assert counts == expected
+        for one, mask in zip((whole, ball), masks):
+            assert (np.reshape(one, np.add(mask.shape, 2))[1:-1, 1:-1, 1:-1] == mask).all()
+        assert after == 2 * [{"components": 1, "cavities": 0, "handles": 0}]
+    handles, given_up = [counts[5] for counts, *_ in right], [(whole & ~ball).sum() for _, whole, ball in right]
+    assert sum(number > 0 for number in handles) > 30
+    assert sum(number > 0 for number in given_up) > 30
+    assert sum(counts[1] > 0 for counts, *_ in right) > 10

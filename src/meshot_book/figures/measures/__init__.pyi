@@ -1,8 +1,7 @@
 from .planted import (
-    PlantedState as PlantedState,
     Window as Window,
-    planted_player as planted_player,
     ratio_figure as ratio_figure,
+    round_length as round_length,
     sections_figure as sections_figure,
 )
 from .projection import law_figure as law_figure, turned_densities_figure as turned_densities_figure

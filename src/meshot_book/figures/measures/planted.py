@@ -1,4 +1,4 @@
-"""Planted errors side by side: their sections through the surface, and what each metric makes of them."""
+"""Planted errors side by side: their sections through the surface, and the values of each metric."""
 
 import dataclasses
 import math
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from meshot.mesh import Mesh, plane_section
 from meshot.types import Array, Float, Tensor
-from meshot.view import TARGET, VERMILLION, WIDTH, Page, live_page, still_of
+from meshot.view import TARGET, VERMILLION, WIDTH
 
 Segments = Float[Array, "n 2 2"]
 
@@ -41,6 +41,36 @@ class Window:
         kept = [k for k in range(3) if k != self.axis]
         flat = (cut - self.centre)[:, :, kept].detach().cpu().double().numpy()
         return flat[(np.abs(flat) <= self.half).all(axis=2).any(axis=1)]
+
+    def chains(self, mesh: Mesh) -> list[list[int]]:
+        """The same lines, cut off at the square and joined where they meet: u₁, v₁, u₂, v₂, … in ¼ % of ``half``."""
+        neighbours: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        for pair in np.rint(400 * _inside(self.lines(mesh) / self.half)).astype(int).tolist():
+            a, b = map(tuple, pair)
+            if a != b and b not in neighbours.get(a, []):  # two faces can share an edge in the plane
+                neighbours.setdefault(a, []).append(b)
+                neighbours.setdefault(b, []).append(a)
+        chains = []
+        # Open lines first, from one of their ends; what is left are rings.
+        for start in sorted(neighbours, key=lambda place: len(neighbours[place]) % 2 == 0):
+            while neighbours[start]:
+                chain = [start]
+                while neighbours[chain[-1]]:
+                    after = neighbours[chain[-1]].pop()
+                    neighbours[after].remove(chain[-1])
+                    chain.append(after)
+                chains.append([x for place in chain for x in place])
+        return chains
+
+
+def _inside(lines: Segments) -> Segments:
+    """The parts of line segments within the square from −1 to 1."""
+    start, way = lines[:, 0], lines[:, 1] - lines[:, 0]
+    safe = np.where(way == 0, 1e-12, way)
+    walls = np.stack([(-1 - start) / safe, (1 - start) / safe])
+    first, last = np.maximum(walls.min(axis=0).max(axis=1), 0), np.minimum(walls.max(axis=0).min(axis=1), 1)
+    kept = first < last
+    return np.stack([(start + share[:, None] * way)[kept] for share in (first, last)], axis=1)
 
 
 def sections_figure(panels: Mapping[str, tuple[Window, Mesh]], target: Mesh, columns: int = 3) -> Figure:
@@ -123,97 +153,3 @@ def ratio_figure(
     bar.set_ticks(ticks, labels=[str(tick) for tick in ticks])
     bar.minorticks_off()
     return figure
-
-
-# Planted errors that a reader chooses, small to large, with what each metric says: whole in itself, offline.
-
-SEEN = 2.0
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class PlantedState:
-    """One error of one size.
-
-    Parameters
-    ----------
-    size : str
-        In words, with its unit.
-    mesh : Mesh
-    values : sequence of str
-        What each metric says, as it is to be read.
-    ratios : sequence of float
-        Each value over its yardstick; infinite where the yardstick is zero.
-    """
-
-    size: str
-    mesh: Mesh
-    values: Sequence[str]
-    ratios: Sequence[float]
-
-
-def planted_player(
-    target: Mesh,
-    errors: Mapping[str, tuple[Window, Sequence[PlantedState]]],
-    metrics: Sequence[str],
-    description: str,
-    note: str,
-) -> Page:
-    """A page with a choice of errors, a slider for the size, a section through the surface and a bar for each metric.
-
-    A bar is as long as the value over its yardstick, on a logarithmic scale from a tenth to a hundred times, and grey
-    up to twice the yardstick. A still picture comes first and stays where scripts may not run.
-
-    Parameters
-    ----------
-    target : Mesh
-    errors : mapping
-        By name: where to look, and the states in the order of the slider.
-    metrics : sequence of str
-    description : str
-        What is to be seen, for those who do not see it.
-    note : str
-        Under the bars: what the yardstick is.
-
-    Raises
-    ------
-    ValueError
-        If there is no description, no error, or a state has not one value and one ratio for each metric.
-    """
-    if not description.strip():
-        raise ValueError("description is empty; say what is to be seen, for readers who do not see it")
-    if not errors or not all(states for _, states in errors.values()):
-        raise ValueError("errors is empty, or one of them has no state; each needs at least one")
-    for name, (_, states) in errors.items():
-        if any(len(state.values) != len(metrics) or len(state.ratios) != len(metrics) for state in states):
-            raise ValueError(f"{name!r} does not have one value and one ratio for each of {len(metrics)} metrics")
-    listed = [_error(name, target, *error) for name, error in errors.items()]
-    panels = {name: (window, states[-1].mesh) for name, (window, states) in errors.items()}
-    return live_page(
-        "meshot_book/figures/assets/planted",
-        {"metrics": list(metrics), "errors": listed, "seen": SEEN},
-        f"PlantedPlayer({len(errors)} errors; run the cell to choose one)",
-        alt=description,
-        still=still_of(sections_figure(panels, target)),
-        names=list(errors),
-        note=note,
-    )
-
-
-def _error(name: str, target: Mesh, window: Window, states: Sequence[PlantedState]) -> dict:
-    listed = [
-        {
-            "size": state.size,
-            "lines": _flat(window, state.mesh),
-            "values": list(state.values),
-            "ratios": [None if math.isinf(ratio) else float(f"{ratio:.3g}") for ratio in state.ratios],
-        }
-        for state in states
-    ]
-    frame = {"half": window.half, "bar": round_length(window.half)}
-    return {"name": name} | frame | {"target": _flat(window, target), "states": listed}
-
-
-def _flat(window: Window, mesh: Mesh) -> list[float]:
-    """The segments as plain numbers in hundredths of the half window, cut off beyond twice of it."""
-    places = np.clip(100 * window.lines(mesh) / window.half, -200, 200)
-    return [round(float(x), 1) for x in places.reshape(-1)]
