@@ -30,6 +30,13 @@ DATA = {
     },
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
+    "power": {
+        "outcomes": {
+            "thickness (mm)": {"effect": 0.8, "between": 1.0, "method": math.sqrt(1 / 0.6 - 1), "unit": "mm"},
+            "volume (ml)": {"effect": 40, "between": 50, "method": 4, "unit": "ml"},
+        },
+        "pilot": 12,
+    },
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],

@@ -11,6 +11,7 @@ import ot
 import pytest
 import torch
 from live_pages import ANSWERS, DATA, live_page_of
+from scipy import stats
 
 import meshot
 from browser import AXE, UNREACHED, page_file, set_width, watched_page
@@ -21,6 +22,7 @@ from meshot_book.figures.flows import FIELDS, outlines, two_triangles
 from meshot_book.flows import descend
 from meshot_book.live import Answer
 from meshot_book.live.figure import figure_names
+from meshot_book.statistics import people_needed, power_of_groups
 from refusals import refuses
 
 ASSETS = "meshot_book/live/assets"
@@ -480,3 +482,22 @@ def test_the_calculator_interpolates_and_says_what_was_not_measured(opened):
     page.get_by_role("radio", name="compares").check()
     assert shown(page)["seconds"] == -1
     assert "not measured here (stopped at 100,000: time: 10000 s foretold)" in status(page)
+
+
+def test_the_power_is_that_of_python(opened):
+    page = opened("power")
+    reliability, pilot, effect = 0.6, 12, 0.8
+    for people, scans, pilot, effect in ((23, 1, 12, 0.8), (42, 1, 12, 0.8), (42, 3, 40, 0.8), (7, 6, 6, 1.3)):
+        values = {"effect": effect, "people in each group": people, "scans of each person": scans}
+        for name, value in (values | {"people who gave σ": pilot}).items():
+            page.get_by_role("slider", name=name, exact=True).fill(str(value))
+        of_mean = scans * reliability / (1 + (scans - 1) * reliability)  # Spearman and Brown
+        factors = (pilot - 2) / stats.chi2.ppf([0.975, 0.025], pilot - 2)
+        now = shown(page)
+        assert now["reliability"] == pytest.approx(reliability, rel=1e-9)
+        assert now["power"] == pytest.approx(power_of_groups(effect * of_mean**0.5, people), rel=1e-9)
+        assert now["needed"] == people_needed(effect, of_mean)
+        assert [now["low"], now["high"]] == [people_needed(effect / f**0.5, of_mean) for f in factors]
+    page.get_by_role("radio", name="volume (ml)").check()
+    assert shown(page)["needed"] == people_needed(0.8, 50**2 / (50**2 + 4**2), 0.8)
+    assert "40 ml" in page.locator(".own").text_content()

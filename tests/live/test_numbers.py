@@ -6,6 +6,7 @@ import numpy as np
 import ot
 import pytest
 import torch
+from scipy import stats
 from scipy.optimize import linear_sum_assignment
 
 import meshot
@@ -16,6 +17,7 @@ from meshot.loss.exact import exact_slice_costs, projected_law
 from meshot.mesh import icosphere
 from meshot.view.page import joined
 from meshot_book.flows import descend
+from meshot_book.statistics import people_needed, power_of_groups
 
 MODULES = (
     "random",
@@ -27,6 +29,7 @@ MODULES = (
     "projection",
     "distribution",
     "flow",
+    "power",
 )
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
 N_PROBLEMS = 200
@@ -489,3 +492,32 @@ def test_even_directions(found):
         lines, spiral = np.array(rows), fibonacci_spiral(count, 3, 0)
         close(lines @ lines.T, spiral @ spiral.T)
         close(np.linalg.det(lines[:3]), np.linalg.det(spiral[:3])) if count > 2 else None
+
+
+# Studies of two groups.
+
+
+def test_power_of_two_groups(found):
+    generator = np.random.default_rng(11)
+    sizes = np.r_[range(2, 30), generator.integers(2, 400, N_PROBLEMS - 28)].tolist()
+    shifts = np.r_[0, 0, generator.uniform(-8, 8, N_PROBLEMS - 2)]  # beyond, SciPy has no value
+    cases = list(zip((shifts / np.sqrt(np.array(sizes) / 2)).tolist(), sizes))
+    close(found("([effect, n]) => powerOfGroups(effect, n)", cases), [power_of_groups(*case) for case in cases])
+    values = generator.uniform(-9, 9, N_PROBLEMS).round(1).tolist()
+    ours = found("value => normalBelow(value)", values)
+    np.testing.assert_allclose(ours, stats.norm.cdf(values), rtol=1e-12)
+
+
+def test_people_needed(found):
+    generator = np.random.default_rng(12)
+    cases = list(zip(np.exp(generator.uniform(-3, 1.5, N_PROBLEMS)), generator.choice([0.5, 0.8, 0.9], N_PROBLEMS)))
+    ours = found("([effect, power]) => peopleNeeded(effect, power)", [[float(x) for x in case] for case in cases])
+    assert ours == [people_needed(effect, power=power) for effect, power in cases]
+    assert min(ours) < 4
+    assert max(ours) > 2000
+
+
+def test_intervals_of_a_variance(found):
+    free = list(range(2, 2 * N_PROBLEMS + 2, 2))
+    right = [(n / stats.chi2.ppf([0.975, 0.025], n)).tolist() for n in free]
+    close(found("free => varianceFactors(free)", free), right)
