@@ -1,5 +1,6 @@
 """Each live figure of the book with small data of its own."""
 
+import itertools
 import math
 
 import matplotlib.pyplot as plt
@@ -44,6 +45,26 @@ DATA = {
         "source_masses": [1, 3, 1, 2],
         "target_masses": [2, 1, 1, 1, 4],
         "exponent": 2,
+    },
+    "tables": {
+        "measures": {
+            "ASSD": {"unit": " mm", "digits": 3, "sign": 1},
+            "normals": {"unit": "", "digits": 3, "sign": -1},
+            "crossing": {"unit": " %", "digits": 2, "sign": 1},
+        },
+        "rows": [
+            {"column": column, "budget": budget, "system": system}
+            | {"ASSD": [round(own, 4), 0.05], "normals": [round(1 - own * other, 4), 0.02], "crossing": [k % 3, 0.5]}
+            for column, budget in itertools.product(("one", "two"), ("steps", "seconds"))
+            for k, system in enumerate(("A", "B", "C", "D", "start", "perfect"))
+            for own, other in [GENERATOR.uniform(0.1, 1, 2)]
+            if (system, budget) != ("D", "seconds")
+        ],
+        "columns": ["one", "two"],
+        "order": "ASSD",
+        "ours": "A",
+        "start": "start",
+        "floor": "perfect",
     },
     "turning": {name: points.round(4).tolist() for name, points in CLOUDS.items()} | {"angle": 30},
 }

@@ -501,3 +501,29 @@ def test_the_power_is_that_of_python(opened):
     page.get_by_role("radio", name="volume (ml)").check()
     assert shown(page)["needed"] == people_needed(0.8, 50**2 / (50**2 + 4**2), 0.8)
     assert "40 ml" in page.locator(".own").text_content()
+
+
+def test_the_tables_are_in_order_and_pairs_are_counted(opened):
+    page = opened("tables")
+    for column, budget, initial in itertools.product(("one", "two"), ("steps", "seconds"), (True, False)):
+        page.get_by_role("radio", name=column).check()
+        page.get_by_role("radio", name=budget).check()
+        page.get_by_role("checkbox").set_checked(initial)
+        rows = [row for row in DATA["tables"]["rows"] if (row["column"], row["budget"]) == (column, budget)]
+        rows = [row for row in rows if row["system"] in ("A", "B", "C", "D", "start")[: 5 if initial else 4]]
+        for order, shown_key in itertools.product(DATA["tables"]["measures"], repeat=2):
+            for number, key in enumerate((order, shown_key)):
+                page.get_by_role("radio", name=key, exact=True).nth(number).check()
+            signs = {"normals": -1}
+            ranks = {key: [signs.get(key, 1) * row[key][0] for row in rows] for key in (order, shown_key)}
+            first = rows[int(np.argmin(ranks[shown_key]))] if shown_key != "crossing" else None
+            now = shown(page)
+            if first:
+                assert page.locator(".live-figure").get_attribute("data-first") == first["system"]
+                apart = [abs(row[shown_key][0] - first[shown_key][0]) for row in rows]
+                assert now["overlap"] == sum(gap <= 2 * first[shown_key][1] for gap in apart) - 1
+            assert now["mean"] == pytest.approx(min(ranks[shown_key]) * signs.get(shown_key, 1), rel=1e-12)
+            a, b = (np.array(ranks[key]) for key in (order, shown_key))
+            turned = (np.sign(a[:, None] - a) * np.sign(b[:, None] - b) < 0).sum() / 2
+            if order != "crossing":  # equal values have no order
+                assert now["turned"] == turned
