@@ -31,6 +31,7 @@ DATA = {
     },
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
+    "luck": {"count": 6, "between": 0.0065, "subject": 0.01, "subjects": 4, "lead": 0.017},
     "power": {
         "outcomes": {
             "thickness (mm)": {"effect": 0.8, "between": 1.0, "method": math.sqrt(1 / 0.6 - 1), "unit": "mm"},

@@ -527,3 +527,24 @@ def test_the_tables_are_in_order_and_pairs_are_counted(opened):
             turned = (np.sign(a[:, None] - a) * np.sign(b[:, None] - b) < 0).sum() / 2
             if order != "crossing":  # equal values have no order
                 assert now["turned"] == turned
+
+
+def test_the_best_of_equal_losses_looks_better_by_what_is_expected(opened):
+    page = opened("luck")
+    draws = np.random.default_rng(0).normal(size=(200_000, 30))
+    for count, between, seeds, subject, subjects in ((6, 0.0065, 1, 0, 4), (30, 0.01, 4, 0.02, 16), (2, 0, 1, 0.03, 9)):
+        values = {"losses": count, "deviation between seeds": between, "seeds of each": seeds}
+        for name, value in (values | {"deviation of a subject": subject}).items():
+            page.get_by_role("slider", name=name, exact=True).fill(str(value))
+        if subject:
+            page.get_by_role("slider", name="subjects", exact=True).fill(str(subjects))
+        page.evaluate("() => { for (let k = 0; k < 600; k += 1) document.querySelector('.once').click(); }")
+        deviation = math.hypot(between / seeds**0.5, subject / subjects**0.5)
+        now = shown(page)
+        assert now["studies"] == 620
+        best = draws[:, :count].max(axis=1)
+        assert now["expected"] == pytest.approx(deviation * best.mean(), rel=0.01)
+        assert now["chance"] == pytest.approx((deviation * (best - draws[:, 0]) > 0.017).mean(), abs=0.005)
+        assert now["mean"] == pytest.approx(now["expected"], abs=4 * now["error"])
+        assert now["error"] < 0.04 * deviation
+        assert abs(now["again"]) < 4 * deviation / 620**0.5

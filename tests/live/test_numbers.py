@@ -7,6 +7,7 @@ import ot
 import pytest
 import torch
 from scipy import stats
+from scipy.integrate import quad
 from scipy.optimize import linear_sum_assignment
 
 import meshot
@@ -29,6 +30,7 @@ MODULES = (
     "projection",
     "distribution",
     "flow",
+    "normal",
     "power",
 )
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
@@ -521,3 +523,19 @@ def test_intervals_of_a_variance(found):
     free = list(range(2, 2 * N_PROBLEMS + 2, 2))
     right = [(n / stats.chi2.ppf([0.975, 0.025], n)).tolist() for n in free]
     close(found("free => varianceFactors(free)", free), right)
+
+
+def test_largest_of_normal_values(found):
+    generator = np.random.default_rng(13)
+    counts = list(range(1, N_PROBLEMS + 1))
+    leads = generator.uniform(0, 5, N_PROBLEMS).tolist()
+    right, chances = [], []
+    for n, lead in zip(counts, leads):
+        largest = lambda x, n=n: x * n * stats.norm.pdf(x) * stats.norm.cdf(x) ** (n - 1)  # noqa: E731
+        below = lambda x, n=n, lead=lead: stats.norm.pdf(x) * stats.norm.cdf(x + lead) ** (n - 1)  # noqa: E731
+        right.append(quad(largest, -12, 12, epsabs=1e-13, limit=200)[0])
+        chances.append(1 - quad(below, -12, 12, epsabs=1e-13, limit=200)[0])
+    close(found("n => expectedLargest(n)", counts), right)
+    close(found("([n, lead]) => leadByChance(n, lead)", list(zip(counts, leads))), chances)
+    # Closed forms: two, and three values.
+    close(found("n => expectedLargest(n)", [2, 3]), [1 / math.sqrt(math.pi), 1.5 / math.sqrt(math.pi)])

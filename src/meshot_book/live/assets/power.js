@@ -1,27 +1,9 @@
 // The power of a two-sided t-test at 5 % for two groups, and the interval of a standard deviation.
+import { normalBelow, normalDensity } from "./normal.js";
 
 const LEVEL = 0.95;
 const LEAST = -46; // logarithm of the weights that are left out
 const limits = new Map(); // of t, by degrees of freedom
-
-/** The standard normal distribution function. */
-export function normalBelow(x) {
-  const height = Math.exp(-0.5 * x * x) / Math.sqrt(2 * Math.PI);
-  if (Math.abs(x) < 3) {
-    let [sum, term] = [x, x];
-    for (let k = 3; Math.abs(term) > 1e-17 * Math.abs(sum); k += 2) {
-      term *= (x * x) / k;
-      sum += term;
-    }
-    return 0.5 + height * sum;
-  }
-  // Beyond three the continued fraction of Laplace.
-  let rest = Math.abs(x);
-  for (let k = 80; k > 0; k -= 1) {
-    rest = Math.abs(x) + k / rest;
-  }
-  return x < 0 ? height / rest : 1 - height / rest;
-}
 
 // The mean of a function over s = √(χ² / ν): the trapezoidal rule in log s, where it converges exponentially.
 function meanOverScale(free, finest, value) {
@@ -50,7 +32,7 @@ export function limitOfT(free) {
     for (let move = 1; move > 1e-14 * t; t += move) {
       const at = t;
       const above = meanOverScale(free, 0.5, (s) => 2 * normalBelow(-at * s));
-      const slope = meanOverScale(free, 0.5, (s) => 2 * s * Math.exp((-at * at * s * s) / 2)) / Math.sqrt(2 * Math.PI);
+      const slope = meanOverScale(free, 0.5, (s) => 2 * s * normalDensity(at * s));
       move = (above - (1 - LEVEL)) / slope;
     }
     limits.set(free, t);
