@@ -17,6 +17,22 @@ RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
 CLOUDS = {name: GENERATOR.normal(size=(9, 2)) + shift for name, shift in (("source", [0.5, 0]), ("target", [-1, 0.3]))}
 #: Name of the script → its data.
 DATA = {
+    "budget": {
+        "courses": [
+            {
+                "group": group,
+                "name": f"{group} {k}",
+                "step": (steps := list(range(60 + 20 * k, 1000 * (k + 2), 170))),
+                "assd": GENERATOR.uniform(0.2, 0.7, len(steps)).round(4).tolist(),
+                "rates": [0.3, 0.4, 0.35],
+            }
+            for group in ("readings", "controls")
+            for k in range(9 if group == "controls" else 3)
+        ],
+        "start": 0.4,
+        "short": 280,
+        "budget": 2.5,
+    },
     "calculator": {
         "peers": ["sorts", "compares"],
         "rows": [

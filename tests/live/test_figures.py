@@ -548,3 +548,26 @@ def test_the_best_of_equal_losses_looks_better_by_what_is_expected(opened):
         assert now["mean"] == pytest.approx(now["expected"], abs=4 * now["error"])
         assert now["error"] < 0.04 * deviation
         assert abs(now["again"]) < 4 * deviation / 620**0.5
+
+
+def test_the_order_at_a_budget_is_that_of_the_courses(opened):
+    page = opened("budget")
+    seen = set()
+    for group, budget, kept in itertools.product(("readings", "controls"), (1.75, 1.9, 2.6, 3.7), ("last", "best")):
+        page.get_by_role("radio", name=group).check()
+        page.get_by_role("radio", name=f"of the {kept} check").check()
+        page.get_by_role("slider", name="budget").fill(str(budget))
+        values, ended = {}, 0
+        for course in DATA["budget"]["courses"]:
+            checks = [value for step, value in zip(course["step"], course["assd"]) if step <= round(10**budget)]
+            if course["group"] == group and checks:
+                values[course["name"]] = min(checks) if kept == "best" else checks[-1]
+                ended += len(checks) == len(course["assd"]) and course["step"][-1] < round(10**budget)
+        order = page.locator(".live-figure").get_attribute("data-order")
+        assert order == " | ".join(sorted(values, key=values.get))
+        now = shown(page)
+        assert now["first"] == (min(values.values()) if values else -1)
+        assert now["nearer"] == sum(value < 0.4 for value in values.values())
+        assert now["ended"] == ended
+        seen |= {len(values), -ended}
+    assert {0, 3, 9, -3} <= seen
