@@ -1,5 +1,6 @@
 """Each live figure of the book with small data of its own."""
 
+import itertools
 import math
 
 import matplotlib.pyplot as plt
@@ -48,6 +49,22 @@ FAULTS = ["crowded 3 : 1", "a quarter missing", "a tenth far away", "one outlier
 FAULTS += ["bump of 6 mm", "moved by 3 mm", "a quarter flipped"]
 #: Name of the script → its data.
 DATA = {
+    "budget": {
+        "courses": [
+            {
+                "group": group,
+                "name": f"{group} {k}",
+                "step": (steps := list(range(60 + 20 * k, 1000 * (k + 2), 170))),
+                "assd": GENERATOR.uniform(0.2, 0.7, len(steps)).round(4).tolist(),
+                "rates": [0.3, 0.4, 0.35],
+            }
+            for group in ("readings", "controls")
+            for k in range(9 if group == "controls" else 3)
+        ],
+        "start": 0.4,
+        "short": 280,
+        "budget": 2.5,
+    },
     "calculator": {
         "peers": ["sorts", "compares"],
         "rows": [
@@ -69,7 +86,7 @@ DATA = {
         "reach": 0.8,
         "strengths": [1, 2, 4],
     "normals": {"power": -0.5, "gap": 2, "lines": 60, "seed": 1},
-    "power": {
+    "detection": {
         "fault": "one outlier",
         "points": 30,
         "pairs": 48,
@@ -120,6 +137,13 @@ DATA = {
                 "nothing": [sphere_state(0.0, [1, 0, 0], ASSD=[0, 1e-12, 0])],
             }.items()
         },
+    "luck": {"count": 6, "between": 0.0065, "subject": 0.01, "subjects": 4, "lead": 0.017},
+    "power": {
+        "outcomes": {
+            "thickness (mm)": {"effect": 0.8, "between": 1.0, "method": math.sqrt(1 / 0.6 - 1), "unit": "mm"},
+            "volume (ml)": {"effect": 40, "between": 50, "method": 4, "unit": "ml"},
+        },
+        "pilot": 12,
     },
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
     "scene": {
@@ -157,6 +181,25 @@ DATA = {
         "weight": 12,
         "priority": "depth and fraction",
         "slice": 3,
+    "tables": {
+        "measures": {
+            "ASSD": {"unit": " mm", "digits": 3, "sign": 1},
+            "normals": {"unit": "", "digits": 3, "sign": -1},
+            "crossing": {"unit": " %", "digits": 2, "sign": 1},
+        },
+        "rows": [
+            {"column": column, "budget": budget, "system": system}
+            | {"ASSD": [round(own, 4), 0.05], "normals": [round(1 - own * other, 4), 0.02], "crossing": [k % 3, 0.5]}
+            for column, budget in itertools.product(("one", "two"), ("steps", "seconds"))
+            for k, system in enumerate(("A", "B", "C", "D", "start", "perfect"))
+            for own, other in [GENERATOR.uniform(0.1, 1, 2)]
+            if (system, budget) != ("D", "seconds")
+        ],
+        "columns": ["one", "two"],
+        "order": "ASSD",
+        "ours": "A",
+        "start": "start",
+        "floor": "perfect",
     },
     "turning": {name: points.round(4).tolist() for name, points in CLOUDS.items()} | {"angle": 30},
     "windows": {"points": 96, "width": 96, "height": 3, "wave": 16, "lines": 16, "every": 6, "first": 3},

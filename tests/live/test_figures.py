@@ -12,34 +12,25 @@ import pytest
 import scipy.ndimage
 import skimage.measure
 import torch
-from live_pages import ANSWERS, DATA, live_page_of
-from test_numbers import edges_of, mean_distance, weighted_cosine
+from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, TISSUES, live_page_of
+from scipy import stats
+from test_numbers import edges_of, mean_distance, mulberry, weighted_cosine
 
 import meshot
 from browser import AXE, SET_THEME, UNREACHED, page_file, set_width, watched_page
 from meshot.flow import integrate
-from meshot.mesh import circle, even_points
-from test_numbers import mulberry
-
-import meshot
-from browser import AXE, UNREACHED, page_file, set_width, watched_page
 from meshot.loss.exact import projected_law
 from meshot.mesh import circle, even_points, split_in_four
-from meshot.view.page import joined
-from meshot_book.examples import Drifting
-from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, TISSUES, live_page_of
-
-import meshot
-from browser import AXE, UNREACHED, page_file, set_width, watched_page
-from meshot.mesh import circle, even_points
 from meshot.synth import TISSUES as TISSUE_NAMES, Appearance, t1_image
 from meshot.view.page import joined
 from meshot.volume import Volume, filled_cavities, genus_zero, largest_component
+from meshot_book.examples import Drifting
 from meshot_book.examples.counterexample import crossing_sides
 from meshot_book.figures.flows import FIELDS, outlines, two_triangles
 from meshot_book.flows import Vortex, descend
 from meshot_book.live import Answer
 from meshot_book.live.figure import figure_names
+from meshot_book.statistics import people_needed, power_of_groups
 from refusals import refuses
 
 ASSETS = "meshot_book/live/assets"
@@ -669,6 +660,8 @@ def test_windows_and_the_whole_follow_what_is_needed_as_the_library_says(p, phas
     assert seen[0]["whole"] < 0.25 < 0.65 < seen[0]["windows"]
     assert seen[2]["whole"] > 0.55
     assert seen[0]["share"] > 2 * seen[0]["whole"] or p == 2
+
+
 def points_and_normals(points, flipped=None):
     """Points with their normals, ten units long and from the origin, and inwards where flipped."""
     sign = 1 if flipped is None else np.where(flipped, -1, 1)[:, None]
@@ -754,7 +747,7 @@ def test_the_arrows_of_four_losses_are_those_of_the_library(opened):
 
 def drawn_sample(fault, n, seed, spacing):
     """One sample of the figure on power, from the same uniform numbers."""
-    data, u = DATA["power"], mulberry(seed, 500)
+    data, u = DATA["detection"], mulberry(seed, 500)
     tail = {"a tenth far away": n // 10, "one outlier": 1}.get(fault, 0)
     used, n = (1 if spacing == "even" else n - tail), n - tail
     share = (np.arange(n) + u[0]) / n if spacing == "even" else np.array(u[:n])
@@ -790,7 +783,7 @@ def values_of_pairs(fault, n, spacing, count):
         for second in (drawn_sample(without, n, 2 * k + 1, spacing), drawn_sample(fault, n, 2 * k + 1, spacing)):
             d = first.shape[1]
             sliced = meshot.sliced_wasserstein(
-                first, second, torch.tensor(DATA["power"]["lines"][d], dtype=torch.float64)
+                first, second, torch.tensor(DATA["detection"]["lines"][d], dtype=torch.float64)
             )
             costs = meshot.chamfer(first, second) / 2, meshot.wasserstein(first, second), d * sliced
             found.append([math.sqrt(float(cost)) for cost in costs])
@@ -799,7 +792,7 @@ def values_of_pairs(fault, n, spacing, count):
 
 @pytest.mark.parametrize("spacing", ["random", "even"])
 def test_power_is_that_of_the_same_samples_in_python(spacing, opened):
-    page, data = opened("power", 400), DATA["power"]
+    page, data = opened("detection", 400), DATA["detection"]
     page.get_by_role("radio", name=spacing).check()
     for fault in data["powers"]:
         page.get_by_role("radio", name=fault).check()
@@ -917,6 +910,8 @@ def test_normals_move_the_blade_as_the_library_says(opened):
             assert "undecided" in status(page)
         else:
             assert now["exactShare"] == pytest.approx(float(2 * s > gap), abs=1e-12)
+
+
 def test_a_planted_error_is_shown_after_the_guess_and_judged_by_its_floor(opened):
     page = opened("planted")
     data = DATA["planted"]
@@ -1129,3 +1124,92 @@ def test_the_scanner_of_the_figure_is_that_of_the_library(opened):
     assert shown(page)["power"] != noisy["power"]
     assert shown(page)["power"] - quiet["power"] == pytest.approx(2 * 25**2, rel=0.5)
     assert "contrast to noise 5.2." in status(page)
+
+
+def test_the_power_is_that_of_python(opened):
+    page = opened("power")
+    reliability, pilot, effect = 0.6, 12, 0.8
+    for people, scans, pilot, effect in ((23, 1, 12, 0.8), (42, 1, 12, 0.8), (42, 3, 40, 0.8), (7, 6, 6, 1.3)):
+        values = {"effect": effect, "people in each group": people, "scans of each person": scans}
+        for name, value in (values | {"people who gave σ": pilot}).items():
+            page.get_by_role("slider", name=name, exact=True).fill(str(value))
+        of_mean = scans * reliability / (1 + (scans - 1) * reliability)  # Spearman and Brown
+        factors = (pilot - 2) / stats.chi2.ppf([0.975, 0.025], pilot - 2)
+        now = shown(page)
+        assert now["reliability"] == pytest.approx(reliability, rel=1e-9)
+        assert now["power"] == pytest.approx(power_of_groups(effect * of_mean**0.5, people), rel=1e-9)
+        assert now["needed"] == people_needed(effect, of_mean)
+        assert [now["low"], now["high"]] == [people_needed(effect / f**0.5, of_mean) for f in factors]
+    page.get_by_role("radio", name="volume (ml)").check()
+    assert shown(page)["needed"] == people_needed(0.8, 50**2 / (50**2 + 4**2), 0.8)
+    assert "40 ml" in page.locator(".own").text_content()
+
+
+def test_the_tables_are_in_order_and_pairs_are_counted(opened):
+    page = opened("tables")
+    for column, budget, initial in itertools.product(("one", "two"), ("steps", "seconds"), (True, False)):
+        page.get_by_role("radio", name=column).check()
+        page.get_by_role("radio", name=budget).check()
+        page.get_by_role("checkbox").set_checked(initial)
+        rows = [row for row in DATA["tables"]["rows"] if (row["column"], row["budget"]) == (column, budget)]
+        rows = [row for row in rows if row["system"] in ("A", "B", "C", "D", "start")[: 5 if initial else 4]]
+        for order, shown_key in itertools.product(DATA["tables"]["measures"], repeat=2):
+            for number, key in enumerate((order, shown_key)):
+                page.get_by_role("radio", name=key, exact=True).nth(number).check()
+            signs = {"normals": -1}
+            ranks = {key: [signs.get(key, 1) * row[key][0] for row in rows] for key in (order, shown_key)}
+            first = rows[int(np.argmin(ranks[shown_key]))] if shown_key != "crossing" else None
+            now = shown(page)
+            if first:
+                assert page.locator(".live-figure").get_attribute("data-first") == first["system"]
+                apart = [abs(row[shown_key][0] - first[shown_key][0]) for row in rows]
+                assert now["overlap"] == sum(gap <= 2 * first[shown_key][1] for gap in apart) - 1
+            assert now["mean"] == pytest.approx(min(ranks[shown_key]) * signs.get(shown_key, 1), rel=1e-12)
+            a, b = (np.array(ranks[key]) for key in (order, shown_key))
+            turned = (np.sign(a[:, None] - a) * np.sign(b[:, None] - b) < 0).sum() / 2
+            if order != "crossing":  # equal values have no order
+                assert now["turned"] == turned
+
+
+def test_the_best_of_equal_losses_looks_better_by_what_is_expected(opened):
+    page = opened("luck")
+    draws = np.random.default_rng(0).normal(size=(200_000, 30))
+    for count, between, seeds, subject, subjects in ((6, 0.0065, 1, 0, 4), (30, 0.01, 4, 0.02, 16), (2, 0, 1, 0.03, 9)):
+        values = {"losses": count, "deviation between seeds": between, "seeds of each": seeds}
+        for name, value in (values | {"deviation of a subject": subject}).items():
+            page.get_by_role("slider", name=name, exact=True).fill(str(value))
+        if subject:
+            page.get_by_role("slider", name="subjects", exact=True).fill(str(subjects))
+        page.evaluate("() => { for (let k = 0; k < 600; k += 1) document.querySelector('.once').click(); }")
+        deviation = math.hypot(between / seeds**0.5, subject / subjects**0.5)
+        now = shown(page)
+        assert now["studies"] == 620
+        best = draws[:, :count].max(axis=1)
+        assert now["expected"] == pytest.approx(deviation * best.mean(), rel=0.01)
+        assert now["chance"] == pytest.approx((deviation * (best - draws[:, 0]) > 0.017).mean(), abs=0.005)
+        assert now["mean"] == pytest.approx(now["expected"], abs=4 * now["error"])
+        assert now["error"] < 0.04 * deviation
+        assert abs(now["again"]) < 4 * deviation / 620**0.5
+
+
+def test_the_order_at_a_budget_is_that_of_the_courses(opened):
+    page = opened("budget")
+    seen = set()
+    for group, budget, kept in itertools.product(("readings", "controls"), (1.75, 1.9, 2.6, 3.7), ("last", "best")):
+        page.get_by_role("radio", name=group).check()
+        page.get_by_role("radio", name=f"of the {kept} check").check()
+        page.get_by_role("slider", name="budget").fill(str(budget))
+        values, ended = {}, 0
+        for course in DATA["budget"]["courses"]:
+            checks = [value for step, value in zip(course["step"], course["assd"]) if step <= round(10**budget)]
+            if course["group"] == group and checks:
+                values[course["name"]] = min(checks) if kept == "best" else checks[-1]
+                ended += len(checks) == len(course["assd"]) and course["step"][-1] < round(10**budget)
+        order = page.locator(".live-figure").get_attribute("data-order")
+        assert order == " | ".join(sorted(values, key=values.get))
+        now = shown(page)
+        assert now["first"] == (min(values.values()) if values else -1)
+        assert now["nearer"] == sum(value < 0.4 for value in values.values())
+        assert now["ended"] == ended
+        seen |= {len(values), -ended}
+    assert {0, 3, 9, -3} <= seen

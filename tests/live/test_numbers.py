@@ -8,6 +8,8 @@ import pytest
 import scipy.ndimage
 import skimage.measure
 import torch
+from scipy import stats
+from scipy.integrate import quad
 from scipy.optimize import linear_sum_assignment
 
 import meshot
@@ -19,6 +21,7 @@ from meshot.mesh import icosphere, topology
 from meshot.view.page import joined
 from meshot.volume import Volume, filled_cavities, genus_zero, isosurface, largest_component
 from meshot_book.flows import descend
+from meshot_book.statistics import people_needed, power_of_groups
 
 MODULES = (
     "random",
@@ -34,6 +37,8 @@ MODULES = (
     "contours",
     "windows",
     "voxels",
+    "normal",
+    "power",
 )
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
 N_PROBLEMS = 200
@@ -674,6 +679,8 @@ def test_windows(found):
 def weighted_cosine(field, other, masses):
     one, two = (np.sqrt(masses)[:, None] * each for each in (field, other))
     return float((one * two).sum() / max(np.linalg.norm(one) * np.linalg.norm(two), 1e-300))
+
+
 def test_orthogonal_blocks(found):
     generator = np.random.default_rng(13)
     cases = [[int(generator.integers(1, 40)), int(generator.integers(2, 7)), seed] for seed in range(N_PROBLEMS)]
@@ -690,6 +697,8 @@ def test_orthogonal_blocks(found):
         close(np.linalg.norm(lines, axis=1), 1)
         whole = lines[: count // d * d]
         close(whole.T @ whole, np.eye(d) * (count // d))
+
+
 def drawn_mask(generator):
     """Noise at any density, often smoothed, so that there are solid parts, tunnels and cavities."""
     shape = tuple(int(n) for n in generator.integers(1, 9, size=3))
@@ -742,3 +751,48 @@ def test_topology_of_masks_and_balls_within_them(found):
     assert sum(number > 0 for number in handles) > 30
     assert sum(number > 0 for number in given_up) > 30
     assert sum(counts[1] > 0 for counts, *_ in right) > 10
+
+
+# Studies of two groups.
+
+
+def test_power_of_two_groups(found):
+    generator = np.random.default_rng(11)
+    sizes = np.r_[range(2, 30), generator.integers(2, 400, N_PROBLEMS - 28)].tolist()
+    shifts = np.r_[0, 0, generator.uniform(-8, 8, N_PROBLEMS - 2)]  # beyond, SciPy has no value
+    cases = list(zip((shifts / np.sqrt(np.array(sizes) / 2)).tolist(), sizes))
+    close(found("([effect, n]) => powerOfGroups(effect, n)", cases), [power_of_groups(*case) for case in cases])
+    values = generator.uniform(-9, 9, N_PROBLEMS).round(1).tolist()
+    ours = found("value => normalBelow(value)", values)
+    np.testing.assert_allclose(ours, stats.norm.cdf(values), rtol=1e-12)
+
+
+def test_people_needed(found):
+    generator = np.random.default_rng(12)
+    cases = list(zip(np.exp(generator.uniform(-3, 1.5, N_PROBLEMS)), generator.choice([0.5, 0.8, 0.9], N_PROBLEMS)))
+    ours = found("([effect, power]) => peopleNeeded(effect, power)", [[float(x) for x in case] for case in cases])
+    assert ours == [people_needed(effect, power=power) for effect, power in cases]
+    assert min(ours) < 4
+    assert max(ours) > 2000
+
+
+def test_intervals_of_a_variance(found):
+    free = list(range(2, 2 * N_PROBLEMS + 2, 2))
+    right = [(n / stats.chi2.ppf([0.975, 0.025], n)).tolist() for n in free]
+    close(found("free => varianceFactors(free)", free), right)
+
+
+def test_largest_of_normal_values(found):
+    generator = np.random.default_rng(13)
+    counts = list(range(1, N_PROBLEMS + 1))
+    leads = generator.uniform(0, 5, N_PROBLEMS).tolist()
+    right, chances = [], []
+    for n, lead in zip(counts, leads):
+        largest = lambda x, n=n: x * n * stats.norm.pdf(x) * stats.norm.cdf(x) ** (n - 1)  # noqa: E731
+        below = lambda x, n=n, lead=lead: stats.norm.pdf(x) * stats.norm.cdf(x + lead) ** (n - 1)  # noqa: E731
+        right.append(quad(largest, -12, 12, epsabs=1e-13, limit=200)[0])
+        chances.append(1 - quad(below, -12, 12, epsabs=1e-13, limit=200)[0])
+    close(found("n => expectedLargest(n)", counts), right)
+    close(found("([n, lead]) => leadByChance(n, lead)", list(zip(counts, leads))), chances)
+    # Closed forms: two, and three values.
+    close(found("n => expectedLargest(n)", [2, 3]), [1 / math.sqrt(math.pi), 1.5 / math.sqrt(math.pi)])
