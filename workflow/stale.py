@@ -258,12 +258,14 @@ def vouch_for(results: Results, names: list[str], reason: str, small: str, unche
     for task in tasks:
         if gone := [path for path in task.writes if not (results.root / path).exists()]:
             raise ValueError(f"{task.name} has no {', '.join(gone)}; run it first")
+    # What a part has shown of the code of one commit holds for all tasks that name the same part.
+    known: dict[tuple[str, str], str] = {}
     for group in [tasks] if unchecked else [[task] for task in tasks]:
         now = opened(results.state.name, results.root)  # with what has been vouched for before it
         if not (changed := [task for task in group if task.name not in now.entries or now.changes(task)]):
             print(f"{', '.join(task.name for task in group)}: nothing has changed")
             continue
-        shown = "nothing was computed" if unchecked else compared(now, changed[0], small, then)
+        shown = "nothing was computed" if unchecked else compared(now, changed[0], small, then, known)
         now.vouch(changed)
         done = [task.name for task in changed]
         line = {"date": provenance()["date"], "names": done, "reason": reason, "shown": shown}
@@ -272,7 +274,7 @@ def vouch_for(results: Results, names: list[str], reason: str, small: str, unche
         print(f"{', '.join(done)}: {shown}")
 
 
-def compared(results: Results, task: Task, small: str, named: str) -> str:
+def compared(results: Results, task: Task, small: str, named: str, known: dict[tuple[str, str], str]) -> str:
     """Run a small part of a task with the code of its digests, or of a named commit, and with that of now; compare."""
     if "{out}" not in (small := small or SMALL.format(command=task.command)):
         raise ValueError(f"--small is {small}; it must write into the folder {{out}}")
@@ -294,6 +296,8 @@ def compared(results: Results, task: Task, small: str, named: str) -> str:
                     f"the digests of {task.name} were noted with changes after {commit}, or by another rule; "
                     "run it whole, or name the commit to compare with: --then COMMIT"
                 )
+            if (small, commit) in known:
+                return known[small, commit]
             outs = []
             for root in (old, results.root):
                 outs.append(Path(place, f"out{len(outs)}"))
@@ -320,7 +324,8 @@ def compared(results: Results, task: Task, small: str, named: str) -> str:
         raise ValueError(f"{small} has left {count} values, and now {len(now)}; only one of both has {odd[0]}")
     if other := [place for place in then if then[place] != now[place]]:
         raise ValueError(f"{len(other)} of {count} values differ, such as {other[0]}: {task.name} must run anew")
-    return f"{small}: all {count} values are those of {commit[:12]}"
+    known[small, commit] = f"{small}: all {count} values are those of {commit[:12]}"
+    return known[small, commit]
 
 
 def numbers_of(file: Path) -> dict[str, object]:
