@@ -258,7 +258,7 @@ def vouch_for(results: Results, names: list[str], reason: str, small: str, unche
     for task in tasks:
         if gone := [path for path in task.writes if not (results.root / path).exists()]:
             raise ValueError(f"{task.name} has no {', '.join(gone)}; run it first")
-    # What a part has shown of the code of one commit holds for all tasks that name the same part.
+    # What a part has shown holds for all tasks with the same code that name the same part.
     known: dict[tuple[str, str], str] = {}
     for group in [tasks] if unchecked else [[task] for task in tasks]:
         now = opened(results.state.name, results.root)  # with what has been vouched for before it
@@ -279,6 +279,8 @@ def compared(results: Results, task: Task, small: str, named: str, known: dict[t
     if "{out}" not in (small := small or SMALL.format(command=task.command)):
         raise ValueError(f"--small is {small}; it must write into the folder {{out}}")
     code = results.entries.get(task.name, {}).get("code", "")
+    if (small, named or code) in known:
+        return known[small, named or code]
     git = ["git", "-C", str(results.root)]
     find = ["log", "-1", "--format=%H", f"-S{code}", "--", str(results.kept(task))]
     look = [*git, *(["rev-parse", "--verify", f"{named}^{{commit}}"] if named else find)]
@@ -296,8 +298,6 @@ def compared(results: Results, task: Task, small: str, named: str, known: dict[t
                     f"the digests of {task.name} were noted with changes after {commit}, or by another rule; "
                     "run it whole, or name the commit to compare with: --then COMMIT"
                 )
-            if (small, commit) in known:
-                return known[small, commit]
             outs = []
             for root in (old, results.root):
                 outs.append(Path(place, f"out{len(outs)}"))
@@ -324,8 +324,8 @@ def compared(results: Results, task: Task, small: str, named: str, known: dict[t
         raise ValueError(f"{small} has left {count} values, and now {len(now)}; only one of both has {odd[0]}")
     if other := [place for place in then if then[place] != now[place]]:
         raise ValueError(f"{len(other)} of {count} values differ, such as {other[0]}: {task.name} must run anew")
-    known[small, commit] = f"{small}: all {count} values are those of {commit[:12]}"
-    return known[small, commit]
+    known[small, named or code] = f"{small}: all {count} values are those of {commit[:12]}"
+    return known[small, named or code]
 
 
 def numbers_of(file: Path) -> dict[str, object]:
