@@ -30,6 +30,7 @@ DATA = {
     },
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
+    "layers": {"width": 1.05, "spacing": 1.5, "length": 16, "seed": 1, "positions": 40, "most": 60},
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],

@@ -7,6 +7,7 @@ import ot
 import pytest
 import torch
 from scipy.optimize import linear_sum_assignment
+from skimage.measure import find_contours
 
 import meshot
 from meshot.flow import integrate
@@ -27,6 +28,7 @@ MODULES = (
     "projection",
     "distribution",
     "flow",
+    "contour",
 )
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
 N_PROBLEMS = 200
@@ -489,3 +491,28 @@ def test_even_directions(found):
         lines, spiral = np.array(rows), fibonacci_spiral(count, 3, 0)
         close(lines @ lines.T, spiral @ spiral.T)
         close(np.linalg.det(lines[:3]), np.linalg.det(spiral[:3])) if count > 2 else None
+
+
+def test_level_curves(found):
+    generator, fields = np.random.default_rng(11), []
+    for _ in range(N_PROBLEMS):
+        n, m = generator.integers(3, 12, size=2)
+        field = np.ones((n, m))
+        field[1:-1, 1:-1] = generator.normal(size=(n - 2, m - 2)) + generator.choice([-1, 0, 1])
+        fields.append(field)
+    cases = [{"values": field.ravel().tolist(), "n": field.shape[0], "m": field.shape[1]} for field in fields]
+    several = 0
+    for field, curves in zip(fields, found("({ values, n, m }) => levelCurves(values, n, m)", cases), strict=True):
+        right = find_contours(field, 0, fully_connected="low")
+        assert all((curve[0] == curve[-1]).all() for curve in right)
+        several += len(right) > 1
+        ours = sorted(sorted(map(tuple, curve)) for curve in curves)
+        close(
+            [point for curve in ours for point in curve],
+            [point for curve in sorted(sorted(map(tuple, curve[:-1])) for curve in right) for point in curve],
+        )
+        assert sorted(map(len, ours)) == sorted(len(curve) - 1 for curve in right)
+        # Neighbours along a curve are neighbours in ours.
+        gaps = [np.linalg.norm(np.diff([*curve, curve[0]], axis=0), axis=1).max() for curve in map(np.array, curves)]
+        assert max(gaps, default=0) <= np.sqrt(2)
+    assert several > N_PROBLEMS / 4
