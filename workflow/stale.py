@@ -258,12 +258,14 @@ def vouch_for(results: Results, names: list[str], reason: str, small: str, unche
     for task in tasks:
         if gone := [path for path in task.writes if not (results.root / path).exists()]:
             raise ValueError(f"{task.name} has no {', '.join(gone)}; run it first")
+    # What a part has shown holds for all tasks with the same code that name the same part.
+    known: dict[tuple[str, str], str] = {}
     for group in [tasks] if unchecked else [[task] for task in tasks]:
         now = opened(results.state.name, results.root)  # with what has been vouched for before it
         if not (changed := [task for task in group if task.name not in now.entries or now.changes(task)]):
             print(f"{', '.join(task.name for task in group)}: nothing has changed")
             continue
-        shown = "nothing was computed" if unchecked else compared(now, changed[0], small, then)
+        shown = "nothing was computed" if unchecked else compared(now, changed[0], small, then, known)
         now.vouch(changed)
         done = [task.name for task in changed]
         line = {"date": provenance()["date"], "names": done, "reason": reason, "shown": shown}
@@ -272,11 +274,13 @@ def vouch_for(results: Results, names: list[str], reason: str, small: str, unche
         print(f"{', '.join(done)}: {shown}")
 
 
-def compared(results: Results, task: Task, small: str, named: str) -> str:
+def compared(results: Results, task: Task, small: str, named: str, known: dict[tuple[str, str], str]) -> str:
     """Run a small part of a task with the code of its digests, or of a named commit, and with that of now; compare."""
     if "{out}" not in (small := small or SMALL.format(command=task.command)):
         raise ValueError(f"--small is {small}; it must write into the folder {{out}}")
     code = results.entries.get(task.name, {}).get("code", "")
+    if (small, named or code) in known:
+        return known[small, named or code]
     git = ["git", "-C", str(results.root)]
     find = ["log", "-1", "--format=%H", f"-S{code}", "--", str(results.kept(task))]
     look = [*git, *(["rev-parse", "--verify", f"{named}^{{commit}}"] if named else find)]
@@ -320,7 +324,8 @@ def compared(results: Results, task: Task, small: str, named: str) -> str:
         raise ValueError(f"{small} has left {count} values, and now {len(now)}; only one of both has {odd[0]}")
     if other := [place for place in then if then[place] != now[place]]:
         raise ValueError(f"{len(other)} of {count} values differ, such as {other[0]}: {task.name} must run anew")
-    return f"{small}: all {count} values are those of {commit[:12]}"
+    known[small, named or code] = f"{small}: all {count} values are those of {commit[:12]}"
+    return known[small, named or code]
 
 
 def numbers_of(file: Path) -> dict[str, object]:

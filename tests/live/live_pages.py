@@ -145,6 +145,7 @@ DATA = {
         },
         "pilot": 12,
     },
+    "layers": {"width": 1.05, "spacing": 1.5, "length": 16, "seed": 1, "positions": 40, "most": 60},
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
     "scene": {
         "scenes": {

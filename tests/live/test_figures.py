@@ -15,6 +15,8 @@ import torch
 from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, TISSUES, live_page_of
 from scipy import stats
 from test_numbers import edges_of, mean_distance, mulberry, weighted_cosine
+from live_pages import ANSWERS, DATA, live_page_of
+from skimage.measure import find_contours
 
 import meshot
 from browser import AXE, SET_THEME, UNREACHED, page_file, set_width, watched_page
@@ -1213,3 +1215,35 @@ def test_the_order_at_a_budget_is_that_of_the_courses(opened):
         assert now["ended"] == ended
         seen |= {len(values), -ended}
     assert {0, 3, 9, -3} <= seen
+def test_a_thin_gyrus_on_a_grid_is_whole_in_the_share_of_positions_that_the_ratio_gives(opened):
+    page = opened("layers")
+    tried = shown(page)["tried"]
+    for width in (0.6, 1.05):
+        page.get_by_role("slider", name="thickness of the gyrus").fill(str(width))
+        share = width / 1.5
+        assert shown(page)["whole"] == pytest.approx(share, abs=3.5 * math.sqrt(share * (1 - share) / tried))
+        assert shown(page)["whole"] + shown(page)["gone"] == pytest.approx(1)
+    page.get_by_role("slider", name="turned by").fill("5")
+    assert (shown(page)["whole"], shown(page)["broken"]) == (0, 1)
+    for angle in (0, 20, 45):
+        page.get_by_role("slider", name="turned by").fill(str(angle))
+        page.get_by_role("slider", name="thickness of the gyrus").fill("1.5")
+        assert shown(page)["whole"] == 1
+    # The curves of the position that is drawn are those of scikit-image.
+    counts = set()
+    for width, angle, across in itertools.product((0.6, 1.05), (0, 5, 30), (0.1, 0.55)):
+        page.get_by_role("slider", name="thickness of the gyrus").fill(str(width))
+        page.get_by_role("slider", name="turned by").fill(str(angle))
+        page.get_by_role("slider", name="shift of the grid").fill(str(across))
+        right = len(find_contours(strip_distances(width, 1.5, np.radians(angle), across, 0.5), 0))
+        assert shown(page)["curves"] == right
+        counts.add(right)
+    assert len(counts) > 2
+
+
+def strip_distances(width, spacing, angle, across, along, length=16):
+    """Signed distances from a strip with round ends at the positions of a grid, one row for each height."""
+    n = 2 * math.ceil((length / 2 + 3) / spacing) + 2
+    x, y = np.meshgrid(*((np.arange(n) - n / 2 + shift) * spacing for shift in (along, across)), indexing="ij")
+    u, v = np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x
+    return np.hypot(np.maximum(0, np.abs(u) - (length - width) / 2), v) - width / 2

@@ -11,6 +11,7 @@ import torch
 from scipy import stats
 from scipy.integrate import quad
 from scipy.optimize import linear_sum_assignment
+from skimage.measure import find_contours
 
 import meshot
 from meshot.flow import integrate
@@ -39,6 +40,7 @@ MODULES = (
     "voxels",
     "normal",
     "power",
+    "contour",
 )
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
 N_PROBLEMS = 200
@@ -796,3 +798,26 @@ def test_largest_of_normal_values(found):
     close(found("([n, lead]) => leadByChance(n, lead)", list(zip(counts, leads))), chances)
     # Closed forms: two, and three values.
     close(found("n => expectedLargest(n)", [2, 3]), [1 / math.sqrt(math.pi), 1.5 / math.sqrt(math.pi)])
+def test_level_curves(found):
+    generator, fields = np.random.default_rng(11), []
+    for _ in range(N_PROBLEMS):
+        n, m = generator.integers(3, 12, size=2)
+        field = np.ones((n, m))
+        field[1:-1, 1:-1] = generator.normal(size=(n - 2, m - 2)) + generator.choice([-1, 0, 1])
+        fields.append(field)
+    cases = [{"values": field.ravel().tolist(), "n": field.shape[0], "m": field.shape[1]} for field in fields]
+    several = 0
+    for field, curves in zip(fields, found("({ values, n, m }) => levelCurves(values, n, m)", cases), strict=True):
+        right = find_contours(field, 0, fully_connected="low")
+        assert all((curve[0] == curve[-1]).all() for curve in right)
+        several += len(right) > 1
+        ours = sorted(sorted(map(tuple, curve)) for curve in curves)
+        close(
+            [point for curve in ours for point in curve],
+            [point for curve in sorted(sorted(map(tuple, curve[:-1])) for curve in right) for point in curve],
+        )
+        assert sorted(map(len, ours)) == sorted(len(curve) - 1 for curve in right)
+        # Neighbours along a curve are neighbours in ours.
+        gaps = [np.linalg.norm(np.diff([*curve, curve[0]], axis=0), axis=1).max() for curve in map(np.array, curves)]
+        assert max(gaps, default=0) <= np.sqrt(2)
+    assert several > N_PROBLEMS / 4

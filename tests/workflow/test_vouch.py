@@ -116,3 +116,30 @@ def test_states_are_compared_although_their_folder_is_called_after_the_code(part
     assert not stale(part, place)
     (place / "experiments/sum/run.py").write_text(script.replace("total() / 2", "total() / 3"), encoding="utf-8")
     assert vouch() == 1  # a state with another number
+
+
+def test_a_part_runs_once_for_all_tasks_that_name_it(part, place):
+    again = (
+        GRAPH.split("tasks:")[1]
+        .replace("sum:", "again:")
+        .replace("experiments/sum/results", "experiments/again/results")
+    )
+    (place / "workflow/experiments.yaml").write_text(GRAPH + again.lstrip("\n"), encoding="utf-8")
+    (place / "experiments/again").mkdir()
+    (place / "experiments/again/results.json").write_text('{"total": 6}', encoding="utf-8")
+    results = part("stale").opened(root=place)
+    results.note(results.graph.tasks.values())
+    who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+    subprocess.run(["git", "add", "-A"], cwd=place, check=True)
+    subprocess.run(["git", *who, "commit", "-qm", "two tasks"], cwd=place, check=True)
+    write(place, "sum([1, 2, 3])", "1 + 2 + 3")
+    assert set(stale(part, place)) == {"sum", "again"}
+    runs = place / "build/runs"
+    runs.parent.mkdir(exist_ok=True)
+    small = f"sh -c 'echo run >> {runs}; {SMALL}'"
+    assert (
+        part("stale").main(["vouch", "sum", "again", "--root", str(place), "--reason", "moved", "--small", small]) == 0
+    )
+    assert stale(part, place) == {}
+    assert runs.read_text(encoding="utf-8") == "run\nrun\n"  # with the code of then, and with that of now
+    assert len((place / "experiments/vouched.jsonl").read_text(encoding="utf-8").splitlines()) == 2
