@@ -124,7 +124,7 @@ def test_the_protocol_knows_every_number_of_the_package():
     affine = np.diag([2.0, 2.0, 2.0, 1.0])
     affine[:3, 3] = -49
     away = np.linalg.norm(np.indices((50, 50, 50)) * 2.0 - 49, axis=0)
-    scan = Volume(np.clip((38 - away) / 4, 0, 1), affine)
+    scan = Volume(np.clip((38 - away) / 20, 0, 1), affine)
     mask = scan.with_data(away < 36)
     fewer = mask.with_data(mask.data & (away > 6))
     ball = icosphere(4, 36.0)

@@ -5,6 +5,10 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 
+from meshot.mesh.shapes import icosphere
+from meshot.metrics.distances import Surface
+from meshot.volume.volume import Volume
+from meshot_book.figures.cortex import cut_slice, live_slices
 from meshot_book.figures.flows import crossing_data
 from meshot_book.live import Answer, live_figure
 
@@ -14,6 +18,19 @@ ANGLES = math.pi * (0.5 + (2 * np.arange(24) + 1) / 24)
 CORNERS = [[np.cos(t) * r, np.sin(t) * r] for k in range(10) for t, r in [(np.pi * (k / 5 + 0.5), (1.5, 0.5)[k % 2])]]
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
 CLOUDS = {name: GENERATOR.normal(size=(9, 2)) + shift for name, shift in (("source", [0.5, 0]), ("target", [-1, 0.3]))}
+
+
+def slices_of_balls():
+    """Two slices through a ball of radius 30 and one of 31.5 mm, which touch on the right."""
+    ball, other = icosphere(4, 30.0), icosphere(4, 31.5)
+    ball = ball.with_vertices(ball.vertices.double() + np.array([1.5, 0.0, 0.0]))
+    affine = np.eye(4)
+    affine[:3, 3] = -40.0
+    scan = Volume(np.full((80, 80, 80), 90.0), affine)
+    cuts = [cut_slice(scan, "coronal", y, [ball], [Surface(other)], 0.05) for y in (-12.0, 0.1)]
+    return live_slices(cuts, 0.1, 40)
+
+
 #: Name of the script → its data.
 DATA = {
     "calculator": {
@@ -31,6 +48,7 @@ DATA = {
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
+    "slices": {"slices": slices_of_balls(), "first": 1, "step": 0.1, "errorStep": 0.05},
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],
         "target": [3.0, 4.4, 0.8, 7.2, 9.3],

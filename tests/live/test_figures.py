@@ -17,6 +17,7 @@ from browser import AXE, UNREACHED, page_file, set_width, watched_page
 from meshot.mesh import circle, even_points
 from meshot.view.page import joined
 from meshot_book.examples.counterexample import crossing_sides
+from meshot_book.figures.cortex import live_numbers
 from meshot_book.figures.flows import FIELDS, outlines, two_triangles
 from meshot_book.flows import descend
 from meshot_book.live import Answer
@@ -480,3 +481,28 @@ def test_the_calculator_interpolates_and_says_what_was_not_measured(opened):
     page.get_by_role("radio", name="compares").check()
     assert shown(page)["seconds"] == -1
     assert "not measured here (stopped at 100,000: time: 10000 s foretold)" in status(page)
+
+
+def test_slices_show_the_numbers_of_the_library(opened):
+    page, slices = opened("slices"), DATA["slices"]["slices"]
+    for k, position in enumerate(("−12", "0.1")):
+        page.get_by_role("slider", name="slice", exact=True).fill(str(k))
+        for limit in (0.5, 1, 2, 3):
+            page.get_by_role("slider", name="limit").fill(str(limit))
+            wanted = live_numbers(slices, limit)[k]
+            for name, value in wanted.items():
+                assert shown(page)[name] == pytest.approx(value, rel=1e-9), name
+            assert f"Slice y = {position} mm" in status(page)
+            assert f"{wanted['length']:.0f} mm of our line" in status(page)
+    assert live_numbers(slices, 0.5)[0]["mean"] < -0.5
+    assert "inside FreeSurfer's surface" in status(page)
+    # The picture is that of the slice, and lies where its extent says.
+    picture = page.locator(".plots image")
+    assert picture.count() == 1
+    assert picture.get_attribute("href").endswith(slices[1]["picture"])
+    # Lines of one surface, or of both.
+    counts = {}
+    for lines in ("both", "ours", "FreeSurfer's"):
+        page.get_by_role("radio", name=lines).check()
+        counts[lines] = page.locator(".plots svg").first.locator("path").count()
+    assert counts["both"] > max(counts["ours"], counts["FreeSurfer's"])

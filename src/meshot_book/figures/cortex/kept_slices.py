@@ -34,7 +34,7 @@ LIVE_STEP_MM, LIVE_ERROR_MM = 0.1, 0.05
 #: The lines of the reference and of what was found: colours that differ in brightness on grey, too.
 REFERENCE_COLOUR, FOUND_COLOUR = "#f0e442", "#d55e00"
 
-Line = Float[Array, "n 2"]
+Line = Float[Array, "_ 2"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class KeptSlice:
     extent: tuple[float, float, float, float]
     found: list[Line]
     reference: list[Line]
-    signed: list[Float[Array, " n"]]
+    signed: list[Float[Array, " _"]]
 
 
 def joined_lines(segments: Float[Array, "n 2 2"]) -> list[Line]:
