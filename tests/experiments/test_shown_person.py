@@ -8,7 +8,6 @@ import pytest
 import torch
 
 from meshot.mesh.shapes import icosphere
-from meshot.provenance import file_digest
 from meshot.volume.volume import Volume
 from meshot_book.figures.cortex import read_slices
 from scripts import scripts_in
@@ -35,8 +34,9 @@ def test_what_is_far_from_the_cerebrum_is_black(run):
     places = np.indices(shown.data.shape).reshape(3, -1).T + shown.affine[:3, 3]
     away = np.minimum(*(np.linalg.norm(places - [x, 0, 0], axis=1) for x in (-3, 3))) - 10
     bright = shown.data.ravel() > 0
-    assert bright[away < 3].all()
-    assert not bright[away > 5.5].any()
+    diagonal = 3**0.5  # a voxel that the surface touches counts as inside
+    assert bright[away < 4].all()
+    assert not bright[away > 4 + diagonal].any()
     assert (~bright).any()
 
 
@@ -89,21 +89,24 @@ def test_the_kept_files_are_small_and_the_slices_black_around_the_brain():
         lines = np.concatenate([*each.found, *each.reference])
         gaps = np.array([np.linalg.norm(lines - point, axis=1).min() for point in points[::37]])
         # The cortex is up to 5 mm thick, and what is shown ends 4 mm outside it.
-        low, high = lines.min(axis=0) - 10, lines.max(axis=0) + 10
+        low, high = lines.min(axis=0) - 22, lines.max(axis=0) + 22  # the tip of a temporal lobe has no white matter
         assert ((points > low) & (points < high)).all()
         assert np.mean(gaps < 12) > 0.8
 
 
-def test_a_place_of_the_face_is_black_in_every_slice():
-    """Below the frontal lobes and in front of the temporal ones lie the eyes and the nose."""
+def test_the_eyes_and_the_nose_are_black():
+    """Below the frontal lobes, and in front of the temporal ones; the eyes of S1 are near (±30, 90, −30)."""
+    seen = set()
     for each in read_slices(FOLDER / "slices.safetensors.gz"):
         left, right, bottom, top = each.extent
         height, width = each.image.shape
-        x = left + (np.arange(width) + 0.5) * (right - left) / width
-        z = bottom + (np.arange(height) + 0.5) * (top - bottom) / height
-        if each.plane == "coronal" and each.position > 65:
-            assert each.image[z < -35].max(initial=0) == 0
+        across = left + (np.arange(width) + 0.5) * (right - left) / width
+        along = bottom + (np.arange(height) + 0.5) * (top - bottom) / height
+        if each.plane == "coronal" and each.position > 75:
+            assert each.image[along < -27].max(initial=0) == 0
+            seen.add("coronal")
         if each.plane == "axial" and each.position < -10:
-            assert each.image[z > 100].max(initial=0) == 0
-        assert x[0] < -60
-        assert file_digest(FOLDER / "LICENSE")
+            assert each.image[along > 80][:, np.abs(across) > 25].max() == 0
+            assert each.image[along > 112].max(initial=0) == 0
+            seen.add("axial")
+    assert seen == {"coronal", "axial"}

@@ -167,8 +167,8 @@ def read_slices(path: Path) -> list[KeptSlice]:
     tensors = safetensors.numpy.load(content)
 
     def parts(k: int, name: str) -> list[Array]:
-        ends = np.cumsum(tensors[f"{k}/{name}/lengths"])[:-1]
-        return np.split(tensors[f"{k}/{name}"] * STEP_MM, ends)
+        ends = np.cumsum(tensors[f"{k}/{name}/lengths"])
+        return np.split(tensors[f"{k}/{name}"] * STEP_MM, ends)[:-1]  # what follows the last end is empty
 
     return [
         KeptSlice(
