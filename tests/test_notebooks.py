@@ -24,7 +24,6 @@ from stored_notebooks import run_nbval
 ROOT = Path(__file__).resolve().parent.parent
 STORED = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
 IGNORED_BUDGET = 2  # cells a chapter beside live figures: the environment card, and one picture that moves
-MORE_IGNORED = {"36_a_real_scan": 2}  # what is shown of a person's scan, if its files are on the machine
 IGNORED = {"nbval-ignore-output", "nbval-skip", "nbval-raises-exception"}
 
 
@@ -150,8 +149,7 @@ def test_every_figure_and_table_is_mentioned(path):
 @chapters
 def test_ignored_cells_stay_within_their_budget(path):
     ignored = [cell for cell in code_cells(read(path)) if tags(cell) & IGNORED and "live_figure(" not in cell.source]
-    budget = IGNORED_BUDGET + MORE_IGNORED.get(path.stem, 0)
-    assert 1 <= len(ignored) <= budget, [cell.source[:60] for cell in ignored]
+    assert 1 <= len(ignored) <= IGNORED_BUDGET, [cell.source[:60] for cell in ignored]
 
 
 @chapters

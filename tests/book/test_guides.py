@@ -15,7 +15,7 @@ from meshot.provenance import read_results
 from scripts import scripts_in
 from shown_extension import shown_html
 
-PAGES = ("README.md", "book/getting_started.md", "book/howto.md")
+PAGES = ("README.md", "book/getting_started.md", "book/howto.md", "book/freesurfer.md")
 
 
 def blocks(page: str, language: str) -> list[str]:

@@ -7,7 +7,7 @@ import pytest
 
 from plain import source_notebook
 
-PAGES = ("index", "getting_started", "howto", "teaching", "limits", "notation")
+PAGES = ("index", "getting_started", "howto", "freesurfer", "teaching", "limits", "notation")
 LONGEST_SENTENCE = 40
 
 #: Words and phrases, and why they do not stand in the book. Case does not matter.

@@ -8,10 +8,13 @@ import numpy as np
 import scipy.ndimage
 import torch
 
-from meshot_book.figures.flows import contour_data, crossing_data
 from meshot import quasi_directions
 from meshot.mesh import icosphere
-from meshot_book.figures.flows import crossing_data
+from meshot.mesh.shapes import icosphere
+from meshot.metrics.distances import Surface
+from meshot.volume.volume import Volume
+from meshot_book.figures.cortex import cut_slice, live_slices
+from meshot_book.figures.flows import contour_data, crossing_data
 from meshot_book.figures.measures import Window
 from meshot_book.live import Answer, live_figure
 
@@ -47,6 +50,19 @@ def sphere_state(shift, ratios, **values):
 CLOUDS = {name: GENERATOR.normal(size=(9, 2)) + shift for name, shift in (("source", [0.5, 0]), ("target", [-1, 0.3]))}
 FAULTS = ["crowded 3 : 1", "a quarter missing", "a tenth far away", "one outlier"]
 FAULTS += ["bump of 6 mm", "moved by 3 mm", "a quarter flipped"]
+
+
+def slices_of_balls():
+    """Two slices through a ball of radius 30 and one of 31.5 mm, which touch on the right."""
+    ball, other = icosphere(4, 30.0), icosphere(4, 31.5)
+    ball = ball.with_vertices(ball.vertices.double() + np.array([1.5, 0.0, 0.0]))
+    affine = np.eye(4)
+    affine[:3, 3] = -40.0
+    scan = Volume(np.full((80, 80, 80), 90.0), affine)
+    cuts = [cut_slice(scan, "coronal", y, [ball], [Surface(other)], 0.05) for y in (-12.0, 0.1)]
+    return live_slices(cuts, 0.1, 40)
+
+
 #: Name of the script → its data.
 DATA = {
     "budget": {
@@ -85,6 +101,7 @@ DATA = {
         "drift": [0.7, -0.4],
         "reach": 0.8,
         "strengths": [1, 2, 4],
+    },
     "normals": {"power": -0.5, "gap": 2, "lines": 60, "seed": 1},
     "detection": {
         "fault": "one outlier",
@@ -95,6 +112,7 @@ DATA = {
         "normal_scale": 10,
         "bump": (40 * RING * np.where(np.arange(24) == 3, 1.15, 1)[:, None]).tolist(),
         "lines": {d: quasi_directions(16, d).tolist() for d in (2, 4)},
+    },
     "floors": {
         "floors": {
             "SWD": {"m": [1000, 10_000, 100_000], "mean": [2, 0.7, 0.2], "spread": [0.5, 0.2, 0.06]},
@@ -137,6 +155,7 @@ DATA = {
                 "nothing": [sphere_state(0.0, [1, 0, 0], ASSD=[0, 1e-12, 0])],
             }.items()
         },
+    },
     "luck": {"count": 6, "between": 0.0065, "subject": 0.01, "subjects": 4, "lead": 0.017},
     "power": {
         "outcomes": {
@@ -166,6 +185,7 @@ DATA = {
         "normal_scale": 10,
         "lines": {d: quasi_directions(16, d).tolist() for d in (2, 4)},
     },
+    "slices": {"slices": slices_of_balls(), "first": 1, "step": 0.1, "errorStep": 0.05},
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],
         "target": [3.0, 4.4, 0.8, 7.2, 9.3],
@@ -182,6 +202,7 @@ DATA = {
         "weight": 12,
         "priority": "depth and fraction",
         "slice": 3,
+    },
     "tables": {
         "measures": {
             "ASSD": {"unit": " mm", "digits": 3, "sign": 1},

@@ -14,9 +14,8 @@ import skimage.measure
 import torch
 from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, TISSUES, live_page_of
 from scipy import stats
-from test_numbers import edges_of, mean_distance, mulberry, weighted_cosine
-from live_pages import ANSWERS, DATA, live_page_of
 from skimage.measure import find_contours
+from test_numbers import edges_of, mean_distance, mulberry, weighted_cosine
 
 import meshot
 from browser import AXE, SET_THEME, UNREACHED, page_file, set_width, watched_page
@@ -28,6 +27,7 @@ from meshot.view.page import joined
 from meshot.volume import Volume, filled_cavities, genus_zero, largest_component
 from meshot_book.examples import Drifting
 from meshot_book.examples.counterexample import crossing_sides
+from meshot_book.figures.cortex import live_numbers
 from meshot_book.figures.flows import FIELDS, outlines, two_triangles
 from meshot_book.flows import Vortex, descend
 from meshot_book.live import Answer
@@ -1215,6 +1215,8 @@ def test_the_order_at_a_budget_is_that_of_the_courses(opened):
         assert now["ended"] == ended
         seen |= {len(values), -ended}
     assert {0, 3, 9, -3} <= seen
+
+
 def test_a_thin_gyrus_on_a_grid_is_whole_in_the_share_of_positions_that_the_ratio_gives(opened):
     page = opened("layers")
     tried = shown(page)["tried"]
@@ -1247,3 +1249,28 @@ def strip_distances(width, spacing, angle, across, along, length=16):
     x, y = np.meshgrid(*((np.arange(n) - n / 2 + shift) * spacing for shift in (along, across)), indexing="ij")
     u, v = np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x
     return np.hypot(np.maximum(0, np.abs(u) - (length - width) / 2), v) - width / 2
+
+
+def test_slices_show_the_numbers_of_the_library(opened):
+    page, slices = opened("slices"), DATA["slices"]["slices"]
+    for k, position in enumerate(("−12", "0.1")):
+        page.get_by_role("slider", name="slice", exact=True).fill(str(k))
+        for limit in (0.5, 1, 2, 3):
+            page.get_by_role("slider", name="limit").fill(str(limit))
+            wanted = live_numbers(slices, limit)[k]
+            for name, value in wanted.items():
+                assert shown(page)[name] == pytest.approx(value, rel=1e-9), name
+            assert f"Slice y = {position} mm" in status(page)
+            assert f"{wanted['length']:.0f} mm of our line" in status(page)
+    assert live_numbers(slices, 0.5)[0]["mean"] < -0.5
+    assert "inside FreeSurfer's surface" in status(page)
+    # The picture is that of the slice, and lies where its extent says.
+    picture = page.locator(".plots image")
+    assert picture.count() == 1
+    assert picture.get_attribute("href").endswith(slices[1]["picture"])
+    # Lines of one surface, or of both.
+    counts = {}
+    for lines in ("both", "ours", "FreeSurfer's"):
+        page.get_by_role("radio", name=lines).check()
+        counts[lines] = page.locator(".plots svg").first.locator("path").count()
+    assert counts["both"] > max(counts["ours"], counts["FreeSurfer's"])

@@ -798,6 +798,8 @@ def test_largest_of_normal_values(found):
     close(found("([n, lead]) => leadByChance(n, lead)", list(zip(counts, leads))), chances)
     # Closed forms: two, and three values.
     close(found("n => expectedLargest(n)", [2, 3]), [1 / math.sqrt(math.pi), 1.5 / math.sqrt(math.pi)])
+
+
 def test_level_curves(found):
     generator, fields = np.random.default_rng(11), []
     for _ in range(N_PROBLEMS):

@@ -4,6 +4,7 @@ from .templates import (
     MNI305_TO_MNI152 as MNI305_TO_MNI152,
     Hemisphere as Hemisphere,
     contrast_by_white_matter as contrast_by_white_matter,
+    enlarged as enlarged,
     from_mni152 as from_mni152,
     fsaverage5_surface as fsaverage5_surface,
     in_mni152 as in_mni152,

@@ -183,6 +183,11 @@ def from_mni152(mesh: Mesh) -> Mesh:
     return mesh.with_vertices(transform_points(_enlargement(), mesh.vertices))
 
 
+def enlarged(volume: Volume) -> Volume:
+    """A volume of MNI152 coordinates, such as the average itself, in the enlarged standard space."""
+    return Volume(volume.data, _enlargement() @ volume.affine)
+
+
 @functools.cache
 def _template_moments() -> Moments:
     """Of the inside of both white surfaces of fsaverage5, in MNI152 coordinates."""

@@ -4,6 +4,7 @@ from .quality import (
     QualityWarning as QualityWarning,
     average_warnings as average_warnings,
     file_warnings as file_warnings,
+    quality_numbers as quality_numbers,
     require_no_warnings as require_no_warnings,
 )
 from .reconstruction import (

@@ -6,9 +6,9 @@ head, a head with its skull, inverted contrast, a mask, noise, and imitations of
 """
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.ndimage import binary_erosion, label
@@ -16,11 +16,14 @@ from scipy.ndimage import binary_erosion, label
 from meshot.file_facts import FileFacts
 from meshot.files import printable_name
 from meshot.flow import RepairedSurface
-from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume
+from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume, vertex_normals
 from meshot.metrics import vertex_distances
 from meshot.pipeline.initial_surface import SegmentedSurface
 from meshot.types import Array, Bool, Float
-from meshot.volume import StandardScan, Volume, bright_volume, resample, voxel_sizes
+from meshot.volume import StandardScan, Volume, bright_volume, resample, sample_volume, voxel_sizes
+
+if TYPE_CHECKING:
+    from meshot.pipeline.reconstruction import HemisphereSurface
 
 #: Scans of the synthetic cohorts reach .79 to .84; upside down, back to front or with inverted contrast, .71.
 LOWEST_AGREEMENT = 0.75
@@ -308,6 +311,70 @@ def surface_warnings(
             text += f", with {repaired.n_backtracks} backtracks towards the initial surface"
         found.append(QualityWarning("crossing_faces", text, share))
     return found
+
+
+# Numbers of a finished reconstruction that may show a failure.
+
+#: How far from the surface, inside and outside, the scan is read, in mm.
+_STEP_MM = 0.75
+
+
+def quality_numbers(
+    scan: Volume, placed: StandardScan, template: Volume, surfaces: Mapping[str, "HemisphereSurface"]
+) -> dict[str, float]:
+    """Numbers that tell good reconstructions from bad ones without the truth, by name.
+
+    Of two sides, the number of the worse one is given.
+
+    Parameters
+    ----------
+    scan : Volume
+    placed : StandardScan
+        The scan where the networks saw it.
+    template : Volume
+        The average, in the space of ``placed``.
+    surfaces : mapping
+        By side: see :class:`meshot.pipeline.Reconstruction`.
+    """
+    numbers = {
+        "voxel_mm": float(voxel_sizes(scan).max()),
+        "contrast": contrast_with(placed.volume, template),
+        "gap_cm3": gap_in(placed.volume, template) / 1000,
+    }
+    scales = np.linalg.svd(placed.to_standard[:3, :3], compute_uv=False)
+    numbers |= {"stretch": float(scales.max() / scales.min()), "scale": float(scales.prod() ** (1 / 3))}
+    sides: dict[str, list[float]] = {}
+    for found in surfaces.values():
+        area, start = (float(face_areas(mesh).sum()) for mesh in (found.final, found.initial))
+        inside, outside = border_values(scan, found.final)
+        steps = inside - outside
+        spread = float(steps.std())
+        of_side = {
+            "volume_cm3": float(signed_volume(found.final)) / 1000,
+            "area_over_initial": area / start,
+            "given_up": voxels_given_up(found.segmented)[1],
+            "from_segmentation_mm": max(
+                float(vertex_distances(*pair).mean())
+                for pair in ((found.final, found.initial), (found.initial, found.final))
+            ),
+            "brighter_inside": float((steps > 0).mean()),
+            "step": float(steps.mean()) / spread if spread else 0.0,
+            "crossed": 0.0 if found.repaired is None else found.repaired.n_crossing / len(found.final.faces),
+        }
+        for name, value in of_side.items():
+            sides.setdefault(name, []).append(value)
+    volumes, areas = sides.pop("volume_cm3"), sides.pop("area_over_initial")
+    numbers |= {"least_volume_cm3": min(volumes), "largest_volume_cm3": max(volumes)}
+    numbers |= {"side_ratio": max(volumes) / max(min(volumes), 1e-9)}
+    numbers |= {"least_area_over_initial": min(areas), "largest_area_over_initial": max(areas)}
+    return numbers | {name: (min if name in ("brighter_inside", "step") else max)(both) for name, both in sides.items()}
+
+
+def border_values(scan: Volume, mesh: Mesh) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """The scan a little inside and a little outside of each vertex of a white surface, in scanner RAS."""
+    points, normals = mesh.vertices.double(), vertex_normals(mesh).double()
+    inside, outside = (sample_volume(scan, points + step * normals).numpy() for step in (-_STEP_MM, _STEP_MM))
+    return inside, outside
 
 
 def voxels_given_up(segmented: SegmentedSurface) -> tuple[int, float]:

@@ -15,6 +15,7 @@ CHECKSUMS = Path(__file__).with_name("experiments.sha256")
 #: The files that chapters read, relative to the folder ``experiments``.
 READ_BY_CHAPTERS = (
     "*/results.json",
+    "*/before.json",
     "ddot/*/results.json",
     "person/robustness.json",
     "*/*.safetensors",
