@@ -13,11 +13,18 @@ GREY = "#8C8C8C"
 #: Targets are grey. Each loss has the same colour in the whole book.
 TARGET = GREY
 LOSS_COLOURS = {"Chamfer": VERMILLION, "sliced Wasserstein": BLUE, "exact Wasserstein": GREEN, "Sinkhorn": PURPLE}
+LOSS_COLOURS |= {"windows": ORANGE, "sliced partial": SKY, "sliced unbalanced": "#7A5C00", "kernel norm": "#882255"}
 #: Each loss also has the same dashes, for print and where colours cannot be distinguished.
 LOSS_DASHES = {"Chamfer": "-", "sliced Wasserstein": "--", "exact Wasserstein": "-.", "Sinkhorn": ":"}
+LOSS_DASHES |= {"windows": (0, (8, 2)), "sliced partial": (0, (4, 1, 1, 1)), "sliced unbalanced": (0, (2, 2))}
+LOSS_DASHES |= {"kernel norm": (0, (1, 1))}
 
 #: In inches. At this width 12 point text is readable when a picture is shown on a screen of 400 pixels.
 WIDTH = 6.4
+
+#: A system has the colour of the loss that trains it.
+SYSTEM_COLOURS = {"DDOT": BLUE, "CortexODE": VERMILLION, "windows": ORANGE, "CorticalFlow++": PURPLE, "Vox2Cortex": SKY}
+SYSTEM_COLOURS |= {"DeepCSR": GREEN, "CFPP": PURPLE}
 
 
 def use_style(text_points: float = 12.0) -> None:
