@@ -20,7 +20,8 @@ _MATH = re.compile(r"\$\$(.*?)\$\$|\$([^$]+)\$", re.S)
 _BRACED = r"\{(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*\}"
 #: Words within a formula, names of functions, environments, and the d of an integral.
 _WORDS = re.compile(
-    rf"\\(?:text|operatorname|begin|end)\s*{_BRACED}|\\mathrm\s*(?:{_BRACED}|[A-Za-z])|\\\\\[[^\]]*\]|\\,\s*d(?=[A-Za-z\\])|\\[\\,;:!| ]"
+    rf"\\(?:text|operatorname|begin|end)\s*{_BRACED}|\\mathrm\s*(?:{_BRACED}|[A-Za-z])"
+    r"|\\\\\[[^\]]*\]|\\,\s*d(?=[A-Za-z\\])|\\[\\,;:!| ]"
 )
 _UPRIGHT_SUB = re.compile(r"_\{\\mathrm\s*\{?(\w+)\}?\}")
 _FONTS = r"\\(?:mathcal|mathbb|mathbf)\s*(?:\{[A-Za-z]\}|[A-Za-z])"
