@@ -20,6 +20,7 @@ extensions = [
     "quiz_extension",
     "reader_extension",
     "shown_extension",
+    "symbols_extension",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",

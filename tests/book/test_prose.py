@@ -21,6 +21,9 @@ BANNED = {
     r"(?:sees?|wants?|says?|asks?|tells?|feels?|likes?|thinks?|believes?|hopes?|dreams?|cares?)": "losses do not speak",
     r"behind the scenes|under the hood|at the end of the day|in a nutshell|the devil is in": "say it plainly",
     r"let us|let's": "say what is done",
+    r"(?:training|validation|held-out|test|procedural|synthetic) heads?": "say subject: a head lies in a scanner",
+    r"crossing faces?|faces? cross(?:es|ed)?(?! (?:the|a|an|this|its|zero)\b)": "say that faces intersect",
+    r"places? of (?:the )?(?:points?|vertices|supports?)": "say position",
 }
 _BANNED = [(re.compile(rf"\b(?:{words})\b", re.I), remedy) for words, remedy in BANNED.items()]
 _FENCED = re.compile(r"^(`{3,}).*?^\1[ \t]*$", re.M | re.S)
@@ -87,6 +90,10 @@ def test_a_page_keeps_the_rules(root, name):
         ("A loss sees points.", "losses do not speak"),
         ("There are dozens.", "give the number"),
         ("Of course it holds.", "say the reason"),
+        ("We use training heads.", "say subject"),
+        ("There are two crossing faces.", "faces intersect"),
+        ("No face crosses another.", "faces intersect"),
+        ("The places of points move.", "say position"),
     ],
 )
 def test_each_lapse_is_seen(text, seen):

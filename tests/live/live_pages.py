@@ -10,9 +10,8 @@ import torch
 
 from meshot import quasi_directions
 from meshot.mesh import icosphere
-from meshot.mesh.shapes import icosphere
-from meshot.metrics.distances import Surface
-from meshot.volume.volume import Volume
+from meshot.metrics import Surface
+from meshot.volume import Volume
 from meshot_book.figures.cortex import cut_slice, live_slices
 from meshot_book.figures.flows import contour_data, crossing_data
 from meshot_book.figures.measures import Window

@@ -26,6 +26,7 @@ from .style import (
     ORANGE as ORANGE,
     PURPLE as PURPLE,
     SKY as SKY,
+    SYSTEM_COLOURS as SYSTEM_COLOURS,
     TARGET as TARGET,
     VERMILLION as VERMILLION,
     WIDTH as WIDTH,

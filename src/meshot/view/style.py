@@ -22,6 +22,10 @@ LOSS_DASHES |= {"kernel norm": (0, (1, 1))}
 #: In inches. At this width 12 point text is readable when a picture is shown on a screen of 400 pixels.
 WIDTH = 6.4
 
+#: A system has the colour of the loss that trains it.
+SYSTEM_COLOURS = {"DDOT": BLUE, "CortexODE": VERMILLION, "windows": ORANGE, "CorticalFlow++": PURPLE, "Vox2Cortex": SKY}
+SYSTEM_COLOURS |= {"DeepCSR": GREEN, "CFPP": PURPLE}
+
 
 def use_style(text_points: float = 12.0) -> None:
     """Set matplotlib's defaults for the pictures of the book.

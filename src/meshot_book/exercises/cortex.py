@@ -484,6 +484,8 @@ def two_sided() -> Exercise:
         "this is the quantile of all distances together: take the quantile of each side, then the larger one": (
             lambda a, b: pair(mean(a, b), both([a, b]).quantile(0.9))
         ),
+        "the points of both sides are pooled: treat each side by itself, then average the means and take the larger "
+        "quantile": lambda a, b: pair(both([a, b]).mean(), both([a, b]).quantile(0.9)),
         "HD takes the larger of the two quantiles, not their mean": (
             lambda a, b: pair(mean(a, b), (a.quantile(0.9) + b.quantile(0.9)) / 2)
         ),

@@ -203,6 +203,41 @@ def freesurfer_tkr(points, affine, shape):
     return points @ to_surface[:3, :3].T + to_surface[:3, 3]
 
 
+def fitted_by_numpy(x, errors, claimed):
+    slopes = np.polyfit(np.log(x.numpy()), np.log(errors.numpy()).T, 1)[0]
+    return int(np.abs(slopes - claimed.numpy()).argmax())
+
+
+def slope_gap(x, errors, claimed, first, last):
+    slopes = (errors[:, last] / errors[:, first]).log() / (x[last] / x[first]).log()
+    return int((slopes - claimed).abs().argmax())
+
+
+def row_by_row(points, targets, distances, limit):
+    """One row at a time, for either side."""
+    here = torch.stack([distances(one[None], targets).min() for one in points])
+    there = torch.stack([distances(points, one[None]).min() for one in targets])
+    return here.mean() + there.mean()
+
+
+def rounds(velocity, images, step, n_rounds):
+    points = images
+    for _ in range(n_rounds):
+        points = images - step * velocity(points)
+    return points
+
+
+def newton(velocity, images, step):
+    """Newton's method for all coordinates together."""
+    points = images.clone()
+    for _ in range(30):
+        residual = points + step * velocity(points) - images
+        jacobian = torch.autograd.functional.jacobian(lambda x: x + step * velocity(x), points)
+        size = points.numel()
+        points = points - torch.linalg.solve(jacobian.reshape(size, size), residual.flatten()).reshape(points.shape)
+    return points
+
+
 @pytest.mark.parametrize(
     ("name", "right"),
     [
@@ -210,10 +245,35 @@ def freesurfer_tkr(points, affine, shape):
         ("tent_density", interpolated_tent),
         ("surface_ras", freesurfer_tkr),
         ("pairs_left", lambda percent, n_faces, n_scans: math.ceil(percent / 100 * n_faces * n_scans / 2) - 1),
+        ("nearest_arrows", lambda x, y: y[torch.cdist(x, y).argmin(dim=1)] - x),
+        ("wrong_curve", fitted_by_numpy),
+        ("blocked_chamfer", row_by_row),
+        ("pieces_needed", lambda length, bend, gap: math.ceil(max(1.0, length * (bend / 8 / gap) ** 0.5))),
+        ("noise_from_air", lambda values: float((values**2).sum() / 2 / values.numel()) ** 0.5),
+        ("undo_step", newton),
     ],
 )
 def test_another_right_answer_is_accepted(said, name, right):
     assert said(name, right).startswith("✓")
+
+
+#: What a review found to pass, or to be refused without a hint that helps, and what the checkers say now.
+FOUND_BY_REVIEW = [
+    ("nearest_arrows", lambda x, y: y[(x[:, None] - y).abs().sum(dim=2).argmin(dim=1)] - x, "sum of the absolute"),
+    ("wrong_curve", lambda x, e, c: slope_gap(x, e, c, 0, 1), "fit a line to all points"),
+    ("pieces_needed", lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)) + 1, "round up instead of adding one"),
+    ("pieces_needed", lambda s, c, g: math.ceil(s * math.sqrt(c / 8 / g)), "one piece, not none"),
+    ("pairs_left", lambda p, f, n: round(p / 100 * f * n / 2), "round down"),
+    ("noise_from_air", lambda v: v.std() / math.sqrt(2 - math.pi / 2), "right in the limit, but from the variance"),
+    ("undo_step", lambda v, y, h: rounds(v, y, h, 50), "has not converged"),
+    ("surface_ras", lambda p, a, s: p + (a[:3, :3] @ torch.tensor(s).double() / 2 + a[:3, 3]), "c_ras is added"),
+    ("two_sided", lambda a, b: [torch.cat([a, b]).mean(), torch.cat([a, b]).quantile(0.9)], "pooled"),
+]
+
+
+@pytest.mark.parametrize(("name", "wrong", "words"), FOUND_BY_REVIEW)
+def test_what_a_review_found_is_refused_with_its_hint(said, name, wrong, words):
+    assert re.match(f"✗ {name}: .*(?:{words})", said(name, wrong))
 
 
 def test_numbers_from_elsewhere_are_refused(said):

@@ -10,7 +10,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from meshot.view import BLACK, BLUE, GREEN, GREY, LOSS_COLOURS, ORANGE, PURPLE, SKY, VERMILLION, WIDTH
+from meshot.view import BLACK, BLUE, GREEN, GREY, LOSS_COLOURS, ORANGE, PURPLE, SKY, SYSTEM_COLOURS, VERMILLION, WIDTH
 
 COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 MARKERS = "os^Dv<>"
@@ -233,7 +233,8 @@ def printed_figure(rows: Sequence[Mapping], unit: str = "mm") -> Figure:
     if not len(rows) or not (values > 0).all():
         raise ValueError(f"{len(rows)} rows with values from {values.min(initial=0)}; positive numbers are needed")
     names, groups = (list(dict.fromkeys(row[key] for row in rows)) for key in ("name", "group"))
-    colours, markers = dict(zip(names, itertools.cycle(_COLOURS))), dict(zip(groups, itertools.cycle(_MARKERS)))
+    colours = dict(zip(names, itertools.cycle(_COLOURS))) | {n: SYSTEM_COLOURS[n] for n in names if n in SYSTEM_COLOURS}
+    markers = dict(zip(groups, itertools.cycle(_MARKERS)))
     figure, ax = plt.subplots(figsize=(WIDTH, 6.4), layout="constrained")
     for row, (x, y) in zip(rows, values):
         ax.plot(x, y, markers[row["group"]], color=colours[row["name"]])
