@@ -14,6 +14,7 @@ language = "en"
 extensions = [
     "api_extension",
     "commands_extension",
+    "gallery_extension",
     "links_extension",
     "myst_nb",
     "numbers_extension",
@@ -69,7 +70,7 @@ html_theme = "sphinx_book_theme"
 html_title = "Meshes as Measures"
 html_static_path = ["_static"]
 html_css_files = ["book.css", "tables.css"]
-html_js_files = ["table_layouts.js", "tables.js", "landing.js"]
+html_js_files = ["table_layouts.js", "tables.js"]
 html_secnumber_suffix = "\u2002"
 # Summaries would be fetched from the pages, which a browser forbids on file://.
 html_show_search_summary = False

@@ -1,14 +1,13 @@
 """The directive ``shown``: what a cell of a chapter shows, on another page too.
 
 ``{shown} CHAPTER WORD`` takes the first output of the stored notebook whose text begins with the word, such as
-``Player`` or ``Scene``. Option ``moving``: the page starts it, unless the reader asks for reduced motion.
+``LiveFigure`` or ``Scene``.
 """
 
 from pathlib import Path
 
 import nbformat
 from docutils import nodes
-from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -27,7 +26,6 @@ class Shown(SphinxDirective):
     """What a cell shows, once more."""
 
     required_arguments = 2
-    option_spec = {"moving": directives.flag}  # noqa: RUF012
 
     def run(self) -> list[nodes.Node]:
         """The HTML in a box."""
@@ -38,7 +36,7 @@ class Shown(SphinxDirective):
             html = shown_html(notebook, word)
         except (ValueError, OSError) as error:
             raise self.error(f"shown: {error}") from error
-        box = nodes.container("", classes=["shown", *(["moving"] if "moving" in self.options else [])])
+        box = nodes.container("", classes=["shown"])
         box += nodes.raw("", html, format="html")
         return [box]
 

@@ -32,6 +32,12 @@ def test_objectives_name_the_exercises_of_every_chapter(root, sections):
     assert rows == expected
 
 
+def test_every_live_figure_has_a_line_for_the_lecturer(root, sections):
+    live = {number for number, text in chapters(root).items() if re.search(r"^live_figure\(", text, re.M)}
+    assert len(live) >= 6
+    assert set(re.findall(r"^\| (\d\d) \| .{40,} \|$", sections["Live figures"], re.M)) == live
+
+
 def test_every_chapter_has_a_drawing_and_a_place_in_a_course(root, sections):
     every = set(chapters(root))
     assert set(board_notes((root / "book" / "teaching.md").read_text(encoding="utf-8"))) == every
