@@ -535,7 +535,7 @@ def test_flows_there_and_back_are_those_of_the_library(opened):
     points = torch.tensor(data["points"], dtype=torch.float64)
     drift = torch.tensor(data["drift"], dtype=torch.float64)
     largest = lambda one, other: float((one - other).norm(dim=1).max())  # noqa: E731
-    for strength, method, exponent in itertools.product((2, 4), ("Euler", "midpoint", "RK4"), (0, 3, 5)):
+    for strength, method, exponent in itertools.product((2, 4), ("Euler", "Midpoint", "RK4"), (0, 3, 5)):
         page.get_by_role("radio", name=str(strength), exact=True).check()
         page.get_by_role("radio", name=method, exact=True).check()
         page.get_by_role("slider", name="steps each way").fill(str(exponent))

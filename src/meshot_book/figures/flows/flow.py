@@ -361,7 +361,7 @@ def crossing_data(gap: float = 0.3) -> dict:
 
 
 def contour_data() -> dict:
-    """What the live figure ``contour`` needs, in mm: a contour with five folds, circles with even and uneven edges."""
+    """Data of the live figure ``contour``, in mm: a contour with five folds, and a circle with even or uneven edges."""
     angles = 2 * np.pi * np.arange(160) / 160
     target = (40 + 10 * np.cos(5 * angles))[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     even = 2 * np.pi * (np.arange(40) + 0.3) / 40

@@ -21,7 +21,6 @@ export function main(root, data) {
   );
   const chart = figure.plot({
     name: "edge variation over the distance from the target",
-    title: "edge variation over distance",
     x: { range: [0.1, 10], log: true, ticks: [0.1, 1, 10], label: "distance from the target (mm)" },
     y: { range: [0, 0.6], label: "edge variation" },
     width: 380,

@@ -4,14 +4,14 @@ import { COLOURS, digits } from "../../assets/plot.js";
 import { velocities } from "../../assets/triangles.js";
 
 const METHODS = { euler: COLOURS.orange, midpoint: COLOURS.sky, rk4: COLOURS.purple };
-const NAMES = { euler: "Euler", midpoint: "midpoint", rk4: "RK4" };
+const NAMES = { euler: "Euler", midpoint: "Midpoint", rk4: "RK4" };
 const EXPONENTS = [0, 1, 2, 3, 4, 5, 6];
 
 const far = (points, goal) => Math.max(...points.map((p, i) => Math.hypot(p[0] - goal[i][0], p[1] - goal[i][1])));
 
 // Points under a whirl that drifts, forwards and back again, by three methods; errors over the number of steps.
 export function main(root, data) {
-  const figure = panel(root, { method: "midpoint", exponent: 2, strength: data.strengths[1], moment: 2 });
+  const figure = panel(root, { method: "midpoint", exponent: 1, strength: data.strengths[1], moment: 2 });
   const { state } = figure;
   const known = new Map();
   const plane = figure.plot({

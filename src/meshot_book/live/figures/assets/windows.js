@@ -20,7 +20,7 @@ export function main(root, data) {
   const even = x.map(() => 1 / n);
   const known = new Map();
   const half = data.width / 2 + 6;
-  const [inWindows, whole] = ["windows", "sliced loss of the whole"].map((title) =>
+  const [inWindows, whole] = ["windows", "the whole"].map((title) =>
     figure.plot({ name: title, title, x: { range: [-half, half] }, y: { range: [-13, 13] }, width: 640, equal: true }),
   );
   const overRadius = figure.plot({
@@ -32,9 +32,9 @@ export function main(root, data) {
   });
   const overSurplus = figure.plot({
     name: "cosine of the whole and local share over the surplus",
-    title: "the whole, over surplus",
+    title: "sliced loss of the whole",
     x: { range: [0, 41], label: "surplus of the left half (%)", ticks: [0, 10, 20, 30, 40] },
-    y: { range: [-0.05, 1], label: "cosine; share of the loss", ticks: [0, 0.25, 0.5, 0.75, 1] },
+    y: { range: [-0.05, 1], label: "cosine, share", ticks: [0, 0.25, 0.5, 0.75, 1] },
     width: 320,
   });
 
