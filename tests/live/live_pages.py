@@ -19,6 +19,8 @@ FAULTS = ["crowded 3 : 1", "a quarter missing", "a tenth far away", "one outlier
 FAULTS += ["bump of 6 mm", "moved by 3 mm", "a quarter flipped"]
 #: Name of the script → its data.
 DATA = {
+    "apart": {"radii": [40, 38], "lines": 6, "seed": 1, "rounds": 60},
+    "blocks": {"shift": 2, "stretch": 1, "count": 9, "rounds": 100},
     "calculator": {
         "peers": ["sorts", "compares"],
         "rows": [
