@@ -80,6 +80,8 @@ DATA = {
         "short": 280,
         "budget": 2.5,
     },
+    "apart": {"radii": [40, 38], "lines": 6, "seed": 1, "rounds": 60},
+    "blocks": {"shift": 2, "stretch": 1, "count": 9, "rounds": 100},
     "calculator": {
         "peers": ["sorts", "compares"],
         "rows": [

@@ -1274,3 +1274,72 @@ def test_slices_show_the_numbers_of_the_library(opened):
         page.get_by_role("radio", name=lines).check()
         counts[lines] = page.locator(".plots svg").first.locator("path").count()
     assert counts["both"] > max(counts["ours"], counts["FreeSurfer's"])
+def normals_of(numbers):
+    """Standard normal numbers from pairs of uniform ones."""
+    u = np.array(numbers).reshape(-1, 2)
+    return np.sqrt(-2 * np.log1p(-u[:, 0])) * np.cos(2 * np.pi * u[:, 1])
+
+
+def unit_vectors(numbers):
+    vectors = normals_of(numbers).reshape(-1, 3)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("centred", [False, True])
+def test_the_error_of_spheres_apart_is_that_of_the_same_samples_in_python(centred, opened):
+    page, data = opened("apart"), DATA["apart"]
+    lines = torch.tensor(unit_vectors(mulberry(1, 6 * data["lines"])))
+    draws = np.array(unit_vectors(mulberry(data["seed"], 4 * 2 * 1000 * 6))).reshape(4, 2, 1000, 3)
+    if centred:
+        page.get_by_role("checkbox").check()
+    for apart, m in ((100, 1000), (10, 30), (1000, 300)):
+        page.get_by_role("radio", name=f"{apart} mm", exact=True).check()
+        page.get_by_role("radio", name=f"{m}", exact=True).check()
+        assert shown(page)["rounds"] == 4
+        for p in (1, 2, 3):
+            found = []
+            for x, y in draws[:, :, :m]:
+                source, target = 40 * x, 38 * y + np.array([apart, 0, 0])
+                if centred:
+                    source, target = source - source.mean(axis=0), target - target.mean(axis=0)
+                # Quantile functions of uniform distributions, at the middles of very many equal shares.
+                z = (np.arange(200_000) + 0.5) / 100_000 - 1
+                c = (0 if centred else apart) * lines[:, 0].numpy()
+                truth = np.mean([(np.abs(-2 * z + each) ** p).mean() for each in c])
+                found.append(abs(float(meshot.sliced_wasserstein(source, target, lines, p)) - truth))
+            assert shown(page)[f"error{p}"] == pytest.approx(np.mean(found), rel=1e-6)
+    page.evaluate("() => { for (let k = 0; k < 40; k += 1) document.querySelector('.once').click(); }")
+    for p in (1, 2, 3):
+        assert shown(page)[f"far{p}"] == pytest.approx(0 if centred else p - 1, abs=0.03)
+        assert centred or shown(page)[f"many{p}"] == pytest.approx(-0.5, abs=0.15)
+    page.get_by_role("radio", name="divided").check()
+    assert shown(page)["far2"] == pytest.approx(0 if centred else -1, abs=0.05)
+
+
+def test_whole_blocks_have_no_error_for_a_translation(opened):
+    page = opened("blocks")
+    assert shown(page)["orthogonal"] < 1e-12
+    assert "all blocks are whole" in status(page)
+    page.get_by_role("slider", name="directions").fill("10")
+    assert shown(page)["orthogonal"] > 0.01
+    # The same sets in Python, against the closed form for a translation and a stretch.
+    page.get_by_role("slider", name="stretch").fill("2")
+    assert shown(page)["rounds"] == 20
+    level = np.linspace(0, 1, 1_000_001)
+    shape = (np.sqrt(1 + 3 * level**2) - 1) ** 2
+    truth = 4 / 3 + np.trapezoid(shape, level)
+    assert shown(page)["truth"] == pytest.approx(truth, rel=1e-8)
+    for known in (False, True):
+        page.get_by_role("checkbox").set_checked(known)
+        found = []
+        for k in range(20):
+            u = unit_vectors(mulberry(k, 60))[:, 0]
+            found.append(((4 / 3 if known else 4 * u**2) + (np.sqrt(1 + 3 * u**2) - 1) ** 2).mean() / truth - 1)
+        assert shown(page)["random"] == pytest.approx(np.sqrt(np.mean(np.square(found))), rel=1e-7)
+    # Two equal distributions cannot be chosen.
+    page.get_by_role("slider", name="stretch").fill("1")
+    page.get_by_role("slider", name="distance").fill("0")
+    assert page.locator(".live-figure").evaluate("node => node.state.stretch") == 1.1
+    page.get_by_role("slider", name="directions").fill("300")
+    now = shown(page)
+    assert now["spiral"] < now["orthogonal"] < now["random"]

@@ -33,6 +33,7 @@ MODULES = (
     "sinkhorn",
     "projection",
     "frames",
+    "spheres",
     "distribution",
     "flow",
     "contours",
@@ -823,3 +824,25 @@ def test_level_curves(found):
         gaps = [np.linalg.norm(np.diff([*curve, curve[0]], axis=0), axis=1).max() for curve in map(np.array, curves)]
         assert max(gaps, default=0) <= np.sqrt(2)
     assert several > N_PROBLEMS / 4
+def test_spheres(found):
+    generator, cases, right = np.random.default_rng(14), [], []
+    z, weights = np.polynomial.legendre.leggauss(40)
+    for k in range(N_PROBLEMS):
+        lines = generator.normal(size=(4, 3))
+        lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+        radii, shift = generator.uniform(0.5, 3, size=2), generator.normal(size=3) * generator.choice([0, 1, 100])
+        p = int(generator.integers(1, 5))
+        if k % 5 == 0:
+            radii[1] = radii[0]
+        cases.append([lines.tolist(), radii.tolist(), shift.tolist(), p])
+        # The quantile functions are linear: integrate on both sides of the position where they cross.
+        a, c = radii[1] - radii[0], lines @ shift
+        cut = np.clip(-c / a if a else np.zeros(4), -1, 1)
+        halves = [(-np.ones(4), cut), (cut, np.ones(4))]
+        parts = []
+        for low, high in halves:
+            places = (low + high) / 2 + np.outer(z, high - low) / 2
+            parts.append((high - low) / 4 * (weights @ np.abs(a * places + c) ** p))
+        right.append(sum(parts))
+    for one, values in zip(found("([lines, radii, shift, p]) => sphereCosts(lines, radii, shift, p)", cases), right):
+        np.testing.assert_allclose(one, values, rtol=1e-9, atol=1e-9)
