@@ -8,6 +8,7 @@ import scipy.ndimage
 import torch
 
 from meshot.mesh import icosphere
+from meshot.volume import Volume, volume_pyramid
 from meshot_book.figures.flows import crossing_data
 from meshot_book.figures.measures import Window
 from meshot_book.live import Answer, live_figure
@@ -21,6 +22,27 @@ RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
 BLOCK = scipy.ndimage.gaussian_filter(GENERATOR.normal(size=(9, 7, 8)), 0.8)
 BLOCK = np.clip(50 + 90 * BLOCK, 0, 99).round().astype(int)
 DEPTHS = np.clip((BLOCK - 50) // 3 + 50 + GENERATOR.integers(-2, 3, BLOCK.shape), 0, 99)
+#: A scan of 20³ voxels of 1.5 mm with a bright ball of 9 mm, its coarser levels, and a section of all between voxels.
+SCAN = Volume(np.zeros((20, 20, 20)), np.diag([1.5, 1.5, 1.5, 1.0]))
+GRID = np.moveaxis(np.indices(SCAN.data.shape), 0, -1) * 1.5 - 14.25
+SCAN = SCAN.with_data(np.clip(0.55 - 0.2 * (np.linalg.norm(GRID, axis=-1) - 9), 0.1, 0.9) + 0.05 * np.sin(GRID.sum(-1)))
+LEVELS = volume_pyramid(SCAN, 3)
+SECTION = 11.6  # mm
+
+
+def section_of(level):
+    """A level between two of its planes, in hundredths."""
+    place = (SECTION - level.affine[1, 3]) / level.affine[1, 1]
+    below, share = int(place), place - int(place)
+    plane = (1 - share) * level.data[:, below] + share * level.data[:, below + 1]
+    return {
+        "values": "".join(f"{value:02d}" for value in np.clip(100 * plane, 0, 99).round().astype(int).ravel()),
+        "shape": list(plane.shape),
+        "origin": [level.affine[0, 3], level.affine[2, 3]],
+        "step": [level.affine[0, 0], level.affine[2, 2]],
+    }
+
+
 #: A bright disc of 7 mm in a grey one of 9.5 mm, both cut into squares of 0.5 mm, and its border in ¼ % of 12 mm.
 SQUARES = (np.indices((48, 48)) + 0.5) / 2 - 12
 WITHIN = [np.clip(2 * (radius - np.hypot(*SQUARES)), 0, 0.99) for radius in (7, 9.5)]
@@ -58,6 +80,15 @@ DATA = {
     },
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
+    "cubes": {
+        "levels": [section_of(level) for level in LEVELS],
+        "border": (14.25 + 8.6 * np.stack([np.cos(TURNS[:-1]), np.sin(TURNS[:-1])], axis=1)).round(2).ravel().tolist(),
+        "size": 5,
+        "smooth": 1,
+        "along": 20,
+        "offset": -4,
+        "view": {"low": [-1, -1], "high": [29, 29]},
+    },
     "floors": {
         "floors": {
             "SWD": {"m": [1000, 10_000, 100_000], "mean": [2, 0.7, 0.2], "spread": [0.5, 0.2, 0.06]},
