@@ -708,13 +708,13 @@ def test_the_cubes_of_a_vertex_are_those_of_the_network(opened):
     # One feature for each voxel of the middle plane of a cube.
     cubes = DeformationNetwork(width=25, hidden=(4,), n_scales=3, size=5).cubes
     images, held = cubes.images(SCAN), []
-    for along, offset in ((20, -4), (20, -9.5), (20, 0), (77, 3.5), (50, 12)):
+    for along, offset in ((20, -5), (20, -9.5), (20, 0), (77, 3.5), (50, 12)):
         page.get_by_role("slider", name="along the border").fill(str(along))
         page.get_by_role("slider", name="along the normal").fill(str(offset))
         found = shown(page)
         normal = (border[along] - 14.25) / np.linalg.norm(border[along] - 14.25)
         place = border[along] + offset * normal
-        np.testing.assert_allclose([found["x"], found["z"]], place, atol=0.02)
+        np.testing.assert_allclose([found["x"], found["z"]], place, atol=0.06)
         for scale, level in enumerate(data["levels"]):
             image = np.array([int(level["values"][k : k + 2]) / 100 for k in range(0, len(level["values"]), 2)])
             image, step = image.reshape(level["shape"]), np.array(level["step"])
