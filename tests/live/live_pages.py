@@ -14,6 +14,8 @@ from meshot.metrics import Surface
 from meshot.volume import Volume
 from meshot_book.figures.cortex import cut_slice, live_slices
 from meshot_book.figures.flows import contour_data, crossing_data
+from meshot.volume import Volume, volume_pyramid
+from meshot_book.figures.flows import crossing_data
 from meshot_book.figures.measures import Window
 from meshot_book.live import Answer, live_figure
 
@@ -26,6 +28,27 @@ RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
 BLOCK = scipy.ndimage.gaussian_filter(GENERATOR.normal(size=(9, 7, 8)), 0.8)
 BLOCK = np.clip(50 + 90 * BLOCK, 0, 99).round().astype(int)
 DEPTHS = np.clip((BLOCK - 50) // 3 + 50 + GENERATOR.integers(-2, 3, BLOCK.shape), 0, 99)
+#: A scan of 20³ voxels of 1.5 mm with a bright ball of 9 mm, its coarser levels, and a section of all between voxels.
+SCAN = Volume(np.zeros((20, 20, 20)), np.diag([1.5, 1.5, 1.5, 1.0]))
+GRID = np.moveaxis(np.indices(SCAN.data.shape), 0, -1) * 1.5 - 14.25
+SCAN = SCAN.with_data(np.clip(0.55 - 0.2 * (np.linalg.norm(GRID, axis=-1) - 9), 0.1, 0.9) + 0.05 * np.sin(GRID.sum(-1)))
+LEVELS = volume_pyramid(SCAN, 3)
+SECTION = 11.6  # mm
+
+
+def section_of(level):
+    """A level between two of its planes, in hundredths."""
+    place = (SECTION - level.affine[1, 3]) / level.affine[1, 1]
+    below, share = int(place), place - int(place)
+    plane = (1 - share) * level.data[:, below] + share * level.data[:, below + 1]
+    return {
+        "values": "".join(f"{value:02d}" for value in np.clip(100 * plane, 0, 99).round().astype(int).ravel()),
+        "shape": list(plane.shape),
+        "origin": [level.affine[0, 3], level.affine[2, 3]],
+        "step": [level.affine[0, 0], level.affine[2, 2]],
+    }
+
+
 #: A bright disc of 7 mm in a grey one of 9.5 mm, both cut into squares of 0.5 mm, and its border in ¼ % of 12 mm.
 SQUARES = (np.indices((48, 48)) + 0.5) / 2 - 12
 WITHIN = [np.clip(2 * (radius - np.hypot(*SQUARES)), 0, 0.99) for radius in (7, 9.5)]
@@ -113,6 +136,14 @@ DATA = {
         "normal_scale": 10,
         "bump": (40 * RING * np.where(np.arange(24) == 3, 1.15, 1)[:, None]).tolist(),
         "lines": {d: quasi_directions(16, d).tolist() for d in (2, 4)},
+    "cubes": {
+        "levels": [section_of(level) for level in LEVELS],
+        "border": (14.25 + 8.6 * np.stack([np.cos(TURNS[:-1]), np.sin(TURNS[:-1])], axis=1)).round(2).ravel().tolist(),
+        "size": 5,
+        "smooth": 1,
+        "along": 20,
+        "offset": -4,
+        "view": {"low": [-1, -1], "high": [29, 29]},
     },
     "floors": {
         "floors": {

@@ -22,6 +22,12 @@ from browser import AXE, SET_THEME, UNREACHED, page_file, set_width, watched_pag
 from meshot.flow import integrate
 from meshot.loss.exact import projected_law
 from meshot.mesh import circle, even_points, split_in_four
+from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, SCAN, SECTION, TISSUES, live_page_of
+
+import meshot
+from browser import AXE, UNREACHED, page_file, set_width, watched_page
+from meshot.mesh import circle, even_points
+from meshot.model import DeformationNetwork
 from meshot.synth import TISSUES as TISSUE_NAMES, Appearance, t1_image
 from meshot.view.page import joined
 from meshot.volume import Volume, filled_cavities, genus_zero, largest_component
@@ -1343,3 +1349,41 @@ def test_whole_blocks_have_no_error_for_a_translation(opened):
     page.get_by_role("slider", name="directions").fill("300")
     now = shown(page)
     assert now["spiral"] < now["orthogonal"] < now["random"]
+def test_the_cubes_of_a_vertex_are_those_of_the_network(opened):
+    page = opened("cubes")
+    data = DATA["cubes"]
+    border = np.reshape(data["border"], (-1, 2))
+    # One feature for each voxel of the middle plane of a cube.
+    cubes = DeformationNetwork(width=25, hidden=(4,), n_scales=3, size=5).cubes
+    images, held = cubes.images(SCAN), []
+    for along, offset in ((20, -5), (20, -9.5), (20, 0), (77, 3.5), (50, 12)):
+        page.get_by_role("slider", name="along the border").fill(str(along))
+        page.get_by_role("slider", name="along the normal").fill(str(offset))
+        found = shown(page)
+        normal = (border[along] - 14.25) / np.linalg.norm(border[along] - 14.25)
+        place = border[along] + offset * normal
+        np.testing.assert_allclose([found["x"], found["z"]], place, atol=0.06)
+        for scale, level in enumerate(data["levels"]):
+            image = np.array([int(level["values"][k : k + 2]) / 100 for k in range(0, len(level["values"]), 2)])
+            image, step = image.reshape(level["shape"]), np.array(level["step"])
+            voxels = np.moveaxis(np.indices((5, 5)), 0, -1).reshape(-1, 2) - 2
+            where = ([found["x"], found["z"]] - np.array(level["origin"])) / step + voxels
+            values = scipy.ndimage.map_coordinates(image, where.T, order=1, mode="grid-constant")
+            assert found[f"range{scale}"] == pytest.approx(np.ptp(values), abs=1e-9)
+            with torch.no_grad():
+                cubes.weight.zero_()
+                for k, (i, j) in enumerate(voxels + 2):
+                    cubes.weight[k, scale, i, 2, j] = 1
+                at = torch.tensor([[found["x"], SECTION, found["z"]]], dtype=cubes.weight.dtype)
+                features = cubes.at(cubes.maps(images), at)[0].numpy()
+            np.testing.assert_allclose(values, features, atol=0.0051)
+            inside = (np.abs(border - [found["x"], found["z"]]) <= 2.5 * step).all(axis=1).any()
+            assert found[f"holds{scale}"] == inside
+            held.append(inside)
+    assert held[:3] == [False, True, True]
+    # A vertex that is dragged stays beside the border.
+    page.get_by_role("slider", name="the vertex").focus()
+    page.keyboard.press("Shift+ArrowUp")
+    state = page.locator(".live-figure").evaluate("node => node.state")
+    assert state["along"] != 50
+    assert "the border. Cubes of 7.5 mm: " in status(page)

@@ -160,3 +160,13 @@ def test_a_surface_beyond_the_volume_does_not_widen_the_picture():
     figure = slice_figure(volume, {"wide": icosphere(2, 40.0)}, through_mm=(5.0, 5.0, 5.0))
     assert figure.axes[0].get_xlim() == (-0.5, 9.5)
     plt.close(figure)
+
+
+@pytest.mark.parametrize(("shift", "widths"), [(1.0, [2.8, 1.4]), (14.0, [1.2, 1.2])])
+def test_lines_that_cannot_coincide_are_equally_thin(shift, widths):
+    volume = linear_volume(np.array([1.0, 0, 0]), oblique_affine())
+    places = {"one": CENTRE, "other": CENTRE + [shift, 0, 0]}
+    meshes = {name: icosphere(2, 10.0, tuple(place)) for name, place in places.items()}
+    (ax,) = slice_figure(volume, meshes, planes=("axial",)).axes
+    lines = [child for child in ax.get_children() if isinstance(child, LineCollection)]
+    assert [float(line.get_linewidth()[0]) for line in lines] == widths

@@ -21,7 +21,7 @@ from meshot.volume import Volume, mm_to_voxel, sample_volume, voxel_sizes, voxel
 
 # Colours that are visible on a grey image, the most distinct first.
 LINE_COLOURS = (VERMILLION, SKY, GREEN, YELLOW, PURPLE, ORANGE)
-# Two or three lines also differ in width, so that all are seen where they coincide.
+# Two or three lines also differ in width, so that all are seen where they coincide; not where they cannot.
 LINE_WIDTHS = {2: (2.8, 1.4), 3: (3.6, 2.4, 1.2)}
 # The axis across the slice, the axes of the picture, and the letters at its left, right, bottom and top.
 PLANES = {
@@ -129,7 +129,7 @@ def slice_figure(
         axis, shown, letters = PLANES[plane]
         position = float(through[axis])
         ax.imshow(image, extent=extent, origin="lower", cmap="gray", vmin=black, vmax=white)
-        widths = itertools.cycle(LINE_WIDTHS.get(len(meshes), (1.2,)))
+        widths = itertools.cycle((1.2,) if _are_apart(meshes) else LINE_WIDTHS.get(len(meshes), (1.2,)))
         for (name, mesh), colour, line in zip(meshes.items(), itertools.cycle(LINE_COLOURS), widths):
             segments = plane_section(mesh, axis, position)[:, :, list(shown)].detach().cpu().numpy()
             lines = LineCollection(segments, colors=colour, linewidths=line, label=name, capstyle="round")
@@ -175,6 +175,16 @@ def _box(meshes: Mapping[str, Mesh]) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest coordinates of all surfaces, in mm."""
     vertices = np.concatenate([mesh.vertices.detach().cpu().double().numpy() for mesh in meshes.values()])
     return vertices.min(axis=0), vertices.max(axis=0)
+
+
+def _are_apart(meshes: Mapping[str, Mesh]) -> bool:
+    """Whether the boxes of all pairs of surfaces share less than half of the smaller one, as those of two hemispheres."""
+    boxes = [_box({name: mesh}) for name, mesh in meshes.items()]
+    for (low, high), (other_low, other_high) in itertools.combinations(boxes, 2):
+        shared = np.maximum(np.minimum(high, other_high) - np.maximum(low, other_low), 0)
+        if shared.prod() >= 0.5 * min((high - low).prod(), (other_high - other_low).prod()):
+            return False
+    return True
 
 
 # One small picture of several slices with outlines and no labels, to look at many subjects at once.
