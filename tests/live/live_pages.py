@@ -136,6 +136,7 @@ DATA = {
         "normal_scale": 10,
         "bump": (40 * RING * np.where(np.arange(24) == 3, 1.15, 1)[:, None]).tolist(),
         "lines": {d: quasi_directions(16, d).tolist() for d in (2, 4)},
+    },
     "cubes": {
         "levels": [section_of(level) for level in LEVELS],
         "border": (14.25 + 8.6 * np.stack([np.cos(TURNS[:-1]), np.sin(TURNS[:-1])], axis=1)).round(2).ravel().tolist(),
