@@ -11,11 +11,9 @@ import torch
 from meshot import quasi_directions
 from meshot.mesh import icosphere
 from meshot.metrics import Surface
-from meshot.volume import Volume
+from meshot.volume import Volume, volume_pyramid
 from meshot_book.figures.cortex import cut_slice, live_slices
 from meshot_book.figures.flows import contour_data, crossing_data
-from meshot.volume import Volume, volume_pyramid
-from meshot_book.figures.flows import crossing_data
 from meshot_book.figures.measures import Window
 from meshot_book.live import Answer, live_figure
 

@@ -12,7 +12,7 @@ import pytest
 import scipy.ndimage
 import skimage.measure
 import torch
-from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, TISSUES, live_page_of
+from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, SCAN, SECTION, TISSUES, live_page_of
 from scipy import stats
 from skimage.measure import find_contours
 from test_numbers import edges_of, mean_distance, mulberry, weighted_cosine
@@ -22,11 +22,6 @@ from browser import AXE, SET_THEME, UNREACHED, page_file, set_width, watched_pag
 from meshot.flow import integrate
 from meshot.loss.exact import projected_law
 from meshot.mesh import circle, even_points, split_in_four
-from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, SCAN, SECTION, TISSUES, live_page_of
-
-import meshot
-from browser import AXE, UNREACHED, page_file, set_width, watched_page
-from meshot.mesh import circle, even_points
 from meshot.model import DeformationNetwork
 from meshot.synth import TISSUES as TISSUE_NAMES, Appearance, t1_image
 from meshot.view.page import joined
@@ -1280,6 +1275,8 @@ def test_slices_show_the_numbers_of_the_library(opened):
         page.get_by_role("radio", name=lines).check()
         counts[lines] = page.locator(".plots svg").first.locator("path").count()
     assert counts["both"] > max(counts["ours"], counts["FreeSurfer's"])
+
+
 def normals_of(numbers):
     """Standard normal numbers from pairs of uniform ones."""
     u = np.array(numbers).reshape(-1, 2)
@@ -1349,6 +1346,8 @@ def test_whole_blocks_have_no_error_for_a_translation(opened):
     page.get_by_role("slider", name="directions").fill("300")
     now = shown(page)
     assert now["spiral"] < now["orthogonal"] < now["random"]
+
+
 def test_the_cubes_of_a_vertex_are_those_of_the_network(opened):
     page = opened("cubes")
     data = DATA["cubes"]

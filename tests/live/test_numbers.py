@@ -824,6 +824,8 @@ def test_level_curves(found):
         gaps = [np.linalg.norm(np.diff([*curve, curve[0]], axis=0), axis=1).max() for curve in map(np.array, curves)]
         assert max(gaps, default=0) <= np.sqrt(2)
     assert several > N_PROBLEMS / 4
+
+
 def test_spheres(found):
     generator, cases, right = np.random.default_rng(14), [], []
     z, weights = np.polynomial.legendre.leggauss(40)
