@@ -35,6 +35,7 @@ DATA = {
     },
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},
+    "ghost": {"count": 4, "angles": [10, 38, 66, 97, 119, 150, 172], "probe": 40},
     "normals": {"power": -0.5, "gap": 2, "lines": 60, "seed": 1},
     "power": {
         "fault": "one outlier",
