@@ -41,8 +41,10 @@ export function main(root, data) {
   }
   // The corners of a regular polygon, alternately: a reflection at each direction exchanges the two sets.
   function polygon() {
-    const corner = (k) => towards(state.turn + (180 * k) / state.count).map((value) => 2 * value);
-    return [0, 1].map((first) => Array.from({ length: state.count }, (_, k) => corner(2 * k + first)));
+    const corners = Array.from({ length: 2 * state.count }, (_, k) =>
+      towards(state.turn + (180 * k) / state.count).map((value) => 2 * value),
+    );
+    return [0, 1].map((first) => corners.filter((_, k) => k % 2 === first));
   }
   // For one more direction, each set gets the other one, moved at a right angle to it.
   function doubled() {
@@ -76,7 +78,7 @@ export function main(root, data) {
   }
   function draw() {
     const sets = state.construction === "polygon" ? polygon() : doubled();
-    const costsAt = (angles) => [...slicedLoss(...sets, angles.map(towards)).costs];
+    const costsAt = (angles) => [...slicedLoss(sets[0], sets[1], angles.map(towards)).costs];
     drawPlane(sets);
     const [costs, own, [here]] = [DEGREES, chosen(), [state.probe]].map(costsAt);
     curve.rescale([0, 1.1 * Math.max(...costs)]);
@@ -92,7 +94,7 @@ export function main(root, data) {
     const mean = costs.reduce((sum, cost) => sum + cost, 0) / costs.length;
     const n = sets[0].length;
     const values = { points: n, own: Math.max(...own), cost: here, sliced: Math.sqrt(mean) };
-    values.exact = Math.sqrt(exactLoss(...sets).cost);
+    values.exact = Math.sqrt(exactLoss(sets[0], sets[1]).cost);
     const status =
       `${n} points in each set, equal projections along ${own.filter((cost) => cost < 1e-12).length} directions. ` +
       `Cost at ${Math.round(state.probe)}°: ${here < 1e-12 ? "0" : digits(here)}. Over all directions SW₂ is ` +
@@ -100,7 +102,6 @@ export function main(root, data) {
       `${n + 1} directions always separate two different sets of ${n} points.`;
     return { status, values };
   }
-  const angleOf = ([u, v]) => halfTurn((Math.atan2(v, u) * 180) / Math.PI);
   function choose(l, angle) {
     if (state.construction === "polygon") {
       state.turn = halfTurn(state.turn + angle - chosen()[l]);
@@ -108,12 +109,6 @@ export function main(root, data) {
       state.angles[l] = halfTurn(angle);
     }
   }
-  const arrows = (by) => ({
-    ArrowLeft: (l) => by(l, 1),
-    ArrowUp: (l) => by(l, 1),
-    ArrowRight: (l) => by(l, -1),
-    ArrowDown: (l) => by(l, -1),
-  });
   figure.movable(plane, {
     key: "angles",
     name: "chosen directions",
@@ -121,7 +116,7 @@ export function main(root, data) {
     say: (l) => `${Math.round(chosen()[l])} degrees`,
     points: () => chosen().map((angle) => towards(angle).map((value) => 2.5 * value)),
     move: (l, to) => choose(l, angleOf(to)),
-    keys: arrows((l, degrees) => {
+    keys: turningKeys((l, degrees) => {
       choose(l, chosen()[l] + degrees);
       figure.changed("angles");
     }),
@@ -133,7 +128,7 @@ export function main(root, data) {
     say: () => `${Math.round(state.probe)} degrees`,
     points: () => [towards(state.probe).map((value) => 3.2 * value)],
     move: (_, to) => (state.probe = angleOf(to)),
-    keys: arrows((_, degrees) => {
+    keys: turningKeys((_, degrees) => {
       state.probe = halfTurn(state.probe + degrees);
       figure.changed("probe");
     }),
@@ -164,10 +159,23 @@ export function main(root, data) {
   });
 }
 
+/** @param {number} degrees */
 function towards(degrees) {
   return atAngle((degrees * Math.PI) / 180);
 }
 
+/** @param {number} degrees */
 function halfTurn(degrees) {
   return ((degrees % 180) + 180) % 180;
+}
+
+/** @param {number[]} to a point under the pointer */
+function angleOf([u, v]) {
+  return halfTurn((Math.atan2(v, u) * 180) / Math.PI);
+}
+
+/** @param {(l: number, degrees: number) => void} by turns direction l */
+function turningKeys(by) {
+  const act = Object.entries({ ArrowLeft: 1, ArrowUp: 1, ArrowRight: -1, ArrowDown: -1 });
+  return Object.fromEntries(act.map(([key, degrees]) => [key, (/** @type {number} */ l) => by(l, degrees)]));
 }
