@@ -124,6 +124,7 @@ DATA = {
         "reach": 0.8,
         "strengths": [1, 2, 4],
     },
+    "ghost": {"count": 4, "angles": [10, 38, 66, 97, 119, 150, 172], "probe": 40},
     "normals": {"power": -0.5, "gap": 2, "lines": 60, "seed": 1},
     "detection": {
         "fault": "one outlier",

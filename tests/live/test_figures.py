@@ -1386,3 +1386,51 @@ def test_the_cubes_of_a_vertex_are_those_of_the_network(opened):
     state = page.locator(".live-figure").evaluate("node => node.state")
     assert state["along"] != 50
     assert "the border. Cubes of 7.5 mm: " in status(page)
+def unit(degrees):
+    radians = np.radians(degrees)
+    return np.stack([np.cos(radians), np.sin(radians)], axis=-1)
+
+
+def ghost_pair(directions):
+    """The solution of the exercise in chapter 3."""
+    first, second = np.zeros((1, 2)), np.zeros((0, 2))
+    for x, y in directions:
+        across = np.array([-y, x])
+        first, second = np.vstack([first, second + across]), np.vstack([second, first + across])
+    return first, second
+
+
+def test_ghost_pairs_agree_along_the_chosen_directions_and_no_other(opened):
+    page, angles = opened("ghost"), list(DATA["ghost"]["angles"])
+
+    def agrees(pair, chosen, probe):
+        now = shown(page)
+        assert now["points"] == len(pair[0])
+        assert meshot.slice_costs(*pair, unit(np.array(chosen))).numpy().max() < 1e-12
+        assert now["own"] < 1e-12
+        assert now["cost"] == pytest.approx(meshot.slice_costs(*pair, unit(np.array([probe]))).item(), rel=1e-9)
+        mean = meshot.slice_costs(*pair, unit(np.arange(180))).mean().item()
+        assert now["sliced"] == pytest.approx(math.sqrt(mean), rel=1e-9)
+        assert now["exact"] == pytest.approx(math.sqrt(float(meshot.wasserstein(*pair))), rel=1e-9)
+        assert f"equal projections along {len(chosen)} directions" in status(page)
+
+    line = page.get_by_role("slider", name="line", exact=True)
+    for count in (4, 7):
+        page.get_by_role("slider", name="chosen directions").last.fill(str(count))
+        corners = 2 * unit(180 / count * np.arange(2 * count))
+        agrees((corners[::2], corners[1::2]), 180 / count * (np.arange(count) + 0.5), 40)
+    line.fill("91")
+    agrees((corners[::2], corners[1::2]), 180 / count * (np.arange(count) + 0.5), 91)
+    page.get_by_role("radio", name="by doubling").check()
+    agrees(ghost_pair(unit(np.array(angles))), angles, 91)
+    assert shown(page)["points"] == 64
+    page.get_by_role("slider", name="chosen directions").last.fill("3")
+    hand = page.get_by_role("slider", name="chosen directions").first
+    hand.focus()
+    page.keyboard.press("PageDown")
+    page.keyboard.press("ArrowLeft")
+    angles[1] += 1
+    agrees(ghost_pair(unit(np.array(angles[:3]))), angles[:3], 91)
+    line.fill(str(angles[1]))
+    assert shown(page)["cost"] < 1e-12
+    assert f"Cost at {angles[1]}°: 0." in status(page)
