@@ -1386,6 +1386,8 @@ def test_the_cubes_of_a_vertex_are_those_of_the_network(opened):
     state = page.locator(".live-figure").evaluate("node => node.state")
     assert state["along"] != 50
     assert "the border. Cubes of 7.5 mm: " in status(page)
+
+
 def unit(degrees):
     radians = np.radians(degrees)
     return np.stack([np.cos(radians), np.sin(radians)], axis=-1)
