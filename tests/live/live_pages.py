@@ -17,6 +17,8 @@ RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
 CLOUDS = {name: GENERATOR.normal(size=(9, 2)) + shift for name, shift in (("source", [0.5, 0]), ("target", [-1, 0.3]))}
 #: Name of the script → its data.
 DATA = {
+    "blur": {"points": (40 * RING[::2] + [0, 5]).tolist(), "target": (40 * RING[::2]).tolist()}
+    | {"blur": 20, "range": [58, 55]},
     "budget": {
         "courses": [
             {

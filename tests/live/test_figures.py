@@ -12,6 +12,7 @@ import pytest
 import torch
 from live_pages import ANSWERS, DATA, live_page_of
 from scipy import stats
+from scipy.special import ive
 
 import meshot
 from browser import AXE, UNREACHED, page_file, set_width, watched_page
@@ -571,3 +572,53 @@ def test_the_order_at_a_budget_is_that_of_the_courses(opened):
         assert now["ended"] == ended
         seen |= {len(values), -ended}
     assert {0, 3, 9, -3} <= seen
+
+
+def entropic_cost(x, y, blur):
+    """The minimum of ⟨C, π⟩ + ε KL, by POT."""
+    a, b, epsilon = np.full(len(x), 1 / len(x)), np.full(len(y), 1 / len(y)), 2 * blur**2
+    costs = ot.dist(x, y)
+    plan = ot.sinkhorn(a, b, costs, epsilon, method="sinkhorn_log", stopThr=1e-13, numItermax=20000)
+    return (plan * costs).sum() + epsilon * (plan * np.log(plan / np.outer(a, b))).sum()
+
+
+def divergence(x, y, blur):
+    return entropic_cost(x, y, blur) - (entropic_cost(x, x, blur) + entropic_cost(y, y, blur)) / 2
+
+
+def test_the_blur_has_the_costs_of_pot_and_the_arrows_are_their_gradients(opened):
+    page = opened("blur")
+    x, y = (np.array(DATA["blur"][key]) for key in ("points", "target"))
+    for logarithm, debiased in itertools.product((1.1, 1.5, 2.3), (False, True)):
+        page.get_by_role("slider", name="blur", exact=True).fill(str(logarithm))
+        page.get_by_role("checkbox").set_checked(debiased)
+        now, blur = shown(page), 10**logarithm
+        assert now["plain"] == pytest.approx(entropic_cost(x, y, blur), rel=1e-9)
+        assert now["divergence"] == pytest.approx(divergence(x, y, blur), rel=1e-8)
+        assert now["exact"] == pytest.approx(float(meshot.wasserstein(x, y)), rel=1e-9)
+        for key, axis in (("u", 0), ("v", 1)):
+            ends = []
+            for h in (1e-3, -1e-3):
+                moved = x.copy()
+                moved[0, axis] += h
+                ends.append((divergence if debiased else entropic_cost)(moved, y, blur))
+            # The arrow is −n/2 times the gradient.
+            assert now[key] == pytest.approx(-len(x) / 2 * (ends[0] - ends[1]) / 2e-3, rel=1e-4, abs=1e-5)
+
+
+def test_without_debiasing_points_stop_inside_the_target(opened):
+    page = opened("blur")
+    press = "() => { for (let k = 0; k < 150; k += 1) document.querySelector('.once').click(); }"
+    for blur, debiased in ((20, False), (20, True), (30, False), (30, True)):
+        page.get_by_role("slider", name="blur", exact=True).fill(f"{math.log10(blur):.2f}")
+        page.get_by_role("checkbox").set_checked(debiased)
+        page.evaluate(press)
+        length = 10 ** round(math.log10(blur), 2)
+        # A circle rests on OT_ε where r = R I₁(z) / I₀(z) with z = R r / blur², or in the centre.
+        r = 40.0
+        for _ in range(2000):
+            z = 40 * r / length**2
+            r = 40 * ive(1, z) / ive(0, z)
+        expected = 40 if debiased else r
+        assert shown(page)["size"] == pytest.approx(expected, abs=0.05)
+        assert (expected < 1) == (blur == 30 and not debiased)
