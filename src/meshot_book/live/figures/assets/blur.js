@@ -37,9 +37,9 @@ export function main(root, data) {
   const ofTarget = new Map();
   function solve(points, blur) {
     if (!ofTarget.has(blur)) {
-      ofTarget.set(blur, between(target, target, blur).cost);
+      ofTarget.set(blur, solved(target, target, blur).cost);
     }
-    const [there, own] = [between(points, target, blur), between(points, points, blur)];
+    const [there, own] = [solved(points, target, blur), solved(points, points, blur)];
     return { there, own, plain: there.cost, divergence: there.cost - (own.cost + ofTarget.get(blur)) / 2 };
   }
   // To the mean of the partners; with debiasing from the mean of the partners that a point has in its own measure.
@@ -167,6 +167,6 @@ function spreadOf(points) {
   return points.reduce((sum, [u, v]) => sum + Math.hypot(u - mean[0], v - mean[1]), 0) / points.length;
 }
 
-function between(x, y, blur) {
+function solved(x, y, blur) {
   return entropicTransport(groundCosts(x, y, 2), equalMasses(x), equalMasses(y), 2 * blur ** 2, { tolerance: 1e-11 });
 }
