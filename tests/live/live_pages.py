@@ -58,6 +58,8 @@ DATA = {
         "pilot": 12,
     },
     "rates": {"seed": 1, "lines": 6, "rounds": 40},
+    "slices": {name: points.round(4).tolist() for name, points in CLOUDS.items()}
+    | {"lines": np.stack([np.cos(ANGLES[:12]), np.sin(ANGLES[:12])], axis=1).tolist(), "angle": 60},
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],
         "target": [3.0, 4.4, 0.8, 7.2, 9.3],

@@ -16,6 +16,7 @@ from scipy.special import ive
 
 import meshot
 from browser import AXE, UNREACHED, page_file, set_width, watched_page
+from meshot.loss import energy_sliced_wasserstein, max_sliced_direction
 from meshot.mesh import circle, even_points
 from meshot.view.page import joined
 from meshot_book.examples.counterexample import crossing_sides
@@ -622,3 +623,33 @@ def test_without_debiasing_points_stop_inside_the_target(opened):
         expected = 40 if debiased else r
         assert shown(page)["size"] == pytest.approx(expected, abs=0.05)
         assert (expected < 1) == (blur == 30 and not debiased)
+
+
+def test_the_chosen_slices_are_those_of_the_library(opened):
+    page = opened("slices")
+    x, y, lines = (np.array(DATA["slices"][key]) for key in ("source", "target", "lines"))
+    assert shown(page)["loss"] == pytest.approx(float(meshot.sliced_wasserstein(x, y, lines)), rel=1e-9)
+    page.get_by_role("radio", name="by energy").check()
+    costs = meshot.slice_costs(x, y, lines).numpy()
+    for exponent in (0, 3, 5):
+        page.get_by_role("slider", name="power α").fill(str(exponent))
+        loss = float(energy_sliced_wasserstein(x, y, lines, power=2**exponent))
+        assert shown(page)["loss"] == pytest.approx(loss, rel=1e-9)
+        raised = costs < 2**exponent / (1 + 2**exponent) * loss
+        assert shown(page)["raised"] == pytest.approx(raised.mean())
+    page.get_by_role("radio", name="largest cost").check()
+    page.get_by_role("slider", name="start of the ascent").fill("20")
+    start = np.array([[math.cos(math.radians(20)), math.sin(math.radians(20))]])
+    for _ in range(12):
+        page.locator(".once").click()
+        if "A maximum" in status(page):
+            break
+    assert "A maximum" in status(page)
+    best = max_sliced_direction(x, y, start, n_steps=60)
+    found = shown(page)
+    assert found["loss"] == pytest.approx(float(meshot.slice_costs(x, y, best[None])[0]), rel=1e-8)
+    assert found["angle"] == pytest.approx(math.degrees(math.atan2(best[1], best[0])) % 180, abs=1e-3)
+    # A full step along the arrows: zero along the direction, and unchanged at a right angle.
+    page.get_by_role("button", name="move along the arrows").click()
+    assert shown(page)["loss"] == pytest.approx(0, abs=1e-12)
+    assert shown(page)["beside"] == pytest.approx(found["beside"], rel=1e-9)
