@@ -17,6 +17,27 @@ RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1).round(4)
 CLOUDS = {name: GENERATOR.normal(size=(9, 2)) + shift for name, shift in (("source", [0.5, 0]), ("target", [-1, 0.3]))}
 #: Name of the script → its data.
 DATA = {
+    "ablation": {
+        "trainings": [
+            {
+                "name": name,
+                "steps": list(range(28, 28 * 31, 28)),
+                "loss": GENERATOR.uniform(1, 3, 30).round(4).tolist(),
+                "checks": [
+                    {
+                        "step": step,
+                        "ASSD": round(GENERATOR.uniform(0.2, 0.6), 4),
+                        "normals": round(GENERATOR.uniform(), 4),
+                    }
+                    for step in (280, 560, 840)
+                ],
+            }
+            for name in ("DDOT", "Chamfer", "windows")
+        ],
+        "every": 28,
+        "units": {"ASSD": " mm", "normals": ""},
+        "start": {"ASSD": 0.4, "normals": 0},
+    },
     "blur": {"points": (40 * RING[::2] + [0, 5]).tolist(), "target": (40 * RING[::2]).tolist()}
     | {"blur": 20, "range": [58, 55]},
     "budget": {

@@ -653,3 +653,19 @@ def test_the_chosen_slices_are_those_of_the_library(opened):
     page.get_by_role("button", name="move along the arrows").click()
     assert shown(page)["loss"] == pytest.approx(0, abs=1e-12)
     assert shown(page)["beside"] == pytest.approx(found["beside"], rel=1e-9)
+
+
+def test_the_course_of_a_training_is_that_of_its_log(opened):
+    page = opened("ablation")
+    for training, step, measure in itertools.product(
+        DATA["ablation"]["trainings"], (56, 280, 588, 840), ("ASSD", "normals")
+    ):
+        page.get_by_role("radio", name=training["name"]).check()
+        page.get_by_role("radio", name=measure).check()
+        page.get_by_role("slider", name="step", exact=True).fill(str(step))
+        until = np.array(training["loss"])[: step // 28]
+        assert shown(page)["ratio"] == pytest.approx(until[-11:].mean() / until[0], rel=1e-12)
+        checks = [check[measure] for check in training["checks"] if check["step"] <= step]
+        assert shown(page)["value"] == (checks[-1] if checks else -1)
+        assert ("not checked yet" in status(page)) is (not checks)
+        assert ("initial surface: 0.4 mm" in status(page)) is (measure == "ASSD")
