@@ -85,6 +85,29 @@ def slices_of_balls():
 
 #: Name of the script → its data.
 DATA = {
+    "ablation": {
+        "trainings": [
+            {
+                "name": name,
+                "steps": list(range(28, 28 * 31, 28)),
+                "loss": GENERATOR.uniform(1, 3, 30).round(4).tolist(),
+                "checks": [
+                    {
+                        "step": step,
+                        "ASSD": round(GENERATOR.uniform(0.2, 0.6), 4),
+                        "normals": round(GENERATOR.uniform(), 4),
+                    }
+                    for step in (280, 560, 840)
+                ],
+            }
+            for name in ("DDOT", "Chamfer", "windows")
+        ],
+        "every": 28,
+        "units": {"ASSD": " mm", "normals": ""},
+        "start": {"ASSD": 0.4, "normals": 0},
+    },
+    "blur": {"points": (40 * RING[::2] + [0, 5]).tolist(), "target": (40 * RING[::2]).tolist()}
+    | {"blur": 20, "range": [58, 55]},
     "budget": {
         "courses": [
             {
@@ -218,6 +241,8 @@ DATA = {
         "lines": {d: quasi_directions(16, d).tolist() for d in (2, 4)},
     },
     "slices": {"slices": slices_of_balls(), "first": 1, "step": 0.1, "errorStep": 0.05},
+    "learned": {name: points.round(4).tolist() for name, points in CLOUDS.items()}
+    | {"lines": np.stack([np.cos(ANGLES[:12]), np.sin(ANGLES[:12])], axis=1).tolist(), "angle": 60},
     "sorting": {
         "source": [1.0, 2.2, 2.9, 5.5],
         "target": [3.0, 4.4, 0.8, 7.2, 9.3],

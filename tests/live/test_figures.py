@@ -24,6 +24,12 @@ from meshot.loss.exact import projected_law
 from meshot.mesh import circle, even_points, split_in_four
 from meshot.model import DeformationNetwork
 from meshot.synth import TISSUES as TISSUE_NAMES, Appearance, t1_image
+from scipy.special import ive
+
+import meshot
+from browser import AXE, UNREACHED, page_file, set_width, watched_page
+from meshot.loss import energy_sliced_wasserstein, max_sliced_direction
+from meshot.mesh import circle, even_points
 from meshot.view.page import joined
 from meshot.volume import Volume, filled_cavities, genus_zero, largest_component
 from meshot_book.examples import Drifting
@@ -1436,3 +1442,97 @@ def test_ghost_pairs_agree_along_the_chosen_directions_and_no_other(opened):
     line.fill(str(angles[1]))
     assert shown(page)["cost"] < 1e-12
     assert f"Cost at {angles[1]}°: 0." in status(page)
+def entropic_cost(x, y, blur):
+    """The minimum of ⟨C, π⟩ + ε KL, by POT."""
+    a, b, epsilon = np.full(len(x), 1 / len(x)), np.full(len(y), 1 / len(y)), 2 * blur**2
+    costs = ot.dist(x, y)
+    plan = ot.sinkhorn(a, b, costs, epsilon, method="sinkhorn_log", stopThr=1e-13, numItermax=20000)
+    return (plan * costs).sum() + epsilon * (plan * np.log(plan / np.outer(a, b))).sum()
+
+
+def divergence(x, y, blur):
+    return entropic_cost(x, y, blur) - (entropic_cost(x, x, blur) + entropic_cost(y, y, blur)) / 2
+
+
+def test_the_blur_has_the_costs_of_pot_and_the_arrows_are_their_gradients(opened):
+    page = opened("blur")
+    x, y = (np.array(DATA["blur"][key]) for key in ("points", "target"))
+    for logarithm, debiased in itertools.product((1.1, 1.5, 2.3), (False, True)):
+        page.get_by_role("slider", name="blur", exact=True).fill(str(logarithm))
+        page.get_by_role("checkbox").set_checked(debiased)
+        now, blur = shown(page), 10**logarithm
+        assert now["plain"] == pytest.approx(entropic_cost(x, y, blur), rel=1e-9)
+        assert now["divergence"] == pytest.approx(divergence(x, y, blur), rel=1e-8)
+        assert now["exact"] == pytest.approx(float(meshot.wasserstein(x, y)), rel=1e-9)
+        for key, axis in (("u", 0), ("v", 1)):
+            ends = []
+            for h in (1e-3, -1e-3):
+                moved = x.copy()
+                moved[0, axis] += h
+                ends.append((divergence if debiased else entropic_cost)(moved, y, blur))
+            # The arrow is −n/2 times the gradient.
+            assert now[key] == pytest.approx(-len(x) / 2 * (ends[0] - ends[1]) / 2e-3, rel=1e-4, abs=1e-5)
+
+
+def test_without_debiasing_points_stop_inside_the_target(opened):
+    page = opened("blur")
+    press = "() => { for (let k = 0; k < 150; k += 1) document.querySelector('.once').click(); }"
+    for blur, debiased in ((20, False), (20, True), (30, False), (30, True)):
+        page.get_by_role("slider", name="blur", exact=True).fill(f"{math.log10(blur):.2f}")
+        page.get_by_role("checkbox").set_checked(debiased)
+        page.evaluate(press)
+        length = 10 ** round(math.log10(blur), 2)
+        # A circle rests on OT_ε where r = R I₁(z) / I₀(z) with z = R r / blur², or in the centre.
+        r = 40.0
+        for _ in range(2000):
+            z = 40 * r / length**2
+            r = 40 * ive(1, z) / ive(0, z)
+        expected = 40 if debiased else r
+        assert shown(page)["size"] == pytest.approx(expected, abs=0.05)
+        assert (expected < 1) == (blur == 30 and not debiased)
+
+
+def test_the_chosen_slices_are_those_of_the_library(opened):
+    page = opened("learned")
+    x, y, lines = (np.array(DATA["learned"][key]) for key in ("source", "target", "lines"))
+    assert shown(page)["loss"] == pytest.approx(float(meshot.sliced_wasserstein(x, y, lines)), rel=1e-9)
+    page.get_by_role("radio", name="by energy").check()
+    costs = meshot.slice_costs(x, y, lines).numpy()
+    for exponent in (0, 3, 5):
+        page.get_by_role("slider", name="power α").fill(str(exponent))
+        loss = float(energy_sliced_wasserstein(x, y, lines, power=2**exponent))
+        assert shown(page)["loss"] == pytest.approx(loss, rel=1e-9)
+        raised = costs < 2**exponent / (1 + 2**exponent) * loss
+        assert shown(page)["raised"] == pytest.approx(raised.mean())
+    page.get_by_role("radio", name="largest cost").check()
+    page.get_by_role("slider", name="start of the ascent").fill("20")
+    start = np.array([[math.cos(math.radians(20)), math.sin(math.radians(20))]])
+    for _ in range(12):
+        page.locator(".once").click()
+        if "A maximum" in status(page):
+            break
+    assert "A maximum" in status(page)
+    best = max_sliced_direction(x, y, start, n_steps=60)
+    found = shown(page)
+    assert found["loss"] == pytest.approx(float(meshot.slice_costs(x, y, best[None])[0]), rel=1e-8)
+    assert found["angle"] == pytest.approx(math.degrees(math.atan2(best[1], best[0])) % 180, abs=1e-3)
+    # A full step along the arrows: zero along the direction, and unchanged at a right angle.
+    page.get_by_role("button", name="move along the arrows").click()
+    assert shown(page)["loss"] == pytest.approx(0, abs=1e-12)
+    assert shown(page)["beside"] == pytest.approx(found["beside"], rel=1e-9)
+
+
+def test_the_course_of_a_training_is_that_of_its_log(opened):
+    page = opened("ablation")
+    for training, step, measure in itertools.product(
+        DATA["ablation"]["trainings"], (56, 280, 588, 840), ("ASSD", "normals")
+    ):
+        page.get_by_role("radio", name=training["name"]).check()
+        page.get_by_role("radio", name=measure).check()
+        page.get_by_role("slider", name="step", exact=True).fill(str(step))
+        until = np.array(training["loss"])[: step // 28]
+        assert shown(page)["ratio"] == pytest.approx(until[-11:].mean() / until[0], rel=1e-12)
+        checks = [check[measure] for check in training["checks"] if check["step"] <= step]
+        assert shown(page)["value"] == (checks[-1] if checks else -1)
+        assert ("not checked yet" in status(page)) is (not checks)
+        assert ("initial surface: 0.4 mm" in status(page)) is (measure == "ASSD")

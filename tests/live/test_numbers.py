@@ -15,7 +15,13 @@ from skimage.measure import find_contours
 
 import meshot
 from meshot.flow import integrate
-from meshot.loss import quantile_cost, slice_costs, sliced_wasserstein
+from meshot.loss import (
+    energy_sliced_wasserstein,
+    max_sliced_direction,
+    quantile_cost,
+    slice_costs,
+    sliced_wasserstein,
+)
 from meshot.loss.directions import fibonacci_spiral
 from meshot.loss.exact import exact_slice_costs, projected_law
 from meshot.mesh import icosphere, topology
@@ -42,6 +48,7 @@ MODULES = (
     "normal",
     "power",
     "contour",
+    "slices",
 )
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))
 N_PROBLEMS = 200
@@ -848,3 +855,47 @@ def test_spheres(found):
         right.append(sum(parts))
     for one, values in zip(found("([lines, radii, shift, p]) => sphereCosts(lines, radii, shift, p)", cases), right):
         np.testing.assert_allclose(one, values, rtol=1e-9, atol=1e-9)
+# Slices that are chosen by their cost.
+
+
+def test_energy_based_slices(found):
+    generator, cases, right = np.random.default_rng(14), [], []
+    for _ in range(N_PROBLEMS):
+        d, power = int(generator.integers(2, 5)), float(generator.choice([0, 1, 1.5, 2, 8, 32]))
+        x, y = (generator.normal(size=(int(generator.integers(2, 12)), d)) for _ in range(2))
+        lines = generator.normal(size=(int(generator.integers(1, 9)), d))
+        lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+        moving = torch.tensor(x, requires_grad=True)
+        loss = energy_sliced_wasserstein(moving, torch.tensor(y), torch.tensor(lines), power=power)
+        loss.backward()
+        cases.append([x.tolist(), y.tolist(), lines.tolist(), power])
+        right.append((float(loss.detach()), moving.grad.numpy()))
+    for one, (loss, gradient) in zip(found("args => energySlicedLoss(...args)", cases), right):
+        close(one["cost"], loss)
+        close(one["gradient"], gradient)
+        close(sum(one["weights"]), 1)
+
+
+def test_the_ascent_to_the_slice_of_largest_cost(found):
+    generator, cases, right = np.random.default_rng(15), [], []
+    for k in range(N_PROBLEMS):
+        d, n_steps = int(generator.integers(2, 5)), k % 9
+        x, y = (generator.normal(size=(int(generator.integers(2, 12)), d)) for _ in range(2))
+        start = generator.normal(size=d)
+        start /= np.linalg.norm(start)
+        cases.append([x.tolist(), y.tolist(), start.tolist(), n_steps])
+        line = max_sliced_direction(x, y, torch.tensor(start)[None], n_steps=n_steps)
+        right.append((line.numpy(), float(slice_costs(x, y, line[None].numpy())[0])))
+    ours = found(
+        """([x, y, start, steps]) => {
+          let now = ascent(x, y, start);
+          for (let k = 0; k < steps; k += 1) {
+            now = climb(x, y, now);
+          }
+          return now;
+        }""",
+        cases,
+    )
+    for one, (line, cost) in zip(ours, right):
+        close(one["line"], line)
+        close(one["cost"], cost)
