@@ -14,22 +14,18 @@ import skimage.measure
 import torch
 from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, SCAN, SECTION, TISSUES, live_page_of
 from scipy import stats
+from scipy.special import ive
 from skimage.measure import find_contours
 from test_numbers import edges_of, mean_distance, mulberry, weighted_cosine
 
 import meshot
 from browser import AXE, SET_THEME, UNREACHED, page_file, set_width, watched_page
 from meshot.flow import integrate
+from meshot.loss import energy_sliced_wasserstein, max_sliced_direction
 from meshot.loss.exact import projected_law
 from meshot.mesh import circle, even_points, split_in_four
 from meshot.model import DeformationNetwork
 from meshot.synth import TISSUES as TISSUE_NAMES, Appearance, t1_image
-from scipy.special import ive
-
-import meshot
-from browser import AXE, UNREACHED, page_file, set_width, watched_page
-from meshot.loss import energy_sliced_wasserstein, max_sliced_direction
-from meshot.mesh import circle, even_points
 from meshot.view.page import joined
 from meshot.volume import Volume, filled_cavities, genus_zero, largest_component
 from meshot_book.examples import Drifting
@@ -1442,6 +1438,8 @@ def test_ghost_pairs_agree_along_the_chosen_directions_and_no_other(opened):
     line.fill(str(angles[1]))
     assert shown(page)["cost"] < 1e-12
     assert f"Cost at {angles[1]}°: 0." in status(page)
+
+
 def entropic_cost(x, y, blur):
     """The minimum of ⟨C, π⟩ + ε KL, by POT."""
     a, b, epsilon = np.full(len(x), 1 / len(x)), np.full(len(y), 1 / len(y)), 2 * blur**2

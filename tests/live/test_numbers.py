@@ -855,6 +855,8 @@ def test_spheres(found):
         right.append(sum(parts))
     for one, values in zip(found("([lines, radii, shift, p]) => sphereCosts(lines, radii, shift, p)", cases), right):
         np.testing.assert_allclose(one, values, rtol=1e-9, atol=1e-9)
+
+
 # Slices that are chosen by their cost.
 
 
