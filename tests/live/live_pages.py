@@ -4,6 +4,7 @@ import math
 
 import matplotlib.pyplot as plt
 import numpy as np
+import torch
 
 from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import Surface
@@ -23,7 +24,7 @@ CLOUDS = {name: GENERATOR.normal(size=(9, 2)) + shift for name, shift in (("sour
 def slices_of_balls():
     """Two slices through a ball of radius 30 and one of 31.5 mm, which touch on the right."""
     ball, other = icosphere(4, 30.0), icosphere(4, 31.5)
-    ball = ball.with_vertices(ball.vertices.double() + np.array([1.5, 0.0, 0.0]))
+    ball = ball.with_vertices(ball.vertices.double() + torch.tensor([1.5, 0.0, 0.0]))
     affine = np.eye(4)
     affine[:3, 3] = -40.0
     scan = Volume(np.full((80, 80, 80), 90.0), affine)
