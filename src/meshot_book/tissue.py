@@ -1,4 +1,4 @@
-"""A closed surface of genus 0 from a tissue probability inside a region, without a network, as chapter 36 builds it.
+"""A closed surface of genus 0 from a tissue probability inside a region, without a network, as for MNI152.
 
 A reconstruction begins with :func:`meshot.pipeline.segmented_surface`, which needs no region and orders the voxels by
 their distance from the outside.

@@ -15,6 +15,7 @@ from meshot.anatomy.templates import (
     WHITE,
     Moments,
     contrast_by_white_matter,
+    enlarged,
     from_mni152,
     fsaverage5_surface,
     gaussian_transport,
@@ -152,6 +153,19 @@ def test_the_enlarged_cerebrum_fits_the_grid():
 def test_to_mni152_and_back():
     mesh = fsaverage5_surface("white", "left", "MNI152")
     assert torch.allclose(in_mni152(from_mni152(mesh)).vertices, mesh.vertices)
+
+
+def test_a_volume_is_enlarged_as_a_mesh_is():
+    """A surface encloses the same voxels of a volume before and after both were enlarged."""
+    mesh = fsaverage5_surface("white", "left", "MNI152")
+    affine = np.diag([8.0, 8.0, 8.0, 1.0])
+    affine[:3, 3] = [-88, -120, -80]
+    volume = Volume(np.zeros((22, 28, 22)), affine)
+    moved = enlarged(volume)
+    assert not np.allclose(moved.affine, affine)
+    np.testing.assert_allclose(
+        enclosed_fractions(from_mni152(mesh), moved), enclosed_fractions(mesh, volume), atol=1e-5
+    )
 
 
 def test_too_little_or_misplaced_white_matter_is_refused():

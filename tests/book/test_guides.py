@@ -89,7 +89,7 @@ def numbers(root):
 def test_the_table_of_the_readme_is_that_of_the_results(root, numbers):
     text = (root / "README.md").read_text(encoding="utf-8")
     assert numbers.with_numbers(text, root) == text
-    assert text.count("| a person: ") == 4
+    assert text.count("| P1: ") == text.count("| S1") == 4
     with pytest.raises(ValueError, match="once each"):
         numbers.with_numbers(text.replace(numbers.END, ""), root)
 
@@ -102,3 +102,20 @@ def test_the_accuracy_of_carried_vertices_is_that_of_the_experiment(root):
     assert f"The registration alone leaves {registered:.1f} mm" in text
     assert f"fits the true positions best leaves {best:.1f} mm" in text
     assert f"The two surfaces lie {means['surface_mm']:.2f} mm apart" in text
+
+
+def test_the_limits_state_what_was_measured_of_a_person(root):
+    """The page, and the box of chapter 36, which its checks compare with the results, too."""
+    text = (root / "book" / "limits.md").read_text(encoding="utf-8")
+    before = read_results(root / "experiments" / "beside_freesurfer" / "before.json")["results"]
+    rows = {row["side"]: row for row in before["rows"] if row["stage"] == "final"}
+    left, right = rows["left"], rows["right"]
+    assert f"{left['assd_mm']:.2f} and {right['assd_mm']:.2f} mm from FreeSurfer's (left and right)" in text
+    assert {f"about {-row['signed_mm']:.1f} mm too far inside" in text for row in (left, right)} == {True}
+    assert f"a volume that is {-left['volume_percent']:.0f} % and {-right['volume_percent']:.0f} % smaller" in text
+    lost = read_results(root / "experiments" / "shown_person" / "results.json")["results"]["sides"]
+    assert [f"{lost[side]['given_up']['cm3']:.1f}" for side in rows] == ["6.7", "6.6"]
+    assert "6.7 and 6.6 cm³ of white matter (left and right) are given up" in text
+    assert f"moves vertices by up to {max(row['largest_repair_mm'] for row in (left, right)):.1f} mm" in text
+    people = read_results(root / "experiments" / "people" / "results.json")["results"]["summary"]["cohorts"][0]
+    assert f"A warning is given for {people['n_with_warnings']} of {people['n_scans']} good synthetic heads" in text

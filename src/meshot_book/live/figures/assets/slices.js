@@ -3,6 +3,7 @@ import { COLOURS, digits } from "../../assets/plot.js";
 import { addShape } from "../../assets/svg.js";
 
 const REFERENCE = "#f0e442";
+const TOPS = [0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 1];
 const LOOKS = [
   { name: "inside", colour: "#ff7a33", width: 3.4, is: (error, limit) => error < -limit },
   { name: "outside", colour: "#e28ac4", width: 3.4, is: (error, limit) => error > limit },
@@ -24,8 +25,11 @@ export function main(root, data) {
   });
   const profile = figure.plot({
     name: "the share of our line beyond the limit, over the slices",
-    x: { range: [slices[0].position - 4, slices.at(-1).position + 4], label: "y of the slice (mm), from back to front" },
-    y: { range: [0, 0.4], label: "share beyond the limit" },
+    x: {
+      range: [slices[0].position - 4, slices.at(-1).position + 4],
+      label: "y of the slice (mm), from back to front",
+    },
+    y: { range: [0, 1], label: "share beyond the limit" },
     width: 340,
     height: 240,
   });
@@ -33,8 +37,10 @@ export function main(root, data) {
   brain.svg.prepend(picture);
 
   function drawSlice(chosen) {
-    const [[x, y], [right, below]] = [brain.at([chosen.extent[0], chosen.extent[3]]), brain.at([chosen.extent[1], chosen.extent[2]])]; // prettier-ignore
-    const place = { x, y, width: right - x, height: below - y, href: `data:image/webp;base64,${chosen.picture}` };
+    const [west, east, south, north] = chosen.extent;
+    const [x, y] = brain.at([west, north]);
+    const [end, base] = brain.at([east, south]);
+    const place = { x, y, width: end - x, height: base - y, href: `data:image/webp;base64,${chosen.picture}` };
     Object.entries(place).forEach(([key, value]) => picture.setAttribute(key, value));
     if (state.show !== "ours") {
       chosen.reference.forEach((line) => brain.curve(line, { colour: REFERENCE, width: 1.6 }));
@@ -42,7 +48,10 @@ export function main(root, data) {
     if (state.show !== "FreeSurfer's") {
       for (const look of LOOKS) {
         const own = chosen.pieces.filter(({ error }) => look.is(error, state.limit));
-        brain.segments(own.map(({ ends }) => ends), look); // prettier-ignore
+        brain.segments(
+          own.map(({ ends }) => ends),
+          look,
+        );
       }
     }
   }
@@ -50,7 +59,9 @@ export function main(root, data) {
     const chosen = slices[state.slice];
     drawSlice(chosen);
     const rows = slices.map((each) => measured(each, state.limit));
-    const places = rows.map(({ beyond }, k) => [slices[k].position, Math.min(beyond, 0.4)]);
+    const largest = Math.max(...rows.map(({ beyond }) => beyond));
+    profile.rescale([0, TOPS.find((end) => end >= largest)]);
+    const places = rows.map(({ beyond }, k) => [slices[k].position, beyond]);
     profile.curve(places, { colour: COLOURS.grey });
     profile.dots(places, { colour: COLOURS.blue, size: 7 });
     profile.dots([places[state.slice]], { colour: COLOURS.vermillion, size: 12 });
