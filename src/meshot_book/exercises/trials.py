@@ -13,6 +13,7 @@ from scipy import stats
 
 from meshot.types import Array, Float, Tensor
 from meshot_book.exercises.verdict import Exercise, exercise
+from meshot_book.statistics import people_needed
 
 # Chapter 37: the reliability of pairs, the size of a group, visits or people.
 
@@ -88,6 +89,7 @@ def group_size() -> Exercise:
         "the power is not used": lambda d, r, p: math.ceil(people(d, r, 0.5)),
         "rounded down, the power is too small: round up": lambda d, r, p: math.floor(people(d, r, p)),
         "people are whole: round up": people,
+        "that is the exact number, by the non-central t; here the normal approximation is asked for": people_needed,
     }
     return Exercise(lambda d, r, p: math.ceil(people(d, r, p)), cases, mistakes)
 

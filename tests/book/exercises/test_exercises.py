@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from meshot_book.exercises.check import EXERCISES
+from meshot_book.statistics import people_needed
 
 
 class Unreadable(Exception):
@@ -267,6 +268,7 @@ FOUND_BY_REVIEW = [
     ("noise_from_air", lambda v: v.std() / math.sqrt(2 - math.pi / 2), "right in the limit, but from the variance"),
     ("undo_step", lambda v, y, h: rounds(v, y, h, 50), "has not converged"),
     ("surface_ras", lambda p, a, s: p + (a[:3, :3] @ torch.tensor(s).double() / 2 + a[:3, 3]), "c_ras is added"),
+    ("group_size", lambda d, r, p: people_needed(d, r, p), "by the non-central t"),
     ("two_sided", lambda a, b: [torch.cat([a, b]).mean(), torch.cat([a, b]).quantile(0.9)], "pooled"),
 ]
 
