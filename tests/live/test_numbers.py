@@ -47,7 +47,7 @@ MODULES = (
     "voxels",
     "normal",
     "power",
-    "contour",
+    "levels",
     "slices",
 )
 SCRIPT = joined(*(f"meshot_book/live/assets/{name}.js" for name in MODULES))

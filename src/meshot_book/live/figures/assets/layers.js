@@ -1,4 +1,4 @@
-import { levelCurves } from "../../assets/contour.js";
+import { levelCurves } from "../../assets/levels.js";
 import { panel } from "../../assets/panel.js";
 import { COLOURS } from "../../assets/plot.js";
 import { generator } from "../../assets/random.js";
