@@ -27,13 +27,14 @@ export function main(root, data) {
     name: "moving points and the polygon",
     x: { range: [-1.75, 1.75] },
     y: { range: [-1.6, 1.75] },
-    width: 340,
+    width: 318,
     equal: true,
   });
   const curves = figure.plot({
     name: "the loss and the exact distance over the steps",
     x: { range: [1, LAST], log: true, label: "step + 1" },
     y: { range: [1e-4, 2], log: true, label: "units²" },
+    width: 318,
     height: 320,
   });
   const random = generator(2);
