@@ -929,6 +929,8 @@ def test_a_planted_error_is_shown_after_the_guess_and_judged_by_its_floor(opened
     before = bars.locator("path").count()
     above.click()
     assert bars.locator("path").count() == before + 3
+    colours = [bar.get_attribute("stroke") for bar in bars.locator("path[stroke-width='14']").all()]
+    assert colours == ["var(--grey)", "var(--blue)", "var(--blue)"]
     assert "right. So far 1 of 1." in status(page)
     assert "2.5 mm, the target with itself 1 ± 0.15 mm. Above all ten." in status(page)
     assert "Detected at 20,000 points by ASSD, crossing." in status(page)  # 2.01 is above twice, null is infinite
