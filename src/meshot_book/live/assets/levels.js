@@ -6,7 +6,7 @@
  * @param {ArrayLike<number>} values of n rows of m, row after row
  * @param {number} n
  * @param {number} m
- * @returns {[number, number][][]} rows and columns of the corners of each curve
+ * @returns {number[][][]} rows and columns of the corners of each curve
  */
 export function levelCurves(values, n, m) {
   // An edge of the grid has a number: twice that of its first corner, and one more if it runs along a row.

@@ -97,7 +97,7 @@ export function chiSquareQuantile(probability, free) {
 /**
  * The ends of the 95 % interval of a variance, divided by its estimate.
  * @param {number} free degrees of freedom, an even number
- * @returns {[number, number]}
+ * @returns {number[]} the lower and the upper one
  */
 export function varianceFactors(free) {
   return [(1 + LEVEL) / 2, (1 - LEVEL) / 2].map((q) => free / chiSquareQuantile(q, free));

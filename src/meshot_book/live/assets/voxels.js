@@ -213,11 +213,11 @@ export function ballGrowth(mask, priority, grid) {
     return first;
   }
   let start = -1;
-  mask.forEach((found, place) => {
-    if (found && (start < 0 || priority[place] > priority[start])) {
+  for (let place = 0; place < mask.length; place += 1) {
+    if (mask[place] && (start < 0 || priority[place] > priority[start])) {
       start = place;
     }
-  });
+  }
   if (start >= 0) {
     push(start);
   }

@@ -129,7 +129,11 @@ function exponent(value) {
   return (Math.abs(value) < 0.005 ? 0 : value).toFixed(2).replace("-", "−");
 }
 
-// Of a line through two points, on logarithmic axes.
+/**
+ * Of a line through two points, on logarithmic axes.
+ * @param {number[]} one
+ * @param {number[]} other
+ */
 function steepness([x, y], [u, v]) {
   return Math.log(v / y) / Math.log(u / x);
 }

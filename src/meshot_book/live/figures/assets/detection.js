@@ -32,6 +32,7 @@ export function main(root, data) {
       state.spacing === "even" ? (i + first) / n : i === 0 ? first : random(),
     );
   }
+  /** @type {(turn: number) => number[]} */
   const onCircle = (turn) => [data.radius * Math.cos(2 * Math.PI * turn), data.radius * Math.sin(2 * Math.PI * turn)];
   const alongBump = alongPolygon(data.bump);
   const scenes = {
@@ -48,7 +49,8 @@ export function main(root, data) {
     "moved by 3 mm": (n, random) => shares(n, random).map((u) => [onCircle(u)[0] + 3, onCircle(u)[1]]),
     "a quarter flipped": (n, random) => shares(n, random).map((u) => withNormal(onCircle(u), u < 0.25)),
   };
-  function withNormal([u, v], inwards) {
+  /** @param {number[]} point */
+  function withNormal([u, v], inwards = false) {
     const size = ((inwards ? -1 : 1) * data.normal_scale) / data.radius;
     return [u, v, size * u, size * v];
   }

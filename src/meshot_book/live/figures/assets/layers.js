@@ -29,6 +29,8 @@ export function main(root, data) {
   let random = generator(state.seed);
   let counts = { whole: 0, broken: 0, gone: 0 };
 
+  const near = ([x, y]) => Math.abs(x) < reach && Math.abs(y) < 6;
+
   // The signed distance from a strip with round ends: that from its middle line, less half its width.
   function distance([x, y]) {
     const [c, s] = [Math.cos((state.angle * Math.PI) / 180), Math.sin((state.angle * Math.PI) / 180)];
@@ -85,7 +87,6 @@ export function main(root, data) {
         (sign * state.width * Math.sin(turn)) / 2,
       ]);
     const outline = [...cap(1), ...cap(-1)].map(([u, v]) => [c * u - s * v, s * u + c * v]);
-    const near = ([x, y]) => Math.abs(x) < reach && Math.abs(y) < 6;
     plane.dots(outside.filter(near), { colour: COLOURS.grey, size: 3 });
     plane.outline(outline, { colour: COLOURS.black, width: 1.5 });
     curves.forEach((curve) => {

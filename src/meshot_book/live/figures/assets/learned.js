@@ -4,6 +4,12 @@ import { atAngle, planeDirections, slicedLoss } from "../../assets/projection.js
 import { generator } from "../../assets/random.js";
 import { ascent, climb, energySlicedLoss } from "../../assets/slices.js";
 
+// The sign of a slice's factor, and its look.
+const SIGNS = [
+  { colour: COLOURS.green, sign: 1 },
+  { colour: COLOURS.vermillion, sign: -1 },
+];
+
 const EVERY = 4; // of the arrows
 const ALL = Array.from({ length: 181 }, (_, angle) => angle);
 
@@ -78,14 +84,11 @@ export function main(root, data) {
   // Spokes on both sides, as long as the weight of the slice.
   function drawSpokes({ lines, weights, factors }) {
     const most = Math.max(...weights);
-    for (const [colour, keep] of [
-      [COLOURS.green, (factor) => factor >= 0],
-      [COLOURS.vermillion, (factor) => factor < 0],
-    ]) {
+    for (const { colour, sign } of SIGNS) {
       const spokes = lines.flatMap((line, l) => {
         const length = 1.1 + 0.28 * (weights[l] / most);
         const ends = [1.1, length].map((r) => line.map((value) => r * reach * value));
-        return keep(factors[l]) ? [ends, ends.map((end) => end.map((value) => -value))] : [];
+        return factors[l] >= 0 === sign > 0 ? [ends, ends.map((end) => end.map((value) => -value))] : [];
       });
       plane.segments(spokes, { colour, width: isMax() ? 5 : 2 });
     }
@@ -100,10 +103,7 @@ export function main(root, data) {
     curve.curve(ALL.map((angle) => [angle, costs[angle]]), { colour: COLOURS.black, width: 2 }); // prettier-ignore
     curve.segments([[[0, found.cost], [180, found.cost]]], { colour: COLOURS.blue, width: 2, dash: "6 4" }); // prettier-ignore
     const at = found.lines.map((line, l) => [degrees(line), found.costs[l], found.factors[l]]);
-    for (const [colour, sign] of [
-      [COLOURS.green, 1],
-      [COLOURS.vermillion, -1],
-    ]) {
+    for (const { colour, sign } of SIGNS) {
       const dots = at.filter(([, , factor]) => factor >= 0 === sign > 0).map(([angle, cost]) => [angle, cost]);
       curve.dots(dots, { colour, size: isMax() ? 12 : 5 });
     }

@@ -35,7 +35,7 @@ export function main(root, data) {
   });
   const largest = COUNTS.map(expectedLargest);
   let random = generator(state.draw);
-  let last = [];
+  let last = { drawn: [0], best: 0, again: 0 };
   let lucks = [];
   let again = [];
 

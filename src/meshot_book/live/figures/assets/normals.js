@@ -68,7 +68,7 @@ export function main(root, data) {
   }
   function drawScene(length, found) {
     const { gap } = state;
-    for (const [row, name] of Object.entries(["exact transport", "sliced loss"])) {
+    ["exact transport", "sliced loss"].forEach((name, row) => {
       const low = 5.6 * (1 - row);
       for (const [x, sign] of [
         [0, -1],
@@ -81,7 +81,7 @@ export function main(root, data) {
         scene.arrows([[x, low + 1]], [[way, 0]], { colour: [EXACT, SLICED][row], width: 4 });
       }
       scene.text([-11, low + 1], name);
-    }
+    });
     scene.text([15, 9.2], "normals of the blade", { "text-anchor": "end" });
     scene.text([15, 8.2], "normals of the slit", { "text-anchor": "end", fill: COLOURS.grey });
     scene.text([15, 6.6], "arrows on the blade", { "text-anchor": "end", fill: EXACT });
@@ -92,9 +92,9 @@ export function main(root, data) {
     const tie = Math.abs(2 * length - state.gap) < 1e-9;
     drawScene(length, found);
     const half = state.gap / 2;
-    for (const [plot, key, ends] of [
-      [values, "cost", [0.005, 30]],
-      [ways, "share", [0, 1]],
+    for (const { plot, key, ends } of [
+      { plot: values, key: "cost", ends: [0.005, 30] },
+      { plot: ways, key: "share", ends: [0, 1] },
     ]) {
       plot.segments([ends.map((end) => [half, end])], { colour: COLOURS.grey, dash: "4 4" });
       for (const k of [1, 0]) {

@@ -14,6 +14,7 @@ export function main(root, data) {
   const { state } = figure;
   const grid = voxelGrid([SIZE, SIZE, 1]);
   const places = Array.from({ length: SIZE * SIZE }, (_, p) => [Math.floor(p / SIZE), p % SIZE]);
+  /** @type {(place: number[]) => number} */
   const at = ([i, k]) => (i + 1) * grid.strides[0] + (k + 1) * grid.strides[1] + 1;
   const plane = figure.plot({
     name: "a ring of voxels, and the ball that has grown in it",

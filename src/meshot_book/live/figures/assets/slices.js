@@ -41,7 +41,7 @@ export function main(root, data) {
     const [x, y] = brain.at([west, north]);
     const [end, base] = brain.at([east, south]);
     const place = { x, y, width: end - x, height: base - y, href: `data:image/webp;base64,${chosen.picture}` };
-    Object.entries(place).forEach(([key, value]) => picture.setAttribute(key, value));
+    Object.entries(place).forEach(([key, value]) => picture.setAttribute(key, String(value)));
     if (state.show !== "ours") {
       chosen.reference.forEach((line) => brain.curve(line, { colour: REFERENCE, width: 1.6 }));
     }

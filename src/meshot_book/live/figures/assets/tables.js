@@ -79,7 +79,9 @@ export function main(root, data) {
     const pairs = rows.flatMap((row, k) => rows.slice(k + 1).map((later) => [row, later]));
     const turned = pairs.filter(([row, later]) => better(state.shown)(later, row) < 0).length;
     const [mean, half] = others[0][state.shown];
-    const overlap = others.slice(1).filter(({ [state.shown]: [m, h] }) => Math.abs(m - mean) <= h + half).length;
+    const overlap = others
+      .slice(1)
+      .filter((row) => Math.abs(row[state.shown][0] - mean) <= row[state.shown][1] + half).length;
     const again =
       state.shown === state.order ? "" : ` By ${state.shown}, ${turned} of ${pairs.length} pairs change places.`;
     const status =

@@ -87,7 +87,7 @@ export function main(root, data) {
     field(inWindows, windows.arrows, COLOURS.orange);
     const middle = windows.centres[Math.floor(windows.centres.length / 2)];
     const ring = Array.from({ length: 61 }, (_, k) => atAngle((2 * Math.PI * k) / 60));
-    for (const [reach, dash] of [[1], [2.5, "3 4"]]) {
+    for (const { reach, dash } of [{ reach: 1 }, { reach: 2.5, dash: "3 4" }]) {
       const circle = ring.map((u) => u.map((value, c) => middle[c] + reach * state.radius * value));
       inWindows.curve(
         circle.filter(([u, v]) => Math.abs(u) < half && Math.abs(v) < 13),
