@@ -103,5 +103,6 @@ def test_the_page_shows_every_line(listed, root):
     assert re.findall(r"```\{symbol-table\} (.*)", page) == ["everywhere", *(part.title for part in listed.parts)]
     for part in listed.parts:
         rows = listed.rows(part.title)
-        assert len(rows) == len(part.symbols)
+        assert len(rows) == len(part.symbols) + 2
         assert all(row.count("|") == 5 for row in rows)
+    assert all(row.count("|") == 4 for row in listed.rows("everywhere"))
