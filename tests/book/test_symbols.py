@@ -15,7 +15,12 @@ def listed(request) -> symbols.Table:
 
 
 def prose(path) -> str:
-    return "\n\n".join(cell.source for cell in source_notebook(path).cells if cell.cell_type == "markdown")
+    """The text of a chapter, and its quiz as one more section."""
+    quiz = yaml.safe_load((path.parent.parent / "book" / "quizzes" / f"{path.stem}.yaml").read_text(encoding="utf-8"))
+    asked = [each["question"] for each in quiz]
+    asked += [answer[key] for each in quiz for answer in each["answers"] for key in ("answer", "because")]
+    cells = [cell.source for cell in source_notebook(path).cells if cell.cell_type == "markdown"]
+    return "\n\n".join([*cells, "## Quiz", *map(str, asked)])
 
 
 def pytest_generate_tests(metafunc):
