@@ -151,14 +151,14 @@ class Table(NamedTuple):
         return list(dict.fromkeys(found)) + [f"{key} is listed and not used" for key, _ in sorted(due - used)]
 
     def rows(self, title: str) -> list[str]:
-        """Rows of Markdown for a part, or for what means the same everywhere."""
+        """The table of a part in Markdown, or of what means the same everywhere, which has no column of chapters."""
         part = next((part for part in self.parts if part.title == title), None)
-        rows = []
+        rows = [["symbol", "meaning", "in code", "chapters"], ["---"] * 4]
         for line in part.symbols if part else self.everywhere:
             code = f"`{line.code}`" if line.code else ""
             chapters = sorted({chapter for chapters in line.places.values() for chapter in chapters}) if part else []
-            rows.append(f"| ${line.symbols}$ | {line.meaning} | {code} | {', '.join(chapters)} |")
-        return rows
+            rows.append([f"${line.symbols}$", line.meaning, code, ", ".join(chapters)])
+        return [f"| {' | '.join(row if part else row[:3])} |" for row in rows]
 
 
 def sections(text: str) -> Iterator[tuple[str, str]]:
@@ -186,8 +186,7 @@ class SymbolTable(SphinxDirective):
         """The table."""
         path = Path(__file__).parent / "symbols.yaml"
         self.env.note_dependency(str(path))
-        head = ["| symbol | meaning | in code | chapters |", "|---|---|---|---|"]
-        rows = [*head, *read_table(path).rows(self.arguments[0])]
+        rows = read_table(path).rows(self.arguments[0])
         holder = nodes.Element()
         self.state.nested_parse(StringList(rows, source=self.env.docname), self.content_offset, holder)
         return holder.children

@@ -15,7 +15,12 @@ def listed(request) -> symbols.Table:
 
 
 def prose(path) -> str:
-    return "\n\n".join(cell.source for cell in source_notebook(path).cells if cell.cell_type == "markdown")
+    """The text of a chapter, and its quiz as one more section."""
+    quiz = yaml.safe_load((path.parent.parent / "book" / "quizzes" / f"{path.stem}.yaml").read_text(encoding="utf-8"))
+    asked = [each["question"] for each in quiz]
+    asked += [answer[key] for each in quiz for answer in each["answers"] for key in ("answer", "because")]
+    cells = [cell.source for cell in source_notebook(path).cells if cell.cell_type == "markdown"]
+    return "\n\n".join([*cells, "## Quiz", *map(str, asked)])
 
 
 def pytest_generate_tests(metafunc):
@@ -103,5 +108,6 @@ def test_the_page_shows_every_line(listed, root):
     assert re.findall(r"```\{symbol-table\} (.*)", page) == ["everywhere", *(part.title for part in listed.parts)]
     for part in listed.parts:
         rows = listed.rows(part.title)
-        assert len(rows) == len(part.symbols)
+        assert len(rows) == len(part.symbols) + 2
         assert all(row.count("|") == 5 for row in rows)
+    assert all(row.count("|") == 4 for row in listed.rows("everywhere"))
