@@ -6,7 +6,7 @@ from urllib.parse import quote
 
 import nbformat
 
-from browser import page_file, watched_page
+from browser import watched_page
 from meshot.view.page import joined
 from meshot_book.live.figure import figure_names
 
@@ -37,7 +37,9 @@ def test_the_answers_of_the_questions_hold_in_the_book(root, tmp_path, context):
 
     def values(name, **state):
         address = f"#{name}={quote(json.dumps(state))}"
-        with watched_page(context, page_file(tmp_path, found[name])) as (page, troubles):
+        file = tmp_path / "page.html"
+        file.write_text(f"<!doctype html><meta charset=utf-8><body>{found[name]}</body>", encoding="utf-8")
+        with watched_page(context, file) as (page, troubles):
             page.goto(page.url + address)
             page.reload()
             shown = page.locator(".live-figure").evaluate("node => Object.assign({}, node.dataset)")
