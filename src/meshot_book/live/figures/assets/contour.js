@@ -65,8 +65,8 @@ export function main(root, data) {
     const level = Math.max(...ends.map(([distance]) => distance));
     const [ofChamfer, ofSliced] = names.map((name) => runs[name].path.find(([distance]) => distance <= level)[1]);
     const count = runs[names[0]].path.length - 1;
-    const words = names.map((name, k) => `${name} ${digits(ends[k][0])} mm, edge variation ${digits(ends[k][1])}`);
-    const compared = `At equal distance, ${digits(level)} mm: ${digits(ofChamfer)} and ${digits(ofSliced)}.`;
+    const words = names.map((name, k) => `${name} ${digits(ends[k][0])} mm, edge variation ${ends[k][1].toFixed(3)}`);
+    const compared = `At equal distance, ${digits(level)} mm: ${ofChamfer.toFixed(3)} and ${ofSliced.toFixed(3)}.`;
     return {
       status: `After ${count} steps: ${words.join("; ")}. ${count ? compared : "Press play or step."}`,
       values: {
