@@ -83,10 +83,17 @@ def shown_figures(notebook: nbformat.NotebookNode, chapter: str) -> Iterator[Sho
             )
 
 
-def concepts_of(text: str, concepts: dict[str, list[str]]) -> list[str]:
-    """The concepts of which one word begins somewhere in a text."""
-    lower = text.lower()
-    return [name for name, words in concepts.items() if any(re.search(rf"(?<!\w){word}", lower) for word in words)]
+def concepts_of(figures: list[Shown], concepts: dict[str, list[str]]) -> list[list[str]]:
+    """The concepts of each figure: those of which one word begins somewhere in its text."""
+    patterns = {name: re.compile(rf"(?<!\w)(?:{'|'.join(words)})") for name, words in concepts.items()}
+    found = [[name for name, one in patterns.items() if one.search(figure.text.lower())] for figure in figures]
+    for figure, names in zip(figures, found):
+        if not names:
+            raise ValueError(f"{figure.chapter}, {figure.cell}: its text has no word of concepts.yaml; add one")
+    unused = sorted(concepts.keys() - {name for names in found for name in names})
+    if unused:
+        raise ValueError(f"no figure shows {', '.join(unused)}; mend concepts.yaml")
+    return found
 
 
 def thumbnail(picture: bytes) -> Image.Image:
@@ -113,17 +120,12 @@ class Gallery(SphinxDirective):
         concepts = yaml.safe_load((source / "concepts.yaml").read_text(encoding="utf-8"))
         chapters = sorted(file for file in source.glob("*.ipynb") if CHAPTER.fullmatch(file.stem))
         (source / FOLDER).mkdir(parents=True, exist_ok=True)
-        parts, used = [], set()
-        for chapter in chapters:
-            for number, shown in enumerate(shown_figures(nbformat.read(chapter, as_version=4), chapter.stem)):
-                tags = concepts_of(shown.text, concepts)
-                if not tags:
-                    raise self.error(f"gallery: {chapter.stem}, {shown.cell}: its text has no word of concepts.yaml")
-                used.update(tags)
-                parts.append(self._item(shown, tags, f"{chapter.stem}-{number}.webp"))
-        unused = concepts.keys() - used
-        if unused:
-            raise self.error(f"gallery: no figure shows {', '.join(sorted(unused))}; mend concepts.yaml")
+        figures = [one for file in chapters for one in shown_figures(nbformat.read(file, as_version=4), file.stem)]
+        try:
+            tags = concepts_of(figures, concepts)
+        except ValueError as error:
+            raise self.error(f"gallery: {error}") from error
+        parts = [self._item(figure, names, f"{k}.webp") for k, (figure, names) in enumerate(zip(figures, tags))]
         kinds = [(kind, f"{words} ({sum(part['kind'] == kind for part in parts)})") for kind, words in KINDS.items()]
         numbers = [(number, number) for number in sorted({part["chapter"] for part in parts})]
         named = [(concept, concept) for concept in concepts]

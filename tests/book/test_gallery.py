@@ -13,7 +13,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 from PIL import Image
 
 from browser import barriers, broken_links, set_width, sideways, watched_page
-from gallery_extension import WIDTH, concepts_of, shown_figures, thumbnail
+from gallery_extension import WIDTH, Shown, concepts_of, shown_figures, thumbnail
 
 
 def png(colour, size=(640, 480)):
@@ -58,10 +58,20 @@ def test_figures_are_found_with_what_is_said_of_them():
     ]
 
 
+def figure(text):
+    return Shown("01_a", "cell-001", "still", None, "", "", text, b"")
+
+
 def test_a_concept_is_known_by_the_beginning_of_a_word():
-    concepts = {"flows": ["flow"], "blur": ["blur", "sinkhorn"], "norm": ["'tie'"]}
-    assert concepts_of("Sinkhorn on two Flows", concepts) == ["flows", "blur"]
-    assert concepts_of("an overflow", concepts) == []
+    concepts = {"flows": ["flow"], "blur": ["blur", "sinkhorn"]}
+    assert concepts_of([figure("Sinkhorn on two Flows"), figure("overflow, blurred")], concepts) == [
+        ["flows", "blur"],
+        ["blur"],
+    ]
+    with pytest.raises(ValueError, match="01_a, cell-001: its text has no word"):
+        concepts_of([figure("flow blur"), figure("overflow")], concepts)
+    with pytest.raises(ValueError, match="no figure shows flows"):
+        concepts_of([figure("blur")], concepts)
 
 
 def test_a_small_picture_is_on_white_and_keeps_its_shape():

@@ -5,9 +5,16 @@ import re
 from urllib.parse import quote
 
 import nbformat
+import pytest
 
 from browser import watched_page
+import meshot
+from browser import watched_page
+from meshot.mesh import circle, even_points, star
 from meshot.view.page import joined
+from meshot_book.examples import crossing_sides
+from meshot_book.figures.flows import FIELDS, outlines, two_triangles
+from meshot_book.flows import descend
 from meshot_book.live.figure import figure_names
 
 
@@ -60,3 +67,63 @@ def test_the_answers_of_the_questions_hold_in_the_book(root, tmp_path, context):
     assert values("planted", **planted, count=20_000)["value"] > 5
     assert [values("floors", size=size)["above"] for size in (4.3, 5)] == [0, 2]
     assert values("floors", metric="ASSD")["above"] == 8
+@pytest.fixture
+def stored(root, tmp_path, context):
+    """Opens the figure that a notebook holds, and at the end has seen no trouble."""
+    ends = []
+
+    def open_figure(wanted):
+        (page,) = (page for _, name, page in stored_figures(root / "notebooks") if name == wanted)
+        file = tmp_path / "page.html"
+        file.write_text(f"<!doctype html><meta charset=utf-8><body>{page}</body>", encoding="utf-8")
+        watching = watched_page(context, file)
+        opened, troubles = watching.__enter__()
+        ends.append((watching, troubles))
+        return opened
+
+    yield open_figure
+    for watching, troubles in ends:
+        assert troubles == []
+        watching.__exit__(None, None, None)
+
+
+def test_the_answer_of_chapter_1_is_what_its_figure_shows(stored):
+    """Without momentum the points stop at a larger loss, and both losses stand in the text below the figure."""
+    page = stored("descent")
+    page.get_by_role("button", name="just show me").click()
+    few, ring = (even_points(each, 24).double() for each in (star(5, 1.5, 0.35), circle()))
+    goal = meshot.DiscreteMeasure(few)
+    seen = page.locator(".seen").text_content()
+    press = "(steps) => { while (steps--) document.querySelector('.once').click(); }"
+    ends = {}
+    for momentum in (0, 0.9):
+        page.get_by_role("slider", name="momentum").fill(str(momentum))
+        page.get_by_role("button", name="start again").click()
+        page.evaluate(press, 400)
+        ends[momentum] = float(page.locator(".live-figure").get_attribute("data-loss"))
+        assert "It has stopped" in page.locator(".status").text_content()
+        loss = lambda points: meshot.chamfer(meshot.DiscreteMeasure(points), goal)  # noqa: E731
+        assert ends[momentum] == pytest.approx(float(loss(descend(loss, ring, 400, 0.6, momentum).points)), rel=1e-6)
+    assert f"{ends[0]:.3f}" in seen
+    assert f"{ends[0.9]:.4f}" in seen
+    assert right_answer(page) == "no: without momentum they stop at a larger loss"
+
+
+def test_the_answer_of_chapter_20_is_what_its_figure_shows(stored):
+    """The number of crossings under the whirl grows with the first cuts, and ends at zero."""
+    page = stored("crossing")
+    page.get_by_role("button", name="just show me").click()
+    page.get_by_role("radio", name="whirl").check()
+    pairs, corners = [], two_triangles(0.3)
+    for exponent in range(6):
+        page.get_by_role("slider", name="pieces").fill(str(exponent))
+        pairs.append(int(page.locator(".live-figure").get_attribute("data-pairs")))
+        assert pairs[-1] == crossing_sides(outlines(FIELDS["whirl"], corners, 1.0, 8, 2**exponent))
+    assert pairs[1] > pairs[0] > 0
+    assert pairs[-1] == 0
+    assert right_answer(page) == "it grows at first, and then falls to zero"
+
+
+def right_answer(page):
+    """The answer that the figure calls right."""
+    return page.locator("label:has([data-right=yes])").text_content().strip()
