@@ -7,7 +7,6 @@ from urllib.parse import quote
 import nbformat
 import pytest
 
-from browser import watched_page
 import meshot
 from browser import watched_page
 from meshot.mesh import circle, even_points, star
@@ -67,6 +66,8 @@ def test_the_answers_of_the_questions_hold_in_the_book(root, tmp_path, context):
     assert values("planted", **planted, count=20_000)["value"] > 5
     assert [values("floors", size=size)["above"] for size in (4.3, 5)] == [0, 2]
     assert values("floors", metric="ASSD")["above"] == 8
+
+
 @pytest.fixture
 def stored(root, tmp_path, context):
     """Opens the figure that a notebook holds, and at the end has seen no trouble."""
