@@ -24,7 +24,18 @@ from preflight import browser, missing_browser  # noqa: E402
 
 ASSETS = Path(__file__).parent / "assets"
 FRONT = ("getting_started",)
-BACK = ("howto", "freesurfer", "commands", "ledger", "limits", "notation", "glossary", "teaching", "speed", "references")
+BACK = (
+    "howto",
+    "freesurfer",
+    "commands",
+    "ledger",
+    "limits",
+    "notation",
+    "glossary",
+    "teaching",
+    "speed",
+    "references",
+)
 FOOT = """<div style="font-size: 7pt; width: 100%; text-align: center"><span class="pageNumber"></span></div>"""
 
 
