@@ -1,6 +1,7 @@
 """The notebooks show every live figure, as its script is today."""
 
 import json
+import math
 import re
 from urllib.parse import quote
 
@@ -128,3 +129,50 @@ def test_the_answer_of_chapter_20_is_what_its_figure_shows(stored):
 def right_answer(page):
     """The answer that the figure calls right."""
     return page.locator("label:has([data-right=yes])").text_content().strip()
+def test_the_answers_of_chapters_3_to_14_hold_in_the_book(root, tmp_path, context):
+    """What the figures of chapters 3, 4, 10, 13 and 14 call right, and the numbers that their chapters state too."""
+    found = {name: page for _, name, page in stored_figures(root / "notebooks")}
+
+    def values(name, steps=0, **state):
+        file = tmp_path / "page.html"
+        file.write_text(f"<!doctype html><meta charset=utf-8><body>{found[name]}</body>", encoding="utf-8")
+        with watched_page(context, file) as (page, troubles):
+            page.goto(f"{page.url}#{name}={quote(json.dumps(state))}")
+            page.reload()
+            page.evaluate("n => { while (n--) document.querySelector('.once').click(); }", steps)
+            shown = page.locator(".live-figure").evaluate("node => Object.assign({}, node.dataset)")
+            assert troubles == []
+        return {key: float(value) for key, value in shown.items() if re.fullmatch(r"-?[\d.]+(e-?\d+)?", value)}
+
+    ghosts = values("ghost")
+    assert (ghosts["points"], ghosts["own"] < 1e-12, ghosts["cost"] > 0.01) == (6, True, True)
+    seven = values("ghost", count=7)
+    assert seven["points"] == 7
+    assert seven["sliced"] < ghosts["sliced"]
+    assert values("ghost", construction="doubling")["points"] == 32
+    scene = values("scene")
+    assert [scene[f"{loss}Moved"] for loss in ("Chamfer", "exact", "sliced")] == [1, 1, 21]
+    assert 1 < scene["SinkhornMoved"] < values("scene", blur=20)["SinkhornMoved"]
+    assert values("scene", reach=90)["exactMoved"] == 1
+    assert values("scene", reach=70)["exactMoved"] == 0
+    moved = values("detection", 60)
+    assert moved["ChamferPower"] > 0.95
+    assert max(moved["exactPower"], moved["slicedPower"]) < 0.3
+    crowded = values("detection", 60, fault="crowded 3 : 1")
+    assert min(crowded["exactPower"], crowded["slicedPower"]) > crowded["ChamferPower"] + 0.2
+    assert min(values("detection", 40, spacing="even")[f"{loss}Power"] for loss in ("Chamfer", "exact", "sliced")) == 1
+    higher = [[-1.2, -0.6], [1.3, -0.3], [-0.5, 1.9]]
+    assert values("tent")["peak"] == values("tent", corners=higher)["peak"]
+    apart = values("apart", 40)
+    assert [round(apart[f"far{p}"], 1) for p in (1, 2, 3)] == [0, 1, 2]
+    assert all(abs(apart[f"many{p}"] + 0.5) < 0.1 for p in (1, 2, 3))
+    # The table of chapter 13: 54.4 mm² at 100 mm, from other samples.
+    assert abs(apart["error2"] / 54.4 - 1) < 0.2
+    assert abs(values("apart", 4, centred=True)["far2"]) < 1e-9
+    assert values("blocks")["orthogonal"] < 1e-12 < 0.001 < values("blocks", count=100)["orthogonal"]
+    shapes = values("blocks", count=300, stretch=2)
+    assert shapes["spiral"] < shapes["orthogonal"] < shapes["random"]
+    # The text of chapter 14: 4, 25 and 53 % of the way at a half, twice and five times the gap.
+    shares = [values("normals", power=power)["slicedShare"] for power in (0, math.log10(4), 1)]
+    assert [round(100 * share) for share in shares] == [4, 25, 53]
+    assert [round(values("normals", power=power)["exactShare"]) for power in (-0.01, 0.01)] == [0, 1]
