@@ -129,6 +129,8 @@ def test_the_answer_of_chapter_20_is_what_its_figure_shows(stored):
 def right_answer(page):
     """The answer that the figure calls right."""
     return page.locator("label:has([data-right=yes])").text_content().strip()
+
+
 def test_the_answers_of_chapters_3_to_14_hold_in_the_book(root, tmp_path, context):
     """What the figures of chapters 3, 4, 10, 13 and 14 call right, and the numbers that their chapters state too."""
     found = {name: page for _, name, page in stored_figures(root / "notebooks")}
