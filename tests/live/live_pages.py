@@ -75,7 +75,7 @@ FAULTS += ["bump of 6 mm", "moved by 3 mm", "a quarter flipped"]
 def slices_of_balls():
     """Two slices through a ball of radius 30 and one of 31.5 mm, which touch on the right."""
     ball, other = icosphere(4, 30.0), icosphere(4, 31.5)
-    ball = ball.with_vertices(ball.vertices.double() + np.array([1.5, 0.0, 0.0]))
+    ball = ball.with_vertices(ball.vertices.double() + torch.tensor([1.5, 0.0, 0.0]))
     affine = np.eye(4)
     affine[:3, 3] = -40.0
     scan = Volume(np.full((80, 80, 80), 90.0), affine)
