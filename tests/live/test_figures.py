@@ -41,6 +41,8 @@ from refusals import refuses
 ASSETS = "meshot_book/live/assets"
 PICTURE = """() => document.querySelector('.plots').innerHTML + document.querySelector('.status').textContent
   + JSON.stringify(document.querySelector('.live-figure').state)"""
+UNDEFINED = """() => Object.entries(document.querySelector('.live-figure').state)
+  .filter(([, value]) => value === undefined || Number.isNaN(value)).map(([key]) => key)"""
 WIDTHS = (1280, 400)
 #: Rules about what a whole page has, which a figure alone has not.
 ELSEWHERE = ("landmark", "region", "page-has")
@@ -126,6 +128,7 @@ def test_every_figure_answers_each_control(name, width, opened):
             controls.nth(choice).click()
             try_controls()
     assert unanswered == {}
+    assert page.evaluate(UNDEFINED) == []
     page.locator(".reset").click()
     assert "undefined" not in page.inner_text("body")
     assert not re.search(r"\bNaN|Infinity", page.inner_text("body") + page.locator(".plots").inner_html())
@@ -398,6 +401,12 @@ def test_turning_by_hand_and_key_against_the_library(opened):
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20, steps=5)
     page.mouse.up()
     assert shown(page)["angle"] == pytest.approx(90, abs=1)
+    # Each draw is a new one.
+    drawn = set()
+    for _ in range(5):
+        page.get_by_role("button", name="draw again").click()
+        drawn.add(shown(page)["estimate"])
+    assert len(drawn) == 5
     # Estimates: the mean over the lines drawn, and its error.
     page.get_by_role("slider", name="how many").fill("100")
     errors = {}

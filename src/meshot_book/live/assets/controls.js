@@ -4,7 +4,7 @@
  * @typedef {object} Control
  * @property {"range" | "choice" | "check" | "button"} kind
  * @property {string} label
- * @property {string} [key] the entry of the state
+ * @property {string} [key] the entry of the state; of a button, the entry that it changes itself
  * @property {number} [min]
  * @property {number} [max]
  * @property {number} [step]
@@ -34,7 +34,8 @@
 export function addControl(holder, id, state, control, changed) {
   const nodes = { range: addRange, choice: addChoice, check: addCheck, button: addButton };
   const { inputs, show } = nodes[control.kind](holder, id, state, control, (value) => {
-    if (control.key) {
+    // A button has no value: it has changed the state itself.
+    if (control.key && control.kind !== "button") {
       state[control.key] = value;
     }
     changed(control.key);

@@ -2,6 +2,7 @@ import { panel } from "../../assets/panel.js";
 import { COLOURS, digits } from "../../assets/plot.js";
 import { slicedLoss, sphereDirections } from "../../assets/projection.js";
 import { generator } from "../../assets/random.js";
+import { sphereCosts } from "../../assets/spheres.js";
 
 const SIZES = [10, 30, 100, 300, 1000];
 
@@ -30,13 +31,17 @@ export function main(root, data) {
   let last = [];
 
   const shift = () => [state.distance, 0, 0];
+  const truth = () => {
+    const costs = sphereCosts(lines, [1, state.radius], shift(), state.p);
+    return costs.reduce((sum, cost) => sum + cost, 0) / costs.length;
+  };
   /** @type {(m: number, radius: number, centre: number[]) => number[][]} */
   const sphere = (m, radius, [u, v, w]) =>
     sphereDirections(m, 3, random).map(([x, y, z]) => [u + radius * x, v + radius * y, w + radius * z]);
   function step() {
     SIZES.forEach((m, k) => {
       const [x, y] = [sphere(m, 1, [0, 0, 0]), sphere(m, state.radius, shift())];
-      sums[k] += Math.abs(slicedLoss(x, y, lines, { p: state.p }).cost - truth(lines, state, shift()));
+      sums[k] += Math.abs(slicedLoss(x, y, lines, { p: state.p }).cost - truth());
       last = m === 100 ? [x, y] : last;
     });
     rounds += 1;
@@ -76,7 +81,7 @@ export function main(root, data) {
     const status =
       `${rounds} samples of each size. From ${SIZES[1]} to ${SIZES[4]} points the mean error falls as m^${digits(slope, 2)}; ` +
       `the bound as m^−0.5. At ${SIZES[4]} points the bound is ${digits(bounds[4] / errors[4], 2)} times the error.`;
-    const values = { slope, error: errors[2], bound: bounds[2], truth: truth(lines, state, shift()), rounds };
+    const values = { slope, error: errors[2], bound: bounds[2], truth: truth(), rounds };
     return { status, values };
   }
   figure.run({
@@ -90,18 +95,6 @@ export function main(root, data) {
       { kind: "button", key: "seed", label: "other samples", press: () => (state.seed += 1) },
     ],
   });
-}
-
-// On a line a sphere is uniform on an interval, so that the difference of the quantile functions is linear:
-// a (2z − 1) + c on [0, 1], with a = s − r and c = ⟨θ, t⟩.
-function truth(lines, { p, radius }, shift) {
-  const a = radius - 1;
-  const power = (value) => Math.sign(value) * Math.abs(value) ** (p + 1);
-  const costs = lines.map((line) => {
-    const c = line.reduce((sum, value, k) => sum + value * shift[k], 0);
-    return Math.abs(a) < 1e-9 ? Math.abs(c) ** p : (power(c + a) - power(c - a)) / (2 * a * (p + 1));
-  });
-  return costs.reduce((sum, cost) => sum + cost, 0) / costs.length;
 }
 
 // p D^(p − 1) (E W₁ of one sample + E W₁ of the other), with E W₁ ≤ ∫ √(F (1 − F) / m) = 2r · π/8 / √m.
