@@ -165,7 +165,7 @@ def test_a_surface_beyond_the_volume_does_not_widen_the_picture():
 @pytest.mark.parametrize(("shift", "widths"), [(1.0, [2.8, 1.4]), (14.0, [1.2, 1.2])])
 def test_lines_that_cannot_coincide_are_equally_thin(shift, widths):
     volume = linear_volume(np.array([1.0, 0, 0]), oblique_affine())
-    places = {"one": CENTRE, "other": CENTRE + [shift, 0, 0]}
+    places = {"one": CENTRE, "other": CENTRE + np.array([shift, 0, 0])}
     meshes = {name: icosphere(2, 10.0, tuple(place)) for name, place in places.items()}
     (ax,) = slice_figure(volume, meshes, planes=("axial",)).axes
     lines = [child for child in ax.get_children() if isinstance(child, LineCollection)]
