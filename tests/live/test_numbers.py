@@ -27,6 +27,7 @@ from meshot.loss.exact import exact_slice_costs, projected_law
 from meshot.mesh import icosphere, topology
 from meshot.view.page import joined
 from meshot.volume import Volume, filled_cavities, genus_zero, isosurface, largest_component
+from meshot.volume._kernel_surfaces import is_simple, stays_well_composed
 from meshot_book.flows import descend
 from meshot_book.statistics import people_needed, power_of_groups
 
@@ -901,3 +902,13 @@ def test_the_ascent_to_the_slice_of_largest_cost(found):
     for one, (line, cost) in zip(ours, right):
         close(one["line"], line)
         close(one["cost"], cost)
+def test_which_voxels_can_be_added(found):
+    generator, cases, right = np.random.default_rng(13), [], []
+    while len(cases) < 10 * N_PROBLEMS:
+        around = generator.random(27) < generator.uniform(0.1, 0.95)
+        around[13] = False
+        cases.append(around.astype(int).tolist())
+        right.append([bool(is_simple(around)), bool(stays_well_composed(around))])
+    assert found("around => [isSimple(around), staysWellComposed(around)]", cases) == right
+    assert 100 < sum(both[0] for both in right) < len(cases) - 100
+    assert 20 < sum(both[1] for both in right) < len(cases) - 100
