@@ -902,6 +902,8 @@ def test_the_ascent_to_the_slice_of_largest_cost(found):
     for one, (line, cost) in zip(ours, right):
         close(one["line"], line)
         close(one["cost"], cost)
+
+
 def test_which_voxels_can_be_added(found):
     generator, cases, right = np.random.default_rng(13), [], []
     while len(cases) < 10 * N_PROBLEMS:
