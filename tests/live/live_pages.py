@@ -138,6 +138,12 @@ DATA = {
         ],
         "stopped": [{"peer": "compares", "d": 3, "m": 100_000, "why": "time: 10000 s foretold"}],
     },
+    "concave": {
+        "p": 1,
+        "source": [2, 3.5],
+        "target": [6, 8],
+        "more": {"source": [1.0, 2.2, 2.9, 5.5], "target": [3.0, 4.4, 0.8, 7.2]},
+    },
     "contour": contour_data(),
     "crossing": crossing_data() | {"time": 0.1},
     "descent": {"corners": np.round(CORNERS, 4).tolist(), "points": RING.tolist(), "seed": 1},

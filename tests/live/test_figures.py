@@ -14,6 +14,7 @@ import skimage.measure
 import torch
 from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, SCAN, SECTION, TISSUES, live_page_of
 from scipy import stats
+from scipy.optimize import linear_sum_assignment
 from scipy.special import ive
 from skimage.measure import find_contours
 from test_numbers import edges_of, mean_distance, mulberry, weighted_cosine
@@ -1545,3 +1546,26 @@ def test_the_course_of_a_training_is_that_of_its_log(opened):
         assert shown(page)["value"] == (checks[-1] if checks else -1)
         assert ("not checked yet" in status(page)) is (not checks)
         assert ("initial surface: 0.4 mm" in status(page)) is (measure == "ASSD")
+
+
+def test_below_one_sorting_is_not_the_cheapest_pairing(opened):
+    page = opened("concave")
+    power = page.get_by_role("slider", name="p", exact=True)
+
+    def costs(x, y, p):
+        matrix = np.abs(np.sort(x)[:, None] - np.sort(y)) ** p
+        rows, columns = linear_sum_assignment(matrix)
+        return matrix[rows, columns].mean(), matrix.diagonal().mean()
+
+    assert shown(page)["crossing"] == 0
+    power.fill("0.5")
+    assert shown(page)["crossing"] == 1
+    assert (shown(page)["best"], shown(page)["sorted"]) == pytest.approx(costs([2, 3.5], [6, 8], 0.5), rel=1e-12)
+    page.get_by_role("button", name="six points").click()
+    more = DATA["concave"]["more"]
+    for p in (0.1, 0.5, 0.95, 1, 1.5, 2):
+        power.fill(str(p))
+        right = costs(more["source"], more["target"], p)
+        assert (shown(page)["best"], shown(page)["sorted"]) == pytest.approx(right, rel=1e-12)
+        assert (shown(page)["crossing"] > 0) == (right[0] < right[1] - 1e-9)
+        assert ("No pairing is cheaper" in status(page)) == (p >= 1)
