@@ -178,7 +178,7 @@ def _box(meshes: Mapping[str, Mesh]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _are_apart(meshes: Mapping[str, Mesh]) -> bool:
-    """Whether the boxes of all pairs of surfaces share less than half of the smaller one, as two hemispheres do."""
+    """Whether the boxes of any two surfaces share less than half of the smaller one, as those of two hemispheres."""
     boxes = [_box({name: mesh}) for name, mesh in meshes.items()]
     for (low, high), (other_low, other_high) in itertools.combinations(boxes, 2):
         shared = np.maximum(np.minimum(high, other_high) - np.maximum(low, other_low), 0)
