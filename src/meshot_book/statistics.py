@@ -146,7 +146,9 @@ def power_of_groups(effect: float, n_people: int) -> float:
         )
     n_free, shift = 2 * n_people - 2, abs(effect) * math.sqrt(n_people / 2)
     limit = stats.t.ppf((1 + LEVEL) / 2, n_free)
-    return float(stats.nct.sf(limit, n_free, shift) + stats.nct.cdf(-limit, n_free, shift))
+    # Far in its tail SciPy's distribution function is NaN instead of the zero that it rounds to.
+    wrong_side = np.nan_to_num(stats.nct.cdf(-limit, n_free, shift))
+    return float(stats.nct.sf(limit, n_free, shift) + wrong_side)
 
 
 def people_needed(effect: float, reliability: float = 1.0, power: float = 0.8) -> int:
