@@ -185,6 +185,11 @@ def test_nothing_runs_out_of_sight(name, opened):
     page.wait_for_timeout(200)
     assert page.evaluate("() => window.calls") == calls
     assert page.evaluate(PICTURE) == resting
+    # It rests because it is not seen, not because it had come to its end.
+    page.evaluate("() => (document.body.style.paddingTop = '')")
+    page.locator(".play").click()
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert "pause" in page.locator(".play").text_content()
 
 
 @pytest.mark.parametrize("name", DATA)
