@@ -70,6 +70,11 @@ def test_the_power_is_that_of_simulated_tests(effect, n_people):
     assert power_of_groups(-effect, n_people) == pytest.approx(power_of_groups(effect, n_people), rel=1e-9)
 
 
+@pytest.mark.parametrize(("effect", "n_people"), [(5.0, 12), (1.0, 200), (0.2, 5000)])
+def test_the_power_of_a_large_study_is_one(effect, n_people):
+    assert power_of_groups(effect, n_people) == pytest.approx(1, abs=1e-12)
+
+
 @pytest.mark.parametrize("reliability", [1.0, 0.7, 0.2])
 @pytest.mark.parametrize("effect", [0.3, 0.8, 2.0])
 def test_the_number_is_the_smallest_and_near_the_normal_formula(effect, reliability):
