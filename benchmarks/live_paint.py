@@ -44,7 +44,8 @@ def main() -> int:
                 start = "const start = performance.now(); document.querySelector('.show').click();"
                 begun.append(page.evaluate(f"async () => {{ {start} return (await {PAINTED}) - start; }}"))
             slowest = max(slowest, median(opened), median(begun))
-            print(f"{name}: opened {median(opened):.0f} ms, begun {median(begun):.0f} ms")
+            both = [f"{median(times):.0f} ms (fastest {min(times):.0f})" for times in (opened, begun)]
+            print(f"{name}: opened {both[0]}, begun {both[1]}")
     print(f"the slowest: {slowest:.0f} ms, on {processor()}")
     return 0
 
