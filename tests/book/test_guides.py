@@ -118,4 +118,4 @@ def test_the_limits_state_what_was_measured_of_a_person(root):
     assert "6.7 and 6.6 cm³ of white matter (left and right) are given up" in text
     assert f"moves vertices by up to {max(row['largest_repair_mm'] for row in (left, right)):.1f} mm" in text
     people = read_results(root / "experiments" / "people" / "results.json")["results"]["summary"]["cohorts"][0]
-    assert f"A warning is given for {people['n_with_warnings']} of {people['n_scans']} good synthetic heads" in text
+    assert f"A warning is given for {people['n_with_warnings']} of {people['n_scans']} good synthetic subjects" in text
