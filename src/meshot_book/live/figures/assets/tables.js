@@ -61,7 +61,7 @@ export function main(root, data) {
     names(rows, 0, "start");
     names(others, 1, "end");
     rows.forEach((row, k) => {
-      const ends = [[0.38, k + 0.5], [0.62, others.indexOf(row) + 0.5]]; // prettier-ignore
+      const ends = [[0.44, k + 0.5], [0.56, others.indexOf(row) + 0.5]]; // prettier-ignore
       ranks.curve(ends, { colour: colourOf(row), width: 2.5 });
       ranks.dots(ends, { colour: colourOf(row), size: 6 });
     });
