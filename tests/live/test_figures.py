@@ -91,7 +91,7 @@ def test_every_figure_is_tried():
     assert sorted(DATA) == figure_names()
 
 
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("width", [1280, pytest.param(400, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("name", DATA)
 def test_every_figure_answers_each_control(name, width, opened):
     page = opened(name, width)
@@ -139,6 +139,7 @@ def test_every_figure_answers_each_control(name, width, opened):
 def test_every_figure_has_no_barriers_and_its_points_move_by_keys(name, opened):
     for width in WIDTHS:
         page = opened(name, width)
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= width
         page.evaluate(resources.files("axe_playwright_python").joinpath("axe.min.js").read_text("utf-8"))
         page.evaluate("() => { document.documentElement.lang = 'en'; document.title = 'figure'; }")
         page.locator("details").evaluate("node => (node.open = true)")
