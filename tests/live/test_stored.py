@@ -176,5 +176,7 @@ def test_the_answers_of_chapters_3_to_14_hold_in_the_book(root, tmp_path, contex
     assert shapes["spiral"] < shapes["orthogonal"] < shapes["random"]
     # The text of chapter 14: 4, 25 and 53 % of the way at a half, twice and five times the gap.
     shares = [values("normals", power=power)["slicedShare"] for power in (0, math.log10(4), 1)]
-    assert [round(100 * share) for share in shares] == [4, 25, 53]
+    # The text has other directions than the 1200 of the figure: three standard errors of a share among so many.
+    for share, said in zip(shares, (0.04, 0.25, 0.53), strict=True):
+        assert share == pytest.approx(said, abs=3 * math.sqrt(said * (1 - said) / 1200))
     assert [round(values("normals", power=power)["exactShare"]) for power in (-0.01, 0.01)] == [0, 1]
