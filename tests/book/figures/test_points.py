@@ -1,9 +1,5 @@
 """Pictures of points, forces and directions: what is drawn is what was given."""
 
-import base64
-import json
-import re
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -11,20 +7,17 @@ import torch
 from matplotlib.colors import to_rgb
 from matplotlib.quiver import Quiver
 
-from browser import page_file, watched_page
 from meshot.loss.directions import random_directions
 from meshot.mesh.geometry import even_points
 from meshot.mesh.shapes import star
 from meshot.view.style import LOSS_COLOURS, LOSS_DASHES, VERMILLION, loss_line, use_style
 from meshot_book.figures.points.points import (
     ForceField,
-    box_around,
     directions_figure,
     disc_places,
     draw_contour,
     force_figure,
     force_panels,
-    point_player,
     process_figure,
 )
 
@@ -101,13 +94,6 @@ def test_doors(field):
         force_panels({"a": field}, LIMITS, columns=0)
 
 
-WATCH_STEPS = """() => {
-  window.steps = [];
-  const note = (changes) => changes.forEach((c) => window.steps.push(Number(c.target.textContent.split(" ")[1])));
-  new MutationObserver(note).observe(document.querySelector("output"), { childList: true });
-}"""
-
-
 SHAPE = star(5, 1.5, 0.35)
 
 
@@ -158,56 +144,3 @@ def test_force_figure_keeps_directions():
         np.cross(np.pad(arrows, ((0, 0), (0, 1))), np.pad(POINTS.numpy(), ((0, 0), (0, 1)))), 0, atol=1e-12
     )
     assert len(resting[1].U) == 0
-
-
-def test_player_holds_the_points_and_reaches_nowhere():
-    frames = {"Chamfer": torch.stack([POINTS * 0.5, POINTS]), "<b>": torch.stack([POINTS, POINTS])}
-    player = point_player(frames, [0, 10], SHAPE, 'what is "seen"')
-    page = player._repr_html_()
-    assert repr(player) == "Player(2 frames; run the cell to see it move)"
-    assert page == point_player(frames, [0, 10], SHAPE, 'what is "seen"')._repr_html_()
-    assert not re.search(r"\{[{%]|https?:|src=\"(?!data:)", page)
-    assert 'aria-label="what is &#34;seen&#34;"' in page
-    data = json.loads(re.search(r"const data = (\{.*?\});\n", page)[1])
-    assert "<b>" not in page
-    assert data["panels"][1]["name"] == "<b>"
-    left, right, bottom, top = box_around(SHAPE)
-    shares = np.frombuffer(base64.b64decode(data["panels"][0]["points"]), "<u2").reshape(2, 20, 2) / 65535
-    found = shares * [right - left, top - bottom] + [left, bottom]
-    np.testing.assert_allclose(found, frames["Chamfer"].numpy(), atol=1e-4)
-
-
-def test_player_needs_a_frame_for_each_step():
-    with pytest.raises(ValueError, match="2 frames for 3 steps"):
-        point_player({"Chamfer": torch.stack([POINTS, POINTS])}, [0, 1, 2], SHAPE, "x")
-
-
-def test_the_player_glides_pauses_and_goes_on(tmp_path, context):
-    """Points are drawn between the frames; a press pauses where they are, and the next goes on from there."""
-    frames = {"Chamfer": torch.stack([POINTS * (k / 100) for k in range(101)])}
-    player = point_player(frames, range(0, 10_001, 100), SHAPE, "points")
-    with watched_page(context, page_file(tmp_path, player)) as (page, troubles):
-        button, clock = page.locator(".controls button"), page.locator("output")
-        assert page.locator("img").is_hidden()
-        assert clock.text_content() == "step 10000"
-        page.evaluate(WATCH_STEPS)
-        button.click()
-        page.wait_for_function("() => window.steps.some((step) => step > 100)")
-        assert button.text_content() == "❚❚ pause"
-        button.click()
-        stopped = page.evaluate("() => window.steps.at(-1)")
-        page.wait_for_timeout(300)
-        assert page.evaluate("() => window.steps.at(-1)") == stopped
-        assert button.text_content() == "▶ play"
-        button.click()
-        page.wait_for_function("(stopped) => window.steps.at(-1) > stopped + 50", arg=stopped)
-        steps = page.evaluate("() => window.steps")
-        assert steps[0] == 0
-        assert steps == sorted(steps)
-        assert any(step % 100 for step in steps)
-        page.locator("input").focus()
-        page.keyboard.press("End")
-        assert button.text_content() == "▶ play"
-        assert clock.text_content() == "step 10000"
-        assert page.locator("input").get_attribute("aria-valuetext") == "step 10000"
-        assert troubles == []

@@ -1,4 +1,4 @@
-"""Figures and the player of losses on points: chapters 01, 03 and 04."""
+"""Figures of losses on points: chapters 01, 03 and 04."""
 
 import lazy_loader
 

@@ -6,6 +6,5 @@ from .points import (
     draw_points as draw_points,
     force_figure as force_figure,
     force_panels as force_panels,
-    point_player as point_player,
     process_figure as process_figure,
 )
