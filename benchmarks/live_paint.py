@@ -2,7 +2,9 @@
 
 Two times of every live figure, each the median of 20 pages. *opened*: from the first byte of the body until the page
 with still and question is painted. *begun*: from the reader's answer until the plots are painted. A page counts as
-painted in the second frame after the work. The goal is 100 ms on a desk. A busy machine needs more, so this is no test.
+painted in the second frame after the work. Pages of a figure are opened one right after another, so that what the
+browser still has to paint of one counts for the next. The goal is 100 ms on a desk. A busy machine needs more, so this
+is no test.
 """
 
 import argparse

@@ -16,8 +16,8 @@ export function main(root, data) {
     width: 480,
     equal: true,
   });
-  const fine = Array.from({ length: 81 }, (_, i) => -2 + i / 20);
-  const grid = Array.from({ length: 17 }, (_, k) => (k - 8) / 4).flatMap((at) => [
+  const fine = Array.from({ length: 51 }, (_, i) => -2 + i / 12.5);
+  const grid = Array.from({ length: 13 }, (_, k) => (k - 6) / 3).flatMap((at) => [
     fine.map((s) => [at, s]),
     fine.map((s) => [s, at]),
   ]);
@@ -27,7 +27,8 @@ export function main(root, data) {
     const scaled = { ...field, strength: field.strength * state.strength };
     const velocity = (point) => velocities[state.field](scaled, point);
     const moved = (points) => integrate(velocity, points, { time: state.time, steps: state.steps });
-    plane.segments(grid.map(moved), { colour: COLOURS.grey, width: 0.7, opacity: 0.6 });
+    // A browser paints one long path of all lines much more slowly, and transparent ones, too.
+    grid.forEach((line) => plane.segments([moved(line)], { colour: COLOURS.grey, width: 0.5 }));
     const shapes = data.corners.map((corners) => moved(cut(corners, 2 ** state.pieces)));
     shapes.forEach((shape, k) => {
       plane.area(shape, { colour: LOOKS[k], opacity: 0.35 });
