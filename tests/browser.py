@@ -20,6 +20,8 @@ FLAGS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
+    "--disable-gpu-rasterization",
+    "--disable-gpu-compositing",
 ]
 LOCAL = ("file:", "data:", "blob:", "about:")
 

@@ -62,13 +62,12 @@ def test_a_surface_of_the_book_can_be_turned(html, context):
 
 def test_the_points_of_the_book_can_be_played(html, context):
     with watched_page(context, html / "01_circle_to_polygon.html") as (page, troubles):
-        slider = page.locator("input[type=range]").first
-        canvas = page.locator("canvas").first
-        slider.focus()
-        before = canvas.screenshot()
-        slider.press("Home")
-        page.wait_for_timeout(200)
-        assert canvas.screenshot() != before
+        figure = page.locator(".live-figure").first
+        figure.get_by_role("button", name="just show me").click()
+        status = figure.locator(".status")
+        assert "Step 0." in status.text_content()
+        figure.get_by_role("button", name="one step").click()
+        assert "Step 1." in status.text_content()
         assert troubles == []
 
 

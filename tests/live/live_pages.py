@@ -5,6 +5,7 @@ import math
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pytest
 import scipy.ndimage
 import torch
 
@@ -289,6 +290,11 @@ DATA = {
     "turning": {name: points.round(4).tolist() for name, points in CLOUDS.items()} | {"angle": 30},
     "windows": {"points": 96, "width": 96, "height": 3, "wave": 16, "lines": 16, "every": 6, "first": 3},
 }
+
+#: One figure of each kind, played, moved by hand, on a picture, and with sliders alone. What only depends on the panel
+#: that all figures share is tried on these, and on all others by ``make test-all``.
+KINDS = ("descent", "sorting", "slices", "power")
+BY_KIND = [pytest.param(name, marks=[] if name in KINDS else pytest.mark.thorough) for name in DATA]
 
 
 def live_page_of(name, **changed):

@@ -12,7 +12,7 @@ import pytest
 import scipy.ndimage
 import skimage.measure
 import torch
-from live_pages import ANSWERS, BLOCK, DATA, DEPTHS, DISC, SCAN, SECTION, TISSUES, live_page_of
+from live_pages import ANSWERS, BLOCK, BY_KIND, DATA, DEPTHS, DISC, SCAN, SECTION, TISSUES, live_page_of
 from scipy import stats
 from scipy.optimize import linear_sum_assignment
 from scipy.special import ive
@@ -159,7 +159,7 @@ def test_every_figure_has_no_barriers_and_its_points_move_by_keys(name, opened):
             assert after != before or (key == "PageDown" and movables.nth(number).get_attribute("aria-valuemax") == "1")
 
 
-@pytest.mark.parametrize("motion", ["reduce", "no-preference"])
+@pytest.mark.parametrize("motion", ["no-preference", pytest.param("reduce", marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("name", DATA)
 def test_nothing_moves_by_itself(name, motion, opened):
     page = opened(name, motion=motion)
@@ -172,7 +172,7 @@ def test_nothing_moves_by_itself(name, motion, opened):
     assert page.evaluate("() => document.getAnimations().length") == 0
 
 
-@pytest.mark.parametrize("name", DATA)
+@pytest.mark.parametrize("name", BY_KIND)
 def test_nothing_runs_out_of_sight(name, opened):
     page = opened(name)
     if not page.locator(".play").is_visible():
@@ -193,7 +193,7 @@ def test_nothing_runs_out_of_sight(name, opened):
     assert "pause" in page.locator(".play").text_content()
 
 
-@pytest.mark.parametrize("name", DATA)
+@pytest.mark.parametrize("name", BY_KIND)
 def test_play_goes_in_jumps_where_motion_is_reduced(name, opened):
     page = opened(name, motion="reduce")
     if not page.locator(".play").is_visible():
