@@ -1,4 +1,4 @@
-"""Reliability against closed forms, SciPy and simulations; group sizes against simulated t-tests; every guard fires."""
+"""Reliability, p-values and group sizes against closed forms, SciPy and simulations; every guard fires."""
 
 import math
 
@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from meshot_book.statistics import intraclass_correlation, people_needed, power_of_groups, within_deviation
+from meshot.statistics import mean_interval
+from meshot_book.statistics import (
+    holm_adjusted,
+    intraclass_correlation,
+    p_of_interval,
+    people_needed,
+    power_of_groups,
+    within_deviation,
+)
 
 
 def drawn(generator, n_people, n_visits, reliability, shape=()):
@@ -111,3 +119,38 @@ def test_bad_sizes_are_refused():
         people_needed(1e-5)
     with pytest.raises(ValueError, match="the effect is nan"):
         people_needed(math.nan)
+
+
+def test_the_p_value_of_an_interval_is_scipys():
+    values = np.random.default_rng(3).normal(0.4, size=16)
+    assert p_of_interval(*mean_interval(values), 16) == pytest.approx(stats.ttest_1samp(values, 0).pvalue, rel=1e-9)
+    assert p_of_interval(0.2, 0.2, 0.2, 5) == 0
+    assert p_of_interval(0.0, 0.0, 0.0, 5) == 1
+
+
+def test_holms_rule_decides_as_its_definition():
+    """Step by step: from the smallest on, as long as p is at most level / (number of tests that remain)."""
+    generator = np.random.default_rng(1)
+    for _ in range(200):
+        p_values = generator.uniform(0, 0.1, size=generator.integers(1, 12))
+        level, decided = generator.uniform(0.01, 0.2), np.zeros(len(p_values), dtype=bool)
+        for left, k in zip(range(len(p_values), 0, -1), np.argsort(p_values)):
+            if p_values[k] > level / left:
+                break
+            decided[k] = True
+        np.testing.assert_array_equal(holm_adjusted(p_values) <= level, decided)
+    np.testing.assert_allclose(holm_adjusted([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
+    assert holm_adjusted([0.9, 0.8]).tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (lambda: p_of_interval(0.2, 0.3, 0.4, 5), "the mean is 0.2"),
+        (lambda: p_of_interval(0.2, 0.1, 0.4, 1), "from 1 differences"),
+        (lambda: holm_adjusted([0.5, 1.5]), "numbers from 0 to 1"),
+    ],
+)
+def test_p_values_need_numbers_that_can_be(asked, words):
+    with pytest.raises(ValueError, match=words):
+        asked()

@@ -30,6 +30,42 @@ def arm_differences(
     return found
 
 
+# Several differences at once.
+
+
+def p_of_interval(gap: float, low: float, high: float, n: int) -> float:
+    """The two-sided p-value of Student's test of a mean of ``n`` differences, from the mean and its 95 % interval."""
+    if n < 2 or not low <= gap <= high:
+        raise ValueError(
+            f"the mean is {gap} in [{low}, {high}], from {n} differences; a mean inside its interval, from two "
+            "differences or more, is needed"
+        )
+    if low == high:  # all differences are equal
+        return float(gap == 0)
+    error = (high - low) / 2 / stats.t.ppf((1 + LEVEL) / 2, n - 1)
+    return 2 * float(stats.t.sf(abs(gap) / error, n - 1))
+
+
+def holm_adjusted(p_values: Values) -> Array:
+    """The p-values of several tests, adjusted by Holm's rule, in the same order.
+
+    The k-th smallest of n is multiplied by n − k + 1, is at least as large as the one before it, and at most 1. If all
+    below 0.05 are taken as decided, the probability of one or more false decisions is at most 5 %.
+
+    References
+    ----------
+    Holm, *A simple sequentially rejective multiple test procedure*, Scandinavian Journal of Statistics 1979.
+    """
+    numbers = np.asarray(p_values, dtype=np.float64).reshape(-1)
+    if not ((numbers >= 0) & (numbers <= 1)).all():
+        raise ValueError(f"the p-values are {numbers.tolist()}; numbers from 0 to 1 are needed")
+    order = np.argsort(numbers)
+    adjusted = np.empty_like(numbers)
+    times = np.arange(len(numbers), 0, -1)
+    adjusted[order] = np.minimum(np.maximum.accumulate(times * numbers[order]), 1)
+    return adjusted
+
+
 # Exponents of power laws, fitted to errors on logarithmic axes, with confidence intervals.
 
 Rows = Sequence[Values] | np.ndarray

@@ -5,6 +5,7 @@ import functools
 import string
 
 import pytest
+import scipy.stats
 import yaml
 
 from meshot.provenance import read_results
@@ -285,6 +286,25 @@ def test_other_results_give_another_status(case, claims, records):
     if status != claims[number]["status"]:
         with pytest.raises(ValueError, match=f"claim {number} .*now say '{status}'"):
             ledger.Entry(claims[number], verdict, ())
+
+
+def test_what_stays_decided_of_many_comparisons_is_found_step_by_step(records):
+    """Holm's rule by its definition: the smallest p-values, as long as p is below 5 % over the tests that remain."""
+    (record,) = records(25)
+    gaps = [gap for gap in record["results"]["direct"] if (gap["first"], gap["second"]) == ("local", "cortexode")]
+    scores = []
+    for gap in gaps:
+        for measure in MEASURES:
+            of = gap[measure]
+            error = (of["high"] - of["low"]) / 2 / scipy.stats.t.ppf(0.975, gap["n_shared"] - 1)
+            p_value = 2 * scipy.stats.t.sf(abs(of["gap"]) / error, gap["n_shared"] - 1)
+            scores.append((p_value, of["better"]))
+    held = 0
+    for left, (p_value, who) in zip(range(len(scores), 0, -1), sorted(scores)):
+        if p_value >= 0.05 / left:
+            break
+        held += who == "ours"
+    assert RULES[25](record).numbers["held"] == held == 45
 
 
 def test_every_status_can_flip_but_that_of_a_theorem(claims):

@@ -87,8 +87,13 @@ def rest_and_distance(points: object, target: Float[Tensor, "n d"]) -> Float[Ten
 # Chapter 11: curves of which one has another exponent than its legend claims.
 
 
-def drawn_curves(seed: int) -> tuple[Float[Tensor, " n"], Float[Tensor, "k n"], Float[Tensor, " k"]]:
-    """Sizes, the errors of four curves with a little noise, and what their legend claims: one claim is wrong."""
+def drawn_curves(
+    seed: int, off_line: float = 0.0
+) -> tuple[Float[Tensor, " n"], Float[Tensor, "k n"], Float[Tensor, " k"]]:
+    """Sizes, the errors of four curves with a little noise, and what their legend claims: one claim is wrong.
+
+    Of a curve whose claim is right, the last two errors are multiplied by exp(∓``off_line``).
+    """
     generator = np.random.default_rng([seed, 11])
     x = np.array([100.0, 316, 1000, 3162, 10_000, 31_623])
     claimed = generator.permutation([-1.0, -0.5, -1 / 3, -0.25])
@@ -97,6 +102,7 @@ def drawn_curves(seed: int) -> tuple[Float[Tensor, " n"], Float[Tensor, "k n"], 
     true[wrong] = generator.choice([value for value in (-0.75, -0.2, -0.6) if abs(value - claimed[wrong]) > 0.11])
     heights = 10 ** generator.uniform(-1, 1, 4)
     errors = heights[:, None] * (x / 1000) ** true[:, None] * np.exp(0.1 * generator.normal(size=(4, len(x))))
+    errors[wrong - 1, -2:] *= np.exp([-off_line, off_line])
     return torch.from_numpy(x), torch.from_numpy(errors), torch.from_numpy(claimed)
 
 

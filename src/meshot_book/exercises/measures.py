@@ -200,7 +200,11 @@ def wrong_curve() -> Exercise:
         return int((fits(x, errors) - claimed).abs().argmax())
 
     cases = {f"plot {seed + 1}": drawn_curves(seed) for seed in range(12)}
+    cases |= {f"plot {seed + 1}, two points off the line": drawn_curves(seed, 1.5) for seed in (19, 24, 25, 44)}
     mistakes = {
+        "the slope from the first to the last point uses two errors of six; fit a line to all points": (
+            lambda x, e, c: int(((e[:, -1] / e[:, 0]).log() / (x[-1] / x[0]).log() - c).abs().argmax())
+        ),
         "the slope through two points is no better than these two; fit a line to all points": (
             lambda x, e, c: int(((e[:, 1] / e[:, 0]).log() / (x[1] / x[0]).log() - c).abs().argmax())
         ),

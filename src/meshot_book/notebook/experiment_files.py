@@ -20,6 +20,7 @@ READ_BY_CHAPTERS = (
     "person/robustness.json",
     "*/*.safetensors",
     "*/*.safetensors.gz",
+    "comparison/pairs.csv",
     "comparison/rates.json",
     "comparison/subjects.csv",
     "comparison/weights/adni_like_left_*_steps_0/left_white.json",

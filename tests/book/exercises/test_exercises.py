@@ -261,7 +261,8 @@ def test_another_right_answer_is_accepted(said, name, right):
 #: What a review found to pass, or to be refused without a hint that helps, and what the checkers say now.
 FOUND_BY_REVIEW = [
     ("nearest_arrows", lambda x, y: y[(x[:, None] - y).abs().sum(dim=2).argmin(dim=1)] - x, "sum of the absolute"),
-    ("wrong_curve", lambda x, e, c: slope_gap(x, e, c, 0, 1), "fit a line to all points"),
+    ("wrong_curve", lambda x, e, c: slope_gap(x, e, c, 0, 1), "through two points"),
+    ("wrong_curve", lambda x, e, c: slope_gap(x, e, c, 0, -1), "from the first to the last point"),
     ("pieces_needed", lambda s, c, g: math.floor(s * math.sqrt(c / 8 / g)) + 1, "round up instead of adding one"),
     ("pieces_needed", lambda s, c, g: math.ceil(s * math.sqrt(c / 8 / g)), "one piece, not none"),
     ("pairs_left", lambda p, f, n: round(p / 100 * f * n / 2), "round down"),

@@ -135,6 +135,12 @@ def test_atoms_are_pins_with_their_mass(ax):
     draw_density(ax, projected_law(surface(cube(2.0)), X))
     assert [text.get_text() for text in ax.texts] == ["0.17", "0.17"]
     assert sorted(float(line.get_xdata()[0]) for line in ax.lines[1::2]) == [-1, 1]
+    ax.figure.canvas.draw()
+    frame = ax.get_window_extent()
+    for text in ax.texts:  # within the frame
+        box = text.get_window_extent()
+        assert frame.x0 < box.x0 < box.x1 < frame.x1
+        assert box.y1 < frame.y1
 
 
 def test_points_are_a_histogram_behind(ax):

@@ -83,6 +83,14 @@ def test_scaled_arrows_state_their_factor(field, typical, factor):
     assert figure.axes[0].get_title() == f"Chamfer\narrows × {factor:g}"
 
 
+def test_an_inset_target_lies_inside_and_arrows_stay(field):
+    figure = force_panels({"Chamfer": field}, LIMITS, inset=0.5)
+    squares, points = figure.axes[0].collections[:2]
+    np.testing.assert_allclose(squares.get_offsets(), 0.5 * field.target.numpy())
+    np.testing.assert_allclose(points.get_offsets(), field.points.numpy())
+    np.testing.assert_allclose(arrows(figure.axes[0]), [[0, 3], [0, -40]])
+
+
 def test_doors(field):
     with pytest.raises(ValueError, match="fields is empty"):
         force_panels({}, LIMITS)

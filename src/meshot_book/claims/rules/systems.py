@@ -4,6 +4,7 @@ The protocols in ``experiments/comparison`` and ``experiments/ddot`` say what ea
 95 % interval of the paired difference (Student) excludes zero.
 """
 
+from meshot.statistics import LEVEL
 from meshot_book.claims.ledger import (
     AT_THIS_BUDGET,
     CHOICE,
@@ -15,6 +16,7 @@ from meshot_book.claims.ledger import (
     where,
 )
 from meshot_book.measurements import MAIN, paired_gaps
+from meshot_book.statistics import holm_adjusted, p_of_interval
 
 DISTANCES = ("emd_mm", "swd_mm", "assd_mm")
 
@@ -142,8 +144,13 @@ def local_verdict(record: dict) -> Verdict:
         for other in where(record["results"]["table_1"], kind=MAIN, budget="steps", arm=rival)
         if (row["cohort"], row["side"]) == (other["cohort"], other["side"])
     ]
+    p_values = [
+        p_of_interval(*(gap[measure][end] for end in ("gap", "low", "high")), gap["n_shared"])
+        for gap in gaps for measure in measures
+    ]  # fmt: skip
+    held = sum(who == "ours" and p < 1 - LEVEL for who, p in zip(cells, holm_adjusted(p_values), strict=True))
     numbers = {"n": len(cells), "won": cells.count("ours"), "lost": cells.count("other"), "n_pairs": len(gaps)}
-    return Verdict(status, numbers | {"near": near}, (gaps,))
+    return Verdict(status, numbers | {"held": held, "near": near}, (gaps,))
 
 
 def table_verdict(record: dict) -> Verdict:

@@ -17,7 +17,7 @@ FIRST_ATOM = 1e-3  # an atom below this mass would only blur the axis
 
 
 def draw_density(ax: Axes, law: ProjectedLaw, colour: str = BLUE, points: Float[Array, " n"] | None = None) -> None:
-    """Draw the density of a law; atoms as pins on their own height, with their mass; a histogram of points behind."""
+    """Draw the density of a law; atoms as pins of one height, their mass beside them; a histogram behind."""
     if points is not None:
         ax.hist(points, bins=80, density=True, color=ORANGE, alpha=0.55, label=f"{len(points):,} points")
     wide = law.extents > 0
@@ -29,7 +29,9 @@ def draw_density(ax: Axes, law: ProjectedLaw, colour: str = BLUE, points: Float[
         if mass > FIRST_ATOM:
             ax.plot([position, position], [0, top], color=BLACK, linewidth=1.6)
             ax.plot(position, top, "o", color=BLACK, markersize=6)
-            ax.annotate(f"{mass:.2g}", (position, top), (0, 6), textcoords="offset points", ha="center", fontsize=11)
+            inwards = 1 if position < law.starts.mean() else -1  # the mass stands beside the pin, within the frame
+            place = {"textcoords": "offset points", "ha": "left" if inwards > 0 else "right", "va": "center"}
+            ax.annotate(f"{mass:.2g}", (position, top), (7 * inwards, 2), fontsize=11, **place)
     ax.set_ylim(0, top * 1.3)
 
 

@@ -255,6 +255,7 @@ def force_panels(
     bar: float = 20.0,
     every: int = 1,
     typical: float | None = None,
+    inset: float = 1.0,
 ) -> Figure:
     """One panel for every field, at equal scale, arrows at their true length or scaled by a stated factor.
 
@@ -275,6 +276,8 @@ def force_panels(
     typical : float, optional
         In mm. In each panel all arrows are scaled by one factor, 1, 2 or 5 times a power of ten, the largest that
         leaves nine tenths of the arrows at most this long. The title states the factor. Left out: true lengths.
+    inset : float
+        A factor on the positions of the target. Below one it lies inside, where arrows along it do not hide it.
 
     Raises
     ------
@@ -306,7 +309,7 @@ def force_panels(
         colour = next((c for name, c in LOSS_COLOURS.items() if title.startswith(name)), BLACK)
         factor = factors[title]
         points, forces, target = (x.detach().cpu().numpy() for x in (field.points, field.forces, field.target))
-        ax.scatter(*target.T, s=22, facecolors="none", edgecolors=TARGET, marker="s", linewidths=1, zorder=1)
+        ax.scatter(*(inset * target.T), s=22, facecolors="none", edgecolors=TARGET, marker="s", linewidths=1, zorder=1)
         ax.scatter(*points.T, s=9, color=colour, linewidths=0, zorder=3)
         points, forces = points[::every], factor * forces[::every]
         lengths = np.linalg.norm(forces, axis=1)
