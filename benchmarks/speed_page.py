@@ -15,7 +15,7 @@ def losses_block(record: dict) -> str:
     """Targets and results of the losses, with their provenance."""
     lines = [
         f"Value and gradient, weighted, {record['config']['n_directions']} directions, float64, medians; written by "
-        f"`{record['command']}` on {record['date']} ({record['machine']}). All peers and sizes: chapter 12.",
+        f"`{record['command']}` on {record['date']} ({record['machine']}). All peers and sizes: chapter 9.",
         "",
         "| the fused sliced loss | found | target | |",
         "|---|---|---|---|",

@@ -14,6 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import nbformat
+import yaml
 from PIL import Image
 from sphinx.application import Sphinx
 from sphinx.errors import SphinxError
@@ -31,6 +32,15 @@ SIGNATURE = re.compile(r'<dt class="sig .*?</dt>', re.S)
 MATHJAX = "static/mathjax/"
 #: Pictures above this size, in bytes, are stored anew; quality is that of WebP, of 100.
 LARGE, QUALITY = 30_000, 82
+#: Addresses of pages that were renamed: old name -> new name.
+MOVED = ROOT / "book" / "moved.yaml"
+#: A page that leads on to another, with the place in it, for readers and for programs.
+LEADS_ON = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>This page has moved</title>
+<meta http-equiv="refresh" content="1; url={new}.html"><link rel="canonical" href="{new}.html">
+<script>location.replace("{new}.html" + location.hash);</script></head>
+<body><main><h1>This page has moved</h1><p>It is now <a href="{new}.html">here</a>.</p></main></body></html>
+"""
 MATHJAX_FILES = ("tex-chtml.js", "output/chtml/fonts/woff-v2/")
 
 
@@ -38,7 +48,7 @@ def assemble(notebooks: Path, source: Path) -> None:
     """Collect pages, chapters with the outputs of their notebooks, and MathJax in one folder for Sphinx."""
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(
-        ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "assets", "claims.yaml")
+        ROOT / "book", source, ignore=shutil.ignore_patterns("__pycache__", "*.py", "assets", "claims.yaml", MOVED.name)
     )
     copy_configuration(source)
     for text in sorted((ROOT / "notebooks").glob("[0-9]*.md")):
@@ -119,6 +129,13 @@ def mend_pages(html: Path) -> None:
         script.unlink()
 
 
+def redirect_moved_pages(html: Path) -> None:
+    """Let the addresses of before lead to those pages of now that the book has."""
+    for old, new in yaml.safe_load(MOVED.read_text(encoding="utf-8")).items():
+        if (html / f"{new}.html").is_file():
+            (html / f"{old}.html").write_text(LEADS_ON.format(new=new), encoding="utf-8")
+
+
 def build(mode: str, into: Path) -> int:
     """Assemble and render the book into ``into/html``; the exit status.
 
@@ -136,6 +153,7 @@ def build(mode: str, into: Path) -> int:
                 shutil.copy(notebooks / chapter.name, chapter)
             lighten(html)
             mend_pages(html)
+            redirect_moved_pages(html)
     except (ValueError, OSError) as error:
         print(error)
         return 1

@@ -1,4 +1,4 @@
-"""Links that nobody writes: "chapter 20", "claims 7 and 12", and glossary words at their first use in a chapter."""
+"""Links that nobody writes: "chapter 12", "claims 7 and 12", and glossary words at their first use in a chapter."""
 
 import re
 from collections.abc import Iterator

@@ -43,7 +43,8 @@ def lead_links(root: Tag, lead: Callable[[str], str]) -> None:
 
 def chapter_pages(html: Path) -> list[Path]:
     """The chapters of a rendered book, in order."""
-    pages = sorted(html.glob("[0-9][0-9]_*.html"))
+    found = sorted(html.glob("[0-9][0-9]_*.html"))
+    pages = [page for page in found if "<title>This page has moved" not in page.read_text(encoding="utf-8")]
     if not pages:
         raise ValueError(f"{html} holds no rendered chapter; render the book first: make html")
     return pages

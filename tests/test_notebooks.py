@@ -175,7 +175,7 @@ def test_a_figure_that_is_not_mentioned_is_seen(text, bare):
 
 
 def test_nbval_sees_one_altered_number_and_nothing_else(tmp_path):
-    """In a copy of chapter 01 up to its first printed number."""
+    """In a copy of chapter 1 up to its first printed number."""
     notebook = copy.deepcopy(read(STORED[0]))
     numbered = next(i for i, c in enumerate(notebook.cells) if c.cell_type == "code" and re.search(r"\d", text_of(c)))
     notebook.cells = notebook.cells[: numbered + 1]

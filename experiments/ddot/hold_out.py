@@ -1,4 +1,4 @@
-"""Make the small file of one held-out hemisphere that chapter 32 uses: ``held_out.safetensors``.
+"""Make the small file of one held-out hemisphere that chapter 18 uses: ``held_out.safetensors``.
 
 Run as ``python experiments/ddot/hold_out.py`` when the cohort and the segmentation weights exist. The subject is the
 first of the test split, so that it is not selected by results.

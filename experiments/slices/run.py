@@ -1,4 +1,4 @@
-"""Compare losses whose slices depend on the measures on the toy of chapter 01, after the same processor time."""
+"""Compare losses whose slices depend on the measures on the toy of chapter 1, after the same processor time."""
 
 import sys
 import time

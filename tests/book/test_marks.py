@@ -29,7 +29,7 @@ def write_notebook(file, *codes):
 def hand_in(folder, needed, threshold):
     """A notebook with two answers, and the record of what was run."""
     codes = [HEAD, ROOT, NEEDED.format(needed), CHECKS[0], "1 / 0", DIAGNOSIS.format(threshold), CHECKS[1]]
-    write_notebook(folder / "11_convergence.ipynb", *codes)
+    write_notebook(folder / "08_convergence.ipynb", *codes)
     names = {}
     exec("\n".join(code.replace("%matplotlib inline", "") for code in codes if code != "1 / 0"), names)
     return report(folder.name, folder)
@@ -54,7 +54,7 @@ def test_three_notebooks_with_known_answers(tmp_path, capsys):
     assert said[3] == ["eve", "1", "2", "2", "the", "record", "differs", "in", "diagnosis"]
     rows = (tmp_path / "marks.csv").read_text().splitlines()
     assert len(rows) == 7
-    assert rows[3].startswith("ben,11_convergence.ipynb,points_needed,6,")
+    assert rows[3].startswith("ben,08_convergence.ipynb,points_needed,6,")
     assert rows[3].endswith(",0,1,this is no whole number of points: round it up,0")
 
 

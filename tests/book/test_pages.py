@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 from bs4 import BeautifulSoup
 
 import build
@@ -47,8 +48,21 @@ def test_a_chapter_can_be_downloaded_as_a_notebook(html, context):
     assert notebook == json.loads(stored.read_text(encoding="utf-8"))
 
 
+def test_the_addresses_of_before_lead_to_the_chapters_of_now(html, context):
+    moved = yaml.safe_load(build.MOVED.read_text(encoding="utf-8"))
+    now = {path.stem for path in (build.ROOT / "notebooks").glob("[0-9]*.md")}
+    assert set(moved.values()) <= now
+    assert not now & set(moved)
+    assert all((html / f"{name}.html").is_file() for name in moved)
+    with watched_page(context, html / "index.html") as (page, troubles):
+        page.goto((html / "20_flows.html").as_uri() + "#further-reading")
+        page.wait_for_url("**/12_flows.html#further-reading")
+        assert page.locator("h1").first.text_content().startswith("Flows")
+        assert troubles == []
+
+
 def test_a_surface_of_the_book_can_be_turned(html, context):
-    with watched_page(context, html / "36_a_real_scan.html") as (page, troubles):
+    with watched_page(context, html / "22_a_real_scan.html") as (page, troubles):
         page.locator(".surface-scene .start").first.click()
         canvas = page.locator(".surface-scene canvas").first
         canvas.wait_for(timeout=20_000)

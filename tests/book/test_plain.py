@@ -15,7 +15,7 @@ from shown_notebooks import jupyter_lab, open_in_lab, page_of, settle, troubles_
 TRIAL = Path(__file__).parent / "trial"
 STORED = sorted(plain.CHAPTERS.glob("[0-9]*.ipynb"))
 #: Tried in each run of the tests; the others are left to ``make test-all``. It has every kind of box but one.
-CHAPTER = next(path for path in STORED if path.stem == "13_beyond_the_theorem")
+CHAPTER = next(path for path in STORED if path.stem == "10_beyond_the_theorem")
 CHAPTERS = [pytest.param(path, id=path.stem, marks=[] if path == CHAPTER else pytest.mark.thorough) for path in STORED]
 NUMBER = r"(?:Section|Figure|Table|Definition|Theorem|Lemma|Proposition|Corollary|Example|Algorithm) \d+\.\d+"
 
@@ -87,7 +87,7 @@ def test_what_stands_in_the_source_has_its_plain_form():
         "> *Proof.* By [Equation (10.1)](#eq-sliced) and",
         "> <a id=\"ex-shift\"></a>**Example 10.1.**\n",
         "[Figure 10.1](#fig-square) and [Table 10.1](#tab-squares) are in [Section 10.1](#sec-shown)",
-        "(10_mesh_as_measure.ipynb)",
+        "(10_beyond_the_theorem.ipynb)",
         "**Figure 10.1.** The square of a number. It is smallest at zero.",
         "<details>\n<summary>The figure in words</summary>\n\nA parabola that opens upward",
         "\\tag{10.2}\n$$",
@@ -114,13 +114,13 @@ def test_links_lead_to_the_published_book_where_there_is_one(monkeypatch):
     change = ("Write a function.", "Chapters 2 and 3, claim 7, [ledger](ledger.md), [Definition](#def-euler).")
     assert (
         "Chapters [2](02_transport_on_a_line.ipynb) and [3](03_slicing.ipynb), claim 7, ledger, "
-        "[Definition 30.1](30_synthetic_cortex.ipynb#def-euler)." in text_of(trial(*change))
+        "[Definition 16.1](16_synthetic_cortex.ipynb#def-euler)." in text_of(trial(*change))
     )
     monkeypatch.setattr(plain, "PUBLISHED", "https://example.org/book")
     text = text_of(trial(*change)).replace("https://example.org/book/", "…/")
     assert (
         "Chapters [2](…/02_transport_on_a_line.html) and [3](…/03_slicing.html), [claim 7](…/ledger.html#claim-7), "
-        "[ledger](…/ledger.html), [Definition 30.1](…/30_synthetic_cortex.html#def-euler)." in text
+        "[ledger](…/ledger.html), [Definition 16.1](…/16_synthetic_cortex.html#def-euler)." in text
     )
     assert "[The page of this chapter](…/10_trial.html)" in text
 

@@ -354,7 +354,7 @@ def test_students_get_no_solution():
         assert len(solutions) >= 2
         for lines in map(str.splitlines, solutions):
             line = max((line.strip() for line in lines if line.startswith("    ")), key=len)
-            # Chapter 33 derives this one, and computes a table by it.
+            # Chapter 19 derives this one, and computes a table by it.
             assert json.dumps(line)[1:-1] not in text or line == "return max(value**2 - floor**2, 0.0) ** 0.5"
 
 
@@ -404,8 +404,8 @@ def test_the_wheel_of_the_students_checks_and_marks_by_itself(student_package, t
 
 @pytest.mark.thorough
 def test_an_unpacked_edition_runs_without_the_checkout(tmp_path):
-    """Chapter 13 of the students, with the package from the wheel of the zip."""
-    wheel, name = build_wheel(tmp_path, solutions=False), "13_beyond_the_theorem"
+    """Chapter 10 of the students, with the package from the wheel of the zip."""
+    wheel, name = build_wheel(tmp_path, solutions=False), "10_beyond_the_theorem"
     told = retold_notebook(CHAPTERS / f"{name}.md")
     student = without_outputs(plain_notebook(student_edition(told), name, answers=False))
     write_zip(tmp_path / "student.zip", "student", {name: student}, wheel)

@@ -1,4 +1,4 @@
-"""The sweep of chapter 01: its committed results belong to its configuration, and its parts compute what they say."""
+"""The sweep of chapter 1: its committed results belong to its configuration, and its parts compute what they say."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The experiments of chapter 10: committed results belong to their configuration, and a slice of each is made again."""
+"""The experiments of chapter 7: committed results belong to their configuration, and a slice of each is made again."""
 
 from pathlib import Path
 

@@ -39,7 +39,7 @@ def test_notebooks_hold_every_figure_as_it_is_today(root):
 
 
 def test_the_answers_of_the_questions_hold_in_the_book(root, tmp_path, context):
-    """What chapters 30 to 33 call right is what their figures show, with the data that they have in the book."""
+    """What chapters 16 to 19 call right is what their figures show, with the data that they have in the book."""
     found = {name: page for _, name, page in stored_figures(root / "notebooks")}
 
     def values(name, **state):
@@ -132,7 +132,7 @@ def right_answer(page):
 
 
 def test_the_answers_of_chapters_3_to_14_hold_in_the_book(root, tmp_path, context):
-    """What the figures of chapters 3, 4, 10, 13 and 14 call right, and the numbers that their chapters state too."""
+    """What the figures of chapters 3, 4, 7, 10 and 11 call right, and the numbers that their chapters state too."""
     found = {name: page for _, name, page in stored_figures(root / "notebooks")}
 
     def values(name, steps=0, **state):
@@ -168,13 +168,13 @@ def test_the_answers_of_chapters_3_to_14_hold_in_the_book(root, tmp_path, contex
     apart = values("apart", 40)
     assert [round(apart[f"far{p}"], 1) for p in (1, 2, 3)] == [0, 1, 2]
     assert all(abs(apart[f"many{p}"] + 0.5) < 0.1 for p in (1, 2, 3))
-    # The table of chapter 13: 54.4 mm² at 100 mm, from other samples.
+    # The table of chapter 10: 54.4 mm² at 100 mm, from other samples.
     assert abs(apart["error2"] / 54.4 - 1) < 0.2
     assert abs(values("apart", 4, centred=True)["far2"]) < 1e-9
     assert values("blocks")["orthogonal"] < 1e-12 < 0.001 < values("blocks", count=100)["orthogonal"]
     shapes = values("blocks", count=300, stretch=2)
     assert shapes["spiral"] < shapes["orthogonal"] < shapes["random"]
-    # The text of chapter 14: 4, 25 and 53 % of the way at a half, twice and five times the gap.
+    # The text of chapter 11: 4, 25 and 53 % of the way at a half, twice and five times the gap.
     shares = [values("normals", power=power)["slicedShare"] for power in (0, math.log10(4), 1)]
     # The text has other directions than the 1200 of the figure: three standard errors of a share among so many.
     for share, said in zip(shares, (0.04, 0.25, 0.53), strict=True):

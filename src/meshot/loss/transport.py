@@ -164,7 +164,7 @@ def sinkhorn_divergence(
     tensor
         In (units of the points)^p. It is zero between equal measures, and non-negative if ``scaling`` is close enough
         to one. At .5 the errors of the three terms may differ, and the value may be tens of per cent too low, or
-        negative (chapter 04 shows a case). Neither the value nor a root of it is a metric.
+        negative (chapter 4 shows a case). Neither the value nor a root of it is a metric.
 
     Raises
     ------

@@ -20,7 +20,7 @@ from meshot.volume import (
 )
 
 SMOOTHING_STEPS = 5
-# Weight of the probability relative to depth in mm, in the order in which voxels are added; see chapter 31.
+# Weight of the probability relative to depth in mm, in the order in which voxels are added; see chapter 17.
 PROBABILITY_WEIGHT_MM = 12.0
 _MARGIN_VOXELS = 0.05
 

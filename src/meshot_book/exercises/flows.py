@@ -11,7 +11,7 @@ from meshot.types import Array, Float, Int64, Tensor
 from meshot_book.exercises.given import grow, half, hurry, spin, still, wave, whirl
 from meshot_book.exercises.verdict import Exercise, exercise
 
-# Chapter 20: a flow by Euler steps, one step undone, and how many steps are safe.
+# Chapter 12: a flow by Euler steps, one step undone, and how many steps are safe.
 
 
 @exercise(stars=1)
@@ -116,7 +116,7 @@ def safe_steps() -> Exercise:
     return Exercise(lambda norms: math.floor(norms.max()) + 1, cases, mistakes)
 
 
-# Chapter 21: how even triangles are, who is ahead after equal seconds.
+# Chapter 14: how even triangles are, who is ahead after equal seconds.
 
 
 Curves = tuple[Tensor, Tensor, Tensor, Tensor]
@@ -213,7 +213,7 @@ def equal_time() -> Exercise:
     return Exercise(lambda t, x, s, y: both(t, x, s, y, min(t[-1], s[-1])), cases, mistakes)
 
 
-# Chapter 23: whether two sides cross, and how fine a mesh must be.
+# Chapter 13: whether two sides cross, and how fine a mesh must be.
 
 
 @exercise(stars=1)
@@ -357,7 +357,7 @@ def pieces_needed() -> Exercise:
     return Exercise(pieces, cases, mistakes)
 
 
-# Chapter 22: two points, the weights of a window, partial transport as a linear program.
+# Chapter 15: two points, the weights of a window, partial transport as a linear program.
 
 
 @exercise(stars=1)

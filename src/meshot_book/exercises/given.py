@@ -17,7 +17,7 @@ from meshot_book.flows import forces
 
 Distances = Callable[[Tensor, Tensor], Tensor]
 
-# Chapter 03: two sets of points that some lines cannot tell apart.
+# Chapter 3: two sets of points that some lines cannot tell apart.
 
 
 def of_a_pair(answer: object, directions: Float[Tensor, "L 2"]) -> Tensor:
@@ -51,7 +51,7 @@ def _as_points(values: object) -> Tensor:
     return points.double()
 
 
-# Chapter 04: a regularised cost, and points at rest that are not the target.
+# Chapter 4: a regularised cost, and points at rest that are not the target.
 
 
 @dataclasses.dataclass
@@ -84,7 +84,7 @@ def rest_and_distance(points: object, target: Float[Tensor, "n d"]) -> Float[Ten
     return torch.tensor([float(force) < 1e-6, float(apart) > 1e-6]).double()
 
 
-# Chapter 11: curves of which one has another exponent than its legend claims.
+# Chapter 8: curves of which one has another exponent than its legend claims.
 
 
 def drawn_curves(
@@ -106,7 +106,7 @@ def drawn_curves(
     return torch.from_numpy(x), torch.from_numpy(errors), torch.from_numpy(claimed)
 
 
-# Chapter 12: distances that are made a few at a time.
+# Chapter 9: distances that are made a few at a time.
 
 
 @dataclasses.dataclass
@@ -130,7 +130,7 @@ def unasked(x: Tensor, y: Tensor, distances: LimitedDistances, limit: int) -> st
     return None if enough else "the numbers are right, but not from `distances`: ask it for a block at a time"
 
 
-# Chapter 14: losses by the length of the normals.
+# Chapter 11: losses by the length of the normals.
 
 
 @dataclasses.dataclass
@@ -146,7 +146,7 @@ class QuadraticLoss:
         return self.places + self.normals * s * s / (1 + (s / self.scale) ** 2)
 
 
-# Chapters 20 and 34: velocity fields.
+# Chapters 12 and 20: velocity fields.
 
 
 def spin(time: float, points: Float[Tensor, "n 2"]) -> Float[Tensor, "n 2"]:

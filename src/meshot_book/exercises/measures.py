@@ -21,7 +21,7 @@ from meshot.types import Float, Int64, Tensor
 from meshot_book.exercises.given import Distances, LimitedDistances, QuadraticLoss, drawn_curves, unasked
 from meshot_book.exercises.verdict import Exercise, exercise
 
-# Chapter 10: weights of faces, the tent of a triangle, and the mean square of a projected surface.
+# Chapter 7: weights of faces, the tent of a triangle, and the mean square of a projected surface.
 
 
 def _areas(vertices: Float[Tensor, "V 3"], faces: Int64[Tensor, "F 3"]) -> Float[Tensor, " F"]:
@@ -146,7 +146,7 @@ def mean_square() -> Exercise:
     return Exercise(lambda v, f, u: mean(v, f, squares(v, f, u)), cases, mistakes)
 
 
-# Chapter 11: how many points a bound asks for, the curve that lies about its exponent, and a gap without a bound.
+# Chapter 8: how many points a bound asks for, the curve that lies about its exponent, and a gap without a bound.
 
 
 @exercise(stars=1)
@@ -255,7 +255,7 @@ def mean_gap() -> Exercise:
     return Exercise(gap, cases, mistakes)
 
 
-# Chapter 12: cells of a merge, exponents from a table, and nearest neighbours in bounded memory.
+# Chapter 9: cells of a merge, exponents from a table, and nearest neighbours in bounded memory.
 
 
 @exercise(stars=1)
@@ -393,7 +393,7 @@ def blocked_chamfer() -> Exercise:
     return Exercise(chamfer, cases, mistakes, way=unasked)
 
 
-# Chapter 13: the floor of Chamfer, a sliced loss whose mean part is known, and the price of a gap.
+# Chapter 10: the floor of Chamfer, a sliced loss whose mean part is known, and the price of a gap.
 
 
 @exercise(stars=1)
@@ -528,7 +528,7 @@ def gap_cost() -> Exercise:
     return Exercise(cost, cases, mistakes)
 
 
-# Chapter 14: a length for the normals, the gradient of an area, and surfaces turned inside out.
+# Chapter 11: a length for the normals, the gradient of an area, and surfaces turned inside out.
 
 
 @exercise(stars=2)

@@ -9,7 +9,7 @@ from meshot.types import Float, Tensor
 from meshot_book.exercises.given import EntropicCost, of_a_pair, rest_and_distance
 from meshot_book.exercises.verdict import Exercise, exercise
 
-# Chapter 01: descent directions of both losses, and the learning rate that momentum allows.
+# Chapter 1: descent directions of both losses, and the learning rate that momentum allows.
 
 
 @exercise(stars=1)
@@ -125,7 +125,7 @@ def largest_rate() -> Exercise:
     return Exercise(lambda n, momentum: (1 + momentum) / (1 + n), cases, mistakes)
 
 
-# Chapter 02: quantiles of weighted points, transport by merging, and the gradient in the weights.
+# Chapter 2: quantiles of weighted points, transport by merging, and the gradient in the weights.
 
 
 def _normal(generator: np.random.Generator, n: int) -> Float[Tensor, " n"]:
@@ -288,7 +288,7 @@ def weight_gradient() -> Exercise:
     return Exercise(potential, cases, mistakes)
 
 
-# Chapter 03: sliced Wasserstein from scratch, how many lines it takes, and pairs that no line of a set tells apart.
+# Chapter 3: sliced Wasserstein from scratch, how many lines it takes, and pairs that no line of a set tells apart.
 
 
 def _sliced_gaps(
@@ -407,7 +407,7 @@ def ghost_pair() -> Exercise:
     return Exercise(swapped, cases, mistakes, of_a_pair)
 
 
-# Chapter 04: a blur's unit, what flipped normals weigh, a debiased cost, and a trap for Chamfer.
+# Chapter 4: a blur's unit, what flipped normals weigh, a debiased cost, and a trap for Chamfer.
 
 
 @exercise(stars=1)
@@ -507,7 +507,7 @@ def trap() -> Exercise:
     return Exercise(merged_pair, cases, mistakes, rest_and_distance)
 
 
-# Chapter 06: weights of slices, a slice that lifts to a plan, and a step to a direction of larger cost.
+# Chapter 6: weights of slices, a slice that lifts to a plan, and a step to a direction of larger cost.
 
 
 @exercise(stars=1)

@@ -1,4 +1,4 @@
-"""Figures of networks and slices: chapters 30 to 36."""
+"""Figures of networks and slices: chapters 16 to 22."""
 
 import lazy_loader
 

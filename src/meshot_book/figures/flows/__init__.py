@@ -1,4 +1,4 @@
-"""Figures and players of flows and of deforming meshes: chapters 20 and 21."""
+"""Figures and players of flows and of deforming meshes: chapters 12 and 14."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Figures and players of transport on a line and of slicing: chapters 02 and 03."""
+"""Figures and players of transport on a line and of slicing: chapters 2 and 3."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Figures of losses on points: chapters 01, 03 and 04."""
+"""Figures of losses on points: chapters 1, 3 and 4."""
 
 import lazy_loader
 
