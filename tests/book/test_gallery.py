@@ -104,9 +104,12 @@ def test_every_figure_of_the_notebooks_is_in_the_gallery(root, html, items):
 
 def test_links_lead_to_the_figure_and_to_its_code(html, items):
     """The picture at the place is that of the cell, in number and in the chapter."""
+    pages = {}
     for item in items[::7]:
         place, code = (urlsplit(item.select(link)[-1]["href"]) for link in (".gallery-place a", ".gallery-cell a"))
-        page = BeautifulSoup((html / place.path).read_text(encoding="utf-8"), "html.parser")
+        if place.path not in pages:
+            pages[place.path] = BeautifulSoup((html / place.path).read_text(encoding="utf-8"), "html.parser")
+        page = pages[place.path]
         assert place.path == code.path
         cell = page.find(id=code.fragment.removesuffix("-code"))
         assert page.find(id=code.fragment).find_parent(id=cell["id"]) is not None

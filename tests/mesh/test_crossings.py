@@ -51,7 +51,7 @@ def test_spikes_in_a_large_mesh(spiked):
     assert not bool(moved[~ring_around(spiked, before, 6)].any())
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e-3])
+@pytest.mark.parametrize("scale", [1.0, pytest.param(1e-3, marks=pytest.mark.thorough)])
 def test_pairs_are_the_same_if_only_faces_near_moved_vertices_are_tested(spiked, scale):
     generator, mesh = np.random.default_rng(1), spiked.with_vertices(scale * spiked.vertices)
     pairs, seen = crossing_pairs(mesh), set()

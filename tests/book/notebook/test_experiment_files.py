@@ -115,6 +115,7 @@ def test_an_unknown_experiment_is_an_error():
         experiment_folder("blurr")
 
 
+@pytest.mark.thorough
 def test_a_chapter_runs_alone(repository, root):
     """Without checkout: the chapter in an empty folder, the book's package in another, files from the repository."""
     site, empty = repository.parent / "site", repository.parent / "empty"
