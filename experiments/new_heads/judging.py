@@ -14,6 +14,7 @@ import scipy.stats
 
 from meshot.provenance import FIELDS, read_results, rounded, write_results
 from meshot_book.measurements import grouped, spread
+from meshot_book.statistics import holm_adjusted
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from trials.rows import read_rows
@@ -114,15 +115,11 @@ def interval(gap: float, parts: list[tuple[float, int]]) -> dict[str, float]:
 def decided(gaps: list[dict | None]) -> list[dict]:
     """Differences with what is decided after Holm's adjustment over all of them."""
     there = [gap for gap in gaps if gap is not None]
-    adjusted, largest = {}, 0.0
-    for rank, i in enumerate(sorted(range(len(there)), key=lambda i: there[i]["p"])):
-        largest = max(largest, min(1.0, (len(there) - rank) * there[i]["p"]))
-        adjusted[i] = largest
     found = []
-    for i, gap in enumerate(there):
+    for gap, adjusted in zip(there, holm_adjusted([gap["p"] for gap in there]).tolist(), strict=True):
         better = (gap["gap"] > 0) == (gap["measure"] in LARGER)
-        what = ("better" if better else "worse") if adjusted[i] < 0.05 else "undecided"
-        found.append(gap | {"adjusted_p": adjusted[i], "first_is": what, "detectable": (gap["high"] - gap["low"]) / 2})
+        what = ("better" if better else "worse") if adjusted < 0.05 else "undecided"
+        found.append(gap | {"adjusted_p": adjusted, "first_is": what, "detectable": (gap["high"] - gap["low"]) / 2})
     return found
 
 

@@ -12,6 +12,7 @@ import build
 from api_pages import set_formulas
 from browser import raw_tex, troubles_of, watched_page
 from house import shown_names
+from rendered import chapter_pages
 
 
 def test_formulas_are_set(html, context):
@@ -54,6 +55,7 @@ def test_the_addresses_of_before_lead_to_the_chapters_of_now(html, context):
     assert set(moved.values()) <= now
     assert not now & set(moved)
     assert all((html / f"{name}.html").is_file() for name in moved)
+    assert {page.stem for page in chapter_pages(html)} == now
     with watched_page(context, html / "index.html") as (page, troubles):
         page.goto((html / "20_flows.html").as_uri() + "#further-reading")
         page.wait_for_url("**/12_flows.html#further-reading")
