@@ -8,7 +8,7 @@ from stored_notebooks import NOTEBOOKS, run_nbval
 #: All chapters; those that took longest when their outputs were stored come first.
 CHAPTERS = sorted(NOTEBOOKS.glob("[0-9]*.ipynb"), key=lambda path: -stated_seconds(path.read_text(encoding="utf-8")))
 #: Run a second time with torch's plain code path instead of the vectorised one: points, meshes, a real image.
-ON_AN_OLDER_CPU = ("01_circle_to_polygon", "07_mesh_as_measure", "22_a_real_scan")
+ON_AN_OLDER_CPU = ("01_circle_to_polygon", "07_mesh_as_measure", "23_a_real_scan")
 
 
 @pytest.mark.parametrize("path", CHAPTERS, ids=lambda path: path.stem)

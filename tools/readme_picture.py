@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parent.parent
 #: By the file of the picture: the chapter, and what the cell calls that shows it first.
 PICTURES = {
     "circle_to_polygon.png": ("01_circle_to_polygon", "process_figure("),
-    "person.png": ("22_a_real_scan", "kept_slices_figure("),
+    "person.png": ("23_a_real_scan", "kept_slices_figure("),
 }
 
 

@@ -219,7 +219,7 @@ def results(rows: list[dict], config: dict) -> dict:
     package = networks("package", config)
     made, average = reconstruct(mni152_t1(), package.segmentation, package.system), {}
     for side in HEMISPHERES:
-        # The surface of the white-matter map within the region of chapter 22, where it is one half.
+        # The surface of the white-matter map within the region of chapter 23, where it is one half.
         white, pial = (fsaverage5_surface(kind, side) for kind in ("white", "pial"))
         region = hemisphere_region(mni152_t1(), white, pial, side)
         target, surfaces = tissue_surface(restricted(mni152_white_matter(), region)).mesh, made.surfaces[side]

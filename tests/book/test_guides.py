@@ -105,7 +105,7 @@ def test_the_accuracy_of_carried_vertices_is_that_of_the_experiment(root):
 
 
 def test_the_limits_state_what_was_measured_of_a_person(root):
-    """The page, and the box of chapter 22, which its checks compare with the results, too."""
+    """The page, and the box of chapter 23, which its checks compare with the results, too."""
     text = (root / "book" / "limits.md").read_text(encoding="utf-8")
     before = read_results(root / "experiments" / "beside_freesurfer" / "before.json")["results"]
     rows = {row["side"]: row for row in before["rows"] if row["stage"] == "final"}

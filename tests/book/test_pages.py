@@ -64,7 +64,7 @@ def test_the_addresses_of_before_lead_to_the_chapters_of_now(html, context):
 
 
 def test_a_surface_of_the_book_can_be_turned(html, context):
-    with watched_page(context, html / "22_a_real_scan.html") as (page, troubles):
+    with watched_page(context, html / "23_a_real_scan.html") as (page, troubles):
         page.locator(".surface-scene .start").first.click()
         canvas = page.locator(".surface-scene canvas").first
         canvas.wait_for(timeout=20_000)

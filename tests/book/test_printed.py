@@ -354,7 +354,7 @@ def test_students_get_no_solution():
         assert len(solutions) >= 2
         for lines in map(str.splitlines, solutions):
             line = max((line.strip() for line in lines if line.startswith("    ")), key=len)
-            # Chapter 19 derives this one, and computes a table by it.
+            # Chapter 20 derives this one, and computes a table by it.
             assert json.dumps(line)[1:-1] not in text or line == "return max(value**2 - floor**2, 0.0) ** 0.5"
 
 

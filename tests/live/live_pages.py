@@ -218,6 +218,17 @@ DATA = {
             }.items()
         },
     },
+    "missing": {
+        "areas": [3.0, 5.0, 2.0, 4.0, 4.0, 6.0, 1.0, 5.0, 3.0, 2.0] * 8,
+        "low": -80.0,
+        "slab": 2.0,
+        "needed": 0.4,
+        "reach": 6.0,
+        "missing": 5.0,
+        "width": 40.0,
+        "middle": 46.0,
+        "place": 0.0,
+    },
     "luck": {"count": 6, "between": 0.0065, "subject": 0.01, "subjects": 4, "lead": 0.017},
     "power": {
         "outcomes": {

@@ -1193,6 +1193,33 @@ def test_the_tables_are_in_order_and_pairs_are_counted(opened):
                 assert now["turned"] == turned
 
 
+def test_missing_area_moves_the_mass_of_the_whole_brain(opened):
+    page, data = opened("missing"), DATA["missing"]
+    slab, n_pieces = data["slab"], 50
+    pieces = data["low"] + slab * (np.arange(len(data["areas"]) * n_pieces) + 0.5) / n_pieces
+    whole = np.repeat(np.array(data["areas"]) / n_pieces, n_pieces)
+    for missing, width, middle, place in ((5, 40, 46, 0), (10, 12, -21, -30), (2.5, 60, 10, 14), (0, 20, 0, 0)):
+        sliders = {"missing in the region": missing, "width of the region": width, "middle of the region": middle}
+        for name, value in (sliders | {"look at": place}).items():
+            page.get_by_role("slider", name=name, exact=True).fill(str(value))
+        middle = float(page.get_by_role("slider", name="middle of the region", exact=True).input_value())
+        left = whole * np.where(np.abs(pieces - middle) < width / 2, 1 - missing / 100, 1)
+        now = shown(page)
+        assert now["share"] == pytest.approx(1 - left.sum() / whole.sum(), abs=1e-9)
+        masses = left / left.sum(), whole / whole.sum()
+        plan = ot.emd_1d(pieces, pieces, *masses, metric="euclidean", dense=False).tocoo()
+        ways = plan.data * (pieces[plan.col] - pieces[plan.row])
+        moved = np.bincount(plan.row, ways, len(pieces)) / masses[0]
+        assert now["mean"] == pytest.approx(ways.sum(), abs=1e-6)
+        near = np.abs(pieces - place) < 0.03
+        assert now["here"] == pytest.approx(moved[near].mean(), abs=0.03)
+        assert abs(now["largest"]) == pytest.approx(np.abs(moved).max(), abs=0.06)
+        centres = pieces.reshape(-1, n_pieces).mean(axis=1)
+        seen = np.exp(-0.5 * ((centres - place) / data["reach"]) ** 2)
+        means = [np.average(centres, weights=seen * mass.reshape(-1, n_pieces).sum(axis=1)) for mass in (whole, left)]
+        assert now["within"] == pytest.approx(means[0] - means[1], abs=1e-9)
+
+
 def test_the_best_of_equal_losses_looks_better_by_what_is_expected(opened):
     page = opened("luck")
     draws = np.random.default_rng(0).normal(size=(200_000, 30))

@@ -39,7 +39,7 @@ def test_notebooks_hold_every_figure_as_it_is_today(root):
 
 
 def test_the_answers_of_the_questions_hold_in_the_book(root, tmp_path, context):
-    """What chapters 16 to 19 call right is what their figures show, with the data that they have in the book."""
+    """What chapters 16 to 20 call right is what their figures show, with the data that they have in the book."""
     found = {name: page for _, name, page in stored_figures(root / "notebooks")}
 
     def values(name, **state):
@@ -62,6 +62,8 @@ def test_the_answers_of_the_questions_hold_in_the_book(root, tmp_path, context):
     cubes = values("cubes")
     assert [cubes[f"holds{scale}"] for scale in range(3)] == [0, 1, 1]
     assert max(cubes["range1"], cubes["range2"]) > 2 * cubes["range0"]
+    missing = values("missing")
+    assert missing["here"] > 0.5 > 10 * abs(missing["within"])
     planted = {"metric": "HD 100 %", "show": "at once"}
     assert values("planted", **planted)["above"] == 0
     assert values("planted", **planted, count=20_000)["value"] > 5

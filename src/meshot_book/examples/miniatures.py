@@ -1,4 +1,4 @@
-"""Miniature subjects for chapter 20: two small hemispheres, each with a thin gyrus and two sulci that are hard to find.
+"""Miniature subjects for chapter 21: two small hemispheres, each with a thin gyrus and two sulci that are hard to find.
 
 In the frame of a hemisphere, x points to the middle of the head, y to the front and z upwards. The frame of the right
 hemisphere is reflected. Every hemisphere is a ball with a blade on its top (the thin gyrus), a slit at its side that is

@@ -1,4 +1,4 @@
-"""Exercises of chapters 16 to 22, from a scan to a surface: truths, cases, and the usual mistakes with their hints."""
+"""Exercises of chapters 16 to 23, from a scan to a surface: truths, cases, and the usual mistakes with their hints."""
 
 import itertools
 import math
@@ -245,7 +245,7 @@ def row_distance() -> Exercise:
     return Exercise(row, cases, mistakes)
 
 
-# Chapter 18: the network counted, cubes cut out or convolved once, displacements where area is missing.
+# Chapters 18 and 19: the network counted, cubes cut out or convolved once, displacements where area is missing.
 
 
 @exercise(stars=1)
@@ -425,7 +425,7 @@ def mean_displacements() -> Exercise:
     return Exercise(regional, cases, mistakes)
 
 
-# Chapter 19: taking a floor out of a number, two sides of a distance, shares as counts, a table against itself.
+# Chapter 20: taking a floor out of a number, two sides of a distance, shares as counts, a table against itself.
 
 
 @exercise(stars=1)
@@ -551,7 +551,7 @@ def breaks_bound() -> Exercise:
     return Exercise(breaks, cases, mistakes)
 
 
-# Chapter 20: thin gyri between grid points, a Chamfer distance weighted by curvature, and chains of flows.
+# Chapter 21: thin gyri between grid points, a Chamfer distance weighted by curvature, and chains of flows.
 
 
 _Field = Callable[[Tensor], Tensor]
@@ -662,7 +662,7 @@ def through_chain() -> Exercise:
     return Exercise(chain, cases, mistakes)
 
 
-# Chapter 21: paired differences, which check of a training is kept, and the order of a solver.
+# Chapter 22: paired differences, which check of a training is kept, and the order of a solver.
 
 
 @exercise(stars=2)
@@ -766,7 +766,7 @@ def observed_order() -> Exercise:
     return Exercise(order, cases, mistakes)
 
 
-# Chapter 22: handles from faces, FreeSurfer's surface space, and simple points in the plane.
+# Chapter 23: handles from faces, FreeSurfer's surface space, and simple points in the plane.
 
 
 @exercise(stars=1)

@@ -146,7 +146,7 @@ class QuadraticLoss:
         return self.places + self.normals * s * s / (1 + (s / self.scale) ** 2)
 
 
-# Chapters 12 and 20: velocity fields.
+# Chapters 12 and 21: velocity fields.
 
 
 def spin(time: float, points: Float[Tensor, "n 2"]) -> Float[Tensor, "n 2"]:

@@ -1,4 +1,4 @@
-"""Figures of networks and slices: chapters 16 to 22."""
+"""Figures of networks and slices: chapters 16 to 23."""
 
 import lazy_loader
 
