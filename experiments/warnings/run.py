@@ -18,7 +18,7 @@ from meshot.anatomy import HEMISPHERES, enlarged, mni152_t1
 from meshot.metrics import Surface, average_surface_distance, offsets_between
 from meshot.model import network_digest
 from meshot.pipeline import TrainedNetworks, load_networks, quality_numbers, reconstruct
-from meshot.provenance import rounded
+from meshot.provenance import read_results, rounded
 from meshot.synth import LABELS, Recipe, Subject, make_cohort, read_recipe, scans
 from meshot.types import Array
 from meshot.volume import Volume, transform_points, voxel_sizes
@@ -205,7 +205,10 @@ def share(warned: list[bool]) -> dict:
 
 
 def judged(rows: list[dict], config: dict) -> dict:
-    """Limits from the first heads, and the shares of warnings on the others."""
+    """Limits from the first heads, or from those of an earlier run, and the shares of warnings on the others."""
+    if "choice" in config:
+        earlier = read_results(config["choice"])["results"]["rows"]
+        rows = [row | {"head": row["head"] - len(earlier)} for row in earlier] + rows
     parts = {
         half: {key: [row for row in rows if row["spoiled"] == flag and (row["head"] < config["n_choice"]) == first]
                for key, flag in (("good", False), ("spoiled", True))}

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from meshot.pipeline import quality_numbers
+from meshot.provenance import write_results
 from meshot.volume.volume import Volume
 from scripts import scripts_in
 
@@ -59,6 +60,22 @@ def test_heads_of_the_judgement_have_no_part_in_the_limits(run):
     assert (spoiled["warned"], spoiled["of"]) == (2, 2)  # one is refused; one did no harm
     assert shares["judgement, spoiled, all"]["new"]["of"] == 3
     assert shares["judgement, good, counted"]["before"]["share"] == 1
+
+
+def test_all_heads_of_an_earlier_run_choose_in_the_second(run, tmp_path):
+    def row(head, flag, **values):
+        return {"head": head, "spoiled": flag, "assd_mm": {"left": 0.3}, "numbers": numbers(**values),
+                "warning_names": []}  # fmt: skip
+
+    earlier = [row(0, False, gap=1), row(1, False, gap=2), row(2, False, gap=4), row(2, True, gap=9)]
+    write_results(tmp_path / "first.json", {"rows": earlier}, {}, "python", "heads", 1.0)
+    now = [row(0, False, gap=6.5), row(0, True, gap=7.5), row(1, False, gap=50)]
+    second = {"choice": str(tmp_path / "first.json"), "n_choice": 0, "useful_mm": 0.6, "bad": BAD}
+    found = run.judged(now, second)
+    assert found["limits"] == {"gap": (None, 7)}
+    assert found["shares"]["choice, good, all"]["new"]["of"] == 3
+    good = found["shares"]["judgement, good, all"]["new"]
+    assert (good["warned"], good["of"]) == (1, 2)
 
 
 def test_shares_have_exact_intervals(run):
