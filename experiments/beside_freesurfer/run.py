@@ -1,6 +1,7 @@
 """Measure white surfaces of S1, one adult, against those that FreeSurfer found in the same scan.
 
-``make person`` fetches the scan and runs this. Measured are the networks of the package, after the flow and before it.
+``make person`` fetches the scan and runs this. Measured are the networks of the package: after the repair of crossing
+faces, before it, and before the flow.
 
 ``results.json`` has a row for each side of each of these, with distances in mm to FreeSurfer's white surface: the
 symmetric mean ("assd_mm"), the 90th percentile, the share of points beyond 2 mm, and the mean signed distance
@@ -25,8 +26,8 @@ from meshot.volume import read_volume
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import experiment
 
-#: What is measured: the result, and the surface before the flow.
-STAGES = ("final", "initial")
+#: What is measured: the result, and the surface before the repair and before the flow.
+STAGES = ("final", "unrepaired", "initial")
 
 
 @functools.cache

@@ -77,6 +77,7 @@ def test_the_flow_moves_them_in_the_standard_space(made):
         assert torch.equal(surface.final.faces, surface.initial.faces)
         moved = surface.final.vertices - surface.initial.vertices
         torch.testing.assert_close(moved, way.expand_as(moved), atol=1e-4, rtol=0)
+        torch.testing.assert_close(surface.unrepaired.vertices, surface.initial.vertices + way, atol=1e-4, rtol=0)
         assert float(signed_volume(surface.final)) > 0
         assert len(self_intersecting_faces(surface.final)) == 0
 
@@ -137,7 +138,7 @@ def test_a_system_without_initial_surfaces_is_not_repaired(networks):
     found = reconstruct(bright_template(), networks[0], FixedBalls({}), template=bright_template())
     assert found.system == "balls"
     for surface in found.surfaces.values():
-        assert surface.repaired is None
+        assert surface.repaired is surface.unrepaired is None
         assert len(surface.final.faces) == 20 * 4**5 != len(surface.initial.faces)
         assert vertex_distances(surface.final, surface.initial).mean() < 0.6
 

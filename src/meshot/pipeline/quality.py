@@ -1,8 +1,12 @@
 """Warnings about a scan and its reconstruction: a name, a value and a sentence each.
 
-A warning is a sign of failure, not a proof. A failure may come without a warning. The ranges below were measured on a
-person's scan, the MNI152 average and a synthetic scan, and on versions of them that must fail: halves, a foetus-sized
-head, a head with its skull, inverted contrast, a mask, noise, and imitations of an angiogram and of a CT.
+A warning is a sign of failure, not a proof. A failure may come without a warning.
+
+There are two sets of rules. Where scans are placed by the white matter that a network finds, as for the networks of the
+package, numbers of the finished reconstruction are compared with :data:`LIMITS`, which ``experiments/warnings`` chose.
+Where scans are placed by their grey values, the ranges below are used. They were measured on a person's scan, the
+MNI152 average and a synthetic scan, and on versions of them that must fail: halves, a foetus-sized head, a head with
+its skull, inverted contrast, a mask, noise, and imitations of an angiogram and of a CT.
 """
 
 import dataclasses
@@ -77,7 +81,10 @@ WarningName = Literal[
     "scale",
     "mirrored",
     "placement",
+    "voxel_size",
     "surface_volume",
+    "sides",
+    "border",
     "voxels_given_up",
     "surface_area",
     "segmentation_distance",
@@ -137,13 +144,28 @@ def file_warnings(path: Path, facts: FileFacts) -> list[QualityWarning]:
     return [QualityWarning("file", f"{printable_name(path.name)}: {fault}") for fault in facts.faults]
 
 
+def value_warnings(scan: Volume) -> list[QualityWarning]:
+    """Whether a scan has as few values as a mask."""
+    n_values = len(np.unique(scan.data[::2, ::2, ::2]))
+    if n_values >= FEWEST_VALUES:
+        return []
+    text = f"the scan holds {n_values} different values; a T1 holds hundreds: is it a mask or an image of labels?"
+    return [QualityWarning("few_values", text, n_values)]
+
+
+def mirror_warnings(scan: StandardScan) -> list[QualityWarning]:
+    """Whether the registration mirrors a scan."""
+    if np.linalg.det(scan.to_standard[:3, :3]) > 0:
+        return []
+    return [QualityWarning("mirrored", "the registration mirrors the scan: left and right may be exchanged")]
+
+
+# Rules for scans that are placed by their grey values.
+
+
 def volume_warnings(scan: Volume) -> list[QualityWarning]:
     """Whether a scan, before it is registered, holds an image of about the volume of an adult's brain."""
-    found = []
-    n_values = len(np.unique(scan.data[::2, ::2, ::2]))
-    if n_values < FEWEST_VALUES:
-        text = f"the scan holds {n_values} different values; a T1 holds hundreds: is it a mask or an image of labels?"
-        found.append(QualityWarning("few_values", text, n_values))
+    found = value_warnings(scan)
     volume = bright_volume(scan) / 1000
     if not BRIGHT_CM3[0] < volume < BRIGHT_CM3[1]:
         text = (
@@ -186,18 +208,14 @@ def scan_warnings(scan: StandardScan, template: Volume) -> list[QualityWarning]:
             f"{LARGEST_STRETCH} or less is usual: is a part of the brain missing?"
         )
         found.append(QualityWarning("stretch", text, stretch))
-    determinant = float(np.linalg.det(scan.to_standard[:3, :3]))
-    scale = abs(determinant) ** (1 / 3)
+    scale = float(abs(np.linalg.det(scan.to_standard[:3, :3])) ** (1 / 3))
     if not SCALES[0] < scale < SCALES[1]:
         text = (
             f"the registration scales the scan by {scale:.2f}; {SCALES[0]} to {SCALES[1]} is usual: are the voxel "
             "sizes in its header right?"
         )
         found.append(QualityWarning("scale", text, scale))
-    if determinant < 0:
-        text = "the registration mirrors the scan: left and right may be exchanged"
-        found.append(QualityWarning("mirrored", text))
-    return found
+    return found + mirror_warnings(scan)
 
 
 def average_warnings(scan: StandardScan, template: Volume) -> list[QualityWarning]:
@@ -290,15 +308,7 @@ def surface_warnings(
         )
         found.append(QualityWarning("segmentation_distance", text, apart))
     if repaired is None:
-        n_crossing = len(self_intersecting_faces(final))
-        share = 100 * n_crossing / len(final.faces)
-        if share > 100 * LARGEST_LEFT_CROSSING:
-            text = (
-                f"{n_crossing} faces ({share:.2g} %) of the {side} surface cross others; "
-                f"{100 * LARGEST_LEFT_CROSSING:g} % or less is usual: volume and thickness need a surface without them"
-            )
-            found.append(QualityWarning("crossing_faces", text, share))
-        return found
+        return found + crossing_warnings(side, final)
     # A few faces cross after nearly every flow; that alone is in the numbers, not among the warnings.
     many = repaired.n_crossing > LARGEST_CROSSING * len(repaired.mesh.faces)
     if many or repaired.n_backtracks > 0 or repaired.largest_move > LARGEST_REPAIR_MM:
@@ -311,6 +321,73 @@ def surface_warnings(
             text += f", with {repaired.n_backtracks} backtracks towards the initial surface"
         found.append(QualityWarning("crossing_faces", text, share))
     return found
+
+
+def crossing_warnings(side: str, mesh: Mesh) -> list[QualityWarning]:
+    """Whether many faces of a surface that no repair follows cross others."""
+    n_crossing = len(self_intersecting_faces(mesh))
+    share = 100 * n_crossing / len(mesh.faces)
+    if share <= 100 * LARGEST_LEFT_CROSSING:
+        return []
+    text = (
+        f"{n_crossing} faces ({share:.2g} %) of the {side} surface cross others; "
+        f"{100 * LARGEST_LEFT_CROSSING:g} % or less is usual: volume and thickness need a surface without them"
+    )
+    return [QualityWarning("crossing_faces", text, share)]
+
+
+# Rules for scans that are placed by their white matter.
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    """The usual range of one of the :func:`quality_numbers`, and what is said beyond it."""
+
+    number: str
+    warning: WarningName
+    low: float
+    high: float
+    text: str  # with {value}, and {low} or {high}
+
+
+_INF = float("inf")
+#: The limits are the extremes of 24 good heads, moved by their range: ``experiments/warnings/second``, which has the
+#: shares of good and of spoiled heads that get a warning.
+LIMITS = (
+    Limit("voxel_mm", "voxel_size", 0.0, 2.22, "the largest side of a voxel has {value:.2g} mm; {high:.2g} or less is "
+          "what the networks were tried with: thin folds may be lost"),
+    Limit("contrast", "contrast", 0.172, _INF, "inside the brain the scan differs from a T1 (correlation {value:.2f} "
+          "with the template, {low:.2f} or more is usual): is it a T1, and upright?"),
+    Limit("gap_cm3", "gap", 0.0, 0.136, "{value:.2g} cm³ of the template's brain lie in one piece where the scan is "
+          "empty; {high:.2g} or less are usual: does the field of view end inside the brain, or was a part cut away?"),
+    Limit("stretch", "stretch", 1.0, 1.41, "the placement stretches one direction by {value:.2f} against another; "
+          "{high:.2f} or less is usual: is a part of the brain missing?"),
+    Limit("scale", "scale", 0.887, 1.27, "the placement scales the scan by {value:.2f}; {low:.2f} to {high:.2f} is "
+          "usual: are the voxel sizes in its header right, and is it an adult?"),
+    Limit("least_volume_cm3", "surface_volume", 111.0, _INF, "the surface of one side encloses {value:.0f} cm³; "
+          "{low:.0f} or more are usual: is a part of the brain missing?"),
+    Limit("largest_volume_cm3", "surface_volume", 0.0, 417.0, "the surface of one side encloses {value:.0f} cm³; "
+          "{high:.0f} or less are usual: does it leave the brain?"),
+    Limit("side_ratio", "sides", 1.0, 1.27, "one side encloses {value:.2f} times the volume of the other; {high:.2f} "
+          "or less is usual: is a part of one side missing?"),
+    Limit("largest_area_over_initial", "surface_area", 0.0, 1.36, "one surface has {value:.2f} of the area of the "
+          "segmentation's surface; {high:.2f} or less is usual: is it folded onto itself?"),
+    Limit("given_up", "voxels_given_up", 0.0, 0.0413, "of one side {value:.1%} of the white matter were given up to "
+          "make it a ball without handles; {high:.1%} or less is usual: look for cuts in the slices"),
+    Limit("from_segmentation_mm", "segmentation_distance", 0.0, 0.720, "one surface lies {value:.2f} mm from that of "
+          "the segmentation on average; {high:.2f} or less is usual: look at it in the slices"),
+    Limit("brighter_inside", "border", 0.902, 1.0, "at {value:.0%} of one surface the scan is brighter inside than "
+          "outside; {low:.0%} or more is usual: is the scan a T1 with little noise, and does the surface follow it?"),
+)  # fmt: skip
+
+
+def number_warnings(numbers: Mapping[str, float]) -> list[QualityWarning]:
+    """Which numbers of a reconstruction lie beyond :data:`LIMITS`. What is no number lies beyond every limit."""
+    return [
+        QualityWarning(each.warning, each.text.format(value=value, low=each.low, high=each.high), value)
+        for each in LIMITS
+        if not each.low <= (value := numbers[each.number]) <= each.high
+    ]
 
 
 # Numbers of a finished reconstruction that may show a failure.

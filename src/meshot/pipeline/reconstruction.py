@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from meshot.anatomy import HEMISPHERES, Hemisphere, from_mni152, in_mni152, mni152_t1, placed_by_white_matter
+from meshot.anatomy import HEMISPHERES, Hemisphere, enlarged, from_mni152, in_mni152, mni152_t1, placed_by_white_matter
 from meshot.flow import RepairedSurface, repair_crossings
 from meshot.mesh import Mesh
 from meshot.model import SegmentationNetwork, network_digest, read_weights
@@ -15,9 +15,14 @@ from meshot.pipeline.correspondence import CarriedTemplate, carry_template
 from meshot.pipeline.initial_surface import SegmentedSurface, segmented_surface
 from meshot.pipeline.quality import (
     QualityWarning,
+    crossing_warnings,
+    mirror_warnings,
+    number_warnings,
+    quality_numbers,
     require_no_warnings,
     scan_warnings,
     surface_warnings,
+    value_warnings,
     volume_warnings,
 )
 from meshot.pipeline.segmentation import in_scanner, white_matter
@@ -82,6 +87,8 @@ class HemisphereSurface:
     # in the space of ``final``, as the system gives it: faces that cross are not repaired. None if the system finds
     # white surfaces only.
     pial: Mesh | None = None
+    # what the system found, before the repair, in the space of ``final``; None if nothing is repaired.
+    unrepaired: Mesh | None = None
 
     def meshes(self) -> dict[str, Mesh]:
         """All surfaces by name: "white", "initial", and of "fsaverage5" (the template) and "pial" what is there."""
@@ -150,7 +157,8 @@ def reconstruct(
     template : Volume, optional
         Where to register to; the MNI152 average if left out, which the shipped networks know.
     strict : bool
-        Whether a warning is an error: of the scan before it is segmented, of the surfaces at the end.
+        Whether a warning is an error: of the scan before it is segmented, and of the finished reconstruction. What is
+        wrong with a scan that is placed by its white matter is mostly known at the end.
     correspondence : bool
         Whether to carry fsaverage5's white surface to each result, so that vertices correspond between people: see
         :func:`meshot.pipeline.carry_template`. Some fifty seconds of one core for each side.
@@ -164,12 +172,15 @@ def reconstruct(
     if system is not None and not set(_WHITE) <= set(system.surfaces):
         raise ValueError(f"{system.name} finds {system.surfaces}; both white surfaces are needed here")
     template = mni152_t1() if template is None else template
-    scan = with_dark_background(scan)
+    given, scan = scan, with_dark_background(scan)
     placement = segmentation.placement if system is None else system.placement
     clock = StageClock((4 if system is None else 6) + len(HEMISPHERES) * correspondence, progress)
     with clock.stage("registration"):
         registered = standard_scan(scan, template, quick=True)
-        warnings = volume_warnings(scan) + scan_warnings(registered, template)
+        if placement == PLACEMENTS[0]:
+            warnings = volume_warnings(scan) + scan_warnings(registered, template)
+        else:
+            warnings = value_warnings(scan) + mirror_warnings(registered)
     if strict:
         require_no_warnings(warnings)
     with clock.stage("white matter"):
@@ -200,10 +211,16 @@ def reconstruct(
         if placed is not None:
             placed = dataclasses.replace(placed, mesh=in_scanner(placed.mesh, standard))
         white = start if white is None else white
-        surfaces[side] = HemisphereSurface(start, white, segmented[side], settlement.get(key), placed, pial)
+        unrepaired = in_scanner(found[key], standard) if key in settlement else None
+        surfaces[side] = HemisphereSurface(start, white, segmented[side], settlement.get(key), placed, pial, unrepaired)
     name = None if system is None else system.name
-    for side, surface in surfaces.items():
-        warnings += surface_warnings(side, surface.final, surface.initial, surface.segmented, surface.repaired)
+    if placement != PLACEMENTS[0]:
+        warnings += number_warnings(quality_numbers(given, standard, enlarged(template), surfaces))
+    for side, each in surfaces.items():
+        if placement == PLACEMENTS[0]:
+            warnings += surface_warnings(side, each.final, each.initial, each.segmented, each.repaired)
+        elif each.repaired is None:
+            warnings += crossing_warnings(side, each.final)
     if strict:
         require_no_warnings(warnings)
     seconds = clock.cpu_seconds, clock.wall_seconds
