@@ -98,9 +98,34 @@ def turned(scan: Volume, labels: Array, rng: np.random.Generator) -> tuple[Volum
     return Volume(scan.data, turn @ scan.affine), turn
 
 
+def lesion(scan: Volume, labels: Array, rng: np.random.Generator, mm: float) -> tuple[Volume, Array]:
+    """A ball of fluid whose centre is in white matter, as far from its border as half of it at most."""
+    depths = scipy.ndimage.distance_transform_edt(np.isin(labels, WHITE), sampling=voxel_sizes(scan))
+    places = np.argwhere(depths > np.quantile(depths[depths > 0], 0.5))
+    offsets = (np.indices(scan.data.shape).T - rng.choice(places)) * voxel_sizes(scan)
+    ball = (np.linalg.norm(offsets, axis=-1) < mm).T & (labels != AIR)
+    fluid = scan.data[labels == LABELS["fluid"]]
+    return scan.with_data(np.where(ball, rng.choice(fluid, scan.data.shape), scan.data)), np.eye(4)
+
+
+def vessels(scan: Volume, labels: Array, rng: np.random.Generator, of_fluid: float) -> tuple[Volume, Array]:
+    """Parts of the fluid far brighter than white matter, as with gadolinium."""
+    fluid, white = labels == LABELS["fluid"], np.median(scan.data[np.isin(labels, WHITE)])
+    field = scipy.ndimage.gaussian_filter(rng.standard_normal(scan.data.shape), 2.0 / voxel_sizes(scan))
+    bright = fluid & (field > np.quantile(field[fluid], 1 - of_fluid))
+    return scan.with_data(np.where(bright, 1.6 * white, scan.data)), np.eye(4)
+
+
+def child(scan: Volume, labels: Array, rng: np.random.Generator, factor: float) -> tuple[Volume, Array]:
+    """The whole head smaller by a factor."""
+    smaller = np.diag([factor, factor, factor, 1.0])
+    return Volume(scan.data, smaller @ scan.affine), smaller
+
+
 KINDS: dict[str, Callable[..., tuple[Volume, Array]]] = {
     "inverted": inverted, "bright_fluid": bright_fluid, "one_side": one_side, "cropped": cropped,
     "biased": biased, "noisy": noisy, "thick": thick, "turned": turned,
+    "lesion": lesion, "vessels": vessels, "child": child,
 }  # fmt: skip
 
 
@@ -234,8 +259,11 @@ def judged(rows: list[dict], config: dict) -> dict:
 
 
 def tasks(config: dict) -> list[dict]:
-    """Each head as it is, and spoiled."""
+    """Each head as it is, and spoiled in turn; or each head in every way."""
     digests = digests_of(config)
+    if config.get("every"):
+        ways = range(len(config["spoiled"]))
+        return [{"head": k, "way": way, "digests": digests} for k in range(config["n_heads"]) for way in ways]
     return [
         {"head": number, "spoiled": flag, "digests": digests}
         for number in range(config["n_heads"])
@@ -254,15 +282,31 @@ def digests_of(config: dict) -> dict[str, str]:
 def work(task: dict, config: experiment.Config) -> dict:
     """One reconstruction."""
     subject, number = head(task["head"], config), task["head"]
-    if not task["spoiled"]:
+    if not task.get("spoiled", True):
         return rounded(measured(subject.scan(), subject, np.eye(4), config))
-    how = config["spoiled"][number % len(config["spoiled"])]
+    how = config["spoiled"][task.get("way", number % len(config["spoiled"]))]
     scan, moved = spoiled(subject, how, config["seed"] + number)
     return rounded({"kind": how["kind"]} | measured(scan, subject, moved, config))
 
 
+def outcome(row: dict, config: dict) -> str:
+    """What becomes of a scan: refused, warned of, right, or wrong without a word."""
+    if "refused" in row:
+        return "refused"
+    if row["warning_names"]:
+        return "warned of"
+    return "right" if max(row["assd_mm"].values()) <= config["useful_mm"] else "wrong without a word"
+
+
 def results(rows: list[dict], config: experiment.Config) -> dict:
-    """The judgement, and all rows."""
+    """The judgement, and all rows; or the outcome of each way."""
+    if config.get("every"):
+        tried, outcomes = [], {}
+        for row in rows:
+            how, found = config["spoiled"][row["task"]["way"]], row["found"]
+            tried.append({"head": row["task"]["head"], "outcome": outcome(found, config)} | how | found)
+            outcomes.setdefault(" ".join(map(str, how.values())), []).append(tried[-1]["outcome"])
+        return rounded({"networks": digests_of(config), "outcomes": outcomes, "rows": tried})
     found = [{"head": row["task"]["head"], "spoiled": row["task"]["spoiled"]} | row["found"] for row in rows]
     return rounded({"networks": digests_of(config)} | judged(found, config) | {"rows": found})
 

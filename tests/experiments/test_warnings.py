@@ -12,7 +12,9 @@ from meshot.volume.volume import Volume
 from scripts import scripts_in
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "warnings"
-CONFIG = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
+CONFIG, FURTHER = (
+    yaml.safe_load((FOLDER / name).read_text(encoding="utf-8")) for name in ("config.yaml", "further.yaml")
+)
 
 
 @pytest.fixture
@@ -99,9 +101,9 @@ def head():
 def test_each_kind_of_spoiled_scan_is_what_it_says(run, head):
     scan, labels = head
     made = {}
-    for how in CONFIG["spoiled"]:
+    for how in CONFIG["spoiled"] + FURTHER["spoiled"]:
         sizes = {key: value for key, value in how.items() if key != "kind"}
-        sizes |= {"mm": 4} if how["kind"] in ("cropped", "thick") else {}
+        sizes |= {"mm": 4} if how["kind"] in ("cropped", "thick", "lesion") else {}
         made[how["kind"]] = run.KINDS[how["kind"]](scan, labels, np.random.default_rng(0), **sizes)
     assert set(made) == set(run.KINDS)
     white, grey, fluid, air = (np.isin(labels, each) for each in ((1, 2), (3, 4), (7,), (0,)))
@@ -128,7 +130,31 @@ def test_each_kind_of_spoiled_scan_is_what_it_says(run, head):
     np.testing.assert_allclose(slices.data[..., 1], scan.data[..., 4:8].mean(axis=2), rtol=1e-6)
     turned, moved = made["turned"]
     np.testing.assert_allclose(turned.affine, moved @ scan.affine)
-    assert all((made[kind][1] == np.eye(4)).all() for kind in made if kind != "turned")
+    ball = made["lesion"][0].data != scan.data
+    assert 0.8 * 4 / 3 * np.pi * 4**3 < ball.sum() < 1.2 * 4 / 3 * np.pi * 4**3
+    assert ball[white].any()
+    assert set(made["lesion"][0].data[ball]) == {90.0}
+    bright = made["vessels"][0].data != scan.data
+    assert bright.sum() == pytest.approx(0.25 * fluid.sum(), rel=0.02)
+    assert not bright[~fluid].any()
+    assert set(made["vessels"][0].data[bright]) == {640.0}
+    smaller, moved = made["child"]
+    np.testing.assert_allclose(smaller.affine, moved @ scan.affine)
+    assert np.linalg.det(smaller.affine[:3, :3]) == pytest.approx(0.75**3)
+    assert all((made[kind][1] == np.eye(4)).all() for kind in made if kind not in ("turned", "child"))
+
+
+def test_each_way_has_an_outcome(run, monkeypatch):
+    right = {"assd_mm": {"left": 0.2, "right": 0.5}, "warning_names": []}
+    wrong = right | {"assd_mm": {"left": 0.2, "right": 0.7}}
+    found = [right, wrong, wrong | {"warning_names": ["gap"]}, right | {"warning_names": ["gap"]}, {"refused": "no"}]
+    config = {"useful_mm": 0.6, "every": True, "n_heads": 5, "spoiled": [{"kind": "lesion", "mm": 25}]}
+    monkeypatch.setattr(run, "digests_of", lambda _: {})
+    tasks = run.tasks(config)
+    assert [(task["head"], task["way"]) for task in tasks] == [(k, 0) for k in range(5)]
+    rows = [{"task": task, "found": each} for task, each in zip(tasks, found, strict=True)]
+    made = run.results(rows, config)
+    assert made["outcomes"] == {"lesion 25": ["right", "wrong without a word", "warned of", "warned of", "refused"]}
 
 
 def test_the_protocol_knows_every_number_of_the_package():
