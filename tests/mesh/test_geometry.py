@@ -17,12 +17,14 @@ from meshot.mesh.geometry import (
     cotangents,
     even_points,
     face_areas,
+    gaussian_curvatures,
     mean_curvatures,
     plane_section,
     sample_locations,
     sample_points,
     solid_moments,
     umbrella_vectors,
+    vertex_areas,
 )
 from meshot.mesh.mesh import Contour, closed_contour
 from meshot.mesh.shapes import cube, ellipsoid, folded_sphere, icosphere, tetrahedron
@@ -340,3 +342,27 @@ def test_a_body_turned_inside_out_is_refused():
     mesh = icosphere(1, 1.0)
     with pytest.raises(ValueError, match="closed mesh with outward normals"):
         solid_moments(Mesh(mesh.vertices, mesh.faces.flip(1)))
+
+
+@pytest.mark.parametrize("mesh", [cube(), bumpy(), folded_sphere(3)], ids=["cube", "bumpy", "folded"])
+def test_gaussian_curvature_adds_up_to_the_euler_number(mesh):
+    """Gauss and Bonnet: 4π on every surface with the topology of a sphere. libigl finds the same at every vertex."""
+    found = gaussian_curvatures(mesh)
+    assert float((found * vertex_areas(mesh)).sum()) == pytest.approx(4 * math.pi, rel=1e-12)
+    defects = igl.gaussian_curvature(mesh.vertices.numpy(), mesh.faces.numpy())
+    np.testing.assert_allclose((found * vertex_areas(mesh)).numpy(), defects, atol=1e-9)
+
+
+def test_gaussian_curvature_of_a_saddle_is_negative_and_of_a_sphere_one_over_its_square():
+    assert float(gaussian_curvatures(icosphere(4, radius=5.0)).mean()) == pytest.approx(1 / 25, rel=0.01)
+    x, y = torch.meshgrid(torch.linspace(-1, 1, 9), torch.linspace(-1, 1, 9), indexing="ij")
+    points = torch.stack([x, y, 0.1 * (x**2 - y**2)], dim=-1).reshape(-1, 3).double()
+    at = torch.arange(81).reshape(9, 9)
+    faces = torch.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:]], dim=-1).reshape(-1, 3)
+    faces = torch.cat([faces, torch.stack([at[:-1, :-1], at[1:, 1:], at[:-1, 1:]], dim=-1).reshape(-1, 3)])
+    assert float(gaussian_curvatures(Mesh(points, faces))[40]) == pytest.approx(-0.04, rel=0.05)
+
+
+def test_a_vertex_without_area_has_no_gaussian_curvature():
+    flat = Mesh(torch.zeros(3, 3).double(), torch.tensor([[0, 1, 2]]))
+    assert gaussian_curvatures(flat).tolist() == [0, 0, 0]

@@ -18,7 +18,15 @@ import trimesh
 from meshot.mesh import brain_files
 from meshot.mesh.connectivity import SPHERE, topology
 from meshot.mesh.geometry import signed_volume
-from meshot.mesh.io import gifti_image, mesh_facts, read_mesh, read_vertex_data, write_mesh
+from meshot.mesh.io import (
+    gifti_image,
+    mesh_facts,
+    read_mesh,
+    read_vertex_data,
+    write_mesh,
+    write_vertex_labels,
+    write_vertex_values,
+)
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import cube, icosphere
 from refusals import refuses
@@ -438,3 +446,48 @@ def test_vtk_files_need_an_extra(tmp_path, monkeypatch):
     for task in (lambda: write_mesh(tmp_path / "a.vtp", cube()), lambda: Mesh.from_pyvista(None)):
         with pytest.raises(ImportError, match=r"pyvista is not installed.*pip install 'meshot\[cortex\]'"):
             task()
+
+
+@pytest.mark.parametrize("name", ["lh.thickness", "sub-01_hemi-L_thickness.shape.gii"])
+def test_values_of_vertices_come_back_from_nibabel(tmp_path, name):
+    values = np.random.default_rng(0).normal(size=1000)
+    write_vertex_values(tmp_path / name, values)
+    if name.endswith("gii"):
+        (array,) = nibabel.load(tmp_path / name).darrays
+        assert array.intent == nibabel.nifti1.intent_codes["NIFTI_INTENT_SHAPE"]
+        found = array.data
+    else:
+        found = nibabel.freesurfer.read_morph_data(tmp_path / name)
+    np.testing.assert_allclose(found, values, rtol=1e-6)
+
+
+REGIONS = (["unknown", "front", "back"], [(25, 5, 25), (60, 20, 220), (220, 20, 20)])
+
+
+@pytest.mark.parametrize("name", ["lh.aparc.annot", "sub-01_hemi-L_dseg.label.gii"])
+def test_labels_of_vertices_come_back_from_nibabel(tmp_path, name):
+    labels = np.random.default_rng(0).integers(0, 3, 1000)
+    write_vertex_labels(tmp_path / name, labels, *REGIONS)
+    if name.endswith("gii"):
+        image = nibabel.load(tmp_path / name)
+        found, table = image.darrays[0].data, image.labeltable.labels
+        names = [each.label for each in table]
+        colours = [tuple(round(255 * part) for part in each.rgba[:3]) for each in table]
+    else:
+        found, table, names = nibabel.freesurfer.read_annot(tmp_path / name)
+        names, colours = [each.decode() for each in names], [tuple(row[:3]) for row in table.tolist()]
+    np.testing.assert_array_equal(found, labels)
+    assert (names, colours) == REGIONS
+
+
+def test_values_and_labels_that_cannot_be_written(tmp_path, unchecked):
+    names, colours = REGIONS
+    write_labels, write_values = write_vertex_labels, write_vertex_values
+    path = tmp_path / "lh.aparc.annot"
+    refuses("labels run from 0 to 3, and there are 3 names", write_labels, path, np.array([0, 3]), names, colours)
+    refuses("labels run from -1", write_labels, path, np.array([-1, 2]), names, colours)
+    refuses("integers are needed", write_labels, path, np.array([0.0, 1.0]), names, colours)
+    refuses("3 names and 2 different colours", write_labels, path, np.array([0]), names, [colours[0], *colours[:2]])
+    refuses("or are not finite", write_values, tmp_path / "lh.thickness", np.array([1.0, np.nan]))
+    refuses(r"values have the shape \(1, 2\)", write_values, tmp_path / "lh.thickness", np.ones((1, 2)))
+    assert list(tmp_path.iterdir()) == []

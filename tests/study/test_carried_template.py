@@ -12,6 +12,14 @@ from meshot.study import layout_named, many_visits as one_visit, visits_of_files
 from meshot.volume.io import read_volume
 from refusals import refuses
 
+#: What each layout has of the regions of the cortex.
+REGIONS = {
+    "flat": {"regions.tsv", "regions.json", "lh.aparc.stats", "rh.aparc.annot"},
+    "freesurfer": {"regions.tsv", "regions.json", "rh.aparc.stats", "lh.aparc.annot"},
+    "bids": {"atlas-DesikanKilliany_morph.tsv", "atlas-DesikanKilliany_morph.json",
+             "hemi-R_atlas-DesikanKilliany_dseg.label.gii"},
+}  # fmt: skip
+
 
 @pytest.fixture
 def with_template(found):
@@ -39,6 +47,8 @@ def test_every_layout_has_it(with_template, turned_scan, tmp_path, layout, file)
     mesh = read_mesh(tmp_path / name)
     truth = fsaverage5_surface("white", "left")
     assert torch.equal(mesh.faces, truth.faces)
+    names = {path.name.removeprefix(f"{visit.prefix}_") for path in tmp_path.rglob("*") if path.is_file()}
+    assert REGIONS[layout] <= names
 
 
 def test_a_study_without_it_is_not_taken_for_one_with_it(quick, settings, turned_scan, tmp_path):

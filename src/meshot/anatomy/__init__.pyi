@@ -1,3 +1,4 @@
+from .regions import Parcellation as Parcellation, desikan_killiany as desikan_killiany
 from .templates import (
     ENLARGEMENT as ENLARGEMENT,
     HEMISPHERES as HEMISPHERES,

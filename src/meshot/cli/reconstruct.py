@@ -78,8 +78,8 @@ def add_to(commands: Commands) -> None:
     command.add_argument(
         "--template",
         action="store_true",
-        help="Also carry fsaverage5's white surface to each side, so that vertices correspond between people; one to "
-        "two minutes more.",
+        help="Also carry fsaverage5's white surface to each side, so that vertices correspond between people, and "
+        "write area and curvature by region of the cortex; one to two minutes more.",
     )
     command.add_argument("--brain-mask", **FILE, help="Use this volume, which is 0 outside the brain.")
     command.add_argument("--strict", action="store_true", help="Stop with exit status 3 instead of a warning.")

@@ -31,6 +31,7 @@ from .geometry import (
     face_barycentres as face_barycentres,
     face_corners as face_corners,
     face_normals as face_normals,
+    gaussian_curvatures as gaussian_curvatures,
     mean_curvatures as mean_curvatures,
     mesh_edges as mesh_edges,
     plane_section as plane_section,
@@ -52,6 +53,8 @@ from .io import (
     read_whole_mesh as read_whole_mesh,
     write_carried as write_carried,
     write_mesh as write_mesh,
+    write_vertex_labels as write_vertex_labels,
+    write_vertex_values as write_vertex_values,
 )
 from .mesh import Contour as Contour, Mesh as Mesh, closed_contour as closed_contour
 from .shapes import (

@@ -228,6 +228,27 @@ def mean_curvatures(mesh: Mesh) -> Float[Tensor, " V"]:
     return torch.where(positive, curvatures, torch.zeros_like(curvatures))
 
 
+def gaussian_curvatures(mesh: Mesh) -> Float[Tensor, " V"]:
+    """The Gaussian curvature at every vertex, in 1/squared units of the vertices: 1/r² on a sphere of radius r.
+
+    It is what the angles of the faces around the vertex lack to 2π, divided by a third of their area. Over a closed
+    surface its integral is 2π times the Euler number. It is meaningful at interior vertices only. At a vertex whose
+    faces all have zero area it is zero.
+
+    References
+    ----------
+    Meyer, Desbrun, Schröder and Barr, *Discrete Differential-Geometry Operators for Triangulated 2-Manifolds*, 2003.
+    """
+    corners = face_corners(mesh)
+    ahead, behind = (corners.roll(-1, dims=1) - corners), (corners.roll(1, dims=1) - corners)
+    angles = torch.atan2(safe_norm(torch.linalg.cross(ahead, behind)), (ahead * behind).sum(dim=-1))
+    around = torch.zeros_like(mesh.vertices[:, 0]).index_add(0, mesh.faces.flatten(), angles.flatten())
+    areas = vertex_areas(mesh)
+    positive = areas > 0
+    curvatures = (2 * torch.pi - around) / torch.where(positive, areas, torch.ones_like(areas))
+    return torch.where(positive, curvatures, torch.zeros_like(curvatures))
+
+
 def _require_used(n_cells: Int64[Tensor, " V"], kind: str) -> None:
     if bool((n_cells == 0).any()):
         raise ValueError(

@@ -4,7 +4,7 @@ import gzip
 import os
 import re
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -264,6 +264,76 @@ def write_mesh(
             shape.export(temporary, file_type=kind)
         if packed != temporary:
             packed.write_bytes(gzip.compress(temporary.read_bytes(), mtime=0))
+
+
+def write_vertex_values(path: str | os.PathLike, values: Shaped[Array, " V"]) -> None:
+    """Write a number for every vertex, such as its thickness.
+
+    Parameters
+    ----------
+    path : path
+        ``.shape.gii`` or another ``.gii``, else a file of FreeSurfer such as ``lh.thickness``.
+    values : array
+        Finite; written as 32-bit floats.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, or the array has not one axis.
+    """
+    path, values = Path(path), np.asarray(values, dtype=np.float32)
+    if values.ndim != 1 or not np.isfinite(values).all():
+        raise ValueError(f"values have the shape {values.shape}, or are not finite; a finite number a vertex is needed")
+    with whole_file(path) as temporary:
+        if path.suffix == ".gii":
+            array = nibabel.gifti.GiftiDataArray(values, intent="NIFTI_INTENT_SHAPE")
+            nibabel.save(nibabel.GiftiImage(darrays=[array]), temporary)
+        else:
+            nibabel.freesurfer.write_morph_data(temporary, values)
+
+
+def write_vertex_labels(
+    path: str | os.PathLike,
+    labels: Shaped[Array, " V"],
+    names: Sequence[str],
+    colours: Sequence[tuple[int, int, int]],
+) -> None:
+    """Write the region of every vertex, with names and colours.
+
+    Parameters
+    ----------
+    path : path
+        ``.label.gii`` or another ``.gii``, else an annotation of FreeSurfer such as ``lh.aparc.annot``.
+    labels : array of int
+        Indices of ``names``.
+    names : sequence of str
+    colours : sequence of three int
+        Red, green and blue from 0 to 255 of each name; no two alike.
+
+    Raises
+    ------
+    ValueError
+        If a label has no name, or names and colours are not equally many, or two colours are alike.
+    """
+    path, labels = Path(path), np.asarray(labels)
+    if labels.ndim != 1 or labels.dtype.kind not in "iu":
+        raise ValueError(f"labels have the shape {labels.shape} and the type {labels.dtype}; integers are needed")
+    if len(labels) and not (labels.min() >= 0 and labels.max() < len(names)):
+        raise ValueError(f"labels run from {labels.min()} to {labels.max()}, and there are {len(names)} names")
+    if len(set(colours)) != len(colours) or len(colours) != len(names):
+        raise ValueError(f"{len(names)} names and {len(set(colours))} different colours came; one a name is needed")
+    with whole_file(path) as temporary:
+        if path.suffix == ".gii":
+            array = nibabel.gifti.GiftiDataArray(labels.astype(np.int32), intent="NIFTI_INTENT_LABEL")
+            table = nibabel.gifti.GiftiLabelTable()
+            for key, (name, colour) in enumerate(zip(names, colours, strict=True)):
+                each = nibabel.gifti.GiftiLabel(key, *(value / 255 for value in colour), float(key > 0))
+                each.label = name
+                table.labels.append(each)
+            nibabel.save(nibabel.GiftiImage(darrays=[array], labeltable=table), temporary)
+        else:
+            table = np.array([[*colour, 0] for colour in colours], dtype=np.int32)
+            nibabel.freesurfer.write_annot(temporary, labels.astype(np.int32), table, list(names), fill_ctab=True)
 
 
 #: The types in which formats hold data of vertices; of VTP and VTK all.

@@ -22,3 +22,8 @@ from .evaluation import (
     mesh_properties as mesh_properties,
     smallest_angles as smallest_angles,
 )
+from .thickness import (
+    LARGEST_THICKNESS_MM as LARGEST_THICKNESS_MM,
+    cortical_thickness as cortical_thickness,
+    cortical_volumes as cortical_volumes,
+)

@@ -16,7 +16,13 @@ from .reconstruction import (
     reconstruct as reconstruct,
     segmentation_weights as segmentation_weights,
 )
+from .regions import (
+    region_numbers as region_numbers,
+    vertex_regions as vertex_regions,
+    write_regions as write_regions,
+)
 from .report import (
+    FLAT_REGIONS as FLAT_REGIONS,
     OVERVIEW as OVERVIEW,
     PAGE as PAGE,
     REPORT as REPORT,

@@ -18,6 +18,7 @@ from meshot.metrics import vertex_distances
 from meshot.pipeline.page import given_up_pictures, overview, reconstruction_page, slice_pictures, surface_view
 from meshot.pipeline.quality import file_warnings, require_no_warnings, voxels_given_up
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction, StageClock, TrainedNetworks, reconstruct
+from meshot.pipeline.regions import write_regions
 from meshot.provenance import provenance
 from meshot.types import Array, Float
 from meshot.volume import Volume, centre_ras, masked_scan, read_volume_and_facts, resample, voxel_sizes, write_volume
@@ -201,6 +202,13 @@ _ABOUT = (
     (r"timing\.json", "seconds of each stage"),
     (r"slices\.webp", "the slices above in one small picture"),
     (r"meshot\.log", "the stages, and warnings"),
+    (
+        r"(regions|_morph)\.(tsv|json)",
+        "area, curvature, and with a pial surface thickness and volume, by region of the cortex",
+    ),
+    (r"aparc\.stats", "the same as FreeSurfer's tables"),
+    (r"(aparc\.annot|\.label\.gii)", "the region of every vertex of the white surface"),
+    (r"(thickness|\.shape\.gii)", "the thickness at every vertex of the white surface"),
     (r"\.(json|tsv)", "descriptions of the files that have the same name"),
 )
 
@@ -212,6 +220,13 @@ def files_beside(folder: Path, place: Path) -> list[tuple[list[str], str]]:
         name = printable_name(os.path.relpath(path, place))
         found[next((about for end, about in _ABOUT if re.search(f"{end}$", path.name)), "")].append(name)
     return [(names, about) for about, names in found.items() if names]
+
+
+#: The files of the regions in the flat layout, see :func:`meshot.pipeline.regions.write_regions`.
+FLAT_REGIONS = {
+    "table": "regions", "stats": "{short}.aparc.stats", "labels": "{short}.aparc.annot",
+    "thickness": "{short}.thickness",
+}  # fmt: skip
 
 
 def structure_of(side: Hemisphere, name: str) -> tuple[str, str]:
@@ -228,6 +243,7 @@ def write_flat(folder: Path, found: Reconstruction, scan: Volume) -> Path:
     write_volume(folder / WHITE_MATTER, white_matter_labels(found, scan))
     (folder / ITK).write_text(itk_transform(found.registered.to_standard), encoding="utf-8")
     (folder / LTA).write_text(lta_transform(found.registered.to_standard, scan, "scan", mni152_t1()), encoding="utf-8")
+    write_regions(folder, found, FLAT_REGIONS)
     return folder
 
 

@@ -13,6 +13,7 @@ from meshot.anatomy import HEMISPHERES, mni152_t1
 from meshot.files import printable_name, write_whole
 from meshot.mesh import write_mesh
 from meshot.pipeline import (
+    FLAT_REGIONS,
     SHORT,
     TEMPLATE,
     Reconstruction,
@@ -21,6 +22,7 @@ from meshot.pipeline import (
     structure_of,
     white_matter_labels,
     write_flat,
+    write_regions,
 )
 from meshot.study.bids import Visit
 from meshot.volume import Volume, centre_ras, resample, write_volume
@@ -57,6 +59,9 @@ def arrange_freesurfer(folder: Path, found: Reconstruction, scan: Volume, visit:
     write_volume(folder / "mri" / "rawavg.mgz", scan)
     write_volume(folder / "mri" / "orig.mgz", conformed)
     write_volume(folder / "mri" / "filled.mgz", white_matter_labels(found, conformed, FILLED, genus_zero=True))
+    stats = {key: f"stats/{name}" for key, name in FLAT_REGIONS.items()}
+    stats |= {"labels": "label/{short}.aparc.annot", "thickness": "surf/{short}.thickness"}
+    write_regions(folder, found, stats, visit.label)
     transforms = folder / "mri" / "transforms"
     transforms.mkdir()
     lta = lta_transform(found.registered.to_standard, conformed, "orig.mgz", mni152_t1())
@@ -105,6 +110,9 @@ IGNORED = (
     "*.surf.gii",
     "*_white.json",
     "*_pial.json",
+    "*_morph.*",
+    "*.label.gii",
+    "*.shape.gii",
 )
 _LABELS = "index\tname\tabbreviation\n1\tLeft cerebral white matter\tlWM\n2\tRight cerebral white matter\trWM\n"
 
@@ -120,6 +128,13 @@ def arrange_bids(folder: Path, found: Reconstruction, scan: Volume, visit: Visit
             name = f"{start}_{kind}" if kind in ("white", "pial") else f"{start}_desc-{kind}_white"
             write_mesh(anat / f"{name}.surf.gii", mesh, structure=structure_of(side, kind))
             _write_json(anat / f"{name}.json", facts | {"SpatialReference": "scanner RAS of the T1w image, in mm"})
+    atlas = "atlas-DesikanKilliany"
+    regions = {
+        "table": f"{visit.prefix}_{atlas}_morph",
+        "labels": f"{visit.prefix}_hemi-{{side}}_{atlas}_dseg.label.gii",
+    }
+    regions["thickness"] = f"{visit.prefix}_hemi-{{side}}_thickness.shape.gii"
+    write_regions(anat, found, regions, visit.label)
     start = anat / f"{visit.prefix}_desc-whitematter_dseg"
     write_volume(start.with_name(f"{start.name}.nii.gz"), white_matter_labels(found, scan))
     said = {"Description": "White matter, 1 on the left and 2 on the right", "Manual": False}
