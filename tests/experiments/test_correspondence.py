@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from meshot.anatomy.templates import fsaverage5_surface
 from meshot.mesh.shapes import icosphere
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "correspondence"
@@ -36,3 +37,23 @@ def test_an_affine_image_of_the_template_has_no_error_after_the_best_affine_map(
 def test_a_spread_is_that_of_numpy(part):
     values = np.arange(101.0)
     assert part("run").spread(values, 95) == {"mean": 50.0, "median": 50.0, "percentile_95": 95.0}
+
+
+def test_a_template_in_its_true_place_makes_no_error_by_region(part):
+    run, (white, pial) = part("run"), (fsaverage5_surface(kind, "left") for kind in ("white", "pial"))
+    found = run.by_region(white, pial, white, white, "left")
+    assert found["right_percent"] == 100
+    assert set(found["area_percent"].values()) == set(found["thickness_mm"].values()) == {0.0}
+    forwards = white.with_vertices(white.vertices + torch.tensor([0.0, 10.0, 0.0]).double())
+    moved = run.by_region(white, pial, white, forwards, "left")
+    assert moved["right_percent"] < 80
+    assert max(abs(error) for error in moved["area_percent"].values()) > 20
+
+
+def test_vertices_have_their_region_where_the_template_is_near(record):
+    """The areas of most regions are right to a few hundredths; small ones are less sure."""
+    means = record["results"]["means"]["regions"]
+    assert means["right_percent"] > 80
+    assert len(means["area_percent_error"]) == len(means["thickness_mm_error"]) == 34
+    again = np.mean([each["regions"]["right_percent"] for each in record["results"]["scores"]])
+    assert again == pytest.approx(means["right_percent"], rel=1e-5)
