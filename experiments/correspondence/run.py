@@ -37,9 +37,7 @@ def score(task: dict, folder: Path, config: dict) -> dict:
         "surface_mm": carried.distance_mm,
         "crossing_before": carried.n_crossing_before,
         "crossing": carried.n_crossing,
-        "regions": by_region(
-            surface, pial, template.with_vertices(torch.from_numpy(truth)), carried.mesh, task["side"]
-        ),
+        "regions": by_region(surface, pial, true_places, carried.mesh, task["side"]),
     }
 
 
@@ -53,10 +51,14 @@ def by_region(white: Mesh, pial: Mesh, truth: Mesh, carried: Mesh, side: Hemisph
     rows = {
         key: {row["region"]: row for row in region_numbers(white, each, atlas, pial)} for key, each in labels.items()
     }
+    true, found = rows["true"], rows["found"]
+    areas = {name: found.get(name, {"area_mm2": 0.0})["area_mm2"] / row["area_mm2"] for name, row in true.items()}
     return {
         "right_percent": 100 * float((labels["true"] == labels["found"]).mean()),
-        "area_percent": {k: 100 * (rows["found"][k]["area_mm2"] / r["area_mm2"] - 1) for k, r in rows["true"].items()},
-        "thickness_mm": {k: rows["found"][k]["thickness_mm"] - r["thickness_mm"] for k, r in rows["true"].items()},
+        "area_percent": {name: 100 * (ratio - 1) for name, ratio in areas.items()},
+        "thickness_mm": {
+            name: found[name]["thickness_mm"] - row["thickness_mm"] for name, row in true.items() if name in found
+        },
     }
 
 
@@ -76,6 +78,15 @@ def spread(distances: Float[Array, " V"], percentile: float) -> dict[str, float]
     }
 
 
+#: By region: found minus true.
+ERRORS = ("area_percent", "thickness_mm")
+
+
+def mean_errors(found: list[dict[str, float]]) -> dict[str, float]:
+    """The mean absolute error of each region over the hemispheres in which it was found."""
+    return {name: float(np.mean([abs(each[name]) for each in found if name in each])) for name in found[0]}
+
+
 def means(scores: list[dict]) -> dict:
     """The mean of each number over the hemispheres."""
     return {
@@ -85,14 +96,7 @@ def means(scores: list[dict]) -> dict:
         "crossing": float(np.mean([each["crossing"] for each in scores])),
         "regions": {
             "right_percent": float(np.mean([each["regions"]["right_percent"] for each in scores])),
-            # The mean over hemispheres of the absolute error, by region.
-            **{
-                f"{key}_error": {
-                    region: float(np.mean([abs(each["regions"][key][region]) for each in scores]))
-                    for region in scores[0]["regions"][key]
-                }
-                for key in ("area_percent", "thickness_mm")
-            },
+            **{f"{key}_error": mean_errors([each["regions"][key] for each in scores]) for key in ERRORS},
         },
         "vertices_mm": {
             name: {key: float(np.mean([each["vertices_mm"][name][key] for each in scores])) for key in found}
