@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import torch
+
 from meshot.anatomy import HEMISPHERES, Hemisphere, enlarged, from_mni152, in_mni152, mni152_t1, placed_by_white_matter
 from meshot.flow import RepairedSurface, repair_crossings
 from meshot.mesh import Mesh
@@ -26,6 +28,7 @@ from meshot.pipeline.quality import (
     volume_warnings,
 )
 from meshot.pipeline.segmentation import in_scanner, white_matter
+from meshot.synth import kept_apart
 from meshot.systems import SHIPPED, Scan, SurfaceSystem, load_system
 from meshot.types import PLACEMENTS, Placement
 from meshot.volume import StandardScan, Volume, largest_component, standard_scan, with_dark_background
@@ -64,7 +67,7 @@ class StageClock:
             self.progress(name, len(self.cpu_seconds), self.n_stages)
 
 
-_WHITE = tuple((side, "white") for side in HEMISPHERES)
+_WHITE, _PIAL = (tuple((side, kind) for side in HEMISPHERES) for kind in ("white", "pial"))
 # The package's flows leave more than 1 % of the faces crossing in most heads, and less than 3 %. Smoothing is enough
 # for these. With the defaults most surfaces would be moved back, and their ASSD would be larger.
 _REPAIR = {"max_rounds": 40, "largest_share": 0.03}
@@ -84,8 +87,8 @@ class HemisphereSurface:
     # system does not deform an initial surface.
     repaired: RepairedSurface | None
     carried: CarriedTemplate | None = None  # the surface of the template in the place of ``final``, if it was asked for
-    # in the space of ``final``, as the system gives it: faces that cross are not repaired. None if the system finds
-    # white surfaces only.
+    # in the space of ``final``. If it has the faces of ``final``, faces that cross are repaired, within it and between
+    # the four surfaces. None if the system finds white surfaces only.
     pial: Mesh | None = None
     # what the system found, before the repair, in the space of ``final``; None if nothing is repaired.
     unrepaired: Mesh | None = None
@@ -142,7 +145,8 @@ def reconstruct(
     repair of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the
     result has no crossing faces: see :func:`meshot.flow.repair_crossings`. A system may ask for
     scans that are placed by their white matter: then it is found twice, before and after
-    :func:`meshot.anatomy.placed_by_white_matter`.
+    :func:`meshot.anatomy.placed_by_white_matter`. If it carries white surfaces to pial ones, a last stage smooths all
+    four where their faces cross those of another.
 
     Parameters
     ----------
@@ -174,7 +178,8 @@ def reconstruct(
     template = mni152_t1() if template is None else template
     given, scan = scan, with_dark_background(scan)
     placement = segmentation.placement if system is None else system.placement
-    clock = StageClock((4 if system is None else 6) + len(HEMISPHERES) * correspondence, progress)
+    n_stages = 4 if system is None else 6 + (bool(system.needs) and set(_PIAL) <= set(system.surfaces))
+    clock = StageClock(n_stages + len(HEMISPHERES) * correspondence, progress)
     with clock.stage("registration"):
         registered = standard_scan(scan, template, quick=True)
         if placement == PLACEMENTS[0]:
@@ -196,7 +201,19 @@ def reconstruct(
             found = system.reconstruct(Scan(standard.volume, initial))
         with clock.stage("crossing faces"):
             settlement = {key: repair_crossings(mesh, found[key], **_REPAIR) for key, mesh in initial.items()}
+            for key in _PIAL:
+                white = settlement.get((key[0], "white"))
+                if white is not None and key in found and torch.equal(found[key].faces, white.mesh.faces):
+                    settlement[key] = repair_crossings(white.mesh, found[key], **_REPAIR)
     final = found | {key: repaired.mesh for key, repaired in settlement.items()}
+    if set(_PIAL) <= settlement.keys():
+        with clock.stage("four surfaces"):
+            apart = kept_apart([final[key] for key in _WHITE + _PIAL])
+        if apart is None:
+            text = "faces of two of the four surfaces cross, and smoothing did not mend it: look at them in the slices"
+            warnings.append(QualityWarning("crossing_faces", text))
+        else:
+            final |= dict(zip(_WHITE + _PIAL, apart, strict=True))
     carried = {}
     for key in _WHITE if correspondence else ():
         with clock.stage(f"template, {key[0]}"):

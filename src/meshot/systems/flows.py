@@ -1,9 +1,14 @@
-"""DDOT, CortexODE and windows: systems that deform initial white surfaces by flows, one network per hemisphere."""
+"""DDOT, CortexODE and windows: systems that deform initial white surfaces by flows, one network per hemisphere.
+
+A second flow of each side can carry the white surface that was found to the pial surface. It is trained after the white
+ones, which stay as they are: see the setting ``training.surface``.
+"""
 
 import dataclasses
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -15,12 +20,12 @@ from meshot.flow import METHODS, integrate
 from meshot.loss import SummedLoss, SurfaceLoss, loss_setting_names, surface_loss
 from meshot.mesh import Mesh, simplified, vertex_normals
 from meshot.metrics import Surface
-from meshot.model import N_STEPS, DeformationNetwork, ImageVelocity, Intensities
+from meshot.model import N_STEPS, DeformationNetwork, ImageVelocity, Intensities, network_digest
 from meshot.settings import Count, Length, PartialSettings, Positive, Settings, Within, one_of
-from meshot.systems.learning import FlowTrainingSettings, mean_distances, of_both_sides, train_on_subjects
-from meshot.systems.protocol import Example, ExampleSets, Part, Run, Scan, SurfaceKey, SurfaceSystem
+from meshot.systems.learning import SURFACES, FlowTrainingSettings, mean_distances, of_both_sides, train_on_subjects
+from meshot.systems.protocol import SHIPPED, Example, ExampleSets, Part, Run, Scan, SurfaceKey, SurfaceSystem
 from meshot.train import SCHEDULES, Progress, Training, chosen_device, data_record, require_examples
-from meshot.types import Array, Float, Tensor
+from meshot.types import PLACEMENTS, Array, Float, Tensor
 from meshot.volume import Volume, mm_to_voxel, resample, sample_volume, voxel_sizes
 
 # Settings of a deformation network and its training, as in a YAML file.
@@ -35,6 +40,11 @@ class DeformationSettings(FlowTrainingSettings):
     n_epochs, learning_rate, schedule, n_faces, n_flow_steps, method, validate_every, n_points
         See :class:`meshot.systems.LearningSettings` and
         :class:`meshot.systems.FlowTrainingSettings`.
+    surface : str
+        "white": the flow carries the initial surface to the white one. "pial": it carries the white surface, which
+        the flows of ``white`` find, to the pial one.
+    white : str, optional
+        For pial surfaces: the folder with the flows of the white surfaces; by default those of the package.
     """
 
     n_epochs: Count = 300
@@ -45,6 +55,8 @@ class DeformationSettings(FlowTrainingSettings):
     method: Annotated[str, one_of(METHODS)] = "euler"
     validate_every: Count = 1
     n_points: Count = 20_000
+    surface: Annotated[str, one_of(("white", "pial"))] = "white"
+    white: str | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -226,7 +238,7 @@ def deformed(
     return initial.with_vertices(initial.vertices + moved.to(initial.vertices))
 
 
-# Training data of a deformation network: the initial and the true white surface of one hemisphere, and the scan.
+# Training data of a deformation network: the surface before the flow and the true one of a hemisphere, and the scan.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -239,11 +251,11 @@ class DeformationExample:
     scan : Volume
         On the standard grid, in [0, 1].
     initial : Mesh
-        The initial surface.
+        The surface before the flow: the initial one, or for a pial surface the white one that was found.
     coarse : Mesh
-        The initial surface with fewer faces, for training.
+        The same with fewer faces, for training.
     target : Mesh
-        The true white surface.
+        The true surface.
     """
 
     name: str
@@ -253,16 +265,21 @@ class DeformationExample:
     target: Mesh
 
 
-def hemisphere_example(example: Example, side: Hemisphere, n_faces: int) -> DeformationExample:
-    """One hemisphere of an example, which has its initial white surface, with ``n_faces`` faces in the coarse one."""
-    key, image = (side, "white"), example.scan.image
-    initial = example.scan.initial[key]
+def hemisphere_example(
+    example: Example, side: Hemisphere, n_faces: int, white: "DeformationSystem | None" = None
+) -> DeformationExample:
+    """One hemisphere of an example, which has its initial white surface, with ``n_faces`` faces in the coarse one.
+
+    With the flows of white surfaces the example is one for pial surfaces.
+    """
+    image = example.scan.image
+    initial = example.scan.initial[side, "white"] if white is None else white.white_surface(example.scan, side)
     return DeformationExample(
         example.name,
         image.with_data(image.data.astype(np.float32)),
         initial.to(torch.float32),
         simplified(initial, n_faces).to(torch.float32),
-        example.targets[key].to(torch.float32),
+        example.targets[side, "white" if white is None else "pial"].to(torch.float32),
     )
 
 
@@ -345,6 +362,10 @@ def carried(mesh: Mesh, field: ImageVelocity, settings: DeformationSettings) -> 
 # The systems, which differ in their losses.
 
 _KEYS = of_both_sides(("white",))
+#: The networks of the flows from white to pial surfaces.
+PIAL_PARTS = ("left_pial", "right_pial")
+#: In the record of such a network: the digest of the flow whose white surfaces it learned from.
+WHITE = "white_sha256"
 
 
 class DeformationSystem(SurfaceSystem):
@@ -358,8 +379,51 @@ class DeformationSystem(SurfaceSystem):
 
     groups = DeformationConfig
     surfaces = needs = _KEYS
-    networks = {"_".join(key): DeformationNetwork for key in _KEYS}  # noqa: RUF012 (of the class, by the protocol)
+    networks = {  # noqa: RUF012 (of the class, by the protocol)
+        "_".join(key): DeformationNetwork for key in of_both_sides(SURFACES[1])
+    }
     loss: ClassVar[dict] = {}
+
+    def __init__(self, parts: Mapping[str, Part]):
+        # The flows of pial surfaces are trained later, and not by everyone: the white ones do not know of them.
+        pial = {name: part for name, part in parts.items() if name in PIAL_PARTS}
+        super().__init__({name: part for name, part in parts.items() if name not in pial})
+        for name, part in pial.items():
+            self.settings[name] = self._recorded(name, part.record)
+            placement = part.record.get("results", {}).get("placement", PLACEMENTS[0])
+            if self.parts and placement != self.placement:
+                raise ValueError(
+                    f"scans were placed by {self.placement} for the white surfaces of {self.name}, and by {placement} "
+                    f"for {name}; train both on one cohort"
+                )
+            self.placement = placement
+            white, learned = self.parts.get(name.replace("pial", "white")), part.record.get("results", {}).get(WHITE)
+            if white is not None and learned not in (None, network_digest(white.network)):
+                raise ValueError(
+                    f"{name} of {self.name} learned from white surfaces of another flow: take those of its training, "
+                    f"or train it anew (meshot train {self.name} --set training.surface=pial training.white=FOLDER)"
+                )
+        self.parts |= pial
+        if pial:
+            self.surfaces, self._needed = of_both_sides(SURFACES[1]), tuple(self.networks)
+
+    @classmethod
+    def surfaces_of(cls, settings: DeformationConfig) -> tuple[SurfaceKey, ...]:
+        """The white surfaces; in a training of flows to pial surfaces these, too."""
+        return of_both_sides(SURFACES[settings.training.surface == "pial"])
+
+    @classmethod
+    def parts_of(cls, settings: DeformationConfig) -> tuple[str, ...]:
+        """The flows of the white surfaces."""
+        return tuple("_".join(key) for key in _KEYS)
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike) -> "DeformationSystem":
+        """Load the flows of the white surfaces, and those of pial surfaces if both are in the folder."""
+        white, there = super().load(folder), [Path(folder) / f"{name}.safetensors" for name in PIAL_PARTS]
+        if not all(path.is_file() for path in there):
+            return white
+        return cls(white.parts | {path.stem: cls.read_part(folder, path.stem) for path in there})
 
     @classmethod
     def complete(cls, settings: Settings | Mapping[str, object]) -> DeformationConfig:
@@ -379,30 +443,41 @@ class DeformationSystem(SurfaceSystem):
     @classmethod
     def new_networks(cls, settings: DeformationConfig) -> dict[str, DeformationNetwork]:
         """A network for each side in the settings."""
-        return {f"{side}_white": settings.new_network() for side in settings.training.sides}
+        return {f"{side}_{settings.training.surface}": settings.new_network() for side in settings.training.sides}
 
     @classmethod
     def train_parts(cls, examples: ExampleSets, settings: DeformationConfig, run: Run) -> dict[str, Part]:
         """Train the networks, one after the other."""
-        parts = {}
+        parts, surface, white = {}, settings.training.surface, None
+        if surface == "pial":
+            white = cls.load(SHIPPED / cls.name if settings.training.white is None else settings.training.white)
         for side in settings.training.sides:
-            name, training = f"{side}_white", dataclasses.replace(settings.training, side=side)
+            name, training = f"{side}_{surface}", dataclasses.replace(settings.training, side=side)
             own = dataclasses.replace(settings, training=training)
             sets = (
-                [hemisphere_example(example, side, training.n_faces) for example in part]
+                [hemisphere_example(example, side, training.n_faces, white) for example in part]
                 for part in (examples.training, examples.validation)
             )
             found = train_deformation(own, *sets, run.place(name), run.progress, run.device, run.networks[name])
-            parts[name] = Part(found.network, own.as_dict() | {"results": found.results()}, found.log)
+            learned = {} if white is None else {WHITE: network_digest(white.parts[f"{side}_white"].network)}
+            parts[name] = Part(found.network, own.as_dict() | {"results": found.results() | learned}, found.log)
         return parts
 
     def find_surfaces(self, scan: Scan) -> dict[SurfaceKey, Mesh]:
-        """The initial surfaces moved by the flows, integrated with the settings of the training."""
+        """The initial surfaces moved to the white ones, and these to the pial ones, if there are flows for them."""
         found = {}
-        for key in self.surfaces:
-            network, training = self.parts["_".join(key)].network, self.settings["_".join(key)].training
-            found[key] = deformed(scan.initial[key], scan.image, network, training.n_flow_steps, training.method)
+        for side, kind in self.surfaces:
+            start = scan.initial[side, "white"] if kind == "white" else found[side, "white"]
+            found[side, kind] = self._moved(f"{side}_{kind}", start, scan)
         return found
+
+    def white_surface(self, scan: Scan, side: Hemisphere) -> Mesh:
+        """The white surface of one side."""
+        return self._moved(f"{side}_white", scan.initial[side, "white"], scan)
+
+    def _moved(self, part: str, start: Mesh, scan: Scan) -> Mesh:
+        network, training = self.parts[part].network, self.settings[part].training
+        return deformed(start, scan.image, network, training.n_flow_steps, training.method)
 
 
 class Ddot(DeformationSystem):

@@ -330,31 +330,33 @@ class SurfaceSystem(abc.ABC):
             If a part is missing, damaged, belongs to another system or part, or is for other surfaces than the first.
         """
 
-        def read(name: str) -> Part:
-            path = Path(folder) / f"{name}.safetensors"
-            if not path.is_file():
-                raise ValueError(
-                    f"{path} is missing; {cls.name} needs {', '.join(needed)}: name a folder that holds them "
-                    f"(--weights), or train them (meshot train {cls.name})"
-                )
-            network, record = read_weights(path, cls.networks[name])
-            if not isinstance(record.get("results", {}), dict):
-                found = reprlib.repr(record["results"])
-                raise ValueError(f"{path} has {found} as its results; names and values are needed")
-            if record.get("system", cls.name) != cls.name:
-                raise ValueError(
-                    f"{path} holds weights of the system {record['system']}; {cls.name} was asked for: take --system "
-                    f"{record['system']}, or other weights"
-                )
-            if record.get("part", name) != name:
-                raise ValueError(f"{path} holds {record['part']} of {cls.name}; {name} is needed: rename it")
-            return Part(network, record)
-
         needed = cls.parts_of(cls.complete({}))
         first = needed[0]
-        parts = {first: read(first)}
+        parts = {first: cls.read_part(folder, first, needed)}
         needed = cls.parts_of(cls._recorded(first, parts[first].record))  # it says which others there are
-        return cls(parts | {name: read(name) for name in needed[1:]})
+        return cls(parts | {name: cls.read_part(folder, name, needed) for name in needed[1:]})
+
+    @classmethod
+    def read_part(cls, folder: str | os.PathLike, name: str, needed: Sequence[str] = ()) -> Part:
+        """One trained network with its record from the folder of a system, of all that are needed. For :meth:`load`."""
+        path = Path(folder) / f"{name}.safetensors"
+        if not path.is_file():
+            raise ValueError(
+                f"{path} is missing; {cls.name} needs {', '.join(needed) or name}: name a folder that holds them "
+                f"(--weights), or train them (meshot train {cls.name})"
+            )
+        network, record = read_weights(path, cls.networks[name])
+        if not isinstance(record.get("results", {}), dict):
+            found = reprlib.repr(record["results"])
+            raise ValueError(f"{path} has {found} as its results; names and values are needed")
+        if record.get("system", cls.name) != cls.name:
+            raise ValueError(
+                f"{path} holds weights of the system {record['system']}; {cls.name} was asked for: take --system "
+                f"{record['system']}, or other weights"
+            )
+        if record.get("part", name) != name:
+            raise ValueError(f"{path} holds {record['part']} of {cls.name}; {name} is needed: rename it")
+        return Part(network, record)
 
     @classmethod
     def _require_initial(cls, scan: Scan, name: str) -> None:

@@ -16,6 +16,8 @@ CHECKSUMS = Path(__file__).with_name("experiments.sha256")
 READ_BY_CHAPTERS = (
     "*/results.json",
     "*/before.json",
+    "*/midway.json",
+    "warnings/*/results.json",
     "ddot/*/results.json",
     "person/robustness.json",
     "*/*.safetensors",
