@@ -5,6 +5,7 @@ import re
 import shlex
 
 import nbformat
+import numpy as np
 import pytest
 
 import meshot
@@ -102,6 +103,14 @@ def test_the_accuracy_of_carried_vertices_is_that_of_the_experiment(root):
     assert f"The registration alone leaves {registered:.1f} mm" in text
     assert f"fits the true positions best leaves {best:.1f} mm" in text
     assert f"The two surfaces lie {means['surface_mm']:.2f} mm apart" in text
+    regions = means["regions"]
+    assert f"{regions['right_percent']:.1f} % of the vertices get their true region" in text
+    areas, depths = (regions[f"{key}_error"] for key in ("area_percent", "thickness_mm"))
+    middle = [np.median(list(each.values())) for each in (areas, depths)]
+    assert f"The area of a region is wrong by {middle[0]:.1f} % and its thickness by {middle[1]:.2f} mm" in text
+    assert [max(each, key=each.get) for each in (areas, depths)] == ["entorhinal", "parahippocampal"]
+    assert f"for the area, with {max(areas.values()):.0f} %, and the parahippocampal gyrus" in text
+    assert f"for the thickness, with {max(depths.values()):.2f} mm" in text
 
 
 def test_the_limits_state_what_was_measured_of_a_person(root):
