@@ -11,9 +11,11 @@ from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
 from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
+from meshot.metrics.thickness import cortical_thickness
 from meshot.pipeline.initial_surface import SegmentedSurface
 from meshot.pipeline.quality import agreement_with, contrast_with, scan_warnings, surface_warnings, volume_warnings
 from meshot.pipeline.reconstruction import reconstruct
+from meshot.synth.subject import crossing_faces
 from meshot.systems import Part, SurfaceSystem, get_system
 from meshot.volume.registration import StandardScan, place_on_grid
 from meshot.volume.volume import Volume
@@ -141,6 +143,43 @@ def test_a_system_without_initial_surfaces_is_not_repaired(networks):
         assert surface.repaired is surface.unrepaired is None
         assert len(surface.final.faces) == 20 * 4**5 != len(surface.initial.faces)
         assert vertex_distances(surface.final, surface.initial).mean() < 0.6
+
+
+class Grown(FixedBalls):
+    """The initial surfaces as white ones, and around them pial ones, which are larger by a factor."""
+
+    needs = FixedBalls.surfaces
+    surfaces = tuple((side, kind) for side in ("left", "right") for kind in ("white", "pial"))
+    factor = 1.05
+
+    def find_surfaces(self, scan):
+        found = dict(scan.initial)
+        for (side, _), mesh in scan.initial.items():
+            middle = mesh.vertices.mean(dim=0)
+            found[side, "pial"] = mesh.with_vertices(middle + self.factor * (mesh.vertices - middle))
+        return found
+
+
+def test_pial_surfaces_lie_around_the_white_ones(networks):
+    heard = []
+    found = reconstruct(
+        bright_template(), networks[0], Grown({}), lambda *words: heard.append(words), template=bright_template()
+    )
+    assert heard[-2:] == [("four surfaces", 6, 7), ("", 7, 7)]
+    meshes = [mesh for each in found.surfaces.values() for mesh in (each.final, each.pial)]
+    assert len(crossing_faces(meshes)) == 0
+    for each in found.surfaces.values():
+        assert torch.equal(each.pial.faces, each.final.faces)
+        assert float(signed_volume(each.pial)) == pytest.approx(1.05**3 * float(signed_volume(each.final)), rel=0.01)
+        assert 0.5 < cortical_thickness(each.final, each.pial).mean() < 5
+
+
+def test_four_surfaces_that_cross_are_smoothed_or_doubted(networks):
+    """Pial surfaces so large that left and right overlap: smoothing cannot part them, and the warning says so."""
+    large = type("Large", (Grown,), {"factor": 2.0, "name": "large"})
+    found = reconstruct(bright_template(), networks[0], large({}), template=bright_template())
+    assert "crossing_faces" in {warning.name for warning in found.warnings}
+    assert "two of the four surfaces cross" in " ".join(map(str, found.warnings))
 
 
 class TurnedEdges(FixedBalls):

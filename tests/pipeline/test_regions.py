@@ -1,5 +1,6 @@
 """Numbers by region: sums are those of the whole, spheres have those of spheres, and FreeSurfer's form is kept."""
 
+import dataclasses
 import json
 import math
 
@@ -157,6 +158,14 @@ def test_without_a_pial_surface_thickness_is_not_claimed(tmp_path):
     )
 
 
-def test_without_a_carried_template_nothing_is_written(tmp_path):
+def test_without_a_carried_template_there_is_thickness_alone(tmp_path):
     assert write_regions(tmp_path, made(with_pial=True, carried=False), FLAT_REGIONS) == []
-    assert list(tmp_path.iterdir()) == []
+    assert {path.name for path in tmp_path.iterdir()} == {"lh.thickness", "rh.thickness"}
+
+
+def test_a_pial_surface_with_other_faces_gives_no_thickness(tmp_path):
+    found = made(with_pial=True)
+    other = {side: dataclasses.replace(each, pial=icosphere(2, 60.0)) for side, each in found.surfaces.items()}
+    rows = write_regions(tmp_path, dataclasses.replace(found, surfaces=other), FLAT_REGIONS)
+    assert "thickness_mm" not in rows[0]
+    assert not (tmp_path / "lh.thickness").exists()

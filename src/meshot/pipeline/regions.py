@@ -132,9 +132,9 @@ def region_numbers(
 def write_regions(
     folder: Path, found: Reconstruction, names: Mapping[str, str], subject: str = "scan"
 ) -> list[dict[str, float | str | int]]:
-    """Write the table of regions, its data dictionary, and for each side labels, thickness and FreeSurfer's table.
+    """Write thickness; and if the template was carried, a table of regions, and labels and FreeSurfer's table by side.
 
-    Nothing is written, and no rows are returned, if the template was not carried.
+    Thickness needs a pial surface whose vertices correspond to those of the white one. Returns the rows of the table.
 
     Parameters
     ----------
@@ -146,14 +146,10 @@ def write_regions(
     subject : str
         What the tables call the subject.
     """
-    rows = []
-    for side in HEMISPHERES:
-        surface = found.surfaces[side]
-        if surface.carried is None:
-            return []
-        rows += _write_side(folder, surface, side, names, subject)
-    place = folder / names["table"]
-    place.parent.mkdir(parents=True, exist_ok=True)
+    rows = [row for side in HEMISPHERES for row in _write_side(folder, found.surfaces[side], side, names, subject)]
+    if not rows:
+        return []
+    place = _made(folder / names["table"])
     columns = [key for key in COLUMNS if any(key in row for row in rows)]
     lines = ["\t".join(columns)] + ["\t".join(_text(row.get(key)) for key in columns) for row in rows]
     place.with_name(place.name + ".tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -166,6 +162,12 @@ def write_regions(
     return rows
 
 
+def _made(path: Path) -> Path:
+    """A path whose folder exists."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path
+
+
 def _text(value: float | str | int | None) -> str:
     return "n/a" if value is None else f"{value:.4f}" if isinstance(value, float) else str(value)
 
@@ -174,23 +176,27 @@ def _write_side(
     folder: Path, surface: HemisphereSurface, side: Hemisphere, names: Mapping[str, str], subject: str
 ) -> list[dict]:
     """The files of one hemisphere; returns its rows."""
-    atlas = desikan_killiany(side)
     short = {"short": f"{side[0]}h", "side": side[0].upper()}
-    labels = vertex_regions(surface.final, surface.carried.mesh, atlas)
-    rows = region_numbers(surface.final, labels, atlas, surface.pial)
     paths = {key: folder / name.format(**short) for key, name in names.items() if key != "table"}
-    for path in paths.values():
-        path.parent.mkdir(parents=True, exist_ok=True)
+    pial = surface.pial
+    if pial is not None and not torch.equal(pial.faces, surface.final.faces):
+        pial = None  # their vertices do not correspond
+    if "thickness" in paths and pial is not None:
+        write_vertex_values(_made(paths["thickness"]), cortical_thickness(surface.final, pial))
+    if surface.carried is None:
+        return []
+    atlas = desikan_killiany(side)
+    labels = vertex_regions(surface.final, surface.carried.mesh, atlas)
+    rows = region_numbers(surface.final, labels, atlas, pial)
     if "labels" in paths:
-        write_vertex_labels(paths["labels"], labels, atlas.names, atlas.colours)
-    if "thickness" in paths and surface.pial is not None:
-        write_vertex_values(paths["thickness"], cortical_thickness(surface.final, surface.pial))
+        write_vertex_labels(_made(paths["labels"]), labels, atlas.names, atlas.colours)
     if "stats" in paths:
-        paths["stats"].write_text(aparc_stats(rows, surface, side, subject), encoding="utf-8")
+        text = aparc_stats(rows, surface.final, pial, side, subject)
+        _made(paths["stats"]).write_text(text, encoding="utf-8")
     return [{"hemisphere": side} | row for row in rows]
 
 
-def aparc_stats(rows: list[dict], surface: HemisphereSurface, side: Hemisphere, subject: str) -> str:
+def aparc_stats(rows: list[dict], white: Mesh, pial: Mesh | None, side: Hemisphere, subject: str) -> str:
     """The text of FreeSurfer's ``lh.aparc.stats``, which its tools and other programs read.
 
     Thickness and volume are 0 where there is no pial surface, and a comment says so.
@@ -198,14 +204,14 @@ def aparc_stats(rows: list[dict], surface: HemisphereSurface, side: Hemisphere, 
     header = [
         "Table of FreeSurfer cortical parcellation anatomical statistics", "", "generating_program meshot",
         f"subjectname {subject}", f"hemi {side[0]}h", "AnnotationFile aparc.annot",
-        f"Measure Cortex, NumVert, Number of Vertices, {len(surface.final.vertices)}, unitless",
-        f"Measure Cortex, WhiteSurfArea, White Surface Total Area, {float(face_areas(surface.final).sum()):.2f}, mm^2",
+        f"Measure Cortex, NumVert, Number of Vertices, {len(white.vertices)}, unitless",
+        f"Measure Cortex, WhiteSurfArea, White Surface Total Area, {float(face_areas(white).sum()):.2f}, mm^2",
     ]  # fmt: skip
-    if surface.pial is None:
+    if pial is None:
         header.append("No pial surface was found: GrayVol, ThickAvg and ThickStd are 0, and not measured")
     else:
-        means = cortical_thickness(surface.final, surface.pial)
-        areas = vertex_areas(surface.final).detach().cpu().numpy()
+        means = cortical_thickness(white, pial)
+        areas = vertex_areas(white).detach().cpu().numpy()
         mean = float(means @ areas) / float(areas.sum())
         header.append(f"Measure Cortex, MeanThickness, Mean Thickness, {mean:.5f}, mm")
     fields = (

@@ -410,7 +410,7 @@ class DeformationSystem(SurfaceSystem):
     @classmethod
     def surfaces_of(cls, settings: DeformationConfig) -> tuple[SurfaceKey, ...]:
         """The white surfaces; in a training of flows to pial surfaces these, too."""
-        return of_both_sides(SURFACES[settings.training.surface == "pial"])
+        return of_both_sides(SURFACES[1]) if settings.training.surface == "pial" else cls.surfaces
 
     @classmethod
     def parts_of(cls, settings: DeformationConfig) -> tuple[str, ...]:
