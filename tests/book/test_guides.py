@@ -126,5 +126,8 @@ def test_the_limits_state_what_was_measured_of_a_person(root):
     assert [f"{lost[side]['given_up']['cm3']:.1f}" for side in rows] == ["6.7", "6.6"]
     assert "6.7 and 6.6 cm³ of white matter (left and right) are given up" in text
     assert f"moves vertices by up to {max(row['largest_repair_mm'] for row in (left, right)):.1f} mm" in text
-    people = read_results(root / "experiments" / "people" / "results.json")["results"]["summary"]["cohorts"][0]
-    assert f"A warning is given for {people['n_with_warnings']} of {people['n_scans']} good synthetic subjects" in text
+    shares = read_results(root / "experiments" / "warnings" / "second" / "results.json")["results"]["shares"]
+    good, spoiled = (shares[f"judgement, {kind}, all"]["new"] for kind in ("good", "spoiled"))
+    assert f"A warning is given for {good['warned']} of {good['of']} good synthetic heads and for both adults" in text
+    assert spoiled["warned"] == spoiled["of"]
+    assert f"All {spoiled['of']} heads that were spoiled on purpose have one" in text

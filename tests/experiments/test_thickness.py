@@ -70,7 +70,7 @@ def test_flows_ship_if_they_are_better_and_their_surfaces_keep_apart(run):
     assert found["flows"]["region_error_mm"]["insula"] == pytest.approx(0.4, abs=0.02)
     assert found["difference_mm"]["mean"] == pytest.approx(-0.2, abs=0.02)
     touching = [dict(row, crossing_of_four=3) if k < 3 else row for k, row in enumerate(better)]
-    assert run.summarised(touching)["n_without_crossing"] == 21
+    assert run.summarised(touching)["n_without_crossing"] == 21  # of 24, and nine of ten are needed
     assert not run.summarised(touching)["ships"]
     even = [head(0.5 + 0.2 * random.normal(), 0.6) for _ in range(24)]
     assert not run.summarised(even)["ships"]
