@@ -1,4 +1,4 @@
-"""Measure white surfaces of S1, one adult, against those that FreeSurfer found in the same scan.
+"""Measure the surfaces of S1, one adult, against those that FreeSurfer found in the same scan.
 
 ``make person`` fetches the scan and runs this. Measured are the networks of the package: after the repair of crossing
 faces, before it, and before the flow.
@@ -7,6 +7,9 @@ faces, before it, and before the flow.
 symmetric mean ("assd_mm"), the 90th percentile, the share of points beyond 2 mm, and the mean signed distance
 ("signed_mm", negative inside). Those with "cortex" in their name count points beside the cortex alone: FreeSurfer's
 flat maps leave out the medial wall, and some cuts. Areas and volumes are compared in percent.
+
+If the networks find pial surfaces, these have a row, too, against FreeSurfer's pial surface. ``thickness`` has the mean
+of both programs, by the same formula, and by region. The template that was carried to our surface divides both.
 """
 
 import functools
@@ -15,12 +18,20 @@ from pathlib import Path
 
 import numpy as np
 
-from meshot.anatomy import HEMISPHERES
+from meshot.anatomy import HEMISPHERES, Hemisphere, desikan_killiany
 from meshot.mesh import Mesh, face_areas, read_mesh, self_intersecting_faces, signed_volume
 from meshot.metrics import Surface, offsets_between
 from meshot.model import network_digest
-from meshot.pipeline import TrainedNetworks, load_networks, reconstruct
+from meshot.pipeline import (
+    HemisphereSurface,
+    TrainedNetworks,
+    load_networks,
+    reconstruct,
+    region_numbers,
+    vertex_regions,
+)
 from meshot.provenance import file_digest, rounded
+from meshot.synth import crossing_faces
 from meshot.volume import read_volume
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
@@ -37,14 +48,34 @@ def networks_of(config: dict) -> TrainedNetworks:
 
 
 @functools.cache
-def reference(side: str, config: dict) -> tuple[Surface, np.ndarray]:
-    """FreeSurfer's white surface of a side, in scanner RAS, and which of its faces are beside the cortex."""
+def reference(side: str, config: dict, kind: str = "white") -> tuple[Surface, np.ndarray]:
+    """FreeSurfer's surface of a side, in scanner RAS, and which of its faces are beside the cortex."""
     place, letter = Path(config["folder"]), side[0]
     # The headers name no space. The coordinates are scanner RAS: almost all vertices are brighter inside than outside.
-    white = read_mesh(place / f"{letter}h.white.gii")
-    cortex = np.zeros(len(white.vertices), dtype=bool)
+    mesh = read_mesh(place / f"{letter}h.{kind}.gii")
+    cortex = np.zeros(len(mesh.vertices), dtype=bool)
     cortex[read_mesh(place / f"{letter}h.flat.gii").faces.numpy()] = True
-    return Surface(white), cortex[white.faces.numpy()].all(axis=1)
+    return Surface(mesh), cortex[mesh.faces.numpy()].all(axis=1)
+
+
+def thickness_rows(found: HemisphereSurface, side: Hemisphere, config: dict) -> dict:
+    """The mean thickness of the cortex of a side and by region, in mm, of both programs by the same formula."""
+    atlas = desikan_killiany(side)
+    pairs = {
+        "found": (found.final, found.pial),
+        "reference": tuple(reference(side, config, kind)[0].mesh for kind in ("white", "pial")),
+    }
+    row: dict = {}
+    for name, (white, pial) in pairs.items():
+        labels = vertex_regions(white, found.carried.mesh, atlas)
+        regions = region_numbers(white, labels, atlas, pial)
+        areas = np.array([each["area_mm2"] for each in regions])
+        values = np.array([each["thickness_mm"] for each in regions])
+        row[name] = {"mean_mm": float(values @ areas / areas.sum())}
+        row[name]["regions"] = {each["region"]: each["thickness_mm"] for each in regions}
+    both = [name for name in row["found"]["regions"] if name in row["reference"]["regions"]]
+    values = [[row[name]["regions"][region] for region in both] for name in ("found", "reference")]
+    return row | {"correlation_of_regions": float(np.corrcoef(*values)[0, 1])}
 
 
 def compared(mesh: Mesh, truth: Surface, cortex: np.ndarray, config: dict) -> dict:
@@ -75,8 +106,9 @@ def compared(mesh: Mesh, truth: Surface, cortex: np.ndarray, config: dict) -> di
 def work(task: dict, config: experiment.Config) -> dict:
     """All rows of one set of networks."""
     networks = networks_of(config)
-    made = reconstruct(read_volume(Path(config["folder"]) / "scan.nii.gz"), networks.segmentation, networks.system)
-    rows = []
+    scan, has_pial = read_volume(Path(config["folder"]) / "scan.nii.gz"), ("left", "pial") in networks.system.surfaces
+    made = reconstruct(scan, networks.segmentation, networks.system, correspondence=has_pial)
+    rows, thickness = [], {}
     for side in HEMISPHERES:
         found = made.surfaces[side]
         truth, cortex = reference(side, config)
@@ -87,8 +119,15 @@ def work(task: dict, config: experiment.Config) -> dict:
                 row["crossing_before_repair_percent"] = 100 * found.repaired.n_crossing / len(found.final.faces)
                 row["largest_repair_mm"] = found.repaired.largest_move
             rows.append(row)
+        if has_pial:
+            pial = compared(found.pial, *reference(side, config, "pial"), config)
+            rows.append({"of": task["of"], "stage": "pial", "side": side} | pial)
+            thickness[side] = thickness_rows(found, side, config)
+    four = [mesh for each in made.surfaces.values() for mesh in (each.final, each.pial) if mesh is not None]
     return {
         "rows": rounded(rows),
+        "thickness": rounded(thickness),
+        "crossing_among_all": len(crossing_faces(four)),
         "warnings": [{"name": each.name, "text": each.text} for each in made.warnings],
         "seconds": rounded({"clock": made.wall_seconds, "processor": made.cpu_seconds}),
     }
@@ -110,7 +149,10 @@ def results(rows: list[dict], config: experiment.Config) -> dict:
     return {
         "inputs": inputs_of(config),
         "rows": [row for each in found.values() for row in each["rows"]],
-        "scans": {name: {key: each[key] for key in ("warnings", "seconds")} for name, each in found.items()},
+        "scans": {
+            name: {key: each[key] for key in ("warnings", "seconds", "thickness", "crossing_among_all")}
+            for name, each in found.items()
+        },
     }
 
 

@@ -1,5 +1,6 @@
 """S1 is fetched whole or not at all, and surfaces are measured on spheres whose answers are known."""
 
+import dataclasses
 import io
 import json
 import math
@@ -10,10 +11,15 @@ import numpy as np
 import pytest
 import yaml
 
+from meshot.anatomy.templates import fsaverage5_surface
 from meshot.mesh.io import write_mesh
 from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import Surface
+from meshot.pipeline.correspondence import CarriedTemplate
+from meshot.pipeline.initial_surface import SegmentedSurface
+from meshot.pipeline.reconstruction import HemisphereSurface
 from meshot.provenance import file_digest
+from meshot.volume.volume import Volume
 from scripts import scripts_in
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "beside_freesurfer"
@@ -140,3 +146,23 @@ def test_what_was_measured_before_is_that_of_s1():
     assert all(np.isfinite(value) for row in rows.values() for value in row.values() if not isinstance(value, str))
     assert all(row["crossing_percent"] == 0 for row in rows.values())
     assert math.isclose(rows["final", "left"]["area_percent"], 12, abs_tol=1)
+
+
+def test_thickness_of_both_programs_is_by_the_same_formula(part, tmp_path):
+    """fsaverage5 as what was found and as the reference; then a pial surface that lies half as far away."""
+    white, pial = (fsaverage5_surface(kind, "left") for kind in ("white", "pial"))
+    write_mesh(tmp_path / "lh.flat.gii", white)
+    for kind, mesh in (("white", white), ("pial", pial)):
+        write_mesh(tmp_path / f"lh.{kind}.gii", mesh)
+    config = type("Config", (dict,), {"__hash__": object.__hash__})(folder=tmp_path)
+    mask = Volume(np.ones((2, 2, 2), dtype=bool), np.eye(4))
+    found = HemisphereSurface(
+        white, white, SegmentedSurface(white, white, mask, mask, mask), None, CarriedTemplate(white, 0.0, 0, 0), pial
+    )
+    same = part("run").thickness_rows(found, "left", config)
+    assert same["correlation_of_regions"] == pytest.approx(1, abs=1e-6)
+    assert same["found"]["mean_mm"] == pytest.approx(same["reference"]["mean_mm"], abs=1e-4)
+    assert len(same["found"]["regions"]) == 34
+    thin = dataclasses.replace(found, pial=white.with_vertices((white.vertices + pial.vertices) / 2))
+    half = part("run").thickness_rows(thin, "left", config)
+    assert 0.4 < half["found"]["mean_mm"] / half["reference"]["mean_mm"] < 0.6

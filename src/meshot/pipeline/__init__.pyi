@@ -9,6 +9,7 @@ from .quality import (
 )
 from .reconstruction import (
     SEGMENTATION as SEGMENTATION,
+    HemisphereSurface as HemisphereSurface,
     Progress as Progress,
     Reconstruction as Reconstruction,
     TrainedNetworks as TrainedNetworks,
