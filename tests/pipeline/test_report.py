@@ -1,5 +1,6 @@
 """``meshot reconstruct`` as a user meets it: files, page, folders in the way, bad scans."""
 
+import dataclasses
 import json
 import os
 import re
@@ -13,6 +14,7 @@ import pytest
 from bright_head import CENTRES, bright_template, write_bright_weights
 from browser import offline_browser, watched_page
 from meshot.cli import main
+from meshot.mesh.geometry import vertex_normals
 from meshot.mesh.io import read_mesh
 from meshot.metrics.distances import vertex_distances
 from meshot.pipeline import page as reconstruction_pictures, reconstruction, report as written
@@ -370,3 +372,39 @@ def test_names_that_are_no_utf8(place, quick, capsys):
     assert json.loads((out / "report.json").read_text(encoding="utf-8"))["scan"]["name"] == "caf\ufffd.nii.gz"
     assert "caf\ufffd.nii.gz" in (out / "report.html").read_text(encoding="utf-8")
     assert "sal\ufffd" in capsys.readouterr().out
+
+
+def test_a_pial_surface_gives_thickness_on_the_page(made, found, quick, place, monkeypatch):
+    """The pial balls are the white ones, larger by 2 mm."""
+    seen = []
+    monkeypatch.setattr(
+        reconstruction_pictures, "interactive", lambda *given, **named: seen.append((given, named)) or View
+    )
+    pial = {}
+    for side, surface in found[0].surfaces.items():
+        outwards = vertex_normals(surface.final)
+        pial[side] = dataclasses.replace(
+            surface, pial=surface.final.with_vertices(surface.final.vertices + 2 * outwards)
+        )
+    thick = dataclasses.replace(found[0], surfaces=pial)
+    monkeypatch.setattr(written, "reconstruct", lambda *_: thick)
+    assert main(words(place, "thick")) == 0
+    report = json.loads((place / "thick" / "report.json").read_text(encoding="utf-8"))
+    page = (place / "thick" / "report.html").read_text(encoding="utf-8")
+    for side in ("left", "right"):
+        numbers = report["surfaces"][side]
+        assert numbers["pial"]["mean_thickness_mm"] == pytest.approx(2, abs=0.1)
+        between = numbers["pial"]["volume_cm3"] - numbers["final"]["volume_cm3"]
+        assert numbers["pial"]["cortex_volume_cm3"] == pytest.approx(between, rel=1e-3)
+        assert nibabel.freesurfer.read_morph_data(place / "thick" / f"{side[0]}h.thickness").mean() > 1.8
+    assert "mean thickness of the cortex (mm)" in page
+    assert "the thickness at every vertex of the white surface" in page
+    ((_, colours), named) = seen[0]
+    assert named["label"] == "thickness of the cortex"
+    assert colours["left"].mean() == pytest.approx(2, abs=0.1)
+
+
+class View:
+    """What stands for an interactive view."""
+
+    html = "<p>surfaces</p>"

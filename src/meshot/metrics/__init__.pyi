@@ -24,6 +24,7 @@ from .evaluation import (
 )
 from .thickness import (
     LARGEST_THICKNESS_MM as LARGEST_THICKNESS_MM,
+    corresponds as corresponds,
     cortical_thickness as cortical_thickness,
     cortical_volumes as cortical_volumes,
 )

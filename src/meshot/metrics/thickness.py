@@ -78,9 +78,16 @@ def _signed(a: Float[torch.Tensor, "n 3"], *others: Float[torch.Tensor, "n 3"]) 
     return (torch.linalg.cross(b, c) * d).sum(dim=1) / 6
 
 
+def corresponds(white: Mesh, pial: Mesh | None) -> bool:
+    """Whether there is a pial surface, and its vertices correspond to those of the white one: it has the same faces."""
+    if pial is None or len(white.vertices) != len(pial.vertices):
+        return False
+    return torch.equal(white.faces.cpu(), pial.faces.cpu())
+
+
 def require_corresponding(white: Mesh, pial: Mesh) -> None:
     """Check that the vertices of two surfaces correspond."""
-    if len(white.vertices) != len(pial.vertices) or not torch.equal(white.faces.cpu(), pial.faces.cpu()):
+    if not corresponds(white, pial):
         raise ValueError(
             f"the white surface has {len(white.vertices)} vertices and {len(white.faces)} faces, the pial one "
             f"{len(pial.vertices)} and {len(pial.faces)}, or other faces; the same faces are needed, so that vertices "

@@ -8,6 +8,7 @@ import scipy.ndimage
 import torch
 
 from meshot.mesh import Mesh
+from meshot.metrics import LARGEST_THICKNESS_MM, corresponds, cortical_thickness
 from meshot.pipeline.reconstruction import Reconstruction
 from meshot.pipeline.segmentation import in_scanner
 from meshot.types import Array, Float
@@ -118,12 +119,20 @@ def _slab(scan: Volume, box: tuple[np.ndarray, np.ndarray], axis: int, position:
 
 
 def surface_view(found: Reconstruction, distances: dict[str, Float[Array, " V"]]) -> str:
-    """The final surfaces, coloured by their distance from the initial ones, as HTML."""
+    """The final surfaces, coloured by the thickness of the cortex or the distance from the initial ones, as HTML."""
     meshes = {side: surface.final for side, surface in found.surfaces.items()}
     alt = "The white surfaces of the left and the right hemisphere"
     try:
         if not found.system:
             return interactive(meshes, alt=f"{alt}, as the segmentation has them.").html
+        if all(corresponds(surface.final, surface.pial) for surface in found.surfaces.values()):
+            return interactive(
+                meshes,
+                {side: cortical_thickness(surface.final, surface.pial) for side, surface in found.surfaces.items()},
+                alt=f"{alt}, coloured by the thickness of the cortex.",
+                label="thickness of the cortex",
+                limits=(0.0, LARGEST_THICKNESS_MM),
+            ).html
         limit = max(float(np.percentile(numbers, 99)) for numbers in distances.values())
         return interactive(
             meshes,
@@ -203,6 +212,11 @@ def _move_rows(report: dict) -> Rows:
     if _has_pial(report):
         away = [s["pial"]["distance_from_white_mm"] for s in sides]
         rows += [("distance of the pial from the final surface, mean (mm)", *(found["mean"] for found in away))]
+        if all(s["pial"]["mean_thickness_mm"] is not None for s in sides):
+            rows += [
+                ("mean thickness of the cortex (mm)", *(s["pial"]["mean_thickness_mm"] for s in sides)),
+                ("volume of the cortex (cm³)", *(s["pial"]["cortex_volume_cm3"] for s in sides)),
+            ]
     repairs = [s["repair"] for s in sides]
     if all(repairs):
         rows += [

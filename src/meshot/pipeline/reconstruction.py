@@ -7,11 +7,10 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import torch
-
 from meshot.anatomy import HEMISPHERES, Hemisphere, enlarged, from_mni152, in_mni152, mni152_t1, placed_by_white_matter
 from meshot.flow import RepairedSurface, repair_crossings
 from meshot.mesh import Mesh
+from meshot.metrics import corresponds
 from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline.correspondence import CarriedTemplate, carry_template
 from meshot.pipeline.initial_surface import SegmentedSurface, segmented_surface
@@ -203,7 +202,7 @@ def reconstruct(
             settlement = {key: repair_crossings(mesh, found[key], **_REPAIR) for key, mesh in initial.items()}
             for key in _PIAL:
                 white = settlement.get((key[0], "white"))
-                if white is not None and key in found and torch.equal(found[key].faces, white.mesh.faces):
+                if white is not None and corresponds(white.mesh, found.get(key)):
                     settlement[key] = repair_crossings(white.mesh, found[key], **_REPAIR)
     final = found | {key: repaired.mesh for key, repaired in settlement.items()}
     if set(_PIAL) <= settlement.keys():

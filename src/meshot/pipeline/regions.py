@@ -24,7 +24,7 @@ from meshot.mesh import (
     write_vertex_labels,
     write_vertex_values,
 )
-from meshot.metrics import cortical_thickness, cortical_volumes
+from meshot.metrics import corresponds, cortical_thickness, cortical_volumes
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction
 from meshot.types import Array, Float, Int64
 
@@ -178,9 +178,7 @@ def _write_side(
     """The files of one hemisphere; returns its rows."""
     short = {"short": f"{side[0]}h", "side": side[0].upper()}
     paths = {key: folder / name.format(**short) for key, name in names.items() if key != "table"}
-    pial = surface.pial
-    if pial is not None and not torch.equal(pial.faces, surface.final.faces):
-        pial = None  # their vertices do not correspond
+    pial = surface.pial if corresponds(surface.final, surface.pial) else None
     if "thickness" in paths and pial is not None:
         write_vertex_values(_made(paths["thickness"]), cortical_thickness(surface.final, pial))
     if surface.carried is None:

@@ -13,8 +13,8 @@ from tqdm import tqdm
 
 from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
 from meshot.files import printable_name, whole_folder
-from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume, topology, write_mesh
-from meshot.metrics import vertex_distances
+from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume, topology, vertex_areas, write_mesh
+from meshot.metrics import corresponds, cortical_thickness, cortical_volumes, vertex_distances
 from meshot.pipeline.page import given_up_pictures, overview, reconstruction_page, slice_pictures, surface_view
 from meshot.pipeline.quality import file_warnings, require_no_warnings, voxels_given_up
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction, StageClock, TrainedNetworks, reconstruct
@@ -273,7 +273,11 @@ def numbers_of_surface(surface: HemisphereSurface, distances: Float[Array, " V"]
     repair = of_template = of_pial = None
     if pial is not None:
         distances_mm = {"distance_from_white_mm": _of_distances(vertex_distances(pial, surface.final))}
-        of_pial = _of_mesh(pial) | distances_mm
+        of_pial = _of_mesh(pial) | distances_mm | {"mean_thickness_mm": None, "cortex_volume_cm3": None}
+        if corresponds(surface.final, pial):
+            areas = vertex_areas(surface.final).detach().cpu().numpy()
+            of_pial["mean_thickness_mm"] = float(np.average(cortical_thickness(surface.final, pial), weights=areas))
+            of_pial["cortex_volume_cm3"] = float(cortical_volumes(surface.final, pial).sum()) / 1000
     if carried is not None:
         of_template = {
             "n_vertices": len(carried.mesh.vertices),
