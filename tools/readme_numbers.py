@@ -110,7 +110,7 @@ best check in validation. For DDOT this is an early one: in validation, its last
 
 
 LOSSES = """
-The same network trained with different losses ([chapter 26](notebooks/26_choosing_a_loss.md)), at equal steps, each
+The same network trained with different losses ([chapter 27](notebooks/27_choosing_a_loss.md)), at equal steps, each
 with its own learning rate, the last with averaged weights: ASSD in mm on 16 held-out synthetic scans a column, and
 means of HD90, SWD, normals and crossing faces over the columns. The flows of `meshot reconstruct` are trained with the
 last of these losses.

@@ -146,4 +146,4 @@ def test_a_formula_that_typst_does_not_know_is_refused():
 
 def test_a_figure_without_a_stored_picture_is_refused(root):
     with pytest.raises(ValueError, match="has no stored output of the kind image/png"):
-        report.stored_figure(root / "notebooks", "27_fair_trial/tab-local-share")
+        report.stored_figure(root / "notebooks", "28_fair_trial/tab-local-share")

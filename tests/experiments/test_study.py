@@ -1,4 +1,4 @@
-"""The study of chapter 24: its labels hide the groups, its rows are whole, and its truth has the atrophy."""
+"""The study of chapter 25: its labels hide the groups, its rows are whole, and its truth has the atrophy."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ def test_the_committed_rows_are_those_of_the_configuration(record, part):
 
 
 def test_atrophy_makes_the_same_person_smaller(record):
-    """Of those whose random deformation is the same without atrophy: chapter 24 leaves the others out."""
+    """Of those whose random deformation is the same without atrophy: chapter 25 leaves the others out."""
     compared = 0
     for person in record["results"]["people"]:
         if person["group"] != "patient":

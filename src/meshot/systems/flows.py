@@ -506,7 +506,7 @@ class Windows(DeformationSystem):
 
     # In windows of 6 mm, missing area does not affect vertices far away: see chapter 19. With the setting
     # ``loss.last_window=3`` their radius falls to 3 mm during the training. The settings ``combined`` have the loss
-    # that chapter 26 chooses. With this loss the flows of the package are trained: see the settings ``shipped``.
+    # that chapter 27 chooses. With this loss the flows of the package are trained: see the settings ``shipped``.
 
     name = "windows"
     loss = {  # noqa: RUF012

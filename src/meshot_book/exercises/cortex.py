@@ -1,4 +1,4 @@
-"""Exercises of chapters 16 to 23, from a scan to a surface: truths, cases, and the usual mistakes with their hints."""
+"""Exercises of chapters 16 to 24, from a scan to a surface: truths, cases, and the usual mistakes with their hints."""
 
 import itertools
 import math
@@ -909,3 +909,109 @@ def is_simple() -> Exercise:
         ),
     }
     return Exercise(simple, cases, mistakes)
+
+
+# Chapter 24: a mean over a surface, and the thickness between two curves.
+
+
+@exercise(stars=1)
+def mean_by_area() -> Exercise:
+    """Check ``function(values, vertices, faces)``: the mean of a number of vertices over a surface, by area."""
+
+    def face_areas(v: Float[Tensor, "V 3"], f: Int64[Tensor, "F 3"]) -> Float[Tensor, " F"]:
+        a, b, c = v[f].unbind(dim=1)
+        return torch.linalg.cross(b - a, c - a).norm(dim=1) / 2
+
+    def weights(v: Float[Tensor, "V 3"], f: Int64[Tensor, "F 3"], each: Float[Tensor, " F"]) -> Float[Tensor, " V"]:
+        return torch.zeros(len(v), dtype=v.dtype).index_add(0, f.flatten(), each.repeat_interleave(3))
+
+    def mean(t: Float[Tensor, " V"], v: Float[Tensor, "V 3"], f: Int64[Tensor, "F 3"]) -> float:
+        return float((t[f].mean(dim=1) * face_areas(v, f)).sum() / face_areas(v, f).sum())
+
+    def counted(t: Float[Tensor, " V"], v: Float[Tensor, "V 3"], f: Int64[Tensor, "F 3"]) -> float:
+        around = weights(v, f, torch.ones(len(f), dtype=v.dtype))
+        return float((t * around).sum() / around.sum())
+
+    def whole(t: Float[Tensor, " V"], v: Float[Tensor, "V 3"], f: Int64[Tensor, "F 3"]) -> float:
+        return float((t * weights(v, f, face_areas(v, f))).sum() / face_areas(v, f).sum())
+
+    def of_squares(t: Float[Tensor, " V"], v: Float[Tensor, "V 3"], f: Int64[Tensor, "F 3"]) -> float:
+        squares = face_areas(v, f) ** 2
+        return float((t[f].mean(dim=1) * squares).sum() / squares.sum())
+
+    ball = icosphere(2)
+    random = torch.from_numpy(np.random.default_rng(0).uniform(1, 4, len(ball.vertices)))
+    stretched = ball.vertices * torch.tensor([1.0, 1.0, 6.0]).double()
+    flat = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 9, 0]]).double()
+    cases = {
+        "two triangles of unequal size": (
+            torch.tensor([1.0, 2.0, 3.0, 5.0]).double(), flat, torch.tensor([[0, 1, 2], [1, 3, 2]]),
+        ),
+        "the same number everywhere": (torch.full((len(ball.vertices),), 2.5).double(), stretched, ball.faces),
+        "a long ellipsoid": (random, stretched, ball.faces),
+        "a sphere": (random, ball.vertices, ball.faces),
+    }  # fmt: skip
+    mistakes = {
+        "this is the mean over vertices; small faces then count as much as large ones": lambda t, v, f: float(t.mean()),
+        "every face counts alike here, whatever its area; weight each by its area": (
+            counted,
+            lambda t, v, f: float(t[f].mean()),
+        ),
+        "a vertex has a third of the area of each of its faces; with the whole area the sum is three times too large": (
+            whole
+        ),
+        "this is the sum over the surface; divide by the area": (
+            lambda t, v, f: float((t[f].mean(dim=1) * face_areas(v, f)).sum())
+        ),
+        "the area is squared; is the root of the cross product missing?": of_squares,
+    }
+    return Exercise(mean, cases, mistakes)
+
+
+@exercise(stars=2)
+def curve_thickness() -> Exercise:
+    """Check ``function(white, pial, k)``: the thickness at vertex k between two curves whose vertices correspond.
+
+    It is the mean of two distances: from ``white[k]`` to the nearest point of the pial curve, and from ``pial[k]`` to
+    the nearest point of the white curve. A curve is a chain of segments.
+    """
+
+    def to_chain(point: Float[Tensor, " 2"], chain: Float[Tensor, "n 2"], clamped: bool = True) -> float:
+        start, way = chain[:-1], chain[1:] - chain[:-1]
+        part = ((point - start) * way).sum(dim=1) / (way**2).sum(dim=1)
+        part = part.clamp(0, 1) if clamped else part
+        return float((start + part[:, None] * way - point).norm(dim=1).min())
+
+    def to_vertices(point: Float[Tensor, " 2"], chain: Float[Tensor, "n 2"]) -> float:
+        return float((chain - point).norm(dim=1).min())
+
+    def both(white: Float[Tensor, "n 2"], pial: Float[Tensor, "n 2"], k: int) -> tuple[float, float]:
+        return to_chain(white[k], pial), to_chain(pial[k], white)
+
+    x = torch.linspace(0, 6, 7).double()
+    fold = torch.stack([x, 2 * torch.cos(2 * x)], dim=1)
+    straight = torch.stack([x, torch.zeros_like(x)], dim=1)
+    slid = straight + torch.tensor([0.4, 2.0]).double()
+    cap = torch.stack([x, 1.5 * torch.cos(2 * x) + 2.5], dim=1) + torch.tensor([0.8, 0.0]).double()
+    cases = {
+        "two straight lines that are shifted": (straight, slid, 3),
+        "their first vertex": (straight, slid, 0),
+        "a fold": (fold, cap, 2),
+        "another vertex of it": (fold, cap, 4),
+        "the last vertex": (fold, cap, 6),
+    }
+    mistakes = {
+        "this is the distance between the two vertices of a pair; take the nearest point of the other curve": (
+            lambda w, p, k: float((w[k] - p[k]).norm())
+        ),
+        "this is the nearest vertex; the nearest point may lie between two vertices": (
+            lambda w, p, k: (to_vertices(w[k], p) + to_vertices(p[k], w)) / 2
+        ),
+        "only the way from the white curve counts here; take the mean of both ways": lambda w, p, k: both(w, p, k)[0],
+        "only the way from the pial curve counts here; take the mean of both ways": lambda w, p, k: both(w, p, k)[1],
+        "this is the larger of the two distances; take their mean": lambda w, p, k: max(both(w, p, k)),
+        "a segment ends at its vertices; keep the foot of the perpendicular between them": (
+            lambda w, p, k: (to_chain(w[k], p, clamped=False) + to_chain(p[k], w, clamped=False)) / 2
+        ),
+    }
+    return Exercise(lambda w, p, k: sum(both(w, p, k)) / 2, cases, mistakes)

@@ -1,4 +1,4 @@
-"""Exercises of chapters 24 to 27, studies and trials: truths, cases, and the usual mistakes with their hints."""
+"""Exercises of chapters 25 to 28, studies and trials: truths, cases, and the usual mistakes with their hints."""
 
 import functools
 import itertools
@@ -15,7 +15,7 @@ from meshot.types import Array, Float, Tensor
 from meshot_book.exercises.verdict import Exercise, exercise
 from meshot_book.statistics import people_needed
 
-# Chapter 24: the reliability of pairs, the size of a group, visits or people.
+# Chapter 25: the reliability of pairs, the size of a group, visits or people.
 
 
 _MOST_VISITS = 500
@@ -142,7 +142,7 @@ def best_visits() -> Exercise:
     return Exercise(best, cases, mistakes)
 
 
-# Chapter 25: systems in the same order, who is better by an interval, and the best motion between two surfaces.
+# Chapter 26: systems in the same order, who is better by an interval, and the best motion between two surfaces.
 
 
 @exercise(stars=1)
@@ -279,7 +279,7 @@ def best_motion() -> Exercise:
     return Exercise(rigid, cases, mistakes)
 
 
-# Chapter 26: the rate of a candidate, the average of weights, and the luck of the best of several scores.
+# Chapter 27: the rate of a candidate, the average of weights, and the luck of the best of several scores.
 
 
 @exercise(stars=1)
@@ -360,7 +360,7 @@ def luck_of_the_best() -> Exercise:
     return Exercise(luck, cases, mistakes)
 
 
-# Chapter 27: what the fall of a loss means, where one training leads another, and a forecast with its interval.
+# Chapter 28: what the fall of a loss means, where one training leads another, and a forecast with its interval.
 
 
 @exercise(stars=1)

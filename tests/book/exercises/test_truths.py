@@ -14,7 +14,16 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from meshot import DiscreteMeasure, Mesh, empirical, sinkhorn_divergence, slice_costs, varifold, wasserstein
 from meshot.flow import integrate, steps_below
 from meshot.loss import chamfer, sliced_partial, sliced_unbalanced, sliced_wasserstein
-from meshot.mesh import Contour, circle, euler_number, face_areas, folded_sphere, self_intersecting_faces, signed_volume
+from meshot.mesh import (
+    Contour,
+    circle,
+    euler_number,
+    face_areas,
+    folded_sphere,
+    self_intersecting_faces,
+    signed_volume,
+    vertex_areas,
+)
 from meshot.metrics import average_surface_distance, edge_length_variation, hausdorff_distance
 from meshot.metrics.distances import Offsets
 from meshot.model import DeformationNetwork
@@ -211,6 +220,14 @@ def forecast(steps, distances, at):
     return np.exp(place @ line + np.array([0, -half, half]))
 
 
+def curve_thickness(white, pial, k):
+    """Distances to many points on the other curve."""
+    parts = torch.linspace(0, 1, 4001).double()[:, None, None]
+    ways = ((white[k], pial), (pial[k], white))
+    fine = [(point, (chain[:-1] + parts * (chain[1:] - chain[:-1])).reshape(-1, 2)) for point, chain in ways]
+    return sum(float((points - point).norm(dim=1).min()) for point, points in fine) / 2
+
+
 INDEPENDENT = {
     "quantiles": quantiles,
     "transport_cost": lambda x, a, y, b, p: ot.emd2_1d(*(t.numpy() for t in (x, y, a, b)), metric="minkowski", p=p),
@@ -248,6 +265,8 @@ INDEPENDENT = {
     "handles": handles,
     "surface_ras": lambda p, a, s: p - p.new_tensor(centre_ras(Volume(np.zeros(s, dtype=bool), a.numpy()))),
     "is_simple": is_simple,
+    "mean_by_area": lambda t, v, f: np.average(t.numpy(), weights=vertex_areas(Mesh(v, f)).numpy()),
+    "curve_thickness": curve_thickness,
     "pair_reliability": lambda a, b: intraclass_correlation(np.stack([a, b], axis=1)).value,
     "group_size": group_size,
     "same_order": lambda printed, ours: (stats.kendalltau(printed, ours).statistic + 1) / 2,

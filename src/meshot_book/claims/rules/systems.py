@@ -366,7 +366,7 @@ def own_loss_points(readings: dict, controls: dict, budget: dict, alone: dict) -
     return list(found.values())
 
 
-#: The share of its value that the loss has to fall below: read from these results, not predicted (chapter 27).
+#: The share of its value that the loss has to fall below: read from these results, not predicted (chapter 28).
 LIMIT = 0.1
 
 
