@@ -218,6 +218,7 @@ DATA = {
             }.items()
         },
     },
+    "thickness": {"depth": 5.0, "wave": 16.0, "gap": 2.5, "slide": 0.0, "place": 16.0, "length": 48.0},
     "missing": {
         "areas": [3.0, 5.0, 2.0, 4.0, 4.0, 6.0, 1.0, 5.0, 3.0, 2.0] * 8,
         "low": -80.0,

@@ -1193,6 +1193,38 @@ def test_the_tables_are_in_order_and_pairs_are_counted(opened):
                 assert now["turned"] == turned
 
 
+def test_thickness_between_two_curves_is_that_of_many_points(opened):
+    page, length = opened("thickness"), DATA["thickness"]["length"]
+    names = ("slide of the pial points", "depth of the folds", "length of a fold", "gap between the curves", "look at")
+    for slide, depth, wave, gap, place in (
+        (0, 5, 16, 2.5, 16),
+        (2, 5, 16, 2.5, 20.5),
+        (-3.5, 8, 11, 4, 7),
+        (1, 0, 20, 3, 9),
+    ):
+        for name, value in zip(names, (slide, depth, wave, gap, place), strict=True):
+            page.get_by_role("slider", name=name, exact=True).fill(str(value))
+        x = np.linspace(-length / 2, 3 * length / 2, 40_001)
+        heights = depth * np.cos(2 * np.pi * x / wave), 0.7 * depth * np.cos(2 * np.pi * x / wave) + gap
+        curves = [np.stack([x, height], axis=1) for height in heights]
+
+        def at(position, slid, curve, x=x, heights=heights):
+            return np.array([position + slid, np.interp(position + slid, x, heights[curve])])
+
+        def definitions(position, slide=slide, curves=curves, at=at):
+            w, p = at(position, 0, 0), at(position, slide, 1)
+            ways = [np.linalg.norm(curve - point, axis=1).min() for curve, point in ((curves[1], w), (curves[0], p))]
+            return np.linalg.norm(w - p), *ways
+
+        now, (pair, there, back) = shown(page), definitions(place)
+        assert now["pair"] == pytest.approx(pair, abs=1e-3)
+        assert [now["there"], now["back"]] == pytest.approx([there, back], abs=5e-3)
+        assert now["both"] == pytest.approx((there + back) / 2, abs=5e-3)
+        every = np.array([definitions(position) for position in np.linspace(0, length, 97)])
+        assert now["meanPair"] == pytest.approx(every[:, 0].mean(), abs=0.03)
+        assert now["meanBoth"] == pytest.approx(every[:, 1:].mean(), abs=0.03)
+
+
 def test_missing_area_moves_the_mass_of_the_whole_brain(opened):
     page, data = opened("missing"), DATA["missing"]
     slab, n_pieces = data["slab"], 50

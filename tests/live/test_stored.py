@@ -62,6 +62,9 @@ def test_the_answers_of_the_questions_hold_in_the_book(root, tmp_path, context):
     cubes = values("cubes")
     assert [cubes[f"holds{scale}"] for scale in range(3)] == [0, 1, 1]
     assert max(cubes["range1"], cubes["range2"]) > 2 * cubes["range0"]
+    still, slid = values("thickness"), values("thickness", slide=2)
+    assert slid["meanPair"] > 1.1 * still["meanPair"]
+    assert abs(slid["meanBoth"] / still["meanBoth"] - 1) < 0.1
     missing = values("missing")
     assert missing["here"] > 0.5 > 10 * abs(missing["within"])
     planted = {"metric": "HD 100 %", "show": "at once"}

@@ -29,7 +29,7 @@ export function main(root, data) {
   const pial = (x) => [x, (1 - FILLED) * state.depth * Math.cos((2 * Math.PI * x) / state.wave) + state.gap];
   const places = Array.from({ length: N + 1 }, (_, k) => (k * data.length) / N);
   // Both curves go on beyond the frame, so that no nearest point is missing.
-  const wider = Array.from({ length: 2 * N + 1 }, (_, k) => (k * 2 * data.length) / (2 * N) - data.length / 2);
+  const wider = Array.from({ length: 4 * N + 1 }, (_, k) => (k * data.length) / (2 * N) - data.length / 2);
 
   function draw() {
     const [inner, outer] = [wider.map(white), wider.map(pial)];
