@@ -128,6 +128,8 @@ def test_the_limits_state_what_was_measured_of_a_person(root):
     assert f"moves vertices by up to {max(row['largest_repair_mm'] for row in (left, right)):.1f} mm" in text
     shares = read_results(root / "experiments" / "warnings" / "second" / "results.json")["results"]["shares"]
     good, spoiled = (shares[f"judgement, {kind}, all"]["new"] for kind in ("good", "spoiled"))
-    assert f"A warning is given for {good['warned']} of {good['of']} good synthetic subjects and for both adults" in text
+    assert (
+        f"A warning is given for {good['warned']} of {good['of']} good synthetic subjects and for both adults" in text
+    )
     assert spoiled["warned"] == spoiled["of"]
     assert f"All {spoiled['of']} heads that were spoiled on purpose have one" in text
