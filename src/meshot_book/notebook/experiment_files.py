@@ -17,6 +17,7 @@ READ_BY_CHAPTERS = (
     "*/results.json",
     "*/before.json",
     "*/midway.json",
+    "thickness/weights/*_pial.json",
     "warnings/*/results.json",
     "ddot/*/results.json",
     "person/robustness.json",
