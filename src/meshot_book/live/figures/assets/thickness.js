@@ -77,19 +77,25 @@ function mm(value) {
   return `${digits(value)} mm`;
 }
 
-function distance([a, b], [c, d]) {
-  return Math.hypot(a - c, b - d);
+/** @typedef {import("../../assets/plot.js").Point} Point */
+
+/** @type {(first: Point, second: Point) => number} */
+function distance(first, second) {
+  return Math.hypot(first[0] - second[0], first[1] - second[1]);
 }
 
-// The point of a chain of segments that is nearest to another point.
-function nearest(chain, [x, y]) {
+/**
+ * The point of a chain of segments that is nearest to another point.
+ * @type {(chain: Point[], from: Point) => {distance: number, point: Point}}
+ */
+function nearest(chain, from) {
   let best = { distance: Infinity, point: chain[0] };
   for (let k = 1; k < chain.length; k += 1) {
-    const [[a, b], [c, d]] = [chain[k - 1], chain[k]];
-    const [u, v] = [c - a, d - b];
-    const part = Math.min(1, Math.max(0, ((x - a) * u + (y - b) * v) / (u * u + v * v)));
-    const point = [a + part * u, b + part * v];
-    const away = distance(point, [x, y]);
+    const [start, end] = [chain[k - 1], chain[k]];
+    const [u, v] = [end[0] - start[0], end[1] - start[1]];
+    const part = Math.min(1, Math.max(0, ((from[0] - start[0]) * u + (from[1] - start[1]) * v) / (u * u + v * v)));
+    const point = [start[0] + part * u, start[1] + part * v];
+    const away = distance(point, from);
     if (away < best.distance) {
       best = { distance: away, point };
     }
