@@ -222,7 +222,7 @@ def files_beside(folder: Path, place: Path) -> list[tuple[list[str], str]]:
     return [(names, about) for about, names in found.items() if names]
 
 
-#: The files of the regions in the flat layout, see :func:`meshot.pipeline.regions.write_regions`.
+#: The files of the regions in the flat layout, see :func:`meshot.pipeline.write_regions`.
 FLAT_REGIONS = {
     "table": "regions", "stats": "{short}.aparc.stats", "labels": "{short}.aparc.annot",
     "thickness": "{short}.thickness",
