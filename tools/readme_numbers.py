@@ -57,7 +57,7 @@ def rows(root: Path) -> list[tuple[str, str, str, str]]:
         ),
         ("S1: area", *both("area_percent", "+.0f", "%"), f"± {ASKED['beside area']} %"),
         ("S1: volume", *both("volume_percent", "+.0f", "%"), f"± {ASKED['beside volume']} %"),
-        ("S1: warnings, counted as false", "", f"{len(midway['scans']['package']['warnings'])}", "0"),
+        ("S1: warnings", "", f"{len(midway['scans']['package']['warnings'])}", "0"),
         ("P1: border to surface, median / mean", "", distance["there"], asked),
         ("P1: surface to border, median / mean", "", distance["back"], asked),
         ("P1: area in cerebellum and brainstem", "", *hindbrain),
