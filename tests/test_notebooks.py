@@ -92,6 +92,16 @@ def test_it_is_the_plain_form_of_its_source(path):
 
 
 @chapters
+def test_a_chapter_has_one_title(path):
+    titles = [
+        line for cell in read(path).cells if cell.cell_type == "markdown"
+        for line in cell.source.splitlines() if line.startswith("# ")
+    ]  # fmt: skip
+    assert len(titles) == 1
+    assert titles[0].startswith(f"# {int(path.stem[:2])} ")
+
+
+@chapters
 def test_every_cell_was_run_in_order_without_error_or_the_name_of_a_machine(path):
     assert not re.search(r"/(home|root|work|tmp|Users)/\w", path.read_text(encoding="utf-8"))
     cells = code_cells(read(path))
