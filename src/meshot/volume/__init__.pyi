@@ -16,6 +16,7 @@ from .registration import (
 from .surfaces import (
     enclosed_fractions as enclosed_fractions,
     filled_cavities as filled_cavities,
+    filled_tunnels as filled_tunnels,
     genus_zero as genus_zero,
     isosurface as isosurface,
     largest_component as largest_component,

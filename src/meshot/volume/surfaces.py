@@ -276,10 +276,16 @@ def genus_zero(mask: Bool[Array, "X Y Z"], priority: Float[Array, "X Y Z"]) -> B
     lowest. Marching cubes then gives a surface of Euler number 2 without non-manifold edges. Simple points alone would
     not ensure this.
 
+    Growth voxel by voxel also leaves out parts that could stay: two fronts meet, and every single voxel between them
+    would touch the other front in an edge only. So every connected piece that was left out is then added as a whole, if
+    that changes no component, handle or cavity and the result is well-composed. In the white matter of a hemisphere,
+    nearly half of the voxels left out come back.
+
     Parameters
     ----------
     mask : array
-        Boolean. Only voxels of the mask are kept. Fill cavities first; otherwise a channel to each is left open.
+        Boolean. Only voxels of the mask are kept. Fill cavities first; otherwise a channel to each is left open. Fill
+        tunnels, too, where that is the smaller change: see :func:`meshot.volume.filled_tunnels`.
     priority : array
         Voxels with high values are added first: the probability of the tissue, or the depth inside the mask.
 
@@ -302,15 +308,106 @@ def genus_zero(mask: Bool[Array, "X Y Z"], priority: Float[Array, "X Y Z"]) -> B
     Bertrand and Malandain, *A new characterization of three-dimensional simple points*, 1994; Latecki, *3D
     well-composed pictures*, 1997.
     """
-    _require_mask(mask)
+    mask, priority = np.pad(_require_mask(mask), 2), np.pad(_require_priority(mask, priority), 2)
+    seed = np.unravel_index(np.argmin(np.where(mask, -priority, np.inf)), mask.shape)
+    grown = flood(mask, -priority, np.array(seed, dtype=np.int64))
+    whole = grown.copy()
+    labels, _ = scipy.ndimage.label(mask & ~grown, _CORNERS)
+    for number, box in enumerate(scipy.ndimage.find_objects(labels), 1):
+        box = tuple(slice(part.start - 2, part.stop + 2) for part in box)
+        larger = whole[box] | (labels[box] == number)
+        if _same_topology(whole[box], larger):
+            whole[box] = larger
+    # Numbers around a piece do not prove that the whole is a ball; those of the whole do.
+    found = whole if _components_and_euler(whole) == (1, 1, 1) and _is_well_composed(whole) else grown
+    return found[2:-2, 2:-2, 2:-2]
+
+
+def filled_tunnels(field: Volume, mask: Bool[Array, "X Y Z"], largest: float, level: float = 0.5) -> Array:
+    """The mask with those tunnels filled that little has to be added for.
+
+    A tunnel through an object disappears if it is filled, or if the ring around it is cut, which
+    :func:`meshot.volume.genus_zero` does. The background is grown from outside here, with the topology of the outside
+    of a ball, at low values of the field first. What it cannot reach are fillings, each a connected piece. A piece is
+    added to the mask if its cost is at most ``largest``. Expensive pieces, such as the membrane in a ring of two gyri
+    that touch, are left open. A hole in a thin sheet is cheap.
+
+    Parameters
+    ----------
+    field : Volume
+        Larger inside: the probability of the tissue.
+    mask : array
+        Boolean, on the grid of the field: where the field is above the level, and its cavities.
+    largest : float
+        The largest cost of a piece in mm³: the sum of level minus field over its voxels, times the volume of a voxel.
+        At a level of 0.5 that is at most half of the volume of the piece.
+    level : float
+        In the units of the field.
+
+    Raises
+    ------
+    ValueError
+        If the mask is empty or has another shape than the field.
+
+    References
+    ----------
+    Kriegeskorte and Goebel, *An efficient algorithm for topologically correct segmentation of the cortical sheet in
+    anatomical MR volumes*, NeuroImage 2001: fill or cut, whichever changes less.
+    """
+    priority = np.pad(-_require_priority(mask, field.data), 2, mode="edge")
+    solid = np.pad(_require_mask(mask), 2)
+    left = ~solid & ~genus_zero(~solid, priority)
+    # The background has the topology of a ball, too. So one rod of it, from the object to the border, is not reached.
+    labels, n_pieces = scipy.ndimage.label(left, _CORNERS)
+    inner = np.zeros_like(solid)
+    inner[1:-1, 1:-1, 1:-1] = True
+    cost = scipy.ndimage.sum_labels(level + priority, labels, np.arange(n_pieces + 1)) * voxel_sizes(field).prod()
+    cheap = cost <= largest
+    cheap[np.unique(labels[~inner])] = False  # with the background, which has the label 0
+    return filled_cavities((solid | cheap[labels])[2:-2, 2:-2, 2:-2])
+
+
+def _require_priority(mask: Array, priority: Array) -> Float[Array, "X Y Z"]:
     if priority.shape != mask.shape or not np.isfinite(priority).all():
         raise ValueError(
             f"priority has shape {priority.shape} or is not finite; finite values of shape {mask.shape} are needed"
         )
-    cost = np.pad(-np.asarray(priority, dtype=np.float64), 1)
-    seed = np.unravel_index(np.argmin(np.where(mask, -priority, np.inf)), mask.shape)
-    grown = flood(np.pad(mask, 1), cost, np.array(seed, dtype=np.int64) + 1)
-    return grown[1:-1, 1:-1, 1:-1]
+    return np.asarray(priority, dtype=np.float64)
+
+
+def _same_topology(before: Bool[Array, "X Y Z"], after: Bool[Array, "X Y Z"]) -> bool:
+    return _is_well_composed(after) and _components_and_euler(before) == _components_and_euler(after)
+
+
+def _components_and_euler(mask: Bool[Array, "X Y Z"]) -> tuple[int, int, int]:
+    """Components of object and background, and the Euler number of the union of the closed voxels: (1, 1, 1) of a ball.
+
+    Around the mask is background. Voxels of the object are connected by faces, edges or corners.
+    """
+    padded = np.pad(mask, 1)
+    # Vertices − edges + faces − voxels. A cell of the grid belongs to the union if one of the voxels around it does:
+    # the union of the shifted masks along the axes in which the cell has no extent.
+    cells = {(): padded}
+    for axis in range(3):
+        for axes, found in list(cells.items()):
+            first, second = (np.take(found, range(k, found.shape[axis] - 1 + k), axis) for k in (0, 1))
+            cells[(*axes, axis)] = first | second
+    euler = sum((-1) ** (3 - len(axes)) * int(found.sum()) for axes, found in cells.items())
+    return scipy.ndimage.label(padded, _CORNERS)[1], scipy.ndimage.label(~padded)[1], euler
+
+
+def _is_well_composed(mask: Bool[Array, "X Y Z"]) -> bool:
+    """Whether no two voxels of object or background meet only in an edge or a corner."""
+    for axis in range(3):
+        rows = np.moveaxis(mask, axis, 0)
+        a, b, c, d = rows[:, :-1, :-1], rows[:, 1:, 1:], rows[:, :-1, 1:], rows[:, 1:, :-1]
+        if ((a == b) & (c == d) & (a != c)).any():
+            return False
+    nx, ny, nz = (n - 1 for n in mask.shape)
+    cube = [mask[i : nx + i, j : ny + j, k : nz + k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    total = sum(each.astype(np.int8) for each in cube)
+    opposite = [(cube[i], cube[7 - i]) for i in range(4)]
+    return not any((((total == 2) & a & b) | ((total == 6) & ~a & ~b)).any() for a, b in opposite)
 
 
 def _require_mask(mask: Array) -> Array:

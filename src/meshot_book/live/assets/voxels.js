@@ -247,11 +247,64 @@ export function ballGrowth(mask, priority, grid) {
   };
 }
 
-/** A part of the mask with the topology of a ball, by growth to its end. */
+/** Whether no two voxels of a mask, or of its background, meet in an edge or a corner only. */
+export function isWellComposed(mask, { strides }) {
+  const [x, y, z] = strides;
+  const squares = [[x, y], [x, z], [y, z]]; // prettier-ignore
+  const diagonals = [[0, x + y + z], [x, y + z], [y, x + z], [z, x + y]]; // prettier-ignore
+  return !mask.some(
+    (value, p) =>
+      squares.some(([a, b]) => value === mask[p + a + b] && mask[p + a] === mask[p + b] && value !== mask[p + a]) ||
+      diagonals.some(([a, b]) => {
+        const total = diagonals.flat().reduce((sum, step) => sum + mask[p + step], 0);
+        return mask[p + a] === mask[p + b] && total === (mask[p + a] ? 2 : 6);
+      }),
+  );
+}
+
+// A mask around some places, two voxels wider than they, as a grid of its own; and where its voxels lie in the mask.
+function boxAround(mask, { shape, strides }, places) {
+  const at = (place, axis) => Math.floor(place / strides[axis]) % shape[axis];
+  const low = strides.map((_, axis) => Math.min(...places.map((place) => at(place, axis))) - 2);
+  const high = strides.map((_, axis) => Math.max(...places.map((place) => at(place, axis))) + 2);
+  const box = voxelGrid(low.map((first, axis) => high[axis] - first + 1));
+  const part = new Uint8Array(box.shape.reduce((product, n) => product * n, 1));
+  const homes = new Map();
+  for (let place = 0; place < part.length; place += 1) {
+    const index = box.strides.map((step, axis) => Math.floor(place / step) % box.shape[axis]);
+    const there = index.map((n, axis) => n - 1 + low[axis]);
+    const layer = index.some((n, axis) => n === 0 || n === box.shape[axis] - 1);
+    if (!layer && there.every((n, axis) => n >= 0 && n < shape[axis])) {
+      const home = there.reduce((sum, n, axis) => sum + n * strides[axis], 0);
+      homes.set(home, place);
+      part[place] = mask[home];
+    }
+  }
+  return { box, part, homes };
+}
+
+const sameTopology = (one, other, grid) => {
+  const [a, b] = [one, other].map((mask) => solidTopology(mask, grid, true));
+  return isWellComposed(other, grid) && Object.keys(a).every((key) => a[key] === b[key]);
+};
+
+/** A part of the mask with the topology of a ball: by growth to its end, and then of whole pieces that fit. */
 export function ballWithin(mask, priority, grid) {
   const growth = ballGrowth(mask, priority, grid);
   while (growth.next()) {
     // on to the last voxel
   }
-  return growth.grown;
+  const whole = growth.grown.slice();
+  const left = Uint8Array.from(mask, (value, place) => (value && !growth.grown[place] ? 1 : 0));
+  for (const piece of connectedParts(left, grid, 1, 3)) {
+    const { box, part, homes } = boxAround(whole, grid, piece);
+    const larger = part.slice();
+    piece.forEach((place) => (larger[homes.get(place)] = 1));
+    if (sameTopology(part, larger, box)) {
+      piece.forEach((place) => (whole[place] = 1));
+    }
+  }
+  const { components, cavities, handles } = solidTopology(whole, grid, true);
+  const isBall = components === 1 && cavities === 0 && handles === 0 && isWellComposed(whole, grid);
+  return isBall ? whole : growth.grown;
 }
