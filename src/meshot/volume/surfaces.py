@@ -267,7 +267,9 @@ def filled_cavities(mask: Bool[Array, "X Y Z"]) -> Bool[Array, "X Y Z"]:
     return scipy.ndimage.binary_fill_holes(mask, structure=_CORNERS)
 
 
-def genus_zero(mask: Bool[Array, "X Y Z"], priority: Float[Array, "X Y Z"]) -> Bool[Array, "X Y Z"]:
+def genus_zero(
+    mask: Bool[Array, "X Y Z"], priority: Float[Array, "X Y Z"], pieces: bool = True
+) -> Bool[Array, "X Y Z"]:
     """A part of the mask with the topology of a ball: one component, no cavity, no handle, well-composed.
 
     A region grows from the voxel of highest priority, in the order of priority. A voxel is added if it is simple for
@@ -288,6 +290,8 @@ def genus_zero(mask: Bool[Array, "X Y Z"], priority: Float[Array, "X Y Z"]) -> B
         tunnels, too, where that is the smaller change: see :func:`meshot.volume.filled_tunnels`.
     priority : array
         Voxels with high values are added first: the probability of the tissue, or the depth inside the mask.
+    pieces : bool
+        Whether pieces that growth left out are added as a whole where that changes no topology.
 
     Returns
     -------
@@ -312,7 +316,7 @@ def genus_zero(mask: Bool[Array, "X Y Z"], priority: Float[Array, "X Y Z"]) -> B
     seed = np.unravel_index(np.argmin(np.where(mask, -priority, np.inf)), mask.shape)
     grown = flood(mask, -priority, np.array(seed, dtype=np.int64))
     whole = grown.copy()
-    labels, _ = scipy.ndimage.label(mask & ~grown, _CORNERS)
+    labels, _ = scipy.ndimage.label(mask & ~grown & pieces, _CORNERS)
     for number, box in enumerate(scipy.ndimage.find_objects(labels), 1):
         box = tuple(slice(part.start - 2, part.stop + 2) for part in box)
         larger = whole[box] | (labels[box] == number)
