@@ -1,16 +1,21 @@
 """Flows from white to pial surfaces: they learn from white surfaces that were found, and go with their flows only."""
 
 import dataclasses
+import math
 
+import numpy as np
 import pytest
+import scipy.special
 import torch
 
 from bright_head import shifting_network
 from meshot.anatomy import HEMISPHERES
+from meshot.mesh import Mesh, icosphere
+from meshot.metrics import Surface
 from meshot.metrics.distances import vertex_distances
 from meshot.model import network_digest
 from meshot.systems import ExampleSets, Part, get_system
-from meshot.systems.flows import WHITE, hemisphere_example
+from meshot.systems.flows import WHITE, deformed, hemisphere_example, matched_places, matching_loss
 from phantoms import phantom_subjects
 from refusals import refuses
 
@@ -99,6 +104,62 @@ def test_a_training_brings_the_white_surface_nearer_to_the_pial_one(trained):
     truth = unseen.targets["left", "pial"]
     before, after = (vertex_distances(made["left", kind], truth).mean() for kind in ("white", "pial"))
     assert after < 0.8 * before
+
+
+def test_vertices_belong_where_the_nearest_point_of_the_true_surface_does():
+    white = icosphere(4, 10.0)
+    stretch = torch.tensor([1.2, 1.3, 1.4], dtype=torch.float64)
+    pial = white.with_vertices(white.vertices * stretch)
+    found = white.with_vertices(white.vertices * 1.05)
+    places = matched_places(found, white, pial)
+    torch.testing.assert_close(places.double(), pial.vertices, atol=0.01, rtol=0)
+    assert not places.isnan().any()
+    far = white.with_vertices(white.vertices * 1.11)
+    assert matched_places(far, white, pial).isnan().all()
+    inside_out = Mesh(found.vertices, found.faces.flip(1))
+    assert matched_places(inside_out, white, pial).isnan().all()
+
+
+def test_places_within_a_face_are_carried_linearly():
+    source = Mesh(torch.tensor([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), torch.tensor([[0, 1, 2]]))
+    target = source.with_vertices(torch.tensor([[0.0, 0, 1], [8, 0, 1], [0, 4, 9]]))
+    found = Surface(source).carry(np.array([[1.0, 1.0, 0.3], [-1.0, 2.0, 0.0]]), target)
+    np.testing.assert_allclose(found, [[2.0, 1.0, 3.0], [0.0, 2.0, 5.0]], atol=1e-12)
+
+
+def test_the_matching_loss_is_hubers():
+    ways = torch.tensor([[0.3, 0.4, 0.0], [0.0, 0.0, 2.0], [1.0, 1.0, 1.0]], dtype=torch.float64)
+    places = torch.tensor([[0.0, 0, 0], [0, 0, 0], [math.nan, 0, 0]], dtype=torch.float64)
+    expected = scipy.special.huber(1.0, [0.5, 2.0]).mean()
+    assert float(matching_loss(ways, places)) == pytest.approx(expected, rel=1e-12)
+    assert torch.autograd.gradcheck(lambda x: matching_loss(x, places), ways.requires_grad_())
+    assert float(matching_loss(ways.detach(), torch.full_like(places, math.nan))) == 0
+
+
+def test_matching_brings_vertices_to_their_places(trained, tmp_path):
+    """With matching, the moved vertices come nearer to their own places than without it."""
+    white, without, sets = trained
+    settings = TINY | {"training": TINY["training"] | {"white": str(tmp_path / "white"), "matching": 3.0}}
+    found = KIND.train(sets, settings)
+    distances = []
+    for each in (without, found):
+        item = hemisphere_example(sets.validation[0], "left", 400, white)
+        moved = deformed(item.coarse, item.scan, each.parts["left_pial"].network, 2, standard=item.initial)
+        distances.append(float(matching_loss(moved.vertices, item.places)))
+    assert distances[1] < 0.9 * distances[0]
+
+
+def test_matching_needs_pial_surfaces_that_correspond(trained, tmp_path):
+    _, _, sets = trained
+    refuses("training.surface is 'white'", KIND.complete, {"training": {"matching": 1.0}})
+    other = [
+        dataclasses.replace(each, targets=each.targets | {("left", "pial"): icosphere(3, 20.0)})
+        for each in sets.training
+    ]
+    settings = TINY | {"training": TINY["training"] | {"white": str(tmp_path / "white"), "matching": 1.0}}
+    refuses("different faces", KIND.train, ExampleSets(other, sets.validation), settings)
+    plain = TINY | {"training": TINY["training"] | {"white": str(tmp_path / "white"), "n_epochs": 1}}
+    KIND.train(ExampleSets(other, sets.validation), plain)
 
 
 def test_the_flows_are_written_and_read_with_the_white_ones(trained, tmp_path):

@@ -66,6 +66,13 @@ class Surface:
         """The face that is nearest to each point."""
         return self.tree.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))[1].astype(np.int64)
 
+    def carry(self, points: Float[Array, "n 3"], mesh: Mesh) -> Float[Array, "n 3"]:
+        """The places on a mesh with the same faces that correspond to the nearest points of this surface."""
+        _, faces, nearest = self.tree.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
+        corners = np.ascontiguousarray(self.vertices[self.faces[faces]].transpose(1, 0, 2))
+        shares = igl.barycentric_coordinates(np.ascontiguousarray(nearest), *corners)
+        return np.einsum("nc,nck->nk", shares, mesh.vertices.detach().double().numpy()[self.faces[faces]])
+
     def signed_distances(self, points: Float[Array, "n 3"]) -> Float[Array, " n"]:
         """Distances from points to this surface, negative inside. It must be closed, with outward normals."""
         points = np.ascontiguousarray(points, dtype=np.float64)

@@ -18,8 +18,8 @@ import torch
 from meshot.anatomy import Hemisphere
 from meshot.flow import METHODS, integrate
 from meshot.loss import SummedLoss, SurfaceLoss, loss_setting_names, surface_loss
-from meshot.mesh import Mesh, simplified, vertex_normals
-from meshot.metrics import Surface
+from meshot.mesh import Mesh, safe_norm, simplified, vertex_normals
+from meshot.metrics import Surface, SurfaceSample, corresponds
 from meshot.model import N_STEPS, DeformationNetwork, ImageVelocity, Intensities, network_digest
 from meshot.settings import Count, Length, PartialSettings, Positive, Settings, Within, one_of
 from meshot.systems.learning import SURFACES, FlowTrainingSettings, mean_distances, of_both_sides, train_on_subjects
@@ -45,6 +45,11 @@ class DeformationSettings(FlowTrainingSettings):
         the flows of ``white`` find, to the pial one.
     white : str, optional
         For pial surfaces: the folder with the flows of the white surfaces; by default those of the package.
+    matching : float
+        For pial surfaces: the factor of a second term of the loss, in 1/mm. It is the mean distance between every
+        moved vertex and the place on the true pial surface that corresponds to the nearest point of the true white
+        surface; squared and halved below 1 mm. Vertices that lie more than 1 mm from the true white surface, or on
+        another bank, do not count. CortexODE has the mean of the squares, from true white surfaces. 0: no such term.
     """
 
     n_epochs: Count = 300
@@ -57,6 +62,15 @@ class DeformationSettings(FlowTrainingSettings):
     n_points: Count = 20_000
     surface: Annotated[str, one_of(("white", "pial"))] = "white"
     white: str | None = None
+    matching: Annotated[float, Within(0, 1e6)] = 0.0
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.matching and self.surface != "pial":
+            raise ValueError(
+                f"training.matching is {self.matching:g} and training.surface is {self.surface!r}; places that "
+                "correspond are known for pial surfaces only: set training.matching=0 or training.surface=pial"
+            )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -256,6 +270,9 @@ class DeformationExample:
         The same with fewer faces, for training.
     target : Mesh
         The true surface.
+    places : tensor, optional
+        For a pial surface with the faces of the white one: where the vertices of ``coarse`` belong, see
+        :func:`matched_places`.
     """
 
     name: str
@@ -263,6 +280,7 @@ class DeformationExample:
     initial: Mesh
     coarse: Mesh
     target: Mesh
+    places: Float[Tensor, "V 3"] | None = None
 
 
 def hemisphere_example(
@@ -274,13 +292,42 @@ def hemisphere_example(
     """
     image = example.scan.image
     initial = example.scan.initial[side, "white"] if white is None else white.white_surface(example.scan, side)
+    coarse = simplified(initial, n_faces)
+    truths = [example.targets.get((side, kind)) for kind in ("white", "pial")]
+    places = matched_places(coarse, *truths) if white is not None and corresponds(*truths) else None
     return DeformationExample(
         example.name,
         image.with_data(image.data.astype(np.float32)),
         initial.to(torch.float32),
-        simplified(initial, n_faces).to(torch.float32),
+        coarse.to(torch.float32),
         example.targets[side, "white" if white is None else "pial"].to(torch.float32),
+        places,
     )
+
+
+_MATCHED_MM, _MATCHED_COSINE = 1.0, 0.3
+
+
+def matched_places(found: Mesh, white: Mesh, pial: Mesh) -> Float[Tensor, "V 3"]:
+    """Where the vertices of a white surface belong on the true pial surface, in float32.
+
+    It is the place that corresponds to the nearest point of the true white surface. NaN where that point is more than
+    1 mm away, or the normals differ by more than 73°, as where a gyrus is cut off.
+    """
+    truth, points = Surface(white), found.vertices.detach().double().numpy()
+    near = truth.offsets(SurfaceSample(points, vertex_normals(found).detach().double().numpy()))
+    matched = (near.distances < _MATCHED_MM) & (near.cosines > _MATCHED_COSINE)
+    return torch.from_numpy(np.where(matched[:, None], truth.carry(points, pial), np.nan)).float()
+
+
+def matching_loss(vertices: Float[Tensor, "V 3"], places: Float[Tensor, "V 3"]) -> Float[Tensor, ""]:
+    """The mean distance of vertices to their places in mm, squared and halved below 1 mm. Places with NaN are left out.
+
+    The Huber loss. Zero if no vertex has a place.
+    """
+    known = ~places.isnan().any(dim=1)
+    distances = safe_norm(vertices[known] - places[known])
+    return torch.nn.functional.huber_loss(distances, torch.zeros_like(distances), reduction="sum") / max(len(distances), 1)
 
 
 def digest(examples: Sequence[DeformationExample]) -> str:
@@ -290,6 +337,7 @@ def digest(examples: Sequence[DeformationExample]) -> str:
         total.update(item.name.encode() + item.scan.data.tobytes())
         for mesh in (item.initial, item.coarse, item.target):
             total.update(mesh.vertices.numpy().tobytes() + mesh.faces.numpy().tobytes())
+        total.update(b"" if item.places is None else item.places.numpy().tobytes())
     return total.hexdigest()
 
 
@@ -335,6 +383,12 @@ def train_deformation(
     """
     require_examples(training, validation)
     settings, device = config.training, device or chosen_device()
+    unmatched = [item.name for item in training if item.places is None]
+    if settings.matching and unmatched:
+        raise ValueError(
+            f"the true white and pial surfaces of {unmatched[0]} have different faces, so that no places correspond: set "
+            "training.matching=0, or take surfaces that correspond, such as FreeSurfer's"
+        )
     network = (network or config.new_network()).to(device)
     fields = [velocity_field(network, item.scan, item.initial) for item in training]
     targets = [Surface(item.target) for item in validation]
@@ -342,7 +396,10 @@ def train_deformation(
     def loss_of(index: int, done: float, draws: np.random.Generator) -> Tensor:
         item = training[index]
         predicted = carried(item.coarse.to(device), fields[index], settings)
-        return config.loss.at(done)(predicted, item.target.to(device), draws)
+        loss = config.loss.at(done)(predicted, item.target.to(device), draws)
+        if not settings.matching:
+            return loss
+        return loss + settings.matching * matching_loss(predicted.vertices, item.places.to(device))
 
     def validate() -> dict:
         flow = (settings.n_flow_steps, settings.method)
