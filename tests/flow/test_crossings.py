@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 import torch
 
-from meshot.flow.crossings import crossings_along, inspect_paths, point_jacobians, repair_crossings, steps_below
+from meshot.flow.crossings import (
+    crossings_along,
+    inspect_paths,
+    nest_surfaces,
+    outward_directions,
+    point_jacobians,
+    repair_crossings,
+    steps_below,
+)
 from meshot.flow.integration import METHODS, trajectory
-from meshot.mesh import Mesh
+from meshot.mesh import Mesh, face_normals, smooth_crossings, united, vertex_normals
 from meshot.mesh.connectivity import self_intersecting_faces
 from meshot.mesh.shapes import folded_sphere, icosphere
 from meshot_book.examples.counterexample import crossing_time, tip_over_face
@@ -180,3 +188,84 @@ def test_doors_of_repair():
         refuses("largest_share is", repair_crossings, BALL, BALL, largest_share=share)
     crossed = BALL.with_vertices(with_pole_pushed_through(25.0))
     refuses("initial surface has self-intersecting faces", repair_crossings, crossed, crossed)
+
+
+# An inner and an outer surface that cross nowhere.
+
+
+def joined_crossings(*meshes: Mesh) -> int:
+    return len(self_intersecting_faces(united(meshes)))
+
+
+def test_surfaces_that_are_nested_stay_as_they_are():
+    inner = icosphere(3, 10.0)
+    outer = inner.with_vertices(1.2 * inner.vertices + torch.tensor([0.3, 0.0, 0.0]))
+    first, second = nest_surfaces(inner, outer)
+    assert torch.equal(first.vertices, inner.vertices)
+    torch.testing.assert_close(second.vertices, outer.vertices, atol=1e-12, rtol=0)
+
+
+def test_an_outer_surface_within_the_inner_one_stops_at_the_gap():
+    inner = icosphere(4, 10.0)
+    dented = torch.where(inner.vertices[:, 2:] > 8, 0.9, 1.2)
+    first, second = nest_surfaces(inner, inner.with_vertices(dented * inner.vertices), gap=0.1)
+    assert joined_crossings(first, second) == 0
+    assert torch.equal(first.vertices, inner.vertices)
+    radii = second.vertices.norm(dim=1)
+    assert float(radii.min()) == pytest.approx(10.1, abs=0.01)
+    away = inner.vertices[:, 2] < 7
+    torch.testing.assert_close(radii[away], torch.full_like(radii[away], 12.0))
+
+
+def test_banks_that_would_pass_through_each_other_stop_before():
+    """Two balls 1 apart, whose outer surfaces would overlap by 1."""
+    left = icosphere(4, 5.0)
+    right = left.with_vertices(left.vertices + torch.tensor([11.0, 0.0, 0.0]))
+    inner = united([left, right])
+    grown = torch.cat([left.vertices * 1.2, right.vertices + 0.2 * left.vertices])
+    outer = inner.with_vertices(grown)
+    assert joined_crossings(outer) > 0
+    first, second = nest_surfaces(inner, outer)
+    assert joined_crossings(first, second) == 0
+    n = len(left.vertices)
+    assert float(second.vertices[:n, 0].max()) < float(second.vertices[n:, 0].min())
+    behind = left.vertices[:, 0] < 0
+    torch.testing.assert_close(second.vertices[:n][behind], grown[:n][behind], atol=1e-12, rtol=0)
+
+
+def test_creases_without_an_outer_side_are_smoothed():
+    """A needle that was pushed through its own base: its copy outside would cross it."""
+    inner = icosphere(4, 10.0)
+    vertices = inner.vertices.clone()
+    noisy = vertices[:, 2] > 8
+    vertices[noisy] += 0.3 * torch.from_numpy(np.random.default_rng(0).normal(size=(int(noisy.sum()), 3)))
+    crumpled = smooth_crossings(inner.with_vertices(vertices))
+    copy = crumpled.with_vertices(crumpled.vertices + 0.05 * vertex_normals(crumpled))
+    assert joined_crossings(crumpled, copy) > 0
+    first, second = nest_surfaces(crumpled, crumpled.with_vertices(1.2 * crumpled.vertices))
+    assert joined_crossings(first, second) == 0
+    still = ~noisy & (crumpled.vertices[:, 2] < 6)
+    assert torch.equal(first.vertices[still], crumpled.vertices[still])
+    moved = (first.vertices - crumpled.vertices).norm(dim=1)
+    assert 0 < float(moved.max()) < 1.5
+    assert float((second.vertices.norm(dim=1) - 12).abs().median()) < 0.05
+
+
+def test_directions_point_outside_of_all_faces_around():
+    """A long edge between two steep faces: the mean normal lies behind one of them."""
+    height = torch.tensor([[0.0, 0, 1], [1, 0, 0], [0.9, 0.3, 0.9], [-0.5, 0.8, 0], [-0.5, -0.8, 0]])
+    mesh = Mesh(height.double(), torch.tensor([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]))
+    directions = outward_directions(mesh)
+    torch.testing.assert_close(directions.norm(dim=1), torch.ones(5, dtype=torch.float64))
+    assert float((face_normals(mesh) @ directions[0]).min()) >= 0.1
+    flat = icosphere(2)
+    torch.testing.assert_close(outward_directions(flat), vertex_normals(flat))
+
+
+def test_surfaces_that_cannot_be_nested_are_refused():
+    inner = icosphere(2, 1.0)
+    refuses("other faces", nest_surfaces, inner, Mesh(inner.vertices, inner.faces.flip(1)))
+    refuses("gap", nest_surfaces, inner, inner, gap=0.0)
+    refuses("n_steps", nest_surfaces, inner, inner, n_steps=0)
+    same = united([inner, inner.with_vertices(inner.vertices + 0.5)])
+    refuses("still cross after 1 rounds", nest_surfaces, same, same, max_rounds=1)

@@ -1,12 +1,14 @@
 """From a scan in any position to both surfaces in its own space, and what is said about doubtful ones."""
 
+import functools
+
 import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
 from bright_head import balls, bright_head, bright_template, brightness_network, shifting_network
-from meshot.flow.crossings import RepairedSurface
+from meshot.flow.crossings import RepairedSurface, nest_surfaces
 from meshot.mesh.connectivity import SPHERE, self_intersecting_faces, topology
 from meshot.mesh.geometry import face_areas, signed_volume
 from meshot.mesh.shapes import icosphere
@@ -16,7 +18,7 @@ from meshot.pipeline.initial_surface import SegmentedSurface
 from meshot.pipeline.quality import agreement_with, contrast_with, scan_warnings, surface_warnings, volume_warnings
 from meshot.pipeline.reconstruction import reconstruct
 from meshot.synth.subject import crossing_faces
-from meshot.systems import Part, SurfaceSystem, get_system
+from meshot.systems import Part, Scan, SurfaceSystem, get_system
 from meshot.volume.registration import StandardScan, place_on_grid
 from meshot.volume.volume import Volume
 from refusals import refuses
@@ -174,10 +176,30 @@ def test_pial_surfaces_lie_around_the_white_ones(networks):
         assert 0.5 < cortical_thickness(each.final, each.pial).mean() < 5
 
 
-def test_four_surfaces_that_cross_are_smoothed_or_doubted(networks):
-    """Pial surfaces so large that left and right overlap: smoothing cannot part them, and the warning says so."""
+def test_pial_surfaces_that_would_overlap_stop_at_each_other(networks):
+    """They are so large that left and right overlap."""
     large = type("Large", (Grown,), {"factor": 2.0, "name": "large"})
     found = reconstruct(bright_template(), networks[0], large({}), template=bright_template())
+    assert "crossing_faces" not in {warning.name for warning in found.warnings}
+    assert len(crossing_faces([mesh for each in found.surfaces.values() for mesh in (each.final, each.pial)])) == 0
+
+
+class Overlapping(Grown):
+    """The left white surface, half of it within the right one."""
+
+    name = "overlapping"
+
+    def find_surfaces(self, scan):
+        left, right = (scan.initial[side, "white"] for side in ("left", "right"))
+        middle = (right.vertices.mean(dim=0) - left.vertices.mean(dim=0)) * 0.7
+        moved = Scan(scan.image, scan.initial | {("left", "white"): left.with_vertices(left.vertices + middle)})
+        return super().find_surfaces(moved)
+
+
+def test_four_surfaces_that_cannot_be_parted_are_doubted(networks, monkeypatch):
+    rounds = functools.partial(nest_surfaces, max_rounds=3)
+    monkeypatch.setattr("meshot.pipeline.reconstruction.nest_surfaces", rounds)
+    found = reconstruct(bright_template(), networks[0], Overlapping({}), template=bright_template())
     assert "crossing_faces" in {warning.name for warning in found.warnings}
     assert "two of the four surfaces cross" in " ".join(map(str, found.warnings))
 

@@ -8,6 +8,7 @@ import torch
 
 import meshot.synth.subject
 from meshot.flow.crossings import sampled_lipschitz
+from meshot.mesh import united
 from meshot.mesh.connectivity import SPHERE, topology
 from meshot.mesh.geometry import signed_volume
 from meshot.mesh.mesh import Mesh
@@ -22,7 +23,6 @@ from meshot.synth.subject import (
     random_warp,
     smooth_variation,
     smoothly_refined,
-    united,
 )
 from refusals import refuses
 

@@ -3,6 +3,7 @@ from .crossings import (
     RepairedSurface as RepairedSurface,
     crossings_along as crossings_along,
     inspect_paths as inspect_paths,
+    nest_surfaces as nest_surfaces,
     point_jacobians as point_jacobians,
     repair_crossings as repair_crossings,
     sampled_lipschitz as sampled_lipschitz,

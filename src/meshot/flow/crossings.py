@@ -9,12 +9,22 @@ import dataclasses
 import math
 from collections.abc import Callable
 
+import numpy as np
 import torch
 
-from meshot.errors import as_points, require_positive_integer
+from meshot.errors import as_points, require_positive, require_positive_integer
 from meshot.flow.fields import Velocity, VelocityField
 from meshot.flow.integration import step_maps, trajectory
-from meshot.mesh import Mesh, neighbour_means, ring_around, self_intersecting_faces, smooth_crossings
+from meshot.mesh import (
+    Mesh,
+    crossing_pairs,
+    face_normals,
+    neighbour_means,
+    ring_around,
+    self_intersecting_faces,
+    smooth_crossings,
+    vertex_normals,
+)
 from meshot.types import Float, Tensor
 
 # Jacobians of a velocity, and an estimate of its Lipschitz constant from below.
@@ -242,3 +252,116 @@ def repair_crossings(
         mesh = initial
     largest_move = float((mesh.vertices - carried.vertices).norm(dim=1).max())
     return RepairedSurface(mesh, n_crossing, n_backtracks, largest_move)
+
+
+# An inner and an outer surface that cross neither themselves nor each other.
+
+_LEAST_COSINE = 0.1
+_DIRECTION_ROUNDS = 30
+_GOAL_ROUNDS = 60  # of smoothing where faces of the outer surface intersect
+_ROUNDS_PER_RING = 10
+
+
+def nest_surfaces(
+    inner: Mesh, outer: Mesh, gap: float = 0.05, n_steps: int = 5, max_rounds: int = 100
+) -> tuple[Mesh, Mesh]:
+    """An inner surface and an outer one that corresponds to it, changed so that no face intersects another.
+
+    The outer surface begins as the inner one, moved outwards by ``gap``, and advances towards its goal in equal steps.
+    A vertex stops for a step where a face at it would intersect another face. So where banks of a sulcus meet, they
+    stop at each other, and no step creates an intersection. The goal is the given outer surface, after local smoothing
+    where its faces intersect. Before, the inner surface is smoothed locally until it and its copy intersect nowhere:
+    at creases that have no outer side, and where two parts of it lie closer than the gap.
+
+    Parameters
+    ----------
+    inner, outer : Mesh
+        Closed, oriented outwards, with the same faces. Each may consist of several surfaces, such as those of both
+        hemispheres. They then stay apart, too.
+    gap : float
+        In units of the vertices. Where the outer surface cannot advance, it lies this far from the inner one.
+    n_steps : int
+    max_rounds : int
+        Of the smoothing of the inner surface.
+
+    Returns
+    -------
+    tuple of Mesh
+        Both surfaces, with the faces that came.
+
+    Raises
+    ------
+    ValueError
+        If the faces differ, ``gap`` is not positive, a count is not a positive integer, or the inner surface and its
+        copy still intersect after ``max_rounds``.
+
+    Notes
+    -----
+    The moves are tested exactly, like those of FreeSurfer's deformation of surfaces, which also stops vertices before
+    faces intersect (Dale, Fischl and Sereno, *Cortical surface-based analysis I*, NeuroImage 1999). Some ten seconds of
+    one core for 100 000 faces.
+    """
+    require_positive(gap, "gap", "units of the vertices")
+    require_positive_integer(n_steps, "n_steps")
+    require_positive_integer(max_rounds, "max_rounds")
+    if inner.faces.shape != outer.faces.shape or not torch.equal(inner.faces, outer.faces):
+        raise ValueError("the outer surface has other faces than the inner one; take surfaces that correspond")
+    n_vertices = len(inner.vertices)
+    goal = smooth_crossings(outer, _GOAL_ROUNDS, strict=False).vertices
+    faces = torch.cat([inner.faces, inner.faces + n_vertices])
+    both, pairs = Mesh(torch.cat([inner.vertices, inner.vertices]), faces), None
+
+    def moved_to(first: Tensor, second: Tensor) -> None:
+        """Move both surfaces, and test again where something moved."""
+        nonlocal both, pairs
+        after = both.with_vertices(torch.cat([first, second]))
+        if pairs is None:
+            pairs = crossing_pairs(after)
+        else:
+            pairs = crossing_pairs(after, pairs, (after.vertices != both.vertices).any(dim=1))
+        both = after
+
+    for round_ in range(max_rounds):
+        moved_to(inner.vertices, inner.vertices + gap * outward_directions(inner))
+        if not len(pairs):
+            break
+        near = ring_around(both, torch.from_numpy(np.unique(pairs)), round_ // _ROUNDS_PER_RING)
+        near = near[:n_vertices] | near[n_vertices:]
+        smoothed = torch.lerp(inner.vertices, neighbour_means(inner), 0.5)
+        inner = inner.with_vertices(torch.where(near[:, None], smoothed, inner.vertices))
+    else:
+        raise ValueError(
+            f"{len(np.unique(pairs))} faces of the inner surface and its copy {gap:g} outside still cross after "
+            f"{max_rounds} rounds: smooth the surface, or allow more rounds"
+        )
+    place = both.vertices[n_vertices:]
+    for left in range(n_steps, 0, -1):
+        before, following = place, place + (goal - place) / left
+        moved_to(inner.vertices, following)
+        while len(pairs):
+            stopped = ring_around(both, torch.from_numpy(np.unique(pairs)), 0)[n_vertices:]
+            following = torch.where(stopped[:, None], before, following)
+            moved_to(inner.vertices, following)
+        place = following
+    return inner, inner.with_vertices(place)
+
+
+def outward_directions(mesh: Mesh) -> Float[Tensor, "V 3"]:
+    """At every vertex a unit vector to the outer side of all faces around it, if there is one.
+
+    The normal of a vertex, turned towards the face that it is least outside of, until it is outside of all (a
+    perceptron). At a crease the normal alone may lie behind a face.
+    """
+    normals, found = face_normals(mesh), vertex_normals(mesh)
+    corners = mesh.faces.flatten()
+    face = torch.arange(len(mesh.faces)).repeat_interleave(3)
+    for _ in range(_DIRECTION_ROUNDS):
+        cosines = (found[corners] * normals[face]).sum(dim=1)
+        least = torch.full_like(found[:, 0], torch.inf).scatter_reduce(0, corners, cosines, "amin")[corners]
+        poor = least < _LEAST_COSINE
+        if not bool(poor.any()):
+            break
+        corners, face, worst = corners[poor], face[poor], (cosines <= least)[poor]
+        turns = torch.zeros_like(found).index_add(0, corners[worst], normals[face[worst]])
+        found = torch.nn.functional.normalize(found + 0.5 * turns, dim=1)
+    return found

@@ -3,6 +3,7 @@ from .connectivity import (
     Topology as Topology,
     boundary_edges as boundary_edges,
     component_labels as component_labels,
+    crossing_pairs as crossing_pairs,
     euler_number as euler_number,
     is_consistently_oriented as is_consistently_oriented,
     nonmanifold_edges as nonmanifold_edges,
@@ -18,6 +19,7 @@ from .editing import (
     simplified as simplified,
     smooth_crossings as smooth_crossings,
     taubin_smoothing as taubin_smoothing,
+    united as united,
     with_edges_split as with_edges_split,
 )
 from .geometry import (

@@ -3,7 +3,7 @@
 Every function returns a new mesh and does not modify its argument. Each docstring says whether the faces stay the same.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import igl
 import numpy as np
@@ -88,12 +88,13 @@ _ROUNDS_PER_RING = 5
 _AMOUNT = 0.5  # fraction of the way to the mean of the neighbours, in each round
 
 
-def smooth_crossings(mesh: Mesh, max_rounds: int = 50) -> Mesh:
+def smooth_crossings(mesh: Mesh, max_rounds: int = 50, strict: bool = True) -> Mesh:
     """The mesh after local smoothing around intersecting faces until no faces intersect. Other vertices do not move.
 
     Each round counts the intersecting faces and moves nearby vertices half of the way to the mean of their neighbours.
     In the first five rounds only the corners of these faces move. After every five rounds the neighbourhood grows by a
-    ring of vertices, so that small defects are repaired by small changes. Faces and topology stay the same.
+    ring of vertices, so that small defects are repaired by small changes. Faces and topology stay the same. Unless
+    ``strict``, the mesh is returned as it is after the last round, also if faces still intersect.
 
     Raises
     ------
@@ -115,7 +116,7 @@ def smooth_crossings(mesh: Mesh, max_rounds: int = 50) -> Mesh:
         smoothed = torch.lerp(mesh.vertices, neighbour_means(mesh), _AMOUNT)
         mesh = mesh.with_vertices(torch.where(moving[:, None], smoothed, mesh.vertices))
         pairs = crossing_pairs(mesh, pairs, moving)
-    if len(pairs):
+    if strict and len(pairs):
         crossing = np.unique(pairs)
         raise ValueError(
             f"{len(crossing)} faces still cross after {max_rounds} rounds of smoothing, the first is face "
@@ -180,6 +181,24 @@ def _collapsed(mesh: Mesh, n_faces: int, collapse: Callable) -> Mesh:
         torch.from_numpy(np.ascontiguousarray(vertices)).to(mesh.vertices),
         torch.from_numpy(np.ascontiguousarray(faces, dtype=np.int64)).to(mesh.faces.device),
     )
+
+
+# Several meshes as one.
+
+
+def united(meshes: Sequence[Mesh]) -> Mesh:
+    """Several meshes joined to one, with vertices and faces in their order.
+
+    Raises
+    ------
+    ValueError
+        If there is no mesh.
+    """
+    if not meshes:
+        raise ValueError("meshes is empty; at least one is needed")
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])]).tolist()
+    faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=True)]
+    return Mesh(torch.cat([mesh.vertices for mesh in meshes]), torch.cat(faces))
 
 
 # Subdivision of selected edges: more vertices on the same surface.

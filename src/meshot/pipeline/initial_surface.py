@@ -26,7 +26,7 @@ PROBABILITY_WEIGHT_MM = 12.0
 _MARGIN_VOXELS = 0.05
 # Chosen on four hemispheres of validation heads of people_like, by the number of voxels on the wrong side of the true
 # surface: 9686 with none filled, then (limits of 3, 6, 13 and 26 mm³, and no limit) 9029, 8941, 8913, 8924 and 9110.
-_LARGEST_FILLING_MM3 = 13.0
+LARGEST_FILLING_MM3 = 13.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -40,7 +40,12 @@ class SegmentedSurface:
     genus_zero_mask: Volume  # boolean: the part of it that has the topology of a ball
 
 
-def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -> SegmentedSurface:
+def segmented_surface(
+    probability: Volume,
+    n_smoothing: int = SMOOTHING_STEPS,
+    largest_filling: float = LARGEST_FILLING_MM3,
+    pieces: bool = True,
+) -> SegmentedSurface:
     """The surface where a probability is ½, with the topology of a sphere.
 
     Steps: largest component above ½, filled cavities, filled tunnels, signed distance, genus-0 correction, marching
@@ -48,7 +53,8 @@ def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -
     gyrus. The genus-0 correction first removes voxels that are close to the outside or have a low
     probability. The distance measures the thickness of a bridge to a fraction of a voxel, but does not separate two
     gyri that touch. The probability is lower between such gyri, but is 1 in thin and thick parts alike. It is that of
-    one hemisphere, with orthogonal axes; ``n_smoothing`` are the steps of Taubin smoothing.
+    one hemisphere, with orthogonal axes; ``n_smoothing`` are the steps of Taubin smoothing, ``largest_filling`` (mm³)
+    is an argument of :func:`meshot.volume.filled_tunnels`, and ``pieces`` one of :func:`meshot.volume.genus_zero`.
 
     Raises
     ------
@@ -58,9 +64,9 @@ def segmented_surface(probability: Volume, n_smoothing: int = SMOOTHING_STEPS) -
     places = np.argwhere(largest_component(probability.data > 0.5))
     box = cropped(probability, voxel_to_mm(probability, torch.from_numpy(places).double()))
     mask = filled_cavities(largest_component(box.data > 0.5))
-    mask = filled_tunnels(box, mask, _LARGEST_FILLING_MM3)
+    mask = filled_tunnels(box, mask, largest_filling)
     distance = signed_distance(separated_field(box, mask, margin=0.0))
-    ball = genus_zero(mask, PROBABILITY_WEIGHT_MM * box.data - distance.data)
+    ball = genus_zero(mask, PROBABILITY_WEIGHT_MM * box.data - distance.data, pieces)
     margin = _MARGIN_VOXELS * float(voxel_sizes(box).min())
     field = separated_field(box.with_data(-distance.data), ball, 0.0, margin)
     raw = isosurface(field, 0.0)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from meshot.anatomy import HEMISPHERES, Hemisphere, enlarged, from_mni152, in_mni152, mni152_t1, placed_by_white_matter
-from meshot.flow import RepairedSurface, repair_crossings
-from meshot.mesh import Mesh
+from meshot.flow import RepairedSurface, nest_surfaces, repair_crossings
+from meshot.mesh import Mesh, united
 from meshot.metrics import corresponds
 from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline.correspondence import CarriedTemplate, carry_template
@@ -27,7 +27,6 @@ from meshot.pipeline.quality import (
     volume_warnings,
 )
 from meshot.pipeline.segmentation import in_scanner, white_matter
-from meshot.synth import kept_apart
 from meshot.systems import SHIPPED, Scan, SurfaceSystem, load_system
 from meshot.types import PLACEMENTS, Placement
 from meshot.volume import StandardScan, Volume, largest_component, standard_scan, with_dark_background
@@ -200,19 +199,21 @@ def reconstruct(
             found = system.reconstruct(Scan(standard.volume, initial))
         with clock.stage("crossing faces"):
             settlement = {key: repair_crossings(mesh, found[key], **_REPAIR) for key, mesh in initial.items()}
-            for key in _PIAL:
-                white = settlement.get((key[0], "white"))
-                if white is not None and corresponds(white.mesh, found.get(key)):
-                    settlement[key] = repair_crossings(white.mesh, found[key], **_REPAIR)
     final = found | {key: repaired.mesh for key, repaired in settlement.items()}
-    if set(_PIAL) <= settlement.keys():
+    if all(
+        side_white in settlement and corresponds(final[side_white], found.get(side_pial))
+        for side_white, side_pial in zip(_WHITE, _PIAL, strict=True)
+    ):
         with clock.stage("four surfaces"):
-            apart = kept_apart([final[key] for key in _WHITE + _PIAL])
-        if apart is None:
-            text = "faces of two of the four surfaces cross, and smoothing did not mend it: look at them in the slices"
-            warnings.append(QualityWarning("crossing_faces", text))
-        else:
-            final |= dict(zip(_WHITE + _PIAL, apart, strict=True))
+            try:
+                whites, pials = nest_surfaces(*(united([final[key] for key in keys]) for keys in (_WHITE, _PIAL)))
+            except ValueError as error:
+                text = f"faces of two of the four surfaces cross ({error}): look at them in the slices"
+                warnings.append(QualityWarning("crossing_faces", text))
+            else:
+                for keys, whole in ((_WHITE, whites), (_PIAL, pials)):
+                    parts = whole.vertices.split([len(final[key].vertices) for key in keys])
+                    final |= {key: final[key].with_vertices(part) for key, part in zip(keys, parts, strict=True)}
     carried = {}
     for key in _WHITE if correspondence else ():
         with clock.stage(f"template, {key[0]}"):

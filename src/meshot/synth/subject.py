@@ -22,6 +22,7 @@ from meshot.mesh import (
     signed_volume,
     smooth_crossings,
     split_in_four,
+    united,
     vertex_normals,
 )
 from meshot.rng import Generator, numpy_generator
@@ -510,15 +511,6 @@ _CROSSING_SMOOTHINGS = 60
 def on_lattice(points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
     """The points rounded to multiples of 2⁻¹³ mm (.00012 mm)."""
     return (points / LATTICE).round() * LATTICE
-
-
-def united(meshes: list[Mesh]) -> Mesh:
-    """Several meshes joined to one, with vertices and faces in their order."""
-    if not meshes:
-        raise ValueError("meshes is empty; at least one is needed")
-    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])]).tolist()
-    faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=True)]
-    return Mesh(torch.cat([mesh.vertices for mesh in meshes]), torch.cat(faces))
 
 
 def crossing_faces(meshes: list[Mesh]) -> Int64[Tensor, " n"]:

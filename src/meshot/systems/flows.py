@@ -327,7 +327,9 @@ def matching_loss(vertices: Float[Tensor, "V 3"], places: Float[Tensor, "V 3"]) 
     """
     known = ~places.isnan().any(dim=1)
     distances = safe_norm(vertices[known] - places[known])
-    return torch.nn.functional.huber_loss(distances, torch.zeros_like(distances), reduction="sum") / max(len(distances), 1)
+    return torch.nn.functional.huber_loss(distances, torch.zeros_like(distances), reduction="sum") / max(
+        len(distances), 1
+    )
 
 
 def digest(examples: Sequence[DeformationExample]) -> str:
@@ -386,8 +388,8 @@ def train_deformation(
     unmatched = [item.name for item in training if item.places is None]
     if settings.matching and unmatched:
         raise ValueError(
-            f"the true white and pial surfaces of {unmatched[0]} have different faces, so that no places correspond: set "
-            "training.matching=0, or take surfaces that correspond, such as FreeSurfer's"
+            f"the true white and pial surfaces of {unmatched[0]} have different faces, so that no places correspond: "
+            "set training.matching=0, or take surfaces that correspond, such as FreeSurfer's"
         )
     network = (network or config.new_network()).to(device)
     fields = [velocity_field(network, item.scan, item.initial) for item in training]
