@@ -12,7 +12,7 @@ from scripts import scripts_in
 
 RECIPES = "src/meshot/synth/recipes/"
 _SHIPPED = "people|people_adaptation|(shipped|windows_alone)_.*|study|cost_reconstruction|cost_study|speed_page"
-_SHIPPED += "|person|shown_person|warnings|warnings_second|thickness|pial_(left|right)"
+_SHIPPED += "|person|shown_person|warnings|warnings_second|thickness|topology|pial_(left|right)"
 #: A file, an edit of a value in it, and the tasks that are then out of date, besides the ledger and the page of costs.
 CHANGES = [
     (f"{RECIPES}test_retest.yaml", r"^seed: .*", "seed: 99",

@@ -272,7 +272,7 @@ class DeformationExample:
         The true surface.
     places : tensor, optional
         For a pial surface with the faces of the white one: where the vertices of ``coarse`` belong, see
-        :func:`matched_places`.
+        ``matched_places``.
     """
 
     name: str

@@ -17,6 +17,7 @@ READ_BY_CHAPTERS = (
     "*/results.json",
     "*/before.json",
     "*/midway.json",
+    "thickness/first.json",
     "thickness/weights/*_pial.json",
     "warnings/*/results.json",
     "ddot/*/results.json",
