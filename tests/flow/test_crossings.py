@@ -251,6 +251,20 @@ def test_creases_without_an_outer_side_are_smoothed():
     assert float((second.vertices.norm(dim=1) - 12).abs().median()) < 0.05
 
 
+def test_places_move_back_to_the_start_where_smoothing_is_not_enough():
+    """Two balls that were moved into each other by 2. Smoothing leaves a disc where they met."""
+    ball, way = icosphere(4, 5.0), torch.tensor([1.5, 0.0, 0.0])
+    start = united([ball, ball.with_vertices(ball.vertices + torch.tensor([11.0, 0.0, 0.0]))])
+    inner = start.with_vertices(torch.cat([ball.vertices + way, start.vertices[len(ball.vertices) :] - way]))
+    outer = inner.with_vertices(inner.vertices + 0.1 * vertex_normals(inner))
+    refuses("still cross after 40 rounds", nest_surfaces, inner, outer, max_rounds=40)
+    first, second = nest_surfaces(inner, outer, start, max_rounds=40)
+    assert joined_crossings(first, second) == 0
+    behind = (start.vertices[:, 0] < -3) | (start.vertices[:, 0] > 14)
+    assert torch.equal(first.vertices[behind], inner.vertices[behind])
+    refuses("start surface has other faces", nest_surfaces, inner, outer, ball)
+
+
 def test_directions_point_outside_of_all_faces_around():
     """A long edge between two steep faces: the mean normal lies behind one of them."""
     height = torch.tensor([[0.0, 0, 1], [1, 0, 0], [0.9, 0.3, 0.9], [-0.5, 0.8, 0], [-0.5, -0.8, 0]])

@@ -260,10 +260,16 @@ _LEAST_COSINE = 0.1
 _DIRECTION_ROUNDS = 30
 _GOAL_ROUNDS = 60  # of smoothing where faces of the outer surface intersect
 _ROUNDS_PER_RING = 10
+_BACK_EVERY, _MOST_RINGS = 3, 8
 
 
 def nest_surfaces(
-    inner: Mesh, outer: Mesh, gap: float = 0.05, n_steps: int = 5, max_rounds: int = 100
+    inner: Mesh,
+    outer: Mesh,
+    start: Mesh | None = None,
+    gap: float = 0.05,
+    n_steps: int = 5,
+    max_rounds: int = 100,
 ) -> tuple[Mesh, Mesh]:
     """An inner surface and an outer one that corresponds to it, changed so that no face intersects another.
 
@@ -271,13 +277,17 @@ def nest_surfaces(
     A vertex stops for a step where a face at it would intersect another face. So where banks of a sulcus meet, they
     stop at each other, and no step creates an intersection. The goal is the given outer surface, after local smoothing
     where its faces intersect. Before, the inner surface is smoothed locally until it and its copy intersect nowhere:
-    at creases that have no outer side, and where two parts of it lie closer than the gap.
+    at creases that have no outer side, and where two parts of it lie closer than the gap. Smoothing alone may pinch a
+    crumpled place to a neck. With ``start``, places that are left after ten rounds are moved back to it, by half of the
+    way in every third round, in growing neighbourhoods.
 
     Parameters
     ----------
     inner, outer : Mesh
         Closed, oriented outwards, with the same faces. Each may consist of several surfaces, such as those of both
         hemispheres. They then stay apart, too.
+    start : Mesh, optional
+        With the same faces, without such creases: the surface from which a flow made the inner one.
     gap : float
         In units of the vertices. Where the outer surface cannot advance, it lies this far from the inner one.
     n_steps : int
@@ -304,8 +314,9 @@ def nest_surfaces(
     require_positive(gap, "gap", "units of the vertices")
     require_positive_integer(n_steps, "n_steps")
     require_positive_integer(max_rounds, "max_rounds")
-    if inner.faces.shape != outer.faces.shape or not torch.equal(inner.faces, outer.faces):
-        raise ValueError("the outer surface has other faces than the inner one; take surfaces that correspond")
+    for name, mesh in (("outer", outer), ("start", start)):
+        if mesh is not None and not torch.equal(inner.faces, mesh.faces):
+            raise ValueError(f"the {name} surface has other faces than the inner one; take surfaces that correspond")
     n_vertices = len(inner.vertices)
     goal = smooth_crossings(outer, _GOAL_ROUNDS, strict=False).vertices
     faces = torch.cat([inner.faces, inner.faces + n_vertices])
@@ -325,10 +336,13 @@ def nest_surfaces(
         moved_to(inner.vertices, inner.vertices + gap * outward_directions(inner))
         if not len(pairs):
             break
-        near = ring_around(both, torch.from_numpy(np.unique(pairs)), round_ // _ROUNDS_PER_RING)
+        late = round_ - _ROUNDS_PER_RING
+        n_rings = round_ // _ROUNDS_PER_RING if start is None else max(0, min(late // _BACK_EVERY, _MOST_RINGS))
+        near = ring_around(both, torch.from_numpy(np.unique(pairs)), n_rings)
         near = near[:n_vertices] | near[n_vertices:]
-        smoothed = torch.lerp(inner.vertices, neighbour_means(inner), 0.5)
-        inner = inner.with_vertices(torch.where(near[:, None], smoothed, inner.vertices))
+        back = start is not None and late >= 0 and late % _BACK_EVERY == 0
+        toward = start.vertices if back else neighbour_means(inner)
+        inner = inner.with_vertices(torch.where(near[:, None], torch.lerp(inner.vertices, toward, 0.5), inner.vertices))
     else:
         raise ValueError(
             f"{len(np.unique(pairs))} faces of the inner surface and its copy {gap:g} outside still cross after "
