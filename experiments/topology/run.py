@@ -9,12 +9,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from meshot.anatomy import HEMISPHERES
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume
 from meshot.metrics import Surface, average_surface_distance, offsets_between
 from meshot.model import network_digest
-from meshot.pipeline import TrainedNetworks, load_networks, segment, segmented_surface
+from meshot.pipeline import TrainedNetworks, in_scanner, load_networks, segment, segmented_surface
 from meshot.provenance import rounded
 from meshot.statistics import mean_interval, paired_interval
 from meshot.synth import Subject, scans
@@ -42,7 +43,6 @@ def heads(config: experiment.Config) -> dict[str, Subject]:
 
 def compared(mesh: Mesh, truth: Mesh, config: dict) -> dict[str, float]:
     """The measures of a surface."""
-    mesh = mesh.with_vertices(mesh.vertices.double())
     there, back = offsets_between(
         Surface(mesh), Surface(truth), config["n_points"], (config["seed"], config["seed"] + 1)
     )
@@ -61,19 +61,21 @@ def work(task: dict, config: experiment.Config) -> dict:
     standard = subject.standard()
     probability, found = segment(standard.volume, networks().segmentation), {}
     image = standard.volume.with_data(standard.volume.data.astype(np.float32))
-    truths = {side: subject.surface("white", side, "standard") for side in HEMISPHERES}
+    truths = {side: subject.surface("white", side) for side in HEMISPHERES}
     for name, settings in config["variants"].items():
         made = {side: segmented_surface(probability[side], **settings) for side in HEMISPHERES}
         scan = Scan(image, {(side, "white"): each.mesh for side, each in made.items()})
         for side, each in made.items():
             given_up = each.mask.data & ~each.genus_zero_mask.data
-            inside = enclosed_fractions(truths[side], each.mask)[given_up] > 0.5
+            inside = enclosed_fractions(subject.surface("white", side, "standard"), each.mask)[given_up] > 0.5
+            surfaces = {"initial": each.mesh, "flow": networks().system.white_surface(scan, side)}
             found[f"{name} {side}"] = {
                 "variant": name,
                 "given_up_percent": 100 * float(given_up.sum() / each.mask.data.sum()),
                 "truly_white_percent": 100 * float(inside.mean()),
-                "initial": compared(each.mesh, truths[side], config),
-                "flow": compared(networks().system.white_surface(scan, side), truths[side], config),
+            } | {
+                stage: compared(in_scanner(mesh.to("cpu", torch.float64), standard), truths[side], config)
+                for stage, mesh in surfaces.items()
             }
     return rounded(found)
 

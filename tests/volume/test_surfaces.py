@@ -401,7 +401,9 @@ def test_a_filling_at_the_border_of_the_grid_is_no_rod():
 
 def test_tunnels_are_filled_from_a_mask_and_a_field_of_one_shape():
     field, mask = sheet(0.3)
-    refuses("shape", filled_tunnels, field, mask[1:], 1.0)
+    refuses("field has shape", filled_tunnels, field, mask[1:], 1.0)
+    for bad in (-1.0, np.nan):
+        refuses("largest", filled_tunnels, field, mask, bad)
     refuses("mask is empty", filled_tunnels, field, np.zeros_like(mask), 1.0)
 
 

@@ -42,7 +42,6 @@ from .subject import (
     CorticalSurfaces as CorticalSurfaces,
     Shape as Shape,
     crossing_faces as crossing_faces,
-    kept_apart as kept_apart,
     loop_subdivided as loop_subdivided,
     mean_surfaces as mean_surfaces,
     synthetic_subject as synthetic_subject,

@@ -312,7 +312,7 @@ def genus_zero(
     Bertrand and Malandain, *A new characterization of three-dimensional simple points*, 1994; Latecki, *3D
     well-composed pictures*, 1997.
     """
-    mask, priority = np.pad(_require_mask(mask), 2), np.pad(_require_priority(mask, priority), 2)
+    mask, priority = np.pad(_require_mask(mask), 2), np.pad(_require_values(mask, priority, "priority"), 2)
     seed = np.unravel_index(np.argmin(np.where(mask, -priority, np.inf)), mask.shape)
     grown = flood(mask, -priority, np.array(seed, dtype=np.int64))
     whole = grown.copy()
@@ -320,7 +320,7 @@ def genus_zero(
     for number, box in enumerate(scipy.ndimage.find_objects(labels), 1):
         box = tuple(slice(part.start - 2, part.stop + 2) for part in box)
         larger = whole[box] | (labels[box] == number)
-        if _same_topology(whole[box], larger):
+        if _is_well_composed(larger) and _components_and_euler(larger) == _components_and_euler(whole[box]):
             whole[box] = larger
     # Numbers around a piece do not prove that the whole is a ball; those of the whole do.
     found = whole if _components_and_euler(whole) == (1, 1, 1) and _is_well_composed(whole) else grown
@@ -351,14 +351,16 @@ def filled_tunnels(field: Volume, mask: Bool[Array, "X Y Z"], largest: float, le
     Raises
     ------
     ValueError
-        If the mask is empty or has another shape than the field.
+        If the mask is empty or has another shape than the field, or ``largest`` is not a number from 0 on.
 
     References
     ----------
     Kriegeskorte and Goebel, *An efficient algorithm for topologically correct segmentation of the cortical sheet in
     anatomical MR volumes*, NeuroImage 2001: fill or cut, whichever changes less.
     """
-    priority = np.pad(-_require_priority(mask, field.data), 2, mode="edge")
+    if not largest >= 0:
+        raise ValueError(f"largest is {largest!r}; a cost in mm³ is needed, 0 or more")
+    priority = np.pad(-_require_values(mask, field.data, "field"), 2, mode="edge")
     solid = np.pad(_require_mask(mask), 2)
     left = ~solid & ~genus_zero(~solid, priority)
     # The background has the topology of a ball, too. So one rod of it, from the object to the border, is not reached.
@@ -371,16 +373,12 @@ def filled_tunnels(field: Volume, mask: Bool[Array, "X Y Z"], largest: float, le
     return filled_cavities((solid | cheap[labels])[2:-2, 2:-2, 2:-2])
 
 
-def _require_priority(mask: Array, priority: Array) -> Float[Array, "X Y Z"]:
-    if priority.shape != mask.shape or not np.isfinite(priority).all():
+def _require_values(mask: Array, values: Array, name: str) -> Float[Array, "X Y Z"]:
+    if values.shape != mask.shape or not np.isfinite(values).all():
         raise ValueError(
-            f"priority has shape {priority.shape} or is not finite; finite values of shape {mask.shape} are needed"
+            f"{name} has shape {values.shape} or is not finite; finite values of shape {mask.shape} are needed"
         )
-    return np.asarray(priority, dtype=np.float64)
-
-
-def _same_topology(before: Bool[Array, "X Y Z"], after: Bool[Array, "X Y Z"]) -> bool:
-    return _is_well_composed(after) and _components_and_euler(before) == _components_and_euler(after)
+    return np.asarray(values, dtype=np.float64)
 
 
 def _components_and_euler(mask: Bool[Array, "X Y Z"]) -> tuple[int, int, int]:
@@ -389,14 +387,7 @@ def _components_and_euler(mask: Bool[Array, "X Y Z"]) -> tuple[int, int, int]:
     Around the mask is background. Voxels of the object are connected by faces, edges or corners.
     """
     padded = np.pad(mask, 1)
-    # Vertices − edges + faces − voxels. A cell of the grid belongs to the union if one of the voxels around it does:
-    # the union of the shifted masks along the axes in which the cell has no extent.
-    cells = {(): padded}
-    for axis in range(3):
-        for axes, found in list(cells.items()):
-            first, second = (np.take(found, range(k, found.shape[axis] - 1 + k), axis) for k in (0, 1))
-            cells[(*axes, axis)] = first | second
-    euler = sum((-1) ** (3 - len(axes)) * int(found.sum()) for axes, found in cells.items())
+    euler = int(skimage.measure.euler_number(padded, connectivity=3))
     return scipy.ndimage.label(padded, _CORNERS)[1], scipy.ndimage.label(~padded)[1], euler
 
 
