@@ -233,7 +233,7 @@ def test_banks_that_would_pass_through_each_other_stop_before():
     torch.testing.assert_close(second.vertices[:n][behind], grown[:n][behind], atol=1e-12, rtol=0)
 
 
-def test_creases_without_an_outer_side_are_smoothed():
+def test_creases_without_an_outer_side_are_smoothed(monkeypatch):
     """A needle that was pushed through its own base: its copy outside would cross it."""
     inner = icosphere(4, 10.0)
     vertices = inner.vertices.clone()
@@ -248,6 +248,10 @@ def test_creases_without_an_outer_side_are_smoothed():
     assert torch.equal(first.vertices[still], crumpled.vertices[still])
     moved = (first.vertices - crumpled.vertices).norm(dim=1)
     assert 0 < float(moved.max()) < 1.5
+    # With normals in place of directions more of it would be smoothed.
+    monkeypatch.setattr("meshot.flow.crossings.outward_directions", vertex_normals)
+    with_normals, _ = nest_surfaces(crumpled, crumpled.with_vertices(1.2 * crumpled.vertices))
+    assert (moved > 0).sum() < ((with_normals.vertices - crumpled.vertices).norm(dim=1) > 0).sum()
     assert float((second.vertices.norm(dim=1) - 12).abs().median()) < 0.05
 
 
@@ -265,15 +269,37 @@ def test_places_move_back_to_the_start_where_smoothing_is_not_enough():
     refuses("start surface has other faces", nest_surfaces, inner, outer, ball)
 
 
+def wedge() -> Mesh:
+    """A closed wedge with a ridge of 30°, whose faces on the right are ten times as large as those on the left."""
+    s, c = math.sin(math.pi / 12), math.cos(math.pi / 12)
+    corners = [[0, 0, 0], [0, 1, 0], [10 * s, 0, -10 * c], [0, -1, 0], [-s, 0, -c]]
+    faces = [[0, 3, 2], [0, 2, 1], [0, 1, 4], [0, 4, 3], [2, 3, 4], [4, 1, 2]]
+    return Mesh(torch.tensor(corners, dtype=torch.float64), torch.tensor(faces))
+
+
 def test_directions_point_outside_of_all_faces_around():
-    """A long edge between two steep faces: the mean normal lies behind one of them."""
-    height = torch.tensor([[0.0, 0, 1], [1, 0, 0], [0.9, 0.3, 0.9], [-0.5, 0.8, 0], [-0.5, -0.8, 0]])
-    mesh = Mesh(height.double(), torch.tensor([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]))
+    """The normal in the middle of the ridge, a mean by area, lies behind the faces on the left."""
+    mesh = wedge()
+    around = face_normals(mesh)[:4]
+    assert float((around @ vertex_normals(mesh)[0]).min()) < -0.5
     directions = outward_directions(mesh)
     torch.testing.assert_close(directions.norm(dim=1), torch.ones(5, dtype=torch.float64))
-    assert float((face_normals(mesh) @ directions[0]).min()) >= 0.1
+    assert float((around @ directions[0]).min()) >= 0.1
     flat = icosphere(2)
     torch.testing.assert_close(outward_directions(flat), vertex_normals(flat))
+
+
+def test_an_outer_surface_that_crosses_itself_is_smoothed_first():
+    """The ends of some edges are exchanged. Their vertices would stop on the way."""
+    inner = icosphere(4, 10.0)
+    ends = inner.faces[::500, :2]
+    grown = 1.2 * inner.vertices
+    grown[ends] = grown[ends].flip(1)
+    outer = inner.with_vertices(grown)
+    assert joined_crossings(outer) > 0
+    first, second = nest_surfaces(inner, outer)
+    assert joined_crossings(first, second) == 0
+    torch.testing.assert_close(second.vertices, smooth_crossings(outer, 60).vertices, atol=1e-12, rtol=0)
 
 
 def test_surfaces_that_cannot_be_nested_are_refused():

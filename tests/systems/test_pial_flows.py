@@ -15,7 +15,7 @@ from meshot.metrics import Surface
 from meshot.metrics.distances import vertex_distances
 from meshot.model import network_digest
 from meshot.systems import ExampleSets, Part, get_system
-from meshot.systems.flows import WHITE, deformed, hemisphere_example, matched_places, matching_loss
+from meshot.systems.flows import WHITE, deformed, digest, hemisphere_example, matched_places, matching_loss
 from phantoms import phantom_subjects
 from refusals import refuses
 
@@ -147,6 +147,12 @@ def test_matching_brings_vertices_to_their_places(trained, tmp_path):
         moved = deformed(item.coarse, item.scan, each.parts["left_pial"].network, 2, standard=item.initial)
         distances.append(float(matching_loss(moved.vertices, item.places)))
     assert distances[1] < 0.9 * distances[0]
+
+
+def test_places_are_part_of_the_data_of_a_training(one):
+    item = hemisphere_example(one, "left", 400, KIND(parts("left_white", "right_white")))
+    assert not item.places.isnan().all()
+    assert digest([item]) != digest([dataclasses.replace(item, places=item.places + 1)])
 
 
 def test_matching_needs_pial_surfaces_that_correspond(trained, tmp_path):

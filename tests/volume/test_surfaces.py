@@ -338,6 +338,23 @@ def test_noise_becomes_a_ball():
     before = topology(isosurface(Volume(mask.astype(np.float32), np.eye(4)))).euler_number
     assert before < -20
     assert checked(mask, field).sum() > 0.8 * mask.sum()
+    # Some pieces come back, and not those that would close a ring.
+    alone = genus_zero(mask, field, pieces=False)
+    assert alone.sum() < checked(mask, field).sum() < mask.sum()
+
+
+def test_growth_alone_remains_if_pieces_do_not_make_a_ball(monkeypatch):
+    """The numbers around a piece are made to allow everything; those of the whole are right."""
+    mask = np.zeros((12, 12, 5), bool)
+    mask[1:11, 1:11, 1:4] = True
+    mask[4:8, 4:8] = False
+    priority = scipy.ndimage.distance_transform_edt(mask)
+    alone, right = genus_zero(mask, priority, pieces=False), _components_and_euler
+    whole = (mask.shape[0] + 4, mask.shape[1] + 4, mask.shape[2] + 4)
+    monkeypatch.setattr(
+        "meshot.volume.surfaces._components_and_euler", lambda m: right(m) if m.shape == whole else (1, 1, 1)
+    )
+    assert (checked(mask) == alone).all()
 
 
 @pytest.mark.parametrize("seed", range(5))

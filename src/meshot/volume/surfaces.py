@@ -278,8 +278,8 @@ def genus_zero(
     lowest. Marching cubes then gives a surface of Euler number 2 without non-manifold edges. Simple points alone would
     not ensure this.
 
-    Growth voxel by voxel also leaves out parts that could stay: two fronts meet, and every single voxel between them
-    would touch the other front in an edge only. So every connected piece that was left out is then added as a whole, if
+    Growth voxel by voxel also leaves out parts that could stay. Where two fronts meet, a single voxel between them may
+    not be simple, or touch the other front in an edge or a corner only. So every connected piece that was left out is then added as a whole, if
     that changes no component, handle or cavity and the result is well-composed. In the white matter of a hemisphere,
     nearly half of the voxels left out come back.
 
