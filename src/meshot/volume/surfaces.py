@@ -279,9 +279,9 @@ def genus_zero(
     not ensure this.
 
     Growth voxel by voxel also leaves out parts that could stay. Where two fronts meet, a single voxel between them may
-    not be simple, or touch the other front in an edge or a corner only. So every connected piece that was left out is then added as a whole, if
-    that changes no component, handle or cavity and the result is well-composed. In the white matter of a hemisphere,
-    nearly half of the voxels left out come back.
+    not be simple, or touch the other front in an edge or a corner only. So every connected piece that was left out is
+    then added as a whole, if that changes no component, handle or cavity and the result is well-composed. In the white
+    matter of a hemisphere, nearly half of the voxels left out come back.
 
     Parameters
     ----------
