@@ -195,19 +195,13 @@ class Overlapping(Grown):
 
 
 def test_four_surfaces_that_cannot_be_parted_are_doubted(networks, monkeypatch):
-    starts = []
-
-    def few_rounds(inner, outer, start):
-        starts.append(start)
-        return nest_surfaces(inner, outer, start, max_rounds=3)
+    def few_rounds(inner, outer):
+        return nest_surfaces(inner, outer, max_rounds=3)
 
     monkeypatch.setattr("meshot.pipeline.reconstruction.nest_surfaces", few_rounds)
     found = reconstruct(bright_template(), networks[0], Overlapping({}), template=bright_template())
     assert "crossing_faces" in {warning.name for warning in found.warnings}
     assert "two of the four surfaces cross" in " ".join(map(str, found.warnings))
-    # It may move back to the initial surfaces, which do not overlap.
-    (start,) = starts
-    assert torch.equal(start.vertices, torch.cat([each.segmented.mesh.vertices for each in found.surfaces.values()]))
 
 
 class TurnedEdges(FixedBalls):

@@ -99,7 +99,7 @@ def crossing_pairs(
     if before is None:
         return _pairs_among(vertices, faces, np.arange(len(faces)))
     touched = moved.cpu().numpy()[faces].any(axis=1)
-    found = _pairs_among(vertices, faces, np.flatnonzero(_near(vertices[faces], touched)))
+    found = _pairs_among(vertices, faces, np.flatnonzero(_near(vertices, faces, touched)))
     return np.concatenate([before[~touched[before].any(axis=1)], found[touched[found].any(axis=1)]])
 
 
@@ -119,16 +119,23 @@ def _pairs_among(
     return chosen[kept[np.asarray(pairs, dtype=np.int64).reshape(-1, 2)]].astype(np.int64)
 
 
-def _near(corners: Float[Array, "F 3 3"], touched: Bool[Array, " F"]) -> Bool[Array, " F"]:
+def _near(
+    vertices: Float[Array, "V 3"], faces: Int64[Array, "F 3"], touched: Bool[Array, " F"]
+) -> Bool[Array, " F"]:
     """The faces whose bounding box shares a cell of a grid with the box of a touched face, and so all that meet it."""
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    # Minima of three arrays are ten times as fast as one minimum along an axis of three.
+    first, second, third = (vertices[faces[:, corner]] for corner in range(3))
+    low = np.minimum(np.minimum(first, second), third)
+    high = np.maximum(np.maximum(first, second), third)
     origin, end = low.min(axis=0), high.max(axis=0)
-    size = max(2 * float(np.median((high - low).max(axis=1))), float((end - origin).max()) / 250) or 1.0
+    across = high - low
+    widths = np.maximum(np.maximum(across[:, 0], across[:, 1]), across[:, 2])
+    size = max(2 * float(np.median(widths)), float((end - origin).max()) / 250) or 1.0
     first, last, shape = (((x - origin) / size).astype(np.int64) for x in (low, high, end))
     spans, shape = last - first + 1, shape + 1
     # One row for each cell of each box: the number of the face, and that of the cell.
     counts = spans.prod(axis=1)
-    face = np.repeat(np.arange(len(corners)), counts)
+    face = np.repeat(np.arange(len(faces)), counts)
     rank = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
     cell = np.zeros_like(face)
     for axis in range(3):
@@ -136,6 +143,6 @@ def _near(corners: Float[Array, "F 3 3"], touched: Bool[Array, " F"]) -> Bool[Ar
         cell = cell * shape[axis] + first[face, axis] + step
     marked = np.zeros(int(shape.prod()), dtype=bool)
     marked[cell[touched[face]]] = True
-    near = np.zeros(len(corners), dtype=bool)
+    near = np.zeros(len(faces), dtype=bool)
     near[face[marked[cell]]] = True
     return near

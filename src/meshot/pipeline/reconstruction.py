@@ -207,7 +207,7 @@ def reconstruct(
         with clock.stage("four surfaces"):
             try:
                 whites, pials = (united([final[key] for key in keys]) for keys in (_WHITE, _PIAL))
-                whites, pials = nest_surfaces(whites, pials, united([initial[key] for key in _WHITE]))
+                whites, pials = nest_surfaces(whites, pials)
             except ValueError as error:
                 text = f"faces of two of the four surfaces cross ({error}): look at them in the slices"
                 warnings.append(QualityWarning("crossing_faces", text))
