@@ -119,9 +119,7 @@ def _pairs_among(
     return chosen[kept[np.asarray(pairs, dtype=np.int64).reshape(-1, 2)]].astype(np.int64)
 
 
-def _near(
-    vertices: Float[Array, "V 3"], faces: Int64[Array, "F 3"], touched: Bool[Array, " F"]
-) -> Bool[Array, " F"]:
+def _near(vertices: Float[Array, "V 3"], faces: Int64[Array, "F 3"], touched: Bool[Array, " F"]) -> Bool[Array, " F"]:
     """The faces whose bounding box shares a cell of a grid with the box of a touched face, and so all that meet it."""
     # Minima of three arrays are ten times as fast as one minimum along an axis of three.
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
