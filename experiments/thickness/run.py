@@ -40,13 +40,8 @@ MEASURES = ("assd_mm", "hausdorff90_mm", "beyond_percent", "signed_mm", "normals
 
 @functools.cache
 def networks_of(config: dict) -> TrainedNetworks:
-    """The networks of the package, with the pial flows of the folder ``weights``."""
-    found = load_networks()
-    if config["weights"] is None:
-        return found
-    kind, names = type(found.system), ("left_pial", "right_pial")
-    parts = found.system.parts | {name: kind.read_part(config["weights"], name) for name in names}
-    return TrainedNetworks(found.segmentation, kind(parts), found.records)
+    """The networks of the package."""
+    return load_networks()
 
 
 @functools.cache

@@ -13,11 +13,21 @@ from pathlib import Path
 import numpy as np
 import scipy.ndimage
 import scipy.stats
+from scipy.spatial import cKDTree
 
-from meshot.anatomy import HEMISPHERES, enlarged, mni152_t1
-from meshot.metrics import Surface, average_surface_distance, offsets_between
+from meshot.anatomy import HEMISPHERES, Hemisphere, enlarged, fsaverage5_surface, mni152_t1
+from meshot.mesh import Mesh
+from meshot.metrics import Surface, average_surface_distance, offsets_between, vertex_distances
 from meshot.model import network_digest
-from meshot.pipeline import TrainedNetworks, load_networks, quality_numbers, reconstruct
+from meshot.pipeline import (
+    LOBES,
+    TrainedNetworks,
+    load_networks,
+    lobe_numbers,
+    quality_numbers,
+    reconstruct,
+    template_places,
+)
 from meshot.provenance import read_results, rounded
 from meshot.synth import LABELS, Recipe, Subject, make_cohort, read_recipe, scans
 from meshot.types import Array
@@ -165,7 +175,7 @@ def head(number: int, config: experiment.Config) -> Subject:
 @functools.cache
 def networks_of(config: dict) -> TrainedNetworks:
     """The networks of the package."""
-    return load_networks()
+    return load_networks(white_only=True)
 
 
 def measured(scan: Volume, subject: Subject, moved: Array, config: dict) -> dict:
@@ -175,18 +185,38 @@ def measured(scan: Volume, subject: Subject, moved: Array, config: dict) -> dict
         made = reconstruct(scan, networks.segmentation, networks.system)
     except ValueError as error:
         return {"refused": str(error)}
-    distances = {}
+    distances, lobes = {}, lobe_numbers(made, scan)
     for side in HEMISPHERES:
-        truth = subject.surface("white", side)
+        truth, found = subject.surface("white", side), made.surfaces[side].final
         truth = truth.with_vertices(transform_points(moved, truth.vertices.double()))
-        offsets = offsets_between(Surface(made.surfaces[side].final), Surface(truth), config["n_points"], (0, 1))
+        offsets = offsets_between(Surface(found), Surface(truth), config["n_points"], (0, 1))
         distances[side] = average_surface_distance(*offsets)
+        for lobe, away in by_lobe(found, truth, side).items():
+            lobes[side][lobe]["distance_mm"] = away
     return {
         "assd_mm": distances,
+        "lobes": lobes,
         "numbers": quality_numbers(scan, made.scan, enlarged(mni152_t1()), made.surfaces),
         "warning_names": [warning.name for warning in made.warnings],
         "cpu_seconds": sum(made.cpu_seconds.values()),
     }
+
+
+def by_lobe(found: Mesh, truth: Mesh, side: Hemisphere) -> dict[str, float]:
+    """The mean distance between a surface and the truth by lobe, in mm, in the worse direction.
+
+    The first vertices of a true surface are those of fsaverage5, whose lobes are known.
+    """
+    known = truth.vertices[: len(fsaverage5_surface("white", side).vertices)]
+    _, lobes = template_places(fsaverage5_surface("white", side), side)
+    nearest = cKDTree(known.numpy()).query(found.vertices.double().numpy())[1]
+    there = vertex_distances(found, truth)
+    back = vertex_distances(truth, found)[: len(known)]
+    means = {}
+    for index, lobe in enumerate(LOBES):
+        parts = (there[lobes[nearest] == index], back[lobes == index])
+        means[lobe] = max(float(each.mean()) for each in parts if len(each))
+    return means
 
 
 # Limits, and what they are worth.
@@ -255,7 +285,34 @@ def judged(rows: list[dict], config: dict) -> dict:
                     "new": share(["refused" in row or bool(beyond(row["numbers"], limits)) for row in wanted]),
                     "before": share(["refused" in row or bool(row["warning_names"]) for row in wanted]),
                 }
-    return {"limits": limits, "dropped": sorted(set(all_limits) - set(limits)), "shares": counted}
+    found = {"limits": limits, "dropped": sorted(set(all_limits) - set(limits)), "shares": counted}
+    return found | {"lobes": judged_lobes(parts, useful, config)}
+
+
+def judged_lobes(parts: dict, useful: Callable[[dict], bool], config: dict) -> dict:
+    """The limits of the numbers of lobes, and what doubts about lobes are worth on the heads of the judgement."""
+
+    def lobes_of(row: dict) -> list[dict]:
+        return [lobe for side in row.get("lobes", {}).values() for lobe in side.values()]
+
+    limits = limits_of([lobe for row in parts["choice"]["good"] for lobe in lobes_of(row)], config["bad_of_lobes"])
+    judgement = parts["judgement"]
+    wanted = {
+        "good": [row for row in judgement["good"] if useful(row)],
+        "spoiled": [row for row in judgement["spoiled"] if "refused" not in row and not useful(row)],
+    }
+    shares = {
+        f"{name} heads": share([any(beyond(lobe, limits) for lobe in lobes_of(row)) for row in rows])
+        for name, rows in wanted.items()
+    }
+    every = [lobe for rows in judgement.values() for row in rows for lobe in lobes_of(row)]
+    for name, chosen in (
+        ("wrong lobes", [lobe for lobe in every if lobe["distance_mm"] > config["wrong_lobe_mm"]]),
+        ("right lobes", [lobe for lobe in every if lobe["distance_mm"] <= config["wrong_lobe_mm"]]),
+        ("lobes of good heads", [lobe for row in wanted["good"] for lobe in lobes_of(row)]),
+    ):
+        shares[name] = share([bool(beyond(lobe, limits)) for lobe in chosen])
+    return {"limits": limits, "shares": shares}
 
 
 def tasks(config: dict) -> list[dict]:

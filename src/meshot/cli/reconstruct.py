@@ -22,8 +22,8 @@ def add_to(commands: Commands) -> None:
     command = add_command(
         commands,
         "reconstruct",
-        "Find the white surfaces of both hemispheres in a scan, or in all scans of a study.",
-        "A system that was trained for pial surfaces finds these, too. The command writes the surfaces in scanner "
+        "Find the white and pial surfaces of both hemispheres in a scan, or in all scans of a study.",
+        "The command writes the surfaces in scanner "
         "coordinates (RAS, mm) as FreeSurfer, GIfTI and PLY files, the "
         f"transform to MNI152, labels of white matter, all numbers, and a report page. {NOTE}",
         """
@@ -71,6 +71,9 @@ def add_to(commands: Commands) -> None:
     command.add_argument(
         "--segmentation", **FILE, help="Use the segmentation network of this file (default: that of the package)."
     )
+    command.add_argument(
+        "--white-only", action="store_true", help="Find no pial surfaces, and so no thickness; half a minute less."
+    )
     command.add_argument("--initial-only", action="store_true", help="Stop after the initial surfaces, without a flow.")
     command.add_argument(
         "--device", help="Compute the networks on this device: cpu, cuda or cuda:1, for example (default: cpu)."
@@ -79,7 +82,7 @@ def add_to(commands: Commands) -> None:
         "--template",
         action="store_true",
         help="Also carry fsaverage5's white surface to each side, so that vertices correspond between people, and "
-        "write area and curvature by region of the cortex; one to two minutes more.",
+        "write area, curvature, thickness and volume by region of the cortex; one to two minutes more.",
     )
     command.add_argument("--brain-mask", **FILE, help="Use this volume, which is 0 outside the brain.")
     command.add_argument("--strict", action="store_true", help="Stop with exit status 3 instead of a warning.")
@@ -190,6 +193,7 @@ def _run_study(chosen: argparse.Namespace, inputs: list[Path], output: Path, lev
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
     names = ("layout", "system", "weights", "segmentation", "initial_only", "strict", "overwrite", "threads", "device")
+    names += ("white_only",)
     settings = StudySettings(**{name: getattr(chosen, name) for name in names}, correspondence=chosen.template)
     with device_errors():
         _networks(chosen)  # fails before the first scan
@@ -212,7 +216,8 @@ def _networks(chosen: argparse.Namespace) -> "TrainedNetworks":
     from meshot.pipeline import load_networks
 
     device_of(chosen)  # fails if it cannot compute
-    return load_networks(chosen.system, chosen.weights, chosen.segmentation, chosen.initial_only, chosen.device)
+    names = (chosen.system, chosen.weights, chosen.segmentation)
+    return load_networks(*names, chosen.initial_only, chosen.device, chosen.white_only)
 
 
 def _visits(chosen: argparse.Namespace, inputs: list[Path], level: str | None) -> tuple[Path | None, list]:

@@ -1,5 +1,13 @@
 from .correspondence import CarriedTemplate as CarriedTemplate, carry_template as carry_template
 from .initial_surface import PROBABILITY_WEIGHT_MM as PROBABILITY_WEIGHT_MM, segmented_surface as segmented_surface
+from .lobes import (
+    LOBE_LIMITS as LOBE_LIMITS,
+    LOBES as LOBES,
+    doubts_in_words as doubts_in_words,
+    doubts_of_lobes as doubts_of_lobes,
+    lobe_numbers as lobe_numbers,
+    template_places as template_places,
+)
 from .quality import (
     QualityWarning as QualityWarning,
     average_warnings as average_warnings,

@@ -14,6 +14,7 @@ from meshot.metrics import corresponds
 from meshot.model import SegmentationNetwork, network_digest, read_weights
 from meshot.pipeline.correspondence import CarriedTemplate, carry_template
 from meshot.pipeline.initial_surface import SegmentedSurface, segmented_surface
+from meshot.pipeline.mirror import find_both_ways, segment_both_ways
 from meshot.pipeline.quality import (
     QualityWarning,
     crossing_warnings,
@@ -26,7 +27,7 @@ from meshot.pipeline.quality import (
     value_warnings,
     volume_warnings,
 )
-from meshot.pipeline.segmentation import in_scanner, white_matter
+from meshot.pipeline.segmentation import in_scanner, require_white_matter, segment
 from meshot.systems import SHIPPED, Scan, SurfaceSystem, load_system
 from meshot.types import PLACEMENTS, Placement
 from meshot.volume import StandardScan, Volume, largest_component, standard_scan, with_dark_background
@@ -92,9 +93,14 @@ class HemisphereSurface:
     unrepaired: Mesh | None = None
 
     def meshes(self) -> dict[str, Mesh]:
-        """All surfaces by name: "white", "initial", and of "fsaverage5" (the template) and "pial" what is there."""
-        carried = None if self.carried is None else self.carried.mesh
+        """All surfaces by name: "white", "initial", and what is there of "fsaverage5" (the template), "pial", and
+        "midthickness", which lies half-way between white and pial surface.
+        """
+        carried, middle = None if self.carried is None else self.carried.mesh, None
+        if corresponds(self.final, self.pial):
+            middle = self.final.with_vertices((self.final.vertices + self.pial.vertices) / 2)
         found = {"white": self.final, "initial": self.initial, "fsaverage5": carried, "pial": self.pial}
+        found["midthickness"] = middle
         return {name: mesh for name, mesh in found.items() if mesh is not None}
 
 
@@ -117,6 +123,8 @@ class Reconstruction:
     registered : StandardScan
         The scan in MNI152 space, by the registration of grey values. ``scan`` may be placed otherwise, see
         :func:`meshot.anatomy.placed_by_white_matter`.
+    placement : str
+        How ``scan`` is placed. By white matter, it is in the enlarged standard space.
     """
 
     scan: StandardScan
@@ -126,6 +134,7 @@ class Reconstruction:
     warnings: tuple[QualityWarning, ...]
     system: str | None
     registered: StandardScan
+    placement: Placement = PLACEMENTS[0]
 
 
 def reconstruct(
@@ -136,6 +145,7 @@ def reconstruct(
     template: Volume | None = None,
     strict: bool = False,
     correspondence: bool = False,
+    both_ways: bool = True,
 ) -> Reconstruction:
     """The white surfaces of both hemispheres in a scan, and the pial ones if the system finds them.
 
@@ -143,8 +153,8 @@ def reconstruct(
     repair of crossing faces, and the transform back to the scanner. If the system deforms the initial surfaces, the
     result has no crossing faces: see :func:`meshot.flow.repair_crossings`. A system may ask for
     scans that are placed by their white matter: then it is found twice, before and after
-    :func:`meshot.anatomy.placed_by_white_matter`. If it carries white surfaces to pial ones, a last stage smooths all
-    four where their faces cross those of another.
+    :func:`meshot.anatomy.placed_by_white_matter`. If it carries white surfaces to pial ones, a last stage keeps all
+    four apart: see :func:`meshot.flow.nest_surfaces`.
 
     Parameters
     ----------
@@ -164,6 +174,10 @@ def reconstruct(
     correspondence : bool
         Whether to carry fsaverage5's white surface to each result, so that vertices correspond between people: see
         :func:`meshot.pipeline.carry_template`. Some fifty seconds of one core for each side.
+    both_ways : bool
+        Whether white matter and surfaces are found in the scan and in its mirror image, and averaged. If not, some
+        five seconds less, and a mirrored scan moves the white surfaces by 0.1 mm. Systems that need no initial
+        surface see the scan itself only.
 
     Raises
     ------
@@ -187,7 +201,7 @@ def reconstruct(
     if strict:
         require_no_warnings(warnings)
     with clock.stage("white matter"):
-        standard, probability, doubts = placed_white_matter(scan, registered, segmentation, placement)
+        standard, probability, doubts = placed_white_matter(scan, registered, segmentation, placement, both_ways)
     warnings += doubts
     segmented, found, settlement = {}, {}, {}
     for side in HEMISPHERES:
@@ -196,7 +210,8 @@ def reconstruct(
     if system is not None:
         with clock.stage(f"system {system.name}"):
             initial = {key: segmented[key[0]].mesh for key in system.needs}
-            found = system.reconstruct(Scan(standard.volume, initial))
+            seen = Scan(standard.volume, initial)
+            found = find_both_ways(system, seen) if both_ways and initial else system.reconstruct(seen)
         with clock.stage("crossing faces"):
             settlement = {key: repair_crossings(mesh, found[key], **_REPAIR) for key, mesh in initial.items()}
     final = found | {key: repaired.mesh for key, repaired in settlement.items()}
@@ -242,7 +257,7 @@ def reconstruct(
     if strict:
         require_no_warnings(warnings)
     seconds = clock.cpu_seconds, clock.wall_seconds
-    return Reconstruction(standard, surfaces, *seconds, tuple(warnings), name, registered)
+    return Reconstruction(standard, surfaces, *seconds, tuple(warnings), name, registered, placement)
 
 
 # The trained networks of a reconstruction: the segmentation network and a system, with the package's weights.
@@ -302,6 +317,7 @@ def load_networks(
     segmentation: str | os.PathLike | None = None,
     initial_only: bool = False,
     device: str | None = None,
+    white_only: bool = False,
 ) -> TrainedNetworks:
     """Load the networks of a reconstruction.
 
@@ -318,17 +334,20 @@ def load_networks(
     device : str, optional
         Where the networks compute, such as "cuda". By default the processor. The other stages of a reconstruction use
         the processor.
+    white_only : bool
+        Whether to leave the flows of pial surfaces out.
 
     Raises
     ------
     ValueError
-        If a system is unknown, a file is missing or of another kind, or the system was trained on initial surfaces of
-        another segmentation network.
+        If a system is unknown, a file is missing or of another kind, the system was trained on initial surfaces of
+        another segmentation network, or it finds white and pial surfaces together and ``white_only`` is set.
     """
     network, record = read_weights(segmentation_weights(segmentation), SegmentationNetwork)
     if initial_only:
         return TrainedNetworks(network.to(device), None, {SEGMENTATION: record})
     found = load_system(system, weights)
+    found = found.with_white_only() if white_only else found
     records = {f"{name}.safetensors": part.record for name, part in found.parts.items()}
     for name, each in records.items():
         if each.get("results", {}).get("segmentation_sha256", network_digest(network)) != network_digest(network):
@@ -346,19 +365,20 @@ def load_networks(
 
 
 def placed_white_matter(
-    scan: Volume, first: StandardScan, network: SegmentationNetwork, placement: Placement
+    scan: Volume, first: StandardScan, network: SegmentationNetwork, placement: Placement, both_ways: bool = True
 ) -> tuple[StandardScan, dict[Hemisphere, Volume], list[QualityWarning]]:
     """A registered scan in the place that is needed, the probability of white matter there, and warnings."""
-    found = white_matter(first, network)
+    find = segment_both_ways if both_ways else segment
     if placement == PLACEMENTS[0]:
-        return first, found, []
+        return first, require_white_matter(find(first.volume, network)), []
+    found = require_white_matter(segment(first.volume, network))
     masks = [largest_component(probability.data > 0.5) for probability in found.values()]
     try:
         placed = placed_by_white_matter(scan, first, first.volume.with_data(masks[0] | masks[1]))
     except ValueError as error:
         text = f"the white matter does not place the scan ({error}): is it a T1 of a whole brain?"
         return first, found, [QualityWarning("placement", text)]
-    return placed, white_matter(placed, network), []
+    return placed, require_white_matter(find(placed.volume, network)), []
 
 
 def carried_in_place(mesh: Mesh, side: Hemisphere, placement: Placement) -> CarriedTemplate:

@@ -49,9 +49,10 @@ def write_reconstruction(
 ) -> dict:
     """Reconstruct the surfaces of a scan and write everything, with a progress bar; whole or not at all.
 
-    Into ``folder`` go, for each side, the surfaces ``white`` and ``initial`` (``pial``, if the system finds it, and
-    ``fsaverage5``, if asked for) in scanner RAS, as FreeSurfer, GIfTI and PLY; white matter on the grid of the scan
-    (1 left, 2 right); the transform as JSON, for ITK and for FreeSurfer; and ``report.json``, ``timing.json``, the
+    Into ``folder`` go, for each side, the surfaces ``white`` and ``initial`` (``pial`` and ``midthickness``, if the
+    system finds pial surfaces, and ``fsaverage5``, if asked for) in scanner RAS, as FreeSurfer, GIfTI and PLY; white
+    matter on the grid of the scan (1 left, 2 right); the transform as JSON, for ITK and for FreeSurfer; and
+    ``report.json``, ``timing.json``, the
     picture ``slices.webp``, and ``report.html``, which needs nothing beside it.
 
     Parameters
@@ -186,7 +187,7 @@ def write_found(
 #: What the files of all layouts are, by the end of their names; the first that fits counts.
 _ABOUT = (
     (
-        r"[lr]h\.[\w.]*(white|pial|initial|orig|fsaverage5)",
+        r"[lr]h\.[\w.]*(white|pial|midthickness|initial|orig|fsaverage5)",
         "surfaces for FreeSurfer, in surface RAS; they say how it leads to the scanner",
     ),
     (r"\.surf\.gii", "surfaces as GIfTI, in scanner RAS"),
@@ -230,8 +231,8 @@ FLAT_REGIONS = {
 
 
 def structure_of(side: Hemisphere, name: str) -> tuple[str, str]:
-    """The names by which Connectome Workbench knows a surface. All names but "pial" are those of white surfaces."""
-    return f"Cortex{side.capitalize()}", "Pial" if name == "pial" else "GrayWhite"
+    """The names by which Connectome Workbench knows a surface."""
+    return f"Cortex{side.capitalize()}", {"pial": "Pial", "midthickness": "MidThickness"}.get(name, "GrayWhite")
 
 
 def write_flat(folder: Path, found: Reconstruction, scan: Volume) -> Path:

@@ -491,9 +491,8 @@ def segment(scan: Volume, network: SegmentationNetwork) -> dict[Hemisphere, Volu
     return {side: scan.with_data(part) for side, part in zip(HEMISPHERES, probability, strict=True)}
 
 
-def white_matter(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemisphere, Volume]:
-    """The probability of white matter of each side, after a check that some was found on both sides."""
-    found = segment(scan.volume, network)
+def require_white_matter(found: dict[Hemisphere, Volume]) -> dict[Hemisphere, Volume]:
+    """The probabilities of white matter, after a check that some was found on both sides."""
     for side, probability in found.items():
         if not (probability.data > 0.5).any():
             raise ValueError(
@@ -505,7 +504,7 @@ def white_matter(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemis
 
 def initial_surfaces(scan: StandardScan, network: SegmentationNetwork) -> dict[Hemisphere, SegmentedSurface]:
     """The initial white surfaces of both hemispheres in the standard space, with intermediate results."""
-    found = white_matter(scan, network)
+    found = require_white_matter(segment(scan.volume, network))
     return {side: segmented_surface(probability) for side, probability in found.items()}
 
 

@@ -46,7 +46,7 @@ N_VOXELS = 256
 #: The values of ``mri/filled.mgz`` for the left and the right hemisphere.
 FILLED = (255, 127)
 #: The initial surface is called as FreeSurfer calls the surface before it moves.
-_NAMES = {"white": "white", "initial": "orig", "fsaverage5": "white.fsaverage5", "pial": "pial"}
+_NAMES = {"initial": "orig", "fsaverage5": "white.fsaverage5"}
 _AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
@@ -54,7 +54,7 @@ def arrange_freesurfer(folder: Path, found: Reconstruction, scan: Volume, visit:
     """Write ``surf`` and ``mri``."""
     for side, surface in found.surfaces.items():
         for kind, mesh in surface.meshes().items():
-            write_mesh(folder / "surf" / f"{SHORT[side]}.{_NAMES[kind]}", mesh, centre_ras(scan))
+            write_mesh(folder / "surf" / f"{SHORT[side]}.{_NAMES.get(kind, kind)}", mesh, centre_ras(scan))
     conformed = conformed_scan(scan)
     write_volume(folder / "mri" / "rawavg.mgz", scan)
     write_volume(folder / "mri" / "orig.mgz", conformed)
@@ -110,6 +110,7 @@ IGNORED = (
     "*.surf.gii",
     "*_white.json",
     "*_pial.json",
+    "*_midthickness.json",
     "*_morph.*",
     "*.label.gii",
     "*.shape.gii",
@@ -125,7 +126,7 @@ def arrange_bids(folder: Path, found: Reconstruction, scan: Volume, visit: Visit
     for side in HEMISPHERES:
         surface, start = found.surfaces[side], f"{visit.prefix}_hemi-{side[0].upper()}"
         for kind, mesh in surface.meshes().items():
-            name = f"{start}_{kind}" if kind in ("white", "pial") else f"{start}_desc-{kind}_white"
+            name = f"{start}_{kind}" if kind in ("white", "pial", "midthickness") else f"{start}_desc-{kind}_white"
             write_mesh(anat / f"{name}.surf.gii", mesh, structure=structure_of(side, kind))
             _write_json(anat / f"{name}.json", facts | {"SpatialReference": "scanner RAS of the T1w image, in mm"})
     atlas = "atlas-DesikanKilliany"

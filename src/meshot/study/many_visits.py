@@ -53,7 +53,7 @@ class StudySettings:
     ----------
     layout : str
         "flat", "freesurfer" or "bids".
-    system, weights, segmentation, initial_only
+    system, weights, segmentation, initial_only, white_only
         As :func:`meshot.pipeline.load_networks` takes them.
     strict : bool
         Whether a warning is a failure.
@@ -77,13 +77,13 @@ class StudySettings:
     threads: int | None = None
     device: str | None = None
     correspondence: bool = False
+    white_only: bool = False
 
 
 @functools.lru_cache(maxsize=1)
 def _networks(settings: StudySettings) -> TrainedNetworks:
-    return load_networks(
-        settings.system, settings.weights, settings.segmentation, settings.initial_only, settings.device
-    )
+    names = (settings.system, settings.weights, settings.segmentation)
+    return load_networks(*names, settings.initial_only, settings.device, settings.white_only)
 
 
 def reconstruct_visit(visit: Visit, study: Path, settings: StudySettings, progress: Progress | None = None) -> dict:

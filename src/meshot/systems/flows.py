@@ -476,6 +476,10 @@ class DeformationSystem(SurfaceSystem):
         """The flows of the white surfaces."""
         return tuple("_".join(key) for key in _KEYS)
 
+    def with_white_only(self) -> "DeformationSystem":
+        """Without the flows to pial surfaces."""
+        return type(self)({name: part for name, part in self.parts.items() if name not in PIAL_PARTS})
+
     @classmethod
     def load(cls, folder: str | os.PathLike) -> "DeformationSystem":
         """Load the flows of the white surfaces, and those of pial surfaces if both are in the folder."""

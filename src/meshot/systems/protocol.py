@@ -307,6 +307,21 @@ class SurfaceSystem(abc.ABC):
             )
         return self.find_surfaces(scan)
 
+    def with_white_only(self) -> "SurfaceSystem":
+        """The same without the parts that find other surfaces from the white ones, if there are such.
+
+        Raises
+        ------
+        ValueError
+            If white and other surfaces are found together.
+        """
+        if any(kind != "white" for _, kind in self.surfaces):
+            raise ValueError(
+                f"{self.name} finds white and pial surfaces together, by one network: leave --white-only out, or use "
+                "weights that were trained for white surfaces only"
+            )
+        return self
+
     def save(self, folder: str | os.PathLike) -> None:
         """Write every part with its record to ``PART.safetensors`` in a folder. Other files there do not change.
 
