@@ -23,6 +23,7 @@ NUMBERS = {
         "n_vertices": 12, "n_faces": 20, "euler_number": 2, "n_self_intersecting_faces": 0, "volume_cm3": 250.5,
         "area_cm2": 900.25,
     },
+    "pial": {"area_cm2": 1100.5, "mean_thickness_mm": 2.5, "cortex_volume_cm3": 240.0},
     "distance_from_initial_mm": {"mean": 0.5},
     "n_voxels_given_up": 7,
 }  # fmt: skip
@@ -37,9 +38,17 @@ def test_the_numbers_of_a_report_have_units_of_mm():
     row = numbers_of_report(REPORT)
     assert row["left_white_area_mm2"] == 90025
     assert row["right_white_volume_mm3"] == 250500
+    assert (row["left_pial_area_mm2"], row["right_thickness_mm"], row["left_cortex_volume_mm3"]) == (
+        110050,
+        2.5,
+        240000,
+    )
     assert (row["left_white_euler"], row["left_white_voxels_given_up"]) == (2, 7)
     assert (row["seconds"], row["warnings"]) == (3.75, 1)
     assert set(row) <= set(columns())
+    white_only = numbers_of_report(REPORT | {"surfaces": dict.fromkeys(("left", "right"), NUMBERS | {"pial": None})})
+    assert [white_only[f"left_{name}"] for name in ("pial_area_mm2", "thickness_mm", "cortex_volume_mm3")] == [None] * 3
+    assert white_only["left_white_area_mm2"] == 90025
 
 
 @pytest.mark.parametrize("place", [".", "report"])

@@ -145,7 +145,7 @@ def _run_one(chosen: argparse.Namespace, scan: Path, output: Path) -> int:
     import torch
 
     from meshot.errors import require_positive_integer
-    from meshot.pipeline import PAGE, seconds_by_stage, write_reconstruction
+    from meshot.pipeline import PAGE, doubts_in_words, seconds_by_stage, write_reconstruction
 
     if chosen.threads is not None:
         require_positive_integer(chosen.threads, "threads")
@@ -174,6 +174,8 @@ def _run_one(chosen: argparse.Namespace, scan: Path, output: Path) -> int:
             )
         if surface["fsaverage5"]:
             print(f"{side}: fsaverage5 carried to it lies {surface['fsaverage5']['distance_mm']:.2f} mm away (ASSD)")
+    if report["doubts"]:
+        print(f"unusual, look there first: {doubts_in_words(report['doubts'])}")
     print(f"{sum(report['seconds']['clock'].values()):.0f} s; look at {printable_name(output / PAGE)}. {NOTE}")
     return 0
 

@@ -9,6 +9,7 @@ import torch
 
 from meshot.mesh import Mesh
 from meshot.metrics import LARGEST_THICKNESS_MM, corresponds, cortical_thickness
+from meshot.pipeline.lobes import LOBES
 from meshot.pipeline.reconstruction import Reconstruction
 from meshot.pipeline.segmentation import in_scanner
 from meshot.types import Array, Float
@@ -186,8 +187,10 @@ def reconstruction_page(
         view=view,
         meshes=[("", *(f"{side}, {stage}" for side, stage in columns)), *rows],
         pial=_has_pial(report),
+        thick=_has_pial(report) and all(s["pial"]["mean_thickness_mm"] is not None for s in surfaces.values()),
         files=files,
         moves=_move_rows(report),
+        lobes=_lobe_rows(report),
         voxel_mm=" × ".join(f"{v:g}" for v in report["scan"]["voxel_mm"]),
         seconds=[("stage", "processor (s)", "clock (s)"), *seconds],
         matrix="\n".join(" ".join(f"{value:11.6f}" for value in row) for row in report["to_standard"]),
@@ -235,6 +238,13 @@ def _move_rows(report: dict) -> Rows:
         ("these, of the white matter (%)", *(100 * s["share_of_voxels_given_up"] for s in sides)),
     ]
     return [("", *report["surfaces"]), *((label, *map(_cell, values)) for label, *values in rows)]
+
+
+def _lobe_rows(report: dict) -> Rows:
+    """The table of doubts: a header, and a row for each lobe with what is unusual about it on each side."""
+    doubts = report["doubts"]
+    cells = {side: [", ".join(doubts.get(side, {}).get(lobe, [])) or "–" for lobe in LOBES] for side in report["lobes"]}
+    return [("", *cells), *zip(LOBES, *cells.values(), strict=True)]
 
 
 def _cell(value: float) -> str:

@@ -145,7 +145,7 @@ def reconstruct(
     template: Volume | None = None,
     strict: bool = False,
     correspondence: bool = False,
-    both_ways: bool = True,
+    both_ways: bool | None = None,
 ) -> Reconstruction:
     """The white surfaces of both hemispheres in a scan, and the pial ones if the system finds them.
 
@@ -174,10 +174,11 @@ def reconstruct(
     correspondence : bool
         Whether to carry fsaverage5's white surface to each result, so that vertices correspond between people: see
         :func:`meshot.pipeline.carry_template`. Some fifty seconds of one core for each side.
-    both_ways : bool
-        Whether white matter and surfaces are found in the scan and in its mirror image, and averaged. If not, some
-        five seconds less, and a mirrored scan moves the white surfaces by 0.1 mm. Systems that need no initial
-        surface see the scan itself only.
+    both_ways : bool, optional
+        Whether white matter and surfaces are found in the scan and in its mirror image, and averaged. By default they
+        are, if scans are placed by their white matter, as for the networks of the package. Otherwise a reconstruction
+        takes some five seconds less, and a mirrored scan moves its white surfaces by 0.1 mm. The segmentation network
+        must have learned from mirrored scans, too. Surfaces of systems that need no initial surface are not averaged.
 
     Raises
     ------
@@ -190,6 +191,7 @@ def reconstruct(
     template = mni152_t1() if template is None else template
     given, scan = scan, with_dark_background(scan)
     placement = segmentation.placement if system is None else system.placement
+    both_ways = placement != PLACEMENTS[0] if both_ways is None else both_ways
     n_stages = 4 if system is None else 6 + (bool(system.needs) and set(_PIAL) <= set(system.surfaces))
     clock = StageClock(n_stages + len(HEMISPHERES) * correspondence, progress)
     with clock.stage("registration"):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import os
 import re
 from collections.abc import Callable, Mapping
@@ -15,6 +16,7 @@ from meshot.anatomy import HEMISPHERES, Hemisphere, mni152_t1
 from meshot.files import printable_name, whole_folder
 from meshot.mesh import Mesh, face_areas, self_intersecting_faces, signed_volume, topology, vertex_areas, write_mesh
 from meshot.metrics import corresponds, cortical_thickness, cortical_volumes, vertex_distances
+from meshot.pipeline.lobes import doubts_of_lobes, lobe_numbers
 from meshot.pipeline.page import given_up_pictures, overview, reconstruction_page, slice_pictures, surface_view
 from meshot.pipeline.quality import file_warnings, require_no_warnings, voxels_given_up
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction, StageClock, TrainedNetworks, reconstruct
@@ -147,6 +149,7 @@ def write_found(
     """
     clock = StageClock(2)
     with clock.stage("surfaces and numbers"):
+        lobes = lobe_numbers(found, scan)
         distances = {side: vertex_distances(s.final, s.initial) for side, s in found.surfaces.items()}
         place = (arrange or write_flat)(folder, found, scan)
         report = {
@@ -155,6 +158,11 @@ def write_found(
             "warning_names": [warning.name for warning in found.warnings],
             "warning_values": [warning.value for warning in found.warnings],
             "surfaces": {side: numbers_of_surface(s, distances[side]) for side, s in found.surfaces.items()},
+            "lobes": {  # a lobe that no part of the surface is near has no numbers
+                side: {lobe: {k: None if math.isnan(v) else v for k, v in row.items()} for lobe, row in rows.items()}
+                for side, rows in lobes.items()
+            },
+            "doubts": doubts_of_lobes(lobes),
             "system": found.system,
             "to_standard": found.registered.to_standard.tolist(),
             "weights": networks.records,

@@ -16,7 +16,7 @@ import numpy as np
 
 from meshot.anatomy import HEMISPHERES
 from meshot.files import printable_name, write_whole
-from meshot.pipeline import OVERVIEW, PAGE, REPORT
+from meshot.pipeline import OVERVIEW, PAGE, REPORT, doubts_in_words
 from meshot.statistics import OUTLIER_SCORE, robust_scores
 from meshot.study.bids import json_of
 from meshot.view import filled
@@ -27,30 +27,39 @@ TABLE, DICTIONARY = "subjects.tsv", "subjects.json"
 #: How BIDS writes a value that is missing.
 MISSING = "n/a"
 
-#: Column -> where the value is in ``report.json`` (under ``surfaces`` and the side), factor, description, unit.
+#: Column, after the side -> where the value is in ``report.json`` (under ``surfaces`` and the side), factor,
+#: description, unit. A surface that was not looked for has no values.
 _SURFACE_COLUMNS = {
-    "vertices": (("final", "n_vertices"), 1, "Number of vertices", None),
-    "faces": (("final", "n_faces"), 1, "Number of faces", None),
-    "euler": (("final", "euler_number"), 1, "Euler number; a sphere has 2", None),
-    "self_intersecting_faces": (
+    "white_vertices": (("final", "n_vertices"), 1, "Number of vertices, {side} white surface", None),
+    "white_faces": (("final", "n_faces"), 1, "Number of faces, {side} white surface", None),
+    "white_euler": (("final", "euler_number"), 1, "Euler number; a sphere has 2, {side} white surface", None),
+    "white_self_intersecting_faces": (
         ("final", "n_self_intersecting_faces"),
         1,
-        "Number of faces that intersect another face",
+        "Number of faces that intersect another face, {side} white surface",
         None,
     ),
-    "area_mm2": (("final", "area_cm2"), 100, "Area", "mm^2"),
-    "volume_mm3": (("final", "volume_cm3"), 1000, "Enclosed volume", "mm^3"),
-    "distance_from_initial_mm": (
+    "white_area_mm2": (("final", "area_cm2"), 100, "Area, {side} white surface", "mm^2"),
+    "white_volume_mm3": (("final", "volume_cm3"), 1000, "Enclosed volume, {side} white surface", "mm^3"),
+    "white_distance_from_initial_mm": (
         ("distance_from_initial_mm", "mean"),
         1,
-        "Mean distance of the vertices from the initial surface",
+        "Mean distance of the vertices from the initial surface, {side} white surface",
         "mm",
     ),
-    "voxels_given_up": (
+    "white_voxels_given_up": (
         ("n_voxels_given_up",),
         1,
-        "Voxels of white matter that were left out to give the surface genus 0",
+        "Voxels of white matter that were left out to give the surface genus 0, {side} white surface",
         None,
+    ),
+    "pial_area_mm2": (("pial", "area_cm2"), 100, "Area, {side} pial surface", "mm^2"),
+    "thickness_mm": (("pial", "mean_thickness_mm"), 1, "Mean thickness of the {side} cortex, by area", "mm"),
+    "cortex_volume_mm3": (
+        ("pial", "cortex_volume_cm3"),
+        1000,
+        "Volume between the white and the pial surface, {side}",
+        "mm^3",
     ),
 }
 _OTHER_COLUMNS = {
@@ -66,13 +75,17 @@ _OTHER_COLUMNS = {
     "seconds": {"Description": "Wall-clock time of the reconstruction", "Units": "s"},
     "warnings": {"Description": "Number of warnings"},
     "warning_names": {"Description": "The names of the warnings, separated by a space"},
+    "doubts": {
+        "Description": "Lobes with unusual numbers, and what is unusual: a bias of the intensities, low contrast, "
+        "a cut through white matter, a repaired surface, or an unusual shape"
+    },
 }
 _BEFORE, _AFTER = list(_OTHER_COLUMNS)[:6], list(_OTHER_COLUMNS)[6:]
 
 
 def surface_columns() -> list[str]:
     """The names of the columns with numbers of the surfaces, such as ``left_white_area_mm2``."""
-    return [f"{side}_white_{name}" for side in HEMISPHERES for name in _SURFACE_COLUMNS]
+    return [f"{side}_{name}" for side in HEMISPHERES for name in _SURFACE_COLUMNS]
 
 
 def columns() -> list[str]:
@@ -85,8 +98,8 @@ def data_dictionary() -> dict[str, dict]:
     found = dict(_OTHER_COLUMNS)
     for side in HEMISPHERES:
         for name, (_, _, description, unit) in _SURFACE_COLUMNS.items():
-            entry = {"Description": f"{description}, {side} white surface"}
-            found[f"{side}_white_{name}"] = entry | ({"Units": unit} if unit else {})
+            entry = {"Description": description.format(side=side)}
+            found[f"{side}_{name}"] = entry | ({"Units": unit} if unit else {})
     return {name: found[name] for name in columns()}
 
 
@@ -97,8 +110,8 @@ def numbers_of_report(report: Mapping) -> dict[str, float]:
         for name, (keys, factor, _, _) in _SURFACE_COLUMNS.items():
             value = report["surfaces"][side]
             for key in keys:
-                value = value[key]
-            row[f"{side}_white_{name}"] = value if factor == 1 else value * factor
+                value = None if value is None else value[key]
+            row[f"{side}_{name}"] = value if factor == 1 or value is None else value * factor
     row["seconds"] = round(sum(report["seconds"]["clock"].values()), 2)
     row["warnings"] = len(report["warnings"])
     return row
@@ -110,6 +123,7 @@ def row_of_report(study: Path, file: Path, report: Mapping) -> dict:
         "status": "done",
         "report": file.with_name(PAGE).relative_to(study).as_posix(),
         "warning_names": " ".join(report["warning_names"]),
+        "doubts": doubts_in_words(report.get("doubts", {})),
     } | numbers_of_report(report)
 
 
@@ -230,7 +244,7 @@ def quality_columns(subjects: list[dict]) -> list[QualityColumn]:
     numbers = {
         name: np.array([np.nan if row.get(name) is None else row[name] for row in subjects], dtype=np.float64)
         for name in (*surface_columns(), "seconds", "warnings")
-        if any(name in row for row in subjects)
+        if any(row.get(name) is not None for row in subjects)
     }
     measured, largest = [], np.full(len(subjects), np.nan)
     for name, values in numbers.items():
