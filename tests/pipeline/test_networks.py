@@ -98,10 +98,11 @@ def test_what_is_shipped_can_be_read(root):
     for record in found.records.values():
         assert len(record["commit"]) == 12  # nothing that was not committed
     for part, each in found.system.parts.items():
-        side = part.split("_")[0]
-        kind, kept = type(found.system), read_results(root / "experiments" / "people" / f"{part}.json")
+        side, surface = part.split("_")
+        experiment, config = {"white": ("people", "shipped"), "pial": ("thickness", "pial")}[surface]
+        kind, kept = type(found.system), read_results(root / "experiments" / experiment / f"{part}.json")
         assert each.record["results"]["segmentation_sha256"] == network_digest(found.segmentation)
-        settings = read_settings(kind, "shipped", [f"training.side={side}"])
+        settings = read_settings(kind, config, [f"training.side={side}"])
         assert kind.complete(kept["config"]) == settings
         recorded = kind.complete({key: each.record[key] for key in settings.kinds()})
         assert (recorded.loss, recorded.training) == (settings.loss, settings.training)
@@ -110,3 +111,7 @@ def test_what_is_shipped_can_be_read(root):
         assert [kept[key] for key in ("commit", "command", "results")] == [
             each.record[key] for key in ("commit", "command", "results")
         ]
+    assert set(found.system.parts) == {f"{side}_{kind}" for side in ("left", "right") for kind in ("white", "pial")}
+    white = load_networks(white_only=True)
+    assert set(white.system.parts) == {"left_white", "right_white"}
+    assert set(white.records) == {"segmentation.safetensors", "left_white.safetensors", "right_white.safetensors"}

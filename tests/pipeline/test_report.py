@@ -398,6 +398,8 @@ def test_a_pial_surface_gives_thickness_on_the_page(made, found, quick, place, m
         assert numbers["pial"]["cortex_volume_cm3"] == pytest.approx(between, rel=1e-3)
         assert nibabel.freesurfer.read_morph_data(place / "thick" / f"{side[0]}h.thickness").mean() > 1.8
     assert "mean thickness of the cortex (mm)" in page
+    assert "coloured by the thickness of the cortex" in page
+    assert "how far each position is from the initial surface" not in page
     assert "the thickness at every vertex of the white surface" in page
     ((_, colours), named) = seen[0]
     assert named["label"] == "thickness of the cortex"

@@ -68,6 +68,8 @@ def test_the_pial_surface_is_the_white_one_moved_on(one):
 def test_without_pial_flows_there_are_white_surfaces_only(one):
     system = KIND(parts("left_white", "right_white"))
     assert set(system.reconstruct(one.scan)) == {("left", "white"), ("right", "white")}
+    with_both = KIND(parts(*SHIFTS)).with_white_only()
+    assert (with_both.surfaces, set(with_both.parts)) == (system.surfaces, set(system.parts))
     half = KIND(parts("left_white", "right_white", "left_pial"))
     refuses("windows has no trained right_pial, only left_white", half.reconstruct, one.scan)
 

@@ -55,6 +55,10 @@ def test_the_settings_say_which_surfaces_are_found(name):
         assert kind.surfaces_of(read_settings(kind, "paper")) == KEYS
     assert kind({}).surfaces == kind.surfaces_of(kind.complete({})) == white
     assert not hasattr(kind, "surfaces")
+    assert kind({}).with_white_only().surfaces == white
+    together = kind({})
+    together.surfaces = KEYS
+    refuses(f"{name} finds white and pial surfaces together, by one network", together.with_white_only)
     with pytest.raises(ValueError, match=r"surfaces is \['pial'\]; \[white\] or \[white, pial\] is needed"):
         read_settings(kind, "tiny", [f"{GROUP[name]}.surfaces=[pial]"])
 

@@ -103,6 +103,7 @@ VERSION = "1.10.0"
 IGNORED = (
     "*.html",
     "subjects.*",
+    "regions.*",
     "verdicts*.tsv",
     "logs/",
     "report",
@@ -158,7 +159,7 @@ def arrange_bids(folder: Path, found: Reconstruction, scan: Volume, visit: Visit
 def begin_bids(study: Path, dataset: Path | None) -> None:
     """Write the description of the derivatives, ``.bidsignore`` and a README, unless they are there."""
     description = {
-        "Name": "White surfaces by meshot"
+        "Name": "Surfaces of the cortex by meshot"
         + ("" if dataset is None else f" of {printable_name(dataset.resolve().name)}"),
         "BIDSVersion": VERSION,
         "DatasetType": "derivative",

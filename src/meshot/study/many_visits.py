@@ -2,9 +2,11 @@
 
 import concurrent.futures
 import contextlib
+import csv
 import dataclasses
 import datetime
 import functools
+import io
 import json
 import multiprocessing
 import os
@@ -38,7 +40,7 @@ from meshot.pipeline import (
 from meshot.provenance import file_digest
 from meshot.study.bids import Visit, json_of
 from meshot.study.layouts import Layout, layout_named
-from meshot.study.quality import row_of_report, write_subjects
+from meshot.study.quality import MISSING, data_dictionary, row_of_report, write_subjects
 from meshot.volume import Volume, averaged_scan, masked_scan, read_volume_and_facts
 from meshot.workers import begin_worker
 
@@ -186,6 +188,8 @@ def _earlier_report(folder: Path, layout: Layout, facts: dict, settings: StudySe
     return None
 
 
+#: The regions of all visits in the folder of a study.
+REGIONS = "regions.tsv"
 #: The table may take this share of the time of a run.
 _TABLE_SHARE = 0.05
 _Outcome = tuple[Visit, str | None]
@@ -276,7 +280,9 @@ def reconstruct_study(
 
 
 def write_table(study: Path) -> list[dict]:
-    """Write the table of a study from what stands in its folder, and return its rows.
+    """Write the tables of a study from what stands in its folder, and return the rows of ``subjects.tsv``.
+
+    ``regions.tsv`` has the regions of all visits, if there are any: a row for each region of each side.
 
     Raises
     ------
@@ -292,7 +298,35 @@ def write_table(study: Path) -> list[dict]:
                 rows[row["participant_id"], row["session_id"]] = row
     found = list(rows.values())
     write_subjects(study, found)
+    _write_regions_of_all(study, found)
     return found
+
+
+#: The tables of a visit in all layouts, from the folder of the page.
+_REGION_TABLES = ("regions.tsv", "../stats/regions.tsv", "../anat/*_morph.tsv")
+
+
+def _write_regions_of_all(study: Path, rows: list[dict]) -> None:
+    """The regions of all visits in one table, as BIDS writes tables."""
+    regions, used, about = [], [], {}
+    for row in sorted(rows, key=lambda row: (row["participant_id"], row["session_id"] or "")):
+        place = (study / row["report"]).parent if "report" in row else study / LOGS
+        for file in (found for pattern in _REGION_TABLES for found in sorted(place.glob(pattern))):
+            lines = list(csv.DictReader(file.read_text(encoding="utf-8").splitlines(), dialect="excel-tab"))
+            about |= json_of(file.with_suffix(".json"))
+            used += [name for name in (lines[0] if lines else ()) if name not in used]
+            regions += [
+                {name: row[name] or MISSING for name in ("participant_id", "session_id")} | line for line in lines
+            ]
+    if not regions:
+        return
+    columns, text = ["participant_id", "session_id", *used], io.StringIO()
+    writer = csv.DictWriter(text, columns, restval=MISSING, dialect="excel-tab", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(regions)
+    described = {name: data_dictionary().get(name) or about[name] for name in columns}
+    write_whole(study / REGIONS, text.getvalue())
+    write_whole((study / REGIONS).with_suffix(".json"), json.dumps(described, indent=1, ensure_ascii=False) + "\n")
 
 
 def _row(study: Path, file: Path) -> dict:

@@ -182,10 +182,13 @@ def test_a_pial_surface_has_the_place_that_others_expect(name, place, tmp_path, 
     for side, each in outer.items():
         path = folder / place.format(side[0].upper() if name == "bids" else side[0])
         np.testing.assert_allclose(read_mesh(path).vertices, each.pial.vertices, atol=1e-3)
+        middle = read_mesh(path.with_name(path.name.replace("pial", "midthickness")))
+        np.testing.assert_allclose(middle.vertices, 1.05 * each.final.vertices, atol=1e-3)
         assert path.with_name(path.name.removesuffix(".surf.gii") + ".json").is_file() == (name == "bids")
     assert {place.side for place in find_surfaces(tmp_path / "study", "pial")} == {"left", "right"}
     LAYOUTS[name].begin(folder, None)
-    assert name != "bids" or "*_pial.json" in (folder / ".bidsignore").read_text(encoding="utf-8").split()
+    ignored = {"*_pial.json", "*_midthickness.json", "regions.*"}
+    assert name != "bids" or ignored <= set((folder / ".bidsignore").read_text(encoding="utf-8").split())
 
 
 def test_an_unknown_layout_is_refused():
