@@ -208,7 +208,7 @@ def by_lobe(found: Mesh, truth: Mesh, side: Hemisphere) -> dict[str, float]:
     The first vertices of a true surface are those of fsaverage5, whose lobes are known.
     """
     known = truth.vertices[: len(fsaverage5_surface("white", side).vertices)]
-    _, lobes = template_places(fsaverage5_surface("white", side), side)
+    _, lobes = template_places(fsaverage5_surface("white", side, "MNI152"), side)
     nearest = cKDTree(known.numpy()).query(found.vertices.double().numpy())[1]
     there = vertex_distances(found, truth)
     back = vertex_distances(truth, found)[: len(known)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshot.anatomy.templates import HEMISPHERES, fsaverage5_surface
-from meshot.pipeline import reconstruction as placing
+from meshot.pipeline import mirror, reconstruction as placing
 from meshot.volume.surfaces import enclosed_fractions
 from meshot.volume.volume import Volume
 
@@ -29,14 +29,15 @@ def looks(monkeypatch):
     """A segmentation by brightness in place of a network. Returns every scan that it saw."""
     seen = []
 
-    def white_matter(scan, network):
+    def segment(scan, network):
         seen.append(scan)
-        x = scan.volume.affine[0, 3] + scan.volume.affine[0, 0] * np.arange(scan.volume.data.shape[0])
+        x = scan.affine[0, 3] + scan.affine[0, 0] * np.arange(scan.data.shape[0])
         on_the_left = (x < 0.5)[:, None, None]  # of the plane between the hemispheres of fsaverage5
         return {
-            side: scan.volume.with_data((bright(scan.volume) & part).astype(np.float32))
+            side: scan.with_data((bright(scan) & part).astype(np.float32))
             for side, part in zip(HEMISPHERES, (on_the_left, ~on_the_left))
         }
 
-    monkeypatch.setattr(placing, "white_matter", white_matter)
+    monkeypatch.setattr(placing, "segment", segment)
+    monkeypatch.setattr(mirror, "segment", segment)
     return seen

@@ -34,7 +34,7 @@ def head() -> tuple[Reconstruction, Volume]:
     grid = Volume(np.ones((80, 110, 80)), GRID_AFFINE)
     data, surfaces = grid.data.copy(), {}
     for side in HEMISPHERES:
-        white = fsaverage5_surface("white", side)
+        white = fsaverage5_surface("white", side, "MNI152")
         mask = grid.with_data(enclosed_voxels(white, grid))
         data[mask.data] = 2
         segmented = SegmentedSurface(white, white, mask, mask, mask)
@@ -58,7 +58,7 @@ def test_every_region_is_in_one_lobe():
     for side in HEMISPHERES:
         atlas = desikan_killiany(side)
         assert set(regions) == {name for name in atlas.names if name in regions}
-        distances, lobes = template_places(fsaverage5_surface("white", side), side)
+        distances, lobes = template_places(fsaverage5_surface("white", side, "MNI152"), side)
         assert not distances.any()
         for region, lobe in (("precentral", "frontal"), ("cuneus", "occipital"), ("temporalpole", "temporal")):
             assert set(lobes[atlas.labels == atlas.names.index(region)]) == {LOBES.index(lobe)}

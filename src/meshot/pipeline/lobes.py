@@ -71,7 +71,7 @@ def template_places(mesh: Mesh, side: Hemisphere) -> tuple[Float[Array, " V"], I
     atlas = desikan_killiany(side)
     lobe_of = {region: LOBES.index(lobe) for lobe, regions in REGIONS_OF_LOBES.items() for region in regions}
     lobes = np.array([lobe_of.get(name, -1) for name in atlas.names])[atlas.labels]
-    tree = cKDTree(fsaverage5_surface("white", side).vertices.double().numpy())
+    tree = cKDTree(fsaverage5_surface("white", side, "MNI152").vertices.double().numpy())
     distances, nearest = tree.query(mesh.vertices.detach().double().cpu().numpy())
     return distances, lobes[nearest]
 
