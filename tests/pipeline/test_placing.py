@@ -31,7 +31,13 @@ def test_white_matter_is_found_again_where_it_belongs(brain, looks):
     first = too_small(brain)
     placed, found, warnings = placed_white_matter(brain, first, SegmentationNetwork(2, 1), BY_WHITE)
     assert warnings == []
-    assert [each.volume.affine.tolist() for each in looks] == [each.volume.affine.tolist() for each in (first, placed)]
+    assert [each.affine.tolist() for each in looks] == [each.volume.affine.tolist() for each in (first, placed)]
+    # In a mirror, too: the mean of what is found.
+    looks.clear()
+    _, averaged, _ = placed_white_matter(brain, first, SegmentationNetwork(2, 1), BY_WHITE, both_ways=True)
+    assert [len(looks), len(warnings)] == [3, 0]
+    np.testing.assert_array_equal(looks[2].data, looks[1].data[::-1])
+    assert set(np.unique(averaged["left"].data)) == {0.0, 0.5, 1.0}
     scales = np.linalg.svd(placed.to_standard[:3, :3], compute_uv=False)
     np.testing.assert_allclose(scales, ENLARGEMENT, rtol=0.02)
     data = [each.volume.data for each in looks]

@@ -367,7 +367,7 @@ def load_networks(
 
 
 def placed_white_matter(
-    scan: Volume, first: StandardScan, network: SegmentationNetwork, placement: Placement, both_ways: bool = True
+    scan: Volume, first: StandardScan, network: SegmentationNetwork, placement: Placement, both_ways: bool = False
 ) -> tuple[StandardScan, dict[Hemisphere, Volume], list[QualityWarning]]:
     """A registered scan in the place that is needed, the probability of white matter there, and warnings."""
     find = segment_both_ways if both_ways else segment
