@@ -222,13 +222,18 @@ def by_lobe(found: Mesh, truth: Mesh, side: Hemisphere) -> dict[str, float]:
 # Limits, and what they are worth.
 
 
-def limits_of(good: list[dict], bad: dict[str, str]) -> dict[str, tuple[float | None, float | None]]:
-    """The lowest and the highest value without a warning, by number: None where there is no limit."""
+def limits_of(
+    good: list[dict], bad: dict[str, str], margin: float = 1.0
+) -> dict[str, tuple[float | None, float | None]]:
+    """The lowest and the highest value without a warning, by number: None where there is no limit.
+
+    ``margin`` is the part of the range by which the extremes are moved.
+    """
     found = {}
     for name, direction in bad.items():
         values = [numbers[name] for numbers in good]
         low, high = min(values), max(values)
-        width = high - low
+        width = margin * (high - low)
         found[name] = (
             low - width if direction in ("low", "either") else None,
             high + width if direction in ("high", "either") else None,
@@ -286,7 +291,7 @@ def judged(rows: list[dict], config: dict) -> dict:
                     "before": share(["refused" in row or bool(row["warning_names"]) for row in wanted]),
                 }
     found = {"limits": limits, "dropped": sorted(set(all_limits) - set(limits)), "shares": counted}
-    return found | {"lobes": judged_lobes(parts, useful, config)}
+    return found | ({"lobes": judged_lobes(parts, useful, config)} if "bad_of_lobes" in config else {})
 
 
 def judged_lobes(parts: dict, useful: Callable[[dict], bool], config: dict) -> dict:
@@ -295,7 +300,8 @@ def judged_lobes(parts: dict, useful: Callable[[dict], bool], config: dict) -> d
     def lobes_of(row: dict) -> list[dict]:
         return [lobe for side in row.get("lobes", {}).values() for lobe in side.values()]
 
-    limits = limits_of([lobe for row in parts["choice"]["good"] for lobe in lobes_of(row)], config["bad_of_lobes"])
+    chosen = [lobe for row in parts["choice"]["good"] for lobe in lobes_of(row)]
+    limits = limits_of(chosen, config["bad_of_lobes"], config["margin_of_lobes"])
     judgement = parts["judgement"]
     wanted = {
         "good": [row for row in judgement["good"] if useful(row)],

@@ -20,6 +20,7 @@ from meshot.pipeline.lobes import (
     template_places,
 )
 from meshot.pipeline.reconstruction import HemisphereSurface, Reconstruction
+from meshot.provenance import read_results
 from meshot.volume import StandardScan, Volume
 from meshot.volume.surfaces import enclosed_voxels
 
@@ -168,3 +169,18 @@ def test_a_lobe_that_is_missing_is_doubted(head):
     numbers = lobe_numbers(changed(found, "left", final=part, unrepaired=None), scan)
     assert numbers["left"]["occipital"]["area_mm2"] == 0
     assert doubts_of_lobes(numbers)["left"]["occipital"] == ["bias", "contrast", "cut", "repaired", "shape"]
+
+
+def test_the_limits_are_those_of_good_heads(root):
+    """The extremes of all their lobes, moved by a fifth of the range."""
+    rows = read_results(root / "experiments" / "warnings" / "lobes.json")["results"]["rows"]
+    good = [lobe for row in rows if not row["spoiled"] for side in row["lobes"].values() for lobe in side.values()]
+    assert len(good) == 240
+    for name, limit in LOBE_LIMITS.items():
+        values = np.array([lobe[name] for lobe in good])
+        margin = 0.2 * (values.max() - values.min())
+        if limit.low > 0:
+            assert limit.low == pytest.approx(values.min() - margin, abs=0.001)
+        if limit.high < 1e9 and name != "brighter_inside":
+            assert limit.high == pytest.approx(values.max() + margin, rel=0.003)
+    assert doubts_of_lobes({"left": {"frontal": good[0]}}) == {}
