@@ -174,7 +174,7 @@ def about(subject: Subject) -> dict:
 def networks(name: str, config: dict) -> TrainedNetworks:
     """The networks of a row of the plan."""
     package = {"segmentation": config.get("segmentation"), "weights": config.get("weights")}
-    return load_networks(**(config["networks"] | {"package": package})[name])
+    return load_networks(**(config["networks"] | {"package": package})[name], white_only=True)
 
 
 @functools.cache
