@@ -78,4 +78,4 @@ def test_flows_ship_if_they_are_better_and_their_surfaces_keep_apart(run):
 
 def test_the_protocol_names_what_the_script_reads():
     stated = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-    assert {"cohort", "split", "kind", "weights", "baseline_split", "n_points", "beyond_mm", "seed"} <= set(stated)
+    assert {"cohort", "split", "kind", "baseline_split", "n_points", "beyond_mm", "seed"} <= set(stated)
