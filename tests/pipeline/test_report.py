@@ -1,6 +1,7 @@
 """``meshot reconstruct`` as a user meets it: files, page, folders in the way, bad scans."""
 
 import dataclasses
+import inspect
 import json
 import os
 import re
@@ -17,9 +18,10 @@ from meshot.cli import main
 from meshot.mesh.geometry import vertex_normals
 from meshot.mesh.io import read_mesh
 from meshot.metrics.distances import vertex_distances
-from meshot.pipeline import page as reconstruction_pictures, reconstruction, report as written
+from meshot.pipeline import load_networks, page as reconstruction_pictures, reconstruction, report as written
 from meshot.pipeline.page import _cell
 from meshot.pipeline.quality import QualityWarning
+from meshot.study import StudySettings, many_visits
 from meshot.view import display
 from meshot.volume.io import write_volume
 from meshot.volume.volume import centre_ras
@@ -374,7 +376,7 @@ def test_names_that_are_no_utf8(place, quick, capsys):
     assert "sal\ufffd" in capsys.readouterr().out
 
 
-def test_a_pial_surface_gives_thickness_on_the_page(made, found, quick, place, monkeypatch):
+def test_a_pial_surface_gives_thickness_on_the_page(made, found, quick, place, monkeypatch, capsys):
     """The pial balls are the white ones, larger by 2 mm."""
     seen = []
     monkeypatch.setattr(
@@ -389,6 +391,11 @@ def test_a_pial_surface_gives_thickness_on_the_page(made, found, quick, place, m
     thick = dataclasses.replace(found[0], surfaces=pial)
     monkeypatch.setattr(written, "reconstruct", lambda *_: thick)
     assert main(words(place, "thick")) == 0
+    # Two balls are no brain: their lobes are doubted.
+    report = json.loads((place / "thick" / "report.json").read_text(encoding="utf-8"))
+    assert "shape" in report["doubts"]["left"]["occipital"]
+    assert "unusual, look there first: left frontal (" in capsys.readouterr().out
+    assert ">shape" in (place / "thick" / "report.html").read_text(encoding="utf-8")
     report = json.loads((place / "thick" / "report.json").read_text(encoding="utf-8"))
     page = (place / "thick" / "report.html").read_text(encoding="utf-8")
     for side in ("left", "right"):
@@ -410,3 +417,21 @@ class View:
     """What stands for an interactive view."""
 
     html = "<p>surfaces</p>"
+
+
+@pytest.mark.parametrize("more", [[], ["--white-only"]])
+def test_pial_surfaces_are_left_out_if_asked_for(tmp_path, monkeypatch, more):
+    """Of one scan, and of a study."""
+    seen = []
+
+    def load(*given, **named):
+        seen.append(inspect.signature(load_networks).bind(*given, **named).arguments.get("white_only", False))
+        raise ValueError("enough")
+
+    monkeypatch.setattr("meshot.pipeline.load_networks", load)
+    monkeypatch.setattr("meshot.study.many_visits.load_networks", load)
+    scan = tmp_path / "T1.nii.gz"
+    assert main(["reconstruct", str(scan), "-o", str(tmp_path / "out"), *more]) == 2
+    with pytest.raises(ValueError, match="enough"):
+        many_visits._networks.__wrapped__(StudySettings(white_only=bool(more)))
+    assert seen == [bool(more)] * 2
