@@ -57,6 +57,9 @@ def test_a_reconstruction_is_judged_by_its_numbers(brain, looks):
     network = SegmentationNetwork(2, 1, placement=BY_WHITE)
     found = reconstruct(brain, network, None, template=brain)
     assert [warning.name for warning in found.warnings] == []
+    assert len(looks) == 3  # the first time, where it belongs, and there in a mirror
+    reconstruct(brain, network, None, template=brain, both_ways=False)
+    assert len(looks) == 3 + 2
     thick = dataclasses.replace(brain, affine=brain.affine @ np.diag([1.2, 1.2, 1.2, 1.0]))
     with pytest.raises(DoubtfulScanError, match=r"a voxel has 2\.4 mm.*voxel_size"):
         reconstruct(thick, network, None, template=brain, strict=True)

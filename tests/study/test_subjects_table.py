@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,7 @@ from meshot.study.quality import (
     columns,
     numbers_of_report,
     read_subjects,
+    row_of_report,
     write_quality_page,
     write_subjects,
 )
@@ -46,6 +48,9 @@ def test_the_numbers_of_a_report_have_units_of_mm():
     assert (row["left_white_euler"], row["left_white_voxels_given_up"]) == (2, 7)
     assert (row["seconds"], row["warnings"]) == (3.75, 1)
     assert set(row) <= set(columns())
+    doubted = REPORT | {"warning_names": [], "doubts": {"left": {"frontal": ["cut", "shape"]}}}
+    made = row_of_report(Path("study"), Path("study/sub-01/report.json"), doubted)
+    assert made["doubts"] == "left frontal (cut, shape)"
     white_only = numbers_of_report(REPORT | {"surfaces": dict.fromkeys(("left", "right"), NUMBERS | {"pial": None})})
     assert [white_only[f"left_{name}"] for name in ("pial_area_mm2", "thickness_mm", "cortex_volume_mm3")] == [None] * 3
     assert white_only["left_white_area_mm2"] == 90025
