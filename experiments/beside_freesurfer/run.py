@@ -1,7 +1,8 @@
 """Measure the surfaces of S1, one adult, against those that FreeSurfer found in the same scan.
 
 ``make person`` fetches the scan and runs this. Measured are the networks of the package: after the repair of crossing
-faces, before it, and before the flow.
+faces, before it, and before the flow. Beside them stand CortexODE, trained on the same heads, and CAT, a classical
+program, whose surfaces ``benchmarks/cat_surfaces.py`` writes. A peer without its files is left out.
 
 ``results.json`` has a row for each side of each of these, with distances in mm to FreeSurfer's white surface: the
 symmetric mean ("assd_mm"), the 90th percentile, the share of points beyond 2 mm, and the mean signed distance
@@ -13,6 +14,8 @@ of both programs, by the same formula, and by region. The template that was carr
 """
 
 import functools
+import json
+import resource
 import sys
 from pathlib import Path
 
@@ -23,7 +26,6 @@ from meshot.mesh import Mesh, face_areas, read_mesh, self_intersecting_faces, si
 from meshot.metrics import Surface, offsets_between
 from meshot.model import network_digest
 from meshot.pipeline import (
-    HemisphereSurface,
     TrainedNetworks,
     load_networks,
     reconstruct,
@@ -42,9 +44,9 @@ STAGES = ("final", "unrepaired", "initial")
 
 
 @functools.cache
-def networks_of(config: dict) -> TrainedNetworks:
-    """The networks of the package."""
-    return load_networks()
+def networks_of(name: str, config: dict) -> TrainedNetworks:
+    """The networks of a task."""
+    return load_networks(**config["networks"][name])
 
 
 @functools.cache
@@ -58,24 +60,35 @@ def reference(side: str, config: dict, kind: str = "white") -> tuple[Surface, np
     return Surface(mesh), cortex[mesh.faces.numpy()].all(axis=1)
 
 
-def thickness_rows(found: HemisphereSurface, side: Hemisphere, config: dict) -> dict:
-    """The mean thickness of the cortex of a side and by region, in mm, of both programs by the same formula."""
-    atlas = desikan_killiany(side)
-    pairs = {
-        "found": (found.final, found.pial),
-        "reference": tuple(reference(side, config, kind)[0].mesh for kind in ("white", "pial")),
-    }
-    row: dict = {}
+def thickness_rows(pairs: dict[str, tuple[Mesh, Mesh]], carried: Mesh, side: Hemisphere) -> dict:
+    """The mean thickness of the cortex of a side and by region, in mm, of all programs by the same formula.
+
+    ``pairs`` has the white and the pial surface of each program, and among them those of the reference.
+    """
+    atlas, row = desikan_killiany(side), {}
     for name, (white, pial) in pairs.items():
-        labels = vertex_regions(white, found.carried.mesh, atlas)
-        regions = region_numbers(white, labels, atlas, pial)
+        regions = region_numbers(white, vertex_regions(white, carried, atlas), atlas, pial)
         areas = np.array([each["area_mm2"] for each in regions])
         values = np.array([each["thickness_mm"] for each in regions])
         row[name] = {"mean_mm": float(values @ areas / areas.sum())}
         row[name]["regions"] = {each["region"]: each["thickness_mm"] for each in regions}
-    both = [name for name in row["found"]["regions"] if name in row["reference"]["regions"]]
-    values = [[row[name]["regions"][region] for region in both] for name in ("found", "reference")]
-    return row | {"correlation_of_regions": float(np.corrcoef(*values)[0, 1])}
+    theirs = row["reference"]["regions"]
+    for name in pairs.keys() - {"reference"}:
+        own = row[name]["regions"]
+        both = [region for region in theirs if region in own]
+        values = [[of[region] for region in both] for of in (own, theirs)]
+        row[name]["correlation_of_regions"] = float(np.corrcoef(*values)[0, 1])
+    return row
+
+
+def peer_surfaces(config: dict, side: Hemisphere) -> dict[str, tuple[Mesh, Mesh]]:
+    """The white and the pial surface that other programs wrote, by the name of the program."""
+    found = {}
+    for name, folder in config["peers"].items():
+        paths = [Path(folder) / f"{side[0]}h.{kind}.gii" for kind in ("white", "pial")]
+        if all(path.is_file() for path in paths):
+            found[name] = tuple(read_mesh(path) for path in paths)
+    return found
 
 
 def compared(mesh: Mesh, truth: Surface, cortex: np.ndarray, config: dict) -> dict:
@@ -104,25 +117,30 @@ def compared(mesh: Mesh, truth: Surface, cortex: np.ndarray, config: dict) -> di
 
 
 def work(task: dict, config: experiment.Config) -> dict:
-    """All rows of one set of networks."""
-    networks = networks_of(config)
+    """All rows of one set of networks; those of the package stand beside the surfaces of the peers."""
+    networks = networks_of(task["of"], config)
     scan, has_pial = read_volume(Path(config["folder"]) / "scan.nii.gz"), ("left", "pial") in networks.system.surfaces
     made = reconstruct(scan, networks.segmentation, networks.system, correspondence=has_pial)
     rows, thickness = [], {}
     for side in HEMISPHERES:
         found = made.surfaces[side]
-        truth, cortex = reference(side, config)
         for stage in STAGES:
             row = {"of": task["of"], "stage": stage, "side": side}
-            row |= compared(getattr(found, stage), truth, cortex, config)
+            row |= compared(getattr(found, stage), *reference(side, config), config)
             if stage == "final" and found.repaired is not None:
                 row["crossing_before_repair_percent"] = 100 * found.repaired.n_crossing / len(found.final.faces)
                 row["largest_repair_mm"] = found.repaired.largest_move
             rows.append(row)
-        if has_pial:
-            pial = compared(found.pial, *reference(side, config, "pial"), config)
-            rows.append({"of": task["of"], "stage": "pial", "side": side} | pial)
-            thickness[side] = thickness_rows(found, side, config)
+        if not has_pial:
+            continue
+        theirs = tuple(reference(side, config, kind)[0].mesh for kind in ("white", "pial"))
+        pairs = {task["of"]: (found.final, found.pial)} | peer_surfaces(config, side)
+        for name, meshes in pairs.items():
+            for kind, stage, mesh in zip(("white", "pial"), ("final", "pial"), meshes, strict=True):
+                if (name, stage) != (task["of"], "final"):
+                    row = compared(mesh, *reference(side, config, kind), config)
+                    rows.append({"of": name, "stage": stage, "side": side} | row)
+        thickness[side] = thickness_rows(pairs | {"reference": theirs}, found.carried.mesh, side)
     four = [mesh for each in made.surfaces.values() for mesh in (each.final, each.pial) if mesh is not None]
     return {
         "rows": rounded(rows),
@@ -130,29 +148,29 @@ def work(task: dict, config: experiment.Config) -> dict:
         "crossing_among_all": len(crossing_faces(four)),
         "warnings": [{"name": each.name, "text": each.text} for each in made.warnings],
         "seconds": rounded({"clock": made.wall_seconds, "processor": made.cpu_seconds}),
+        "peak_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
     }
 
 
 def inputs_of(config: dict) -> dict:
-    """Digests of the scan and of the networks."""
-    networks = networks_of(config)
-    parts = {"segmentation": networks.segmentation} | {k: p.network for k, p in networks.system.parts.items()}
-    return {
-        "scan": file_digest(Path(config["folder"]) / "scan.nii.gz"),
-        "networks": {name: network_digest(each) for name, each in parts.items()},
-    }
+    """Digests of the scan and of all networks."""
+    digests = {}
+    for name in config["networks"]:
+        networks = networks_of(name, config)
+        parts = {"segmentation": networks.segmentation} | {k: p.network for k, p in networks.system.parts.items()}
+        digests[name] = {part: network_digest(each) for part, each in parts.items()}
+    return {"scan": file_digest(Path(config["folder"]) / "scan.nii.gz"), "networks": digests}
 
 
-def results(rows: list[dict], config: experiment.Config) -> dict:
-    """The rows of all networks, and what each said of the scan."""
+def results(rows: list[dict], config: dict) -> dict:
+    """The rows of all networks and peers, and what each set of networks said of the scan."""
     found = {row["task"]["of"]: row["found"] for row in rows}
+    records = {name: Path(folder) / f"{name}.json" for name, folder in config["peers"].items()}
     return {
         "inputs": inputs_of(config),
         "rows": [row for each in found.values() for row in each["rows"]],
-        "scans": {
-            name: {key: each[key] for key in ("warnings", "seconds", "thickness", "crossing_among_all")}
-            for name, each in found.items()
-        },
+        "scans": {name: {key: each[key] for key in each.keys() - {"rows"}} for name, each in found.items()},
+        "peers": {name: json.loads(path.read_text()) for name, path in records.items() if path.is_file()},
     }
 
 
@@ -161,7 +179,10 @@ def depends(config: dict) -> dict:
     return dict(config) | inputs_of(config)
 
 
+def tasks(config: dict) -> list[dict]:
+    """Every set of networks."""
+    return [{"of": name} for name in config["networks"]]
+
+
 if __name__ == "__main__":
-    experiment.run(
-        __file__, lambda _: [{"of": "package"}], work, results, lambda config: config["source"]["name"], depends=depends
-    )
+    experiment.run(__file__, tasks, work, results, lambda config: config["source"]["name"], depends=depends)

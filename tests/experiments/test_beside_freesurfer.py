@@ -1,6 +1,5 @@
 """S1 is fetched whole or not at all, and surfaces are measured on spheres whose answers are known."""
 
-import dataclasses
 import io
 import json
 import math
@@ -15,11 +14,7 @@ from meshot.anatomy.templates import fsaverage5_surface
 from meshot.mesh.io import write_mesh
 from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import Surface
-from meshot.pipeline.correspondence import CarriedTemplate
-from meshot.pipeline.initial_surface import SegmentedSurface
-from meshot.pipeline.reconstruction import HemisphereSurface
 from meshot.provenance import file_digest
-from meshot.volume.volume import Volume
 from scripts import scripts_in
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "beside_freesurfer"
@@ -148,21 +143,17 @@ def test_what_was_measured_before_is_that_of_s1():
     assert math.isclose(rows["final", "left"]["area_percent"], 12, abs_tol=1)
 
 
-def test_thickness_of_both_programs_is_by_the_same_formula(part, tmp_path):
-    """fsaverage5 as what was found and as the reference; then a pial surface that lies half as far away."""
+def test_thickness_of_all_programs_is_by_the_same_formula(part, tmp_path):
+    """fsaverage5 as two programs and as the reference; the second has a pial surface that lies half as far away."""
+    run = part("run")
     white, pial = (fsaverage5_surface(kind, "left") for kind in ("white", "pial"))
-    write_mesh(tmp_path / "lh.flat.gii", white)
-    for kind, mesh in (("white", white), ("pial", pial)):
-        write_mesh(tmp_path / f"lh.{kind}.gii", mesh)
-    config = type("Config", (dict,), {"__hash__": object.__hash__})(folder=tmp_path)
-    mask = Volume(np.ones((2, 2, 2), dtype=bool), np.eye(4))
-    found = HemisphereSurface(
-        white, white, SegmentedSurface(white, white, mask, mask, mask), None, CarriedTemplate(white, 0.0, 0, 0), pial
-    )
-    same = part("run").thickness_rows(found, "left", config)
-    assert same["correlation_of_regions"] == pytest.approx(1, abs=1e-6)
-    assert same["found"]["mean_mm"] == pytest.approx(same["reference"]["mean_mm"], abs=1e-4)
-    assert len(same["found"]["regions"]) == 34
-    thin = dataclasses.replace(found, pial=white.with_vertices((white.vertices + pial.vertices) / 2))
-    half = part("run").thickness_rows(thin, "left", config)
-    assert 0.4 < half["found"]["mean_mm"] / half["reference"]["mean_mm"] < 0.6
+    half = white.with_vertices((white.vertices + pial.vertices) / 2)
+    write_mesh(tmp_path / "lh.white.gii", white)
+    assert run.peer_surfaces({"peers": {"cat": tmp_path}}, "left") == {}  # without a pial surface
+    write_mesh(tmp_path / "lh.pial.gii", half)
+    peers = run.peer_surfaces({"peers": {"cat": tmp_path}}, "left")
+    row = run.thickness_rows({"package": (white, pial)} | peers | {"reference": (white, pial)}, white, "left")
+    assert row["package"] == row["reference"] | {"correlation_of_regions": pytest.approx(1, abs=1e-6)}
+    assert len(row["reference"]["regions"]) == 34
+    assert 0.4 < row["cat"]["mean_mm"] / row["reference"]["mean_mm"] < 0.6
+    assert 0.9 < row["cat"]["correlation_of_regions"] < 1
