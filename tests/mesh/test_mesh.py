@@ -97,19 +97,6 @@ def test_seams_of_a_glb_file_are_closed(tmp_path):
     assert mesh.to_trimesh().is_watertight
 
 
-@pytest.mark.parametrize("suffix", ["vtp", "vtk", "glb"])
-def test_round_trips(tmp_path, suffix):
-    mesh = folded_sphere(2, 40.0, 8.0)
-    path = tmp_path / f"mesh.{suffix}"
-    write_mesh(path, mesh)
-    back = read_mesh(path)
-    assert torch.equal(back.faces, mesh.faces)
-    precision = 0 if suffix != "glb" else 48 * 6e-8  # GLB holds 32-bit numbers
-    torch.testing.assert_close(back.vertices, mesh.vertices, rtol=0, atol=precision)
-    unnamed = path.rename(tmp_path / "mesh.data")
-    assert same(read_mesh(unnamed), back)
-
-
 @pytest.mark.parametrize("suffix", ["vtp", "vtk"])
 def test_pyvista_reads_and_writes_the_same_files(tmp_path, suffix):
     mesh = folded_sphere(1, 40.0, 8.0)
@@ -148,8 +135,6 @@ def test_what_is_no_mesh_of_pyvista_is_refused(unchecked, value, words):
 def test_a_file_without_triangles_is_refused(tmp_path):
     pyvista.ImageData(dimensions=(3, 3, 3)).save(tmp_path / "image.vtk")
     refuses(r"image.vtk cannot be read as a vtk mesh: a pyvista.ImageData was given", read_mesh, tmp_path / "image.vtk")
-    (tmp_path / "no.glb").write_bytes(b"glTF, but not really")
-    refuses(r"no.glb cannot be read as a glb mesh", read_mesh, tmp_path / "no.glb")
 
 
 STAR = [(math.cos(a) * r, math.sin(a) * r) for a, r in zip(np.arange(10) * math.pi / 5, [3, 1] * 5, strict=True)]
