@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from meshot import evaluate
+from meshot.mesh import united
 from meshot.mesh.mesh import Mesh
 from meshot.mesh.shapes import cube, folded_sphere, icosphere, tetrahedron
 from meshot.metrics.distances import Surface
@@ -29,10 +30,6 @@ FEW = {"n_points": 4000, "n_emd_points": 300}
 @functools.cache
 def spheres():
     return evaluate(icosphere(4, 38.0), icosphere(4, 40.0), **FEW)
-
-
-def merged(one, other):
-    return Mesh(torch.cat([one.vertices, other.vertices]), torch.cat([one.faces, other.faces + len(one.vertices)]))
 
 
 def test_concentric_spheres():
@@ -81,7 +78,7 @@ def test_inside_out(radius):
 
 
 def test_crossing_spheres():
-    crossing = merged(icosphere(2, 10.0), icosphere(2, 10.0, centre=(5.0, 0.3, 0.2)))
+    crossing = united([icosphere(2, 10.0), icosphere(2, 10.0, centre=(5.0, 0.3, 0.2))])
     found = evaluate(crossing, icosphere(2, 10.0), **FEW)
     assert found.intersecting_faces.value > 20
     assert found.intersecting_share.value == pytest.approx(100 * found.intersecting_faces.value / 640)
