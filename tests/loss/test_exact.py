@@ -52,27 +52,6 @@ def block(seed: int, d: int = 3) -> torch.Tensor:
     return torch.from_numpy(np.linalg.qr(np.random.default_rng(seed).standard_normal((d, d)))[0])
 
 
-PAIRS = {
-    "tetrahedron and cube": (surface(tetrahedron()), surface(cube(1.3))),
-    "sphere and folds": (surface(icosphere(1)), surface(folded_sphere(1, 1.0, 0.2))),
-    "triangle soups": (soup(1, 9, 14, 3), soup(2, 11, 9, 3)),
-    "far apart": (soup(3, 5, 4, 3), soup(3, 5, 4, 3, shift=5.0)),
-    "one triangle each": (soup(4, 3, 1, 3), soup(5, 3, 1, 3)),
-    "segments in the plane": (soup(6, 9, 9, 2, corners=2), soup(7, 7, 12, 2, corners=2)),
-    "segments and triangles in four dimensions": (soup(8, 9, 9, 4, corners=2), soup(9, 7, 12, 4)),
-}
-
-
-@both
-@pytest.mark.parametrize("name", PAIRS)
-def test_value_of_the_slow_twin(name, p):
-    source, target = PAIRS[name]
-    d = source.vertices.shape[1]
-    directions = torch.cat([random_directions(2, d, 0), torch.eye(d, dtype=torch.float64)[:1]])
-    expected = oracles_exact.sliced_cost(source, target, directions, p)
-    assert float(exact_sliced_wasserstein(source, target, directions, p)) == pytest.approx(expected, rel=1e-12, abs=0)
-
-
 def awkward(generator: np.random.Generator, d: int) -> SurfaceMeasure:
     """A few cells on vertices that may tie exactly or nearly, or lie close together; masses of many sizes."""
     corners, n_cells = int(generator.integers(2, 4)), int(generator.integers(1, 9))

