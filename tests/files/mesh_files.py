@@ -8,6 +8,7 @@ import dataclasses
 import gzip
 import itertools
 import json
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -169,11 +170,10 @@ def _ply_cases() -> Iterator[Case]:
     yield Case("without_end.ply", ply().replace(b"end_header", b"ende"), refused="end_header")
     yield Case("decimal_comma.ply", ply().replace(b"12.5", b"12,5"), refused="decimal point is needed")
     yield Case("half_a_corner.ply", ply().replace(b"3 2 1 5", b"3 2 1.5 5"), refused="not whole")
-    yield Case(
-        "more_faces_than_bytes.ply",
-        ply("binary_little_endian").replace(b"face 8", b"face 800000000"),
-        refused="cut short",
-    )
+    for element in (b"vertex 7", b"face 8"):
+        for form, short in (("ascii", "text"), ("binary_little_endian", "little")):
+            more = ply(form).replace(element, element + b"00000000")
+            yield Case(f"more_{element[:4].decode()}_than_bytes_{short}.ply", more, refused="it declares")
     both = "comment SPACE=LPS\ncomment SPACE=RAS\n"
     yield Case("two_spaces.ply", ply(comments=both), refused="SPACE=LPS and SPACE=RAS")
 
@@ -304,6 +304,8 @@ def _off_cases() -> Iterator[Case]:
     yield from off_binary_cases()
     yield Case("cut_short.off", off()[:-8].encode(), refused="it is cut short")
     yield Case("cut_in_a_face.off", off()[:-3].encode(), refused="it is cut short")
+    yield Case("more_faces_than_lines.off", off().replace("7 8 0", "7 800 0").encode(), refused="it declares")
+    yield Case("a_corner_cut_off.off", off()[:-2].encode(), refused="a face is '3 0 4', of which 4 numbers are needed")
     yield Case("vertex_out_of_range.off", off().replace("3 2 1 5", "3 2 1 7").encode(), refused="indices from 0 to 7")
     yield Case("a_word.off", off().replace("12.5", "twelve").encode(), refused="'twelve' stands where")
 
@@ -461,7 +463,13 @@ def _gifti_cases() -> Iterator[Case]:
     yield Case("aligned_to_scanner.surf.gii", aligned, about="the matrix from aligned_anat")
     two = system("UNKNOWN", "SCANNER_ANAT", _MOVE) + system("UNKNOWN", "TALAIRACH", _IDENTITY)
     yield Case("scanner_is_the_first_of_two.surf.gii", gifti_of(_SURFACE_RAS, two))
-    yield Case("to_talairach.surf.gii", gifti_of(systems=system("UNKNOWN", "TALAIRACH", _MOVE)), about="not said")
+    turn = "0 -1 0 5 1 0 0 6 0 0 1 7 0 0 0 1"
+    turned = VERTICES[:, [1, 0, 2]] * [-1, 1, 1] + [5, 6, 7]
+    yield Case("matrix_that_turns.surf.gii", gifti_of(systems=system(matrix=turn)), vertices=turned)
+    for end in ("TALAIRACH", "MNI_152", "UNKNOWN"):
+        yield Case(f"to_{end}.surf.gii", gifti_of(systems=system("UNKNOWN", end, turn)), about="not said")
+    twice = gifti_of(systems=system("SCANNER_ANAT", "SCANNER_ANAT", turn))
+    yield Case("scanner_to_scanner.surf.gii", twice, about="its DataSpace, scanner")
     yield Case("in_mni152.surf.gii", gifti_of(systems=system("MNI_152", "MNI_152")), about="mni_152, in mm")
     yield Case("without_space.surf.gii", gifti_of(), about="not said by the file")
     old = system("UNKNOWN", "TALAIRACH", _IDENTITY)
@@ -499,8 +507,16 @@ def _gifti_cases() -> Iterator[Case]:
     )
     yield Case("singular_matrix.surf.gii", gifti_of(systems=system(matrix="0 " * 15 + "1")), refused="is singular")
     yield Case("cut_short.surf.gii", gifti_of()[:-200], refused="no whole XML")
-    broken = gifti_of().replace(b'Dim0="7"', b'Dim0="9"')
-    yield Case("too_few_points.surf.gii", broken, refused="declares 27 values, but holds 21")
+    yield Case("cut_short.surf.gii.gz", gzip.compress(gifti_of())[:-20], refused="cut short or damaged")
+    for size, said in (
+        ('Dim0="9"', "declares 27 values, but holds 21"),
+        ('Dim0="1000000000"', "declares 3000000000 values, but holds 21"),
+        ('Dim0="-7"', "sizes must be >= 0"),
+        ('Dimensionality="1000000000"', "Dimensionality is 1000000000"),
+        ('Dimensionality="-1"', "Dimensionality is -1"),
+    ):
+        content = re.sub(rf'{size.partition("=")[0]}="\d"', size, gifti_of().decode(), count=1).encode()
+        yield Case(f"{size.replace(chr(34), '')}.surf.gii", content, refused=said)
     yield Case("points_only.surf.gii", gifti(array(VERTICES, "POINTSET", "FLOAT32")), refused="0 triangle sets")
     yield Case("values_only.func.gii", gifti(values), refused="0 point sets and 0 triangle sets")
     yield Case("vertex_out_of_range.surf.gii", gifti_of(faces=[[0, 1, 7]]), refused="indices from 0 to 7")
@@ -575,7 +591,9 @@ def _freesurfer_cases() -> Iterator[Case]:
     yield Case("lh.aparc.annot", struct.pack(">i", 7) + bytes(56), refused="a label, an annotation")
     yield Case("lh.cortex.label", b"#!ascii label\n2\n0 1 2 3 0.0\n", refused="a label, an annotation")
     yield Case("lh.cut_short", freesurfer(tail=b"")[:-10], refused="7 vertices and 8 faces, but has")
-    yield Case("lh.counts_from_hell", freesurfer(stamp=b"x\n\n\x7f\xff\xff\xff\x7f\xff\xff\xff"), refused="but has")
+    for counts in ((2**31 - 1, 2**31 - 1), (7, 2**30), (-5, 10), (0, 0)):
+        stamp = b"x\n\n" + struct.pack(">2i", *counts)
+        yield Case(f"lh.counts_{counts[0]}", freesurfer(stamp=stamp), refused="but has")
     yield Case("lh.vertex_out_of_range", freesurfer(faces=FACES + 1), refused="indices from 1 to 7")
     yield Case("lh.is_gifti", gifti_of(), fault="its name is that of a freesurfer file, and its content is gifti")
 

@@ -6,6 +6,8 @@ import gzip
 import struct
 from collections.abc import Iterator
 
+import mesh_files
+import nibabel
 import numpy as np
 
 SHAPE = (2, 3, 4)
@@ -55,7 +57,7 @@ def nifti(
     return bytes(head) + ((extension + data[:cut]) if single else b"")
 
 
-def nifti2(order="<", sform=AFFINE, code=1) -> bytes:
+def nifti2(order="<", sform=AFFINE, code=1, extension=bytes(4)) -> bytes:
     head = bytearray(540)
     put = lambda place, form, *given: struct.pack_into(order + form, head, place, *given)  # noqa: E731
     put(0, "i", 540)
@@ -63,17 +65,17 @@ def nifti2(order="<", sform=AFFINE, code=1) -> bytes:
     put(12, "2h", 16, 32)
     put(16, "8q", 3, *SHAPE, 1, 1, 1, 1)
     put(104, "8d", 1, 1.5, 2, 0.5, 0, 0, 0, 0)
-    put(168, "q", 544)
+    put(168, "q", 540 + len(extension))
     put(176, "2d", 1, 0)
     put(344, "2i", 0, code)
     put(400, "12d", *sform[:3].ravel())
     put(500, "i", 2)
-    return bytes(head) + bytes(4) + VALUES.astype(f"{order}f4").tobytes(order="F")
+    return bytes(head) + extension + VALUES.astype(f"{order}f4").tobytes(order="F")
 
 
-def mgh(good=1, kind=3, cut=None) -> bytes:
+def mgh(good=1, kind=3, cut=None, shape=SHAPE) -> bytes:
     head = bytearray(284)
-    struct.pack_into(">7ih", head, 0, 1, *SHAPE, 1, kind, 0, good)
+    struct.pack_into(">7ih", head, 0, 1, *shape, 1, kind, 0, good)
     centre = AFFINE[:3, :3] @ (np.array(SHAPE) / 2) + AFFINE[:3, 3]
     axes = AFFINE[:3, :3] / [1.5, 2, 0.5]
     struct.pack_into(">3f9f3f", head, 30, 1.5, 2, 0.5, *axes.T.ravel(), *centre)
@@ -125,7 +127,8 @@ def _affines() -> Iterator[Scan]:
     yield Scan("turned_sform.nii", nifti(sform=swapped), affine=swapped, fault="differ by 90° in the direction")
     rounded = AFFINE + np.pad([[0.0, 0, 0.001], [0, 0, 0], [-0.001, 0, 0], [0, 0, 0]], [(0, 0), (0, 1)])
     yield Scan("sform_that_differs_by_rounding.nii", nifti(sform=rounded), affine=rounded)
-    zero, nan = np.zeros((4, 4)), np.full((4, 4), np.nan)
+    zero, nan, parallel = np.zeros((4, 4)), np.full((4, 4), np.nan), AFFINE[:, [0, 0, 2, 3]]
+    yield Scan("parallel_axes.nii", nifti(sform=parallel, codes=(1, 0)), refused="its sform hold NaN, zeros or no vol")
     yield Scan("sform_zero.nii", nifti(sform=zero), fault="its sform (code 1) holds NaN, zeros or no volume")
     yield Scan("sform_nan.nii", nifti(sform=nan), fault="its sform (code 1) holds NaN, zeros or no volume")
     yield Scan("sform_nan_without_code.nii", nifti(sform=nan, codes=(0, 1)), about="its qform, code 1")
@@ -160,25 +163,53 @@ def _contents() -> Iterator[Scan]:
     yield Scan("complex.nii", nifti(kind=32), refused="complex numbers")
     yield Scan("colours.nii", nifti(kind=128), refused="one real number each is needed")
     yield Scan("unknown_type.nii", nifti(kind=77), refused="is not a whole image that can be read")
-    nan = VALUES.copy()
-    nan[1, 2, 3] = np.nan
-    yield Scan("nan.nii", nifti(values=nan), refused="1 voxels that are NaN or infinite, the first at (1, 2, 3)")
-    yield Scan("cut_short.nii", nifti(cut=50), refused="is not a whole image that can be read")
-    yield Scan("cut_short.nii.gz", gzip.compress(nifti())[:-20], refused="is not a whole image that can be read")
-    yield Scan("cut_in_header.nii", nifti()[:200], refused="is not a whole image that can be read")
-    lost = note.replace(struct.pack("<i", 32), struct.pack("<i", 32000))
-    yield Scan("extension_too_long.nii", nifti(extension=lost), refused="an extension of its header declares 32000")
+    for value in (np.nan, np.inf):
+        bad = VALUES.copy()
+        bad[1, 2, 3] = value
+        yield Scan(
+            f"{value}.nii", nifti(values=bad), refused="1 voxels that are NaN or infinite, the first at (1, 2, 3)"
+        )
+    whole, packed = nifti(), gzip.compress(nifti())
+    for kept in (0, 10, 200, 402):
+        yield Scan(f"the_first_{kept}.nii", whole[:kept], refused="is not a whole image that can be read")
+    for kept in (0, 10, len(packed) // 2, len(packed) - 20):
+        yield Scan(f"the_first_{kept}.nii.gz", packed[:kept], refused="is not a whole image that can be read")
+    yield Scan("wrong_checksum.nii.gz", packed[:-8] + bytes(4) + packed[-4:], refused="cut short or damaged")
+    yield Scan("wrong_length.nii.gz", packed[:-4] + bytes(4), refused="cut short or damaged")
+    for size in (2**31 - 16, 4000, -16, 0):
+        lost = note.replace(struct.pack("<i", 32), struct.pack("<i", size))
+        for version, content in ((1, nifti(extension=lost)), (2, nifti2(extension=lost))):
+            said = f"an extension of its header declares {size} bytes"
+            yield Scan(f"extension_of_{size}_in_{version}.nii", content, refused=said)
+    for dims in ((32767,) * 3, (0, 4, 5), (-3, 4, 5)):
+        yield Scan(f"dims_{dims[0]}.nii", nifti(dims=dims), refused="and at most 512³ are read")
+    yield Scan("dims_19.nii", nifti(dims=(19, 8, 7)), refused="do not fit into the 448 bytes of dims_19.nii")
+    yield Scan("two_axes.nii", nifti(dims=(6, 4)), refused="three axes are needed")
     yield Scan("words.nii", b"This is no image." * 40, refused="is not a whole image that can be read")
-    yield Scan("nothing.nii", b"", refused="is not a whole image that can be read")
     # Other formats.
     yield Scan("plain.mgh", mgh(), about="goodRASFlag is 1")
     yield Scan("plain.mgz", gzip.compress(mgh()), about="MGH")
+    yield Scan("header_cut_short.mgh", mgh()[:50], refused="is not a whole image that can be read")
+    yield Scan("unknown_type.mgh", mgh(kind=2), refused="is not a whole image that can be read")
+    yield Scan("more_voxels_than_bytes.mgh", mgh(shape=(400,) * 3), refused="do not fit into the")
+    yield Scan("more_voxels_than_bytes.mgz", gzip.compress(mgh(shape=(400,) * 3)), refused="do not fit into the")
     yield Scan("without_orientation.mgh", mgh(good=0), refused="its goodRASFlag is 0")
     yield Scan("cut_short.mgh", mgh(cut=50), refused="is not a whole image that can be read")
     voxels = VALUES.astype("<f4").tobytes(order="F")
     analyze = bytearray(nifti(magic=bytes(4), codes=(0, 0), sform=np.zeros((4, 4)), qform=(0, 0, 0), offset=(0, 0, 0)))
     yield Scan("analyze.hdr", bytes(analyze), beside=(("analyze.img", voxels),), refused="it is an Analyze image")
+    short = (("pair_of_short.img", voxels[:-40]),)
+    yield Scan(
+        "pair_of_short.hdr", nifti(magic=b"ni1\0"), beside=short, refused="do not fit into the 56 bytes of pair_of"
+    )
     yield Scan("pair_without_image.hdr", nifti(magic=b"ni1\0"), refused="is not a whole image that can be read")
+    for name, content in (("junk.par", b"junk\n"), ("junk.nii.zst", b"\x28\xb5\x2f\xfd"), ("junk.nii.bz2", b"BZh9")):
+        yield Scan(name, content + bytes(99), refused="is not a whole image that can be read")
+    yield Scan("junk.HEAD", b"", refused="is not a whole image that can be read")
+    yield Scan("lh.surf.gii", mesh_files.gifti_of(), refused="it holds a GiftiImage")
+    axes = nibabel.cifti2.ScalarAxis(["a"]), nibabel.cifti2.SeriesAxis(0, 1, 5)
+    cifti = nibabel.Cifti2Image(np.zeros((1, 5), np.float32), axes)
+    yield Scan("a.dscalar.nii", cifti.to_bytes(), refused="it holds a Cifti2Image")
 
 
 SCANS = [*_affines(), *_contents()]

@@ -20,9 +20,9 @@ EXPONENTS = st.sampled_from([1, 1.5, 2, 3])
 SCALES = {torch.float64: (0, 0, -6, 6, -100, 100, -310), torch.float32: (0, 0, -3, 3, -12, 12)}
 
 
-def drawn(*strategies):
-    """The test over N_PROBLEMS draws, the same ones in every run."""
-    chosen = settings(max_examples=N_PROBLEMS, suppress_health_check=list(HealthCheck))
+def drawn(*strategies, n_examples=N_PROBLEMS):
+    """The test over so many draws, the same ones in every run."""
+    chosen = settings(max_examples=n_examples, suppress_health_check=list(HealthCheck))
     return lambda test: chosen(given(*strategies)(test))
 
 

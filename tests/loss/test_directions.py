@@ -1,6 +1,7 @@
 """Directions: unit rows, uniform in law, even where they promise to be."""
 
 import functools
+import itertools
 
 import numpy as np
 import pytest
@@ -19,15 +20,21 @@ METHODS = [
 methods = pytest.mark.parametrize(("method", "d"), METHODS)
 
 
-@pytest.mark.parametrize("make", [random_directions, orthogonal_directions, quasi_directions])
-@pytest.mark.parametrize("d", [1, 2, 3, 6])
+#: Every way to draw directions, and a dimension.
+MAKERS = [
+    *itertools.product((random_directions, orthogonal_directions, quasi_directions), (1, 2, 3, 6)),
+    *((functools.partial(quasi_directions, method=method), d) for method, d in METHODS),
+]
+
+
+@pytest.mark.parametrize(("make", "d"), MAKERS)
 def test_unit_rows_that_a_seed_repeats(make, d):
-    directions = make(50, d, 4)
-    assert directions.shape == (50, d)
-    assert torch.allclose(directions.norm(dim=1), torch.ones(50, dtype=torch.float64))
+    for n in (1, 2, 7, 50):
+        directions = make(n, d, 4)
+        assert directions.shape == (n, d)
+        assert torch.allclose(directions.norm(dim=1), torch.ones(n, dtype=torch.float64))
     assert torch.equal(directions, make(50, d, 4))
-    if d > 1:
-        assert not torch.equal(directions, make(50, d, 5))
+    assert d == 1 or not torch.equal(directions, make(50, d, 5))
     assert make(4, d, 4, dtype=torch.float32).dtype == torch.float32
 
 
@@ -67,18 +74,6 @@ def test_every_row_of_a_block_is_uniform():
             assert stats.kstest(blocks[:, row, coordinate].numpy(), stats.uniform(-1, 2).cdf).pvalue > 1e-3
     trace = blocks.diagonal(dim1=1, dim2=2).sum(dim=1).square().mean()  # E tr² = 1 on the orthogonal group
     assert float(trace) == pytest.approx(1, abs=0.05)
-
-
-@methods
-def test_every_construction_gives_unit_rows_that_a_seed_repeats(method, d):
-    make = functools.partial(quasi_directions, method=method)
-    for n in (1, 2, 7, 50):
-        directions = make(n, d, 4)
-        assert directions.shape == (n, d)
-        assert torch.allclose(directions.norm(dim=1), torch.ones(n, dtype=torch.float64))
-    assert torch.equal(directions, make(50, d, 4))
-    assert not torch.equal(directions, make(50, d, 5))
-    assert make(4, d, 4, dtype=torch.float32).dtype == torch.float32
 
 
 @methods
@@ -125,9 +120,6 @@ def test_bad_requests_are_refused(unchecked):
     refuses("d is True", orthogonal_directions, 3, True, 0)
     refuses("method is 'halton'; one of 'equal angles'", quasi_directions, 5, 2, method="halton")
     refuses(r"'spiral' is for R\^3 only, and d is 2", quasi_directions, 5, 2, method="spiral")
-
-
-def test_doors_of_directions(unchecked):
     points = torch.zeros(4, 3, dtype=torch.float32)
     refuses(r"\(n, 3\) is needed", require_directions, torch.eye(2), points)
     refuses("length 2", require_directions, 2 * torch.eye(3), points)

@@ -45,18 +45,12 @@ def lines_for(pair, seed, n=2):
     return random_directions(n, pair.source.points.shape[1], seed, pair.source.points.dtype)
 
 
+@pytest.mark.parametrize("loss", [sliced_wasserstein, plain_sliced_wasserstein])
 @drawn(pairs(), EXPONENTS, SEEDS)
-def test_sliced(pair, p, seed):
+def test_sliced(loss, pair, p, seed):
     directions = lines_for(pair, seed)
     expected = sliced_twin(*map(in_double, pair.both), directions.double().numpy(), p)
-    close(sliced_wasserstein(*pair.both, directions, p), expected, pair, p)
-
-
-@drawn(pairs(), EXPONENTS, SEEDS)
-def test_sliced_in_plain_torch(pair, p, seed):
-    directions = lines_for(pair, seed)
-    expected = sliced_twin(*map(in_double, pair.both), directions.double().numpy(), p)
-    close(plain_sliced_wasserstein(*pair.both, directions, p), expected, pair, p)
+    close(loss(*pair.both, directions, p), expected, pair, p)
 
 
 @drawn(pairs())

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 import torch
-from scipy import stats
 
 import oracles
 import oracles_exact
@@ -14,11 +13,9 @@ import problems
 from meshot import (
     DiscreteMeasure,
     Mesh,
-    empirical,
     random_directions,
     sliced_wasserstein,
     surface,
-    triangulate,
     varifold,
 )
 from meshot.loss import _kernel_exact
@@ -53,27 +50,6 @@ def moved(mesh: Mesh, shift: torch.Tensor) -> Mesh:
 def block(seed: int, d: int = 3) -> torch.Tensor:
     """Orthogonal directions: the mean of ⟨t, θ⟩² over them is |t|²/d."""
     return torch.from_numpy(np.linalg.qr(np.random.default_rng(seed).standard_normal((d, d)))[0])
-
-
-PAIRS = {
-    "tetrahedron and cube": (surface(tetrahedron()), surface(cube(1.3))),
-    "sphere and folds": (surface(icosphere(1)), surface(folded_sphere(1, 1.0, 0.2))),
-    "triangle soups": (soup(1, 9, 14, 3), soup(2, 11, 9, 3)),
-    "far apart": (soup(3, 5, 4, 3), soup(3, 5, 4, 3, shift=5.0)),
-    "one triangle each": (soup(4, 3, 1, 3), soup(5, 3, 1, 3)),
-    "segments in the plane": (soup(6, 9, 9, 2, corners=2), soup(7, 7, 12, 2, corners=2)),
-    "segments and triangles in four dimensions": (soup(8, 9, 9, 4, corners=2), soup(9, 7, 12, 4)),
-}
-
-
-@both
-@pytest.mark.parametrize("name", PAIRS)
-def test_value_of_the_slow_twin(name, p):
-    source, target = PAIRS[name]
-    d = source.vertices.shape[1]
-    directions = torch.cat([random_directions(2, d, 0), torch.eye(d, dtype=torch.float64)[:1]])
-    expected = oracles_exact.sliced_cost(source, target, directions, p)
-    assert float(exact_sliced_wasserstein(source, target, directions, p)) == pytest.approx(expected, rel=1e-12, abs=0)
 
 
 def awkward(generator: np.random.Generator, d: int) -> SurfaceMeasure:
@@ -158,13 +134,6 @@ def test_translation_of_twenty_thousand_faces():
     assert float(value) == pytest.approx(float(shift.square().sum()) / 3, rel=error, abs=0)
 
 
-def test_translation_with_normals_moves_three_of_six_coordinates():
-    shift, sphere = torch.tensor([0.3, -0.2, 0.5], dtype=torch.float64), icosphere(2)
-    pair = surface(sphere, normal_scale=0.7), surface(moved(sphere, shift), normal_scale=0.7)
-    value = exact_sliced_wasserstein(*pair, block(0, 6))
-    assert float(value) == pytest.approx(float(shift.square().sum()) / 6, rel=1e-11, abs=0)
-
-
 @both
 def test_distance_to_itself_is_zero(p):
     sphere, directions = folded_sphere(3, 1.0, 0.2), random_directions(6, 3, 0)
@@ -198,21 +167,6 @@ def test_faces_seen_edge_on_up_to_roundoff():
     pair = [surface(mesh.with_vertices(mesh.vertices @ rotation.T)) for mesh in (cube(), cube(2.0))]
     value = exact_sliced_wasserstein(*pair, rotation.T.contiguous())
     assert float(value) == pytest.approx(1 / 12 + 1 / 18, abs=1e-13)
-
-
-@both
-def test_many_samples_come_near(p):
-    """A mean of 4·10⁵ draws of cell and barycentric weights, sorted: the error is of order n^(−1/2)."""
-    generator, directions = np.random.default_rng(0), random_directions(3, 3, 0)
-    draws = []
-    for measure in PAIRS["triangle soups"]:
-        chosen = generator.choice(len(measure.cells), 400_000, p=measure.weights.numpy())
-        corners = measure.vertices.numpy()[measure.cells.numpy()[chosen]]
-        points = np.einsum("ncd,nc->nd", corners, generator.dirichlet(np.ones(3), len(chosen)))
-        draws.append(np.sort(points @ directions.numpy().T, axis=0))
-    expected = float((np.abs(draws[0] - draws[1]) ** p).mean())
-    value = float(exact_sliced_wasserstein(*PAIRS["triangle soups"], directions, p))
-    assert value == pytest.approx(expected, rel=1e-2)
 
 
 @both
@@ -392,17 +346,6 @@ def test_a_collapsed_face_weighs_nothing(name, p):
     torch.testing.assert_close(gradients[0], gradients[1], rtol=1e-9, atol=1e-12)
 
 
-@both
-def test_it_is_the_limit_of_faces_that_collapse(p):
-    def value(gap: float) -> float:
-        vertices = CORNERS + gap * torch.tensor([[0.0], [0], [0], [1]], dtype=torch.float64)
-        return float(sliced_wasserstein(surface(Mesh(vertices, torch.tensor(FACES["two corners"]))), other, rows, p))
-
-    other, rows = surface(icosphere(0)), directions()
-    # The weight of the face, and with it the change of the cost, is at most proportional to the gap.
-    assert [abs(value(gap) - value(0.0)) <= 10 * gap for gap in (1e-3, 1e-6, 1e-9)] == [True] * 3
-
-
 def test_a_face_of_weight_zero_edge_on():
     """Perpendicular edges without a collapse: the weight is given, and the edge x = 0 has no extent along x."""
     measure = SurfaceMeasure(CORNERS[:3], torch.tensor([[0, 1, 2], [1, 2, 0]]), torch.tensor([1.0, 0]).double())
@@ -489,13 +432,6 @@ def test_a_face_seen_edge_on_is_an_atom():
     assert law.density(np.array([1.0])).tolist() == [0.0]
 
 
-def test_a_sphere_is_nearly_uniform():
-    """Archimedes: the area between parallel planes depends on their distance alone."""
-    law = projected_law(surface(icosphere(4)), random_directions(1, 3, 0)[0])
-    x = np.linspace(-1, 1, 41)
-    assert np.abs(law.distribution(x) - (x + 1) / 2).max() < 2e-3
-
-
 def test_an_edge_is_a_box():
     law = projected_law(surface(Contour(torch.tensor([[0.0, 0], [3, 4]]).double(), torch.tensor([[0, 1]]))), X[:2])
     assert np.allclose(law.density(np.array([-0.1, 0.1, 2.9, 3.1])), [0, 1 / 3, 1 / 3, 0])
@@ -522,16 +458,6 @@ def test_the_slow_twin_agrees(measure):
         assert law.masses.sum() == pytest.approx(1, abs=1e-14)
 
 
-@pytest.mark.parametrize("shape", [tetrahedron(), folded_sphere(3, 1.0, 0.3), letter_e()], ids=repr)
-def test_a_million_points_follow_the_law(shape):
-    """Kolmogorov and Smirnov: the largest gap of 10⁶ honest points exceeds 1.95/√n once in a thousand samples."""
-    d = shape.vertices.shape[1]
-    theta = random_directions(1, d, 3)[0]
-    points = (empirical(shape, 1_000_000, 5).points @ theta).numpy()
-    law = projected_law(surface(shape), theta)
-    assert stats.kstest(points, law.distribution).statistic < 1.95 / math.sqrt(len(points))
-
-
 def test_points_are_atoms():
     points = torch.tensor([[0.0], [2.0], [2.0], [5.0]], dtype=torch.float64)
     weights = torch.tensor([0.1, 0.2, 0.3, 0.4], dtype=torch.float64)
@@ -539,15 +465,6 @@ def test_points_are_atoms():
     assert np.allclose(law.atoms, [[0, 2, 5], [0.1, 0.5, 0.4]])
     assert np.allclose(law.distribution(np.array([-1.0, 0, 1, 2, 4.9, 5])), [0, 0.1, 0.1, 0.6, 0.6, 1])
     assert not law.density(np.array([0.0, 1, 2])).any()
-
-
-def test_faces_with_more_corners_have_the_law_of_their_triangles():
-    """A convex and a notched pentagon, against the area of the part below x by clipping."""
-    outline = torch.tensor([[0.0, 0, 0], [4, 0, 0], [4, 3, 0], [2, 1, 0], [0, 3, 0]]).double()
-    law = projected_law(surface(triangulate(outline, [[0, 1, 2, 3, 4]])), X)
-    x = np.array([1.0, 2, 3])
-    # Left half: heights fall from 3 to 1 on [0, 2], then rise again; total area 8.
-    assert np.allclose(law.distribution(x), [2.5 / 8, 0.5, 5.5 / 8])
 
 
 def test_doors_of_projection(unchecked):

@@ -9,7 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from meshot import DiscreteMeasure, varifold
-from meshot.loss import surface_loss, varifold_kernel
+from meshot.loss import varifold_kernel
 from meshot.loss.kernel_norm import ANGULAR
 from meshot.mesh import icosphere
 from refusals import refuses
@@ -134,21 +134,6 @@ def test_both_computations_agree_on_many_points(angular, dtype, digits, monkeypa
         assert float((compiled - plain).abs().max() / plain.abs().max()) < digits
 
 
-def test_any_number_of_threads_gives_the_same_bits():
-    """Scattered points, so that the blocks that a row visits depend on the rows that are computed with it."""
-    stretch = torch.tensor([15.0, 15, 15, 1, 1, 1], dtype=torch.float64)
-    source, target = (DiscreteMeasure(m.points * stretch, m.weights) for m in (oriented(11, 900), oriented(12, 800)))
-    found, before = [], torch.get_num_threads()
-    for n_threads in (1, 3):
-        torch.set_num_threads(n_threads)
-        points = source.points.clone().requires_grad_()
-        value = varifold_kernel(DiscreteMeasure(points, source.weights), target, 1.5)
-        value.backward()
-        found.append(torch.cat([points.grad.flatten(), value.detach()[None]]))
-    torch.set_num_threads(before)
-    assert torch.equal(*found)
-
-
 def test_single_precision_far_from_the_origin():
     """Squared distances are taken around the middle of the target, so that a shift of 100 widths costs no digits."""
     near = [varifold(icosphere(2, radius), normal_scale=1.0) for radius in (10.0, 11.0)]
@@ -157,14 +142,6 @@ def test_single_precision_far_from_the_origin():
     far = [DiscreteMeasure((m.points + shift).float(), m.weights.float()) for m in near]
     # The points themselves are rounded at 400: 3e-5 of a unit, of a width of 4.
     assert float(varifold_kernel(*far, 4.0)) == pytest.approx(expected, rel=1e-3)
-
-
-def test_a_setting_by_name():
-    loss = surface_loss({"loss": "varifold_kernel", "normal_scale": 1.0, "width": 3.0, "angular": "currents"})
-    source, target = icosphere(1, 10.0), icosphere(1, 11.0)
-    found = loss(source, target, np.random.default_rng(0))
-    direct = varifold_kernel(varifold(source, normal_scale=1.0), varifold(target, normal_scale=1.0), 3.0, "currents")
-    assert float(found) == pytest.approx(float(direct), rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -165,6 +165,38 @@ def test_half_precision_is_computed_in_single(name, dtype):
 
 
 @each
+def test_single_precision_has_the_values_and_gradients_of_double(name):
+    loss, x, y = LOSSES[name], clouds(name).requires_grad_(), clouds(name, n=7, seed=1)
+    single = x.detach().float().requires_grad_()
+    values, found = loss(single, y.float()), slope(loss, single, y.float())
+    assert values.dtype == found.dtype == torch.float32
+    torch.testing.assert_close(values.double(), loss(x, y), rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(found.double(), slope(loss, x, y), rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["sliced", "windowed", "partial", "unbalanced", "kernel"])
+def test_any_number_of_threads_gives_the_same_bits(name, monkeypatch):
+    """Also in small groups of work. The clouds are wide, so that the kernel norm leaves out pairs of blocks."""
+    x, y = (15 * clouds(name, 1, n, seed)[0] for n, seed in ((900, 0), (800, 1)))
+    masses = torch.rand(900, generator=torch.Generator().manual_seed(0)).double()
+    loss = LOSSES[name]
+    if name == "windowed":
+        loss = functools.partial(meshot.windowed_sliced_wasserstein, centres=x[:13], radius=10.0, directions=4)
+    for place in ("sliced._ALONE", "windowed._ALONE", "windowed._AHEAD"):
+        monkeypatch.setattr(f"meshot.loss.{place}", 1)
+    before, found = torch.get_num_threads(), []
+    for n_threads, group in ((1, 1 << 19), (2, 200), (3, 1), (8, 200)):
+        monkeypatch.setattr("meshot.loss.sliced._GROUP", group)
+        monkeypatch.setattr("meshot.loss.sliced._GROUP_OF_MANY", group)
+        tensors = [x.clone().requires_grad_(), (masses / masses.sum()).requires_grad_()]
+        torch.set_num_threads(n_threads)
+        value = loss(meshot.DiscreteMeasure(*tensors), y)
+        torch.set_num_threads(before)
+        found.append([value, *torch.autograd.grad(value, tensors)])
+    assert all(torch.equal(*pair) for others in found[1:] for pair in zip(others, found[0], strict=True))
+
+
+@each
 def test_autocast_does_not_narrow_a_loss(name):
     layer, y = torch.nn.Linear(3, 6 if name == "kernel" else 3), clouds(name, n=7, seed=1, dtype=torch.float32)
     with torch.autocast("cpu", dtype=torch.bfloat16):

@@ -1,6 +1,7 @@
 """The loss by name is the loss by hand."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -15,18 +16,13 @@ from meshot import (
     varifold,
     windowed_sliced_wasserstein,
 )
+from meshot.loss import sliced_partial, sliced_unbalanced, varifold_kernel
 from meshot.loss.composed import (
     ENCODINGS,
     LOSSES,
-    ChamferLoss,
     SampleEncoding,
-    SinkhornLoss,
-    SlicedLoss,
     SummedLoss,
-    SurfaceEncoding,
     SurfaceLoss,
-    VarifoldEncoding,
-    WindowedLoss,
     loss_setting_names,
     surface_loss,
 )
@@ -42,42 +38,60 @@ def random() -> np.random.Generator:
     return np.random.default_rng(5)
 
 
-def test_ddot_is_the_sliced_loss_between_varifolds():
-    wanted = sliced_wasserstein(
-        varifold(SOURCE, normal_scale=3.0), varifold(TARGET, normal_scale=3.0), random_directions(100, 6, random())
-    )
-    assert float(SurfaceLoss(VarifoldEncoding(normal_scale=3.0))(SOURCE, TARGET, random())) == float(wanted)
-
-
-def test_cortexode_is_chamfer_between_samples_times_a_thousand():
-    draw = random()
-    wanted = 1000 * chamfer(empirical(SOURCE, 320, draw), empirical(TARGET, 320, draw))
-    assert float(SurfaceLoss(SampleEncoding(), ChamferLoss(), 1000.0)(SOURCE, TARGET, random())) == float(wanted)
-
-
-def test_every_other_pair_of_names():
-    draw = random()
-    drawn = [varifold_sample(mesh, 200, draw, normal_scale=2.0, detach_weights=True) for mesh in (SOURCE, TARGET)]
-    loss = SurfaceLoss(VarifoldEncoding(200, 2.0, True), ChamferLoss())
-    assert float(loss(SOURCE, TARGET, random())) == float(chamfer(*drawn))
-    draw = random()
-    pair = [empirical(mesh, 50, draw) for mesh in (SOURCE, TARGET)]
-    loss = SurfaceLoss(SampleEncoding(50), SinkhornLoss(blur=1.0))
-    assert float(loss(SOURCE, TARGET, random())) == pytest.approx(float(sinkhorn_divergence(*pair, 2, 1.0)), rel=1e-9)
-    directions = random_directions(20, 3, random())
-    wanted = sliced_wasserstein(surface(SOURCE), surface(TARGET), directions, 1)
-    assert float(SurfaceLoss(SurfaceEncoding(), SlicedLoss(20, 1))(SOURCE, TARGET, random())) == float(wanted)
-
-
-def test_in_windows_every_window_has_its_directions_and_lies_on_the_target():
-    draw, goal = random(), varifold(TARGET, normal_scale=3.0)
-    directions = random_directions(4 * 10, 6, draw).reshape(4, 10, 6)
+def in_windows(source, target, draw):
+    """Every window has its directions, and lies on the target."""
+    goal, lines = varifold(target, normal_scale=3.0), random_directions(4 * 10, 6, draw).reshape(4, 10, 6)
     centres = goal.points[draw.choice(len(goal.weights), 4, p=goal.weights.numpy()), :3]
-    wanted = windowed_sliced_wasserstein(varifold(SOURCE, normal_scale=3.0), goal, centres, 5.0, directions, 1)
-    loss = SurfaceLoss(VarifoldEncoding(normal_scale=3.0), WindowedLoss(5.0, 4, 10, 1))
-    assert float(loss(SOURCE, TARGET, random())) == float(wanted)
-    everywhere = dataclasses.replace(loss, loss=SlicedLoss(10, 1))
-    assert float(everywhere(SOURCE, TARGET, random())) != pytest.approx(float(wanted))
+    return windowed_sliced_wasserstein(varifold(source, normal_scale=3.0), goal, centres, 5.0, lines, 1)
+
+
+def of_varifolds(loss, *options, n_directions=0):
+    """A loss between varifolds, with options, and directions last."""
+
+    def by_hand(source, target, draw):
+        lines = [random_directions(n_directions, 6, draw)] if n_directions else []
+        return loss(varifold(source, normal_scale=3.0), varifold(target, normal_scale=3.0), *options, *lines)
+
+    return by_hand
+
+
+def of_samples(loss, n_points):
+    """A loss between points of both surfaces, drawn one after the other."""
+    return lambda source, target, draw: loss(empirical(source, n_points, draw), empirical(target, n_points, draw))
+
+
+def of_drawn_faces(source, target, draw):
+    drawn = [varifold_sample(mesh, 200, draw, normal_scale=2.0, detach_weights=True) for mesh in (source, target)]
+    return chamfer(*drawn)
+
+
+def of_surfaces(source, target, draw):
+    return sliced_wasserstein(surface(source), surface(target), random_directions(20, 3, draw), 1)
+
+
+#: Settings, and the loss that they name. The first two are those of DDOT and of CortexODE.
+BY_HAND = [
+    ({"normal_scale": 3.0}, of_varifolds(sliced_wasserstein, n_directions=100)),
+    ({"loss": "chamfer", "encoding": "samples", "factor": 1000.0}, of_samples(chamfer, 320)),
+    ({"loss": "chamfer", "n_supports": 200, "normal_scale": 2.0, "detach_weights": True}, of_drawn_faces),
+    ({"loss": "sinkhorn", "encoding": "samples", "n_supports": 50, "blur": 1.0, "scaling": 0.6},
+     of_samples(functools.partial(sinkhorn_divergence, p=2, blur=1.0, scaling=0.6), 50)),
+    ({"encoding": "surface", "n_directions": 20, "p": 1}, of_surfaces),
+    ({"loss": "windowed", "normal_scale": 3.0, "window": 5.0, "n_windows": 4, "n_directions": 10, "p": 1}, in_windows),
+    ({"loss": "sliced_partial", "normal_scale": 3.0, "reach": 3.0, "n_directions": 7},
+     of_varifolds(sliced_partial, 3.0, n_directions=7)),
+    ({"loss": "sliced_unbalanced", "normal_scale": 3.0, "reach": 3.0, "n_directions": 7},
+     of_varifolds(sliced_unbalanced, 3.0, n_directions=7)),
+    ({"loss": "varifold_kernel", "normal_scale": 3.0, "width": 3.0, "angular": "currents"},
+     of_varifolds(varifold_kernel, 3.0, "currents")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("settings", "by_hand"), BY_HAND)
+def test_the_loss_by_name_is_the_loss_by_hand(settings, by_hand):
+    found = float(surface_loss(settings)(SOURCE, TARGET, random()))
+    wanted = settings.get("factor", 1) * float(by_hand(SOURCE, TARGET, random()))
+    assert found == pytest.approx(wanted, rel=1e-9)
 
 
 def test_the_radius_of_windows_falls_over_a_training():
@@ -143,6 +157,8 @@ def test_masses_of_samples_carry_a_gradient_if_asked():
         ({"loss": "windowed", "window": 0.0}, "window is 0.0; a finite number > 0"),
         ({"loss": "windowed", "n_windows": 0}, "n_windows is 0"),
         ({"loss": "windowed", "last_window": -3.0}, "last_window is -3.0; a finite number > 0"),
+        ({"loss": "sliced_partial", "reach": -1.0}, "reach is -1"),
+        ({"loss": "sliced_unbalanced", "reach": -1.0}, "reach is -1"),
         ({"terms": []}, "terms is empty"),
         ({"terms": "chamfer"}, "terms is 'chamfer'; a list of settings"),
         ({"terms": [{"terms": []}]}, "a list of settings of losses is needed"),

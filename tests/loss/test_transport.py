@@ -54,11 +54,6 @@ def test_brute_force_does_not_cancel():
     assert torch.equal(nearest_neighbours(places, places[order], "brute"), order.argsort())
 
 
-def test_door():
-    measure = problems.cloud(0, 3, 2)
-    refuses("neighbours is 'ball'", chamfer, measure, measure, "ball")
-
-
 @pytest.mark.parametrize(("p", "tolerance"), [(1, 2e-4), (2, 1e-9)])
 def test_two_points_cost_their_distance(p, tolerance):
     """At p = 1 GeomLoss keeps distances from zero by 1e-4, so that they can be differentiated there."""
@@ -147,6 +142,7 @@ def test_a_backend_on_keops_says_what_is_missing_or_agrees(backend):
 def test_doors(change, message):
     measure = problems.cloud(0, 3, 2)
     refuses(message, sinkhorn_divergence, measure, measure, **change)
+    refuses("neighbours is 'ball'", chamfer, measure, measure, "ball")
 
 
 def test_hasty_annealing_may_go_below_zero_and_patience_mends_it():

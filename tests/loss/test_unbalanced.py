@@ -10,10 +10,9 @@ import torch
 
 import problems
 from meshot import quasi_directions, sliced_wasserstein
-from meshot.loss import sliced_partial, sliced_unbalanced, surface_loss, unbalanced_sliced
+from meshot.loss import sliced_partial, sliced_unbalanced, unbalanced_sliced
 from meshot.loss.directions import random_directions
-from meshot.measure.discrete import DiscreteMeasure, varifold
-from meshot.mesh.shapes import icosphere
+from meshot.measure.discrete import DiscreteMeasure
 from refusals import refuses
 
 LINE = torch.ones(1, 1, dtype=torch.float64)
@@ -244,44 +243,6 @@ def test_the_square_root_is_needed():
     )
     assert whole > first + second
     assert whole**0.5 < first**0.5 + second**0.5
-
-
-@BOTH
-def test_threads_change_nothing_to_the_bit(loss, monkeypatch):
-    monkeypatch.setattr("meshot.loss.sliced._ALONE", 1)
-    source, target = problems.cloud(0, 60, 3, True), problems.cloud(1, 45, 3, True)
-    threads, found = torch.get_num_threads(), []
-    try:
-        for n in (1, 2, 5):
-            torch.set_num_threads(n)
-            points = source.points.clone().requires_grad_()
-            value = loss(DiscreteMeasure(points, source.weights), target, 1.5, 11)
-            found.append((value, *torch.autograd.grad(value, points)))
-    finally:
-        torch.set_num_threads(threads)
-    assert all(torch.equal(g, h) for others in found[1:] for g, h in zip(others, found[0], strict=True))
-
-
-@ALL
-def test_single_precision_and_surfaces(loss):
-    source, target = icosphere(1, 10.0), icosphere(2, 11.0)
-    vertices = source.vertices.float().requires_grad_()
-    value = loss(varifold(source.with_vertices(vertices)), target.to(torch.float32), 5.0, 8)
-    value.backward()
-    assert value.dtype == vertices.grad.dtype == torch.float32
-    assert float(value.detach()) == pytest.approx(float(loss(source, target, 5.0, 8)), rel=1e-4)
-
-
-@pytest.mark.parametrize("name", ["sliced_partial", "sliced_unbalanced"])
-def test_a_setting_by_name(name):
-    source, target = icosphere(1, 10.0), icosphere(1, 11.0)
-    loss = surface_loss({"loss": name, "reach": 3.0, "n_directions": 7, "normal_scale": 2.0})
-    found = float(loss(source, target, np.random.default_rng(0)))
-    lines = random_directions(7, 6, np.random.default_rng(0))
-    direct = {"sliced_partial": sliced_partial, "sliced_unbalanced": sliced_unbalanced}[name]
-    pair = [varifold(mesh, normal_scale=2.0) for mesh in (source, target)]
-    assert found == pytest.approx(float(direct(*pair, 3.0, lines)), rel=1e-9)
-    refuses("reach is -1", surface_loss, {"loss": name, "reach": -1.0})
 
 
 @ALL

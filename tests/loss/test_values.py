@@ -81,40 +81,12 @@ def test_splitting_a_point_changes_nothing():
         assert float(loss(halves, target)) == pytest.approx(float(loss(source, target)), rel=1e-9)
 
 
-def test_gradient_of_chamfer():
-    source, target = problems.cloud(0, 8, 3), problems.cloud(1, 9, 3)
-
-    def loss(x, y):
-        return chamfer(DiscreteMeasure(x), DiscreteMeasure(y))
-
-    points = [source.points.clone().requires_grad_(), target.points.clone().requires_grad_()]
-    assert torch.autograd.gradcheck(loss, points)
+@pytest.mark.parametrize("loss", [chamfer, partial(wasserstein, p=1), wasserstein])
+def test_gradients(loss):
+    assert torch.autograd.gradcheck(loss, [problems.cloud(seed, 6, 3).points.requires_grad_() for seed in (0, 1)])
 
 
-@pytest.mark.parametrize("p", [1, 2])
-def test_gradient_of_wasserstein(p):
-    source, target = problems.cloud(0, 6, 2), problems.cloud(1, 6, 2)
-
-    def loss(x, y):
-        return wasserstein(DiscreteMeasure(x), DiscreteMeasure(y), p)
-
-    points = [source.points.clone().requires_grad_(), target.points.clone().requires_grad_()]
-    assert torch.autograd.gradcheck(loss, points)
-
-
-@pytest.mark.parametrize("loss", [chamfer, wasserstein, lambda a, b: sliced_wasserstein(a, b, torch.eye(2))])
-def test_doors_of_losses(unchecked, loss):
-    plane = DiscreteMeasure(torch.zeros(2, 2))
-    with pytest.raises(ValueError, match="same space"):
-        loss(plane, DiscreteMeasure(torch.zeros(2, 3)))
-    with pytest.raises(ValueError, match="both must agree"):
-        loss(plane, DiscreteMeasure(torch.zeros(2, 2, dtype=torch.float64)))
-
-
-SCALES = pytest.mark.parametrize("scale", 10.0 ** np.arange(-12, 13, 3))
-
-
-@SCALES
+@pytest.mark.parametrize("scale", [1e-12, 1e-3, 1.0, 1e12])
 @pytest.mark.parametrize("p", [1, 2, 3])
 def test_the_scale_of_exact_transport_does_not_matter(p, scale):
     """Against SciPy's assignment of the points at scale one; the tolerance of POT's solver is absolute."""

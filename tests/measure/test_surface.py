@@ -3,9 +3,8 @@
 import pytest
 import torch
 
-from meshot import Contour, Mesh, SurfaceMeasure, surface
+from meshot import Mesh, SurfaceMeasure, surface
 from meshot.mesh.mesh import closed_contour
-from meshot.mesh.shapes import icosphere
 from refusals import refuses
 
 
@@ -64,36 +63,6 @@ def test_gradients_reach_vertices_and_features():
 
     leaves = [mesh.vertices.clone().requires_grad_(), features.requires_grad_()]
     assert torch.autograd.gradcheck(encoded, leaves)
-
-
-def test_weights_can_be_detached():
-    vertices = icosphere(0).vertices.requires_grad_()
-    shape = icosphere(0).with_vertices(vertices)
-    assert surface(shape).weights.requires_grad
-    assert not surface(shape, detach_weights=True).weights.requires_grad
-    assert surface(shape, detach_weights=True).vertices.requires_grad
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"normal_scale": -1.0}, "normal_scale is -1.0"),
-        ({"features": torch.ones(3, 1, dtype=torch.float64)}, r"features has shape \(3, 1\); \(4, k\)"),
-        ({"features": torch.ones(4, dtype=torch.float64)}, r"features has shape \(4,\)"),
-        ({"features": torch.ones(4, 0, dtype=torch.float64)}, r"features has shape \(4, 0\)"),
-        ({"features": torch.ones(4, 1)}, "features is torch.float32 on cpu, vertices torch.float64"),
-        ({"features": torch.full((4, 1), float("nan"), dtype=torch.float64)}, "features has 4 entries that are NaN"),
-        ({"face_features": torch.ones(4, 1, dtype=torch.float64)}, r"face_features has shape \(4, 1\); \(2, k\)"),
-    ],
-)
-def test_doors_of_the_encoding(unchecked, arguments, message):
-    with pytest.raises(ValueError, match=message):
-        surface(two_triangles(), **arguments)
-
-
-def test_a_shape_without_size_is_refused():
-    point = Contour(torch.zeros(2, 2), torch.tensor([[0, 1]]))
-    refuses("positive size", surface, point)
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,14 @@
 """Distances, alignment and transport against closed forms and other libraries."""
 
 import math
+import warnings
 
 import numpy as np
 import ot
 import pytest
 import pyvista
 import torch
-import trimesh
-from scipy.optimize import linear_sum_assignment, nnls
-from scipy.spatial.distance import cdist
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from meshot.anatomy.templates import fsaverage5_surface
@@ -41,17 +40,13 @@ def square(height, turned=False):
     return Mesh(vertices + torch.tensor([0, 0, height]), faces.flip(1) if turned else faces)
 
 
-def test_shifted_square():
-    offsets = both_ways(square(0.0), square(0.25))
-    assert average_surface_distance(*offsets) == pytest.approx(0.25)
-    assert hausdorff_distance(*offsets) == pytest.approx(0.25)
-    assert normal_agreement(*offsets, signed=True) == pytest.approx(1)
-
-
-def test_square_turned_over():
-    offsets = both_ways(square(0.0), square(0.25, turned=True))
-    assert normal_agreement(*offsets) == pytest.approx(1)
-    assert normal_agreement(*offsets, signed=True) == pytest.approx(-1)
+def test_a_square_that_is_shifted_and_turned_over():
+    for turned, sign in ((False, 1), (True, -1)):
+        offsets = both_ways(square(0.0), square(0.25, turned))
+        assert average_surface_distance(*offsets) == pytest.approx(0.25)
+        assert hausdorff_distance(*offsets) == pytest.approx(0.25)
+        assert normal_agreement(*offsets) == pytest.approx(1)
+        assert normal_agreement(*offsets, signed=True) == pytest.approx(sign)
 
 
 def test_concentric_spheres():
@@ -120,45 +115,6 @@ def test_doors():
 def test_distances_of_vertices_from_a_larger_sphere():
     inner, outer = icosphere(2, 1.0), icosphere(5, 2.0)
     assert vertex_distances(inner, outer) == pytest.approx(np.ones(162), abs=2e-3)
-
-
-def nearest_by_least_squares(point, corners):
-    """The distance to a triangle as a problem of non-negative least squares: weights that sum to one."""
-    heavy = 1e6
-    matrix = np.vstack([corners.T, np.full(3, heavy)])
-    weights = nnls(matrix, np.append(point, heavy))[0]
-    return np.linalg.norm(weights / weights.sum() @ corners - point)
-
-
-def test_offsets_against_a_slow_twin():
-    mesh = folded_sphere(1)
-    points = Surface(icosphere(1, 43.0)).sample(6, 0)
-    found = Surface(mesh).offsets(points).distances
-    corners = mesh.vertices[mesh.faces].numpy()
-    slow = [min(nearest_by_least_squares(point, triangle) for triangle in corners) for point in points.points]
-    np.testing.assert_allclose(found, slow, atol=1e-6)
-
-
-def test_offsets_against_trimesh():
-    one, other = Surface(folded_sphere(2)), icosphere(2, 41.0)
-    sample = one.sample(200, 1)
-    twin = trimesh.Trimesh(other.vertices.numpy(), other.faces.numpy(), process=False)
-    places = trimesh.triangles.closest_point(
-        np.repeat(twin.triangles[None], 200, axis=0).reshape(-1, 3, 3),
-        np.repeat(sample.points, len(twin.faces), axis=0),
-    )
-    apart = np.linalg.norm(places.reshape(200, -1, 3) - sample.points[:, None], axis=2).min(axis=1)
-    np.testing.assert_allclose(Surface(other).offsets(sample).distances, apart, atol=1e-9)
-
-
-def test_parallel_planes_are_as_far_apart_as_they_were_shifted():
-    """Shifted within themselves the planes agree but for a margin; across, by the shift: closed forms for squares."""
-    plane = square(0.0)
-    beside = plane.with_vertices(plane.vertices + torch.tensor([0.25, 0.0, 0.0]))
-    there, back = both_ways(plane, beside, 200_000)
-    # A quarter of each square sticks out, by 0 to 0.25.
-    assert average_surface_distance(there, back) == pytest.approx(0.25**2 / 2, rel=0.02)
-    assert hausdorff_distance(there, back) == pytest.approx(0.15, abs=0.003)
 
 
 TURN = Rotation.from_rotvec(np.radians([4.0, -6.0, 8.0]))
@@ -248,12 +204,6 @@ def test_translation():
     assert sliced_distance(points, points + shift) == pytest.approx(13 / math.sqrt(3), rel=5e-3)
 
 
-def test_emd_against_the_assignment_solver():
-    cost = cdist(cloud(1), cloud(2), "sqeuclidean")
-    rows, columns = linear_sum_assignment(cost)
-    assert earth_movers_distance(cloud(1), cloud(2)) == pytest.approx(math.sqrt(cost[rows, columns].mean()))
-
-
 def test_blurred_transport():
     points, shift = cloud(0), np.array([3.0, -4.0, 12.0])
     assert sinkhorn_distance(points, points + shift, 0.1) == pytest.approx(13, rel=1e-3)
@@ -264,33 +214,16 @@ def test_blurred_transport():
     refuses("blur is 0", sinkhorn_distance, points, points, 0.0)
 
 
-def test_swd_against_transport_on_lines():
-    costs = [ot.emd2_1d(cloud(1) @ u, cloud(2) @ u, metric="sqeuclidean") for u in half_sphere(7)]
-    assert sliced_distance(cloud(1), cloud(2), 7) == pytest.approx(math.sqrt(np.mean(costs)))
-
-
 def test_swd_against_pot_in_space():
     ours = sliced_distance(cloud(1), cloud(2), 50)
     theirs = ot.sliced_wasserstein_distance(cloud(1), cloud(2), projections=half_sphere(50).T)
     assert ours == pytest.approx(theirs)
 
 
-def test_emd_of_shifted_planes_and_of_grown_spheres():
-    """The gradient of a convex function moves optimally: both pairings are known."""
-    sheet = np.random.default_rng(3).uniform(size=(150, 3)) * [10, 10, 0]
-    assert earth_movers_distance(sheet, sheet + np.array([0, 0, 0.7])) == pytest.approx(0.7)
-    sphere = half_sphere(300) * np.where(np.arange(300) % 2, 1, -1)[:, None]
-    assert earth_movers_distance(38 * sphere, 40 * sphere) == pytest.approx(2)
-
-
 def test_concentric_spheres_of_transport():
     # A uniform sphere projects to a uniform interval: SW₂² = (r − s)²/3.
     sphere = half_sphere(20_000) * np.where(np.arange(20_000) % 2, 1, -1)[:, None]
     assert sliced_distance(38 * sphere, 40 * sphere) == pytest.approx(2 / math.sqrt(3), rel=1e-3)
-
-
-def test_sliced_is_at_most_exact():
-    assert sliced_distance(cloud(3), cloud(4)) <= earth_movers_distance(cloud(3), cloud(4)) / math.sqrt(3)
 
 
 def test_half_sphere_is_isotropic():
@@ -317,20 +250,10 @@ def test_doors_of_transport(unchecked, distance):
         distance(cloud(0), cloud(0)[1:])
     with pytest.raises(ValueError, match="0 and 0 points"):
         distance(cloud(0)[:0], cloud(0)[:0])
-
-
-def test_no_directions():
-    with pytest.raises(ValueError, match="n_directions is 0"):
-        sliced_distance(cloud(0), cloud(0), 0)
+    refuses("n_directions is 0", sliced_distance, cloud(0), cloud(0), 0)
 
 
 def test_unfinished_transport(monkeypatch):
-    def warns(*arguments, **options):
-        import warnings
-
-        warnings.warn("numItermax reached before optimality", stacklevel=2)
-        return 1.0
-
-    monkeypatch.setattr(ot, "emd2", warns)
+    monkeypatch.setattr(ot, "emd2", lambda *_, **__: warnings.warn("numItermax reached", stacklevel=2))
     with pytest.raises(ValueError, match="did not finish"):
         earth_movers_distance(cloud(0), cloud(1))

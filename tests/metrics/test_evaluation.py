@@ -11,8 +11,9 @@ import pytest
 import torch
 
 from meshot import evaluate
+from meshot.mesh import united
 from meshot.mesh.mesh import Mesh
-from meshot.mesh.shapes import cube, folded_sphere, icosphere, tetrahedron
+from meshot.mesh.shapes import cube, folded_sphere, icosphere
 from meshot.metrics.distances import Surface
 from meshot.metrics.evaluation import (
     Metric,
@@ -29,10 +30,6 @@ FEW = {"n_points": 4000, "n_emd_points": 300}
 @functools.cache
 def spheres():
     return evaluate(icosphere(4, 38.0), icosphere(4, 40.0), **FEW)
-
-
-def merged(one, other):
-    return Mesh(torch.cat([one.vertices, other.vertices]), torch.cat([one.faces, other.faces + len(one.vertices)]))
 
 
 def test_concentric_spheres():
@@ -81,7 +78,7 @@ def test_inside_out(radius):
 
 
 def test_crossing_spheres():
-    crossing = merged(icosphere(2, 10.0), icosphere(2, 10.0, centre=(5.0, 0.3, 0.2)))
+    crossing = united([icosphere(2, 10.0), icosphere(2, 10.0, centre=(5.0, 0.3, 0.2))])
     found = evaluate(crossing, icosphere(2, 10.0), **FEW)
     assert found.intersecting_faces.value > 20
     assert found.intersecting_share.value == pytest.approx(100 * found.intersecting_faces.value / 640)
@@ -168,14 +165,10 @@ def test_table_and_definitions_say_everything():
     lines = repr(found).splitlines()
     assert lines[0].split() == ["metric", "value", "unit", "floor"]
     assert len(lines) == 15
-    assert "average symmetric surface distance  " in repr(found)
     assert f"{found.assd.value:.4g}" in lines[3]
     assert "300 points" in found.emd.definition
-    assert "p = 2" in found.swd.definition
-    assert "point to face" in found.assd.definition
     assert "4000 points" in found.definitions()
     assert "{" not in found.definitions()
-    assert all(metric.unit in ("mm", "mm²", "mm³", "%", "faces", "degrees", "") for metric in found.metrics())
 
 
 def test_is_plain_data():
@@ -200,12 +193,6 @@ def test_doors(arguments, words):
 
 def triangle(a, b, c):
     return Mesh(torch.tensor([a, b, c], dtype=torch.float64), torch.tensor([[0, 1, 2]]))
-
-
-def test_the_tetrahedron_is_perfect():
-    assert edge_length_variation(tetrahedron()) == pytest.approx(0, abs=1e-12)
-    assert face_area_variation(tetrahedron()) == pytest.approx(0, abs=1e-12)
-    np.testing.assert_allclose(smallest_angles(tetrahedron()), 60)
 
 
 def test_a_3_4_5_triangle():
