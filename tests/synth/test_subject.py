@@ -129,8 +129,7 @@ def test_a_draw_that_crosses_is_made_weaker(monkeypatch):
     first, second = (a[0].vertices - attempts[2][0].vertices for a in attempts[:2])
     assert first.norm(dim=1).mean() > second.norm(dim=1).mean() > 0.1
     monkeypatch.setattr(meshot.synth.subject, "kept_apart", lambda _: None)
-    with pytest.raises(ValueError, match="cross even without variation"):
-        synthetic_subject(SMALL.without_variation(), 0)
+    refuses("cross even without variation", synthetic_subject, SMALL.without_variation(), 0)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Systems on whole scans on the command line: trained by name, and used by name on weights of one's own."""
+"""Systems on whole scans on the command line: they need their surfaces, and are used on weights of one's own."""
 
 import json
 
@@ -19,21 +19,6 @@ from meshot.systems.learning import mean_box
 from meshot.systems.vox2cortex import MeshNetwork
 from meshot.volume.io import write_volume
 from phantoms import pial_surfaces, write_phantom_cohort
-
-NAMES = ["classical", "corticalflow", "deepcsr", "vox2cortex"]
-
-
-def test_a_system_is_trained_by_its_name(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    write_phantom_cohort(tmp_path / "few", ["train", "validation"])
-    write_weights(tmp_path / "segmentation.safetensors", SegmentationNetwork(2, 1), {})
-    words = ["tiny", "--data", "few", "-o", "out", "--segmentation", "segmentation.safetensors", "--threads", "1"]
-    assert main(["train", "classical", *words, "--device", "cpu", "--set", "training.n_epochs=4"]) == 0
-    assert capsys.readouterr().out.startswith("atlas: best after 4 steps: validation_loss ")
-    assert not (tmp_path / "build").exists()
-    record = get_system("classical").load(tmp_path / "out").parts["atlas"].record
-    assert record["command"].startswith("meshot train classical tiny --data few -o out")
-    assert record["surface"]["reduction"] == 2
 
 
 def test_a_cohort_without_pial_surfaces_is_refused(tmp_path, monkeypatch, capsys):
@@ -85,12 +70,3 @@ def test_a_system_finds_surfaces_by_its_name(pial, tmp_path, monkeypatch, capsys
         assert numbers["volume_cm3"] > report["surfaces"][side]["final"]["volume_cm3"]
         assert f'<th scope="col">{side}, pial</th>' in page
     assert pial or all(numbers["pial"] is None for numbers in report["surfaces"].values())
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_without_weights_the_command_says_how_to_train(name, tmp_path, capsys):
-    write_volume(tmp_path / "head.nii.gz", bright_template())
-    assert main(["reconstruct", str(tmp_path / "head.nii.gz"), "-o", str(tmp_path / "out"), "--system", name]) == 2
-    said = " ".join(capsys.readouterr().err.split())
-    assert f"no weights of {name} come with the package: train it (meshot train {name} CONFIG --data COHORT" in said
-    assert not (tmp_path / "out").exists()
