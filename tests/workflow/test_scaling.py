@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from refusals import refuses
+
 
 @pytest.fixture
 def scaling(part):
@@ -66,8 +68,7 @@ def test_the_simulation_agrees_with_what_is_known(scaling, jobs):
     assert [scaling.makespan(chain, nodes, cores=2) for nodes in (1, 3)] == [15.0, 14.0]
     assert [job.task.name for job in scaling.longest_chain(chain)] == ["a", "b", "d"]
     assert scaling.remaining(chain) == {"a": 14.0, "b": 9.0, "c": 3.0, "d": 2.0}
-    with pytest.raises(ValueError, match="b needs more than the 1 cores of a node"):
-        scaling.makespan(chain, 2, cores=1)
+    refuses("b needs more than the 1 cores of a node", scaling.makespan, chain, 2, cores=1)
 
 
 def test_the_simulation_lies_between_its_bounds(scaling, part):
