@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 
@@ -20,23 +19,11 @@ def test_committed_means_are_those_of_the_scores(record, part):
     assert again["surface_mm"] == pytest.approx(stored["surface_mm"], rel=2e-5)
 
 
-def test_the_carried_vertices_are_nearer_than_any_affine_map_brings_them(record):
-    for each in record["results"]["scores"]:
-        means = {name: found["mean"] for name, found in each["vertices_mm"].items()}
-        assert means["carried"] < means["best affine"] < means["registered"]
-        assert each["crossing"] == 0
-
-
 def test_an_affine_image_of_the_template_has_no_error_after_the_best_affine_map(part):
     ball = icosphere(2, 30.0)
     matrix = torch.tensor([[1.1, 0.1, 0.0], [0.0, 0.9, 0.2], [0.1, 0.0, 1.0]], dtype=torch.float64)
     truth = (ball.vertices @ matrix.T + torch.tensor([3.0, -2.0, 5.0])).numpy()
     assert part("run").best_affine(ball, truth).vertices.numpy() == pytest.approx(truth, abs=1e-10)
-
-
-def test_a_spread_is_that_of_numpy(part):
-    values = np.arange(101.0)
-    assert part("run").spread(values, 95) == {"mean": 50.0, "median": 50.0, "percentile_95": 95.0}
 
 
 def test_a_template_in_its_true_place_makes_no_error_by_region(part):
@@ -48,12 +35,3 @@ def test_a_template_in_its_true_place_makes_no_error_by_region(part):
     moved = run.by_region(white, pial, white, forwards, "left")
     assert moved["right_percent"] < 80
     assert max(abs(error) for error in moved["area_percent"].values()) > 20
-
-
-def test_vertices_have_their_region_where_the_template_is_near(record):
-    """The areas of most regions are right to a few hundredths; small ones are less sure."""
-    means = record["results"]["means"]["regions"]
-    assert means["right_percent"] > 80
-    assert len(means["area_percent_error"]) == len(means["thickness_mm_error"]) == 34
-    again = np.mean([each["regions"]["right_percent"] for each in record["results"]["scores"]])
-    assert again == pytest.approx(means["right_percent"], rel=1e-5)

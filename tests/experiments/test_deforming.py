@@ -20,33 +20,6 @@ def chosen(rows, **keys):
     return [row for row in rows if all(row[name] == value for name, value in keys.items())]
 
 
-def test_every_planned_fit_is_there_or_named_as_missing(part, record):
-    config = record["config"]
-    results = record["results"]
-    names = (*SETTING, *ARM, "learning_rate")
-    done = [{name: fit[name] for name in names} for fit in results["fits"]]
-    planned = part("run").planned_fits(config)
-    assert sorted(map(repr, done + results["missing"])) == sorted(map(repr, planned))
-    assert all(task["loss"] == "sinkhorn" for task in chosen(results["missing"], target="folded"))
-    assert len(config["targets"]["folded"]["seeds"]) >= 5
-    for fit in results["fits"]:
-        curve = fit["curve"]
-        assert all(len(entries) == config["n_checks"] + 1 for entries in curve.values())
-        assert curve["iteration"][-1] == config["targets"][fit["target"]]["n_iterations"] == fit["n_iterations"]
-        assert curve["assd"][-1] == pytest.approx(fit["end"]["assd"], rel=1e-4)
-        assert all(a < b for a, b in itertools.pairwise(curve["seconds"]))
-
-
-def test_every_arm_has_all_supports_or_few_and_sinkhorn_never_more_than_the_others(part, config):
-    arms = part("fitting").planned_arms(config)
-    assert len({tuple(arm[name] for name in ARM) for arm in arms}) == len(arms) == 11
-    assert config["few_supports"] <= 2000
-    few = [arm for arm in arms if arm["supports"] == config["few_supports"]]
-    assert {(a["loss"], a["encoding"]) for a in few} == {
-        (loss, encoding) for loss in ("sliced", "chamfer", "sinkhorn") for encoding in ("varifold", "samples")
-    }
-
-
 def test_equal_seconds_are_those_of_the_fastest_and_equal_closeness_that_of_the_farther(part, record):
     summary, results = part("summary"), record["results"]
     pair = [

@@ -46,11 +46,6 @@ def test_samples_lie_on_their_faces_with_their_normals(part):
     assert len(np.unique(drawn[:, 3:], axis=0)) == 6
 
 
-def test_ratio_of_means(part):
-    found = part("summary").ratio_of_means([2.0, -2.0, 2.0], [0.5, 0.5])
-    assert found == {"ratio": 4.0, "low": 4.0, "high": 4.0}
-
-
 def test_crossings_are_read_off_power_laws(part):
     lines = [{"way": "exact", "size": 100, "seconds": 1.0, "error": 0.0}]
     lines += [{"way": "varifold", "size": 100, "seconds": 0.1, "error": 1e-4}]

@@ -14,15 +14,6 @@ from meshot.provenance import read_results
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fixed_supports"
 
 
-def test_committed_results_are_whole(part, record):
-    config = record["config"]
-    results, costs = record["results"], config["cost"]
-    assert len(results["costs"]) == len(costs["subdivisions"]) * len(costs["losses"]) * len(costs["variants"])
-    planned = {(task["variant"], task["n_supports"]) for task in part("run").planned_fits(config)}
-    assert {(row["variant"], row["n_supports"]) for row in results["fits"]} == planned
-    assert all(row["n_seeds"] == len(config["fits"]["seeds"]) >= 5 for row in results["fits"])
-
-
 def test_bytes_of_a_step_rebuild(part, record, config, one_thread):
     small = config | {"cost": config["cost"] | {"subdivisions": [2, 3], "n_rounds": 1}}
     for found in part("run").cost_rows(small):

@@ -10,15 +10,8 @@ import torch
 from meshot.mesh.shapes import icosphere
 from meshot.volume.volume import Volume
 from meshot_book.figures.cortex import read_slices
-from scripts import scripts_in
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "shown_person"
-
-
-@pytest.fixture
-def run():
-    with scripts_in(FOLDER) as load:
-        yield load("run")
 
 
 def ball(radius: float, centre=(0.0, 0.0, 0.0)):
