@@ -102,14 +102,6 @@ def test_exponents_and_targets(part):
     assert by_name[f"{peers.VALUE}, 20480 faces each side, d = 3"]["met"] is None
 
 
-def test_the_torus_is_a_mesh_of_as_many_vertices(part):
-    data = part("data")
-    source, _ = data.measures(60, 3, 0)
-    mesh = data.mesh_of(source)
-    assert (len(mesh.vertices), len(mesh.faces)) == (60, 120)
-    assert set(mesh.faces.flatten().bincount().tolist()) == {6}
-
-
 def test_pins_are_exact_and_outside_the_lock(root):
     lines = (root / "benchmarks" / "requirements.txt").read_text(encoding="utf-8").splitlines()
     pinned = [Requirement(line) for line in lines if line and not line.startswith("#")]

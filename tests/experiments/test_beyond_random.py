@@ -41,6 +41,11 @@ def test_quadratics_are_integrated_without_error(part, config):
     assert abs(estimators.plain(costs, directions, controls) - 8 / 3) > 1e-3
 
 
+def test_a_method_needs_twice_the_directions_of_its_coefficients(part):
+    least = part("run").least_directions
+    assert [least("random", 6), least("random, moments fitted", 6), least("random, quadratics fitted", 6)] == [2, 8, 42]
+
+
 def test_factor_saved_is_a_ratio_of_root_mean_squares(part):
     found = part("run").factor_saved(np.array([2.0, -2.0, 2.0]), np.array([0.5, -0.5]))
     assert found == {"factor": 4.0, "low": 4.0, "high": 4.0}

@@ -38,3 +38,13 @@ def test_the_energy_distance_of_squares_is_that_of_the_means(part):
     x, y = (fitting.DiscreteMeasure(torch.from_numpy(generator.normal(size=(n, 3)))) for n in (5, 8))
     between = (x.points.mean(dim=0) - y.points.mean(dim=0)).square().sum()
     assert limits.energy_distance(x, y, 2) == pytest.approx(float(between))
+
+
+@pytest.mark.parametrize("run", [{"loss": "exact"}, {"loss": "sinkhorn", "blur_mm": 5.0, "scaling": 0.5}])
+def test_few_steps_come_nearer(part, record, run):
+    fitting = part("run")
+    small = record["config"] | {"subdivisions": 1, "n_steps": 10, "n_emd_points": 50, "n_surface_points": 500}
+    start, target = fitting.make_pair(3, small)
+    before, after = fitting.judged(start, target, small), fitting.run_once(run, 3, small)
+    assert after["w2_varifold"] < before["w2_varifold"]
+    assert after["sw2_surface"] < before["sw2_surface"]

@@ -1,6 +1,5 @@
 """The experiment on the theorem: its truths against closed forms, and committed numbers rebuilt from their seeds."""
 
-import importlib
 from pathlib import Path
 
 import numpy as np
@@ -108,12 +107,3 @@ def test_a_small_slice_of_the_directions(part, config):
         for row in directions.direction_summary(rows, small)["directions"]:
             assert row["slope"] == pytest.approx(-0.5, abs=0.02)
             assert row["constant"] == pytest.approx([1.0] * 3, abs=0.08)
-
-
-def test_one_command_makes_what_the_chapters_read(root, monkeypatch):
-    monkeypatch.syspath_prepend(str(root / "experiments"))
-    rebuild = importlib.import_module("rebuild_theorem")
-    chapters = [(root / "notebooks" / f"{name}.md").read_text(encoding="utf-8") for name in rebuild.CHAPTERS]
-    for name in rebuild.EXPERIMENTS:
-        assert (root / "experiments" / name / "run.py").is_file()
-        assert any(f'experiment_folder("{name}")' in text for text in chapters)

@@ -1,7 +1,8 @@
-"""The carried template on held-out subjects: what is committed agrees with itself and with what the book says."""
+"""The carried template on held-out subjects: committed means are those of the scores; known maps have known errors."""
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -24,6 +25,11 @@ def test_an_affine_image_of_the_template_has_no_error_after_the_best_affine_map(
     matrix = torch.tensor([[1.1, 0.1, 0.0], [0.0, 0.9, 0.2], [0.1, 0.0, 1.0]], dtype=torch.float64)
     truth = (ball.vertices @ matrix.T + torch.tensor([3.0, -2.0, 5.0])).numpy()
     assert part("run").best_affine(ball, truth).vertices.numpy() == pytest.approx(truth, abs=1e-10)
+
+
+def test_a_spread_is_that_of_numpy(part):
+    values = np.arange(101.0)
+    assert part("run").spread(values, 95) == {"mean": 50.0, "median": 50.0, "percentile_95": 95.0}
 
 
 def test_a_template_in_its_true_place_makes_no_error_by_region(part):

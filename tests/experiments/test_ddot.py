@@ -320,22 +320,7 @@ def cohort_of(values, sides=("left", "right")):
     ]  # fmt: skip
 
 
-def test_differences_are_paired_over_subjects(part):
-    found = part("summary").summarised(cohort_of([("initial", None, 1.0), ("ddot", 0, 0.2), ("cortexode", 0, 0.3)]),
-                                       SETTINGS_OF_SUMMARY, COMPARED)  # fmt: skip
-    gaps = {(d["first"], d["second"], d["side"]): d for d in found["differences"]}
-    assert len(gaps) == 9
-    for side in ("left", "right", "both"):
-        gap = gaps["ddot", "cortexode", side]["assd_mm"]
-        assert (gap["gap"], gap["low"], gap["high"]) == pytest.approx((-0.1, -0.1, -0.1))
-        against = gaps["ddot", "initial", side]["assd_mm"]
-        assert against["gap"] == pytest.approx(-0.785)
-        assert -0.8 <= against["low"] < -0.785 < against["high"] <= -0.77
-    pairs = part("summary")._pairs
-    assert pairs(["initial", "ddot"], COMPARED) == [("ddot", "initial")]
-    assert pairs(["initial", "cortexode", "windowed"], COMPARED) == [
-        ("windowed", "cortexode"), ("cortexode", "initial"), ("windowed", "initial"),
-    ]  # fmt: skip
+def test_an_interval_is_that_of_all_resamples(part):
     values = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
     interval = part("summary").resampled(values.tolist(), SETTINGS_OF_SUMMARY | {"n_resamples": 50000})
     every = np.mean(np.stack(np.meshgrid(*[values] * 6), axis=-1).reshape(-1, 6), axis=1)
@@ -370,19 +355,6 @@ def test_each_target_is_seen_to_be_missed(part):
     assert middle["n_subjects_enough_of_initial"] == 2
     assert set(good["better_than_initial"].values()) == {True}
     assert set(bad["better_than_initial"].values()) == {False}
-
-
-def test_groups_keep_kinds_apart_and_count_crossings(part):
-    rows = [hemisphere("initial", None, "left", f"sub-{i}", 1.0) for i in range(2)]
-    rows += [hemisphere("ddot", 0, "left", "sub-0", 0.2, 3.0)]
-    rows += [hemisphere("ddot", 0, "left", "sub-1", 0.4), hemisphere("ddot", 0, "left", "sub-2", 9) | {"kind": "odd"}]
-    begun, ours, odd = part("summary").summarised(rows, SETTINGS_OF_SUMMARY, COMPARED)["summary"]
-    assert (ours["n_subjects"], ours["n_subjects_crossing_before"], ours["n_subjects_crossing"]) == (2, 1, 0)
-    assert ours["assd_mm"] == {"mean": pytest.approx(0.3), "sd": pytest.approx(0.2 / math.sqrt(2))}
-    assert ours["by_depth"] == [pytest.approx(0.3), None]
-    assert ours["flow_crossing_percent"]["mean"] == 1.5
-    assert begun["floors"] == {"emd_mm": 5.0}
-    assert (odd["kind"], odd["assd_mm"]["sd"]) == ("odd", None)
 
 
 def test_committed_results_follow_from_their_rows(part, record, results):

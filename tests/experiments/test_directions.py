@@ -1,4 +1,4 @@
-"""The comparison of constructions: its committed results belong to its configuration and lead to the defaults."""
+"""The comparison of constructions: a slice rebuilds its committed results, which lead to the defaults."""
 
 from pathlib import Path
 
@@ -26,6 +26,17 @@ def test_a_slice_of_it_again(part, config, record, d, pair, p, method):
             r for r in record["results"]["errors"] if (problem | {"method": method, "L": count}).items() <= r.items()
         ]
         assert value == pytest.approx(row["rmse"], rel=1e-3)
+
+
+def test_costs_of_each_pair_are_positive_and_its_means_repeat(part, config, record):
+    slices = part("run")
+    sets = [setting | {"n_directions": 3000} for setting in config["reference"]["sets"]]
+    few = config | {"reference": {"n_turns": 2, "sets": sets}}
+    for d in (2, 6):
+        for pair in ("ellipsoid", "folded"):
+            problem = {"d": d, "pair": pair, "p": 2}
+            (row,) = [r for r in record["results"]["means"] if problem.items() <= r.items()]
+            assert slices.mean_over_all(problem, few)[0] == pytest.approx(row["mean"], rel=0.02)
 
 
 def test_defaults_are_the_best_by_formula(record):

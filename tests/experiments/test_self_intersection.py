@@ -1,4 +1,4 @@
-"""Crossing faces: committed counts belong to the configuration, and small slices of them are made again."""
+"""Crossing faces: small slices of the committed counts are made again."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Algorithm 1: it brings surfaces nearer, goes on after a kill as if nothing had been, and names a step that breaks."""
+"""Algorithm 1: it brings surfaces nearer, goes on after a kill as if nothing had been, and refuses what breaks."""
 
 import dataclasses
 import json

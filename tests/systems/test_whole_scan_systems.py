@@ -1,9 +1,8 @@
-"""The systems that start from whole scans: trained, killed, resumed, saved, loaded, and what they refuse."""
+"""The systems that start from whole scans: trained, saved, loaded, and what they refuse."""
 
 import pytest
 import torch
 
-from killing import same, without_seconds
 from meshot.mesh.connectivity import SPHERE, topology
 from meshot.mesh.shapes import icosphere
 from meshot.metrics.distances import vertex_distances
@@ -17,10 +16,6 @@ FARTHEST = {"corticalflow": 1.0, "deepcsr": 0.6, "vox2cortex": 1.2, "classical":
 
 #: The largest validation loss that is accepted: the mean distance in mm of the surfaces, or of deepcsr's distances.
 BOUND = {"corticalflow": 1.0, "deepcsr": 0.6, "vox2cortex": 1.0, "classical": 0.01}
-
-
-class Kill(Exception):
-    """A process that ends in the middle."""
 
 
 @pytest.fixture(scope="module", params=NAMES)
@@ -47,23 +42,9 @@ def test_training_lowers_what_is_validated(kind, whole):
         assert part.record["results"]["n_weights"] > 0
 
 
-def test_it_resumes_saves_loads_and_reconstructs(kind, examples, whole, tmp_path):
-    told = []
-
-    def die(step: int, n_steps: int, line: dict) -> None:
-        told.append(step)
-        if len(told) == 7:
-            raise Kill
-
-    settings = read_settings(kind, "tiny", ["training.save_every=3"])
-    with pytest.raises(Kill):
-        kind.train(examples, settings, tmp_path / "state", die)
-    resumed = kind.train(examples, settings, tmp_path / "state")
-    for name, part in whole.parts.items():
-        assert same(resumed.parts[name].network, part.network)
-        assert without_seconds(resumed.parts[name].log) == without_seconds(part.log)
-    resumed.save(tmp_path / "weights")
-    loaded = kind.load(tmp_path / "weights")
+def test_it_saves_loads_and_reconstructs(kind, examples, whole, tmp_path):
+    whole.save(tmp_path)
+    loaded = kind.load(tmp_path)
     scan = examples.validation[0].scan
     found, wanted = loaded.reconstruct(scan), whole.reconstruct(scan)
     assert tuple(found) == loaded.surfaces
