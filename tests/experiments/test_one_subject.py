@@ -31,9 +31,10 @@ def test_a_curve_has_the_mean_loss_between_checks():
 
 
 def test_the_last_weights_of_an_arm_are_measured(part, config, one_thread, tmp_path):
-    changes = ["training.learning_rate=0.01"]
-    own = {"settings": "tiny", "arms": {"ddot": {"title": "", "system": "ddot", "steps": 2, "changes": changes}}}
+    changes = ["training.learning_rate=0.1", "training.schedule=constant"]  # the third step leads far away
+    own = {"settings": "tiny", "arms": {"ddot": {"title": "", "system": "ddot", "steps": 3, "changes": changes}}}
     own |= {"validate_every": 1, "n_points": 2000, "n_directions": 20, "state": str(tmp_path)}
     found = part("run").train_arm("ddot", config | own)
-    assert (found["curve"]["step"], found["surface"]["n_steps"]) == ([1, 2], 2)
+    assert (found["curve"]["step"], found["surface"]["n_steps"]) == ([1, 2, 3], 3)
+    assert found["curve"]["assd_mm"][-1] > 2 * min(found["curve"]["assd_mm"])
     assert found["surface"]["assd_mm"] == pytest.approx(found["curve"]["assd_mm"][-1], rel=0.1)  # other points
