@@ -18,14 +18,10 @@ def test_what_was_asked_for_is_judged(part, tmp_path, monkeypatch):
     assert [line["met"] for line in results["targets"]] == [False, True, False]
     assert [line["found_s"] for line in results["targets"]] == [61.0, 4.0, 5.5]
     block = part("speed_page").reconstruction_block(read_results(tmp_path / "found.json"))
-    assert "flow alone carries 40962 vertices in 10 steps" in block
-    assert "without the flow" not in block
-    assert "written by `python benchmarks/reconstruction.py` on" in block
+    assert "within 60 s (missed); flow alone, small, within 5 s (met)" in block
     assert module.main(["--repeats", "1", "--initial-only", "-o", str(tmp_path / "found.json")]) == 0
     without = part("speed_page").reconstruction_block(read_results(tmp_path / "found.json"))
-    assert "average, without the flow;" in without
-    assert "`python benchmarks/reconstruction.py --initial-only`" in without
-    assert "within 60 s (missed); flow alone, small, within 5 s (met)" in block
+    assert ["without the flow" in each for each in (block, without)] == [False, True]
     assert block.splitlines()[-1] == "| flow alone, paper | 5.5 | 5.5 |"
 
 

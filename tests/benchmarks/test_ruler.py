@@ -21,8 +21,3 @@ def test_every_part_is_timed_and_kept(ruler, tmp_path):
     assert target["found_s"] == rows[-3]["wall s"]
     assert target["met"] == (target["found_s"] <= 8)
     assert record["config"]["faces"] == 320
-
-
-def test_medians_are_taken_part_by_part(ruler):
-    runs = [[{"part": "a", "wall s": value}, {"part": "b", "wall s": -value}] for value in (5.0, 1.0, 2.0)]
-    assert ruler.medians(runs) == [{"part": "a", "wall s": 2.0}, {"part": "b", "wall s": -2.0}]

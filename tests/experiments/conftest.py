@@ -37,6 +37,12 @@ def part(request):
 
 
 @pytest.fixture
+def run(part):
+    """The script of the experiment."""
+    return part("run")
+
+
+@pytest.fixture
 def part_of(root):
     """A module of any experiment by the experiment's name and its own, for files that test several of them."""
     with contextlib.ExitStack() as stack:

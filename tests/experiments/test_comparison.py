@@ -26,8 +26,8 @@ from meshot.synth.cohorts import scans
 from meshot.systems import Scan, get_system, read_settings, system_names
 from meshot.train import engine, read_log
 from meshot_book.notebook import read_meshes, read_vertex_values
-from nested import require_equal
 from phantoms import phantom_scan, phantom_surfaces
+from refusals import refuses
 from scripts import scripts_in
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "comparison"
@@ -316,24 +316,12 @@ def test_rates_of_another_protocol_are_refused(part, place, capsys):
     unit = units.training_of("alpha", "left", "ddot", "steps", 0, config)
     for message, change in others.items():
         for ask in (lambda own: budgets.choose(own, "ddot"), lambda own: budgets.changes_of(unit, own)):
-            with pytest.raises(ValueError, match=f"the rate of ddot was .*{message}"):
-                ask(config | change)
+            refuses(f"the rate of ddot was .*{message}", ask, config | change)
     words = written(place, config | {"trials": config["trials"] | {"epochs": 3}})
     assert train.main([*words, "--only", unit.name]) == 1
     said = capsys.readouterr().err
     assert "remove ddot from " in said
     assert f"waiting for trials of rates: {unit.name}" in said
-
-
-def test_trials_of_another_protocol_are_not_chosen_from(part, place):
-    budgets, units = part("trials.rates"), part("trials.training")
-    config = units.read_config(place / "config.yaml")
-    (place / "rates.json").unlink()
-    own = config | {"trials": config["trials"] | {"epochs": 3}}
-    with pytest.raises(ValueError, match=r"_ddot_rate0.01_0 was made with other settings; .*n_epochs=3 .*: remove"):
-        budgets.choose(own, "ddot")
-    assert not (place / "rates.json").exists()
-    assert list(budgets.choose(config, "ddot")) == ["ddot"]
 
 
 def test_the_committed_rates_are_those_of_the_protocol(part, config, root):
@@ -539,22 +527,7 @@ def test_pairs_are_aligned_before_they_are_compared(part, whole, results):
     }  # fmt: skip
 
 
-def test_tables_are_made_anew_from_the_rows(part, whole, results, tmp_path):
-    shutil.copytree(whole / "out", tmp_path / "out")
-    output = tmp_path / "out" / "results.json"
-    record = json.loads(output.read_text(encoding="utf-8"))
-    for name in part("tables").TABLES:
-        record["results"][name] = []
-    output.write_text(json.dumps(record))
-    assert part("tables").main([*words_of(whole), "-o", str(output)]) == 0
-    assert read_results(output)["results"] == results
-    with (tmp_path / "out" / "pairs.csv").open("a") as file:
-        file.write("\n")
-    with pytest.raises(ValueError, match=r"the rows beside .* are not those that were measured with it"):
-        part("tables").main([*words_of(whole), "-o", str(output)])
-
-
-def test_tables_state_only_settings_with_which_the_rows_were_measured(part, tmp_path):
+def test_tables_follow_from_the_rows_and_state_only_settings_with_which_they_were_measured(part, tmp_path):
     tables, config = part("tables"), part("trials.training").read_config(FOLDER / "config.yaml")
     output, words = tmp_path / "results.json", written(tmp_path, config)
     for name in ("results.json", "subjects.csv", "pairs.csv"):
@@ -570,14 +543,9 @@ def test_tables_state_only_settings_with_which_the_rows_were_measured(part, tmp_
     written(tmp_path, config | {"comparison": config["comparison"] | {"direct": []}})
     assert tables.main([*words, "-o", str(output)]) == 0
     assert read_results(output)["config"]["comparison"]["direct"] == []
-
-
-def test_the_committed_tables_follow_from_the_committed_rows(part, record):
-    tables = part("tables")
-    assert record["results"]["missing"] == []
-    again = tables.tables(*tables.rows_beside(FOLDER / "results.json"), record["config"])
-    for name in tables.TABLES:
-        require_equal(again[name], record["results"][name])
+    with (tmp_path / "pairs.csv").open("a") as file:
+        file.write("\n")
+    refuses("the rows beside .* are not those that were measured with it", tables.main, [*words, "-o", str(output)])
 
 
 def test_the_pictured_surfaces_are_those_of_the_median_and_the_worst_subject(part, whole, results):
@@ -728,33 +696,6 @@ def test_two_systems_are_compared_for_every_budget_and_seed(part):
     assert (gap["n_shared"], gap["cohort"], gap["side"]) == (4, "a", "left")
 
 
-def test_seeds_and_pairs_have_their_tables(part, config):
-    tables = part("tables")
-    rows = [row("ddot", f"s{i}", 0.2 + 0.1 * seed, seed=seed) for seed in range(3) for i in range(2)]
-    (line,) = tables.seeds([*rows, *(row("cortexode", f"s{i}", 1.0) for i in range(2))])
-    assert line["seeds"] == [0, 1, 2]
-    assert line["assd_mm"] == {
-        "means": pytest.approx([0.2, 0.3, 0.4]),
-        "mean": pytest.approx(0.3),
-        "sd": pytest.approx(0.1),
-    }
-    residues = {"icp_residue_mm": 0.1, "rigid_residue_mm": 0.2}
-    pairs = [
-        row(arm, "s0", value + 0.01 * session * (arm == "ddot"), side=side, **residues) | {"session": session}
-        for arm, value in (("ddot", 0.1), ("deepcsr", 0.3)) for session in range(3) for side in ("left", "right")
-    ]  # fmt: skip
-    pairs.append(pairs[-1] | {"session": 9, "failed": "no surface"})
-    found = tables.tables(rows, pairs, config)
-    assert [(x["arm"], x["n_pairs"], x["n_failed"]) for x in found["table_2"]] == [("ddot", 3, 0), ("deepcsr", 3, 1)]
-    assert found["table_2"][1]["rigid_residue_mm"] == {"mean": pytest.approx(0.2), "sd": pytest.approx(0, abs=1e-9)}
-    (gap,) = found["pair_differences"]
-    assert gap["assd_mm"]["gap"] == pytest.approx(-0.19)
-    assert found["claims"]["consistency"][0] == {
-        "metric": "emd_mm", "ours": ["deepcsr"], "other": [], "undecided": [],
-        "missing": ["vox2cortex", "corticalflow", "cortexode"],
-    }  # fmt: skip
-
-
 def test_a_surface_that_is_not_found_is_counted(part, phantom_place):
     measuring, scanned = part("measuring"), part("trials.scanned")
 
@@ -808,14 +749,12 @@ def test_rows_are_read_as_they_were_written(part, tmp_path):
     rows.write_rows(tmp_path / "none.csv", [])
     assert rows.read_rows(tmp_path / "none.csv") == []
     (tmp_path / "bad.csv").write_text("x\nhalf\n")
-    with pytest.raises(ValueError, match=r"bad.csv is damaged \(could not convert"):
-        rows.read_rows(tmp_path / "bad.csv")
+    refuses(r"bad.csv is damaged \(could not convert", rows.read_rows, tmp_path / "bad.csv")
     for lines, n in (("1,a,2,3", 4), ("1,a", 2), ("1", 1)):
         (tmp_path / "bad.csv").write_text(f"x,subject,y\n1,b,2\n{lines}\n")
         with pytest.raises(ValueError, match=rf"damaged \(a line has {n} columns, and the first line 3: {lines}\)"):
             rows.read_rows(tmp_path / "bad.csv")
-    with pytest.raises(ValueError, match="does not exist; measure the trained systems"):
-        rows.read_rows(tmp_path / "absent.csv")
+    refuses("does not exist; measure the trained systems", rows.read_rows, tmp_path / "absent.csv")
 
 
 def test_systems_are_compared_only_if_they_learned_from_the_same_data(part):
@@ -830,7 +769,6 @@ def test_systems_are_compared_only_if_they_learned_from_the_same_data(part):
     # Initial surfaces, which DeepCSR does not need, differ in rounding between processors.
     require([training("ddot", 1), training("cortexode", 3, "B"), training("deepcsr", 2, "B")])
     for other in (training("cortexode", 3), training("ddot", 3)):
-        with pytest.raises(ValueError, match="learned from other data than ddot"):
-            require([training("ddot", 1), other])
+        refuses("learned from other data than ddot", require, [training("ddot", 1), other])
     with pytest.raises(ValueError, match="deepcsr learned from other data than deepcsr"):
         require([training("deepcsr", 2), training("deepcsr", 3, "B")])

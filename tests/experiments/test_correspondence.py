@@ -1,4 +1,4 @@
-"""The carried template on held-out subjects: what is committed agrees with itself and with what the book says."""
+"""The carried template on held-out subjects: committed means are those of the scores; known maps have known errors."""
 
 from pathlib import Path
 
@@ -18,13 +18,6 @@ def test_committed_means_are_those_of_the_scores(record, part):
     # Both are rounded to six digits.
     assert again["vertices_mm"]["carried"] == pytest.approx(stored["vertices_mm"]["carried"], rel=2e-5)
     assert again["surface_mm"] == pytest.approx(stored["surface_mm"], rel=2e-5)
-
-
-def test_the_carried_vertices_are_nearer_than_any_affine_map_brings_them(record):
-    for each in record["results"]["scores"]:
-        means = {name: found["mean"] for name, found in each["vertices_mm"].items()}
-        assert means["carried"] < means["best affine"] < means["registered"]
-        assert each["crossing"] == 0
 
 
 def test_an_affine_image_of_the_template_has_no_error_after_the_best_affine_map(part):
@@ -48,12 +41,3 @@ def test_a_template_in_its_true_place_makes_no_error_by_region(part):
     moved = run.by_region(white, pial, white, forwards, "left")
     assert moved["right_percent"] < 80
     assert max(abs(error) for error in moved["area_percent"].values()) > 20
-
-
-def test_vertices_have_their_region_where_the_template_is_near(record):
-    """The areas of most regions are right to a few hundredths; small ones are less sure."""
-    means = record["results"]["means"]["regions"]
-    assert means["right_percent"] > 80
-    assert len(means["area_percent_error"]) == len(means["thickness_mm_error"]) == 34
-    again = np.mean([each["regions"]["right_percent"] for each in record["results"]["scores"]])
-    assert again == pytest.approx(means["right_percent"], rel=1e-5)

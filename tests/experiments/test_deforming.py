@@ -1,4 +1,4 @@
-"""Seven losses on one field: committed results belong to their configuration, and a slice rebuilds what they say."""
+"""Seven losses on one field: a slice rebuilds what the committed results say."""
 
 import itertools
 from pathlib import Path
@@ -8,9 +8,6 @@ import pytest
 import torch
 from scipy import stats
 
-from meshot.mesh.connectivity import self_intersecting_faces
-from meshot.mesh.geometry import signed_volume
-
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "deforming"
 ARM = ("loss", "encoding", "supports")
 SETTING = ("target", "start", "seed")
@@ -18,50 +15,6 @@ SETTING = ("target", "start", "seed")
 
 def chosen(rows, **keys):
     return [row for row in rows if all(row[name] == value for name, value in keys.items())]
-
-
-def test_every_planned_fit_is_there_or_named_as_missing(part, record):
-    config = record["config"]
-    results = record["results"]
-    names = (*SETTING, *ARM, "learning_rate")
-    done = [{name: fit[name] for name in names} for fit in results["fits"]]
-    planned = part("run").planned_fits(config)
-    assert sorted(map(repr, done + results["missing"])) == sorted(map(repr, planned))
-    assert all(task["loss"] == "sinkhorn" for task in chosen(results["missing"], target="folded"))
-    assert len(config["targets"]["folded"]["seeds"]) >= 5
-    for fit in results["fits"]:
-        curve = fit["curve"]
-        assert all(len(entries) == config["n_checks"] + 1 for entries in curve.values())
-        assert curve["iteration"][-1] == config["targets"][fit["target"]]["n_iterations"] == fit["n_iterations"]
-        assert curve["assd"][-1] == pytest.approx(fit["end"]["assd"], rel=1e-4)
-        assert all(a < b for a, b in itertools.pairwise(curve["seconds"]))
-
-
-def test_every_arm_has_all_supports_or_few_and_sinkhorn_never_more_than_the_others(part, config):
-    arms = part("fitting").planned_arms(config)
-    assert len({tuple(arm[name] for name in ARM) for arm in arms}) == len(arms) == 11
-    assert config["few_supports"] <= 2000
-    few = [arm for arm in arms if arm["supports"] == config["few_supports"]]
-    assert {(a["loss"], a["encoding"]) for a in few} == {
-        (loss, encoding) for loss in ("sliced", "chamfer", "sinkhorn") for encoding in ("varifold", "samples")
-    }
-
-
-def test_equal_seconds_are_those_of_the_fastest_and_equal_closeness_that_of_the_farther(part, record):
-    summary, results = part("summary"), record["results"]
-    pair = [
-        chosen(
-            results["fits"], target="folded", start="sphere", seed=0, encoding="varifold", supports="full", loss=loss
-        )[0]
-        for loss in ("chamfer", "sliced")
-    ]
-    seconds = min(fit["seconds"] for fit in pair)
-    rows = [summary.at_seconds(fit, seconds) for fit in pair]
-    assert [row["seconds"] for row in rows] == pytest.approx([seconds, seconds])
-    assert min(row["iteration"] for row in rows) < max(row["iteration"] for row in rows)
-    level = max(min(fit["curve"]["assd"]) for fit in pair)
-    assert [summary.at_closeness(fit, level)["assd"] for fit in pair] == pytest.approx([level, level])
-    assert summary.at_closeness(pair[0], 1e9)["iteration"] == 0
 
 
 @pytest.mark.thorough
@@ -84,8 +37,9 @@ def test_a_fit_rebuilds_its_committed_numbers(part, record, config, one_thread):
     assert len(meshes) == config["fit"]["n_steps"] + 2
 
 
-def test_settings_rebuild(part, record, config):
-    (row,) = chosen(record["results"]["settings"], target="folded", start="sphere", seed=1)
+@pytest.mark.parametrize(("target", "seed"), [("folded", 1), ("fsaverage5_right", 0)])
+def test_settings_rebuild(part, record, config, target, seed):
+    (row,) = chosen(record["results"]["settings"], target=target, start="sphere", seed=seed)
     found = part("run").describe({name: row[name] for name in SETTING}, config)
     # Six digits are committed. A point that lies, to rounding, as near to one face as to another may be given to
     # either, and another normal moves the mean over both sides by up to 2 / (2 n_points): room for four such points.
@@ -96,16 +50,6 @@ def test_settings_rebuild(part, record, config):
             for name, value in row[kind].items()
         }
     assert found["floor"]["assd"] < 1e-9 < 1 < found["begin"]["assd"]
-
-
-def test_targets_differ_between_seeds_and_do_not_cross(part, config):
-    meshes = part("meshes")
-    targets = [meshes.target_mesh("folded", seed, config) for seed in (0, 1)]
-    assert not torch.allclose(targets[0].vertices, targets[1].vertices, atol=1)
-    assert all(len(self_intersecting_faces(target)) == 0 < float(signed_volume(target)) for target in targets)
-    start = meshes.start_mesh("sphere", "folded", targets[0], config)
-    assert float(signed_volume(start)) == pytest.approx(float(signed_volume(targets[0])), rel=0.01)
-    assert len(self_intersecting_faces(meshes.target_mesh("fsaverage5_right", 0, config))) == 0
 
 
 def test_stored_meshes_are_those_of_the_fits(part, record, config):

@@ -1,31 +1,11 @@
-"""Encodings: meshes refine as they say, rules are exact where they must be, committed numbers repeat."""
+"""Encodings: rules are exact where they must be, committed numbers repeat."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from meshot.mesh.geometry import face_areas
-from meshot.mesh.shapes import cube
-
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "encoding_rates"
-
-
-@pytest.mark.parametrize("family", ["cube", "uneven_cube"])
-def test_refining_a_polyhedron_keeps_its_surface(part, config, family):
-    for mesh in part("run").pair_of_meshes(family, 2, config):
-        coarse = part("run").pair_of_meshes(family, 0, config)
-        areas = face_areas(mesh)
-        assert any(float(areas.sum()) == pytest.approx(float(face_areas(other).sum()), rel=1e-12) for other in coarse)
-        spread = float(areas.max() / areas.min())
-        assert spread < 2 if family == "cube" else spread >= 15
-
-
-def test_a_refined_side_is_one_side(part):
-    mesh = part("run").refined_on_one_side(cube(), 1)
-    small = mesh.vertices[mesh.faces[face_areas(mesh) < 0.2]].reshape(-1, 3)
-    assert len(mesh.faces) == 10 + 8
-    assert int(((small == small[0]).all(dim=0)).sum()) == 1
 
 
 @pytest.mark.parametrize(("rule", "degree"), [("barycentres", 1), ("midpoints", 2), ("vertices", 1)])
@@ -38,17 +18,6 @@ def test_rules_integrate_polynomials_to_their_degree(part, rule, degree):
     for power in (1, 2, 4):  # odd powers about the centre of a symmetric box would vanish for every rule
         values = [float(m.weights @ m.points[:, 0] ** power) for m in (encoded, fine)]
         assert (values[0] == pytest.approx(values[1], rel=1e-6)) == (power <= degree)
-
-
-def test_samples_lie_on_their_faces_with_their_normals(part):
-    drawn = part("run").sample(cube(), 500, 0.5, np.random.default_rng(0)).points.numpy()
-    assert np.allclose((drawn[:, :3] * drawn[:, 3:]).sum(axis=1), 0.25)
-    assert len(np.unique(drawn[:, 3:], axis=0)) == 6
-
-
-def test_ratio_of_means(part):
-    found = part("summary").ratio_of_means([2.0, -2.0, 2.0], [0.5, 0.5])
-    assert found == {"ratio": 4.0, "low": 4.0, "high": 4.0}
 
 
 def test_crossings_are_read_off_power_laws(part):
@@ -65,14 +34,14 @@ def test_crossings_are_read_off_power_laws(part):
     assert found["extrapolated"] is True
 
 
-@pytest.mark.parametrize(("family", "d"), [("cube", 3), ("sphere", 6)])
-def test_a_small_part_repeats_the_committed_numbers(part, record, config, family, d):
+@pytest.mark.parametrize(("family", "d", "k"), [("cube", 3, 1), ("sphere", 6, 0), ("uneven_cube", 3, 1)])
+def test_a_small_part_repeats_the_committed_numbers(part, record, config, family, d, k):
     rates = record["results"]["rates"]
-    level = config["families"][family]["levels"][0]
+    level = config["families"][family]["levels"][k]
     found = part("run").measure_level({"family": family, "d": d, "level": level}, config)
     for row in (row for row in rates if (row["family"], row["d"]) == (family, d)):
         lists = found["samples"] if row["encoding"] == "samples" else found["atoms"][row["encoding"]]
-        assert np.abs(lists[str(row["p"])][row["quantity"]]).mean() == pytest.approx(row["error"][0], rel=1e-5)
+        assert np.abs(lists[str(row["p"])][row["quantity"]]).mean() == pytest.approx(row["error"][k], rel=1e-5)
     keys, duels = {"family": family, "d": d, "level": level}, record["results"]["duels"]
     for row in (row for row in duels if keys.items() <= row.items()):
         samples, varifold = (lists[str(row["p"])][row["quantity"]] for lists in

@@ -50,20 +50,6 @@ def test_voxels_that_are_given_up_are_counted_in_mm3(part, config, monkeypatch):
     assert found["given_up_mm3"] == 3 * 8
 
 
-def test_means_and_the_exponent_of_a_power_law(part):
-    run = part("run")
-    rows = [
-        dict.fromkeys(run.MEASURED, 1.0) | {"voxel_mm": voxel, "assd_mm": factor * 0.1 * voxel**2}
-        for voxel in (1.5, 1.0, 0.5) for factor in (0.9, 1.1)
-    ]  # fmt: skip
-    lines = run.summary(rows)
-    assert [line["voxel_mm"] for line in lines] == [1.5, 1.0, 0.5]
-    assert lines[1]["assd_mm"] == pytest.approx(0.1)
-    assert lines[1]["assd_mm_sd"] == pytest.approx(0.01 * 2**0.5)
-    assert (lines[1]["n_hemispheres"], lines[1]["n_faces"]) == (2, 1.0)
-    assert run.exponent(lines) == pytest.approx(2.0)
-
-
 def test_only_the_first_subjects_of_a_kind_are_measured(part, config):
     people = [
         SimpleNamespace(name=f"s{k}", participant=SimpleNamespace(kind=("template", "procedural")[k % 2]))

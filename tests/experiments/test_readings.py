@@ -23,6 +23,7 @@ from meshot.synth.cohorts import scans
 from meshot.systems import deformed, hemisphere_example, standardised
 from meshot.train import TrainingState
 from meshot_book.trainings import processes
+from refusals import refuses
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "ddot"
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -66,42 +67,34 @@ def test_a_score_is_the_mean_of_the_second_half(part):
     assert part("readings").score({"results": {"n_steps": 4, "validations": found}}) == 3.5
 
 
-def test_every_reading_has_three_rates_and_its_own_settings(part, protocol, root, monkeypatch):
-    monkeypatch.chdir(root)
-    readings, trainings = part("readings"), part("trials.training")
-    seen = {}
-    for start in readings.STARTS:
-        arms = readings.rate_arms(protocol, start)
-        assert len(arms) == 3 * len(readings.readings_from(protocol, start))
-        config = readings.configuration(protocol, start, arms, Path("a"), Path("b"))
-        seen |= {each.arm: (each.settings(config).as_dict(), config["initial"]) for each in trainings.finals(config)}
-    assert len({json.dumps(each, sort_keys=True) for each in seen.values()}) == len(seen) == 33
-    assert seen["ddot_104mm_0.0001"][0]["network"]["velocity_unit"] == 104
-    assert seen["ddot_binary_0.002"][1] == protocol["binary"]
-
-
 @pytest.mark.parametrize(
-    ("name", "n_short"), [("candidates", 45), ("controls", 18), ("budget", 0), ("paper_budget", 0)]
+    ("name", "n_short", "arm", "group", "changed"),
+    [
+        ("readings", 33, "ddot_104mm_0.0001", "network", {"velocity_unit": 104}),
+        ("candidates", 45, "windows_falling_0.002", "loss", {"last_window": 3}),
+        ("controls", 18, "samples_mass_0.0005", "loss", {"detach_weights": False}),
+        ("budget", 0, "ddot_wide_9", "training", {"learning_rate": 9.0}),
+        ("paper_budget", 0, "ddot_paper_9", "training", {"learning_rate": 9.0}),
+    ],
 )
-def test_every_reading_of_the_other_protocols_has_settings_of_its_own(part, root, monkeypatch, name, n_short):
+def test_every_reading_has_settings_of_its_own(part, root, monkeypatch, name, n_short, arm, group, changed):
     monkeypatch.chdir(root)
-    readings, trainings = part("readings"), part("trials.training")
+    readings, trainings, short, seen = part("readings"), part("trials.training"), {}, {}
     own = yaml.safe_load((FOLDER / f"{name}.yaml").read_text(encoding="utf-8"))
-    arms = readings.rate_arms(own, "initial")
-    assert len(arms) == n_short
-    arms |= {f"{each}_9": readings.arm_of(reading, 9.0, 1) for each, reading in own["readings"].items()}
-    config = readings.configuration(own, "initial", arms, Path("a"), Path("b"))
-    settings = {each.arm: each.settings(config).as_dict() for each in trainings.finals(config)}
+    for start in readings.STARTS:
+        if there := readings.readings_from(own, start):
+            short |= (arms := readings.rate_arms(own, start))
+            arms |= {f"{each}_9": readings.arm_of(reading, 9.0, 1) for each, reading in there.items()}
+            config = readings.configuration(own, start, arms, Path("a"), Path("b"))
+            assert config["initial"] == own[start]
+            seen |= {each.arm: each.settings(config).as_dict() | {"": start} for each in trainings.finals(config)}
+    assert len(short) == n_short
     repeated = ("ddot_slow_0.0005", "ddot_slow_9") if name == "controls" else ()  # other rates of ddot_20mm
-    assert len({json.dumps(each, sort_keys=True) for each in settings.values()}) == len(arms) - len(repeated)
+    assert len({json.dumps(each, sort_keys=True) for each in seen.values()}) == len(seen) - len(repeated)
+    assert seen[arm][group].items() >= changed.items()
     assert set(own.get("finalists", {"always": []})["always"]) <= own["readings"].keys()
-    assert {own["rival"], *(each.get("rival", own["rival"]) for each in own["readings"].values())} <= set(
-        own["readings"]
-    )
-    if name == "candidates":
-        assert settings["windows_falling_0.002"]["loss"]["last_window"] == 3
-    if name == "controls":
-        assert settings["samples_mass_0.0005"]["loss"]["detach_weights"] is False
+    rivals = {own["rival"], *(each.get("rival", own["rival"]) for each in own["readings"].values())}
+    assert rivals <= own["readings"].keys()
 
 
 def test_what_two_protocols_name_alike_is_the_same_training(part, root, monkeypatch):
@@ -334,8 +327,7 @@ def test_a_kept_training_with_other_settings_is_refused(part, place):
     own |= {"rates": {"mm": [0.002]}, "readings": {"cortexode": own["readings"]["cortexode"]}, "epochs": 1}
     readings.train_readings("initial", own)
     own["readings"]["cortexode"]["changes"] = ["training.n_points=400"]
-    with pytest.raises(ValueError, match=r"alpha_left_cortexode_0\.json was trained with other settings"):
-        readings.train_readings("initial", own)
+    refuses(r"alpha_left_cortexode_0\.json was trained with other settings", readings.train_readings, "initial", own)
 
 
 def test_binary_surfaces_come_from_the_mask_alone(part, place, monkeypatch):

@@ -1,9 +1,8 @@
-"""The experiment on held-out subjects, run on phantoms: every number is there, and a stopped run goes on."""
+"""The experiment on held-out subjects, run on phantoms: every number is there."""
 
 import json
 from pathlib import Path
 
-import pytest
 import torch
 
 from meshot.model.segmentation import SegmentationNetwork
@@ -18,16 +17,6 @@ RECORD = {
 }  # fmt: skip
 
 
-class Stopped(Exception):
-    """A run that ends in the middle."""
-
-
-@pytest.fixture
-def experiment(part):
-    """The script of the experiment as a module."""
-    return part("run")
-
-
 class Bright(SegmentationNetwork):
     """In place of a trained network: bright voxels on either side of the middle."""
 
@@ -37,27 +26,14 @@ class Bright(SegmentationNetwork):
         return torch.cat([torch.zeros_like(image), inside - 50 * (1 - side), inside - 50 * side], dim=1)
 
 
-def test_every_hemisphere_is_measured_and_a_stopped_run_goes_on(tmp_path, experiment, monkeypatch):
+def test_every_hemisphere_is_measured(tmp_path, run, monkeypatch):
     cohort = write_phantom_cohort(tmp_path / "phantoms", ["test", "train", "test"])
     weights, output = tmp_path / "w.safetensors", tmp_path / "results.json"
     write_weights(weights, SegmentationNetwork(2, 1), RECORD)
-    real = experiment.read_weights
-    monkeypatch.setattr(experiment, "read_weights", lambda path, kind: (Bright(2, 1), real(path, kind)[1]))
+    real = run.read_weights
+    monkeypatch.setattr(run, "read_weights", lambda path, kind: (Bright(2, 1), real(path, kind)[1]))
     words = ["--set", f"cohorts=[{cohort}]", f"weights={weights}", "--output", str(output)]
-    measured, calls = experiment.measured, []
-
-    def stops(*arguments):
-        calls.append(arguments[1])
-        if len(calls) == 3:
-            raise Stopped
-        return measured(*arguments)
-
-    monkeypatch.setattr(experiment, "measured", stops)
-    with pytest.raises(Stopped):
-        experiment.main(words)
-    assert not output.exists()
-    experiment.main(words)
-    assert calls == ["left", "right", "left", "left", "right"]
+    run.main(words)
     record = read_results(output)
     rows = record["results"]["hemispheres"]
     assert [(row["subject"], row["side"]) for row in rows] == [
@@ -76,18 +52,18 @@ def test_every_hemisphere_is_measured_and_a_stopped_run_goes_on(tmp_path, experi
     assert json.dumps(record["results"]["weights"])
 
 
-def test_the_summary_sees_each_failure(experiment):
+def test_the_summary_sees_each_failure(run):
     good = {
         "subject": "a/sub-001", "kind": "template", "dice": 0.97, "assd_mm": 0.3, "euler_number": 2, "components": 1,
         "nonmanifold_edges": 0, "boundary_edges": 0, "self_intersecting_faces": 0,
         "from_truth_alone": {"assd_mm": 0.1},
     }  # fmt: skip
-    (line,) = experiment.summary([good, good])
+    (line,) = run.summary([good, good])
     assert line["all_spheres"]
     assert (line["n_self_intersecting"], line["n_below_dice"], line["n_above_assd"]) == (0, 0, 0)
     for key, value in (("euler_number", 0), ("components", 2), ("nonmanifold_edges", 1), ("boundary_edges", 3)):
-        assert not experiment.summary([good, good | {key: value}])[0]["all_spheres"]
-    assert experiment.summary([good | {"self_intersecting_faces": 4}])[0]["n_self_intersecting"] == 1
-    assert experiment.summary([good | {"dice": 0.94}, good])[0]["n_below_dice"] == 1
-    assert experiment.summary([good | {"assd_mm": 0.61}, good])[0]["n_above_assd"] == 1
-    assert len(experiment.summary([good, good | {"kind": "procedural"}, good | {"subject": "b/sub-001"}])) == 3
+        assert not run.summary([good, good | {key: value}])[0]["all_spheres"]
+    assert run.summary([good | {"self_intersecting_faces": 4}])[0]["n_self_intersecting"] == 1
+    assert run.summary([good | {"dice": 0.94}, good])[0]["n_below_dice"] == 1
+    assert run.summary([good | {"assd_mm": 0.61}, good])[0]["n_above_assd"] == 1
+    assert len(run.summary([good, good | {"kind": "procedural"}, good | {"subject": "b/sub-001"}])) == 3

@@ -1,5 +1,6 @@
 """What is committed of each experiment follows from the repetitions that are committed beside it."""
 
+import itertools
 import json
 from pathlib import Path
 
@@ -29,6 +30,50 @@ def require_equal(again, kept, rel: float = 1e-5, abs: float = 0.0):
     assert found.keys() == wanted.keys()
     for key, value in wanted.items():
         assert found[key] == (pytest.approx(value, rel=rel, abs=abs) if isinstance(value, float) else value), key
+
+
+def has(*names):
+    """Rows of whatever it is, by what tells them apart."""
+    return lambda rows: {tuple(row[name] for name in names) for row in rows}
+
+
+FIT = ("target", "start", "seed", "loss", "encoding", "supports", "learning_rate")
+#: By experiment, what the configuration asks for, and what of it is in the results, or named as missing.
+PLANS = {
+    "deforming": (
+        lambda run, config: has(*FIT)(run.planned_fits(config)),
+        lambda results: has(*FIT)(results["fits"] + results["missing"]),
+    ),
+    "fixed_supports": (
+        lambda run, config: has("variant", "n_supports")(run.planned_fits(config)),
+        lambda results: has("variant", "n_supports")(results["fits"]),
+    ),
+    "directions": (
+        lambda run, config: has("d", "pair", "p", "method")(row for row in run.tasks(config) if "method" in row),
+        lambda results: has("d", "pair", "p", "method")(results["savings"]),
+    ),
+    "beyond_random": (
+        lambda run, config: set(itertools.product(config["pairs"], config["dimensions"], run.METHODS)),
+        lambda results: has("pair", "d", "method")(results["methods"]),
+    ),
+    "study": (
+        lambda run, config: {(f"sub-{label}", group) for (group, _), label in run.labels_of(config).items()},
+        lambda results: has("participant_id", "group")(results["people"]),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_what_was_planned_is_there(part_of, name):
+    planned, found = PLANS[name]
+    record = committed(name)
+    assert planned(part_of(name, "run"), record["config"]) == found(record["results"])
+
+
+def test_the_ranking_of_directions(part_of):
+    record = committed("directions")
+    again = part_of("directions", "run").ranking(record["results"]["errors"], record["config"]["n_directions"])
+    assert again == record["results"]["ranking"]
 
 
 def test_circle_to_polygon(part_of):

@@ -4,20 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from meshot.anatomy.templates import fsaverage5_surface
 from meshot.mesh.shapes import icosphere
-from scripts import scripts_in
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "thickness"
 CONFIG = {"n_points": 4000, "beyond_mm": 2.0, "seed": 0}
-
-
-@pytest.fixture
-def run():
-    with scripts_in(FOLDER) as load:
-        yield load("run")
 
 
 def test_spheres_have_the_measures_of_spheres(run):
@@ -74,8 +66,3 @@ def test_flows_ship_if_they_are_better_and_their_surfaces_keep_apart(run):
     assert not run.summarised(touching)["ships"]
     even = [head(0.5 + 0.2 * random.normal(), 0.6) for _ in range(24)]
     assert not run.summarised(even)["ships"]
-
-
-def test_the_protocol_names_what_the_script_reads():
-    stated = yaml.safe_load((FOLDER / "config.yaml").read_text(encoding="utf-8"))
-    assert {"cohort", "split", "kind", "baseline_split", "n_points", "beyond_mm", "seed"} <= set(stated)

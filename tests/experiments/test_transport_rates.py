@@ -87,10 +87,6 @@ def test_chamfer_limits(part, config):
     assert found == pytest.approx(limits.shifted_cubes(pair_of("cube", 3, "translated"), config), rel=0.02)
 
 
-def test_limits_are_computed_to_four_digits(results):
-    assert all(row["uncertainty"] < 1e-4 * max(row["limit"], 0.1) for row in results["limits"])
-
-
 @pytest.mark.parametrize("estimate", ["transport", "sliced", "chamfer"])
 def test_a_small_part_repeats_the_committed_numbers(part, record, config, estimate):
     results = record["results"]

@@ -9,18 +9,11 @@ import yaml
 from meshot.pipeline import quality_numbers
 from meshot.provenance import write_results
 from meshot.volume.volume import Volume
-from scripts import scripts_in
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "warnings"
 CONFIG, FURTHER = (
     yaml.safe_load((FOLDER / name).read_text(encoding="utf-8")) for name in ("config.yaml", "further.yaml")
 )
-
-
-@pytest.fixture
-def run():
-    with scripts_in(FOLDER) as load:
-        yield load("run")
 
 
 BAD = {"gap": "high", "contrast": "low", "scale": "either", "idle": "high"}

@@ -141,8 +141,7 @@ def test_doors(arguments, words):
 
 
 def test_an_unknown_path_is_refused(network, unchecked):
-    with pytest.raises(ValueError, match="path is 'bent'; one of convolved, visited, cut"):
-        network.velocity_in(volume(0), "bent")
+    refuses("path is 'bent'; one of convolved, visited, cut", network.velocity_in, volume(0), "bent")
 
 
 SHAPE = (9, 7, 8)

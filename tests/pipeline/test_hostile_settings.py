@@ -34,8 +34,7 @@ def test_yaml_that_is_not_read(tmp_path, text):
 
 def test_bytes_that_are_no_text(tmp_path):
     (tmp_path / "c.yaml").write_bytes(b"a: \xff\xfe\xfa")
-    with pytest.raises(ValueError, match="cannot be read as plain YAML"):
-        SegmentationConfig.read(read_groups(tmp_path / "c.yaml"))
+    refuses("cannot be read as plain YAML", read_segmentation_config, tmp_path / "c.yaml")
 
 
 def test_what_yaml_is_for_is_read():
@@ -47,8 +46,7 @@ def test_what_yaml_is_for_is_read():
 @pytest.mark.parametrize("group", ["1", "null", "yes", "2024-01-01", "1.5"])
 def test_groups_whose_name_is_no_text_are_named(tmp_path, group):
     (tmp_path / "c.yaml").write_text(f"{group}: {{}}\n")
-    with pytest.raises(ValueError, match="which nothing reads"):
-        SegmentationConfig.read(read_groups(tmp_path / "c.yaml"))
+    refuses("which nothing reads", SegmentationConfig.read, read_groups(tmp_path / "c.yaml"))
 
 
 def test_a_long_content_is_shown_in_short(tmp_path):
@@ -82,6 +80,9 @@ BAD_SEGMENTATION = {
     "training.shift=0.5": "shift is 0.5",
     "training.shift=true": "shift is True",
     "training.turn=.inf": "turn is inf",
+    "training.dice_weight=-1.0": "dice_weight is -1.0",
+    "training.precision=int8": "float32, bfloat16",
+    "training.speed=3": "training.speed, which nothing reads",
 }
 
 

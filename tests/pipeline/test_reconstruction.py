@@ -115,8 +115,7 @@ def test_doors(networks):
     one_sided = type("OneSided", (type(networks[1]),), {"name": "one", "surfaces": (("left", "white"),)})
     with pytest.raises(ValueError, match=r"one finds \(\('left', 'white'\),\); both white surfaces are needed here"):
         reconstruct(scan, networks[0], one_sided({}))
-    with pytest.raises(ValueError, match="everywhere"):
-        reconstruct(scan.with_data(np.full(scan.data.shape, 3.0)), *networks, template=scan)
+    refuses("everywhere", reconstruct, scan.with_data(np.full(scan.data.shape, 3.0)), *networks, template=scan)
     blind = brightness_network()
     with torch.no_grad():
         blind.head.bias[2] = -1e6

@@ -59,8 +59,7 @@ def test_the_digest_sees_names_values_and_order():
 def test_bad_examples_are_refused(unchecked, surfaces, tmp_path):
     scan = phantom_scan(surfaces, 0).volume
     refuses("one surface each", example, "one", scan, {"left": surfaces["left"]})
-    with pytest.raises(ValueError, match=r"in \[0, 1\] are needed"):
-        example("one", scan.with_data(scan.data * 300), surfaces)
+    refuses(r"in \[0, 1\] are needed", example, "one", scan.with_data(scan.data * 300), surfaces)
     far = {side: mesh.with_vertices(mesh.vertices + 500) for side, mesh in surfaces.items()}
     refuses("are both in the same space", example, "one", scan, far)
     refuses("multiple of 5", example, "one", scan, surfaces, reduction=5)

@@ -202,12 +202,6 @@ def test_the_page_is_open_to_all_and_fits(opened):
     assert barriers(opened) == []
 
 
-def test_no_heading_is_broken_inside_a_word(opened):
-    opened.add_style_tag(content="th { overflow-wrap: normal !important }")
-    wide = "heads => heads.filter((head) => head.scrollWidth > head.clientWidth).map((head) => head.innerText)"
-    assert opened.eval_on_selector_all("thead th", wide) == []
-
-
 def test_an_embedded_page_needs_no_pictures_beside_it(study, tmp_path):
     before = (study / "quality.html").read_text(encoding="utf-8")
     page = write_quality_page(study, embed=True).read_text(encoding="utf-8")

@@ -225,8 +225,7 @@ def test_doors(quick, tmp_path, unchecked):
     open_cohort(RECIPE, tmp_path / "c")
     for other in ({"seed": 4}, {"appearance": {"signal": SIGNAL}}, {"days": 2}):
         refuses("another recipe", open_cohort, dataclasses.replace(RECIPE, **other), tmp_path / "c")
-    with pytest.raises(ValueError, match="jobs"):
-        list(make_cohort(RECIPE, tmp_path / "c", jobs=0))
+    refuses("jobs", list, make_cohort(RECIPE, tmp_path / "c", jobs=0))
     list(make_cohort(dataclasses.replace(RECIPE, subjects=1, procedural_subjects=0), tmp_path / "d"))
     subject = read_subject(tmp_path / "d", "sub-001")
     refuses("no surface 'grey'", subject.surface, "grey", "left")

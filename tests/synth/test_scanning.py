@@ -1,6 +1,5 @@
 """A simulated scan against its surfaces, its position in the scanner, and the way to the standard grid and back."""
 
-import dataclasses
 import functools
 
 import nibabel
@@ -37,7 +36,6 @@ SIGNAL = {"white": 440.0, "grey": 310.0, "deep grey": 360.0, "hindbrain": 365.0,
 }
 PLAIN = Appearance(SIGNAL, texture=0.0, bias=0.0, blur_mm=0.0, noise=0.0)
 OBLIQUE = Position(oblique_degrees=10.0, voxel_mm=(1.5, 1.7, 2.0), orientation="RAS")
-COARSE = Position(voxel_mm=(4.0, 4.0, 4.0))
 FLIPPED = Position(voxel_mm=(2.0, 1.5, 1.7), orientation="LSP")
 CENTRES = {"left": (-37.0, -18.0, 14.0), "right": (37.0, -18.0, 14.0)}
 
@@ -103,13 +101,6 @@ def test_a_skull_goes_around_the_brain():
     edge = found.tissue.data.copy()
     edge[1:-1, 1:-1, 1:-1] = 0
     assert not edge.any()  # the grid holds all of the head
-
-
-def test_scans_repeat_and_differ_with_the_seed():
-    noisy = dataclasses.replace(PLAIN, noise=10.0)
-    first, again, other = (simulated_scan(subject(), Anatomy(), noisy, COARSE, [5, seed]) for seed in (0, 0, 1))
-    np.testing.assert_array_equal(first.image.data, again.image.data)
-    assert not np.allclose(first.head_to_scanner, other.head_to_scanner)
 
 
 @pytest.mark.parametrize("position", [OBLIQUE, FLIPPED], ids=["oblique", "flipped"])

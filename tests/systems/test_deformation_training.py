@@ -1,4 +1,4 @@
-"""Algorithm 1: it brings surfaces nearer, goes on after a kill as if nothing had been, and names a step that breaks."""
+"""Algorithm 1: it brings surfaces nearer, goes on after a kill as if nothing had been, and refuses what breaks."""
 
 import dataclasses
 import json
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from killing import killed_after_its_first_state, same, without_seconds
+from killing import killed_after_its_first_state, same
 from meshot import provenance as results
 from meshot.flow.integration import integrate
 from meshot.loss.directions import random_directions
@@ -136,20 +136,6 @@ def test_surfaces_come_nearer_even_those_never_seen(examples, loss):
     assert min(line["validation_loss"] for line in found.log if "validation_loss" in line) < 0.6 * before
 
 
-@pytest.mark.parametrize("stop", sorted({*np.random.default_rng(7).integers(1, 9, 2).tolist(), 3}))
-def test_a_stopped_training_ends_with_the_same_weights(tmp_path, whole, examples, stop):
-    def die(step: int, n_steps: int, line: dict) -> None:
-        assert n_steps == 9
-        if step == stop and "loss" in line:
-            raise Kill
-
-    with pytest.raises(Kill):
-        train_deformation(TINY, *examples, folder=tmp_path, progress=die)
-    resumed = train_deformation(TINY, *examples, folder=tmp_path)
-    assert same(resumed.network, whole.network)
-    assert without_seconds(resumed.log) == without_seconds(whole.log)
-
-
 VICTIM = """
 from systems.test_deformation_training import TINY
 from phantoms import phantom_deformations
@@ -163,16 +149,8 @@ def test_a_process_killed_by_the_system_goes_on(tmp_path, whole, examples, root)
     assert same(train_deformation(TINY, *examples, folder=tmp_path).network, whole.network)
 
 
-def test_the_seed_decides_and_the_best_is_kept(examples, whole):
+def test_the_seed_decides(examples, whole):
     assert not same(train_deformation(changed(seed=1), *examples).network, whole.network)
-    checks = [line for line in whole.log if "validation_loss" in line]
-    assert [line["step"] for line in checks] == [3, 6, 9]
-    assert whole.best_step == min(checks, key=lambda line: line["validation_loss"])["step"]
-
-
-def test_what_is_not_finite_is_named(examples):
-    with pytest.raises(FloatingPointError, match=r"the (loss|gradient in .*|prediction) of step \d+ \(phantom-\d\)"):
-        train_deformation(changed(learning_rate=1e30, schedule="constant"), *examples)
 
 
 def test_a_validation_that_fails_names_its_step(examples):
@@ -191,8 +169,7 @@ def test_validation_subjects_of_one_name_keep_their_own_truth(examples):
 def test_no_examples_and_another_training_are_refused(tmp_path, examples):
     refuses("0 examples for training and 1 for validation", train_deformation, TINY, [], examples[1])
     train_deformation(changed(n_epochs=1), *examples, folder=tmp_path)
-    with pytest.raises(ValueError, match="made with another training"):
-        train_deformation(changed(n_epochs=1, seed=9), *examples, folder=tmp_path)
+    refuses("made with another training", train_deformation, changed(n_epochs=1, seed=9), *examples, folder=tmp_path)
 
 
 def test_a_constant_scan_is_refused_before_the_first_step(examples):
@@ -217,8 +194,7 @@ def test_gain_and_offset_of_the_scanner_do_not_matter(whole, examples):
     values = sample_volume(standardised(item.scan, item.initial), item.initial.vertices.double())
     assert float(values.mean().abs()) < 1e-5
     assert float(values.std()) == pytest.approx(1, rel=1e-5)
-    with pytest.raises(ValueError, match="at every vertex of the surface"):
-        standardised(item.scan.with_data(0 * item.scan.data), item.initial)
+    refuses("at every vertex of the surface", standardised, item.scan.with_data(0 * item.scan.data), item.initial)
 
 
 @pytest.fixture(scope="module")

@@ -192,15 +192,13 @@ def test_weights_of_other_surfaces_are_refused(trained, tmp_path):
     kind, parts = type(trained), trained.parts
     if kind.name == "vox2cortex":
         words = r"weights of vox2cortex are for left white, left pial, .* name left white, right white: take weights"
-        with pytest.raises(ValueError, match=words):
-            kind({"meshes": Part(parts["meshes"].network, {})})
+        refuses(words, kind, {"meshes": Part(parts["meshes"].network, {})})
         return
     if kind.name == "deepcsr":
         words = (
             r"weights of deepcsr are for 4 surfaces, .*surface\.surfaces\) name left white, right white: take weights"
         )
-        with pytest.raises(ValueError, match=words):
-            kind({"distances": Part(parts["distances"].network, {})})
+        refuses(words, kind, {"distances": Part(parts["distances"].network, {})})
         return
     white_only = parts["right_white_1"].record | {"template": {"shape": "sphere"}}
     mixed = parts | {"right_white_1": Part(parts["right_white_1"].network, white_only)}

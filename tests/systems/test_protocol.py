@@ -60,8 +60,7 @@ def test_a_toy_goes_all_the_way(kind, examples, tmp_path):
 def test_weights_of_another_system_and_missing_ones_are_refused(toys, tmp_path):
     chain, template = get_system("chain"), get_system("template")
     affine = chain.networks["first"]()
-    with pytest.raises(ValueError, match=r"chain has no part placement; its parts are first, second"):
-        chain({"placement": Part(affine)})
+    refuses(r"chain has no part placement; its parts are first, second", chain, {"placement": Part(affine)})
     half = chain({"first": Part(affine)})
     half.save(tmp_path)
     refuses(r"second\.safetensors is missing; chain needs first, second: .*train chain", chain.load, tmp_path)
@@ -86,8 +85,7 @@ def test_initial_surfaces_come_to_those_that_need_them_and_to_no_others(toys):
 
 def test_examples_that_will_not_do_are_refused(toys):
     template, (one,) = get_system("template"), phantom_subjects(1, ())
-    with pytest.raises(ValueError, match="1 examples for training and 0 for validation"):
-        template.train(ExampleSets([one], []), SETTINGS)
+    refuses("1 examples for training and 0 for validation", template.train, ExampleSets([one], []), SETTINGS)
     poor = Example("poor", one.scan, {("left", "white"): one.targets["left", "white"]})
     with pytest.raises(ValueError, match="poor has no true surface right white; template learns from it"):
         template.train(ExampleSets([one], [poor]), SETTINGS)

@@ -58,7 +58,6 @@ def test_settings_of_a_file_are_refused_by_its_name(toys, tmp_path):
     path.write_text("training: {speed: 1}")
     with pytest.raises(ValueError, match=r"mine\.yaml: the configuration of template sets training\.speed, which"):
         read_settings(get_system("template"), path)
-    with pytest.raises(ValueError, match=r"none\.yaml does not exist"):
-        read_settings(get_system("template"), tmp_path / "none.yaml")
+    refuses(r"none\.yaml does not exist", read_settings, get_system("template"), tmp_path / "none.yaml")
     with pytest.raises(ValueError, match="template has no setting 'small'; it has none, or name a YAML file"):
         read_settings(get_system("template"), "small")

@@ -117,6 +117,18 @@ def test_another_training_another_network_and_a_torn_file_are_refused(tmp_path):
         train_network(network, PLAN, task_of(network), {"loss": 1, "data": {}}, tmp_path)
 
 
+def test_a_log_is_read_up_to_where_it_was_cut_short(tmp_path):
+    (tmp_path / "log.jsonl").write_text('{"step": 1}\n{"step": 2}\n{"st')
+    assert read_log(tmp_path / "log.jsonl") == [{"step": 1}, {"step": 2}]
+    refuses("does not exist", read_log, tmp_path / "none.jsonl")
+
+
+@pytest.mark.parametrize("line", ['{"step"\n{"step": 2}', "3", "[]", "[" * 100_000, "1" * 5000, "\udcff"])
+def test_a_line_of_a_log_that_holds_no_names(tmp_path, line):
+    (tmp_path / "log.jsonl").write_bytes((line + "\n").encode("utf-8", "surrogateescape"))
+    refuses("is no log of a training", read_log, tmp_path / "log.jsonl")
+
+
 def test_what_is_not_finite_is_named():
     network = line()
     with pytest.raises(FloatingPointError, match=r"the loss of step 0 \(a scan\) is not finite"):

@@ -5,6 +5,7 @@ import sys
 import pytest
 import yaml
 
+from refusals import refuses
 from scripts import scripts_in
 
 PACKAGE = {
@@ -137,8 +138,7 @@ def test_a_name_that_is_none_is_refused(part, place):
     code = part("reached").Code(place)
     assert code.digest(["pack.inner.affine.register"]) == code.digest(["pack.register"])
     for name in ("pack.nothing", "numpy.ones", "nothing"):
-        with pytest.raises(ValueError, match=f"there is no code {name}; name a module, or what a door shows"):
-            code.digest([name])
+        refuses(f"there is no code {name}; name a module, or what a door shows", code.digest, [name])
 
 
 def test_all_that_runs_is_in_the_digest(part, root, tmp_path):

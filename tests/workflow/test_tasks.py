@@ -13,6 +13,7 @@ from meshot.systems import get_system, system_names
 from meshot_book.claims import ledger_page
 from meshot_book.claims.rules import RULES
 from meshot_book.notebook import checksum_lines
+from refusals import refuses
 from trials.training import finals, read_config
 
 
@@ -174,5 +175,4 @@ def test_an_arm_reads_the_settings_of_its_system(part):
 def test_a_mistake_is_named(part, tmp_path, text, message):
     file = Path(tmp_path, "graph.yaml")
     file.write_text(text)
-    with pytest.raises(ValueError, match=message):
-        part("tasks").read_graph(file, tmp_path)
+    refuses(message, part("tasks").read_graph, file, tmp_path)

@@ -38,10 +38,14 @@ def place(part, tmp_path):
     results = part("stale").opened(root=tmp_path)
     results.note(results.graph.tasks.values())
     (tmp_path / ".gitignore").write_text("build\n", encoding="utf-8")
-    who = ["-c", "user.name=a", "-c", "user.email=a@b"]
-    for words in (["init", "-q"], ["add", "-A"], [*who, "commit", "-qm", "first"]):
-        subprocess.run(["git", *words], cwd=tmp_path, check=True)
+    subprocess.run(["git", "init", "-q"], cwd=tmp_path, check=True)
+    commit(tmp_path)
     return tmp_path
+
+
+def commit(place):
+    for words in (["add", "-A"], ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "all"]):
+        subprocess.run(["git", *words], cwd=place, check=True)
 
 
 def write(place, old, new):
@@ -108,8 +112,7 @@ def test_states_are_compared_although_their_folder_is_called_after_the_code(part
     script = SCRIPT.replace("    open(place", f"{kept}    open(place")
     (place / "experiments/sum/run.py").write_text(script, encoding="utf-8")
     part("stale").opened(root=place).note(part("stale").opened(root=place).graph.tasks.values())
-    who = ["-c", "user.name=a", "-c", "user.email=a@b"]
-    subprocess.run(["git", *who, "commit", "-qam", "with states"], cwd=place, check=True)
+    commit(place)
     (place / "experiments/sum/run.py").write_text(script.replace("sum([1, 2, 3])", "1 + 2 + 3"), encoding="utf-8")
     assert stale(part, place)
     assert vouch() == 0
@@ -129,9 +132,7 @@ def test_a_part_runs_once_for_all_tasks_that_name_it(part, place):
     (place / "experiments/again/results.json").write_text('{"total": 6}', encoding="utf-8")
     results = part("stale").opened(root=place)
     results.note(results.graph.tasks.values())
-    who = ["-c", "user.name=a", "-c", "user.email=a@b"]
-    subprocess.run(["git", "add", "-A"], cwd=place, check=True)
-    subprocess.run(["git", *who, "commit", "-qm", "two tasks"], cwd=place, check=True)
+    commit(place)
     write(place, "sum([1, 2, 3])", "1 + 2 + 3")
     assert set(stale(part, place)) == {"sum", "again"}
     runs = place / "build/runs"
